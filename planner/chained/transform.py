@@ -1,0 +1,120 @@
+"""Theorem 1 (eqs 1–5): from a triangular system to the chained form, and back.
+
+    z_N = q_N,  zᵢ = Σ_{j>i} (∂zᵢ₊₁/∂qⱼ) fⱼ  (i = N−1 … 2),  z₁ = q₁
+    ż₁ = v₁,    ż₂ = v₂,    żᵢ = zᵢ₋₁ v₁
+
+The derivatives are taken by CasADi, so the chain may have any length. Splitting off j = i+1 gives
+zᵢ = aᵢ + cᵢ fᵢ₊₁(qᵢ; qᵢ₊₁ …), where aᵢ and cᵢ read only later coordinates: the inverse goes down the
+chain from q_N, and each step is one scalar equation that the system solves (`link_from_slope`).
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from planner.systems.base import Array, TriangularSystem
+
+
+class ChainedForm:
+    """Coordinate and feedback transformation of one system; build it with `chained_form`.
+
+    All methods take the coordinate on the last axis and broadcast over the others.
+    """
+
+    def __init__(self, system: TriangularSystem) -> None:
+        self.system = system
+        q = ca.SX.sym("q", system.size)
+        z, links = _chain(system, q)
+        gradient = ca.jacobian(z[1], q)
+        slopes = ca.vertcat(*system.slopes_expr(q))
+        drift = gradient[0, 2:] @ slopes
+        self._z = ca.Function("z", [q], [ca.vertcat(*z)])
+        self._links = {
+            i: ca.Function(f"link{i}", [q], [ca.vertcat(*ac)]) for i, ac in links.items()
+        }
+        feedback = ca.vertcat(system.drive_expr(q), gradient[0, 1], drift)
+        self._feedback = ca.Function("feedback", [q], [feedback])
+
+    def z_expr(self, q: Any) -> Any:
+        """Chained coordinates as a CasADi expression in q (N)."""
+        return self._z(q)
+
+    def z(self, q: Array) -> Array:
+        """Chained coordinates (…, N) of q (…, N); eq. (3)."""
+        return _evaluate(self._z, q)
+
+    def v(self, q: Array, u: Array) -> Array:
+        """Chained inputs (…, 2) of inputs u (…, 2) at q (…, N); eq. (4)."""
+        drive, slope, drift = np.moveaxis(_evaluate(self._feedback, q), -1, 0)
+        v1 = drive * u[..., 0]
+        return np.stack([v1, slope * u[..., 1] + drift * v1], axis=-1)
+
+    def u(self, q: Array, v: Array) -> Array:
+        """Inputs (…, 2) that give chained inputs v (…, 2) at q (…, N); infinite on a singularity."""
+        drive, slope, drift = np.moveaxis(_evaluate(self._feedback, q), -1, 0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            u1 = v[..., 0] / drive
+            u2 = (v[..., 1] - drift * v[..., 0]) / slope
+        return np.stack([u1, u2], axis=-1)
+
+    def q(self, z: Array, branch: Array) -> Array:
+        """Coordinates (…, N) of z (…, N) on the given branch; NaN outside the domain."""
+        return self._invert(z, branch)[0]
+
+    def margins(self, z: Array, branch: Array) -> Array:
+        """Signed margins (…, M) of the chart's domain at z (…, N); > 0 strictly inside.
+
+        Labels are `system.margin_labels`. Once one coordinate has no real value the margins of the
+        earlier ones are undefined: NaN.
+        """
+        return self._invert(z, branch)[1]
+
+    def _invert(self, z: Array, branch: Array) -> tuple[Array, Array]:
+        q = np.full(z.shape, np.nan)
+        q[..., 0], q[..., -1] = z[..., 0], z[..., -1]
+        margins: list[Array] = []
+        for i in range(self.system.size - 2, 0, -1):
+            a, c = np.moveaxis(
+                _evaluate(self._links[i], np.where(np.arange(z.shape[-1]) > i, q, 0)), -1, 0
+            )
+            with np.errstate(divide="ignore", invalid="ignore"):
+                slope = (z[..., i] - a) / c
+            q[..., i] = self.system.link_from_slope(i, slope, q, branch)
+            margins = [*self.system.link_margins(i, slope, q), *margins]
+        return q, np.stack(margins, axis=-1)
+
+
+@lru_cache(maxsize=64)
+def chained_form(system: TriangularSystem) -> ChainedForm:
+    """The chained form of a system, built once and kept."""
+    return ChainedForm(system)
+
+
+def _chain(system: TriangularSystem, q: Any) -> tuple[list[Any], dict[int, tuple[Any, Any]]]:
+    """Expressions of z, and the pair (aᵢ, cᵢ) of every step of the inverse."""
+    size = system.size
+    f = [None, None, *system.slopes_expr(q)]
+    z: list[Any] = [q[0], *[None] * (size - 2), q[size - 1]]
+    links = {}
+    for i in range(size - 2, 0, -1):
+        gradient = ca.jacobian(z[i + 1], q)
+        c = gradient[0, i + 1]
+        a = ca.SX(0)
+        for j in range(i + 2, size):
+            a += gradient[0, j] * f[j]
+        z[i] = a + c * f[i + 1]
+        links[i] = (a, c)
+    return z, links
+
+
+def _evaluate(function: Any, q: Array) -> Array:
+    """Call a CasADi function of one column on every point of q (…, N)."""
+    flat = q.reshape(-1, q.shape[-1])
+    if flat.shape[0] == 0:
+        return np.zeros((*q.shape[:-1], function.size1_out(0)))
+    out = np.asarray(function(ca.DM(flat.T)))
+    return out.T.reshape(*q.shape[:-1], function.size1_out(0))

@@ -1,0 +1,127 @@
+"""The ways in which `planner` says no.
+
+Every refusal is one of two kinds: the input was wrong (`InputError`), or the input was right and
+no plan can be returned for it (`NoPlanError`). Both carry what is needed to understand them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from planner.plan import Plan
+
+
+@dataclass(frozen=True)
+class Violation:
+    """One requirement a trajectory breaks.
+
+    Attributes:
+        label: What is broken, in words ("input u2", "joint theta3", "goal theta2").
+        time_s: When it is worst, in seconds; None when it belongs to no time.
+        value: The value reached.
+        limit: The value allowed.
+        unit: Unit of `value` and `limit`.
+        scaled: Excess divided by the scale of the requirement, for sorting (dimensionless).
+    """
+
+    label: str
+    time_s: float | None
+    value: float
+    limit: float
+    unit: str
+    scaled: float
+
+    def __str__(self) -> str:
+        when = "" if self.time_s is None else f" at t = {self.time_s:.4g} s"
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{self.label} reaches {self.value:.4g}{unit}{when}, allowed {self.limit:.4g}{unit}"
+
+
+class PlannerError(Exception):
+    """Base of every error this package raises on purpose."""
+
+    exit_status = 1
+
+
+class InputError(PlannerError, ValueError):
+    """A file, key, value or option that cannot be used; the message names it and the way out."""
+
+    exit_status = 2
+
+
+class NoPlanError(PlannerError):
+    """No plan exists, or none was found, or the one found failed its verification.
+
+    Attributes:
+        plan: The last iterate, for study, or None. It is not a plan to execute.
+        violations: What that iterate breaks, worst first by scaled violation.
+        advice: A change that would help, in words, or None.
+    """
+
+    exit_status = 3
+    status = "no_plan"
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        plan: Plan | None = None,
+        violations: Sequence[Violation] = (),
+        advice: str | None = None,
+    ) -> None:
+        self.reason = message
+        self.plan = plan
+        self.violations = tuple(sorted(violations, key=lambda v: -v.scaled))
+        self.advice = advice
+        super().__init__(self._text())
+
+    def _text(self) -> str:
+        lines = [self.reason, *(f"  - {v}" for v in self.violations[:8])]
+        if len(self.violations) > 8:
+            lines.append(f"  - and {len(self.violations) - 8} more")
+        if self.advice:
+            lines.append(f"Try: {self.advice}")
+        return "\n".join(lines)
+
+
+class SingularError(NoPlanError):
+    """The path leaves the domain of the chained-form chart, so part of it maps to no real angle.
+
+    Attributes:
+        times_s: Times at which the path leaves or re-enters the domain, in seconds.
+    """
+
+    status = "singular"
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        times_s: Sequence[float] = (),
+        plan: Plan | None = None,
+        violations: Sequence[Violation] = (),
+        advice: str | None = None,
+    ) -> None:
+        self.times_s = tuple(times_s)
+        super().__init__(message, plan=plan, violations=violations, advice=advice)
+
+
+class InfeasibleError(NoPlanError):
+    """It can be shown that no plan of the kind asked for exists; the message says how."""
+
+    status = "infeasible"
+
+
+class NotConvergedError(NoPlanError):
+    """The solver stopped without a plan; this alone does not show that none exists."""
+
+    status = "not_converged"
+
+
+class VerificationError(NoPlanError):
+    """A trajectory was found, but the independent check found a requirement it breaks."""
+
+    status = "verification_failed"

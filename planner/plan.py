@@ -1,0 +1,172 @@
+"""The one thing every method returns."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from planner.domain import DomainReport, domain_report
+from planner.errors import InputError
+from planner.files import write_text
+from planner.problem import Problem
+from planner.systems.base import Array
+from planner.trajectory import Trajectory, trajectory_from_dict
+
+FORMAT = "planner-plan"
+VERSION = 1
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A motion from start to goal that evaluates at any time.
+
+    `t`, `q(t)`, `u(t)`, `z(t)` and `v(t)` use the method's own interpolant; see `Trajectory`.
+
+    Attributes:
+        problem: What it solves.
+        method: Name of the method that made it.
+        options: The method's options, as used.
+        trajectory: The curve itself.
+        status: "solved", or what kept it from being a plan ("singular", "not_converged", …).
+        objective: Value of the method's objective.
+        objective_name: What that objective is ("effort: integral of u1^2 + u2^2 dt").
+        solve_time_s: Seconds the method spent solving.
+        build_time_s: Seconds it spent preparing (zero when a preparation was reused).
+        iterations: Iterations of its solver, 0 for closed forms.
+        verified: Whether the independent check passed (set by `solve`).
+        notes: Further facts of the method, JSON-ready (which start won, constraint points, …).
+    """
+
+    problem: Problem
+    method: str
+    options: Mapping[str, Any]
+    trajectory: Trajectory
+    status: str = "solved"
+    objective: float = float("nan")
+    objective_name: str = ""
+    solve_time_s: float = 0.0
+    build_time_s: float = 0.0
+    iterations: int = 0
+    verified: bool = False
+    notes: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def t(self) -> Array:
+        """Times between which the curve is smooth, shape (K+1,), seconds."""
+        return self.trajectory.breaks
+
+    @property
+    def duration(self) -> float:
+        """Seconds from start to end."""
+        return self.trajectory.duration
+
+    @property
+    def travel(self) -> float:
+        """q₁(T) − q₁(0), radians for the manipulator."""
+        return float(self.z(self.duration)[0] - self.z(0.0)[0])
+
+    @cached_property
+    def domain(self) -> DomainReport:
+        """Where it lies in the chart's domain, over all time."""
+        return domain_report(self.trajectory)
+
+    @property
+    def executable(self) -> bool:
+        """Whether real coordinates and inputs exist at all times."""
+        return self.trajectory.kind == "state" or self.domain.ok
+
+    def q(self, t: ArrayLike) -> Array:
+        """Coordinates, shape (…, N), at times t (…)."""
+        return self.trajectory.q(t)
+
+    def u(self, t: ArrayLike) -> Array:
+        """Inputs, shape (…, 2), at times t (…)."""
+        return self.trajectory.u(t)
+
+    def z(self, t: ArrayLike) -> Array:
+        """Chained coordinates, shape (…, N), at times t (…)."""
+        return self.trajectory.z(t)
+
+    def v(self, t: ArrayLike) -> Array:
+        """Chained inputs, shape (…, 2), at times t (…)."""
+        return self.trajectory.v(t)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the plan as versioned JSON; `load_plan` gives it back exactly.
+
+        Raises:
+            InputError: If the file cannot be written; nothing is left behind.
+        """
+        data = {
+            "format": FORMAT,
+            "version": VERSION,
+            "problem": self.problem.to_dict(),
+            "source": self.problem.source,
+            "method": self.method,
+            "options": dict(self.options),
+            "status": self.status,
+            "objective": self.objective,
+            "objective_name": self.objective_name,
+            "solve_time_s": self.solve_time_s,
+            "build_time_s": self.build_time_s,
+            "iterations": self.iterations,
+            "verified": self.verified,
+            "notes": dict(self.notes),
+            "trajectory": self.trajectory.to_dict(),
+        }
+        return write_text(path, json.dumps(data, indent=1, allow_nan=True) + "\n")
+
+
+def load_plan(path: str | Path) -> Plan:
+    """Read a plan that `Plan.save` wrote.
+
+    Raises:
+        InputError: If the file is missing, is not a plan, or has a newer version.
+    """
+    data = _read(path)
+    problem = Problem.from_dict(data["problem"], data["source"])
+    try:
+        return Plan(
+            problem=problem,
+            trajectory=trajectory_from_dict(problem.system, data["trajectory"]),
+            **{key: data[key] for key in _COPIED},
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path} is not a complete plan file: {error!r}") from None
+
+
+_COPIED = (
+    "method",
+    "options",
+    "status",
+    "objective",
+    "objective_name",
+    "solve_time_s",
+    "build_time_s",
+    "iterations",
+    "verified",
+    "notes",
+)
+
+
+def _read(path: str | Path) -> dict[str, Any]:
+    try:
+        data = json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
+    except ValueError as error:
+        raise InputError(f"{path} is not JSON: {error}") from None
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        raise InputError(f"{path} is not a plan file (its 'format' is not '{FORMAT}')")
+    if data.get("version") != VERSION:
+        raise InputError(f"{path} has version {data.get('version')}; this planner reads {VERSION}")
+    if not {"problem", "source", "trajectory", *_COPIED} <= data.keys():
+        missing = sorted({"problem", "source", "trajectory", *_COPIED} - data.keys())
+        raise InputError(f"{path} lacks {', '.join(missing)}")
+    return data

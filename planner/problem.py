@@ -1,0 +1,202 @@
+"""A motion-planning problem and its file form (TOML)."""
+
+from __future__ import annotations
+
+import copy
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from planner.chained import chained_form
+from planner.errors import InputError
+from planner.schema import LimitsTable, MachineTable, MethodsTable, ProblemFile, parse_file
+from planner.systems.base import Array, TriangularSystem
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits a plan keeps at all times; infinite (or None) where there is none.
+
+    Attributes:
+        input: Largest |u|, shape (2,), in the inputs' units (rad/s).
+        input_rate: Largest |du/dt|, shape (2,) (rad/s²).
+        joint: Largest |q|, shape (N,), in the coordinates' units (rad).
+        z2_margin: Least |z₂|, on the side the start lies on; None when z₂ is free.
+    """
+
+    input: Array
+    input_rate: Array
+    joint: Array
+    z2_margin: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """From where, to where, with what, within which limits. Build it with `load_problem`.
+
+    Attributes:
+        name: Title, or the file's name.
+        system: What is steered.
+        start: q(0), shape (N,).
+        goal: q(T), shape (N,); NaN for the path coordinate, of which `travel` speaks.
+        travel: q₁(T) − q₁(0), or None when free.
+        duration: Seconds, or None when free.
+        limits: What every plan keeps.
+        methods: Options of each method.
+        machine: Changes to the emulated machine.
+        source: Where the problem came from, for messages.
+    """
+
+    name: str
+    system: TriangularSystem
+    start: Array
+    goal: Array
+    travel: float | None
+    duration: float | None
+    limits: Limits
+    methods: MethodsTable
+    machine: MachineTable
+    source: str
+    _data: Mapping[str, Any]
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], source: str = "problem") -> Problem:
+        """Build a problem from the tables of a problem file.
+
+        Raises:
+            InputError: If a key, value or combination is wrong; the message names it.
+        """
+        tables = parse_file(copy.deepcopy(dict(data)), source)
+        system = tables.build_system()
+        problem = cls(
+            name=tables.title or Path(source).stem,
+            system=system,
+            start=tables.start_state(),
+            goal=tables.goal_state(),
+            travel=None if tables.goal.travel == "free" else float(tables.goal.travel),
+            duration=None if tables.goal.duration == "free" else float(tables.goal.duration),
+            limits=_limits(tables.limits, tables.joint_limits()),
+            methods=tables.method,
+            machine=tables.machine,
+            source=source,
+            _data=_plain(tables),
+        )
+        _refuse_contradictions(problem)
+        return problem
+
+    def to_dict(self) -> dict[str, Any]:
+        """The tables of a problem file that give this problem back."""
+        return copy.deepcopy(dict(self._data))
+
+    def changed(self, changes: Mapping[str, Any]) -> Problem:
+        """This problem with some keys changed, checked anew.
+
+        Args:
+            changes: Dotted keys to values, as in {"goal.travel": 0.8, "limits.joint_deg": 60}.
+
+        Raises:
+            InputError: As for `from_dict`.
+        """
+        return Problem.from_dict(_with_changes(self.to_dict(), changes), self.source)
+
+    @property
+    def branch(self) -> Array:
+        """The chart's branch at the start, shape (N,)."""
+        return self.system.branch(self.start)
+
+    @property
+    def z2_sign(self) -> float:
+        """Sign of z₂ at the start."""
+        return float(np.sign(chained_form(self.system).z(self.start)[1]))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Problem) and self._data == other._data
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def load_problem(path: str | Path, changes: Mapping[str, Any] | None = None) -> Problem:
+    """Read a problem file.
+
+    Args:
+        path: A TOML file; `planner schema` prints its keys.
+        changes: Dotted keys to values that override the file's.
+
+    Raises:
+        InputError: If the file is missing, not TOML, or says something that cannot be.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is not a text file; a problem file is TOML in UTF-8") from None
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path} is not valid TOML: {error}") from None
+    if not data:
+        raise InputError(f"{path} is empty; a problem needs [system], [start] and [goal]")
+    return Problem.from_dict(_with_changes(data, changes or {}), str(path))
+
+
+def _with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    for dotted, value in changes.items():
+        table = data
+        *parents, key = dotted.split(".")
+        for parent in parents:
+            table = table.setdefault(parent, {})
+            if not isinstance(table, dict):
+                raise InputError(f"cannot set '{dotted}': '{parent}' is not a table")
+        table[key] = value
+    return data
+
+
+def _plain(tables: ProblemFile) -> dict[str, Any]:
+    return tables.model_dump(mode="json", by_alias=True, exclude_unset=True)
+
+
+def _limits(table: LimitsTable, joint: Array) -> Limits:
+    def pair(name: str, value: float | list[float] | None) -> Array:
+        if isinstance(value, list) and len(value) != 2:
+            raise InputError(
+                f"limits.{name} has {len(value)} values; give one, or one for each of 2 inputs"
+            )
+        return np.broadcast_to(np.asarray(np.inf if value is None else value, dtype=float), 2)
+
+    return Limits(
+        input=pair("input_rad_s", table.input_rad_s),
+        input_rate=pair("input_rate_rad_s2", table.input_rate_rad_s2),
+        joint=joint,
+        z2_margin=table.z2_margin,
+    )
+
+
+def _refuse_contradictions(problem: Problem) -> None:
+    """Refuse what no method could satisfy, before any of them tries."""
+    limit = problem.limits.joint
+    for name, q in (("start", problem.start), ("goal", problem.goal)):
+        for i in problem.system.limited:
+            if abs(q[i]) > limit[i]:
+                coordinate = problem.system.coordinates[i].name
+                raise InputError(
+                    f"{problem.source}: contradiction: {name} {coordinate} = {np.rad2deg(q[i]):.6g} deg"
+                    f" lies outside limits.joint_deg = {np.rad2deg(limit[i]):.6g}; move it or widen the limit"
+                )
+    margin = problem.limits.z2_margin
+    if margin is None:
+        return
+    form = chained_form(problem.system)
+    sign = problem.z2_sign
+    for name, q in (("start", problem.start), ("goal", np.nan_to_num(problem.goal))):
+        z2 = float(form.z(q)[1])
+        if sign * z2 < margin or sign == 0:
+            raise InputError(
+                f"{problem.source}: contradiction: z2 at the {name} is {z2:.6g}, but limits.z2_margin ="
+                f" {margin:g} keeps it at least that far from zero on the side of the start;"
+                f" lower or remove limits.z2_margin"
+            )

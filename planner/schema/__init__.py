@@ -1,0 +1,49 @@
+"""The problem file's tables: what a user may write, with types, ranges and descriptions."""
+
+from typing import Any
+
+from planner.errors import InputError
+from planner.schema.base import nearest, parse
+from planner.schema.file import ProblemFile
+from planner.schema.limits import LimitsTable
+from planner.schema.machine import MachineTable
+from planner.schema.manipulator import ManipulatorFile
+from planner.schema.methods import CollocationOptions, MethodsTable, PolynomialOptions
+
+FILES: dict[str, type[ProblemFile]] = {"manipulator": ManipulatorFile}
+
+__all__ = [
+    "FILES",
+    "CollocationOptions",
+    "LimitsTable",
+    "MachineTable",
+    "MethodsTable",
+    "PolynomialOptions",
+    "ProblemFile",
+    "json_schema",
+    "nearest",
+    "parse",
+    "parse_file",
+]
+
+
+def parse_file(data: dict[str, Any], source: str) -> ProblemFile:
+    """Validate a problem file's tables.
+
+    Raises:
+        InputError: One line an error; see `parse`.
+    """
+    system = data.get("system")
+    if not isinstance(system, dict) or "kind" not in system:
+        raise InputError(f"{source}: missing key 'system.kind'; allowed: {', '.join(FILES)}")
+    kind = system["kind"]
+    if not isinstance(kind, str) or kind not in FILES:
+        raise InputError(f"{source}: 'system.kind' = {kind!r}: {nearest(str(kind), list(FILES))}")
+    return parse(FILES[kind], data, source)
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema of a problem file, for editors."""
+    if len(FILES) == 1:
+        return next(iter(FILES.values())).model_json_schema()
+    return {"anyOf": [model.model_json_schema() for model in FILES.values()]}

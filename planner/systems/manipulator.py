@@ -1,0 +1,257 @@
+"""The paper's manipulator: n joints, two motors, friction disks (eqs 6–7)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import casadi as ca
+import numpy as np
+
+from planner.errors import InputError
+from planner.systems.base import Array, Coordinate, TriangularSystem
+
+
+@dataclass(frozen=True)
+class Gear:
+    """Gear geometry of the friction-disk chain (paper, text under eq. 6).
+
+    Attributes:
+        r1: Radius of disk B, any length unit.
+        R: Distance from the axle of disk A to the contact that drives it, same unit.
+        r3: Distance from the axle of disk A to the contact that drives the joint, same unit.
+        lam: Ratio α̇ᵢ/φ̇ᵢ₊₁ (bevel and spur gears).
+        eta: Ratio β̇ᵢ/θ̇ᵢ₊₁ (timing belt).
+    """
+
+    r1: float
+    R: float
+    r3: float
+    lam: float
+    eta: float
+
+    @property
+    def rho(self) -> float:
+        """Transmission of one stage, ρ = r₁/(λR)."""
+        return self.r1 / (self.lam * self.R)
+
+    def k(self, i: int) -> float:
+        """Gear constant kᵢ = (λR/(ηr₃)) ρ^{i−1} of joint i (2 … n)."""
+        return self.lam * self.R / (self.eta * self.r3) * self.rho ** (i - 1)
+
+
+class Manipulator(TriangularSystem):
+    """A nonholonomic manipulator of n ≥ 2 joints with state q = (φₙ₋₁, θ₁, …, θₙ).
+
+    θ̇₁ = u₂,  φ̇ₙ₋₁ = k_g ∏_{j≤n−2} cosθⱼ u₁,  θ̇ᵢ = kᵢ cos³θᵢ₋₁ ∏_{j≤i−2} cosθⱼ u₁  (eq. 6).
+
+    Args:
+        K: The ratios Kᵢ = kᵢ/k_g for i = 2 … n (n − 1 positive numbers). They alone shape the path.
+        k_g: Drive constant (dimensionless); it only scales u₁.
+        link_lengths: Lengths of the n links for drawing; 1 each when left out.
+        k_g_rule: Where k_g came from, for reports.
+
+    Raises:
+        InputError: If a constant is not a positive finite number or the lengths do not match.
+    """
+
+    kind: ClassVar[str] = "manipulator"
+
+    def __init__(
+        self,
+        K: Sequence[float],
+        k_g: float = 1.0,
+        link_lengths: Sequence[float] | None = None,
+        k_g_rule: str = "given",
+    ) -> None:
+        self.K = _positive("K", K)
+        self.k_g = float(_positive("k_g", [k_g])[0])
+        self.k_g_rule = k_g_rule
+        self.n = len(self.K) + 1
+        lengths = (
+            np.ones(self.n) if link_lengths is None else _positive("link_lengths", link_lengths)
+        )
+        if len(lengths) != self.n:
+            raise InputError(
+                f"link_lengths has {len(lengths)} values for {self.n} joints; give {self.n}"
+            )
+        self.link_lengths = lengths
+
+    @classmethod
+    def from_gear(
+        cls,
+        n: int,
+        gear: Gear,
+        *,
+        k_g: float | None = None,
+        rule: str = "printed",
+        link_lengths: Sequence[float] | None = None,
+    ) -> Manipulator:
+        """Build a manipulator of n joints from gear geometry.
+
+        Args:
+            n: Number of joints.
+            gear: Radii and ratios.
+            k_g: Drive constant; by `rule` when left out.
+            rule: "printed" takes k_g = ρ² (eq. 6), "chain" takes k_g = ρ^{n−2}, which is what the
+                chain of disks gives by derivation.
+            link_lengths: As in the constructor.
+
+        Raises:
+            InputError: If n < 2, a length is not positive or the rule is unknown.
+        """
+        _positive("gear", [gear.r1, gear.R, gear.r3, gear.lam, gear.eta])
+        if n < 2:
+            raise InputError(f"a manipulator has at least 2 joints, not {n}")
+        rules = {
+            "printed": (gear.rho**2, "printed: rho^2"),
+            "chain": (gear.rho ** (n - 2), "chain: rho^(n-2)"),
+        }
+        if rule not in rules:
+            raise InputError(f"k_g_rule = {rule!r} is unknown; use 'printed' or 'chain'")
+        value, said = (k_g, "given") if k_g is not None else rules[rule]
+        K = [gear.k(i) / value for i in range(2, n + 1)]
+        return cls(K, value, link_lengths, said)
+
+    # -- names ---------------------------------------------------------------------------------
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """(φₙ₋₁, θ₁ … θₙ), all in radians."""
+        angles = (Coordinate(f"theta{i}", "rad") for i in range(1, self.n + 1))
+        return (Coordinate(f"phi{self.n - 1}", "rad"), *angles)
+
+    @property
+    def inputs(self) -> tuple[Coordinate, Coordinate]:
+        """u₁ = φ̇₁ and u₂ = θ̇₁ in rad/s."""
+        return Coordinate("u1", "rad/s"), Coordinate("u2", "rad/s")
+
+    # -- symbolic form -------------------------------------------------------------------------
+
+    def slopes_expr(self, q: Any) -> list[Any]:
+        """θᵢ' = dθᵢ/dφₙ₋₁ for i = 2 … n, as CasADi expressions."""
+        theta = [None, *(q[i] for i in range(1, self.n + 1))]
+        out = []
+        for i in range(2, self.n):
+            later = [ca.cos(theta[j]) for j in range(i, self.n - 1)]
+            out.append(self.K[i - 2] * ca.cos(theta[i - 1]) ** 2 / _product(later))
+        out.append(self.K[self.n - 2] * ca.cos(theta[self.n - 1]) ** 3)
+        return out
+
+    def drive_expr(self, q: Any) -> Any:
+        """γ = k_g ∏_{j≤n−2} cosθⱼ."""
+        return self.k_g * _product([ca.cos(q[j]) for j in range(1, self.n - 1)])
+
+    def rates_expr(self, q: Any, u: Any) -> list[Any]:
+        """Eq. (6) itself: no quotient of cosines, so nothing cancels near 90°."""
+        c = [ca.cos(q[j]) for j in range(self.n + 1)]
+        passive = [
+            self.k_g * self.K[i - 2] * c[i - 1] ** 3 * _product(c[1 : i - 1]) * u[0]
+            for i in range(2, self.n + 1)
+        ]
+        return [self.drive_expr(q) * u[0], u[1], *passive]
+
+    # -- numeric form --------------------------------------------------------------------------
+
+    def slopes(self, q: Array) -> Array:
+        """θᵢ' for i = 2 … n, shape (…, n−1), by cumulative products rather than eq. by eq."""
+        c = np.cos(q[..., 1:-1])
+        driven = c**3 * np.cumprod(np.concatenate([np.ones_like(c[..., :1]), c[..., :-1]], -1), -1)
+        path = np.prod(c[..., : self.n - 2], axis=-1, keepdims=True)
+        return np.asarray(self.K * driven / path)
+
+    def drive(self, q: Array) -> Array:
+        """γ, shape (…,)."""
+        return np.asarray(self.k_g * np.prod(np.cos(q[..., 1 : self.n - 1]), axis=-1))
+
+    def rates(self, q: Array, u: Array) -> Array:
+        """q̇ of eq. (6), shape (…, n+1)."""
+        c = np.cos(q[..., 1:-1])
+        before = np.cumprod(np.concatenate([np.ones_like(c[..., :1]), c[..., :-1]], -1), -1)
+        u1 = u[..., 0:1]
+        path = self.k_g * before[..., -1:] * u1
+        return np.concatenate([path, u[..., 1:2], self.k_g * self.K * c**3 * before * u1], axis=-1)
+
+    def arm_points(self, theta: Array) -> Array:
+        """Forward kinematics in the plane.
+
+        Args:
+            theta: Joint angles, shape (…, n), radians; each measured from the link before.
+
+        Returns:
+            Base, joints and tip, shape (…, n+1, 2), in the unit of `link_lengths`.
+        """
+        heading = np.cumsum(theta, axis=-1)
+        steps = self.link_lengths[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+        base = np.zeros((*steps.shape[:-2], 1, 2))
+        return np.concatenate([base, np.cumsum(steps, axis=-2)], axis=-2)
+
+    # -- the chart -----------------------------------------------------------------------------
+
+    def branch(self, q: Array) -> Array:
+        """Signs of θ₁ … θₙ₋₁ (the chart is two-valued in each); 1 for φ and θₙ."""
+        signs = np.ones(self.size)
+        signs[1:-1] = np.sign(q[1:-1])
+        return signs
+
+    def _cos2(self, i: int, slope: Array, q: Array) -> Array:
+        """cos²θᵢ that gives dθᵢ₊₁/dφ = slope, given the later angles; may lie outside [0, 1]."""
+        if i == self.n - 1:
+            ratio = slope / self.K[-1]
+            return np.asarray(np.sign(ratio) * np.abs(ratio) ** (2 / 3))
+        later = np.prod(np.cos(q[..., i + 1 : self.n - 1]), axis=-1)
+        return np.asarray(slope * later / self.K[i - 1])
+
+    def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
+        """θᵢ = ± arccos √w; NaN where w = cos²θᵢ is outside [0, 1]."""
+        w = self._cos2(i, slope, q)
+        with np.errstate(invalid="ignore"):
+            angle = np.arctan2(np.sqrt(1 - w), np.sqrt(w))
+        return np.asarray(branch[i] * angle)
+
+    def link_margins(self, i: int, slope: Array, q: Array) -> list[Array]:
+        """(1 − w, w) with w = cos²θᵢ."""
+        w = self._cos2(i, slope, q)
+        return [np.asarray(1 - w), w]
+
+    def chart_margins(self, q: Array, branch: Array) -> Array:
+        """(±sin²θᵢ, ±cos²θᵢ) for i = 1 … n−1; negative once an angle has left its branch."""
+        s, c = np.sin(q[..., 1:-1]), np.cos(q[..., 1:-1])
+        pairs = np.stack([branch[1:-1] * s * np.abs(s), c * np.abs(c)], axis=-1)
+        return np.asarray(pairs.reshape(*q.shape[:-1], 2 * (self.n - 1)))
+
+    @property
+    def margin_labels(self) -> tuple[tuple[int, str], ...]:
+        """Margins in the order of `chart_margins`."""
+        labels = []
+        for i in range(1, self.n):
+            labels.append((i, f"1 - cos^2(theta{i}): distance from theta{i} = 0"))
+            labels.append((i, f"cos^2(theta{i}): distance from theta{i} = 90 deg"))
+        return tuple(labels)
+
+    # -- identity ------------------------------------------------------------------------------
+
+    def to_dict(self) -> dict[str, Any]:
+        """The `[system]` table."""
+        return {
+            "kind": self.kind,
+            "joints": self.n,
+            "K": self.K.tolist(),
+            "k_g": self.k_g,
+            "link_lengths": self.link_lengths.tolist(),
+        }
+
+
+def _product(factors: Sequence[Any]) -> Any:
+    out: Any = 1.0
+    for factor in factors:
+        out = out * factor
+    return out
+
+
+def _positive(name: str, values: Sequence[float]) -> Array:
+    array = np.asarray(values, dtype=float)
+    if array.ndim != 1 or array.size == 0 or not np.all(np.isfinite(array) & (array > 0)):
+        raise InputError(f"{name} = {list(np.ravel(values))} must be positive finite numbers")
+    return array

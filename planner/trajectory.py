@@ -1,0 +1,230 @@
+"""Curves in time that evaluate anywhere: the continuous form of every plan.
+
+Both kinds store piecewise polynomials in the Bernstein basis (`scipy.interpolate.BPoly`), whose
+coefficients bound the curve, and derive the rest through the system's chained form.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import BPoly, PPoly
+
+from planner.chained.transform import chained_form
+from planner.errors import InputError
+from planner.systems.base import Array, TriangularSystem
+
+
+class Trajectory(ABC):
+    """q(t), u(t), z(t) and v(t) on [0, duration], vectorised over t.
+
+    Times before 0 and after the duration are taken at the nearest end; inputs are zero there.
+    """
+
+    kind: ClassVar[str]
+    system: TriangularSystem
+
+    @property
+    @abstractmethod
+    def breaks(self) -> Array:
+        """Times (K+1,) between which the curve is smooth, in seconds."""
+
+    @abstractmethod
+    def q(self, t: ArrayLike) -> Array:
+        """Coordinates, shape (…, N), at times t (…)."""
+
+    @abstractmethod
+    def u(self, t: ArrayLike) -> Array:
+        """Inputs, shape (…, 2), at times t (…); the right-hand limit at a break."""
+
+    @abstractmethod
+    def z(self, t: ArrayLike) -> Array:
+        """Chained coordinates, shape (…, N), at times t (…)."""
+
+    @abstractmethod
+    def v(self, t: ArrayLike) -> Array:
+        """Chained inputs, shape (…, 2), at times t (…)."""
+
+    @abstractmethod
+    def margins(self, t: ArrayLike) -> Array:
+        """Signed chart margins, shape (…, M), at times t (…); see `ChainedForm.margins`."""
+
+    @abstractmethod
+    def slowed(self, factor: float) -> Trajectory:
+        """The same path in `factor` times the time."""
+
+    @abstractmethod
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready form; `trajectory_from_dict` gives it back exactly."""
+
+    @property
+    def duration(self) -> float:
+        """Seconds from start to end."""
+        return float(self.breaks[-1])
+
+    def _clip(self, t: ArrayLike) -> Array:
+        return np.asarray(np.clip(np.asarray(t, dtype=float), 0.0, self.duration))
+
+    def _running(self, t: ArrayLike) -> Array:
+        times = np.asarray(t, dtype=float)
+        return np.asarray((times >= 0) & (times <= self.duration), dtype=float)[..., None]
+
+
+@dataclass(frozen=True)
+class ChainedTrajectory(Trajectory):
+    """A curve given in chained coordinates.
+
+    Attributes:
+        system: The system it belongs to.
+        z_curve: BPoly of z, values (N,).
+        v_curve: BPoly of v, values (2,).
+        branch: Signs (N,) of the chart's branch.
+    """
+
+    kind: ClassVar[str] = "chained"
+    system: TriangularSystem
+    z_curve: BPoly
+    v_curve: BPoly
+    branch: Array
+
+    @property
+    def breaks(self) -> Array:
+        """Times between the polynomial pieces."""
+        return np.asarray(self.z_curve.x)
+
+    def z(self, t: ArrayLike) -> Array:
+        """The polynomials themselves."""
+        return np.asarray(self.z_curve(self._clip(t)))
+
+    def v(self, t: ArrayLike) -> Array:
+        """The polynomials themselves; zero outside [0, duration]."""
+        return np.asarray(self.v_curve(self._clip(t))) * self._running(t)
+
+    def q(self, t: ArrayLike) -> Array:
+        """By the inverse chart; NaN outside its domain."""
+        return chained_form(self.system).q(self.z(t), self.branch)
+
+    def u(self, t: ArrayLike) -> Array:
+        """By the feedback transformation."""
+        return np.where(self._running(t) > 0, chained_form(self.system).u(self.q(t), self.v(t)), 0.0)
+
+    def margins(self, t: ArrayLike) -> Array:
+        """From z, so defined where q is not."""
+        return chained_form(self.system).margins(self.z(t), self.branch)
+
+    def slowed(self, factor: float) -> ChainedTrajectory:
+        """The same path in `factor` times the time."""
+        z, v = _stretched(self.z_curve, factor), _stretched(self.v_curve, factor, 1 / factor)
+        return ChainedTrajectory(self.system, z, v, self.branch)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready form."""
+        return {
+            "kind": self.kind,
+            "branch": self.branch.tolist(),
+            "z": _curve_to_dict(self.z_curve),
+            "v": _curve_to_dict(self.v_curve),
+        }
+
+
+@dataclass(frozen=True)
+class StateTrajectory(Trajectory):
+    """A curve given in coordinates and inputs.
+
+    Attributes:
+        system: The system it belongs to.
+        q_curve: BPoly of q, values (N,).
+        u_curve: BPoly of u, values (2,), on the same breaks.
+    """
+
+    kind: ClassVar[str] = "state"
+    system: TriangularSystem
+    q_curve: BPoly
+    u_curve: BPoly
+
+    @property
+    def breaks(self) -> Array:
+        """Times between the polynomial pieces."""
+        return np.asarray(self.q_curve.x)
+
+    def q(self, t: ArrayLike) -> Array:
+        """The polynomials themselves."""
+        return np.asarray(self.q_curve(self._clip(t)))
+
+    def u(self, t: ArrayLike) -> Array:
+        """The polynomials themselves; zero outside [0, duration]."""
+        return np.asarray(self.u_curve(self._clip(t))) * self._running(t)
+
+    def z(self, t: ArrayLike) -> Array:
+        """By the chart, which is defined at every configuration."""
+        return chained_form(self.system).z(self.q(t))
+
+    def v(self, t: ArrayLike) -> Array:
+        """By the feedback transformation."""
+        return chained_form(self.system).v(self.q(t), self.u(t))
+
+    def margins(self, t: ArrayLike) -> Array:
+        """From q, on the branch of the start."""
+        branch = self.system.branch(self.q(0.0))
+        return self.system.chart_margins(self.q(t), branch)
+
+    def slowed(self, factor: float) -> StateTrajectory:
+        """The same path in `factor` times the time."""
+        q, u = _stretched(self.q_curve, factor), _stretched(self.u_curve, factor, 1 / factor)
+        return StateTrajectory(self.system, q, u)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready form."""
+        return {
+            "kind": self.kind,
+            "q": _curve_to_dict(self.q_curve),
+            "u": _curve_to_dict(self.u_curve),
+        }
+
+
+def trajectory_from_dict(system: TriangularSystem, data: Mapping[str, Any]) -> Trajectory:
+    """Read back what `Trajectory.to_dict` wrote.
+
+    Raises:
+        InputError: If the kind is unknown.
+    """
+    if data["kind"] == ChainedTrajectory.kind:
+        branch = np.asarray(data["branch"], dtype=float)
+        z, v = _curve_from_dict(data["z"]), _curve_from_dict(data["v"])
+        return ChainedTrajectory(system, z, v, branch)
+    if data["kind"] == StateTrajectory.kind:
+        return StateTrajectory(system, _curve_from_dict(data["q"]), _curve_from_dict(data["u"]))
+    raise InputError(f"trajectory kind {data['kind']!r} is unknown; use 'chained' or 'state'")
+
+
+def polynomial_roots(curve: BPoly, component: int) -> list[float]:
+    """Times at which one component of a piecewise polynomial is zero, by polynomial roots."""
+    scalar = BPoly(np.ascontiguousarray(curve.c[:, :, component]), curve.x)
+    roots = PPoly.from_bernstein_basis(scalar).roots(extrapolate=False)
+    return sorted({float(r) for r in np.atleast_1d(roots) if np.isfinite(r)})
+
+
+def polynomial_range(curve: BPoly, component: int) -> tuple[float, float]:
+    """Least and greatest value of one component over all time, by the roots of its derivative."""
+    times = np.concatenate([curve.x, polynomial_roots(curve.derivative(), component)])
+    values = curve(times)[:, component]
+    return float(values.min()), float(values.max())
+
+
+def _stretched(curve: BPoly, factor: float, gain: float = 1.0) -> BPoly:
+    return BPoly(curve.c * gain, curve.x * factor)
+
+
+def _curve_to_dict(curve: BPoly) -> dict[str, Any]:
+    return {"breaks": curve.x.tolist(), "bernstein": curve.c.tolist()}
+
+
+def _curve_from_dict(data: Mapping[str, Any]) -> BPoly:
+    return BPoly(
+        np.asarray(data["bernstein"], dtype=float), np.asarray(data["breaks"], dtype=float)
+    )

@@ -64,8 +64,8 @@ def zeros(function: Function, times: Array) -> list[float]:
     values = _nan_negative(function(times))
     extra = []
     for sign in (1.0, -1.0):
-        dips = [k for k in _dips(np.where(sign * values > 0, sign * values, np.inf))[:20]]
-        for k in dips:
+        dips = _dips(np.where(sign * values > 0, sign * values, np.inf))
+        for k in dips[:20]:
             value, time = _polish(lambda t, s=sign: s * _nan_negative(function(t)), times, k)  # type: ignore[misc]
             if value < 0:
                 extra.append(time)

@@ -178,25 +178,31 @@ def _limits(table: LimitsTable, joint: Array) -> Limits:
 
 def _refuse_contradictions(problem: Problem) -> None:
     """Refuse what no method could satisfy, before any of them tries."""
-    limit = problem.limits.joint
     for name, q in (("start", problem.start), ("goal", problem.goal)):
         for i in problem.system.limited:
-            if abs(q[i]) > limit[i]:
-                coordinate = problem.system.coordinates[i].name
+            if abs(q[i]) > problem.limits.joint[i]:
+                value, unit = _readable(q[i], problem.system.coordinates[i].unit)
+                limit, _ = _readable(problem.limits.joint[i], problem.system.coordinates[i].unit)
                 raise InputError(
-                    f"{problem.source}: contradiction: {name} {coordinate} = {np.rad2deg(q[i]):.6g} deg"
-                    f" lies outside limits.joint_deg = {np.rad2deg(limit[i]):.6g}; move it or widen the limit"
+                    f"{problem.source}: contradiction: {name} {problem.system.coordinates[i].name}"
+                    f" = {value:.6g} {unit} lies outside its limit of {limit:.6g} {unit};"
+                    " move it or widen the limit"
                 )
-    margin = problem.limits.z2_margin
+        _refuse_z2(problem, name, np.nan_to_num(q))
+
+
+def _refuse_z2(problem: Problem, name: str, q: Array) -> None:
+    margin, sign = problem.limits.z2_margin, problem.z2_sign
     if margin is None:
         return
-    form = chained_form(problem.system)
-    sign = problem.z2_sign
-    for name, q in (("start", problem.start), ("goal", np.nan_to_num(problem.goal))):
-        z2 = float(form.z(q)[1])
-        if sign * z2 < margin or sign == 0:
-            raise InputError(
-                f"{problem.source}: contradiction: z2 at the {name} is {z2:.6g}, but limits.z2_margin ="
-                f" {margin:g} keeps it at least that far from zero on the side of the start;"
-                f" lower or remove limits.z2_margin"
-            )
+    z2 = float(chained_form(problem.system).z(q)[1])
+    if sign * z2 < margin or sign == 0:
+        raise InputError(
+            f"{problem.source}: contradiction: z2 at the {name} is {z2:.6g}, but limits.z2_margin"
+            f" = {margin:g} keeps it at least that far from zero on the side of the start;"
+            " lower or remove limits.z2_margin"
+        )
+
+
+def _readable(value: float, unit: str) -> tuple[float, str]:
+    return (float(np.rad2deg(value)), "deg") if unit == "rad" else (float(value), unit)

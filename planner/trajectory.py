@@ -111,7 +111,9 @@ class ChainedTrajectory(Trajectory):
 
     def u(self, t: ArrayLike) -> Array:
         """By the feedback transformation."""
-        return np.where(self._running(t) > 0, chained_form(self.system).u(self.q(t), self.v(t)), 0.0)
+        return np.where(
+            self._running(t) > 0, chained_form(self.system).u(self.q(t), self.v(t)), 0.0
+        )
 
     def margins(self, t: ArrayLike) -> Array:
         """From z, so defined where q is not."""

@@ -3,9 +3,9 @@
     z_N = q_N,  zᵢ = Σ_{j>i} (∂zᵢ₊₁/∂qⱼ) fⱼ  (i = N−1 … 2),  z₁ = q₁
     ż₁ = v₁,    ż₂ = v₂,    żᵢ = zᵢ₋₁ v₁
 
-The derivatives are taken by CasADi, so the chain may have any length. Splitting off j = i+1 gives
-zᵢ = aᵢ + cᵢ fᵢ₊₁(qᵢ; qᵢ₊₁ …), where aᵢ and cᵢ read only later coordinates: the inverse goes down the
-chain from q_N, and each step is one scalar equation that the system solves (`link_from_slope`).
+The derivatives are taken by CasADi, so the chain may have any length. Splitting off j = i+1
+gives zᵢ = aᵢ + cᵢ fᵢ₊₁(qᵢ; qᵢ₊₁ …), where aᵢ and cᵢ read only later coordinates: the inverse goes
+down the chain from q_N, and each step is one scalar equation that the system solves (`link_from_slope`).
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class ChainedForm:
         return np.stack([v1, slope * u[..., 1] + drift * v1], axis=-1)
 
     def u(self, q: Array, v: Array) -> Array:
-        """Inputs (…, 2) that give chained inputs v (…, 2) at q (…, N); infinite on a singularity."""
+        """Inputs (…, 2) that give chained inputs v (…, 2) at q (…, N); infinite where singular."""
         drive, slope, drift = np.moveaxis(_evaluate(self._feedback, q), -1, 0)
         with np.errstate(divide="ignore", invalid="ignore"):
             u1 = v[..., 0] / drive
@@ -78,9 +78,8 @@ class ChainedForm:
         q[..., 0], q[..., -1] = z[..., 0], z[..., -1]
         margins: list[Array] = []
         for i in range(self.system.size - 2, 0, -1):
-            a, c = np.moveaxis(
-                _evaluate(self._links[i], np.where(np.arange(z.shape[-1]) > i, q, 0)), -1, 0
-            )
+            known = np.where(np.arange(z.shape[-1]) > i, q, 0.0)
+            a, c = np.moveaxis(_evaluate(self._links[i], known), -1, 0)
             with np.errstate(divide="ignore", invalid="ignore"):
                 slope = (z[..., i] - a) / c
             q[..., i] = self.system.link_from_slope(i, slope, q, branch)

@@ -48,8 +48,8 @@ class ManipulatorTable(Table):
             raise ValueError("give either K (with k_g) or gear, exactly one of them")
         if self.K is not None and len(self.K) != self.joints - 1:
             raise ValueError(
-                f"joints = {self.joints} needs {self.joints - 1} values in K (K2 ... K{self.joints}),"
-                f" not {len(self.K)}"
+                f"joints = {self.joints} needs {self.joints - 1} values in K"
+                f" (K2 ... K{self.joints}), not {len(self.K)}"
             )
         if self.K is not None and self.k_g is None:
             raise ValueError("K needs k_g beside it")

@@ -1,0 +1,48 @@
+"""Figures of a trajectory that every method is compared by: effort and peak inputs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planner.extrema import maximum, sample_times
+from planner.systems.base import Array
+from planner.trajectory import Trajectory
+
+
+def effort(trajectory: Trajectory) -> float:
+    """∫ u₁² + u₂² dt, by Gauss quadrature between samples that crowd towards the ends of pieces."""
+    edges = np.unique(np.concatenate([sample_times(trajectory.breaks, 1000), trajectory.breaks]))
+    nodes, weights = np.polynomial.legendre.leggauss(4)
+    half = np.diff(edges)[:, None] / 2
+    times = edges[:-1, None] + half * (1 + nodes)
+    squares = np.sum(trajectory.u(times) ** 2, axis=-1)
+    return float(np.sum(half * weights * squares))
+
+
+def peak_inputs(trajectory: Trajectory) -> Array:
+    """Largest |u₁| and |u₂| over all time, shape (2,); NaN where an input is undefined."""
+    times = sample_times(trajectory.breaks)
+    if np.any(np.isnan(trajectory.u(times))):
+        return np.full(2, np.nan)
+    return np.array([_peak(trajectory, times, i)[0] for i in range(2)])
+
+
+def peak_rates(trajectory: Trajectory) -> Array:
+    """Largest |du₁/dt| and |du₂/dt|, shape (2,); infinite where an input jumps inside the motion.
+
+    The derivative is a central difference inside each smooth piece.
+    """
+    breaks = trajectory.breaks
+    before = trajectory.u(np.nextafter(breaks[1:-1], 0.0))
+    after = trajectory.u(breaks[1:-1])
+    peaks = peak_inputs(trajectory)
+    jumps = np.any(np.abs(after - before) > 1e-7 * np.maximum(peaks, 1e-12), axis=0)
+    step = 1e-5 * np.min(np.diff(breaks))
+    edges = np.stack([breaks[:-1] + step, breaks[1:] - step])
+    centres = np.concatenate([sample_times(edge, 2000 // (len(breaks) - 1)) for edge in edges.T])
+    slopes = np.abs(trajectory.u(centres + step) - trajectory.u(centres - step)) / (2 * step)
+    return np.where(jumps, np.inf, np.max(slopes, axis=0))
+
+
+def _peak(trajectory: Trajectory, times: Array, i: int) -> tuple[float, float]:
+    return maximum(lambda t: np.abs(trajectory.u(t)[..., i]), times)

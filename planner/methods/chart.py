@@ -1,0 +1,94 @@
+"""What every method that plans inside the chart asks first, and how it refuses."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planner.chained import chained_form
+from planner.domain import worst_margin
+from planner.errors import InputError, SingularError
+from planner.measures import peak_inputs, peak_rates
+from planner.plan import Plan
+from planner.problem import Problem
+from planner.systems.base import Array
+from planner.trajectory import Trajectory
+
+WAY_OUT = "use the method 'collocation', which plans in the joint angles and has no such edge"
+
+
+def chart_ends(problem: Problem, travel: float) -> tuple[Array, Array]:
+    """z(0) and z(T), shape (N,) each, of a problem that a chart method can take.
+
+    Raises:
+        SingularError: If the start or goal lies on a singularity of the chart, or the goal lies on
+            another branch than the start.
+    """
+    goal = problem.goal.copy()
+    goal[0] = problem.start[0] + travel
+    labels = problem.system.margin_labels
+    for name, q in (("start", problem.start), ("goal", goal)):
+        margins = problem.system.chart_margins(q, problem.branch)
+        if np.min(margins) > 0:
+            continue
+        i, _ = labels[int(np.argmin(margins))]
+        coordinate = problem.system.coordinates[i].name
+        if problem.branch[i] == 0 or q[i] == 0:
+            reason = f"the {name} has {coordinate} = 0, where the chained-form chart is singular"
+        else:
+            reason = f"{coordinate} changes sign on the way, which no path in the chart can do"
+        raise SingularError(f"{problem.source}: {reason}", advice=WAY_OUT)
+    form = chained_form(problem.system)
+    return form.z(problem.start), form.z(goal)
+
+
+def fit_duration(problem: Problem, trajectory: Trajectory) -> Trajectory:
+    """With the duration free, the fastest uniform timing of a path within the input limits.
+
+    A driftless path does not depend on its timing, so inputs scale with 1/T and rates with 1/T².
+
+    Raises:
+        InputError: If the duration is free and no input has a limit.
+    """
+    if problem.duration is not None:
+        return trajectory
+    limits = problem.limits
+    if not np.any(np.isfinite(limits.input)):
+        raise InputError(
+            f"{problem.source}: goal.duration is free but limits.input_rad_s is not set;"
+            " set one of them"
+        )
+    factor = float(np.max(peak_inputs(trajectory) / limits.input))
+    if np.any(np.isfinite(limits.input_rate)):
+        factor = max(factor, float(np.sqrt(np.max(peak_rates(trajectory) / limits.input_rate))))
+    return trajectory.slowed(factor * (1 + 1e-9))
+
+
+def refuse_outside(plan: Plan) -> None:
+    """Refuse a plan that leaves the chart's domain.
+
+    Raises:
+        SingularError: With the times at which it leaves and re-enters.
+    """
+    report = plan.domain
+    if report.ok:
+        return
+    exits = ", ".join(f"{t:.4f}" for t in report.exits_s) or f"{report.time_s:.4f}"
+    crossings = ", ".join(f"{t:.4f}" for t in report.z2_crossings_s)
+    zero = (
+        f"; z2 = 0 at t = {crossings} s"
+        if crossings
+        else "; z2 keeps its sign, yet no real angle exists there"
+    )
+    raise SingularError(
+        f"{plan.problem.source}: the {plan.method} plan leaves the domain of the chained-form chart"
+        f" at t = {exits} s (worst margin {report.margin:.4g} at t = {report.time_s:.4f} s:"
+        f" {report.label}){zero}",
+        times_s=report.singular_times_s,
+        plan=plan,
+        advice=f"another goal.travel (or 'free') or constraint point; or {WAY_OUT}",
+    )
+
+
+def inside(trajectory: Trajectory, times: Array) -> bool:
+    """Whether the samples all lie inside the domain."""
+    return bool(np.all(worst_margin(trajectory.margins(times)) > 0))

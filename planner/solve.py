@@ -1,0 +1,85 @@
+"""From problem and method to a verified plan, or a refusal that says why."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from planner.errors import InputError, VerificationError
+from planner.methods import METHODS, Method
+from planner.plan import Plan
+from planner.problem import Problem
+from planner.schema import nearest, parse
+from planner.verify import Check, verify
+
+
+def solve(problem: Problem, method: str = "collocation", **options: Any) -> Plan:
+    """Plan a motion and verify it.
+
+    Args:
+        problem: What to solve.
+        method: A name of the registry, `planner.METHODS`.
+        **options: Override the problem's `[method.<name>]` table, key by key.
+
+    Returns:
+        A plan with `verified` True. The one exception is a chart method told `allow_singular`: its
+        path outside the domain comes back with status "singular" and `verified` False.
+
+    Raises:
+        InputError: If the method or an option is unknown or has an impossible value.
+        NoPlanError: If no plan is found, or the one found breaks a requirement; its subclasses say
+            which, and it carries the last iterate and what that breaks.
+    """
+    entry = find_method(method)
+    table = merged_options(problem, entry, options)
+    plan = entry.plan(problem, table)
+    if plan.status == "singular":
+        return plan
+    check = verify(plan)
+    if not check.ok:
+        raise _refusal(plan, check)
+    return replace(plan, verified=True)
+
+
+def find_method(name: str) -> Method:
+    """The registry's entry of that name.
+
+    Raises:
+        InputError: If there is none; names the nearest.
+    """
+    if name not in METHODS:
+        raise InputError(f"unknown method '{name}'; {nearest(str(name), list(METHODS))}")
+    return METHODS[name]
+
+
+def merged_options(problem: Problem, method: Method, options: dict[str, Any]) -> Any:
+    """The method's option table: the problem's, overridden by keywords."""
+    own = getattr(problem.methods, method.name).model_dump(exclude_unset=True)
+    return parse(method.options, {**own, **options}, f"options of method '{method.name}'")
+
+
+def _refusal(plan: Plan, check: Check) -> VerificationError:
+    return VerificationError(
+        f"{plan.problem.source}: the {plan.method} plan breaks"
+        f" {len(check.violations)} requirement{'s' if len(check.violations) > 1 else ''}",
+        plan=replace(plan, status=VerificationError.status),
+        violations=check.violations,
+        advice=_advice(plan, check),
+    )
+
+
+def _advice(plan: Plan, check: Check) -> str:
+    broken = {v.label.rsplit(" ", 1)[0] for v in check.violations}
+    if broken <= {"input", "rate of input"} and plan.trajectory.kind == "chained":
+        factor = max(
+            v.value / v.limit if v.label.startswith("input") else (v.value / v.limit) ** 0.5
+            for v in check.violations
+        )
+        if factor < float("inf"):
+            return (
+                f"goal.duration = {plan.duration * factor * 1.0001:.6g} or more (the same path,"
+                " slower, keeps the input limits); or the method 'collocation'"
+            )
+    if any(v.label.startswith(("goal", "plan's")) for v in check.violations):
+        return "a finer mesh: more method.collocation.intervals or a higher degree"
+    return "wider limits, another goal.travel, or the method 'collocation'"

@@ -1,6 +1,19 @@
 """What is steered: the triangular class and its members."""
 
+from planner.systems.ballgear import BallGear
 from planner.systems.base import Coordinate, TriangularSystem
+from planner.systems.car import Car
 from planner.systems.manipulator import Gear, Manipulator
+from planner.systems.trailers import Trailers
+from planner.systems.unicycle import Unicycle
 
-__all__ = ["Coordinate", "Gear", "Manipulator", "TriangularSystem"]
+__all__ = [
+    "BallGear",
+    "Car",
+    "Coordinate",
+    "Gear",
+    "Manipulator",
+    "Trailers",
+    "TriangularSystem",
+    "Unicycle",
+]

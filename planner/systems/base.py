@@ -92,7 +92,7 @@ class TriangularSystem(ABC):
 
     @abstractmethod
     def branch(self, q: Array) -> Array:
-        """Signs (N,) that tell which of the chart's branches q lies on; 0 on a singularity."""
+        """Numbers (N,) that tell which of the chart's branches q lies on; 0 on a singularity."""
 
     @abstractmethod
     def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
@@ -102,7 +102,7 @@ class TriangularSystem(ABC):
             i: Array index of the coordinate wanted.
             slope: Required values, shape (…,).
             q: Coordinates, shape (…, N); only those after i are read.
-            branch: Signs from `branch`, shape (N,).
+            branch: From `branch`, shape (N,).
 
         Returns:
             The coordinate, shape (…,); NaN where no real solution exists.

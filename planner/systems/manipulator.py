@@ -11,6 +11,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.systems.base import Array, Coordinate, TriangularSystem
+from planner.systems.values import arm_points, positive, product
 
 
 @dataclass(frozen=True)
@@ -65,12 +66,12 @@ class Manipulator(TriangularSystem):
         link_lengths: Sequence[float] | None = None,
         k_g_rule: str = "given",
     ) -> None:
-        self.K = _positive("K", K)
-        self.k_g = float(_positive("k_g", [k_g])[0])
+        self.K = positive("K", K)
+        self.k_g = float(positive("k_g", [k_g])[0])
         self.k_g_rule = k_g_rule
         self.n = len(self.K) + 1
         lengths = (
-            np.ones(self.n) if link_lengths is None else _positive("link_lengths", link_lengths)
+            np.ones(self.n) if link_lengths is None else positive("link_lengths", link_lengths)
         )
         if len(lengths) != self.n:
             raise InputError(
@@ -101,7 +102,7 @@ class Manipulator(TriangularSystem):
         Raises:
             InputError: If n < 2, a length is not positive or the rule is unknown.
         """
-        _positive("gear", [gear.r1, gear.R, gear.r3, gear.lam, gear.eta])
+        positive("gear", [gear.r1, gear.R, gear.r3, gear.lam, gear.eta])
         if n < 2:
             raise InputError(f"a manipulator has at least 2 joints, not {n}")
         rules = {
@@ -135,19 +136,19 @@ class Manipulator(TriangularSystem):
         out = []
         for i in range(2, self.n):
             later = [ca.cos(theta[j]) for j in range(i, self.n - 1)]
-            out.append(self.K[i - 2] * ca.cos(theta[i - 1]) ** 2 / _product(later))
+            out.append(self.K[i - 2] * ca.cos(theta[i - 1]) ** 2 / product(later))
         out.append(self.K[self.n - 2] * ca.cos(theta[self.n - 1]) ** 3)
         return out
 
     def drive_expr(self, q: Any) -> Any:
         """γ = k_g ∏_{j≤n−2} cosθⱼ."""
-        return self.k_g * _product([ca.cos(q[j]) for j in range(1, self.n - 1)])
+        return self.k_g * product([ca.cos(q[j]) for j in range(1, self.n - 1)])
 
     def rates_expr(self, q: Any, u: Any) -> list[Any]:
         """Eq. (6) itself: no quotient of cosines, so nothing cancels near 90°."""
         c = [ca.cos(q[j]) for j in range(self.n + 1)]
         passive = [
-            self.k_g * self.K[i - 2] * c[i - 1] ** 3 * _product(c[1 : i - 1]) * u[0]
+            self.k_g * self.K[i - 2] * c[i - 1] ** 3 * product(c[1 : i - 1]) * u[0]
             for i in range(2, self.n + 1)
         ]
         return [self.drive_expr(q) * u[0], u[1], *passive]
@@ -182,10 +183,7 @@ class Manipulator(TriangularSystem):
         Returns:
             Base, joints and tip, shape (…, n+1, 2), in the unit of `link_lengths`.
         """
-        heading = np.cumsum(theta, axis=-1)
-        steps = self.link_lengths[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-        base = np.zeros((*steps.shape[:-2], 1, 2))
-        return np.concatenate([base, np.cumsum(steps, axis=-2)], axis=-2)
+        return arm_points(theta, self.link_lengths)
 
     # -- the chart -----------------------------------------------------------------------------
 
@@ -241,17 +239,3 @@ class Manipulator(TriangularSystem):
             "k_g": self.k_g,
             "link_lengths": self.link_lengths.tolist(),
         }
-
-
-def _product(factors: Sequence[Any]) -> Any:
-    out: Any = 1.0
-    for factor in factors:
-        out = out * factor
-    return out
-
-
-def _positive(name: str, values: Sequence[float]) -> Array:
-    array = np.asarray(values, dtype=float)
-    if array.ndim != 1 or array.size == 0 or not np.all(np.isfinite(array) & (array > 0)):
-        raise InputError(f"{name} = {list(np.ravel(values))} must be positive finite numbers")
-    return array

@@ -149,6 +149,10 @@ class StateTrajectory(Trajectory):
     q_curve: BPoly
     u_curve: BPoly
 
+    def __post_init__(self) -> None:
+        if not np.array_equal(self.q_curve.x, self.u_curve.x):
+            raise ValueError("q_curve and u_curve must have the same breaks")
+
     @property
     def breaks(self) -> Array:
         """Times between the polynomial pieces."""

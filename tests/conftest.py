@@ -1,0 +1,27 @@
+"""Problems that many tests start from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+import planner
+
+ROOT = Path(__file__).parents[1]
+
+settings.register_profile("planner", deadline=None, derandomize=True, max_examples=40)
+settings.load_profile("planner")
+
+
+@pytest.fixture(scope="session")
+def paper() -> planner.Problem:
+    """The paper's example as shipped."""
+    return planner.load_problem(ROOT / "problems/paper.toml")
+
+
+@pytest.fixture(scope="session")
+def unlimited(paper: planner.Problem) -> planner.Problem:
+    """The paper's example without any limit."""
+    return paper.changed({"limits": {}})

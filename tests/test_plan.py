@@ -1,0 +1,74 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import planner
+
+
+@pytest.fixture(scope="module")
+def plan(unlimited: planner.Problem) -> planner.Plan:
+    return planner.solve(unlimited.changed({"goal.travel": 0.825}), "polynomial")
+
+
+def test_round_trip_is_exact(plan: planner.Plan, tmp_path: Path) -> None:
+    back = planner.load_plan(plan.save(tmp_path / "x.json"))
+    t = np.linspace(-1, 11, 301)
+    for name in ("q", "u", "z", "v"):
+        np.testing.assert_array_equal(getattr(back, name)(t), getattr(plan, name)(t))
+    assert back.problem == plan.problem
+    for name in ("method", "status", "objective", "solve_time_s", "verified", "notes", "options"):
+        assert getattr(back, name) == getattr(plan, name)
+    second = back.save(tmp_path / "y.json")
+    assert second.read_bytes() == (tmp_path / "x.json").read_bytes()
+
+
+def test_ends_and_travel(plan: planner.Plan) -> None:
+    np.testing.assert_allclose(np.rad2deg(plan.q(0.0)[1:]), [1, 1, 1], atol=1e-9)
+    np.testing.assert_allclose(np.rad2deg(plan.q(plan.duration)[1:]), [30, 30, 30], atol=1e-9)
+    assert plan.travel == pytest.approx(0.825, abs=1e-12)
+    assert plan.executable
+    assert plan.verified
+
+
+@pytest.mark.parametrize(
+    ("edit", "says"),
+    [
+        (lambda d: d.update(format="other"), "not a plan file"),
+        (lambda d: d.update(version=99), "version 99"),
+        (lambda d: d.pop("trajectory"), "lacks trajectory"),
+        (lambda d: d["trajectory"].update(kind="spline"), "spline"),
+        (lambda d: d["trajectory"].pop("z"), "not a complete plan file"),
+        (lambda d: d["problem"]["goal"].update(travel="x"), "goal.travel"),
+    ],
+)
+def test_damaged_file_is_named(plan: planner.Plan, tmp_path: Path, edit: object, says: str) -> None:
+    path = plan.save(tmp_path / "x.json")
+    data = json.loads(path.read_text())
+    edit(data)  # type: ignore[operator]
+    path.write_text(json.dumps(data))
+    with pytest.raises(planner.InputError, match=says):
+        planner.load_plan(path)
+
+
+def test_text_that_is_no_json_is_named(tmp_path: Path) -> None:
+    (tmp_path / "x.json").write_text("hello")
+    with pytest.raises(planner.InputError, match="not JSON"):
+        planner.load_plan(tmp_path / "x.json")
+    with pytest.raises(planner.InputError, match="cannot read"):
+        planner.load_plan(tmp_path / "missing.json")
+
+
+def test_plan_goes_whole_or_not_at_all(
+    plan: planner.Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import os
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises(planner.InputError, match="No space left"):
+        plan.save(tmp_path / "x.json")
+    assert list(tmp_path.iterdir()) == []

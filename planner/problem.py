@@ -13,7 +13,7 @@ import numpy as np
 
 from planner.chained import chained_form
 from planner.errors import InputError
-from planner.schema import LimitsTable, MachineTable, MethodsTable, ProblemFile, parse_file
+from planner.schema import MachineTable, MethodsTable, ProblemFile, parse_file
 from planner.systems.base import Array, TriangularSystem
 
 
@@ -77,9 +77,14 @@ class Problem:
             system=system,
             start=tables.start_state(),
             goal=tables.goal_state(),
-            travel=None if tables.goal.travel == "free" else float(tables.goal.travel),
+            travel=tables.path_travel(),
             duration=None if tables.goal.duration == "free" else float(tables.goal.duration),
-            limits=_limits(tables.limits, tables.joint_limits()),
+            limits=Limits(
+                input=tables.limits.inputs(),
+                input_rate=tables.limits.input_rates(),
+                joint=tables.joint_limits(),
+                z2_margin=tables.limits.least_z2(),
+            ),
             methods=tables.method,
             machine=tables.machine,
             source=source,
@@ -102,6 +107,16 @@ class Problem:
             InputError: As for `from_dict`.
         """
         return Problem.from_dict(_with_changes(self.to_dict(), changes), self.source)
+
+    def with_travel(self, travel: float | None) -> Problem:
+        """This problem with another travel of the path coordinate (None: free), checked anew.
+
+        Which key says so depends on the system: `goal.travel` of arms, `goal.x_m` of vehicles.
+
+        Raises:
+            InputError: As for `from_dict`.
+        """
+        return self.changed(parse_file(self.to_dict(), self.source).travel_change(travel))
 
     @property
     def branch(self) -> Array:
@@ -158,22 +173,6 @@ def _with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str,
 
 def _plain(tables: ProblemFile) -> dict[str, Any]:
     return tables.model_dump(mode="json", by_alias=True, exclude_unset=True)
-
-
-def _limits(table: LimitsTable, joint: Array) -> Limits:
-    def pair(name: str, value: float | list[float] | None) -> Array:
-        if isinstance(value, list) and len(value) != 2:
-            raise InputError(
-                f"limits.{name} has {len(value)} values; give one, or one for each of 2 inputs"
-            )
-        return np.broadcast_to(np.asarray(np.inf if value is None else value, dtype=float), 2)
-
-    return Limits(
-        input=pair("input_rad_s", table.input_rad_s),
-        input_rate=pair("input_rate_rad_s2", table.input_rate_rad_s2),
-        joint=joint,
-        z2_margin=table.z2_margin,
-    )
 
 
 def _refuse_contradictions(problem: Problem) -> None:

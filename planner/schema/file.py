@@ -5,46 +5,33 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import Annotated, Any, Literal
 
-import numpy as np
-from pydantic import Field, field_validator
+from pydantic import Field
 
 from planner.schema.base import Table
-from planner.schema.limits import LimitsTable
+from planner.schema.limits import BaseLimits
 from planner.schema.machine import MachineTable
 from planner.schema.methods import MethodsTable
 from planner.systems.base import Array, TriangularSystem
 
-Travel = Literal["free"] | float
-MAX_TRAVEL_RAD = 8 * np.pi
+Free = Literal["free"]
 
 
 class GoalTable(Table):
     """What every goal says."""
 
-    travel: Travel = "free"
-    duration: Literal["free"] | Annotated[float, Field(gt=0)] = Field(
+    duration: Free | Annotated[float, Field(gt=0)] = Field(
         10.0, description="Duration in seconds, or 'free'."
     )
 
-    @field_validator("travel")
-    @classmethod
-    def _plausible(cls, travel: Travel) -> Travel:
-        if isinstance(travel, float | int) and abs(travel) > MAX_TRAVEL_RAD:
-            raise ValueError(
-                f"is in radians and at most {MAX_TRAVEL_RAD:.4g} either way;"
-                f" {travel:g} looks like degrees ({np.deg2rad(travel):.4g} rad)"
-            )
-        return travel
-
 
 class ProblemFile(Table):
-    """A problem file; one subclass a system kind."""
+    """A problem file; one subclass a system kind, which types the tables left open here."""
 
     title: str = Field("", description="One line that says what the problem shows.")
     system: Any
     start: Any
     goal: Any
-    limits: LimitsTable = Field(default_factory=LimitsTable)
+    limits: BaseLimits
     method: MethodsTable = Field(default_factory=MethodsTable)
     machine: MachineTable = Field(default_factory=MachineTable)
 
@@ -59,6 +46,14 @@ class ProblemFile(Table):
     @abstractmethod
     def goal_state(self) -> Array:
         """q(T), shape (N,), NaN for the path coordinate."""
+
+    @abstractmethod
+    def path_travel(self) -> float | None:
+        """q₁(T) − q₁(0), or None when free."""
+
+    @abstractmethod
+    def travel_change(self, travel: float | None) -> dict[str, Any]:
+        """The dotted key that sets this travel (None: free), and its value."""
 
     @abstractmethod
     def joint_limits(self) -> Array:

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-import numpy as np
 from pydantic import Field, model_validator
 
+from planner.schema.arm import ArmFile
 from planner.schema.base import Table
-from planner.schema.file import GoalTable, ProblemFile, Travel
-from planner.systems.base import Array
+from planner.schema.limits import LimitsTable, Positive
 from planner.systems.manipulator import Gear, Manipulator
-
-Positive = Annotated[float, Field(gt=0)]
-AngleDeg = Annotated[float, Field(gt=-90, lt=90)]
 
 
 class GearTable(Table):
@@ -72,53 +68,12 @@ class ManipulatorTable(Table):
         return Manipulator(self.K, self.k_g, self.link_lengths)
 
 
-class JointStart(Table):
-    """Where the arm starts."""
-
-    theta_deg: list[AngleDeg] = Field(description="Joint angles in degrees, each within (-90, 90).")
-    phi_rad: float = Field(0.0, description="Disk angle in radians.")
-
-
-class JointGoal(GoalTable):
-    """Where the arm ends."""
-
-    theta_deg: list[AngleDeg] = Field(description="Joint angles in degrees, each within (-90, 90).")
-    travel: Travel = Field("free", description="Change of the disk angle in radians, or 'free'.")
-
-
-class ManipulatorFile(ProblemFile):
+class ManipulatorFile(ArmFile):
     """A problem file for the manipulator."""
 
     system: ManipulatorTable
-    start: JointStart
-    goal: JointGoal
-
-    @model_validator(mode="after")
-    def _lengths(self) -> ManipulatorFile:
-        n = self.system.joints
-        for name, angles in (("start", self.start.theta_deg), ("goal", self.goal.theta_deg)):
-            if len(angles) != n:
-                raise ValueError(
-                    f"{name}.theta_deg has {len(angles)} angles but system.joints = {n}"
-                )
-        limit = self.limits.joint_deg
-        if isinstance(limit, list) and len(limit) != n:
-            raise ValueError(f"limits.joint_deg has {len(limit)} values but system.joints = {n}")
-        return self
+    limits: LimitsTable = Field(default_factory=LimitsTable)
 
     def build_system(self) -> Manipulator:
         """The system described."""
         return self.system.build()
-
-    def start_state(self) -> Array:
-        """q(0), shape (n+1,), radians."""
-        return np.array([self.start.phi_rad, *np.deg2rad(self.start.theta_deg)])
-
-    def goal_state(self) -> Array:
-        """q(T), shape (n+1,), radians; NaN first, since `travel` speaks of that coordinate."""
-        return np.array([np.nan, *np.deg2rad(self.goal.theta_deg)])
-
-    def joint_limits(self) -> Array:
-        """Largest |q|, shape (n+1,), radians; infinite where there is none."""
-        limit = np.inf if self.limits.joint_deg is None else np.deg2rad(self.limits.joint_deg)
-        return np.concatenate([[np.inf], np.broadcast_to(limit, self.system.joints)])

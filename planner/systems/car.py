@@ -18,7 +18,9 @@ class Car(TangentSystem):
     ẋ = cosθ u₁,  φ̇ = u₂,  θ̇ = (tanφ/L) u₁,  ẏ = sinθ u₁  with u₁ the speed in m/s and u₂ the
     steering rate in rad/s (R. M. Murray, S. S. Sastry, "Nonholonomic motion planning: steering
     using sinusoids", IEEE Transactions on Automatic Control 38(5), 1993). Along x:
-    θ' = tanφ/(L cosθ), y' = tanθ. Heading 90° is an edge of the chart only; steering 90° is one of the car.
+    θ' = tanφ/(L cosθ), y' = tanθ.
+
+    Heading 90° is an edge of the chart only; steering 90° is a singularity of the car.
 
     Args:
         wheelbase_m: Distance L of the axles, m.

@@ -42,7 +42,8 @@ class DomainReport:
     @property
     def singular_times_s(self) -> tuple[float, ...]:
         """All times at which the chart is singular or left, increasing."""
-        return tuple(sorted({*self.exits_s, *self.z2_crossings_s}))
+        times = sorted((*self.exits_s, *self.z2_crossings_s))
+        return tuple(t for k, t in enumerate(times) if k == 0 or t - times[k - 1] > 1e-9)
 
 
 def worst_margin(margins: Array) -> Array:

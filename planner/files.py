@@ -6,7 +6,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from planner.errors import InputError
@@ -15,12 +15,18 @@ from planner.errors import InputError
 def write_text(path: str | Path, text: str) -> Path:
     """Write a text file whole or not at all (temporary file, then rename).
 
+    A link is followed; a device or pipe (/dev/stdout) is written to as it is.
+
     Raises:
         InputError: If the folder does not exist or cannot be written, or the disk is full.
     """
-    target = Path(path)
+    refuse_unwritable(path)
+    target = Path(path).resolve()
     temporary = None
     try:
+        if target.exists() and not target.is_file():
+            target.write_text(text, encoding="utf-8")
+            return target
         handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
         with os.fdopen(handle, "w", encoding="utf-8") as stream:
             stream.write(text)
@@ -34,6 +40,47 @@ def write_text(path: str | Path, text: str) -> Path:
     return target
 
 
+def refuse_unwritable(path: str | Path) -> None:
+    """Refuse a file that `write_text` could not write, before the work that fills it.
+
+    Raises:
+        InputError: If the path is a folder, or its folder is missing, a file, or read-only.
+    """
+    target = Path(path)
+    parent = target.resolve().parent
+    if target.is_dir():
+        raise InputError(f"cannot write {target}: it is a folder; name a file in it")
+    if not parent.exists():
+        raise InputError(f"cannot write {target}: there is no folder {parent}; make it first")
+    if not parent.is_dir():
+        raise InputError(f"cannot write {target}: {parent} is a file, not a folder")
+    if not os.access(target if target.exists() else parent, os.W_OK):
+        raise InputError(f"cannot write {target}: no permission to write there")
+
+
+def refuse_unwritable_folder(path: str | Path) -> None:
+    """Refuse a folder that `folder` could not fill, before the work that fills it.
+
+    Raises:
+        InputError: If it holds something else than an earlier run, or cannot be made.
+    """
+    target = Path(path)
+    if target.is_dir():
+        if target.resolve() == Path.cwd():
+            raise InputError(f"{target} is the current folder; name another folder")
+        if any(target.iterdir()) and not (target / _MARKER).exists():
+            raise InputError(
+                f"{target} holds files that are not from an earlier run; name another folder"
+            )
+    elif target.exists():
+        raise InputError(f"{target} is a file; name a folder")
+    ground = next(p for p in target.resolve().parents if p.exists())
+    if not ground.is_dir():
+        raise InputError(f"cannot write {target}: {ground} is a file, not a folder")
+    if not os.access(ground, os.W_OK):
+        raise InputError(f"cannot write {target}: no permission to write in {ground}")
+
+
 @contextmanager
 def folder(path: str | Path) -> Iterator[Path]:
     """A folder to fill that takes the place of `path` when the block ends, and only then.
@@ -43,35 +90,34 @@ def folder(path: str | Path) -> Iterator[Path]:
     Raises:
         InputError: If `path` cannot be written or holds something else.
     """
-    target = Path(path)
-    _refuse_foreign(target)
+    refuse_unwritable_folder(path)
+    target = Path(path).resolve()
+    made = [p for p in target.parents if not p.exists()]
+    staging = None
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         staging = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}."))
-    except OSError as error:
-        raise InputError(f"cannot write {target}: {error.strerror or error}") from None
-    try:
         yield staging
         (staging / _MARKER).touch()
         os.chmod(staging, 0o777 & ~_umask())
         _swap(staging, target)
     except OSError as error:
-        raise InputError(f"cannot write {target}: {error.strerror or error}") from None
+        raise InputError(f"cannot write {path}: {error.strerror or error}") from None
     finally:
-        shutil.rmtree(staging, ignore_errors=True)
+        if staging is not None:
+            shutil.rmtree(staging, ignore_errors=True)
+        if not target.exists():
+            _remove_empty(made)
 
 
 _MARKER = ".planner"
 
 
-def _refuse_foreign(target: Path) -> None:
-    if target.is_dir():
-        if any(target.iterdir()) and not (target / _MARKER).exists():
-            raise InputError(
-                f"{target} holds files that are not from an earlier run; name another folder"
-            )
-    elif target.exists():
-        raise InputError(f"{target} is a file; name a folder")
+def _remove_empty(folders: list[Path]) -> None:
+    """Remove the folders, innermost first, as far as they are there and empty."""
+    with suppress(OSError):
+        for path in folders:
+            path.rmdir()
 
 
 def _swap(staging: Path, target: Path) -> None:
@@ -82,7 +128,7 @@ def _swap(staging: Path, target: Path) -> None:
     os.replace(target, old)
     try:
         os.replace(staging, target)
-    except OSError:
+    except BaseException:
         os.replace(old, target)
         raise
     shutil.rmtree(old, ignore_errors=True)

@@ -1,0 +1,173 @@
+"""From pydantic's errors to one plain line a key: key, value, what is allowed, nearest key."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping, Sequence
+from typing import Any, get_args
+
+from pydantic import BaseModel
+
+Path = tuple[Any, ...]
+
+_PHRASES = {
+    "literal_error": "{expected}",
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "bool_type": "true or false",
+    "string_type": "a text in quotes",
+    "list_type": "a list",
+    "tuple_type": "a list",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "greater_than": "greater than {gt:g}",
+    "greater_than_equal": "at least {ge:g}",
+    "less_than": "less than {lt:g}",
+    "less_than_equal": "at most {le:g}",
+    "too_short": "a list of at least {min_length} values, not {actual_length}",
+    "too_long": "a list of at most {max_length} values, not {actual_length}",
+}
+
+
+def explain(
+    model: type[BaseModel], data: Any, errors: Sequence[Any], at: Sequence[str] = ()
+) -> list[str]:
+    """One line a key.
+
+    Args:
+        model: What `data` was validated as.
+        data: The raw table.
+        errors: `ValidationError.errors()`.
+        at: Keys that lead to the table, for the names in the lines.
+    """
+    grouped: dict[Path, list[Any]] = {}
+    for error in errors:
+        grouped.setdefault(_path(data, error), []).append(error)
+    kept = {p: e for p, e in grouped.items() if not _told_below(p, grouped)}
+    typos = _typos(model, kept)
+    return [
+        _line(model, data, path, group, at)
+        for path, group in kept.items()
+        if group[0]["type"] != "missing" or path not in typos
+    ]
+
+
+def nearest(word: str, allowed: Sequence[str]) -> str:
+    """A sentence on what is allowed, led by the nearest match if one is near."""
+    close = _closest(word, allowed)
+    hint = f"did you mean '{close}'? " if close else ""
+    return f"{hint}allowed: {', '.join(allowed)}"
+
+
+def _closest(word: str, allowed: Sequence[str]) -> str | None:
+    found = difflib.get_close_matches(word, allowed, n=1, cutoff=0.5)
+    return found[0] if found else None
+
+
+def _path(data: Any, error: Any) -> Path:
+    """The error's location without the tags that pydantic adds for the options of a union."""
+    out: list[Any] = []
+    *parents, last = error["loc"] or (None,)
+    for part in parents:
+        if _has(data, part):
+            out.append(part)
+            data = data[part]
+    if _has(data, last) or error["type"] in ("missing", "extra_forbidden"):
+        out.append(last)
+    return tuple(out)
+
+
+def _has(data: Any, part: Any) -> bool:
+    if isinstance(data, Mapping):
+        return part in data
+    return isinstance(data, list) and isinstance(part, int) and part < len(data)
+
+
+def _told_below(path: Path, grouped: Mapping[Path, Any]) -> bool:
+    """Whether an entry of the list at `path` is at fault, so that the list as such is not."""
+    return any(len(p) > len(path) and p[: len(path)] == path for p in grouped) and all(
+        e["type"] != "value_error" for e in grouped[path]
+    )
+
+
+def _typos(model: type[BaseModel], grouped: Mapping[Path, Any]) -> set[Path]:
+    """Paths that a misspelt key beside them was meant for."""
+    unknown = [p for p, group in grouped.items() if group[0]["type"] == "extra_forbidden"]
+    meant = {p: _closest(str(p[-1]), _keys_at(model, p[:-1])) for p in unknown}
+    return {(*p[:-1], key) for p, key in meant.items() if key is not None}
+
+
+def _line(
+    model: type[BaseModel], data: Any, path: Path, group: Sequence[Any], at: Sequence[str]
+) -> str:
+    where, value = _dotted([*at, *path]), _shown(group[0]["input"])
+    match group[0]["type"]:
+        case "extra_forbidden":
+            hint = _elsewhere(model, path) or nearest(str(path[-1]), _keys_at(model, path[:-1]))
+            return f"unknown key '{where}' (value {value}); {hint}"
+        case "missing":
+            return f"missing key '{where}'"
+        case "value_error":
+            text = str(group[0]["ctx"]["error"])
+            if not where:
+                return text
+            shown = "" if isinstance(group[0]["input"], Mapping) else f" = {value}"
+            return f"'{where}'{shown}: {text}"
+    options = list(dict.fromkeys(_phrase(e) for e in group))
+    return f"'{where}' = {value}: must be {' or '.join(options)}"
+
+
+def _phrase(error: Any) -> str:
+    phrase = _PHRASES.get(error["type"])
+    if phrase is None:
+        return str(error["msg"]).replace("Input should be ", "", 1)
+    return phrase.format(**error.get("ctx", {}))
+
+
+def _dotted(parts: Sequence[Any]) -> str:
+    out = ""
+    for part in parts:
+        out += f"[{part}]" if isinstance(part, int) else f".{part}"
+    return out.lstrip(".")
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _elsewhere(model: type[BaseModel], path: Path) -> str:
+    """Where an unknown key belongs when another table has a key of exactly that name."""
+    homes = [
+        name
+        for name, table in _fields(model).items()
+        if (name,) != path[:-1] and path[-1] in _fields(_table_in(table.annotation))
+    ]
+    return f"it belongs to [{'] or ['.join(homes)}]" if homes else ""
+
+
+def _fields(model: Any) -> dict[str, Any]:
+    """The keys of a table, with aliases where a field has one."""
+    fields = getattr(model, "model_fields", {})
+    return {f.alias or name: f for name, f in fields.items()}
+
+
+def _keys_at(model: type[BaseModel], path: Path) -> list[str]:
+    """Keys of the table that `path` leads to."""
+    current: Any = model
+    for part in path:
+        if part in _fields(current):
+            current = _table_in(_fields(current)[part].annotation)
+    return list(_fields(current))
+
+
+def _table_in(annotation: Any) -> Any:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for option in get_args(annotation):
+        found = _table_in(option)
+        if found is not None:
+            return found
+    return None

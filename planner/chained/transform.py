@@ -5,7 +5,8 @@
 
 The derivatives are taken by CasADi, so the chain may have any length. Splitting off j = i+1
 gives zᵢ = aᵢ + cᵢ fᵢ₊₁(qᵢ; qᵢ₊₁ …), where aᵢ and cᵢ read only later coordinates: the inverse goes
-down the chain from q_N, and each step is one scalar equation that the system solves (`link_from_slope`).
+down the chain from q_N, and each step is one scalar equation that the system solves
+(`link_from_slope`).
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import casadi as ca
 import numpy as np
 
 from planner.systems.base import Array, TriangularSystem
+from planner.systems.evaluate import evaluate
 
 
 class ChainedForm:
@@ -45,17 +47,17 @@ class ChainedForm:
 
     def z(self, q: Array) -> Array:
         """Chained coordinates (…, N) of q (…, N); eq. (3)."""
-        return _evaluate(self._z, q)
+        return evaluate(self._z, q)
 
     def v(self, q: Array, u: Array) -> Array:
         """Chained inputs (…, 2) of inputs u (…, 2) at q (…, N); eq. (4)."""
-        drive, slope, drift = np.moveaxis(_evaluate(self._feedback, q), -1, 0)
+        drive, slope, drift = np.moveaxis(evaluate(self._feedback, q), -1, 0)
         v1 = drive * u[..., 0]
         return np.stack([v1, slope * u[..., 1] + drift * v1], axis=-1)
 
     def u(self, q: Array, v: Array) -> Array:
         """Inputs (…, 2) that give chained inputs v (…, 2) at q (…, N); infinite where singular."""
-        drive, slope, drift = np.moveaxis(_evaluate(self._feedback, q), -1, 0)
+        drive, slope, drift = np.moveaxis(evaluate(self._feedback, q), -1, 0)
         with np.errstate(divide="ignore", invalid="ignore"):
             u1 = v[..., 0] / drive
             u2 = (v[..., 1] - drift * v[..., 0]) / slope
@@ -79,11 +81,11 @@ class ChainedForm:
         margins: list[Array] = []
         for i in range(self.system.size - 2, 0, -1):
             known = np.where(np.arange(z.shape[-1]) > i, q, 0.0)
-            a, c = np.moveaxis(_evaluate(self._links[i], known), -1, 0)
+            a, c = np.moveaxis(evaluate(self._links[i], known), -1, 0)
             with np.errstate(divide="ignore", invalid="ignore"):
                 slope = (z[..., i] - a) / c
             q[..., i] = self.system.link_from_slope(i, slope, q, branch)
-            margins = [*self.system.link_margins(i, slope, q), *margins]
+            margins = [*self.system.link_margins(i, slope, q, branch), *margins]
         return q, np.stack(margins, axis=-1)
 
 
@@ -108,12 +110,3 @@ def _chain(system: TriangularSystem, q: Any) -> tuple[list[Any], dict[int, tuple
         z[i] = a + c * f[i + 1]
         links[i] = (a, c)
     return z, links
-
-
-def _evaluate(function: Any, q: Array) -> Array:
-    """Call a CasADi function of one column on every point of q (…, N)."""
-    flat = q.reshape(-1, q.shape[-1])
-    if flat.shape[0] == 0:
-        return np.zeros((*q.shape[:-1], function.size1_out(0)))
-    out = np.asarray(function(ca.DM(flat.T)))
-    return out.T.reshape(*q.shape[:-1], function.size1_out(0))

@@ -24,7 +24,7 @@ class TrailersTable(Table):
     kind: Literal["trailers"]
     wheelbase_m: Positive = Field(description="Distance of the car's axles in m.")
     trailer_lengths_m: Annotated[list[Positive], Field(min_length=1, max_length=8)] = Field(
-        description="From each hitch to the axle of the trailer behind it, in m; first trailer first."
+        description="From each hitch to the axle of the trailer behind it, in m, in order."
     )
 
 

@@ -109,7 +109,7 @@ class TriangularSystem(ABC):
         """
 
     @abstractmethod
-    def link_margins(self, i: int, slope: Array, q: Array) -> list[Array]:
+    def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
         """Signed margins of `link_from_slope` at index i, one array (…,) per label; > 0 inside."""
 
     @abstractmethod

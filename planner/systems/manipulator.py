@@ -208,7 +208,7 @@ class Manipulator(TriangularSystem):
             angle = np.arctan2(np.sqrt(1 - w), np.sqrt(w))
         return np.asarray(branch[i] * angle)
 
-    def link_margins(self, i: int, slope: Array, q: Array) -> list[Array]:
+    def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
         """(1 − w, w) with w = cos²θᵢ."""
         w = self._cos2(i, slope, q)
         return [np.asarray(1 - w), w]

@@ -45,7 +45,7 @@ class TangentSystem(TriangularSystem):
         """The angle on the given branch; it exists for every finite slope."""
         return np.asarray(np.arctan(self._tangent(i, slope, q)) + _centre(branch)[i])
 
-    def link_margins(self, i: int, slope: Array, q: Array) -> list[Array]:
+    def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
         """(cos²qᵢ,)."""
         with np.errstate(over="ignore"):
             return [np.asarray(1 / (1 + self._tangent(i, slope, q) ** 2))]

@@ -1,0 +1,232 @@
+"""A triangular system that the user gives by its functions fᵢ."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ClassVar
+
+import casadi as ca
+import numpy as np
+
+from planner.errors import InputError
+from planner.systems.base import Array, Coordinate, TriangularSystem
+from planner.systems.evaluate import evaluate
+from planner.systems.expression import parse_expression, write_expression
+from planner.systems.monotone import Function, Stretch, solve, stretch
+from planner.systems.triangular import (
+    check_intervals,
+    check_names,
+    check_structure,
+    check_turns,
+)
+
+Slopes = Callable[[Any], Sequence[Any]] | Sequence[str]
+Drive = Callable[[Any], Any] | str
+
+_INPUTS = (Coordinate("u1", ""), Coordinate("u2", ""))
+
+
+class CustomSystem(TriangularSystem):
+    """q̇₁ = γ(q) u₁,  q̇₂ = u₂,  q̇ᵢ = fᵢ(qᵢ₋₁, qᵢ, …, q_N) q̇₁  with fᵢ and γ from the user.
+
+    Each fᵢ must rise or fall strictly with qᵢ₋₁ on that coordinate's interval, or turn once; which
+    side of the turn the start lies on is the branch. The inverse chart solves one scalar equation a
+    link, by Newton's method kept safe by bisection. Unlike the other systems, this one computes its
+    numeric form from the symbolic one, so they do not check each other.
+
+    Args:
+        name: What to call it.
+        coordinates: The N ≥ 3 coordinates in triangular order; names are Python identifiers.
+        slopes: f₃ … f_N: a function from the CasADi vector q (N) to N−2 expressions, or N−2 texts
+            in the coordinates' names ("tan(theta) / cos(phi)").
+        drive: γ likewise; 1 when left out.
+        intervals: Open interval of each coordinate q₂ … q_{N−1}, by name, in its unit. Angles (unit
+            "rad") have (−π/2, π/2) when left out.
+        inputs: Names and units of u₁ and u₂.
+
+    Raises:
+        InputError: If names or counts do not fit, fᵢ reads an earlier coordinate than qᵢ₋₁ or not
+            that one, an interval is missing or empty, or fᵢ turns more than once in it.
+    """
+
+    kind: ClassVar[str] = "custom"
+
+    def __init__(
+        self,
+        name: str,
+        coordinates: Sequence[Coordinate],
+        slopes: Slopes,
+        drive: Drive = "1.0",
+        *,
+        intervals: Mapping[str, Sequence[float]] | None = None,
+        inputs: tuple[Coordinate, Coordinate] = _INPUTS,
+    ) -> None:
+        self.name = name
+        self._coordinates = check_names(name, coordinates)
+        self._inputs = (inputs[0], inputs[1])
+        self._intervals = check_intervals(name, self._coordinates, intervals or {})
+        self._slopes_text = self._texts("slopes", slopes)
+        self._drive_text = self._texts("drive", drive)[0]
+        self._build()
+
+    # -- names ---------------------------------------------------------------------------------
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """As given."""
+        return self._coordinates
+
+    @property
+    def inputs(self) -> tuple[Coordinate, Coordinate]:
+        """As given."""
+        return self._inputs
+
+    @property
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """Interval of each coordinate that a link is solved for."""
+        return {self._coordinates[i].name: pair for i, pair in self._intervals.items()}
+
+    # -- symbolic form -------------------------------------------------------------------------
+
+    def slopes_expr(self, q: Any) -> list[Any]:
+        """f₃ … f_N."""
+        return [self._parsed(f"slopes[{k}]", s, q) for k, s in enumerate(self._slopes_text)]
+
+    def drive_expr(self, q: Any) -> Any:
+        """γ."""
+        return self._parsed("drive", self._drive_text, q)
+
+    # -- numeric form --------------------------------------------------------------------------
+
+    def slopes(self, q: Array) -> Array:
+        """f₃ … f_N, shape (…, N−2), by CasADi."""
+        return evaluate(self._slopes, q)
+
+    def drive(self, q: Array) -> Array:
+        """γ, shape (…,), by CasADi."""
+        return evaluate(self._drive, q)[..., 0]
+
+    # -- the chart -----------------------------------------------------------------------------
+
+    def branch(self, q: Array) -> Array:
+        """Sign of ∂fᵢ₊₁/∂qᵢ for each link; 0 where it vanishes or qᵢ is outside its interval."""
+        out = np.ones(self.size)
+        point = np.nan_to_num(np.asarray(q, dtype=float))
+        for i, (low, high) in self._intervals.items():
+            derivative = float(evaluate(self._links[i], point)[1])
+            inside = low < point[i] < high and abs(derivative) > 1e-12
+            out[i] = np.sign(derivative) if inside else 0.0
+        return out
+
+    def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
+        """The solution on the branch's stretch of the interval; NaN where there is none."""
+        function, where, value = self._equation(i, slope, q, branch)
+        return solve(function, value, where, branch[i]).reshape(np.shape(slope))
+
+    def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
+        """Distances to the interval's ends (share of its width) and the signed ∂fᵢ₊₁/∂qᵢ.
+
+        Where no solution exists the margin that fails is minus the missing part of the slope.
+        """
+        function, where, value = self._equation(i, slope, q, branch)
+        sign, (low, high) = branch[i], self._intervals[i]
+        short_low = sign * (value - function(where.low)[0])
+        short_high = sign * (function(where.high)[0] - value)
+        x = solve(function, value, where, sign)
+        x = np.where(short_low < 0, where.low, np.where(short_high < 0, where.high, x))
+        gone = np.isnan(where.low) & ~np.isnan(value)
+        to_low, to_high = (x - low) / (high - low), (high - x) / (high - low)
+        steep = sign * function(x)[1]
+        to_low = np.where((short_low < 0) & ~where.turns_low, short_low, to_low)
+        to_high = np.where((short_high < 0) & ~where.turns_high, short_high, to_high)
+        steep = np.where((short_low < 0) & where.turns_low, short_low, steep)
+        steep = np.where((short_high < 0) & where.turns_high, short_high, steep)
+        steep = np.where(gone, -1.0, steep)
+        return [m.reshape(np.shape(slope)) for m in (to_low, to_high, steep)]
+
+    def chart_margins(self, q: Array, branch: Array) -> Array:
+        """The same margins from coordinates, shape (…, 3(N−2))."""
+        out = []
+        for i, (low, high) in self._intervals.items():
+            derivative = evaluate(self._links[i], q)[..., 1]
+            out += [(q[..., i] - low) / (high - low), (high - q[..., i]) / (high - low)]
+            out.append(branch[i] * derivative)
+        return np.stack(out, axis=-1)
+
+    @property
+    def margin_labels(self) -> tuple[tuple[int, str], ...]:
+        """Margins in the order of `chart_margins`."""
+        labels = []
+        for i, (low, high) in self._intervals.items():
+            this, following = self._coordinates[i].name, self._coordinates[i + 1].name
+            labels.append((i, f"distance of {this} from {low:.6g}, share of its interval"))
+            labels.append((i, f"distance of {this} from {high:.6g}, share of its interval"))
+            labels.append((i, f"derivative of the slope of {following} by {this}"))
+        return tuple(labels)
+
+    def _equation(
+        self, i: int, slope: Array, q: Array, branch: Array
+    ) -> tuple[Function, Stretch, Array]:
+        value = np.ravel(np.asarray(slope, dtype=float))
+        points = np.where(np.arange(self.size) > i, q, 0.0).reshape(-1, self.size)
+
+        def function(x: Array) -> tuple[Array, Array]:
+            points[:, i] = x
+            f, derivative = evaluate(self._links[i], points).T
+            return f, derivative
+
+        low, high = self._intervals[i]
+        return function, stretch(function, low, high, branch[i], len(value)), value
+
+    # -- construction --------------------------------------------------------------------------
+
+    def _symbols(self, q: Any) -> dict[str, Any]:
+        return {c.name: q[i] for i, c in enumerate(self._coordinates)}
+
+    def _parsed(self, what: str, text: str, q: Any) -> Any:
+        return parse_expression(text, self._symbols(q), f"{self.name}: {what}")
+
+    def _texts(self, what: str, given: Any) -> list[str]:
+        """The texts of what was given as functions or texts; the system is built from these."""
+        symbols = [ca.SX.sym(c.name) for c in self._coordinates]
+        made = given(ca.vertcat(*symbols)) if callable(given) else given
+        parts = [made] if what == "drive" else list(made)
+        if what == "slopes" and len(parts) != self.size - 2:
+            raise InputError(
+                f"{self.name}: {self.size} coordinates need {self.size - 2} slopes,"
+                f" not {len(parts)}"
+            )
+        where = f"{self.name}: {what}"
+        return [p if isinstance(p, str) else write_expression(p, where) for p in parts]
+
+    def _build(self) -> None:
+        q = ca.SX.sym("q", self.size)
+        slopes = [ca.SX(s) for s in self.slopes_expr(q)]
+        self._slopes = ca.Function("slopes", [q], [ca.vertcat(*slopes)])
+        self._drive = ca.Function("drive", [q], [ca.SX(self.drive_expr(q))])
+        self._links = {
+            i: ca.Function(
+                f"link{i}",
+                [q],
+                [ca.densify(ca.vertcat(slopes[i - 1], ca.jacobian(slopes[i - 1], q[i])))],
+            )
+            for i in range(1, self.size - 1)
+        }
+        check_structure(self.name, self._coordinates, slopes, q)
+        check_turns(self.name, self._coordinates, self._intervals, self._links)
+
+    # -- identity ------------------------------------------------------------------------------
+
+    def to_dict(self) -> dict[str, Any]:
+        """The `[system]` table."""
+        return {
+            "kind": self.kind,
+            "name": self.name,
+            "coordinates": [c.name for c in self._coordinates],
+            "units": [c.unit for c in self._coordinates],
+            "slopes": list(self._slopes_text),
+            "drive": self._drive_text,
+            "intervals": {name: list(pair) for name, pair in self.intervals.items()},
+            "inputs": [c.name for c in self._inputs],
+            "input_units": [c.unit for c in self._inputs],
+        }

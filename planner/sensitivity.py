@@ -1,0 +1,215 @@
+"""How errors of inputs, start and constants reach the end of an open-loop plan.
+
+First-order sensitivities S(t) = ∂q(t)/∂p follow Ṡ = A S + ∂f/∂p along the plan (H. K. Khalil,
+Nonlinear Systems, 3rd ed., section 3.3), with A = ∂f/∂q. Parameters p:
+
+    gain u1, gain u2        relative gain errors: uᵢ becomes (1 + p) uᵢ
+    bias u1, bias u2        added to uᵢ, in its unit
+    delay u1, delay u2      the input arrives p seconds late (and then ends p seconds late)
+    start <coordinate>      offset of the start, in the coordinate's unit
+    <constant>              relative error of a constant of the system (K2 … Kn, manipulator)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.extrema import sample_times
+from planner.plan import Plan
+from planner.systems.ballgear import BallGear
+from planner.systems.base import Array, TriangularSystem
+from planner.systems.manipulator import Manipulator
+
+PAPER_SPREAD: Mapping[str, float] = {"gain": 0.01, "start": float(np.deg2rad(0.5))}
+"""The spread the package compares plans by: 1 % input gains and 0.5° at every starting angle."""
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Sensitivities of one plan.
+
+    Attributes:
+        plan: The plan.
+        t: Times (m,), seconds.
+        along: S(t), shape (m, N, P): change of coordinate i for a unit of parameter j.
+        parameters: Names of the P parameters, in order.
+        units: Units of the parameters ("1" for relative errors).
+    """
+
+    plan: Plan
+    t: Array
+    along: Array
+    parameters: tuple[str, ...]
+    units: tuple[str, ...]
+
+    @property
+    def terminal(self) -> Array:
+        """S(T), shape (N, P)."""
+        return np.asarray(self.along[-1])
+
+    def entry(self, coordinate: str, parameter: str) -> float:
+        """One entry of S(T) by names.
+
+        Raises:
+            InputError: If a name is unknown; lists the known ones.
+        """
+        names = [c.name for c in self.plan.problem.system.coordinates]
+        for name, known in ((coordinate, names), (parameter, list(self.parameters))):
+            if name not in known:
+                raise InputError(f"unknown name '{name}'; known: {', '.join(known)}")
+        row, column = names.index(coordinate), self.parameters.index(parameter)
+        return float(self.terminal[row, column])
+
+    def total_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> float:
+        """Root sum of squares over all joints and parameters, in degrees.
+
+        Args:
+            spread: Standard deviation of each parameter by its name, or of a family by its first
+                word ("gain", "bias", "delay", "start"); what is not named has none.
+        """
+        return self._rss(spread, np.ones_like(self.terminal, dtype=bool))
+
+    def floor_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> float:
+        """The part of `total_deg` that no open-loop plan between the same ends can change."""
+        return self._rss(spread, self.irreducible)
+
+    def passive_block_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> float:
+        """Response of θ₂ … θₙ to the start of θ₁ and the gain of u₂, root sum of squares, degrees.
+
+        Only the path decides it, so it is the measure by which desensitised plans are compared.
+        """
+        mask = np.zeros_like(self.terminal, dtype=bool)
+        first = self.plan.problem.system.coordinates[1].name
+        second = self.plan.problem.system.inputs[1].name
+        for name in (f"start {first}", f"gain {second}"):
+            mask[2:, self.parameters.index(name)] = True
+        return self._rss(spread, mask)
+
+    @property
+    def irreducible(self) -> NDArray[np.bool_]:
+        """Mask (N, P) of the entries of S(T) that start and goal alone decide.
+
+        A coordinate's rate does not read the coordinate itself (q₂, and every θᵢ of the arms), so
+        its own start offset arrives whole; the gain of u₂ meets q₂ alone with its travel; a joint's
+        own constant, and for the first passive joint the gain of u₁, scale its travel.
+        """
+        return _irreducible(self.plan.problem.system, self.parameters)
+
+    def _rss(self, spread: Mapping[str, float], mask: NDArray[np.bool_]) -> float:
+        sigma = np.array([spread.get(p, spread.get(p.split()[0], 0.0)) for p in self.parameters])
+        units = [c.unit for c in self.plan.problem.system.coordinates]
+        angles = np.array([k > 0 and unit == "rad" for k, unit in enumerate(units)])
+        response = np.where(mask, self.terminal, 0.0)[angles] * sigma
+        return float(np.rad2deg(np.sqrt(np.sum(response**2))))
+
+
+def sensitivity(plan: Plan, samples: int = 2000) -> Sensitivity:
+    """First-order sensitivity of an executable plan, along it and at its end.
+
+    Args:
+        plan: Any executable plan.
+        samples: About how many integration steps to take; they crowd where inputs are steep.
+
+    Raises:
+        InputError: If the plan cannot be executed.
+    """
+    if not plan.executable:
+        raise InputError(
+            f"the {plan.method} plan leaves the chart's domain, so it has no inputs to perturb"
+        )
+    system = plan.problem.system
+    names, units = _parameters(system)
+    t = np.unique(sample_times(plan.t, samples))
+    S = np.zeros((len(t), system.size, len(names)))
+    first = names.index(f"start {system.coordinates[0].name}")
+    S[0, :, first : first + system.size] = np.eye(system.size)
+    ends = np.where(np.isin(t[1:], plan.t[1:-1]), np.nextafter(t[1:], 0.0), t[1:])
+    left, middle, right = (_linearised(plan, at) for at in (t[:-1], (t[:-1] + t[1:]) / 2, ends))
+    for k, h in enumerate(np.diff(t)):
+        S[k + 1] = _runge_kutta(S[k], h, *((A[k], B[k]) for A, B in (left, middle, right)))
+    return Sensitivity(plan, t, S, names, units)
+
+
+Linear = tuple[Array, Array]
+
+
+def _runge_kutta(S: Array, h: float, start: Linear, middle: Linear, end: Linear) -> Array:
+    """One classical step of Ṡ = A S + B with A, B given at its start, middle and end."""
+    k1 = start[0] @ S + start[1]
+    k2 = middle[0] @ (S + h / 2 * k1) + middle[1]
+    k3 = middle[0] @ (S + h / 2 * k2) + middle[1]
+    k4 = end[0] @ (S + h * k3) + end[1]
+    return np.asarray(S + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4))
+
+
+def _linearised(plan: Plan, t: Array) -> Linear:
+    """A (m, N, N) and B (m, N, P) at the times t (m,)."""
+    system = plan.problem.system
+    size = system.size
+    out = np.asarray(_derivatives(system)(plan.q(t).T, plan.u(t).T))
+    # one block of columns a time, as CasADi maps over horizontally repeated arguments
+    blocks = out.reshape(size, len(t), -1).transpose(1, 0, 2)
+    return blocks[:, :, :size], blocks[:, :, size:]
+
+
+def _parameters(system: TriangularSystem) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    u = system.inputs
+    named = [
+        *((f"gain {i.name}", "1") for i in u),
+        *((f"bias {i.name}", i.unit) for i in u),
+        *((f"delay {i.name}", "s") for i in u),
+        *((f"start {c.name}", c.unit) for c in system.coordinates),
+        *((f"K{i}", "1") for i in range(2, _geared(system) + 2)),
+    ]
+    return tuple(name for name, _ in named), tuple(unit for _, unit in named)
+
+
+def _geared(system: TriangularSystem) -> int:
+    """Number of gear constants Kᵢ."""
+    return system.n - 1 if isinstance(system, Manipulator | BallGear) else 0
+
+
+@lru_cache(maxsize=32)
+def _derivatives(system: TriangularSystem) -> Any:
+    """CasADi function (q, u) → [A, B] side by side, columns in the order of `_parameters`.
+
+    A late input uᵢ(t − p) acts through the Lie bracket alone: after integrating −u̇ᵢ gᵢ by parts
+    the forcing is u₁u₂[gⱼ, gᵢ], j ≠ i, which has no derivative of the input and needs no care at
+    its jumps.
+    """
+    q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
+    f = ca.vertcat(*system.rates_expr(q, u))
+    A = ca.jacobian(f, q)
+    g1, g2 = (ca.jacobian(f, u)[:, i] for i in range(2))
+    bracket = ca.jacobian(g2, q) @ g1 - ca.jacobian(g1, q) @ g2  # [g1, g2]
+    late = u[0] * u[1] * bracket
+    constants = []
+    for i in range(_geared(system)):
+        row = ca.SX(system.size, 1)
+        row[i + 2] = f[i + 2]
+        constants.append(row)
+    start = ca.SX(system.size, system.size)
+    B = ca.horzcat(g1 * u[0], g2 * u[1], g1, g2, -late, late, start, *constants)
+    return ca.Function("derivatives", [q, u], [ca.densify(ca.horzcat(A, B))])
+
+
+def _irreducible(system: TriangularSystem, names: tuple[str, ...]) -> NDArray[np.bool_]:
+    mask = np.zeros((system.size, len(names)), dtype=bool)
+    mask[1, names.index(f"gain {system.inputs[1].name}")] = True
+    mask[1, names.index(f"bias {system.inputs[1].name}")] = True
+    first = names.index(f"start {system.coordinates[0].name}")
+    mask[1, first + 1] = True
+    if isinstance(system, Manipulator | BallGear):
+        for i in range(2, system.size):
+            mask[i, first + i] = True
+            mask[i, names.index(f"K{i}")] = True
+        mask[2, names.index(f"gain {system.inputs[0].name}")] = True
+    return mask

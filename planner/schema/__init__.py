@@ -8,6 +8,7 @@ from planner.errors import InputError
 from planner.schema.ballgear import BallGearFile
 from planner.schema.base import nearest, parse
 from planner.schema.car import CarFile
+from planner.schema.custom import CustomFile
 from planner.schema.file import ProblemFile
 from planner.schema.limits import LimitsTable
 from planner.schema.machine import MachineTable
@@ -22,6 +23,7 @@ FILES: dict[str, type[ProblemFile]] = {
     "unicycle": UnicycleFile,
     "car": CarFile,
     "trailers": TrailersFile,
+    "custom": CustomFile,
 }
 
 __all__ = [

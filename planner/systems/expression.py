@@ -12,9 +12,10 @@ import numpy as np
 
 from planner.errors import InputError
 
+_NAMES = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh")
+
 FUNCTIONS: dict[str, Callable[..., Any]] = {
-    name: getattr(ca, name)
-    for name in "sin cos tan asin acos atan atan2 sinh cosh tanh exp log sqrt fabs".split()
+    name: getattr(ca, name) for name in (*_NAMES, "exp", "log", "sqrt", "fabs")
 }
 """Functions an expression may call."""
 

@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -27,6 +26,7 @@ from planner.plan import Plan
 from planner.systems.ballgear import BallGear
 from planner.systems.base import Array, TriangularSystem
 from planner.systems.manipulator import Manipulator
+from planner.systems.pointwise import Pointwise
 
 PAPER_SPREAD: Mapping[str, float] = {"gain": 0.01, "start": float(np.deg2rad(0.5))}
 """The spread the package compares plans by: 1 % input gains and 0.5° at every starting angle."""
@@ -154,10 +154,8 @@ def _linearised(plan: Plan, t: Array) -> Linear:
     """A (m, N, N) and B (m, N, P) at the times t (m,)."""
     system = plan.problem.system
     size = system.size
-    out = np.asarray(_derivatives(system)(plan.q(t).T, plan.u(t).T))
-    # one block of columns a time, as CasADi maps over horizontally repeated arguments
-    blocks = out.reshape(size, len(t), -1).transpose(1, 0, 2)
-    return blocks[:, :, :size], blocks[:, :, size:]
+    out = _derivatives(system)(plan.q(t), plan.u(t))
+    return out[:, :, :size], out[:, :, size:]
 
 
 def _parameters(system: TriangularSystem) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -178,8 +176,8 @@ def _geared(system: TriangularSystem) -> int:
 
 
 @lru_cache(maxsize=32)
-def _derivatives(system: TriangularSystem) -> Any:
-    """CasADi function (q, u) → [A, B] side by side, columns in the order of `_parameters`.
+def _derivatives(system: TriangularSystem) -> Pointwise:
+    """(q, u) → [A, B] side by side, columns in the order of `_parameters`.
 
     A late input uᵢ(t − p) acts through the Lie bracket alone: after integrating −u̇ᵢ gᵢ by parts
     the forcing is u₁u₂[gⱼ, gᵢ], j ≠ i, which has no derivative of the input and needs no care at
@@ -198,7 +196,7 @@ def _derivatives(system: TriangularSystem) -> Any:
         constants.append(row)
     start = ca.SX(system.size, system.size)
     B = ca.horzcat(g1 * u[0], g2 * u[1], g1, g2, -late, late, start, *constants)
-    return ca.Function("derivatives", [q, u], [ca.densify(ca.horzcat(A, B))])
+    return Pointwise("derivatives", [q, u], ca.horzcat(A, B))
 
 
 def _irreducible(system: TriangularSystem, names: tuple[str, ...]) -> NDArray[np.bool_]:

@@ -41,7 +41,7 @@ def _perturbed(plan: planner.Plan, name: str, size: float) -> np.ndarray:
         return system.rates(q, u * gain + bias * (t <= plan.duration))
 
     end = plan.duration + (0.01 if word == "delay" else 0.0)
-    options = {"rtol": 1e-10, "atol": 1e-13, "max_step": 0.05}
+    options = {"rtol": 1e-9, "atol": 1e-12, "max_step": 0.5}
     motion = solve_ivp(rates, (0, plan.duration), q0, "DOP853", **options)
     q = motion.y[:, -1]
     if end > plan.duration:

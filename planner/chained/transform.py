@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from planner.systems.base import Array, TriangularSystem
-from planner.systems.evaluate import evaluate
+from planner.systems.pointwise import Pointwise
 
 
 class ChainedForm:
@@ -34,30 +34,28 @@ class ChainedForm:
         gradient = ca.jacobian(z[1], q)
         slopes = ca.vertcat(*system.slopes_expr(q))
         drift = gradient[0, 2:] @ slopes
-        self._z = ca.Function("z", [q], [ca.vertcat(*z)])
-        self._links = {
-            i: ca.Function(f"link{i}", [q], [ca.vertcat(*ac)]) for i, ac in links.items()
-        }
+        self._z = Pointwise("z", [q], ca.vertcat(*z))
+        self._links = {i: Pointwise(f"link{i}", [q], ca.vertcat(*ac)) for i, ac in links.items()}
         feedback = ca.vertcat(system.drive_expr(q), gradient[0, 1], drift)
-        self._feedback = ca.Function("feedback", [q], [feedback])
+        self._feedback = Pointwise("feedback", [q], feedback)
 
     def z_expr(self, q: Any) -> Any:
         """Chained coordinates as a CasADi expression in q (N)."""
-        return self._z(q)
+        return self._z.function(q)
 
     def z(self, q: Array) -> Array:
         """Chained coordinates (…, N) of q (…, N); eq. (3)."""
-        return evaluate(self._z, q)
+        return self._z(q)
 
     def v(self, q: Array, u: Array) -> Array:
         """Chained inputs (…, 2) of inputs u (…, 2) at q (…, N); eq. (4)."""
-        drive, slope, drift = np.moveaxis(evaluate(self._feedback, q), -1, 0)
+        drive, slope, drift = np.moveaxis(self._feedback(q), -1, 0)
         v1 = drive * u[..., 0]
         return np.stack([v1, slope * u[..., 1] + drift * v1], axis=-1)
 
     def u(self, q: Array, v: Array) -> Array:
         """Inputs (…, 2) that give chained inputs v (…, 2) at q (…, N); infinite where singular."""
-        drive, slope, drift = np.moveaxis(evaluate(self._feedback, q), -1, 0)
+        drive, slope, drift = np.moveaxis(self._feedback(q), -1, 0)
         with np.errstate(divide="ignore", invalid="ignore"):
             u1 = v[..., 0] / drive
             u2 = (v[..., 1] - drift * v[..., 0]) / slope
@@ -81,7 +79,7 @@ class ChainedForm:
         margins: list[Array] = []
         for i in range(self.system.size - 2, 0, -1):
             known = np.where(np.arange(z.shape[-1]) > i, q, 0.0)
-            a, c = np.moveaxis(evaluate(self._links[i], known), -1, 0)
+            a, c = np.moveaxis(self._links[i](known), -1, 0)
             with np.errstate(divide="ignore", invalid="ignore"):
                 slope = (z[..., i] - a) / c
             q[..., i] = self.system.link_from_slope(i, slope, q, branch)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from planner.duration import refuse_too_short
 from planner.errors import InputError, VerificationError
 from planner.methods import METHODS, Method
 from planner.plan import Plan
@@ -30,15 +31,21 @@ def solve(problem: Problem, method: str = "collocation", **options: Any) -> Plan
         NoPlanError: If no plan is found, or the one found breaks a requirement; its subclasses say
             which, and it carries the last iterate and what that breaks.
     """
+    return solve_and_check(problem, method, **options)[0]
+
+
+def solve_and_check(problem: Problem, method: str, **options: Any) -> tuple[Plan, Check]:
+    """As `solve`, with what the verification found."""
     entry = find_method(method)
     table = merged_options(problem, entry, options)
+    refuse_too_short(problem)
     plan = entry.plan(problem, table)
-    if plan.status == "singular":
-        return plan
     check = verify(plan)
+    if plan.status == "singular":
+        return plan, check
     if not check.ok:
         raise _refusal(plan, check)
-    return replace(plan, verified=True)
+    return replace(plan, verified=True), check
 
 
 def find_method(name: str) -> Method:

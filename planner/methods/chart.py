@@ -60,6 +60,8 @@ def fit_duration(problem: Problem, trajectory: Trajectory) -> Trajectory:
     factor = float(np.max(peak_inputs(trajectory) / limits.input))
     if np.any(np.isfinite(limits.input_rate)):
         factor = max(factor, float(np.sqrt(np.max(peak_rates(trajectory) / limits.input_rate))))
+    if not np.isfinite(factor):  # outside the domain, which is for the caller to refuse
+        return trajectory
     return trajectory.slowed(factor * (1 + 1e-9))
 
 

@@ -1,0 +1,197 @@
+"""Is there a plan, of what kind, and if not, why and what would make one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from planner.domain import DomainReport
+from planner.duration import DurationBound, least_duration
+from planner.ends import End, chart_ends_report
+from planner.errors import InputError, NoPlanError
+from planner.methods import METHODS
+from planner.problem import Problem
+from planner.reachability import TravelWindow, travel_window
+from planner.remedy import Progress, Remedy, attempt, find_remedy
+from planner.solve import find_method, solve
+
+
+@dataclass(frozen=True)
+class Reversal:
+    """Whether the path coordinate has to turn back: "needed", "not needed" or "open", and why."""
+
+    verdict: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """What `check` finds.
+
+    Attributes:
+        problem: What was examined.
+        ends: The start and the goal in the chart.
+        window: Travels a one-way motion can have; None where no window is known.
+        reversal: Whether the path coordinate must turn back.
+        duration_bound: Time below which no plan exists.
+        plain_polynomial: Where the polynomial without points leaves the chart's domain and z₂
+            crosses zero, and the travel this was found for; None when it stays inside.
+        outcomes: For each method its summary, see `planner.summary.KEYS`.
+        remedy: When no method has a plan, a change that gives one, if one was found.
+    """
+
+    problem: Problem
+    ends: tuple[End, End]
+    window: TravelWindow | None
+    reversal: Reversal
+    duration_bound: DurationBound
+    plain_polynomial: tuple[float, DomainReport] | None
+    outcomes: tuple[dict[str, Any], ...]
+    remedy: Remedy | None
+
+    @property
+    def has_plan(self) -> bool:
+        """Whether at least one method has a verified plan."""
+        return any(o["verified"] for o in self.outcomes)
+
+    @property
+    def proven_impossible(self) -> bool:
+        """Whether it is shown that no plan of any kind exists."""
+        duration = self.problem.duration
+        return duration is not None and duration < self.duration_bound.seconds * (1 - 1e-9)
+
+    @property
+    def verdict(self) -> str:
+        """One or two sentences."""
+        if self.has_plan:
+            kinds = [_kind(o) for o in self.outcomes if o["verified"]]
+            return f"There is a plan: {'; '.join(kinds)}."
+        if self.proven_impossible:
+            text = f"No plan of any kind exists: {self.duration_bound.reason}."
+        else:
+            text = "No plan was found; this alone does not show that none exists."
+        return text if self.remedy is None else f"{text} Change {self.remedy}."
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready form (NaN where undefined)."""
+        system = self.problem.system
+        return {
+            "problem": self.problem.name,
+            "verdict": self.verdict,
+            "has_plan": self.has_plan,
+            "proven_impossible": self.proven_impossible,
+            "constants": system.to_dict() | {"k_g_rule": getattr(system, "k_g_rule", None)},
+            "ends": {end.name: end.to_dict() for end in self.ends},
+            "travel_window": _window_dict(self.problem, self.window),
+            "reversal": {"verdict": self.reversal.verdict, "reason": self.reversal.reason},
+            "least_duration_s": self.duration_bound.seconds,
+            "least_duration_reason": self.duration_bound.reason,
+            "plain_polynomial": _polynomial_dict(self.plain_polynomial),
+            "methods": list(self.outcomes),
+            "remedy": None if self.remedy is None else self.remedy.to_dict(),
+        }
+
+
+def check(
+    problem: Problem, methods: Sequence[str] | None = None, progress: Progress | None = None
+) -> Analysis:
+    """Examine a problem and try the methods on it.
+
+    Args:
+        problem: What to examine.
+        methods: Names to try; every method of the registry when left out.
+        progress: Called with a line of text before each step that may take time.
+
+    Raises:
+        InputError: If a method is unknown.
+    """
+    say = progress or (lambda _: None)
+    names = list(METHODS) if methods is None else [find_method(m).name for m in methods]
+    window = travel_window(problem)
+    outcomes = []
+    for name in names:
+        say(f"trying {name}")
+        outcomes.append(attempt(problem, name))
+    say("looking at the plain polynomial")
+    singular = any(o["method"] == "polynomial" and o["status"] == "singular" for o in outcomes)
+    found = any(o["verified"] for o in outcomes)
+    return Analysis(
+        problem=problem,
+        ends=chart_ends_report(problem),
+        window=window,
+        reversal=_reversal(problem, window, outcomes),
+        duration_bound=least_duration(problem),
+        plain_polynomial=_plain_polynomial(problem, window) if singular else None,
+        outcomes=tuple(outcomes),
+        remedy=None if found else find_remedy(problem, names, say),
+    )
+
+
+def _reversal(
+    problem: Problem, window: TravelWindow | None, outcomes: list[dict[str, Any]]
+) -> Reversal:
+    one_way = [o["method"] for o in outcomes if o["verified"] and o["direction"] == "one way"]
+    if one_way:
+        return Reversal("not needed", f"the {one_way[0]} plan moves one way")
+    if window is None:
+        return Reversal("open", "no travel window is known for this system")
+    if window.empty:
+        return Reversal("needed", window.reason)
+    if problem.travel is not None and problem.travel not in window:
+        return Reversal("needed", "the travel lies outside the window of one-way motions")
+    if window.exact:
+        return Reversal("not needed", "one-way motions exist, if limits on inputs and joints allow")
+    return Reversal("open", "the window is only a necessary condition for more than 3 joints")
+
+
+def _plain_polynomial(
+    problem: Problem, window: TravelWindow | None
+) -> tuple[float, DomainReport] | None:
+    """The domain report of the polynomial without points, when it is singular."""
+    travel = problem.travel
+    if travel is None and window is not None and not window.empty and np.isfinite(window.high):
+        travel = float(window.low + window.high) / 2
+    if travel is None:
+        return None
+    changes = {"goal.travel": travel, "limits": {}, "goal.duration": problem.duration or 1.0}
+    try:
+        plan = solve(problem.changed(changes), "polynomial", points=[], allow_singular=True)
+    except (InputError, NoPlanError):
+        return None
+    return (travel, plan.domain) if plan.status == "singular" else None
+
+
+def _kind(outcome: dict[str, Any]) -> str:
+    where = "inside the chart" if outcome["domain_ok"] else "through the edge of the chart"
+    return f"{outcome['method']} ({outcome['direction']}, {where})"
+
+
+def _window_dict(problem: Problem, window: TravelWindow | None) -> dict[str, Any] | None:
+    if window is None:
+        return None
+    inside = None if problem.travel is None else problem.travel in window
+    return {
+        "low_rad": window.low,
+        "high_rad": window.high,
+        "exact": window.exact,
+        "empty_because": window.reason or None,
+        "travel_rad": problem.travel,
+        "travel_inside": inside,
+    }
+
+
+def _polynomial_dict(found: tuple[float, DomainReport] | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    travel, report = found
+    return {
+        "travel_rad": travel,
+        "z2_crossings_s": list(report.z2_crossings_s),
+        "exits_s": list(report.exits_s),
+        "domain_margin": report.margin,
+        "domain_margin_time_s": report.time_s,
+        "domain_margin_label": report.label,
+    }

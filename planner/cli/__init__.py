@@ -1,0 +1,132 @@
+"""The command `planner`.
+
+Exit status: 0 done; 2 bad input; 3 no plan; 1 a bug; 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+import typer
+
+from planner import __version__
+from planner.cli.check import check
+from planner.cli.compare import compare
+from planner.cli.lists import methods, schema, systems
+from planner.cli.output import print_json, say, watch_interrupts
+from planner.cli.plan import plan
+from planner.errors import PlannerError
+
+__all__ = ["app", "main"]
+
+INTERRUPTED = 130
+
+# Typer brings its own copy of click in some versions; this is the base of usage errors in all.
+UsageError: type[Exception] = typer.BadParameter.__mro__[1]
+
+app = typer.Typer(
+    name="planner",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"planner {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _top(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True)
+    ] = False,
+    debug: Annotated[
+        bool, typer.Option("--debug", help="Show the traceback of a bug.", envvar="PLANNER_DEBUG")
+    ] = False,
+) -> None:
+    """Plan motions of nonholonomic manipulators, and see which survive a real machine.
+
+    Exit status: 0 done; 2 bad input; 3 no plan exists or none was found; 1 a bug.
+    """
+
+
+for _command in (plan, check, compare, methods, systems, schema):
+    app.command()(_command)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Args:
+        arguments: Words after `planner`; those of the process when left out.
+
+    Returns:
+        The exit status.
+    """
+    words = sys.argv[1:] if arguments is None else list(arguments)
+    try:
+        with watch_interrupts():
+            return _run(words)
+    except BrokenPipeError:  # the reader has gone (planner schema | head)
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (closed by the interpreter at exit)
+        return 0
+
+
+def _run(words: list[str]) -> int:
+    as_json = "--json" in words
+    try:
+        command = typer.main.get_command(app)
+        status = command.main(words, prog_name="planner", standalone_mode=False)
+        if status == INTERRUPTED:
+            raise KeyboardInterrupt
+        return int(status or 0)
+    except PlannerError as error:
+        kind = getattr(error, "status", "bad_input")
+        return _refuse(as_json, error.exit_status, kind, str(error))
+    except UsageError as error:
+        return _usage(as_json, error)
+    except (KeyboardInterrupt, typer.Abort):
+        return _refuse(as_json, INTERRUPTED, "interrupted", "interrupted, nothing written")
+    except BrokenPipeError:
+        raise
+    except Exception as error:
+        return _bug(as_json, words, error)
+
+
+def _refuse(as_json: bool, status: int, kind: str, message: str) -> int:
+    if as_json:
+        try:
+            print_json({"status": kind, "error": message, "exit_status": status})
+        except PlannerError as error:
+            message = str(error)
+    say(f"planner: {message}", "" if status == INTERRUPTED else "red")
+    return status
+
+
+def _usage(as_json: bool, error: Any) -> int:
+    if as_json:
+        print_json({"status": "bad_input", "error": error.format_message(), "exit_status": 2})
+    error.show(file=sys.stderr)
+    return 2
+
+
+def _bug(as_json: bool, words: list[str], error: Exception) -> int:
+    if "--debug" in words or os.environ.get("PLANNER_DEBUG"):
+        traceback.print_exception(error)
+    message = (
+        f"a bug in planner {__version__}: {type(error).__name__}: {error}. Please report it with"
+        " the problem file and this command; `planner --debug ...` shows the traceback."
+    )
+    return _refuse(as_json, 1, "bug", message)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

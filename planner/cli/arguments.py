@@ -1,0 +1,126 @@
+"""Options that commands share, and what becomes of them."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from planner.cli.output import say
+from planner.errors import InputError
+from planner.methods import METHODS
+from planner.problem import Problem, load_problem
+from planner.solve import find_method
+
+ProblemPath = Annotated[
+    Path, typer.Argument(metavar="PROBLEM", help="A problem file (TOML).", show_default=False)
+]
+Changes = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Change a key of the problem file, as in goal.travel=0.8; repeatable. The value is"
+        " TOML; a bare word is a text.",
+        show_default=False,
+    ),
+]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object on standard output, nothing else.")
+]
+MethodNames = Annotated[
+    str | None,
+    typer.Option(
+        "--methods", metavar="A,B,C", help="Methods to try; all when left out.", show_default=False
+    ),
+]
+
+RADIAN_LIKE_DEG = 1.6
+"""Angles all below this many degrees look like radians (a quarter turn is 1.57)."""
+
+_BARE = re.compile(r"[A-Za-z_][\w.+-]*")
+
+
+def read_problem(path: Path, changes: list[str] | None) -> Problem:
+    """The problem with `--set` applied; warns on standard error of what looks like a slip.
+
+    Raises:
+        InputError: For anything wrong with file or changes.
+    """
+    parsed = parse_changes(changes or [])
+    try:
+        problem = load_problem(path, parsed)
+    except InputError as error:
+        guilty = [key for key in parsed if _mentions(str(error), key)]
+        note = f"\n(from --set: {', '.join(guilty)})" if guilty else ""
+        raise InputError(f"{error}{note}") from None
+    for warning in suspicions(problem):
+        say(f"warning: {path}: {warning}", "yellow")
+    return problem
+
+
+def parse_changes(pairs: list[str]) -> dict[str, Any]:
+    """Keys and values of `--set key=value`.
+
+    Raises:
+        InputError: If one is not of that form or its value is not TOML.
+    """
+    out: dict[str, Any] = {}
+    for pair in pairs:
+        key, equals, text = pair.partition("=")
+        key, text = key.strip(), text.strip()
+        if not equals or not text or not all(part.strip() for part in key.split(".")):
+            raise InputError(f"--set {pair}: write it as key=value, as in --set goal.travel=0.8")
+        out[key] = _value(pair, text)
+    return out
+
+
+def parse_methods(text: str | None) -> list[str]:
+    """Names of `--methods a,b,c`, each once; every method when left out.
+
+    Raises:
+        InputError: If one is unknown, or none is named.
+    """
+    if text is None:
+        return list(METHODS)
+    names = list(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
+    if not names:
+        raise InputError(f"--methods {text!r} names no method; allowed: {', '.join(METHODS)}")
+    return [find_method(name).name for name in names]
+
+
+def suspicions(problem: Problem) -> list[str]:
+    """One line for each thing that is legal and yet looks like a slip."""
+    coordinates = problem.system.coordinates
+    angular = [i for i in problem.system.limited if coordinates[i].unit == "rad"]
+    largest = np.rad2deg(np.max(np.abs([problem.start[angular], problem.goal[angular]]), initial=0))
+    if 0 < largest < RADIAN_LIKE_DEG:
+        return [
+            f"all angles of start and goal are below {RADIAN_LIKE_DEG} degrees; if they are meant"
+            " in radians, write them in degrees"
+        ]
+    return []
+
+
+def _mentions(message: str, key: str) -> bool:
+    parts = key.split(".")
+    names = {".".join(parts[:k]) for k in range(1, len(parts) + 1)} | {parts[-1]}
+    return any(re.search(rf"(?<![\w]){re.escape(name)}(?![\w])", message) for name in names)
+
+
+def _value(pair: str, text: str) -> Any:
+    try:
+        parsed = tomllib.loads(f"value = {text}")
+        if parsed.keys() == {"value"}:
+            return parsed["value"]
+    except tomllib.TOMLDecodeError:
+        if _BARE.fullmatch(text):
+            return text
+    raise InputError(
+        f"--set {pair}: cannot read the value {text!r}; write a number, true, a [list] or a text"
+        " in quotes"
+    )

@@ -6,10 +6,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from planner.methods.piecewise import plan_piecewise
 from planner.methods.polynomial import plan_polynomial
+from planner.methods.sinusoid import plan_sinusoid
+from planner.methods.sinusoid_steps import plan_sinusoid_steps
 from planner.plan import Plan
 from planner.problem import Problem
-from planner.schema import PolynomialOptions
+from planner.schema.methods import (
+    PiecewiseOptions,
+    PolynomialOptions,
+    SinusoidOptions,
+    SinusoidStepsOptions,
+)
 
 
 @dataclass(frozen=True)
@@ -35,6 +43,24 @@ _ALL = (
         "the paper's law: v1 constant, v2 polynomial, with constraint points",
         PolynomialOptions,
         plan_polynomial,
+    ),
+    Method(
+        "piecewise",
+        "multirate: v1 constant, v2 piecewise constant",
+        PiecewiseOptions,
+        plan_piecewise,
+    ),
+    Method(
+        "sinusoid",
+        "one period of v1 = a0 + a1 sin wt, v2 = sum of bj cos jwt",
+        SinusoidOptions,
+        plan_sinusoid,
+    ),
+    Method(
+        "sinusoid_steps",
+        "z1, z2 first, then one further coordinate by each period of sinusoids",
+        SinusoidStepsOptions,
+        plan_sinusoid_steps,
     ),
 )
 

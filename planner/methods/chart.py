@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from planner.chained import chained_form
-from planner.domain import worst_margin
 from planner.errors import InputError, SingularError
 from planner.measures import peak_inputs, peak_rates
 from planner.plan import Plan
@@ -81,16 +80,15 @@ def refuse_outside(plan: Plan) -> None:
         if crossings
         else "; z2 keeps its sign, yet no real angle exists there"
     )
+    tried = plan.notes.get("auto_motions_tried")
+    which = (
+        f"the {plan.method} plan" if tried is None else f"the best {plan.method} plan of {tried}"
+    )
     raise SingularError(
-        f"{plan.problem.source}: the {plan.method} plan leaves the domain of the chained-form chart"
+        f"{plan.problem.source}: {which} leaves the domain of the chained-form chart"
         f" at t = {exits} s (worst margin {report.margin:.4g} at t = {report.time_s:.4f} s:"
         f" {report.label}){zero}",
         times_s=report.singular_times_s,
         plan=plan,
         advice=f"another goal.travel (or 'free') or constraint point; or {WAY_OUT}",
     )
-
-
-def inside(trajectory: Trajectory, times: Array) -> bool:
-    """Whether the samples all lie inside the domain."""
-    return bool(np.all(worst_margin(trajectory.margins(times)) > 0))

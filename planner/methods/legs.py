@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import comb
 
 import numpy as np
@@ -47,7 +48,8 @@ class LegMotion:
     Attributes:
         z: BPoly with values (N,).
         v: BPoly with values (2,).
-        residual: Largest |z(T) − goal| of the solved motion, absolute.
+        residual: Largest |zᵢ(T) − goalᵢ| of the solved motion, each over the largest |zᵢ| on the
+            way (or 1 if that is less).
         condition: Condition number of the scaled linear system.
     """
 
@@ -91,10 +93,13 @@ def steer(
         v2.append(coefficients[at : at + leg.terms] @ block)
         at += leg.terms
     z = _propagate(start, legs, v2)
-    residual = float(np.max(np.abs(z[-1][-1] - goal)))
-    return LegMotion(_stack(z, legs), _stack(_inputs(legs, v2), legs), residual, condition)
+    curve = _stack(z, legs)
+    size = np.maximum(np.max(np.abs(curve.c), axis=(0, 1)), 1.0)
+    residual = float(np.max(np.abs(z[-1][-1] - goal) / size))
+    return LegMotion(curve, _stack(_inputs(legs, v2), legs), residual, condition)
 
 
+@lru_cache(maxsize=64)
 def _basis(terms: int) -> Array:
     """Bernstein coefficients, (terms, terms), of the orthonormal shifted Legendre polynomials."""
     out = np.zeros((terms, terms))
@@ -106,25 +111,30 @@ def _basis(terms: int) -> Array:
 
 def elevate(c: Array, degree: int) -> Array:
     """The same polynomial with Bernstein coefficients c (d+1, …) written at a higher degree."""
-    while len(c) - 1 < degree:
-        d = len(c)
-        share = (np.arange(d + 1) / d).reshape(-1, *[1] * (c.ndim - 1))
-        padded = np.concatenate([c, c[-1:]])
-        c = share * np.concatenate([c[:1], c]) + (1 - share) * padded
-    return c
+    return np.tensordot(_elevation(len(c) - 1, degree), c, axes=1)
+
+
+@lru_cache(maxsize=256)
+def _elevation(low: int, high: int) -> Array:
+    """Matrix (high+1, low+1) that raises Bernstein coefficients from one degree to another."""
+    out = np.eye(low + 1)
+    for d in range(low + 1, high + 1):
+        share = (np.arange(d + 1) / d)[:, None]
+        out = share * np.concatenate([out[:1], out]) + (1 - share) * np.concatenate([out, out[-1:]])
+    return out
 
 
 def _integral(c: Array, duration: float) -> Array:
     """Bernstein coefficients of the integral from the leg's start, one degree higher."""
-    return np.concatenate([[0.0], np.cumsum(c)]) * duration / len(c)
+    return np.concatenate([np.zeros_like(c[:1]), np.cumsum(c, axis=0)]) * duration / len(c)
 
 
 def _propagate(start: Array, legs: Sequence[Leg], v2: Sequence[Array]) -> list[Array]:
-    """Bernstein coefficients of z on every leg, each (degree+1, N)."""
+    """Bernstein coefficients of z on every leg, each (degree+1, N, …), from start (N, …)."""
     out = []
     for leg, w in zip(legs, v2, strict=True):
         columns = [
-            np.array([start[0], start[0] + leg.travel]),
+            np.stack([start[0], start[0] + leg.travel]),
             start[1] + _integral(w, leg.duration),
         ]
         for i in range(2, len(start)):
@@ -140,22 +150,31 @@ def _propagate(start: Array, legs: Sequence[Leg], v2: Sequence[Array]) -> list[A
 def _conditions(
     start: Array, legs: Sequence[Leg], points: Sequence[Point], blocks: Sequence[Array]
 ) -> tuple[Array, Array]:
-    """The affine map coefficients → (z₂(T) … z_N(T), z₂ at the points): matrix and offset."""
-    rest = [np.zeros(leg.terms) for leg in legs]
+    """The affine map coefficients → (z₂(T) … z_N(T), z₂ at the points): matrix and offset.
 
-    def outcome(z0: Array, v2: Sequence[Array]) -> Array:
-        z = _propagate(z0, legs, v2)
-        return np.concatenate([z[-1][-1, 1:], [_z2_at(z, legs, p.time_s) for p in points]])
+    One propagation carries all columns: the first is the drift from `start`, each other one the
+    response to one coefficient alone.
+    """
+    total = sum(len(block) for block in blocks)
+    v2, at = [], 1
+    for block in blocks:
+        own = np.zeros((block.shape[1], 1 + total))
+        own[:, at : at + len(block)] = block.T
+        v2.append(own)
+        at += len(block)
+    z = _propagate(np.concatenate([start[:, None], np.zeros((len(start), total))], 1), legs, v2)
+    rows = np.concatenate([z[-1][-1, 1:], *(_z2_at(z, legs, p.time_s)[None] for p in points)])
+    return rows[:, 1:], rows[:, 0]
 
-    offset = outcome(start, rest)
-    columns: list[Array] = []
-    for k, block in enumerate(blocks):
-        columns += [outcome(0 * start, [*rest[:k], row, *rest[k + 1 :]]) for row in block]
-    return np.stack(columns, axis=1), offset
 
-
-def _z2_at(z: Sequence[Array], legs: Sequence[Leg], time: float) -> float:
-    return float(_stack(z, legs)(time)[1])
+def _z2_at(z: Sequence[Array], legs: Sequence[Leg], time: float) -> Array:
+    """z₂ of every column at one time."""
+    ends = np.cumsum([leg.duration for leg in legs])
+    k = min(int(np.searchsorted(ends, time)), len(legs) - 1)
+    x = 1 - (ends[k] - time) / legs[k].duration
+    d = len(z[k]) - 1
+    weights = [comb(d, i) * x**i * (1 - x) ** (d - i) for i in range(d + 1)]
+    return np.asarray(np.tensordot(weights, z[k][:, 1], axes=1))
 
 
 def _inputs(legs: Sequence[Leg], v2: Sequence[Array]) -> list[Array]:

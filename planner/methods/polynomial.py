@@ -3,61 +3,67 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from planner.errors import InputError, SingularError
-from planner.measures import effort
-from planner.methods.chart import chart_ends, fit_duration, refuse_outside
-from planner.methods.legs import Leg, LegMotion, Point, steer
-from planner.methods.travel import Choice, choose_travel
+from planner.methods.autopoints import choose_points
+from planner.methods.law import Ends, even_legs, finish, summary, trajectory_of
+from planner.methods.legs import LegMotion, Point, steer
+from planner.methods.travel import travel_of
 from planner.plan import Plan
 from planner.problem import Problem
-from planner.schema import PolynomialOptions
-from planner.trajectory import ChainedTrajectory
+from planner.schema.methods import PolynomialOptions
 
 NAME = "polynomial"
 
 
 def plan_polynomial(problem: Problem, options: PolynomialOptions) -> Plan:
-    """Steer with v₁ constant and v₂ a polynomial, through the given constraint points.
+    """Steer with v₁ constant and v₂ a polynomial, through given or chosen constraint points.
 
     With travel zero the motion has two legs (step 4 of the paper). The paper does not say which
     z₂ … z_N to pass at the turn; the one that makes ∫v₂² least is taken.
 
     Raises:
         SingularError: If start or goal are not in one branch of the chart, or the path leaves its
-            domain (unless `options.allow_singular`), with the times.
+            domain (unless `options.allow_singular`), with the times; or if it does so for every
+            choice of points and travel tried.
         InfeasibleError: If the travel is free and no one-way motion exists.
         InputError: If a constraint point lies outside the motion or contradicts another.
     """
     began = time.perf_counter()
-    points = _points(problem, options)
-    choice = _travel(problem, options, points)
-    motion = _motion(problem, options, points, choice.travel)
-    trajectory = fit_duration(problem, _trajectory(problem, motion))
-    plan = Plan(
-        problem=problem,
-        method=NAME,
-        options=options.model_dump(),
-        trajectory=trajectory,
-        objective_name="effort: integral of u1^2 + u2^2 dt (not minimised by this law)",
-        solve_time_s=time.perf_counter() - began,
-        notes={
-            "travel_ranges_in_domain": [list(r) for r in choice.ranges],
-            "endpoint_residual": motion.residual,
-            "condition_number": motion.condition,
-        },
-    )
-    if options.allow_singular and not plan.domain.ok:
-        return replace(plan, status="singular")
-    refuse_outside(plan)
-    return replace(plan, objective=effort(trajectory))
+    points = _given(problem, options)
+    ends = Ends.of(problem)
+    offset = ends.offset(options.offset, NAME) if problem.travel == 0 else 0.0
+
+    def solve(travel: float, points: Sequence[Point]) -> LegMotion:
+        return _motion(ends, offset, travel, points)
+
+    notes: dict[str, Any]
+    if points is None:
+        chosen = choose_points(ends, solve, options)
+        travel, points, notes = chosen.travel, chosen.points, chosen.notes
+    else:
+        given = points
+        choice = travel_of(problem, lambda d: trajectory_of(problem, solve(d, given)), options)
+        travel = choice.travel
+        notes = {"travel_ranges_in_domain": [list(r) for r in choice.ranges]}
+    motion = solve(travel, points)
+    notes |= summary(motion)
+    plan = finish(problem, NAME, options, trajectory_of(problem, motion), notes, began)
+    stretch = plan.duration / ends.duration
+    used = [[p.time_s * stretch, p.value] for p in points]
+    return replace(plan, notes={"points": used, **plan.notes})
 
 
-def _points(problem: Problem, options: PolynomialOptions) -> list[Point]:
-    points = [Point(*p) for p in options.points]
+def _given(problem: Problem, options: PolynomialOptions) -> tuple[Point, ...] | None:
+    """The constraint points of the options, checked; None when they are to be chosen."""
+    if options.points == "auto":
+        return None
+    points = tuple(Point(*p) for p in options.points)
     if points and problem.duration is None:
         raise InputError(
             f"{problem.source}: method.polynomial.points are times in seconds and need a fixed"
@@ -74,41 +80,14 @@ def _points(problem: Problem, options: PolynomialOptions) -> list[Point]:
     return points
 
 
-def _travel(problem: Problem, options: PolynomialOptions, points: list[Point]) -> Choice:
-    if problem.travel is not None:
-        return Choice(problem.travel, ())
-    chart_ends(problem, 0.0)  # refuse a start or goal off the chart before the scan does
-
-    def make(travel: float) -> ChainedTrajectory:
-        return _trajectory(problem, _motion(problem, options, points, travel))
-
-    return choose_travel(problem, make, options.travel)
-
-
-def _motion(
-    problem: Problem, options: PolynomialOptions, points: list[Point], travel: float
-) -> LegMotion:
-    start, goal = chart_ends(problem, travel)
-    duration = problem.duration or 1.0
-    terms = len(start) - 1 + len(points)
-    legs = [Leg(duration, travel, terms)]
-    if travel == 0:
-        offset = float(np.mean(start)) if options.offset is None else options.offset
-        if offset == 0:
-            raise InputError(
-                f"{problem.source}: the two-leg rule needs an offset that is not zero; set"
-                " method.polynomial.offset (radians)"
-            )
-        legs = [Leg(duration / 2, offset, terms), Leg(duration / 2, -offset, terms)]
+def _motion(ends: Ends, offset: float, travel: float, points: Sequence[Point]) -> LegMotion:
+    terms = len(ends.start) - 1 + len(points)
+    legs = even_legs(ends.duration, travel, offset, 1, terms)
     try:
-        return steer(start, goal, legs, points)
+        return steer(ends.start, ends.goal(travel), legs, points)
     except np.linalg.LinAlgError:
         raise SingularError(
-            f"{problem.source}: travel {travel:g} rad with these constraint points leaves the"
+            f"{ends.problem.source}: travel {travel:g} with these constraint points leaves the"
             " polynomial's coefficients undetermined",
             advice="move the constraint points apart, or change goal.travel",
         ) from None
-
-
-def _trajectory(problem: Problem, motion: LegMotion) -> ChainedTrajectory:
-    return ChainedTrajectory(problem.system, motion.z, motion.v, problem.branch)

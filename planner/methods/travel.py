@@ -9,14 +9,18 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from planner.errors import InfeasibleError, SingularError
-from planner.extrema import sample_times
-from planner.methods.chart import WAY_OUT, inside
+from planner.methods.chart import WAY_OUT
+from planner.methods.score import Criterion, Scores, end_margin, score
 from planner.problem import Problem
 from planner.reachability import travel_window
+from planner.schema.methods import LegOptions
 from planner.systems.base import Array
-from planner.trajectory import Trajectory
+from planner.trajectory import ChainedTrajectory
 
-Make = Callable[[float], Trajectory]
+Make = Callable[[float], ChainedTrajectory | None]
+
+_OPEN_WINDOW = 3.0
+"""Largest travel tried, either way, where no window is known (unit of z₁)."""
 
 
 @dataclass(frozen=True)
@@ -32,39 +36,67 @@ class Choice:
     ranges: tuple[tuple[float, float], ...]
 
 
-def choose_travel(problem: Problem, make: Make, rule: str, scan: int = 241) -> Choice:
+def travel_of(problem: Problem, make: Make, options: LegOptions) -> Choice:
+    """The problem's travel where it is given, otherwise the one chosen by the options.
+
+    Raises:
+        InfeasibleError, SingularError: As `choose_travel`.
+    """
+    if problem.travel is not None:
+        return Choice(problem.travel, ())
+    return choose_travel(problem, make, options.travel, options.criterion)
+
+
+def choose_travel(
+    problem: Problem,
+    make: Make,
+    rule: str = "auto",
+    criterion: Criterion = "peak",
+    scans: tuple[int, ...] = (60, 600),
+) -> Choice:
     """Choose a travel for which `make(travel)` stays inside the chart's domain.
 
     Args:
-        problem: Supplies the window of travels and the input limits that scale the peaks.
-        make: The law, from travel to trajectory.
-        rule: "auto" for the least peak input (scaled by the limits where there are any), "middle"
-            for the middle of the widest range.
-        scan: Number of travels tried before refinement.
+        problem: Supplies the window of travels, and the limits that scale peaks and are kept where
+            some travel inside the domain keeps them.
+        make: The law, from travel to trajectory; None where it has no solution.
+        rule: "auto" for the best by the criterion, "middle" for the middle of the widest range.
+        criterion: "peak" for the least peak input, "margin" for the largest margin.
+        scans: Numbers of travels tried, the next one only if none of the last stays inside.
 
     Raises:
         InfeasibleError: If no one-way motion exists at all.
         SingularError: If the law leaves the domain for every travel tried.
     """
-    travels = _candidates(problem, scan)
-    good = np.array([_is_inside(make(d)) for d in travels])
-    if not good.any():
+    for count in scans:
+        travels = candidate_travels(problem, count)
+        good = score(problem, [make(float(d)) for d in travels]).inside
+        if good.any():
+            break
+    else:
         raise SingularError(
-            f"{problem.source}: no travel between {travels[0]:.5g} and {travels[-1]:.5g} rad keeps"
-            f" this law inside the domain of the chained-form chart ({scan} tried)",
+            f"{problem.source}: no travel between {travels[0]:.5g} and {travels[-1]:.5g}"
+            f" {problem.system.coordinates[0].unit} keeps this law inside the domain of the"
+            f" chained-form chart ({len(travels)} tried)",
             advice=f"other constraint points; or {WAY_OUT}",
         )
-    ranges = _ranges(travels, good, make)
+    ranges = _ranges(problem, travels, good, make)
     if rule == "middle":
         low, high = max(ranges, key=lambda r: r[1] - r[0])
         return Choice((low + high) / 2, ranges)
-    return Choice(_least_peak(problem, make, ranges), ranges)
+    return Choice(_best(problem, make, ranges, criterion), ranges)
 
 
-def _candidates(problem: Problem, count: int) -> Array:
+def candidate_travels(problem: Problem, count: int) -> Array:
+    """About `count` travels, increasing, spread over the window of one-way motions; none is zero.
+
+    Raises:
+        InfeasibleError: If the window is empty.
+    """
     window = travel_window(problem)
     if window is None:
-        return np.linspace(-3.0, 3.0, count)
+        half = np.linspace(0, _OPEN_WINDOW, count // 2 + 1)[1:]
+        return np.concatenate([-half[::-1], half])
     if window.empty:
         raise InfeasibleError(
             f"{problem.source}: no one-way motion exists: {window.reason}",
@@ -77,46 +109,50 @@ def _candidates(problem: Problem, count: int) -> Array:
     return np.sort(low + (high - low) * inner)
 
 
-def _is_inside(trajectory: Trajectory) -> bool:
-    return inside(trajectory, sample_times(trajectory.breaks, 400))
-
-
-def _ranges(travels: Array, good: Array, make: Make) -> tuple[tuple[float, float], ...]:
+def _ranges(
+    problem: Problem, travels: Array, good: Array, make: Make
+) -> tuple[tuple[float, float], ...]:
     padded = np.concatenate([[False], good, [False]])
     starts = np.flatnonzero(padded[1:] & ~padded[:-1])
     ends = np.flatnonzero(padded[:-1] & ~padded[1:]) - 1
     out = []
     for a, b in zip(starts, ends, strict=True):
-        low = travels[a] if a == 0 else _edge(travels[a], travels[a - 1], make)
-        high = travels[b] if b == len(travels) - 1 else _edge(travels[b], travels[b + 1], make)
+        low, high = travels[a], travels[b]
+        if a > 0:
+            low = _edge(problem, travels[a], travels[a - 1], make)
+        if b < len(travels) - 1:
+            high = _edge(problem, travels[b], travels[b + 1], make)
         out.append((float(low), float(high)))
     return tuple(out)
 
 
-def _edge(inner: float, outer: float, make: Make) -> float:
+def _edge(problem: Problem, inner: float, outer: float, make: Make) -> float:
     """The last travel inside the domain between one inside and one outside, by bisection."""
-    for _ in range(40):
+    for _ in range(28):
         middle = (inner + outer) / 2
-        inner, outer = (middle, outer) if _is_inside(make(middle)) else (inner, middle)
+        good = score(problem, [make(middle)]).inside[0]
+        inner, outer = (middle, outer) if good else (inner, middle)
     return float(inner)
 
 
-def _least_peak(problem: Problem, make: Make, ranges: tuple[tuple[float, float], ...]) -> float:
-    scale = np.where(np.isfinite(problem.limits.input), problem.limits.input, 1.0)
+def _best(
+    problem: Problem, make: Make, ranges: tuple[tuple[float, float], ...], criterion: Criterion
+) -> float:
+    best_margin = end_margin(problem)
 
-    def peak(travel: float) -> float:
-        trajectory = make(float(travel))
-        times = sample_times(trajectory.breaks, 400)
-        if not inside(trajectory, times):
-            return np.inf
-        return float(np.max(np.abs(trajectory.u(times)) / scale))
+    def scores(travels: Array) -> Scores:
+        return score(problem, [make(float(d)) for d in travels])
+
+    def cost(travel: float) -> float:
+        return float(scores(np.array([travel])).cost(criterion, best_margin)[0])
 
     best = (np.inf, ranges[0][0])
     for low, high in ranges:
         grid = np.linspace(low, high, 25)
-        k = int(np.argmin([peak(d) for d in grid]))
+        costs = scores(grid).cost(criterion, best_margin)
+        k = int(np.argmin(costs))
         bounds = (grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)])
-        found = minimize_scalar(peak, bounds=bounds, method="bounded", options={"xatol": 1e-9})
-        for travel in (float(found.x), float(grid[k])):
-            best = min(best, (peak(travel), travel))
+        xatol = 1e-7 * (bounds[1] - bounds[0])
+        found = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": xatol})
+        best = min(best, (float(found.fun), float(found.x)), (float(costs[k]), float(grid[k])))
     return best[1]

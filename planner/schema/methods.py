@@ -4,32 +4,100 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from planner.schema.base import Table
 
 Point = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
-class PolynomialOptions(Table):
-    """Options of the paper's polynomial law."""
+class LawOptions(Table):
+    """Options of every law of the chained form."""
 
-    points: list[Point] = Field(
-        default_factory=list, description="Constraint points [time in s, z2], eq. (28)."
-    )
-    travel: Literal["auto", "middle"] = Field(
-        "auto",
-        description="When goal.travel is free: the travel of least peak input inside the chart's"
-        " domain, or the middle of the widest range of travels that stay inside.",
-    )
-    offset: float | None = Field(
-        None,
-        description="Travel of the first of two legs when z1(0) = z1(T); mean of z(0) if left out.",
+    criterion: Literal["peak", "margin"] = Field(
+        "peak",
+        description="What a choice left to the law makes best, among motions inside the chart's"
+        " domain and within limits: the smallest peak input (over its limit where it has one), or"
+        " the largest margin to the domain's edge, ties to the smaller peak.",
     )
     allow_singular: bool = Field(
         False,
         description="Return a path outside the chart's domain for study; it cannot be executed.",
     )
+
+
+class LegOptions(LawOptions):
+    """Options of laws with v1 constant on each leg."""
+
+    travel: Literal["auto", "middle"] = Field(
+        "auto",
+        description="When goal.travel is free: the travel that is best by `criterion`, or the"
+        " middle of the widest range of travels that stay inside the chart's domain.",
+    )
+    offset: float | None = Field(
+        None,
+        description="Travel of the first of two legs when z1(0) = z1(T); mean of z(0) if left out.",
+    )
+
+
+class PolynomialOptions(LegOptions):
+    """Options of the paper's polynomial law."""
+
+    points: list[Point] | Literal["auto"] = Field(
+        default_factory=list,
+        description="Constraint points [time in s, z2], eq. (28); or 'auto': as many as help, at"
+        " most two, chosen by `criterion` together with the travel where that is free.",
+    )
+
+
+class PiecewiseOptions(LegOptions):
+    """Options of the piecewise constant (multirate) law."""
+
+    slots: Annotated[int, Field(ge=1, le=200)] | None = Field(
+        None,
+        description="Slots of constant v2: at least N-1, the number taken when left out; with more"
+        " the least integral of v2^2 is taken. With two legs, slots of each leg.",
+    )
+
+
+class SinusoidOptions(LawOptions):
+    """Options of the sinusoids all at once."""
+
+    amplitude: float | Literal["auto"] = Field(
+        "auto",
+        description="a1/omega in the unit of z1, not zero: z1 leaves its straight line by up to"
+        " twice this. 'auto': chosen by `criterion` together with the travel where that is free.",
+    )
+
+    @field_validator("amplitude")
+    @classmethod
+    def _moves(cls, amplitude: float | str) -> float | str:
+        if amplitude == 0:
+            raise ValueError("is not zero: without it the law cannot reach z4 and beyond")
+        return amplitude
+
+
+class SinusoidStepsOptions(LawOptions):
+    """Options of the sinusoids step by step."""
+
+    amplitude: float | list[float] | Literal["auto"] = Field(
+        "auto",
+        description="alpha/omega in the unit of z1, not zero, one number or one a step: z1 swings"
+        " by twice this in each period. 'auto': one number chosen by `criterion` together with the"
+        " travel where that is free.",
+    )
+    shares: list[Annotated[float, Field(gt=0)]] | None = Field(
+        None,
+        description="Parts of the duration given to the first leg and to each of the N-2 periods;"
+        " equal when left out. They change speeds, not the path.",
+    )
+
+    @field_validator("amplitude")
+    @classmethod
+    def _moves(cls, amplitude: float | list[float] | str) -> float | list[float] | str:
+        if amplitude == 0 or (isinstance(amplitude, list) and 0 in amplitude):
+            raise ValueError("is not zero: a period without it moves nothing")
+        return amplitude
 
 
 class CollocationOptions(Table):
@@ -48,6 +116,17 @@ class CollocationOptions(Table):
         " rate limit or rest asks for continuity.",
     )
     rest: bool = Field(False, description="Inputs zero at both ends.")
+    objective: Literal["auto", "effort", "time", "mixed"] = Field(
+        "auto",
+        description="What is made least. effort: the integral of u1^2 + u2^2, for a fixed duration."
+        " time: the duration, with 1 % of weight on the effort relative to the input limits (which"
+        " must be given), so it comes within 2 % of the least. mixed: duration + effort_weight x"
+        " effort. auto: effort if the duration is fixed; else time if both inputs are limited; else"
+        " mixed.",
+    )
+    effort_weight: Annotated[float, Field(gt=0)] = Field(
+        1.0, description="Weight of the effort beside the duration in the objective 'mixed'."
+    )
     start: Literal["auto", "straight", "bump", "reverse"] = Field(
         "auto", description="First guess; auto tries several and names the winner."
     )
@@ -61,4 +140,7 @@ class MethodsTable(Table):
     """One table a method."""
 
     polynomial: PolynomialOptions = Field(default_factory=PolynomialOptions)
+    piecewise: PiecewiseOptions = Field(default_factory=PiecewiseOptions)
+    sinusoid: SinusoidOptions = Field(default_factory=SinusoidOptions)
+    sinusoid_steps: SinusoidStepsOptions = Field(default_factory=SinusoidStepsOptions)
     collocation: CollocationOptions = Field(default_factory=CollocationOptions)

@@ -1,0 +1,148 @@
+"""How good a trajectory in the chart is, for many candidates at once.
+
+All candidates' samples go through the chart in one call, which is what makes scans cheap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+from scipy.interpolate import BPoly
+from scipy.special import comb
+
+from planner.chained import chained_form
+from planner.domain import worst_margin
+from planner.problem import Problem
+from planner.systems.base import Array
+from planner.trajectory import ChainedTrajectory
+
+_CLOSE = 0.1
+"""Margin, over that of the ends, below which a motion counts as too close to the domain's edge.
+
+There θ₁ bounces off zero and the inputs are quotients of small numbers."""
+
+Criterion = Literal["peak", "margin"]
+
+
+@dataclass(frozen=True)
+class Scores:
+    """What samples of C candidates say; arrays of shape (C,).
+
+    Attributes:
+        margin: Least chart margin (dimensionless, negative outside the domain).
+        slack: Least slack to the problem's joint limits and z₂ margin, relative to each; infinite
+            where the problem has none, negative where one is broken, NaN outside the domain.
+        peak: Largest input, each over its limit where it has one; NaN outside the domain.
+    """
+
+    margin: Array
+    slack: Array
+    peak: Array
+
+    @property
+    def inside(self) -> Array:
+        """Whether all samples lie inside the domain."""
+        return np.asarray(self.margin > 0)
+
+    def cost(self, criterion: Criterion, ends: float) -> Array:
+        """One number to minimise, shape (C,): what is worse in kind always costs more.
+
+        Below 1: keeps limits and a distance from the domain's edge; 1 to 2: breaks a limit or comes
+        ten times closer to the edge than the ends do; 2 to 3: leaves the domain.
+
+        Args:
+            criterion: "peak" compares peak inputs; "margin" compares margins, and by their peaks
+                those that reach the ends' margin, which no path can exceed.
+            ends: The least margin of start and goal; see `end_margin`.
+        """
+        with np.errstate(invalid="ignore"):
+            outside = 2 + _bounded(-self.margin)
+            close = 1 - self.margin / (_CLOSE * ends)
+            broken = 1 + _bounded(np.maximum(close, -self.slack))
+            kept = _bounded(self.peak)
+            if criterion == "margin":
+                short = self.margin < ends * (1 - 1e-6)
+                kept = np.where(short, 1 - 0.5 * self.margin / ends, 0.5 * kept)
+            cost = np.where((self.slack < -1e-9) | (close > 0), broken, kept)
+            cost = np.where(self.margin > 0, cost, outside)
+        return np.where(np.isnan(cost), 3.0, cost)
+
+
+def score(
+    problem: Problem, candidates: Sequence[ChainedTrajectory | None], samples: int = 400
+) -> Scores:
+    """Score candidates of one law by about `samples` samples each.
+
+    Args:
+        problem: Supplies limits; where an input has none, its peak counts in its own unit.
+        candidates: Trajectories on equally many pieces; None for one that could not be made.
+    """
+    out = np.full((3, len(candidates)), np.nan)
+    made = [k for k, c in enumerate(candidates) if c is not None]
+    if not made:
+        return Scores(*out)
+    chosen = [c for c in candidates if c is not None]
+    form, branch = chained_form(problem.system), chosen[0].branch
+    z = _sampled([c.z_curve for c in chosen], samples)
+    margin = np.min(worst_margin(form.margins(z, branch)), axis=-1)
+    out[0, made] = margin
+    good = np.flatnonzero(margin > 0)
+    if good.size:
+        v = _sampled([chosen[k].v_curve for k in good], samples)
+        q = form.q(z[good], branch)
+        at = np.asarray(made)[good]
+        out[1, at] = _slack(problem, z[good], q)
+        peaks = np.max(np.abs(form.u(q, v)), axis=1)
+        out[2, at] = np.max(peaks / input_scale(problem), axis=-1)
+    return Scores(*out)
+
+
+def _sampled(curves: Sequence[BPoly], samples: int) -> Array:
+    """Values (C, S, D) of curves with the same pieces, crowded towards each piece's ends.
+
+    The ends themselves belong to both neighbours, each with its own limit.
+    """
+    c = np.stack([curve.c for curve in curves])
+    weights = _weights(c.shape[1] - 1, max(9, samples // c.shape[2]))
+    values = weights @ np.moveaxis(c, 1, 2)  # (C, P, D+1, N) → (C, P, S, N)
+    return np.asarray(values.reshape(len(c), -1, c.shape[-1]))
+
+
+@lru_cache(maxsize=64)
+def _weights(degree: int, count: int) -> Array:
+    """Bernstein polynomials (count, degree+1) at Chebyshev–Lobatto points of the unit interval."""
+    x = (0.5 - 0.5 * np.cos(np.pi * np.arange(count) / (count - 1)))[:, None]
+    i = np.arange(degree + 1)
+    return np.asarray(comb(degree, i) * x**i * (1 - x) ** (degree - i))
+
+
+def input_scale(problem: Problem) -> Array:
+    """What peak inputs are measured by, shape (2,): their limits, or 1 where there is none."""
+    limit = problem.limits.input
+    return np.where(np.isfinite(limit), limit, 1.0)
+
+
+def end_margin(problem: Problem) -> float:
+    """Least chart margin of start and goal: no path between them has a larger one."""
+    ends = np.stack([problem.start, np.nan_to_num(problem.goal)])
+    return float(np.min(problem.system.chart_margins(ends, problem.branch)))
+
+
+def _slack(problem: Problem, z: Array, q: Array) -> Array:
+    """Least relative slack (C,) of joint limits and z₂ margin; z, q of shape (C, S, N)."""
+    limits = problem.limits
+    joint = np.min(1 - np.abs(q) / limits.joint, axis=(1, 2))
+    slack = np.where(np.any(np.isfinite(limits.joint)), joint, np.inf)
+    if limits.z2_margin is None:
+        return slack
+    room = np.min(problem.z2_sign * z[..., 1], axis=1) - limits.z2_margin
+    return np.asarray(np.minimum(slack, room / max(limits.z2_margin, 1e-3)))
+
+
+def _bounded(x: Array) -> Array:
+    """Increasing map of [0, ∞] onto [0, 1]."""
+    return np.where(np.isinf(x), 1.0, x / (1 + np.abs(x)))

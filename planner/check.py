@@ -156,9 +156,10 @@ def _plain_polynomial(
         travel = float(window.low + window.high) / 2
     if travel is None:
         return None
-    changes = {"goal.travel": travel, "limits": {}, "goal.duration": problem.duration or 1.0}
+    changes = {"limits": {}, "goal.duration": problem.duration or 1.0}
     try:
-        plan = solve(problem.changed(changes), "polynomial", points=[], allow_singular=True)
+        task = problem.with_travel(travel).changed(changes)
+        plan = solve(task, "polynomial", points=[], allow_singular=True)
     except (InputError, NoPlanError):
         return None
     return (travel, plan.domain) if plan.status == "singular" else None

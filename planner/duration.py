@@ -36,7 +36,7 @@ def least_duration(problem: Problem) -> DurationBound:
     coordinate, unit = problem.system.coordinates[i], problem.system.coordinates[i].unit
     reason = (
         f"{coordinate.name} must move {_shown(distance[i], unit)} and moves at most"
-        f" {_shown(rates[i], unit)}/s within limits.input_rad_s"
+        f" {_shown(rates[i], unit)}/s within the input limits"
     )
     return DurationBound(float(needed[i]), reason if needed[i] > 0 else "")
 
@@ -53,7 +53,7 @@ def refuse_too_short(problem: Problem) -> None:
             f"{problem.source}: no plan of any kind exists: {bound.reason}, which takes"
             f" {bound.seconds:.4g} s; goal.duration is {problem.duration:.4g} s",
             advice='goal.duration = "free", which finds the time needed;'
-            " or wider limits.input_rad_s",
+            " or wider input limits",
         )
 
 

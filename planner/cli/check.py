@@ -153,7 +153,8 @@ def _refusals(analysis: Analysis) -> list[str]:
         if o["verified"] or o["reason"] is None:
             continue
         reason = str(o["reason"]).removeprefix(f"{analysis.problem.source}: ")
-        out += ["", f"{o['method']}: {reason}", *(f"  - {v['text']}" for v in o["violations"][:4])]
+        broken = [] if o["status"] == "singular" else o["violations"][:4]  # the reason says it
+        out += ["", f"{o['method']}: {reason}", *(f"  - {v['text']}" for v in broken)]
         if o["advice"]:
             out.append(f"  Try: {o['advice']}")
     return out

@@ -101,7 +101,7 @@ def _table(problem: Problem, summary: dict[str, Any]) -> Table:
             f"{number(summary['travel_rad'])} {system.coordinates[0].unit}, {summary['direction']}",
         ),
         ("duration", f"{number(summary['duration_s'])} s"),
-        ("objective", f"{number(summary['objective'])}  ({summary['objective_name']})"),
+        ("objective", f"{number(summary['objective'])}, {summary['objective_name']}"),
         *_inputs(problem, summary["peak_u_rad_s"]),
         ("largest error at the goal", _worst_error(problem, summary["terminal_error"])),
         ("chart", _chart(summary)),
@@ -120,7 +120,8 @@ def _inputs(problem: Problem, peaks: list[float]) -> list[tuple[str, str]]:
     for i, coordinate in enumerate(problem.system.inputs):
         limit = problem.limits.input[i]
         allowed = f", allowed {number(limit)}" if np.isfinite(limit) else ""
-        out.append((f"peak |{coordinate.name}|", f"{number(peaks[i])} {coordinate.unit}{allowed}"))
+        peak = "undefined" if np.isnan(peaks[i]) else f"{number(peaks[i])} {coordinate.unit}"
+        out.append((f"peak |{coordinate.name}|", peak + allowed))
     return out
 
 

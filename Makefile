@@ -1,0 +1,50 @@
+# Works on a fresh machine with Python 3.11 or newer and make.
+#
+#   make compare   the paper's problem, polynomial against optimal, on the emulated machine
+#   make test      what CI runs: lint, types, tests
+#   make check     lint and types only
+#   make format    put the code into the house format
+#   make clean     remove what make has made
+
+PYTHON ?= python3
+PYTEST_FLAGS ?= -n 2
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
+
+.DEFAULT_GOAL := compare
+.PHONY: compare test check lint format clean
+
+compare: $(VENV)/.run
+	@$(BIN)/planner compare problems/paper.toml --out out/compare
+
+test: check
+	@$(BIN)/python -m pytest $(PYTEST_FLAGS)
+
+check lint: $(VENV)/.dev
+	@$(BIN)/ruff check --quiet .
+	@$(BIN)/ruff format --check --quiet . || { echo "not in the house format; run: make format"; exit 1; }
+	@$(BIN)/mypy
+
+format: $(VENV)/.dev
+	@$(BIN)/ruff check --quiet --fix . ; $(BIN)/ruff format .
+
+clean:
+	@rm -rf $(VENV) out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	@find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# The stamps make a second run start at once; a changed pyproject.toml installs anew.
+$(VENV)/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "Python 3.11 or newer is needed; try: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
+	@echo "preparing $(VENV) (once)"
+	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
+	  echo "python3 -m venv failed; on Debian and Ubuntu: apt install python3-venv"; exit 1; }
+
+$(VENV)/.run: pyproject.toml | $(VENV)/bin/python
+	@$(PIP) install --editable .
+	@touch $@
+
+$(VENV)/.dev: pyproject.toml | $(VENV)/bin/python
+	@$(PIP) install --editable '.[dev]'
+	@touch $@ $(VENV)/.run

@@ -1,0 +1,113 @@
+"""Is there a plan, of what kind, and if not, why and what would make one."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import planner
+from planner.check import check
+from planner.compare import jsonable
+
+PROBLEMS = Path(__file__).parents[1] / "problems"
+QUICK = ["polynomial"]
+
+
+def test_a_problem_with_a_plan(paper: planner.Problem) -> None:
+    analysis = check(paper.changed({"goal.travel": 0.82, "limits": {}}), QUICK)
+    assert analysis.has_plan
+    assert analysis.verdict == "There is a plan: polynomial (one way, inside the chart)."
+    assert analysis.reversal.verdict == "not needed"
+    assert analysis.window is not None
+    assert analysis.window.low == pytest.approx(0.78635, abs=5e-6)
+    assert analysis.window.high == pytest.approx(0.89664, abs=5e-6)
+    assert analysis.plain_polynomial is None
+    assert analysis.remedy is None
+
+
+def test_a_remedy_has_been_tried_and_works(paper: planner.Problem) -> None:
+    task = paper.changed({"goal.travel": 0.825})
+    analysis = check(task, QUICK)
+    assert not analysis.has_plan
+    assert not analysis.proven_impossible
+    assert analysis.remedy is not None
+    assert analysis.remedy.changes == {"goal.duration": "free"}
+    assert "No plan was found" in analysis.verdict
+    assert "(tried)" in analysis.verdict
+    again = planner.solve(task.changed(analysis.remedy.changes), analysis.remedy.method)
+    assert again.verified
+    assert again.duration == pytest.approx(analysis.remedy.plan["duration_s"])
+
+
+def test_a_duration_too_short_is_proven(paper: planner.Problem) -> None:
+    analysis = check(planner.load_problem(PROBLEMS / "unreachable.toml"), QUICK)
+    assert analysis.proven_impossible
+    assert analysis.verdict.startswith("No plan of any kind exists: theta3 must move 29 deg")
+    assert [o["status"] for o in analysis.outcomes] == ["infeasible"]
+    assert analysis.remedy is not None
+    assert analysis.remedy.changes["goal.duration"] == "free"
+
+
+def test_paper_figure_4_and_5(paper: planner.Problem) -> None:
+    for name, count in (("paper-fig4", 2), ("paper-fig5", 0)):
+        problem = planner.load_problem(PROBLEMS / f"{name}.toml")
+        analysis = check(problem, QUICK)
+        assert analysis.reversal.verdict == "needed"
+        assert "outside the window" in analysis.reversal.reason
+        outcome = analysis.outcomes[0]
+        assert outcome["status"] == "singular"
+        report = planner.solve(problem, "polynomial", allow_singular=True).domain
+        assert len(report.z2_crossings_s) == count
+        assert (report.z2_max < 0) == (count == 0)
+        assert analysis.plain_polynomial is not None
+        travel, plain = analysis.plain_polynomial
+        assert travel == pytest.approx(np.pi / 4)
+        np.testing.assert_allclose(plain.z2_crossings_s, [0.3057, 2.2975], atol=1e-4)
+
+
+def test_passive_joints_that_part_ways_need_a_reversal(unlimited: planner.Problem) -> None:
+    analysis = check(unlimited.changed({"goal.theta_deg": [30, 0.5, 30]}), QUICK)
+    assert analysis.window is not None
+    assert analysis.window.empty
+    assert analysis.reversal.verdict == "needed"
+    assert "opposite directions" in analysis.reversal.reason
+
+
+def test_other_systems_and_what_a_method_demands(paper: planner.Problem) -> None:
+    analysis = check(planner.load_problem(PROBLEMS / "unicycle.toml"), QUICK)
+    assert analysis.has_plan
+    assert analysis.window is None
+    free = paper.changed({"goal.duration": "free", "limits": {}})
+    outcome = check(free, QUICK).outcomes[0]
+    assert outcome["status"] == "bad_input"
+    assert "input_rad_s" in outcome["reason"]
+
+
+def test_four_joints_leave_the_question_open() -> None:
+    data = {
+        "system": {"kind": "manipulator", "joints": 4, "K": [0.9, 0.8, 0.7], "k_g": 0.6},
+        "start": {"theta_deg": [5, 5, 5, 5]},
+        "goal": {"theta_deg": [30, 30, 30, 30]},
+    }
+    analysis = check(planner.Problem.from_dict(data), ["polynomial"])
+    verified = [o for o in analysis.outcomes if o["verified"]]
+    assert analysis.reversal.verdict == ("not needed" if verified else "open")
+
+
+def test_the_dictionary_is_json(paper: planner.Problem) -> None:
+    data = check(paper.changed({"goal.travel": 0.7}), QUICK).to_dict()
+    text = json.dumps(jsonable(data), allow_nan=False)
+    assert json.loads(text)["travel_window"]["travel_inside"] is False
+    assert data["plain_polynomial"]["exits_s"]
+
+
+def test_progress_is_told_and_methods_are_checked(paper: planner.Problem) -> None:
+    lines: list[str] = []
+    check(paper.changed({"goal.duration": 2.0, "limits.joint_deg": 31}), QUICK, lines.append)
+    assert lines[0] == "trying polynomial"
+    assert any('goal.duration = "free"' in line for line in lines)
+    with pytest.raises(planner.InputError, match="did you mean 'polynomial'"):
+        check(paper, ["polynomail"])

@@ -72,6 +72,9 @@ class Problem:
         """
         tables = parse_file(copy.deepcopy(dict(data)), source)
         system = tables.build_system()
+        mismatch = tables.machine.mismatch(system.size - 1)
+        if mismatch:
+            raise InputError(f"{source}: {mismatch}")
         problem = cls(
             name=tables.title or Path(source).stem,
             system=system,

@@ -1,0 +1,155 @@
+"""From a plan's u(t) to what the servos are told: sample and hold, delay, resolution.
+
+Before the plan's start and after its end the command is zero.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from typing import Protocol
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.machine.draw import Draws
+from planner.machine.grid import inside, merged, refined, snapped, subdivided
+from planner.plan import Plan
+from planner.systems.base import Array
+
+PARTS = (0.0, 0.5, 1.0)
+"""Where in a step the command is read: at its start, its middle, and just before its end."""
+
+
+class Source(Protocol):
+    """A command before delay and resolution.
+
+    Attributes:
+        jumps: Increasing times, s, between which it is smooth enough for Simpson's rule; the first
+            is the plan's start, the last its end.
+    """
+
+    jumps: Array
+
+    def __call__(self, times: Array) -> Array:
+        """Values (…, 2) at plan times (…), s: right-hand limits, zero outside the plan."""
+
+
+class Held:
+    """Sample and hold: u at the start of each period, held until the next or the plan's end.
+
+    A sampling instant within rounding of a break of the plan reads what follows the break.
+    """
+
+    def __init__(self, plan: Plan, period: float) -> None:
+        end = plan.duration
+        ticks: Array = period * np.arange(int(np.ceil(end / period)), dtype=np.float64)
+        self.jumps = merged(np.array([0.0, end]), snapped(ticks, plan.t))
+        held = _finite(plan.u(self.jumps[:-1]), self.jumps[:-1])
+        self._values = np.concatenate([held, np.zeros((1, 2))])
+
+    def __call__(self, times: Array) -> Array:
+        """See `Source`."""
+        return np.asarray(self._values[np.searchsorted(self.jumps, times, side="right") - 1])
+
+
+class Continuous:
+    """The plan's own u(t)."""
+
+    def __init__(self, plan: Plan, step: float) -> None:
+        self._plan = plan
+        self.jumps = refined(self, subdivided(plan.t, step))
+
+    def __call__(self, times: Array) -> Array:
+        """See `Source`."""
+        on = (times >= 0) & (times < self._plan.duration)
+        values = np.where(on[..., None], self._plan.u(times), 0.0)
+        return _finite(values, times)
+
+
+class Tabulated:
+    """A continuous source by linear interpolation, for when every sample reads it elsewhere."""
+
+    def __init__(self, source: Source) -> None:
+        self.jumps = source.jumps
+        left, right = self.jumps[:-1], self.jumps[1:]
+        self._times = np.stack([inside(left, right, p) for p in PARTS], axis=-1).ravel()
+        self._values = source(self._times)
+
+    def __call__(self, times: Array) -> Array:
+        """See `Source`."""
+        columns = [np.interp(times, self._times, u, left=0, right=0) for u in self._values.T]
+        return np.stack(columns, axis=-1)
+
+
+class Command:
+    """The command of one plan on the time grid of one simulation.
+
+    Args:
+        plan: The plan; executable.
+        period: Sampling period, s, or None for a continuous command.
+        draws: The machines, for delay and resolution.
+        step: Largest step, s.
+        stops: Times (m,) that the grid must hold, s; the first is 0, the last ends the simulation.
+
+    Raises:
+        InputError: If the plan's input is not finite somewhere.
+
+    Attributes:
+        t: The grid, shape (M+1,), s. With one delay for all samples it holds every jump; otherwise
+            a jump inside a step counts from the nearest of its start, middle and end.
+        running: Whether each step lies before the plan's end, shape (M,).
+    """
+
+    def __init__(
+        self, plan: Plan, period: float | None, draws: Draws, step: float, stops: Array
+    ) -> None:
+        delay = draws["delay_s"][0]
+        source: Source = Continuous(plan, step) if period is None else Held(plan, period)
+        self._resolution = draws["velocity_resolution_rad_s"][:, :1]
+        self._table: Array | None = None
+        if np.all(delay == delay[0]):
+            jumps = source.jumps + delay[0]
+            self.t = subdivided(merged(stops, jumps[jumps < stops[-1]]), step)
+            plan_time = snapped(self.t - delay[0], source.jumps)
+            table = np.stack([source(t) for t in _parts(plan_time)], axis=1)
+            self._table = self._rounded(table[..., None])
+        else:
+            self.t = subdivided(stops, step)
+            self._source = Tabulated(source) if period is None else source
+            self._delay = delay
+        self._times = np.stack(_parts(self.t), axis=1)
+        self.running = self._times[:, 1] < plan.duration
+
+    def part(self, chosen: slice) -> Command:
+        """The same command for a run of the samples."""
+        out = copy(self)
+        if self._table is None:
+            out._delay = self._delay[chosen]
+        return out
+
+    def at(self, k: int) -> Array:
+        """What step k asks of both motors at its start, middle and end, shape (3, 2, S or 1)."""
+        if self._table is not None:
+            return np.asarray(self._table[k])
+        times = self._times[k][:, None] - self._delay
+        return self._rounded(np.swapaxes(self._source(times), 1, 2))
+
+    def _rounded(self, values: Array) -> Array:
+        if not np.any(self._resolution):
+            return values
+        step = np.where(self._resolution > 0, self._resolution, 1.0)
+        return np.asarray(np.where(self._resolution > 0, np.round(values / step) * step, values))
+
+
+def _parts(times: Array) -> list[Array]:
+    return [inside(times[:-1], times[1:], part) for part in PARTS]
+
+
+def _finite(values: Array, times: Array) -> Array:
+    bad = ~np.all(np.isfinite(values), axis=-1)
+    if np.any(bad):
+        when = float(times[bad][0])
+        raise InputError(
+            f"the plan's input is not finite at t = {when:.6g} s; it cannot be replayed"
+        )
+    return values

@@ -1,0 +1,212 @@
+"""A plan replayed on the emulated machine: its errors and their distribution."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.machine import Draws, Machine, simulate
+from planner.machine.simulate import Progress
+from planner.plan import Plan
+from planner.systems.base import Array
+
+SETTLE_S = 0.5
+"""Default time after the plan's end with zero command, seconds."""
+
+RECORD_S = 0.02
+"""Default time between two recorded instants, seconds."""
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What became of a plan on S samples of a machine.
+
+    Attributes:
+        plan: The plan.
+        machine: The distribution that the samples come from.
+        seed: Seed of the draws; with `numbers` it gives every sample back.
+        numbers: Which samples, shape (S,).
+        draws: Each sample's parameters.
+        t: Recorded times, shape (R,), s; the last one is `settle_s` after the plan's end.
+        q: True coordinates, shape (S, R, N), in the coordinates' units.
+        motor_rates: Speeds of both motors, shape (S, R, 2), rad/s.
+        saturated_s: How long each motor was asked for more than its velocity limit, (S, 2), s.
+        terminal_error: True end minus plan's end, shape (S, N), in the coordinates' units.
+        deviation: Largest |true − plan| over time of the coordinates after the first, (S, N−1).
+    """
+
+    plan: Plan
+    machine: Machine
+    seed: int
+    numbers: NDArray[np.int64]
+    draws: Draws
+    t: Array
+    q: Array
+    motor_rates: Array
+    saturated_s: Array
+    terminal_error: Array
+    deviation: Array
+
+    @property
+    def angles(self) -> tuple[int, ...]:
+        """Array indices of the coordinates after the first that are angles (θ₁ … θₙ)."""
+        coordinates = self.plan.problem.system.coordinates
+        return tuple(i for i, c in enumerate(coordinates) if i and c.unit == "rad")
+
+    @property
+    def terminal_error_deg(self) -> Array:
+        """True end minus plan's end of each angle, shape (S, n), degrees, signed."""
+        return np.rad2deg(self.terminal_error[:, list(self.angles)])
+
+    @property
+    def largest_error_deg(self) -> Array:
+        """Largest |true − plan| of each angle over all steps, shape (S, n), degrees."""
+        return np.rad2deg(self.deviation[:, [i - 1 for i in self.angles]])
+
+    @property
+    def index_E_deg(self) -> Array:
+        """The paper's index of error, shape (S,), degrees: E = max |θ_r − θ_d|, eq. (29).
+
+        The paper writes a maximum over joints and leaves open over which times. We take all of
+        them, from the start until the servos have settled, since it applies the index to the curves
+        of Fig. 9 ("5 degree error on the θ3 curve"). `terminal_E_deg` is the other reading.
+        """
+        return np.asarray(self.largest_error_deg.max(axis=1))
+
+    @property
+    def terminal_E_deg(self) -> Array:
+        """Largest |error| over the angles at the end, shape (S,), degrees."""
+        return np.asarray(np.abs(self.terminal_error_deg).max(axis=1))
+
+    @property
+    def measured(self) -> Array:
+        """What the encoders read, shape (S, R, N): `q` with the angles at their resolution."""
+        out = self.q.copy()
+        steps = np.deg2rad(self.draws["encoder_resolution_deg"])
+        steps = np.broadcast_to(steps, (out.shape[2] - 1, len(out)))
+        for i in self.angles:
+            step = steps[i - 1][:, None]
+            rounded = np.round(out[:, :, i] / np.where(step > 0, step, 1.0)) * step
+            out[:, :, i] = np.where(step > 0, rounded, out[:, :, i])
+        return out
+
+    @property
+    def worst(self) -> int:
+        """Number of the sample with the largest E; `replay(…, samples=[worst])` gives it again."""
+        return int(self.numbers[np.argmax(self.index_E_deg)])
+
+    def summary(self) -> dict[str, Any]:
+        """The figures of a comparison table, JSON-ready, in degrees and seconds.
+
+        Median and 95th percentile of E and of the terminal error, over samples; the median of each
+        angle's terminal error; and the longest time any sample's motors were saturated.
+        """
+        e, end = self.index_E_deg, self.terminal_E_deg
+        return {
+            "samples": len(self.numbers),
+            "seed": self.seed,
+            "E_median_deg": float(np.median(e)),
+            "E_p95_deg": float(np.percentile(e, 95)),
+            "terminal_median_deg": float(np.median(end)),
+            "terminal_p95_deg": float(np.percentile(end, 95)),
+            "terminal_error_median_deg": np.median(self.terminal_error_deg, axis=0).tolist(),
+            "largest_error_median_deg": np.median(self.largest_error_deg, axis=0).tolist(),
+            "saturated_s": self.saturated_s.max(axis=0).tolist(),
+        }
+
+
+def replay(
+    plan: Plan,
+    machine: Machine | None = None,
+    samples: int | Sequence[int] = 1,
+    seed: int = 0,
+    feedback: bool = False,
+    *,
+    settle_s: float = SETTLE_S,
+    record_s: float | None = RECORD_S,
+    progress: Progress | None = None,
+) -> Replay:
+    """Replay a plan open loop on samples of an emulated machine.
+
+    The same seed gives every plan the same machines, and sample k is the same machine whatever the
+    number of samples, so that plans can be compared sample by sample.
+
+    Args:
+        plan: An executable plan.
+        machine: The machine; the problem's `[machine]` table when left out.
+        samples: How many, or a list of sample numbers (from 0).
+        seed: Seed of the draws.
+        feedback: Whether a tracker closes the loop; not available yet.
+        settle_s: Time after the plan's end with zero command, s, so that the lag of the servos is
+            not counted as a terminal error.
+        record_s: Time between recorded instants, s; None records the start, the plan's end and the
+            end alone. Errors are taken over all steps, recorded or not.
+        progress: Called with (steps done, steps in all).
+
+    Raises:
+        InputError: If the plan has no real inputs, the machine does not match the system, or an
+            argument is out of range.
+    """
+    if feedback:
+        raise InputError("feedback=True is not available yet; replay runs open loop")
+    _refuse_inexecutable(plan)
+    numbers = _numbers(samples)
+    _check(seed, settle_s, record_s)
+    used = Machine.from_table(plan.problem.machine) if machine is None else machine
+    recording = simulate(
+        plan, used, numbers, seed, settle_s=settle_s, record_s=record_s, progress=progress
+    )
+    return Replay(
+        plan=plan,
+        machine=used,
+        seed=seed,
+        numbers=numbers,
+        draws=recording.draws,
+        t=recording.t,
+        q=recording.q,
+        motor_rates=recording.speed,
+        saturated_s=recording.saturated_s,
+        terminal_error=recording.q[:, -1] - plan.q(plan.duration),
+        deviation=recording.deviation,
+    )
+
+
+def _refuse_inexecutable(plan: Plan) -> None:
+    if plan.executable:
+        return
+    domain = plan.domain
+    times = ", ".join(f"{t:.4g}" for t in domain.singular_times_s[:8]) or f"{domain.time_s:.4g}"
+    raise InputError(
+        f"this {plan.method} plan cannot be replayed: it leaves the chart's domain, so that it has"
+        f" no real inputs (crossings at t = {times} s; {domain.label}: {domain.margin:.4g})"
+    )
+
+
+def _numbers(samples: int | Sequence[int]) -> NDArray[np.int64]:
+    if isinstance(samples, bool):
+        raise InputError(f"samples = {samples}: give how many, or a list of sample numbers")
+    numbers = np.arange(samples) if isinstance(samples, int | np.integer) else np.asarray(samples)
+    if (
+        numbers.ndim != 1
+        or numbers.size == 0
+        or numbers.dtype.kind not in "iu"
+        or numbers.min() < 0
+    ):
+        raise InputError(
+            f"samples = {samples}: give how many (at least 1), or a list of sample numbers from 0"
+        )
+    return numbers.astype(np.int64)
+
+
+def _check(seed: int, settle_s: float, record_s: float | None) -> None:
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise InputError(f"seed = {seed}: must be an integer >= 0")
+    if not (np.isfinite(settle_s) and settle_s >= 0):
+        raise InputError(f"settle_s = {settle_s}: must be a time >= 0, in seconds")
+    if record_s is not None and not (np.isfinite(record_s) and record_s > 0):
+        raise InputError(f"record_s = {record_s}: must be a time > 0, in seconds, or None")

@@ -1,0 +1,84 @@
+"""How a result was made: versions, and the command that makes it again."""
+
+from __future__ import annotations
+
+import platform
+import shlex
+from collections.abc import Mapping
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+from planner.errors import InputError
+from planner.machine import Machine
+from planner.problem import load_problem
+from planner.spec import toml
+
+if TYPE_CHECKING:
+    from planner.compare import Comparison
+
+LIBRARIES = ("casadi", "numpy", "scipy", "osqp")
+
+
+def versions() -> dict[str, str]:
+    """Versions of the planner, of Python, and of the libraries that numbers depend on."""
+    from planner import __version__
+
+    return {
+        "planner": __version__,
+        "python": platform.python_version(),
+        **{name: version(name) for name in LIBRARIES},
+    }
+
+
+def command(comparison: Comparison, out: str | None = None) -> str | None:
+    """The command line that repeats a comparison.
+
+    Whatever the problem or the machine changes against the problem's file becomes a `--set`.
+
+    Returns:
+        The command, or None if no command gives this problem (its file is gone, or lacks what
+        only the file can take away).
+    """
+    settings = _settings(comparison)
+    if settings is None:
+        return None
+    words = ["planner", "compare", comparison.problem.source]
+    words += ["--methods", ",".join(row.label for row in comparison.rows)]
+    words += ["--samples", str(comparison.samples), "--seed", str(comparison.seed)]
+    for key, value in settings.items():
+        words += ["--set", f"{key}={toml(value)}"]
+    if out is not None:
+        words += ["--out", out]
+    return shlex.join(words)
+
+
+def _settings(comparison: Comparison) -> dict[str, Any] | None:
+    problem, machine = comparison.problem, comparison.machine
+    try:
+        filed = load_problem(problem.source)
+    except InputError:
+        return None
+    settings = _changes(filed.to_dict(), problem.to_dict())
+    if settings is None:
+        return None
+    usual = Machine.from_table(problem.machine).to_dict()
+    own = machine.to_dict()
+    changed = {f"machine.{key}": own[key] for key in own if own[key] != usual[key]}
+    return {**settings, **changed}
+
+
+def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Dotted keys to values that turn one table into another; None if a key would have to go."""
+    out: dict[str, Any] = {}
+    if before.keys() - after.keys():
+        return None
+    for key, value in after.items():
+        old = before.get(key, {} if isinstance(value, Mapping) else None)
+        if isinstance(value, Mapping) and isinstance(old, Mapping):
+            inner = _changes(old, value)
+            if inner is None:
+                return None
+            out |= {f"{key}.{name}": item for name, item in inner.items()}
+        elif value != old:
+            out[key] = value
+    return out

@@ -1,0 +1,148 @@
+"""A comparison as a table: for a terminal, as Markdown, as CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.report.provenance import command
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from planner.compare import Comparison, Row
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column.
+
+    Attributes:
+        title: What it holds, in few words.
+        unit: Its unit, or "".
+        text: From row to cell.
+    """
+
+    title: str
+    unit: str
+    text: Callable[[Row], str]
+
+
+def columns(comparison: Comparison) -> list[Column]:
+    """The columns of issue and design, in their order."""
+    system = comparison.problem.system
+    length, (first, second) = system.coordinates[0].unit, system.inputs
+    return [
+        Column("travel", length, lambda r: number(r.travel_rad, 4)),
+        Column("effort", "", lambda r: number(r.effort, 4)),
+        Column("|u1|", first.unit, lambda r: number(r.peak_u[0])),
+        Column("|u2|", second.unit, lambda r: number(r.peak_u[1])),
+        Column("domain margin", "", lambda r: number(r.domain_margin)),
+        Column("ideal error", "deg", lambda r: number(r.terminal_error_deg, 2)),
+        Column("E 50 %", "deg", lambda r: number(r.E_median_deg)),
+        Column("E 95 %", "deg", lambda r: number(r.E_p95_deg)),
+        Column("solve", "s", lambda r: number(r.solve_time_s, 2)),
+    ]
+
+
+def verdict(row: Row) -> str:
+    """Solved, or why not."""
+    return "yes" if row.solved else f"no: {row.why}"
+
+
+def number(value: float, digits: int = 3) -> str:
+    """A number in few characters; "-" when it is not defined."""
+    if not np.isfinite(value):
+        return "-"
+    if value == 0 or 1e-3 <= abs(value) < 10**digits:
+        return f"{value:.{digits}g}"
+    if abs(value) < 1e5 and abs(value) >= 1:
+        return f"{value:.0f}"
+    return f"{value:.0e}"
+
+
+def rich_table(comparison: Comparison) -> Table:
+    """For a terminal, at most 100 columns wide."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    table = Table(
+        box=SIMPLE_HEAD,
+        padding=0,
+        show_edge=False,
+        pad_edge=False,
+        caption=_explained(comparison),
+        caption_justify="left",
+    )
+    table.add_column("method", max_width=20, overflow="fold")
+    table.add_column("solved", max_width=27, overflow="fold")
+    shown = columns(comparison)
+    for column in shown:
+        unit = f"\n{column.unit}" if column.unit else ""
+        table.add_column(column.title.replace(" ", "\n", 1) + unit, justify="right", no_wrap=False)
+    for row in comparison.rows:
+        style = "" if row.solved else "dim"
+        cells = [column.text(row) for column in shown]
+        table.add_row(row.label.replace(":", ":\n"), verdict(row), *cells, style=style)
+    return table
+
+
+def markdown(comparison: Comparison) -> str:
+    """Markdown text with a heading, the table, what it says, and how to make it again."""
+    shown = columns(comparison)
+    titles = ["method", "solved", *(_titled(column) for column in shown)]
+    rule = ["---", "---", *("---:" for _ in shown)]
+    body = [
+        [f"`{_escaped(row.label)}`", _escaped(verdict(row)), *(c.text(row) for c in shown)]
+        for row in comparison.rows
+    ]
+    lines = ["| " + " | ".join(cells) + " |" for cells in (titles, rule, *body)]
+    repeat = command(comparison)
+    again = (
+        f"Made by:\n\n    {repeat}\n"
+        if repeat
+        else "Made from Python; `comparison.json` holds the problem, the machine and the seed.\n"
+    )
+    heading = f"# Comparison: {comparison.problem.name}\n"
+    return "\n".join([heading, *lines, "", _explained(comparison), "", again])
+
+
+def csv_text(comparison: Comparison) -> str:
+    """One line a method, full precision, empty where a number is not defined."""
+    stream = io.StringIO()
+    rows = [_flat(row) for row in comparison.rows]
+    writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return stream.getvalue()
+
+
+def _flat(row: Row) -> dict[str, Any]:
+    data = row.to_dict()
+    data["peak_u1_rad_s"], data["peak_u2_rad_s"] = data.pop("peak_u_rad_s")
+    del data["replay"]
+    return data
+
+
+def _titled(column: Column) -> str:
+    unit = f" ({column.unit})" if column.unit else ""
+    return _escaped(column.title) + unit
+
+
+def _escaped(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+def _explained(comparison: Comparison) -> str:
+    return (
+        "effort: integral of u1^2 + u2^2 dt; ideal error: largest joint error at the goal by exact"
+        " kinematics; E: largest joint error on the machine at any time (eq. 29), median and 95th"
+        f" percentile over {comparison.samples} machines ({comparison.machine.preset}), seed"
+        f" {comparison.seed}, the same machines for every plan; refused plans that can be executed"
+        " are replayed for study."
+    )

@@ -12,7 +12,7 @@ from typing import Any
 import casadi as ca
 
 from planner.systems.base import Array, TriangularSystem
-from planner.systems.evaluate import evaluate
+from planner.systems.pointwise import Pointwise
 
 Word = tuple[int, ...]
 
@@ -63,7 +63,7 @@ class Brackets:
             (1,): ca.SX(ca.vertcat(*system.rates_expr(self._q, [1.0, 0.0]))),
             (2,): ca.SX(ca.vertcat(*system.rates_expr(self._q, [0.0, 1.0]))),
         }
-        self._values: dict[int, tuple[list[str], Any]] = {}
+        self._values: dict[int, tuple[list[str], Pointwise]] = {}
 
     def names(self, length: int) -> list[str]:
         """Names of the brackets of exactly that length."""
@@ -72,15 +72,12 @@ class Brackets:
     def values(self, q: Array, length: int) -> Array:
         """The brackets of exactly that length at q (…, N), shape (…, count, N)."""
         names, function = self._of_length(length)
-        return evaluate(function, q).reshape(*q.shape[:-1], len(names), q.shape[-1])
+        return function(q).reshape(*q.shape[:-1], len(names), q.shape[-1])
 
-    def _of_length(self, length: int) -> tuple[list[str], Any]:
+    def _of_length(self, length: int) -> tuple[list[str], Pointwise]:
         if length not in self._values:
             words = lyndon_words(length)
-            for word in words:
-                self._field(word)
-            columns = ca.densify(ca.vertcat(*(self._fields[w] for w in words)))
-            function = ca.Function("brackets", [self._q], [columns])
+            function = Pointwise("brackets", [self._q], ca.vertcat(*map(self._field, words)))
             self._values[length] = ([bracket_name(w) for w in words], function)
         return self._values[length]
 

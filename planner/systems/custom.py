@@ -7,12 +7,13 @@ from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.systems.base import Array, Coordinate, TriangularSystem
-from planner.systems.evaluate import evaluate
 from planner.systems.expression import parse_expression, write_expression
-from planner.systems.monotone import Function, Stretch, solve, stretch
+from planner.systems.monotone import Solution, solve
+from planner.systems.pointwise import Pointwise
 from planner.systems.triangular import (
     check_intervals,
     check_names,
@@ -100,11 +101,11 @@ class CustomSystem(TriangularSystem):
 
     def slopes(self, q: Array) -> Array:
         """f₃ … f_N, shape (…, N−2), by CasADi."""
-        return evaluate(self._slopes, q)
+        return self._slopes(q)
 
     def drive(self, q: Array) -> Array:
         """γ, shape (…,), by CasADi."""
-        return evaluate(self._drive, q)[..., 0]
+        return self._drive(q)[..., 0]
 
     # -- the chart -----------------------------------------------------------------------------
 
@@ -113,42 +114,35 @@ class CustomSystem(TriangularSystem):
         out = np.ones(self.size)
         point = np.nan_to_num(np.asarray(q, dtype=float))
         for i, (low, high) in self._intervals.items():
-            derivative = float(evaluate(self._links[i], point)[1])
+            derivative = float(self._links[i](point)[1])
             inside = low < point[i] < high and abs(derivative) > 1e-12
             out[i] = np.sign(derivative) if inside else 0.0
         return out
 
     def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
-        """The solution on the branch's stretch of the interval; NaN where there is none."""
-        function, where, value = self._equation(i, slope, q, branch)
-        return solve(function, value, where, branch[i]).reshape(np.shape(slope))
+        """The solution on the branch's side of the turn; NaN where there is none."""
+        solution, _ = self._solved(i, slope, q, branch)
+        return np.where(solution.exists, solution.x, np.nan).reshape(np.shape(slope))
 
     def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
         """Distances to the interval's ends (share of its width) and the signed ∂fᵢ₊₁/∂qᵢ.
 
         Where no solution exists the margin that fails is minus the missing part of the slope.
         """
-        function, where, value = self._equation(i, slope, q, branch)
-        sign, (low, high) = branch[i], self._intervals[i]
-        short_low = sign * (value - function(where.low)[0])
-        short_high = sign * (function(where.high)[0] - value)
-        x = solve(function, value, where, sign)
-        x = np.where(short_low < 0, where.low, np.where(short_high < 0, where.high, x))
-        gone = np.isnan(where.low) & ~np.isnan(value)
-        to_low, to_high = (x - low) / (high - low), (high - x) / (high - low)
-        steep = sign * function(x)[1]
-        to_low = np.where((short_low < 0) & ~where.turns_low, short_low, to_low)
-        to_high = np.where((short_high < 0) & ~where.turns_high, short_high, to_high)
-        steep = np.where((short_low < 0) & where.turns_low, short_low, steep)
-        steep = np.where((short_high < 0) & where.turns_high, short_high, steep)
-        steep = np.where(gone, -1.0, steep)
-        return [m.reshape(np.shape(slope)) for m in (to_low, to_high, steep)]
+        solution, derivative = self._solved(i, slope, q, branch)
+        (low, high), x = self._intervals[i], solution.x
+        pairs = [
+            ((x - low) / (high - low), solution.short_low),
+            ((high - x) / (high - low), solution.short_high),
+            (np.where(_nowhere(solution, slope), -1.0, derivative), solution.short_turn),
+        ]
+        return [np.where(s > 0, -s, m).reshape(np.shape(slope)) for m, s in pairs]
 
     def chart_margins(self, q: Array, branch: Array) -> Array:
         """The same margins from coordinates, shape (…, 3(N−2))."""
         out = []
         for i, (low, high) in self._intervals.items():
-            derivative = evaluate(self._links[i], q)[..., 1]
+            derivative = self._links[i](q)[..., 1]
             out += [(q[..., i] - low) / (high - low), (high - q[..., i]) / (high - low)]
             out.append(branch[i] * derivative)
         return np.stack(out, axis=-1)
@@ -164,19 +158,17 @@ class CustomSystem(TriangularSystem):
             labels.append((i, f"derivative of the slope of {following} by {this}"))
         return tuple(labels)
 
-    def _equation(
-        self, i: int, slope: Array, q: Array, branch: Array
-    ) -> tuple[Function, Stretch, Array]:
-        value = np.ravel(np.asarray(slope, dtype=float))
+    def _solved(self, i: int, slope: Array, q: Array, branch: Array) -> tuple[Solution, Array]:
+        """The solution of link i, and the signed derivative there."""
         points = np.where(np.arange(self.size) > i, q, 0.0).reshape(-1, self.size)
 
         def function(x: Array) -> tuple[Array, Array]:
             points[:, i] = x
-            f, derivative = evaluate(self._links[i], points).T
+            f, derivative = self._links[i](points).T
             return f, derivative
 
-        low, high = self._intervals[i]
-        return function, stretch(function, low, high, branch[i], len(value)), value
+        solution = solve(function, np.ravel(slope), *self._intervals[i], branch[i])
+        return solution, branch[i] * function(solution.x)[1]
 
     # -- construction --------------------------------------------------------------------------
 
@@ -202,15 +194,11 @@ class CustomSystem(TriangularSystem):
     def _build(self) -> None:
         q = ca.SX.sym("q", self.size)
         slopes = [ca.SX(s) for s in self.slopes_expr(q)]
-        self._slopes = ca.Function("slopes", [q], [ca.vertcat(*slopes)])
-        self._drive = ca.Function("drive", [q], [ca.SX(self.drive_expr(q))])
+        self._slopes = Pointwise("slopes", [q], ca.vertcat(*slopes))
+        self._drive = Pointwise("drive", [q], ca.SX(self.drive_expr(q)))
         self._links = {
-            i: ca.Function(
-                f"link{i}",
-                [q],
-                [ca.densify(ca.vertcat(slopes[i - 1], ca.jacobian(slopes[i - 1], q[i])))],
-            )
-            for i in range(1, self.size - 1)
+            i: Pointwise(f"link{i}", [q], ca.vertcat(f, ca.jacobian(f, q[i])))
+            for i, f in enumerate(slopes, start=1)
         }
         check_structure(self.name, self._coordinates, slopes, q)
         check_turns(self.name, self._coordinates, self._intervals, self._links)
@@ -230,3 +218,8 @@ class CustomSystem(TriangularSystem):
             "inputs": [c.name for c in self._inputs],
             "input_units": [c.unit for c in self._inputs],
         }
+
+
+def _nowhere(solution: Solution, slope: Array) -> NDArray[np.bool_]:
+    """Where the derivative has the branch's sign nowhere, though a slope is asked for."""
+    return np.isnan(solution.x) & ~np.isnan(np.ravel(slope))

@@ -12,7 +12,6 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.systems.base import Coordinate
-from planner.systems.evaluate import evaluate
 from planner.systems.expression import FUNCTIONS
 
 Intervals = Mapping[int, tuple[float, float]]
@@ -100,7 +99,7 @@ def check_turns(
             for j, (a, b) in intervals.items():
                 points[:, j] = rng.uniform(a, b)
             points[:, i] = np.linspace(low, high, 203)[1:-1]
-            signs = np.sign(evaluate(links[i], points)[:, 1])
+            signs = np.sign(links[i](points)[:, 1])
             signs = signs[(signs != 0) & np.isfinite(signs)]
             if sum(a != b for a, b in pairwise(signs)) > 1:
                 raise InputError(

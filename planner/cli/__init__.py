@@ -17,7 +17,7 @@ from planner import __version__
 from planner.cli.check import check
 from planner.cli.compare import compare
 from planner.cli.lists import methods, schema, systems
-from planner.cli.output import print_json, say, watch_interrupts
+from planner.cli.output import ReaderGoneError, print_json, say, watch_interrupts
 from planner.cli.plan import plan
 from planner.errors import PlannerError
 
@@ -75,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with watch_interrupts():
             return _run(words)
-    except BrokenPipeError:  # the reader has gone (planner schema | head)
+    except ReaderGoneError:
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (closed by the interpreter at exit)
         return 0
 
@@ -95,7 +95,7 @@ def _run(words: list[str]) -> int:
         return _usage(as_json, error)
     except (KeyboardInterrupt, typer.Abort):
         return _refuse(as_json, INTERRUPTED, "interrupted", "interrupted, nothing written")
-    except BrokenPipeError:
+    except ReaderGoneError:
         raise
     except Exception as error:
         return _bug(as_json, words, error)
@@ -126,7 +126,3 @@ def _bug(as_json: bool, words: list[str], error: Exception) -> int:
         " the problem file and this command; `planner --debug ...` shows the traceback."
     )
     return _refuse(as_json, 1, "bug", message)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -25,6 +25,10 @@ PATIENCE_S = 2.0
 """How long a job may take before its progress is shown."""
 
 
+class ReaderGoneError(Exception):
+    """Nobody reads standard output any more (planner schema | head)."""
+
+
 def print_json(data: Mapping[str, Any]) -> None:
     """One JSON object on standard output; NaN and infinities become null.
 
@@ -137,7 +141,8 @@ def progress_bar() -> Iterator[Callable[[str, float], None]]:
         with redirect_stdout(sys.stderr):
             yield tell
     finally:
-        bar.stop()
+        if bar.live.is_started:
+            bar.stop()
     if interrupted():
         raise KeyboardInterrupt
 
@@ -181,6 +186,6 @@ def _write(text: str) -> None:
         sys.stdout.write(text)
         sys.stdout.flush()
     except BrokenPipeError:
-        raise
+        raise ReaderGoneError from None
     except OSError as error:
         raise InputError(f"cannot write standard output: {error.strerror or error}") from None

@@ -1,0 +1,94 @@
+"""The command as a process of its own: exit status, streams, Ctrl-C, pipes, terminals."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+PLANNER = [sys.executable, "-m", "planner"]
+
+# Stands in for a long job: it says that it runs, then waits to be interrupted.
+LONG_JOB = """
+import sys, time
+import planner.cli
+
+def long_job(*_, **__):
+    print("running", file=sys.stderr, flush=True)
+    time.sleep(60)
+
+sys.modules['planner.cli.{command}'].{name} = long_job
+sys.exit(planner.cli.main(sys.argv[1:]))
+"""
+
+
+def started(words: list[str]) -> subprocess.Popen[str]:
+    return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def test_bad_input_in_a_process(tmp_path: Path) -> None:
+    words = ["plan", str(tmp_path / "none.toml"), "--json"]
+    done = subprocess.run([*PLANNER, *words], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert json.loads(done.stdout)["status"] == "bad_input"
+    assert "cannot read" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("command", "name"), [("plan", "solve_and_check"), ("check", "analyse"), ("compare", "run")]
+)
+def test_ctrl_c_ends_quietly_and_writes_nothing(command: str, name: str, tmp_path: Path) -> None:
+    script = LONG_JOB.format(command=command, name=name)
+    out = [] if command == "check" else ["--out", str(tmp_path / "out")]
+    words = [command, str(PROBLEMS / "paper.toml"), "--json", *out]
+    with started([sys.executable, "-c", script, *words]) as job:
+        assert job.stderr is not None
+        said = job.stderr.readline()
+        job.send_signal(signal.SIGINT)
+        stdout, stderr = job.communicate(timeout=30)
+    assert said == "running\n"
+    assert job.returncode == 130
+    assert stderr == "planner: interrupted, nothing written\n"
+    assert json.loads(stdout)["status"] == "interrupted"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_reader_that_leaves_is_no_error() -> None:
+    with started([*PLANNER, "schema"]) as job:
+        assert job.stdout is not None
+        assert job.stderr is not None
+        job.stdout.close()
+        assert job.stderr.read() == ""
+        assert job.wait(timeout=30) == 0
+
+
+@pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="needs the device /dev/full")
+def test_a_full_disk_behind_standard_output_is_told() -> None:
+    with open("/dev/full", "w", encoding="utf-8") as full:
+        done = subprocess.run(
+            [*PLANNER, "methods", "--json"], stdout=full, stderr=subprocess.PIPE, check=False
+        )
+    assert done.returncode == 2
+    assert b"cannot write standard output: No space left on device" in done.stderr
+    assert b"Traceback" not in done.stderr
+
+
+def test_colours_on_a_terminal_only() -> None:
+    environment = {k: v for k, v in os.environ.items() if k != "NO_COLOR"} | {"TERM": "xterm"}
+    ours, theirs = os.openpty()
+    done = subprocess.run([*PLANNER, "methods"], stdout=theirs, env=environment, check=True)
+    os.close(theirs)
+    assert done.returncode == 0
+    assert b"\x1b[" in os.read(ours, 65536)
+    os.close(ours)
+    piped = subprocess.run(
+        [*PLANNER, "methods"], stdout=subprocess.PIPE, env=environment, check=True
+    )
+    assert b"\x1b" not in piped.stdout

@@ -7,6 +7,7 @@
 True
 """
 
+from planner.compare import Comparison, compare
 from planner.errors import (
     InfeasibleError,
     InputError,
@@ -30,6 +31,7 @@ __version__ = "0.1.0"
 __all__ = [
     "METHODS",
     "Check",
+    "Comparison",
     "Gear",
     "InfeasibleError",
     "InputError",
@@ -45,6 +47,7 @@ __all__ = [
     "TriangularSystem",
     "VerificationError",
     "Violation",
+    "compare",
     "load_plan",
     "load_problem",
     "solve",

@@ -4,8 +4,8 @@
     n = 3:  p = −sign(θ₂) z₂  0 < p < g(z₃)                 cos²θ₁ = p/g(z₃)
             g(z₃) = 3K₂K₃ c²√(1−c²),  c = cosθ₂ = (z₃/K₃)^{1/3},  concave on (0, K₃)
 
-The cap is lowered by the factor that keeps sin²θ₁ ≥ edge, and the floor is raised to the margin asked
-for; both keep the set convex. The sign of θ₁ plays no part: the cap knows cos²θ₁ only.
+The cap is lowered by the factor that keeps sin²θ₁ ≥ edge, and the floor is raised to the margin
+asked for; both keep the set convex. The sign of θ₁ plays no part: the cap knows cos²θ₁ only.
 """
 
 from __future__ import annotations
@@ -58,10 +58,10 @@ class Band:
         return np.asarray(3 * self.cap_factor * self.K[0] * self.K[1] * c2 * np.sqrt(1 - c2))
 
     def tangent(self, z3: Array) -> tuple[Array, Array]:
-        """Slope and value of the cap at z₃ moved into [1e-9, 1 − 1e-9] K₃: cap ≤ value + slope (z₃ − at).
+        """The cap's tangent slope · z₃ + offset at z₃ (moved a little inside its domain).
 
         Returns:
-            (slope, value − slope·at), so that the tangent is slope · z₃ + second.
+            (slope, offset), each of the shape of z₃; no cap value lies above the tangent.
         """
         if len(self.K) == 1:
             return np.zeros(np.shape(z3)), self.cap(z3)

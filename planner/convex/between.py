@@ -13,9 +13,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.convex.band import Band
 from planner.systems.base import Array
+
+Indices = NDArray[np.intp]
 
 MAX_HALVINGS = 40
 
@@ -35,7 +38,7 @@ class Excess:
     """
 
     proven: float
-    piece: Array
+    piece: Indices
     local: Array
     value: Array
 
@@ -86,7 +89,7 @@ def _search(p: Array, z: Array, band: Band | None, tolerance: float, proof: bool
     return Excess(proven, bad, where[bad], best[bad])
 
 
-def _keep_best(best: Array, where: Array, piece: Array, value: Array, at: Array) -> None:
+def _keep_best(best: Array, where: Array, piece: Indices, value: Array, at: Array) -> None:
     order = np.argsort(value, kind="stable")  # the last of equal pieces wins, so the greatest
     piece, value, at = piece[order], value[order], at[order]
     top = np.full(len(best), -np.inf)

@@ -1,4 +1,4 @@
-"""Cutting planes at one travel: the global optimum of a convex class with its gap, or a certificate.
+"""Cutting planes at one travel: the global optimum of a class with its gap, or a certificate.
 
 The relaxation keeps the floor and tangents of the cap at a growing list of points, so its optimum
 bounds every path of the class from below. When no piece leaves the band by more than a tolerance,
@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.convex.band import Band
 from planner.convex.between import Excess, cap_excess, floor_excess
@@ -49,6 +50,16 @@ class Touch:
     cap: Array
     at: Array
 
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return len(self.floor) + len(self.cap)
+
+    def only(self, keep: NDArray[np.bool_]) -> Touch:
+        """Those whose row has `keep` True; rows are floor first, then cap."""
+        split = len(self.floor)
+        return Touch(self.floor[keep[:split]], self.cap[keep[split:]], self.at[keep[split:]])
+
     def plus(self, other: Touch) -> Touch:
         """Both lists."""
         return Touch(
@@ -69,7 +80,7 @@ class Best:
         frame: The class.
         y: The path, proven inside the band.
         bound: What no path of the class can be below, as the programme measures it.
-        touch: The points of the rows beside the nodes'.
+        touch: The points of the rows beside the nodes' that the path leans on.
         final: The last programme's answer, with its engine.
         rounds: Programmes solved.
         proven: Greatest possible excess over the band between the nodes; ≤ 0.
@@ -92,6 +103,13 @@ class Best:
     def gap(self) -> float:
         """(value − bound) / |value|."""
         return (self.value - self.bound) / max(abs(self.value), 1e-300)
+
+
+@dataclass(frozen=True)
+class Above:
+    """The optimum was not sought further, since it cannot be below `bound`."""
+
+    bound: float
 
 
 @dataclass(frozen=True)
@@ -146,14 +164,23 @@ class _Rows:
     def __init__(self, frame: Frame, band: Band, extra: Touch | None) -> None:
         self.frame, self.band = frame, band
         self.A, self.b = node_band_rows(frame, band)
-        self.added = NO_TOUCH
+        self.nodes = len(self.b)
+        self.blocks: list[Touch] = []
         if extra is not None:
             self.add(extra)
 
     def add(self, touch: Touch) -> None:
         A, b = band_rows(self.frame, self.band, touch)
-        self.added = self.added.plus(touch)
+        self.blocks.append(touch)
         self.A, self.b = np.concatenate([self.A, A]), np.concatenate([self.b, b])
+
+    def active(self, multipliers: Array) -> Touch:
+        """Points of the added rows that the solution leans on."""
+        at, kept = self.nodes, NO_TOUCH
+        for block in self.blocks:
+            kept = kept.plus(block.only(multipliers[at : at + block.rows] > 0))
+            at += block.rows
+        return kept
 
 
 def cut(
@@ -162,7 +189,8 @@ def cut(
     programme: Programme,
     extra: Touch | None = None,
     max_rounds: int = 100,
-) -> Best | Impossible:
+    ceiling: float = np.inf,
+) -> Best | Impossible | Above:
     """Solve one class at one travel.
 
     Args:
@@ -171,6 +199,7 @@ def cut(
         programme: The objective, see `Programme`.
         extra: Points for rows beside the nodes'; any will do, those of a neighbour help.
         max_rounds: Programmes allowed.
+        ceiling: Stop as soon as the bound exceeds this.
 
     Raises:
         StalledError: If the rounds run out, or the last of the feasible is too thin to be proven.
@@ -183,6 +212,8 @@ def cut(
             if relaxed is not None:
                 raise StalledError("feasible only within the tolerance of the cuts")
             return _impossible(rows, answer, round_)
+        if relaxed is None and answer.bound > ceiling:
+            return Above(answer.bound)
         guess = answer.y
         low, high = _excess(frame, band, guess, programme.tolerance, relaxed is not None)
         proven = max(low.proven, high.proven)
@@ -190,7 +221,8 @@ def cut(
             relaxed = relaxed or answer
             tighten = 2 * max(tighten, programme.tolerance)
         if relaxed is not None and proven <= 0:
-            return Best(frame, guess, relaxed.bound, rows.added, answer, round_, proven)
+            active = rows.active(answer.multipliers)
+            return Best(frame, guess, relaxed.bound, active, answer, round_, proven)
         rows.add(_touch_at(frame, guess, low, high))
     raise StalledError(f"cuts did not settle in {max_rounds} rounds")
 

@@ -4,8 +4,9 @@ With z₁ = z₁(0) + Δ τ the chain integrates to
 
     zᵢ(τ) = Σ_{k=0}^{i−2} zᵢ₋ₖ(0) (Δτ)ᵏ/k! + Δ^{i−2} (I^{i−1}ω)(τ)        (i = 2 … N)
 
-and the end conditions fix N−1 combinations of the coefficients, which are eliminated: x = x₀ + Q₂ y,
-x₀ ⊥ Q₂. Whatever y is, the path starts at z(0) and ends at z(T) to rounding, and ∫ω² dτ = |x₀|² + |y|².
+and the end conditions fix N−1 combinations of the coefficients, which are eliminated:
+x = x₀ + Q₂ y, x₀ ⊥ Q₂. Whatever y is, the path starts at z(0) and ends at z(T) to rounding, and
+∫ω² dτ = |x₀|² + |y|².
 """
 
 from __future__ import annotations

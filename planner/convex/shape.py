@@ -95,7 +95,7 @@ def end_basis(shape: Shape, orders: int) -> tuple[Array, Array, Array]:
 
 @lru_cache(maxsize=128)
 def node_rows(shape: Shape, order: int, orders: int) -> tuple[Array, Array]:
-    """Rows of the `order`-fold integral at the inner nodes: on all coefficients, on the free ones."""
+    """Rows of the `order`-fold integral at the inner nodes, on all and on the free coefficients."""
     rows = shape.integral(order, shape.breaks[1:-1])
     return rows, rows @ end_basis(shape, orders)[2]
 

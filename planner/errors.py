@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from planner.plan import Plan
+    from planner.verify import Check
 
 
 @dataclass(frozen=True)
@@ -122,6 +123,11 @@ class NotConvergedError(NoPlanError):
 
 
 class VerificationError(NoPlanError):
-    """A trajectory was found, but the independent check found a requirement it breaks."""
+    """A trajectory was found, but the independent check found a requirement it breaks.
+
+    Attributes:
+        check: All that the check found, or None.
+    """
 
     status = "verification_failed"
+    check: Check | None = None

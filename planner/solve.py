@@ -66,13 +66,15 @@ def merged_options(problem: Problem, method: Method, options: dict[str, Any]) ->
 
 
 def _refusal(plan: Plan, check: Check) -> VerificationError:
-    return VerificationError(
+    error = VerificationError(
         f"{plan.problem.source}: the {plan.method} plan breaks"
         f" {len(check.violations)} requirement{'s' if len(check.violations) > 1 else ''}",
         plan=replace(plan, status=VerificationError.status),
         violations=check.violations,
         advice=_advice(plan, check),
     )
+    error.check = check
+    return error
 
 
 def _advice(plan: Plan, check: Check) -> str:

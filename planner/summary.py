@@ -87,7 +87,7 @@ def refusal_summary(error: NoPlanError, method: str) -> dict[str, Any]:
     out = dict.fromkeys(KEYS)
     if error.plan is not None:
         try:
-            out |= plan_summary(error.plan)
+            out |= plan_summary(error.plan, getattr(error, "check", None))
         except (ArithmeticError, ValueError):  # an iterate may be anything; its facts are extras
             out = dict.fromkeys(KEYS)
     own = [_violation(v) for v in error.violations]

@@ -6,12 +6,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
-from rich.text import Text
 
 from planner.cli.arguments import Changes, Json, ProblemPath, read_problem
 from planner.cli.output import print_json, print_text, progress_bar, say
-from planner.compare import Comparison
 from planner.compare import compare as run
 from planner.errors import NoPlanError
 from planner.files import refuse_unwritable_folder
@@ -67,17 +64,7 @@ def compare(
         extra = {"exit_status": status, "written": written}
         print_json({"file": task.source, **found.to_dict(), **extra})
     else:
-        print_text(*_report(found))
+        print_text(found.problem.name, "", found.table())
     if written is not None:
         say(f"written to {written}")
     return status
-
-
-def _report(found: Comparison) -> list[str | Text | Table]:
-    return [
-        found.problem.name,
-        "",
-        found.table(),
-        "",
-        f"{found.samples} machines, seed {found.seed}",
-    ]

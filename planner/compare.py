@@ -244,8 +244,8 @@ def _planned(problem: Problem, spec: Spec) -> Row:
         kept = _complete(error)
         if kept is None:
             return Row(spec.label, spec.method, False, _reason(problem, error))
-        check = getattr(error, "check", None) or verify(kept)
-        plan, why = kept, _reason(problem, error)
+        known = error.check if isinstance(error, VerificationError) else None
+        plan, check, why = kept, known or verify(kept), _reason(problem, error)
     return _measured(spec, plan, check, why)
 
 

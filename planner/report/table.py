@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from planner.compare import Comparison, Row
+
+
+WIDTH, NAME = 100, 20
+"""Widest table, and widest name of a method in it, in characters."""
 
 
 @dataclass(frozen=True)
@@ -79,17 +83,24 @@ def rich_table(comparison: Comparison) -> Table:
         caption=_explained(comparison),
         caption_justify="left",
     )
-    table.add_column("method", max_width=20, overflow="fold")
-    table.add_column("solved", max_width=27, overflow="fold")
     shown = columns(comparison)
-    for column in shown:
-        unit = f"\n{column.unit}" if column.unit else ""
-        table.add_column(column.title.replace(" ", "\n", 1) + unit, justify="right", no_wrap=False)
-    for row in comparison.rows:
-        style = "" if row.solved else "dim"
-        cells = [column.text(row) for column in shown]
-        table.add_row(row.label.replace(":", ":\n"), verdict(row), *cells, style=style)
+    heads = [c.title.replace(" ", "\n", 1) + (f"\n{c.unit}" if c.unit else "") for c in shown]
+    cells = [[column.text(row) for column in shown] for row in comparison.rows]
+    names = [row.label.replace(":", ":\n") for row in comparison.rows]
+    name_width = min(NAME, _width(["method", *names]))
+    figures = sum(1 + _width([head, *column]) for head, *column in zip(heads, *cells, strict=True))
+    table.add_column("method", width=name_width, overflow="fold")
+    table.add_column("solved", max_width=WIDTH - name_width - 1 - figures, overflow="fold")
+    for head in heads:
+        table.add_column(head, justify="right", no_wrap=True)
+    for row, name, texts in zip(comparison.rows, names, cells, strict=True):
+        table.add_row(name, verdict(row), *texts, style="" if row.solved else "dim")
     return table
+
+
+def _width(texts: Sequence[str]) -> int:
+    """Columns that the widest line takes."""
+    return max(len(part) for text in texts for part in text.split("\n"))
 
 
 def markdown(comparison: Comparison) -> str:

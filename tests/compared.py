@@ -1,0 +1,34 @@
+"""One comparison of the paper's example that several tests look at."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import planner
+
+ROOT = Path(__file__).parents[1]
+SAMPLES = 9
+CHANGES = {"limits.input_rad_s": [0.6, 0.6], "machine.step_s": 0.01}
+
+
+@cache
+def paper_comparison() -> planner.Comparison:
+    """The default methods on `problems/paper.toml`, few samples."""
+    problem = planner.load_problem(ROOT / "problems/paper.toml", {"machine.step_s": 0.01})
+    return planner.compare(problem, samples=SAMPLES, seed=3)
+
+
+@cache
+def outside() -> planner.Plan:
+    """The printed example of the paper's Fig. 5: z₂ < 0, and yet no real θ₁ between 6 and 9 s."""
+    problem = planner.load_problem(ROOT / "problems/paper-fig5.toml")
+    return planner.solve(problem, "polynomial", allow_singular=True)
+
+
+@cache
+def quick_comparison() -> planner.Comparison:
+    """Two polynomials of the paper's example, one refused, and one law that leaves the domain."""
+    problem = planner.load_problem(ROOT / "problems/paper.toml", CHANGES)
+    specs = ["polynomial:travel=middle", "polynomial", "polynomial:points=[[5.0, -0.02]]"]
+    return planner.compare(problem, specs, samples=5, seed=1)

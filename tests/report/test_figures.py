@@ -1,0 +1,265 @@
+"""Figures show what they say, without a display and without pyplot."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+from compared import ROOT, outside, quick_comparison
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+import planner
+from planner.report import (
+    plot_arm,
+    plot_errors,
+    plot_inputs,
+    plot_joints,
+    plot_replays,
+    plot_z,
+)
+from planner.report.replays import median_sample
+from planner.report.style import COLOURS, curves, symbol
+from planner.report.z import z2_band
+
+MIDDLE, BEST = "polynomial:travel=middle", "polynomial"
+
+
+@pytest.fixture(scope="module")
+def plans() -> dict[str, planner.Plan]:
+    found = {row.label: row.plan for row in quick_comparison().rows if row.plan is not None}
+    assert set(found) == {MIDDLE, BEST}
+    return found
+
+
+def lines(ax: Any, colour: str) -> list[Any]:
+    return [line for line in ax.lines if line.get_color() == colour]
+
+
+def test_no_figure_touches_pyplot_and_planner_imports_no_matplotlib() -> None:
+    code = (
+        "import sys, planner, planner.report\n"
+        "assert 'matplotlib' not in sys.modules\n"
+        f"p = planner.load_problem({str(ROOT / 'problems/paper-fig5.toml')!r})\n"
+        "plan = planner.solve(p, 'polynomial', allow_singular=True)\n"
+        "planner.report.plot_z(plan)[0].savefig('/dev/null', format='png')\n"
+        "assert 'matplotlib.pyplot' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, timeout=60)
+
+
+# -- z ---------------------------------------------------------------------------------------------
+
+
+def test_band_is_the_one_of_the_theory(plans: dict[str, planner.Plan]) -> None:
+    plan = plans[BEST]
+    t = np.linspace(0, plan.duration, 50)
+    low, high = z2_band(plan, t)
+    K2, K3 = plan.problem.system.K
+    c = np.cbrt(plan.z(t)[:, 2] / K3)
+    np.testing.assert_allclose(low, -3 * K2 * K3 * c**2 * np.sqrt(1 - c**2), rtol=1e-12)
+    np.testing.assert_allclose(high, 0, atol=1e-15)
+
+
+def test_z_has_a_column_a_plan_and_the_curves_in_it(plans: dict[str, planner.Plan]) -> None:
+    figure, axes = plot_z(plans)
+    assert axes.shape == (2, 2)
+    assert axes[0, 0].get_ylabel() == "$z_2$"
+    assert axes[1, 1].get_xlabel() == "time (s)"
+    for column, (label, plan) in enumerate(plans.items()):
+        (curve,) = lines(axes[0, column], COLOURS[column])
+        t, z2 = curve.get_data()
+        np.testing.assert_allclose(z2, plan.z(t)[:, 1])
+        assert label.split(":")[0] in axes[0, column].get_title()
+        assert len(lines(axes[1, column], COLOURS[column])) == 2
+        assert any(isinstance(c, PolyCollection) for c in axes[0, column].collections)
+    assert isinstance(figure, Figure)
+
+
+def test_refused_plans_are_dashed_and_say_so(plans: dict[str, planner.Plan]) -> None:
+    _, axes = plot_z(plans)
+    assert "refused" in axes[0, 0].get_title()
+    assert "refused" not in axes[0, 1].get_title()
+    assert lines(axes[0, 0], COLOURS[0])[0].get_linestyle() == "--"
+    assert lines(axes[0, 1], COLOURS[1])[0].get_linestyle() == "-"
+
+
+def test_exits_from_the_domain_are_marked_where_they_are() -> None:
+    plan = outside()
+    figure, axes = plot_z(plan)
+    (marks,) = (line for line in axes[0, 0].lines if line.get_marker() == "x")
+    np.testing.assert_allclose(marks.get_xdata(), plan.domain.exits_s)
+    low, _ = z2_band(plan, marks.get_xdata())
+    np.testing.assert_allclose(marks.get_ydata(), low, atol=1e-9)
+    words = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "leaves or re-enters the domain" in words
+
+
+def test_other_systems_show_the_margin_with_the_outside_shaded() -> None:
+    problem = planner.load_problem(ROOT / "problems/car.toml")
+    plan = planner.solve(problem, "polynomial")
+    _, axes = plot_z(plan)
+    assert axes.shape == (3, 1)
+    assert axes[1, 0].get_ylabel() == "least domain margin"
+    (curve,) = lines(axes[1, 0], COLOURS[0])
+    assert np.min(curve.get_ydata()) == pytest.approx(plan.domain.margin, abs=1e-4)
+    assert axes[1, 0].patches
+
+
+# -- joints, inputs, arm ---------------------------------------------------------------------------
+
+
+def test_joints_are_in_degrees_and_end_at_the_goal(plans: dict[str, planner.Plan]) -> None:
+    figure, axes = plot_joints(plans)
+    panels = list(axes.flat)
+    assert [ax.get_ylabel() for ax in panels] == [rf"$\theta_{{{i}}}$ (deg)" for i in (1, 2, 3)]
+    for i, ax in enumerate(panels, start=1):
+        for column, plan in enumerate(plans.values()):
+            t, angle = lines(ax, COLOURS[column])[0].get_data()
+            np.testing.assert_allclose(angle, np.rad2deg(plan.q(t)[:, i]))
+            assert angle[-1] == pytest.approx(30, abs=1e-6)
+    words = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert words == [f"{MIDDLE} (refused)", BEST]
+
+
+def test_joint_limits_appear_when_the_motion_comes_near(plans: dict[str, planner.Plan]) -> None:
+    def limit_lines(degrees: float) -> int:
+        problem = plans[BEST].problem.changed({"limits.joint_deg": degrees})
+        from dataclasses import replace
+
+        _, axes = plot_joints(replace(plans[BEST], problem=problem))
+        return sum(line.get_linestyle() == ":" for line in axes[0, 0].lines)
+
+    assert limit_lines(45.0) == 1
+    assert limit_lines(85.0) == 0
+
+
+def test_inputs_stay_readable_and_name_the_peak(plans: dict[str, planner.Plan]) -> None:
+    _, axes = plot_inputs(plans)
+    u1, u2 = axes[0]
+    assert (u1.get_ylabel(), u2.get_ylabel()) == ("$u_{1}$ (rad/s)", "$u_{2}$ (rad/s)")
+    for ax in (u1, u2):
+        limits = sorted(line.get_ydata()[0] for line in ax.lines if line.get_linestyle() == ":")
+        assert limits == [-0.6, 0.6]
+        assert max(np.abs(ax.get_ylim())) < 1.2
+    notes = [text.get_text() for text in u2.texts]
+    assert f"{MIDDLE} peaks at 83, t = 0 s" in notes
+    assert not any("peaks" in text.get_text() for text in u1.texts)
+    data = lines(u2, COLOURS[0])[0].get_ydata()
+    assert np.max(data) == pytest.approx(83, rel=0.01)
+
+
+def test_inputs_without_limits_have_no_limit_lines(unlimited: planner.Problem) -> None:
+    plan = planner.solve(unlimited.changed({"goal.travel": 0.8286}), "polynomial")
+    _, axes = plot_inputs(plan)
+    for i, ax in enumerate(axes[0]):
+        assert not any(line.get_linestyle() == ":" for line in ax.lines)
+        t = np.linspace(0.5, plan.duration, 100)
+        assert np.max(np.abs(plan.u(t)[:, i])) < ax.get_ylim()[1]
+
+
+def test_arm_shows_poses_from_start_to_goal(plans: dict[str, planner.Plan]) -> None:
+    _, axes = plot_arm(plans, poses=7)
+    assert axes.shape == (1, 2)
+    plan = plans[BEST]
+    poses = [line for line in axes[0, 1].lines if len(line.get_xdata()) == 4]
+    assert len(poses) == 7
+    for pose, when in ((poses[0], 0.0), (poses[-1], plan.duration)):
+        expected = plan.problem.system.arm_points(plan.q(when)[1:])
+        np.testing.assert_allclose(np.transpose(pose.get_data()), expected)
+    (path,) = lines(axes[0, 1], COLOURS[1])
+    np.testing.assert_allclose(path.get_xydata()[-1], expected[-1])
+    assert axes[0, 0].get_aspect() == 1
+
+
+def test_vehicles_are_drawn_by_their_path() -> None:
+    plan = planner.solve(planner.load_problem(ROOT / "problems/car.toml"), "polynomial")
+    _, axes = plot_arm([plan, plan])
+    assert axes.shape == (2, 1)
+    (path,) = lines(axes[0, 0], COLOURS[0])
+    np.testing.assert_allclose(path.get_xydata()[-1], plan.q(plan.duration)[[0, -1]], atol=1e-9)
+
+
+# -- errors and replays ----------------------------------------------------------------------------
+
+
+def test_errors_are_a_distribution_with_its_percentiles() -> None:
+    one = np.linspace(1, 2, 101)
+    _, ax = plot_errors({"none": None, "one": one, "other": 100 * one})
+    assert ax.get_xscale() == "log"
+    steps, dots = lines(ax, COLOURS[1])
+    np.testing.assert_allclose(steps.get_ydata()[[0, -1]], [1 / 101, 1])
+    np.testing.assert_allclose(dots.get_data(), [[1.5, 1.95], [0.5, 0.95]])
+    assert not lines(ax, COLOURS[0])
+    assert "deg" in ax.get_xlabel()
+    _, ax = plot_errors({"one": one})
+    assert ax.get_xscale() == "linear"
+
+
+def test_replays_show_the_sample_of_median_error() -> None:
+    row = quick_comparison()[MIDDLE]
+    assert row.replay is not None
+    k = median_sample(row.replay)
+    assert row.replay.index_E_deg[k] == np.median(row.replay.index_E_deg)
+    _, axes = plot_replays({"x": row.replay})
+    (actual,) = lines(axes[0, 0], COLOURS[0])
+    np.testing.assert_allclose(actual.get_ydata(), np.rad2deg(row.replay.q[k, :, 1]))
+    (planned,) = lines(axes[0, 0], "k")
+    np.testing.assert_allclose(planned.get_ydata()[-1], 30, atol=1e-6)
+
+
+# -- common ----------------------------------------------------------------------------------------
+
+
+def test_a_plan_keeps_its_colour_in_all_figures(plans: dict[str, planner.Plan]) -> None:
+    mixed = {"outside": outside(), "missing": None, **plans}
+    assert [c.colour for c in curves(mixed)] == [COLOURS[0], COLOURS[2], COLOURS[3]]
+    assert [c.colour for c in curves(mixed, executable=True)] == [COLOURS[2], COLOURS[3]]
+
+
+def test_titles_and_legends_fit_into_the_figure() -> None:
+    figures = quick_comparison().figures()
+    assert list(figures) == ["z", "joints", "inputs", "arm", "errors", "replay"]
+    for name, figure in figures.items():
+        figure.draw_without_rendering()
+        width, height = figure.get_size_inches() * figure.dpi
+        words = [*figure.texts, *(t for ax in figure.axes for t in (ax.title, ax.xaxis.label))]
+        boxes = [t.get_window_extent() for t in words if t.get_text()]
+        boxes += [legend.get_window_extent() for legend in figure.legends]
+        for box in boxes:
+            assert box.x0 >= -1, name
+            assert box.x1 <= width + 1, name
+            assert box.y0 >= -1, name
+            assert box.y1 <= height + 1, name
+
+
+def test_own_axes_are_used_and_counted(plans: dict[str, planner.Plan]) -> None:
+    own = Figure()
+    axes = own.subplots(1, 3)
+    figure, _ = plot_joints(plans, axes=axes)
+    assert figure is own
+    assert all(ax.lines for ax in axes)
+    assert not own.legends
+    with pytest.raises(planner.InputError, match="needs 2 axes"):
+        plot_inputs(plans, axes=axes)
+
+
+def test_nothing_to_draw_is_said() -> None:
+    for draw in (plot_joints, plot_inputs, plot_arm):
+        with pytest.raises(planner.InputError, match="no executable plan"):
+            draw(outside())
+    with pytest.raises(planner.InputError, match="no plan to draw"):
+        plot_z({"a": None})
+    with pytest.raises(planner.InputError, match="replayed"):
+        plot_errors({"a": None})
+    with pytest.raises(planner.InputError, match="replayed"):
+        plot_replays({"a": None})
+
+
+def test_symbols() -> None:
+    assert symbol("theta12") == r"$\theta_{12}$"
+    assert symbol("u1") == "$u_{1}$"
+    assert symbol("steering_rate") == "steering rate"

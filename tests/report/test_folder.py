@@ -1,0 +1,88 @@
+"""The folder of a comparison: complete, or not there."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from compared import quick_comparison
+
+import planner
+from planner.report import folder as report_folder
+
+FIGURES = ("z", "joints", "inputs", "arm", "errors", "replay")
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return quick_comparison().save(tmp_path_factory.mktemp("out") / "paper")
+
+
+def test_everything_is_written(saved: Path) -> None:
+    names = {str(p.relative_to(saved)) for p in saved.rglob("*") if p.is_file()}
+    assert names - {".planner"} == {
+        "table.md",
+        "table.csv",
+        "comparison.json",
+        "problem.toml",
+        "plans/polynomial-travel=middle.refused.json",
+        "plans/polynomial.json",
+        *(f"figures/{name}.{kind}" for name in FIGURES for kind in ("png", "svg")),
+    }
+    for name in FIGURES:
+        assert (saved / f"figures/{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert "<svg" in (saved / f"figures/{name}.svg").read_text()
+
+
+def test_data_holds_what_is_needed_to_repeat(saved: Path) -> None:
+    data = json.loads((saved / "comparison.json").read_text())
+    assert (data["format"], data["version"]) == ("planner-comparison", 1)
+    assert (data["samples"], data["seed"]) == (5, 1)
+    assert " --set 'limits.input_rad_s=[0.6, 0.6]' " in data["command"]
+    assert data["command"].endswith(f" --out {saved}")
+    source = quick_comparison().problem.source
+    assert (saved / "problem.toml").read_text() == Path(source).read_text()
+
+
+def test_saved_plans_load_and_say_whether_they_were_refused(saved: Path) -> None:
+    good = planner.load_plan(saved / "plans/polynomial.json")
+    assert (good.verified, planner.verify(good).ok) == (True, True)
+    bad = planner.load_plan(saved / "plans/polynomial-travel=middle.refused.json")
+    assert (bad.verified, bad.status) == (False, "verification_failed")
+
+
+@pytest.mark.parametrize("error", [RuntimeError("half-way"), KeyboardInterrupt()])
+def test_a_failure_half_way_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
+) -> None:
+    def fail(*args: object) -> None:
+        raise error
+
+    monkeypatch.setattr(report_folder, "_write_figures", fail)
+    with pytest.raises(type(error)):
+        quick_comparison().save(tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failure_half_way_keeps_the_earlier_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(report_folder, "_write_figures", lambda *args: None)
+    quick_comparison().save(tmp_path / "out")
+    before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
+
+    def fail(*args: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(report_folder, "_write_plans", fail)
+    with pytest.raises(planner.InputError, match="No space left"):
+        quick_comparison().save(tmp_path / "out")
+    assert {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()} == before
+
+
+def test_a_folder_of_someone_else_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(planner.InputError, match="holds files"):
+        quick_comparison().save(tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]

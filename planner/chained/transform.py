@@ -63,7 +63,7 @@ class ChainedForm:
 
     def q(self, z: Array, branch: Array) -> Array:
         """Coordinates (…, N) of z (…, N) on the given branch; NaN outside the domain."""
-        return self._invert(z, branch)[0]
+        return self._invert(z, branch)
 
     def margins(self, z: Array, branch: Array) -> Array:
         """Signed margins (…, M) of the chart's domain at z (…, N); > 0 strictly inside.
@@ -71,20 +71,23 @@ class ChainedForm:
         Labels are `system.margin_labels`. Once one coordinate has no real value the margins of the
         earlier ones are undefined: NaN.
         """
-        return self._invert(z, branch)[1]
+        margins: list[Array] = []
+        self._invert(z, branch, margins)
+        return np.stack(margins, axis=-1)
 
-    def _invert(self, z: Array, branch: Array) -> tuple[Array, Array]:
+    def _invert(self, z: Array, branch: Array, margins: list[Array] | None = None) -> Array:
+        """q of z; the margins met on the way go to the front of `margins`, if wanted."""
         q = np.full(z.shape, np.nan)
         q[..., 0], q[..., -1] = z[..., 0], z[..., -1]
-        margins: list[Array] = []
         for i in range(self.system.size - 2, 0, -1):
             known = np.where(np.arange(z.shape[-1]) > i, q, 0.0)
             a, c = np.moveaxis(self._links[i](known), -1, 0)
             with np.errstate(divide="ignore", invalid="ignore"):
                 slope = (z[..., i] - a) / c
             q[..., i] = self.system.link_from_slope(i, slope, q, branch)
-            margins = [*self.system.link_margins(i, slope, q, branch), *margins]
-        return q, np.stack(margins, axis=-1)
+            if margins is not None:
+                margins[:0] = self.system.link_margins(i, slope, q, branch)
+        return q
 
 
 @lru_cache(maxsize=64)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import operator
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -43,31 +44,41 @@ def parse_expression(text: str, symbols: Mapping[str, Any], where: str = "expres
         tree = ast.parse(text.strip(), mode="eval")
     except (SyntaxError, ValueError, RecursionError):
         raise InputError(f"{where}: {text!r} is not an expression") from None
-    known = {"pi": np.pi, **symbols}
+    return _Reader(text, {"pi": np.pi, **symbols}, where).build(tree.body)
 
-    def build(node: ast.expr) -> Any:
+
+@dataclass(frozen=True)
+class _Reader:
+    text: str
+    known: Mapping[str, Any]
+    where: str
+
+    def build(self, node: ast.expr) -> Any:
+        value = ca.SX(self._translated(node))
+        if value.is_constant() and not value.is_regular():
+            raise InputError(
+                f"{self.where}: {ast.unparse(node)!r} in {self.text!r} has no finite value"
+            )
+        return value
+
+    def _translated(self, node: ast.expr) -> Any:
         match node:
             case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
                 return float(number)
-            case ast.Name(id=name) if name in known:
-                return known[name]
+            case ast.Name(id=name) if name in self.known:
+                return self.known[name]
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
-                return _BINARY[type(op)](build(left), build(right))
+                return _BINARY[type(op)](self.build(left), self.build(right))
             case ast.UnaryOp(op=ast.USub(), operand=operand):
-                return -build(operand)
+                return -self.build(operand)
             case ast.UnaryOp(op=ast.UAdd(), operand=operand):
-                return build(operand)
+                return self.build(operand)
             case ast.Call(func=ast.Name(id=name), args=args, keywords=[]) if name in FUNCTIONS:
-                return _call(name, [build(a) for a in args], where)
+                return _call(name, [self.build(a) for a in args], self.where)
         raise InputError(
-            f"{where}: {ast.unparse(node)!r} in {text!r} is not understood; names:"
-            f" {', '.join(known)}; functions: {', '.join(FUNCTIONS)}; operators: + - * / **"
+            f"{self.where}: {ast.unparse(node)!r} in {self.text!r} is not understood; names:"
+            f" {', '.join(self.known)}; functions: {', '.join(FUNCTIONS)}; operators: + - * / **"
         )
-
-    try:
-        return build(tree.body)
-    except (ZeroDivisionError, OverflowError) as error:
-        raise InputError(f"{where}: {text!r}: {error}") from None
 
 
 def _call(name: str, args: list[Any], where: str) -> Any:

@@ -1,0 +1,77 @@
+"""`planner compare`: one table, one folder, one JSON object."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import planner
+
+PAPER = Path(__file__).parents[2] / "problems/paper.toml"
+QUICK = ("--samples", "3", "--set", "goal.travel=0.82", "--set", "goal.duration=2.5")
+WORDS = ("compare", PAPER, "--methods", "polynomial", *QUICK)
+
+
+def test_compare_as_json_and_folder(run: Callable, tmp_path: Path) -> None:
+    out = tmp_path / "new/run"
+    result = run(*WORDS, "--set", "limits={}", "--seed", "7", "--out", out, "--json")
+    assert result.status == 0
+    data = result.json
+    assert data["written"] == str(out)
+    assert (data["samples"], data["seed"]) == (3, 7)
+    assert [row["label"] for row in data["rows"]] == ["polynomial"]
+    assert data["exit_status"] == 0
+    assert data["rows"][0]["solved"] is True
+    assert result.err == f"written to {out}\n"
+    assert {"table.md", "comparison.json", "figures", "plans"} <= {p.name for p in out.iterdir()}
+    assert planner.load_plan(out / "plans/polynomial.json").verified
+
+
+def test_compare_without_a_plan_tells_why_and_ends_with_3(run: Callable) -> None:
+    result = run(*WORDS)
+    assert result.status == 3
+    assert "polynomial" in result.out
+    assert "input u2" in result.out
+    assert result.err == ""
+
+
+def test_same_seed_same_numbers(run: Callable) -> None:
+    rows = [run(*WORDS, "--seed", seed, "--json").json["rows"] for seed in ("1", "1", "2")]
+    for row in rows:
+        assert row[0]["solved"] is False
+        row[0].pop("solve_time_s")
+    assert rows[0] == rows[1]
+    assert rows[0] != rows[2]
+
+
+def test_a_disk_that_fills_leaves_no_folder(
+    run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "replace", full)
+    result = run(*WORDS, "--out", tmp_path / "new/run")
+    assert result.status == 2
+    assert result.out == ""
+    assert "No space left on device" in result.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_ctrl_c_while_saving_leaves_no_folder(
+    run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sys.modules["planner.report.folder"], "_write_plans", interrupted)
+    result = run(*WORDS, "--out", tmp_path / "run", "--json")
+    assert result.status == 130
+    assert result.json["status"] == "interrupted"
+    assert list(tmp_path.iterdir()) == []

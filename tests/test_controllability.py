@@ -255,9 +255,16 @@ def test_printed_recursion_fails_at_every_step_on_its_own_mechanism() -> None:
 
 def test_determinant_of_the_printed_family_does_vanish() -> None:
     assert paper_recursion(ARM, [0, 0, 0.5, 0.3]).printed.determinant == pytest.approx(0)
-    long = Manipulator([0.8, 0.7, 0.6, 0.5], 0.9)
-    regular = paper_recursion(long, [0, 0.5, 0.4, 0.3, 0.2, 0.1])
-    assert regular.printed.determinant == pytest.approx(0, abs=1e-12)
+    assert abs(paper_recursion(ARM, [0, 0.5, 0.7, 0.3]).printed.determinant) > 0.1
+
+
+@pytest.mark.parametrize("n", [4, 5, 6])
+def test_printed_family_is_dependent_everywhere_from_four_joints_on(n: int) -> None:
+    system, rng = Manipulator([0.8, 0.7, 0.6, 0.5, 0.9][: n - 1], 0.9), np.random.default_rng(0)
+    for _ in range(5):
+        q = rng.uniform(0.2, 1.2, n + 1)
+        assert paper_recursion(system, q).printed.determinant == pytest.approx(0, abs=1e-9)
+        assert paper_recursion(system, q).corrected.determinant == pytest.approx(0.9, rel=1e-9)
 
 
 def test_division_by_zero_is_named() -> None:

@@ -12,7 +12,9 @@ from planner.problem import Problem
 from planner.systems.base import Array
 from planner.trajectory import Trajectory
 
-WAY_OUT = "use the method 'collocation', which plans in the joint angles and has no such edge"
+WAY_OUT = (
+    "use the method 'collocation', which plans in the coordinates themselves and has no such edge"
+)
 
 
 def chart_ends(problem: Problem, travel: float) -> tuple[Array, Array]:
@@ -29,15 +31,28 @@ def chart_ends(problem: Problem, travel: float) -> tuple[Array, Array]:
         margins = problem.system.chart_margins(q, problem.branch)
         if np.min(margins) > 0:
             continue
-        i, _ = labels[int(np.argmin(margins))]
-        coordinate = problem.system.coordinates[i].name
-        if problem.branch[i] == 0 or q[i] == 0:
-            reason = f"the {name} has {coordinate} = 0, where the chained-form chart is singular"
-        else:
-            reason = f"{coordinate} changes sign on the way, which no path in the chart can do"
+        worst = int(np.argmin(margins))
+        reason = _edge(problem, name, q, *labels[worst], abs(float(margins[worst])) < 1e-15)
         raise SingularError(f"{problem.source}: {reason}", advice=WAY_OUT)
     form = chained_form(problem.system)
     return form.z(problem.start), form.z(goal)
+
+
+def _edge(problem: Problem, name: str, q: Array, i: int, label: str, on_it: bool) -> str:
+    coordinate = problem.system.coordinates[i]
+    unit = "deg" if coordinate.unit == "rad" else coordinate.unit
+    start, here = (np.rad2deg(v[i]) if unit == "deg" else v[i] for v in (problem.start, q))
+    if problem.branch[i] == 0 or on_it:
+        return (
+            f"the {name} has {coordinate.name} = {here:.6g} {unit},"
+            " where the chained-form chart is singular"
+        )
+    if f"{coordinate.name} = 0" in label:
+        return f"{coordinate.name} changes sign on the way, which no path in the chart can do"
+    return (
+        f"{coordinate.name} goes from {start:.6g} to {here:.6g} {unit}, past an edge of the"
+        f" chained-form chart ({label}), which no path in the chart can do"
+    )
 
 
 def fit_duration(problem: Problem, trajectory: Trajectory) -> Trajectory:
@@ -53,7 +68,7 @@ def fit_duration(problem: Problem, trajectory: Trajectory) -> Trajectory:
     limits = problem.limits
     if not np.any(np.isfinite(limits.input)):
         raise InputError(
-            f"{problem.source}: goal.duration is free but limits.input_rad_s is not set;"
+            f"{problem.source}: goal.duration is free but [limits] holds no limit of an input;"
             " set one of them"
         )
     factor = float(np.max(peak_inputs(trajectory) / limits.input))

@@ -41,7 +41,9 @@ class DomainReport:
 
     @property
     def singular_times_s(self) -> tuple[float, ...]:
-        """All times at which the chart is singular or left, increasing."""
+        """All times at which the chart is singular or left, increasing; none when `ok`."""
+        if self.ok:  # z2 = 0 is singular for the paper's arm of three joints, not for every system
+            return ()
         times = sorted((*self.exits_s, *self.z2_crossings_s))
         return tuple(t for k, t in enumerate(times) if k == 0 or t - times[k - 1] > 1e-9)
 

@@ -3,9 +3,9 @@
     axis of joint i:  kᵢ cos³θᵢ₋₁ ∏_{j≤i−2} cosθⱼ · ω₁ · (what the contacts on the way pass on)
 
 The motion of joint i passes i + 1 friction contacts: P₁ of the stages 1 … i−1, then P₂ and P₃ of
-its branch; that of φₙ₋₁ passes the n − 2 of the stages before it (see `friction`). Into each of joints
-2 … n lead bevel gears, belt and shaft (see `play`). Joint 1 has only the gearhead of motor 2 before
-it, as the first disk has that of motor 1.
+its branch; that of φₙ₋₁ passes the n − 2 of the stages before it (see `friction`). Into each of
+joints 2 … n lead bevel gears, belt and shaft (see `play`). Joint 1 has only the gearhead of motor 2
+before it, as the first disk has that of motor 1.
 
 Integration goes down the triangle: with θᵢ₋₁ known at the start, middle and end of a step, the
 travel of axis i to the middle and the end follows by quadrature, fourth order in all.
@@ -40,7 +40,7 @@ class Chain:
         self._motor = Play.gearhead(draws, 0, np.zeros(draws.count))
         self._joints = [Play.gearhead(draws, 1, q[1].copy())]
         self._joints += [Play.passive(draws, i, theta) for i, theta in enumerate(q[2:].copy())]
-        self._cosines = list(np.cos(q[1:-1]))
+        self._cosines = np.cos(q[1:-1])
         self._state = q.copy()
 
     @property
@@ -82,7 +82,7 @@ class Chain:
         before = self._motor.theta
         turned = self._motor.move(travel, h) - before
         still = travel == 0
-        return speed * np.where(still, 1.0, turned / np.where(still, 1.0, travel))
+        return np.asarray(speed * np.where(still, 1.0, turned / np.where(still, 1.0, travel)))
 
     def _turned(self, i: int, to_half: Array, whole: Array, h: float) -> Array:
         """Turn axis i by the travel to the middle and the end; cosθᵢ at all three, (3, S)."""

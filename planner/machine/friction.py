@@ -25,30 +25,17 @@ TINY_NM = 1e-30
 
 @dataclass(frozen=True)
 class Passed:
-    """Parts of the motion that are passed on, 0 … 1; lists have an entry (S,) a stage, n−1 in all.
+    """Parts of the motion that are passed on, 0 … 1.
 
     Attributes:
-        stage: By creep at P₁ of each stage.
-        branch: To joints 2 … n, by creep at P₂ and P₃ and by slip anywhere before.
-        disk: To disk Bₙ₋₁, by slip before it.
+        stage: By creep at P₁ of each stage, (n−1, S or 1).
+        branch: To joints 2 … n, by creep at P₂ and P₃ and by slip anywhere before, likewise.
+        disk: To disk Bₙ₋₁, by slip before it, (S,) or a number.
     """
 
-    stage: list[Array]
-    branch: list[Array]
-    disk: Array
-
-
-@dataclass(frozen=True)
-class Torque:
-    """What one contact has to transmit, (S,), N m.
-
-    Attributes:
-        steady: The part that does not depend on the speed.
-        rising: The part proportional to it, at full speed; None where there is none.
-    """
-
-    steady: Array
-    rising: Array | None
+    stage: Array
+    branch: Array
+    disk: Array | float
 
 
 class Contacts:
@@ -60,73 +47,66 @@ class Contacts:
     """
 
     def __init__(self, draws: Draws, k: Array) -> None:
-        self._k = list(k)
-        self._ratio = list(k[1:] / k[:-1])
-        self._creep = draws["creep"][0]
-        self._creep_per_nm = draws["creep_per_nm"][0]
-        self._capacity = draws["friction_capacity_nm"][0]
+        self._k, self._ratio = k, k[1:] / k[:-1]
+        self._creep = draws["creep"]
+        self._creep_per_nm = draws["creep_per_nm"]
+        self._capacity = draws["friction_capacity_nm"]
         self._loaded = draws.on("friction_capacity_nm") or draws.on("creep_per_nm")
-        n, kept = len(k), 1 - self._creep
-        even = Passed([kept] * n, [kept**2] * n, np.ones(1))
-        self._unloaded = even if draws.on("creep") else None
+        kept = np.repeat(1 - self._creep, len(k), axis=0)
+        self._unloaded = Passed(kept, kept**2, 1.0) if draws.on("creep") else None
 
-    def passed(self, joints: list[Play], cosines: list[Array], speed: Array) -> Passed | None:
+    def passed(self, joints: list[Play], cosines: Array, speed: Array) -> Passed | None:
         """What is passed on now; None when all is.
 
         Args:
             joints: The connections of joints 2 … n, which know the torques.
-            cosines: Of θ₁ … θₙ₋₁, (S,) each.
+            cosines: Of θ₁ … θₙ₋₁, (n−1, S).
             speed: Of motor 1, (S,), rad/s.
         """
         if not self._loaded:
             return self._unloaded
-        stage, branch = self._torques(joints, cosines, speed)
-        shares, to_joint, share = [], [], np.ones(1)
-        for first, second in zip(stage, branch, strict=True):
-            share = np.minimum(share, self._share(first))
-            shares.append(share)
-            kept = self._kept(second)
-            to_joint.append(kept * kept * np.minimum(share, self._share(second)))
-        to_disk = shares[-2] if len(shares) > 1 else np.ones(1)
-        return Passed([self._kept(torque) for torque in stage], to_joint, to_disk)
+        turning = np.sign(speed)
+        steady = self._at_contacts(np.stack([j.torque(turning) for j in joints]), cosines)
+        rising = self._rising(joints, cosines, turning, speed)
+        whole = steady if rising is None else steady + rising
+        carried = np.minimum(np.abs(whole), self._capacity)
+        kept = np.maximum(1.0 - self._creep - self._creep_per_nm * carried, 0.0)
+        branch = kept[1] * kept[1]
+        if not (whole >= self._capacity).any():
+            return Passed(kept[0], branch, 1.0)
+        share = self._share(steady, rising)
+        before = np.minimum.accumulate(share[0], axis=0)
+        disk = before[-2] if len(before) > 1 else 1.0
+        return Passed(kept[0], branch * np.minimum(before, share[1]), disk)
 
-    def _torques(
-        self, joints: list[Play], cosines: list[Array], speed: Array
-    ) -> tuple[list[Torque], list[Torque]]:
-        """At P₁ of each stage, and at P₂ and P₃ of each branch."""
-        turning, disk = np.sign(speed), np.abs(speed)
-        stage, branch = self._referred([joint.torque(turning) for joint in joints], cosines)
+    def _at_contacts(self, torques: Array, cosines: Array) -> Array:
+        """Torques (n−1, S) of joints 2 … n as disk B of each stage feels them, (2, n−1, S).
+
+        First those that pass P₁, of the stage's joint and all later ones; then those that pass P₂
+        and P₃, of the stage's joint alone.
+        """
+        out = np.empty((2, *torques.shape))
+        out[1] = self._k[0] * cosines * cosines * cosines * torques
+        out[0, -1] = out[1, -1]
+        for j in range(len(torques) - 2, -1, -1):
+            out[0, j] = out[1, j] + self._ratio[j] * cosines[j] * out[0, j + 1]
+        return out
+
+    def _rising(
+        self, joints: list[Play], cosines: Array, turning: Array, speed: Array
+    ) -> Array | None:
+        """What the joints' damping adds at full speed, (2, n−1, S); None where there is none."""
         if not any(joint.damped for joint in joints):
-            return [Torque(t, None) for t in stage], [Torque(t, None) for t in branch]
-        rising = []
-        for joint, k, c in zip(joints, self._k, cosines, strict=True):
-            rising.append(joint.damping(turning) * k * c**3 * disk)
-            disk = disk * c
-        more_stage, more_branch = self._referred(rising, cosines)
-        return (
-            [Torque(t, r) for t, r in zip(stage, more_stage, strict=True)],
-            [Torque(t, r) for t, r in zip(branch, more_branch, strict=True)],
-        )
+            return None
+        torques, disk = np.empty_like(cosines), np.abs(speed)
+        for j, joint in enumerate(joints):
+            torques[j] = joint.damping(turning) * self._k[j] * cosines[j] ** 3 * disk
+            disk = disk * cosines[j]
+        return self._at_contacts(torques, cosines)
 
-    def _referred(
-        self, torques: list[Array], cosines: list[Array]
-    ) -> tuple[list[Array], list[Array]]:
-        """Torques (S,) of joints 2 … n at disk B of each stage: of all from there on; of its own."""
-        branch = [self._k[0] * c * c * c * t for c, t in zip(cosines, torques, strict=True)]
-        stage = branch[-1:]
-        for j in range(len(branch) - 2, -1, -1):
-            stage.insert(0, branch[j] + self._ratio[j] * cosines[j] * stage[0])
-        return stage, branch
-
-    def _share(self, torque: Torque) -> Array:
-        """Part of the speed at which the torque stays within the capacity."""
-        if torque.rising is None:
-            return np.asarray(torque.steady < self._capacity)
-        room = (self._capacity - torque.steady) / np.maximum(torque.rising, TINY_NM)
+    def _share(self, steady: Array, rising: Array | None) -> Array:
+        """Part of the speed at which each contact's torque stays within the capacity."""
+        if rising is None:
+            return np.asarray(steady < self._capacity, dtype=float)
+        room = (self._capacity - steady) / np.maximum(rising, TINY_NM)
         return np.asarray(np.minimum(np.maximum(room, 0.0), 1.0))
-
-    def _kept(self, torque: Torque) -> Array:
-        """Part of the rate that creep leaves."""
-        whole = torque.steady if torque.rising is None else torque.steady + torque.rising
-        lost = self._creep + self._creep_per_nm * np.minimum(np.abs(whole), self._capacity)
-        return np.asarray(np.maximum(1.0 - lost, 0.0))

@@ -39,9 +39,9 @@ class Servos:
         self._bandwidth = draws["servo_bandwidth_rad_s"]
         self._limited = draws.on("velocity_limit_rad_s")
         self._ramped = draws.on("acceleration_limit_rad_s2")
-        lagging = draws.on("servo_bandwidth_rad_s")
-        self._direct = not lagging and not self._ramped
-        second = lagging and draws.on("servo_damping")
+        self._lagging = draws.on("servo_bandwidth_rad_s")
+        self._direct = not self._lagging and not self._ramped
+        second = self._lagging and draws.on("servo_damping")
         self._damping = draws["servo_damping"] if second else None
         self._speed = np.zeros(shape)
         self._slope = np.zeros(shape)
@@ -103,6 +103,8 @@ class Servos:
         self._speed = new
         if new is free:
             return travel
+        if not self._lagging:  # the time that it takes to catch up with the reference
+            travel = travel - (r0 - before) * np.abs(r0 - before) / (2 * self._ramp)
         held = np.abs(new - free) > HELD_RAD_S
         if not held.any():
             return travel

@@ -1,0 +1,185 @@
+"""The command path before the servos, and the time grid."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from handmade import draws_of, inputs
+from scipy.interpolate import BPoly
+
+from planner.errors import InputError
+from planner.machine.command import Command, Tabulated
+from planner.machine.grid import merged, refined, snapped, subdivided
+from planner.systems.base import Array
+
+STOPS = np.array([0.0, 1.0, 1.5])
+
+
+def plan_of(u: BPoly) -> Any:
+    """As much of a plan as a command needs."""
+
+    def value(times: Array) -> Array:
+        t = np.asarray(times)
+        on = (t >= 0) & (t <= u.x[-1])
+        return np.where(on[..., None], u(np.clip(t, 0, u.x[-1])), 0.0)
+
+    return SimpleNamespace(t=u.x, duration=float(u.x[-1]), u=value)
+
+
+RAMP = plan_of(inputs(([1.0, 0.0], [-2.0, 1.0]), breaks=[0.0, 1.0]))  # u = (t, 1 - 2t)
+STEPS = plan_of(
+    inputs(*[([float(k)], [-float(k)]) for k in range(1, 5)], breaks=[0.0, 0.25, 0.5, 0.75, 1.0])
+)
+
+
+def values(command: Command, part: int, sample: int = 0) -> Array:
+    """What every step asks for at its start (0), middle (1) or end (2), shape (M, 2)."""
+    steps = [command.at(k) for k in range(len(command.t) - 1)]
+    return np.array([s[part, :, min(sample, s.shape[2] - 1)] for s in steps])
+
+
+def middles(command: Command) -> Array:
+    return (command.t[1:] + command.t[:-1]) / 2
+
+
+def test_sample_and_hold() -> None:
+    command = Command(RAMP, 0.03, draws_of(), 1e-3, STOPS)
+    t = middles(command)
+    held = 0.03 * np.floor(t / 0.03)
+    expected = np.where(t < 1, held, 0.0)
+    for part in range(3):
+        assert values(command, part)[:, 0] == pytest.approx(expected, abs=1e-12)
+    ticks = 0.03 * np.arange(1, 34)
+    assert np.min(np.abs(command.t[:, None] - ticks), axis=0).max() < 1e-12
+    assert np.all(command.running == (t < 1))
+
+
+@pytest.mark.parametrize("period", [0.01, 0.05, 0.25])
+def test_a_sample_on_a_break_reads_what_follows(period: float) -> None:
+    command = Command(STEPS, period, draws_of(), 1e-3, STOPS)
+    expected = np.where(middles(command) < 1, np.floor(4 * middles(command)) + 1, 0)
+    assert np.array_equal(values(command, 0)[:, 0], expected)
+    assert np.array_equal(values(command, 2)[:, 1], -expected)
+
+
+def test_continuous_command_and_its_jumps() -> None:
+    command = Command(STEPS, None, draws_of(), 1e-2, STOPS)
+    expected = np.where(middles(command) < 1, np.floor(4 * middles(command)) + 1, 0)
+    for part in range(3):
+        assert np.array_equal(values(command, part)[:, 0], expected)
+    ramp = Command(RAMP, None, draws_of(), 1e-2, STOPS)
+    on = middles(ramp) < 1
+    assert values(ramp, 0)[:, 0] == pytest.approx(np.where(on, ramp.t[:-1], 0), abs=1e-14)
+    assert values(ramp, 2)[:, 0] == pytest.approx(np.where(on, ramp.t[1:], 0), abs=1e-14)
+
+
+@pytest.mark.parametrize("period", [None, 0.04])
+def test_delay_shifts_the_command(period: float | None) -> None:
+    delay = 0.0137
+    command = Command(STEPS, period, draws_of(delay_s=delay), 1e-3, STOPS)
+    t = middles(command) - delay
+    tick = t if period is None else period * np.floor(t / period + 1e-9)
+    expected = np.where((t > 0) & (t < 1), np.floor(4 * tick + 1e-9) + 1, 0)
+    assert np.array_equal(values(command, 1)[:, 0], expected)
+    assert np.min(np.abs(command.t - (1 + delay))) < 1e-12
+
+
+@pytest.mark.parametrize("period", [None, 0.04])
+def test_a_delay_for_each_sample(period: float | None) -> None:
+    spread = {"value": 0.02, "spread": 0.01}
+    draws = draws_of(samples=3, delay_s=spread)
+    delays = draws["delay_s"][0]
+    assert len(set(delays)) == 3
+    command = Command(RAMP, period, draws, 1e-3, STOPS)
+    part = command.part(slice(1, 3))
+    for i, delay in enumerate(delays):
+        t = middles(command) - delay
+        tick = t if period is None else period * np.floor(t / period)
+        expected = np.where((t >= 0) & (t < 1), tick, 0)
+        near_jump = np.min(np.abs(t[:, None] - np.array([0.0, 1.0])), axis=1) < 1e-9
+        got = values(command, 1, i)[:, 0]
+        assert got[~near_jump] == pytest.approx(expected[~near_jump], abs=1e-9)
+        if i:
+            assert np.array_equal(values(part, 1, i - 1)[:, 0], got)
+
+
+def test_resolution_rounds_to_the_nearest_step() -> None:
+    draws = draws_of(velocity_resolution_rad_s=[0.1, 0.0])
+    command = Command(RAMP, None, draws, 1e-2, STOPS)
+    exact = Command(RAMP, None, draws_of(), 1e-2, STOPS)
+    rounded = values(command, 1)[:, 0]
+    assert np.max(np.abs(rounded / 0.1 - np.round(rounded / 0.1))) < 1e-12
+    assert np.max(np.abs(rounded - values(exact, 1)[:, 0])) == pytest.approx(0.05, abs=0.006)
+    assert np.array_equal(values(command, 1)[:, 1], values(exact, 1)[:, 1])
+
+
+def test_an_infinite_input_is_refused_with_its_time() -> None:
+    bad = SimpleNamespace(
+        t=np.array([0.0, 1.0]),
+        duration=1.0,
+        u=lambda t: np.stack([0 * t, np.where(np.asarray(t) < 0.5, 0.0, np.inf)], axis=-1),
+    )
+    for period in (None, 0.01):
+        with pytest.raises(InputError, match=r"not finite at t = 0\.5 s"):
+            Command(bad, period, draws_of(), 1e-2, STOPS)  # type: ignore[arg-type]
+
+
+def test_tabulated_command_agrees_with_its_source() -> None:
+    def wave(times: Array) -> Array:
+        return np.stack([np.sin(times), times**2], axis=-1)
+
+    wave.jumps = subdivided(np.array([0.0, 1.0]), 1e-3)  # type: ignore[attr-defined]
+    t = np.linspace(0.001, 0.999, 777)
+    assert Tabulated(wave)(t) == pytest.approx(wave(t), abs=1e-7)  # type: ignore[arg-type]
+
+
+# -- the grid ------------------------------------------------------------------------------
+
+
+def test_merged_keeps_the_first_named_of_equal_times() -> None:
+    third = 0.1 + 0.2
+    assert third != 0.3
+    assert merged(np.array([0.0, 0.3]), np.array([third, 1.0])).tolist() == [0.0, 0.3, 1.0]
+    assert merged(np.array([0.0, third]), np.array([0.3, 1.0])).tolist() == [0.0, third, 1.0]
+
+
+def test_subdivided_holds_its_times_and_no_step_is_too_long() -> None:
+    times = np.array([0.0, 0.001, 0.0105, 1.0])
+    grid = subdivided(times, 1e-3)
+    assert np.all(np.isin(times, grid))
+    assert np.all(np.diff(grid) > 0)
+    assert np.diff(grid).max() <= 1e-3 * (1 + 1e-9)
+    assert len(grid) == 1 + 1 + 10 + 990
+
+
+def test_snapped() -> None:
+    marks = np.array([0.0, 0.3, 1.0])
+    assert snapped(np.array([-1e-14, 0.1 + 0.2, 0.31, 1 - 1e-14]), marks).tolist() == [
+        0.0,
+        0.3,
+        0.31,
+        1.0,
+    ]
+
+
+def test_refined_until_simpson_is_right_on_a_spike() -> None:
+    scale = 1e-5  # the derivative of sqrt(scale + t): 158 at first, gone after a few scales
+
+    def spike(times: Array) -> Array:
+        return np.stack([0.5 / np.sqrt(scale + times), 0 * times], axis=-1)
+
+    coarse = np.linspace(0, 1, 101)
+    grid = refined(spike, coarse)
+    h = np.diff(grid)
+    middle = grid[:-1] + h / 2
+    simpson = h @ (spike(grid[:-1]) + 4 * spike(middle) + spike(grid[1:]))[:, 0] / 6
+    assert abs(simpson - (np.sqrt(1 + scale) - np.sqrt(scale))) < 1e-9
+    assert len(grid) < 2000
+    plain = (
+        np.diff(coarse)
+        @ (spike(coarse[:-1]) + 4 * spike((coarse[1:] + coarse[:-1]) / 2) + spike(coarse[1:]))[:, 0]
+    )
+    assert abs(plain / 6 - simpson) > 0.1

@@ -20,7 +20,10 @@ from planner.trajectory import ChainedTrajectory
 Make = Callable[[float], ChainedTrajectory | None]
 
 _OPEN_WINDOW = 3.0
-"""Largest travel tried, either way, where no window is known (unit of z₁)."""
+"""Largest travel tried, either way, where no window is known: radians for arms."""
+
+_OPEN_RATIO = 10.0
+"""The same for vehicles, in distances between start and goal across the path coordinate."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,7 @@ def candidate_travels(problem: Problem, count: int) -> Array:
     """
     window = travel_window(problem)
     if window is None:
-        half = np.linspace(0, _OPEN_WINDOW, count // 2 + 1)[1:]
+        half = np.linspace(0, _open_window(problem), count // 2 + 1)[1:]
         return np.concatenate([-half[::-1], half])
     if window.empty:
         raise InfeasibleError(
@@ -109,18 +112,28 @@ def candidate_travels(problem: Problem, count: int) -> Array:
     return np.sort(low + (high - low) * inner)
 
 
+def _open_window(problem: Problem) -> float:
+    aside = [
+        abs(problem.goal[i] - problem.start[i])
+        for i, coordinate in enumerate(problem.system.coordinates)
+        if i > 0 and coordinate.unit == problem.system.coordinates[0].unit != "rad"
+    ]
+    return _OPEN_RATIO * max(aside) if aside and max(aside) > 0 else _OPEN_WINDOW
+
+
 def _ranges(
     problem: Problem, travels: Array, good: Array, make: Make
 ) -> tuple[tuple[float, float], ...]:
     padded = np.concatenate([[False], good, [False]])
-    starts = np.flatnonzero(padded[1:] & ~padded[:-1])
-    ends = np.flatnonzero(padded[:-1] & ~padded[1:]) - 1
+    reverses = np.diff(np.sign(travels)) != 0  # a range does not reach across travel zero
+    starts = np.flatnonzero(padded[1:] & ~(padded[:-1] & ~np.array([False, *reverses, False])))
+    ends = np.flatnonzero(padded[:-1] & ~(padded[1:] & ~np.array([False, *reverses, False]))) - 1
     out = []
     for a, b in zip(starts, ends, strict=True):
         low, high = travels[a], travels[b]
-        if a > 0:
+        if a > 0 and not good[a - 1]:
             low = _edge(problem, travels[a], travels[a - 1], make)
-        if b < len(travels) - 1:
+        if b < len(travels) - 1 and not good[b + 1]:
             high = _edge(problem, travels[b], travels[b + 1], make)
         out.append((float(low), float(high)))
     return tuple(out)

@@ -22,7 +22,7 @@ RECORD_S = 0.02
 """Default time between two recorded instants, seconds."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Replay:
     """What became of a plan on S samples of a machine.
 
@@ -51,6 +51,18 @@ class Replay:
     saturated_s: Array
     terminal_error: Array
     deviation: Array
+
+    def __repr__(self) -> str:
+        count = len(self.numbers)
+        low, high = self.percentile(50), self.percentile(95)
+        return (
+            f"Replay({self.plan.method} plan, {count} sample{'s' if count > 1 else ''},"
+            f" seed {self.seed}: E median {low:.3g} deg, 95 % {high:.3g} deg)"
+        )
+
+    def percentile(self, percent: float) -> float:
+        """Percentile of E over the samples, degrees; 50 is the median."""
+        return float(np.percentile(self.index_E_deg, percent))
 
     @property
     def angles(self) -> tuple[int, ...]:
@@ -106,12 +118,12 @@ class Replay:
         Median and 95th percentile of E and of the terminal error, over samples; the median of each
         angle's terminal error; and the longest time any sample's motors were saturated.
         """
-        e, end = self.index_E_deg, self.terminal_E_deg
+        end = self.terminal_E_deg
         return {
             "samples": len(self.numbers),
             "seed": self.seed,
-            "E_median_deg": float(np.median(e)),
-            "E_p95_deg": float(np.percentile(e, 95)),
+            "E_median_deg": self.percentile(50),
+            "E_p95_deg": self.percentile(95),
             "terminal_median_deg": float(np.median(end)),
             "terminal_p95_deg": float(np.percentile(end, 95)),
             "terminal_error_median_deg": np.median(self.terminal_error_deg, axis=0).tolist(),

@@ -140,6 +140,12 @@ def test_bad_arguments(calm: Plan, arguments: dict[str, Any], part: str) -> None
     assert "\n" not in str(caught.value)
 
 
+def test_a_replay_says_what_it_is(calm: Plan) -> None:
+    run = replay(calm, PROTOTYPE, samples=3, seed=4, record_s=None)
+    assert run.percentile(50) == np.median(run.index_E_deg)
+    assert repr(run).startswith("Replay(polynomial plan, 3 samples, seed 4: E median ")
+
+
 def test_a_replay_is_immutable(calm: Plan) -> None:
     run: Replay = replay(calm, Machine.ideal(), record_s=None)
     with pytest.raises(AttributeError):

@@ -25,7 +25,7 @@ POSITIVE_FLOOR = 0.1
 """What must be positive is drawn no lower than this part of its mean."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Draws:
     """Some single machines.
 

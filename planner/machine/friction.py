@@ -23,7 +23,7 @@ from planner.systems.base import Array
 TINY_NM = 1e-30
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Passed:
     """Parts of the motion that are passed on, 0 … 1.
 

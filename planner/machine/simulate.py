@@ -40,7 +40,7 @@ class Plant(Protocol):
         """Advance by h seconds under motor speeds (3, 2, S) and travels (2, 2, S)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Recording:
     """What happened to S samples.
 

@@ -57,7 +57,7 @@ def find_remedy(problem: Problem, names: Sequence[str], say: Progress) -> Remedy
     """The first of a few changes that gives a verified plan."""
     for changes in _changes(problem):
         say(f"trying {_written(changes)}")
-        for name in names:
+        for name in sorted(names, key=lambda n: n != "collocation"):  # the most able first
             outcome = attempt(problem.changed(changes), name)
             if outcome["verified"]:
                 return Remedy(changes, name, outcome)

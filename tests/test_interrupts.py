@@ -1,0 +1,75 @@
+"""Ctrl-C reaches the caller although CasADi catches it inside its solvers."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from planner.interrupts import heed_interrupts
+
+
+def long_solve() -> str:
+    """A problem that IPOPT needs far longer for than the test lasts."""
+    x = ca.MX.sym("x", 4000)
+    f = 100 * ca.sumsqr(x[1:] - x[:-1] ** 2) + ca.sumsqr(1 - x[:-1])
+    options = {
+        "print_time": False,
+        "ipopt": {
+            "print_level": 0,
+            "sb": "yes",
+            "max_iter": 10**6,
+            "tol": 1e-30,
+            "acceptable_iter": 0,
+            "hessian_approximation": "limited-memory",
+        },
+    }
+    solver = ca.nlpsol("long", "ipopt", {"x": x, "f": f}, options)
+    solver(x0=np.full(4000, -1.3))
+    return str(solver.stats()["return_status"])
+
+
+def press_ctrl_c(after_s: float) -> None:
+    threading.Timer(after_s, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+
+
+def test_casadi_swallows_what_we_heed() -> None:
+    press_ctrl_c(0.5)
+    began = time.perf_counter()
+    status = "interrupted"
+    with pytest.raises(KeyboardInterrupt), heed_interrupts():
+        status = long_solve()
+    assert status == "NonIpopt_Exception_Thrown", "CasADi passes it on now: heed_interrupts can go"
+    assert time.perf_counter() - began < 20
+
+
+def test_nothing_pressed_nothing_raised() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    with heed_interrupts():
+        pass
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_an_exception_of_the_block_wins_and_the_handler_is_put_back() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(ValueError, match="mine"), heed_interrupts():
+        raise ValueError("mine")
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_other_threads_may_use_it() -> None:
+    done = []
+
+    def work() -> None:
+        with heed_interrupts():
+            done.append(True)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert done == [True]

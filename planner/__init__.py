@@ -22,6 +22,7 @@ from planner.methods import METHODS
 from planner.plan import Plan, load_plan
 from planner.problem import Limits, Problem, load_problem
 from planner.reachability import TravelWindow, travel_window
+from planner.retime import retime
 from planner.solve import solve
 from planner.systems import Gear, Manipulator, TriangularSystem
 from planner.verify import Check, verify
@@ -50,6 +51,7 @@ __all__ = [
     "compare",
     "load_plan",
     "load_problem",
+    "retime",
     "solve",
     "travel_window",
     "verify",

@@ -30,18 +30,23 @@ def peak_inputs(trajectory: Trajectory) -> Array:
 def peak_rates(trajectory: Trajectory) -> Array:
     """Largest |du₁/dt| and |du₂/dt|, shape (2,); infinite where an input jumps inside the motion.
 
-    The derivative is a central difference inside each smooth piece.
+    Slopes are central differences between neighbouring samples of each smooth piece, which crowd
+    towards its ends.
     """
     breaks = trajectory.breaks
     before = trajectory.u(np.nextafter(breaks[1:-1], 0.0))
     after = trajectory.u(breaks[1:-1])
     peaks = peak_inputs(trajectory)
     jumps = np.any(np.abs(after - before) > 1e-7 * np.maximum(peaks, 1e-12), axis=0)
-    step = 1e-5 * np.min(np.diff(breaks))
-    edges = np.stack([breaks[:-1] + step, breaks[1:] - step])
-    centres = np.concatenate([sample_times(edge, 2000 // (len(breaks) - 1)) for edge in edges.T])
-    slopes = np.abs(trajectory.u(centres + step) - trajectory.u(centres - step)) / (2 * step)
-    return np.where(jumps, np.inf, np.max(slopes, axis=0))
+    samples = sample_times(breaks).reshape(len(breaks) - 1, -1)
+    gaps, width = np.diff(samples, axis=1), np.diff(breaks)[:, None]
+    step = np.maximum(0.25 * gaps, 1e-6 * width)
+    middle = np.clip(
+        samples[:, :-1] + gaps / 2, breaks[:-1, None] + step, breaks[1:, None] - 1.001 * step
+    )
+    rise = trajectory.u(middle + step) - trajectory.u(middle - step)
+    slopes = np.abs(rise) / (2 * step)[..., None]
+    return np.where(jumps, np.inf, np.max(slopes, axis=(0, 1)))
 
 
 def _peak(trajectory: Trajectory, times: Array, i: int) -> tuple[float, float]:

@@ -79,7 +79,7 @@ class Plan:
     @property
     def executable(self) -> bool:
         """Whether real coordinates and inputs exist at all times."""
-        return self.trajectory.kind == "state" or self.domain.ok
+        return self.trajectory.in_coordinates or self.domain.ok
 
     def q(self, t: ArrayLike) -> Array:
         """Coordinates, shape (…, N), at times t (…)."""

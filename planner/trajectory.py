@@ -27,7 +27,11 @@ class Trajectory(ABC):
     """
 
     kind: ClassVar[str]
+    kinds: ClassVar[dict[str, type[Trajectory]]] = {}
     system: TriangularSystem
+
+    def __init_subclass__(cls) -> None:
+        Trajectory.kinds[cls.kind] = cls
 
     @property
     @abstractmethod
@@ -61,6 +65,16 @@ class Trajectory(ABC):
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready form; `trajectory_from_dict` gives it back exactly."""
+
+    @classmethod
+    @abstractmethod
+    def from_dict(cls, system: TriangularSystem, data: Mapping[str, Any]) -> Trajectory:
+        """Read back what `to_dict` wrote."""
+
+    @property
+    def in_coordinates(self) -> bool:
+        """Whether q and u exist at all times without the help of the chart."""
+        return False
 
     @property
     def duration(self) -> float:
@@ -129,9 +143,15 @@ class ChainedTrajectory(Trajectory):
         return {
             "kind": self.kind,
             "branch": self.branch.tolist(),
-            "z": _curve_to_dict(self.z_curve),
-            "v": _curve_to_dict(self.v_curve),
+            "z": curve_to_dict(self.z_curve),
+            "v": curve_to_dict(self.v_curve),
         }
+
+    @classmethod
+    def from_dict(cls, system: TriangularSystem, data: Mapping[str, Any]) -> ChainedTrajectory:
+        """Read back what `to_dict` wrote."""
+        branch = np.asarray(data["branch"], dtype=float)
+        return cls(system, curve_from_dict(data["z"]), curve_from_dict(data["v"]), branch)
 
 
 @dataclass(frozen=True)
@@ -188,9 +208,19 @@ class StateTrajectory(Trajectory):
         """JSON-ready form."""
         return {
             "kind": self.kind,
-            "q": _curve_to_dict(self.q_curve),
-            "u": _curve_to_dict(self.u_curve),
+            "q": curve_to_dict(self.q_curve),
+            "u": curve_to_dict(self.u_curve),
         }
+
+    @classmethod
+    def from_dict(cls, system: TriangularSystem, data: Mapping[str, Any]) -> StateTrajectory:
+        """Read back what `to_dict` wrote."""
+        return cls(system, curve_from_dict(data["q"]), curve_from_dict(data["u"]))
+
+    @property
+    def in_coordinates(self) -> bool:
+        """True."""
+        return True
 
 
 def trajectory_from_dict(system: TriangularSystem, data: Mapping[str, Any]) -> Trajectory:
@@ -199,13 +229,12 @@ def trajectory_from_dict(system: TriangularSystem, data: Mapping[str, Any]) -> T
     Raises:
         InputError: If the kind is unknown.
     """
-    if data["kind"] == ChainedTrajectory.kind:
-        branch = np.asarray(data["branch"], dtype=float)
-        z, v = _curve_from_dict(data["z"]), _curve_from_dict(data["v"])
-        return ChainedTrajectory(system, z, v, branch)
-    if data["kind"] == StateTrajectory.kind:
-        return StateTrajectory(system, _curve_from_dict(data["q"]), _curve_from_dict(data["u"]))
-    raise InputError(f"trajectory kind {data['kind']!r} is unknown; use 'chained' or 'state'")
+    kind = data["kind"]
+    if kind not in Trajectory.kinds:
+        raise InputError(
+            f"trajectory kind {kind!r} is unknown; allowed: {', '.join(Trajectory.kinds)}"
+        )
+    return Trajectory.kinds[kind].from_dict(system, data)
 
 
 def polynomial_roots(curve: BPoly, component: int) -> list[float]:
@@ -226,11 +255,13 @@ def _stretched(curve: BPoly, factor: float, gain: float = 1.0) -> BPoly:
     return BPoly(curve.c * gain, curve.x * factor)
 
 
-def _curve_to_dict(curve: BPoly) -> dict[str, Any]:
+def curve_to_dict(curve: BPoly) -> dict[str, Any]:
+    """JSON-ready form of a piecewise polynomial."""
     return {"breaks": curve.x.tolist(), "bernstein": curve.c.tolist()}
 
 
-def _curve_from_dict(data: Mapping[str, Any]) -> BPoly:
+def curve_from_dict(data: Mapping[str, Any]) -> BPoly:
+    """Read back what `curve_to_dict` wrote."""
     return BPoly(
         np.asarray(data["bernstein"], dtype=float), np.asarray(data["breaks"], dtype=float)
     )

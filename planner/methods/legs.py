@@ -15,6 +15,7 @@ from math import comb
 import numpy as np
 from scipy.interpolate import BPoly
 
+from planner.pieces import elevate
 from planner.systems.base import Array
 
 
@@ -106,21 +107,6 @@ def _basis(terms: int) -> Array:
     for j in range(terms):
         own = np.array([(-1.0) ** (j + i) * comb(j, i) for i in range(j + 1)])
         out[j] = np.sqrt(2 * j + 1) * elevate(own, terms - 1)
-    return out
-
-
-def elevate(c: Array, degree: int) -> Array:
-    """The same polynomial with Bernstein coefficients c (d+1, …) written at a higher degree."""
-    return np.tensordot(_elevation(len(c) - 1, degree), c, axes=1)
-
-
-@lru_cache(maxsize=256)
-def _elevation(low: int, high: int) -> Array:
-    """Matrix (high+1, low+1) that raises Bernstein coefficients from one degree to another."""
-    out = np.eye(low + 1)
-    for d in range(low + 1, high + 1):
-        share = (np.arange(d + 1) / d)[:, None]
-        out = share * np.concatenate([out[:1], out]) + (1 - share) * np.concatenate([out, out[-1:]])
     return out
 
 

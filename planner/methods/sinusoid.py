@@ -14,8 +14,9 @@ import numpy as np
 
 from planner.errors import SingularError
 from planner.methods.law import Ends, finish
-from planner.methods.spectral import Grid, propagate
+from planner.methods.spectral import period, propagate
 from planner.methods.swing import Swing, choose_swing
+from planner.pieces import Grid
 from planner.plan import Plan
 from planner.problem import Problem
 from planner.schema.methods import SinusoidOptions
@@ -90,7 +91,7 @@ def sinusoids(start: Array, goal: Array, amplitude: float, duration: float) -> S
             of amplitude to travel for which the system is singular).
     """
     m, omega = len(start) - 1, 2 * np.pi / duration
-    grid = Grid.for_harmonic(0.0, duration, 2 * m - 2)
+    grid = period(0.0, duration, 2 * m - 2)
     t = grid.times
     v1 = (goal[0] - start[0]) / duration + amplitude * omega * np.sin(omega * t)
     basis = np.cos(omega * t[..., None] * np.arange(m)) / duration

@@ -16,8 +16,9 @@ from scipy.interpolate import BPoly
 
 from planner.errors import InputError
 from planner.methods.law import Ends, finish
-from planner.methods.spectral import Grid, joined, propagate
+from planner.methods.spectral import joined, period, propagate
 from planner.methods.swing import Swing, choose_swing
+from planner.pieces import Grid
 from planner.plan import Plan
 from planner.problem import Problem
 from planner.schema.methods import SinusoidStepsOptions
@@ -97,7 +98,7 @@ def steps(start: Array, goal: Array, amplitudes: Array, durations: Array) -> Ste
     for k, amplitude in enumerate(amplitudes, start=1):
         here = z[-1, -1]
         omega = 2 * np.pi / durations[k]
-        grid = Grid.for_harmonic(edges[k], edges[k + 1], 2 * len(start) - 4)
+        grid = period(edges[k], edges[k + 1], 2 * len(start) - 4)
         phase = omega * (grid.times - edges[k])
         v1 = amplitude * omega * np.sin(phase)
         per_beta = durations[k] * (amplitude / 2) ** k / factorial(k)

@@ -37,5 +37,5 @@ def test_python_of_the_readme_runs(paper: planner.Problem) -> None:
     assert blocks
     code = blocks[0].replace("problems/", f"{ROOT}/problems/").replace("1000", "20")
     names: dict[str, object] = {}
-    exec(compile(code, "README.md", "exec"), names)
+    exec(compile(code, "<README>", "exec"), names)
     assert names["check"].ok  # type: ignore[attr-defined]

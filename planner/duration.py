@@ -52,8 +52,7 @@ def refuse_too_short(problem: Problem) -> None:
         raise InfeasibleError(
             f"{problem.source}: no plan of any kind exists: {bound.reason}, which takes"
             f" {bound.seconds:.4g} s; goal.duration is {problem.duration:.4g} s",
-            advice='goal.duration = "free", which finds the time needed;'
-            " or wider input limits",
+            advice='goal.duration = "free", which finds the time needed; or wider input limits',
         )
 
 

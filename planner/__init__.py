@@ -24,6 +24,7 @@ from planner.problem import Limits, Problem, load_problem
 from planner.reachability import TravelWindow, travel_window
 from planner.retime import retime
 from planner.solve import solve
+from planner.sweep import Sweep, load_sweep, run_sweep
 from planner.systems import Gear, Manipulator, TriangularSystem
 from planner.verify import Check, verify
 
@@ -44,6 +45,7 @@ __all__ = [
     "PlannerError",
     "Problem",
     "SingularError",
+    "Sweep",
     "TravelWindow",
     "TriangularSystem",
     "VerificationError",
@@ -51,7 +53,9 @@ __all__ = [
     "compare",
     "load_plan",
     "load_problem",
+    "load_sweep",
     "retime",
+    "run_sweep",
     "solve",
     "travel_window",
     "verify",

@@ -109,7 +109,7 @@ class Problem:
         Raises:
             InputError: As for `from_dict`.
         """
-        return Problem.from_dict(_with_changes(self.to_dict(), changes), self.source)
+        return Problem.from_dict(with_changes(self.to_dict(), changes), self.source)
 
     def with_travel(self, travel: float | None) -> Problem:
         """This problem with another travel of the path coordinate (None: free), checked anew.
@@ -159,10 +159,15 @@ def load_problem(path: str | Path, changes: Mapping[str, Any] | None = None) -> 
         raise InputError(f"{path} is not valid TOML: {error}") from None
     if not data:
         raise InputError(f"{path} is empty; a problem needs [system], [start] and [goal]")
-    return Problem.from_dict(_with_changes(data, changes or {}), str(path))
+    return Problem.from_dict(with_changes(data, changes or {}), str(path))
 
 
-def _with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """`data` itself, a problem file's tables, with dotted keys set in it.
+
+    Raises:
+        InputError: If a key leads through what is not a table.
+    """
     for dotted, value in changes.items():
         table = data
         *parents, key = dotted.split(".")

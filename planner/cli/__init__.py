@@ -19,6 +19,8 @@ from planner.cli.compare import compare
 from planner.cli.lists import methods, schema, systems
 from planner.cli.output import ReaderGoneError, print_json, say, watch_interrupts
 from planner.cli.plan import plan
+from planner.cli.reproduce import reproduce
+from planner.cli.sweep import sweep
 from planner.errors import PlannerError
 
 __all__ = ["app", "main"]
@@ -58,7 +60,7 @@ def _top(
     """
 
 
-for _command in (plan, check, compare, methods, systems, schema):
+for _command in (plan, check, compare, sweep, reproduce, methods, systems, schema):
     app.command()(_command)
 
 

@@ -1,0 +1,145 @@
+"""`planner sweep`: many cases of one problem, in parallel, kept in a database file."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from planner.cli.arguments import Json
+from planner.cli.output import facts, print_json, print_text, progress_bar, say
+from planner.errors import PlannerError
+from planner.sweep import Outcome, Sweep, export, run_sweep
+from planner.sweep.table import refuse_unexportable
+
+
+class Interrupted(PlannerError):  # noqa: N818 (not an error)
+    """Ctrl-C, after which the same command goes on."""
+
+    exit_status = 130
+    status = "interrupted"
+
+
+def sweep(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A sweep file (TOML).", show_default=False)
+    ],
+    db: Annotated[
+        Path | None,
+        typer.Option(
+            "--db",
+            metavar="X.sqlite",
+            help="Database file; FILE's name with .sqlite in this folder when left out.",
+            show_default=False,
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "--workers",
+            "-j",
+            min=1,
+            help="Processes; one a core when left out.",
+            show_default=False,
+        ),
+    ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            "--cluster",
+            metavar="ADDRESS",
+            help="Run on the Dask cluster of this scheduler, as in tcp://host:8786.",
+            show_default=False,
+        ),
+    ] = None,
+    retry: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--retry",
+            metavar="STATUS",
+            help="Run cases again that ended so, as in bug or not_converged; repeatable.",
+            show_default=False,
+        ),
+    ] = None,
+    export_to: Annotated[
+        Path | None,
+        typer.Option(
+            "--export",
+            metavar="OUT",
+            help="Write the results to this .csv or .parquet file.",
+            show_default=False,
+        ),
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Check the file and count its cases; run none.")
+    ] = False,
+    as_json: Json = False,
+) -> int:
+    """Run the cases of a sweep that the database does not hold yet.
+
+    Each finished case is kept at once: however a run ends, the same command goes on with the rest.
+    A case that has no plan is a result like any other, with its reason. Ends with status 0, or 1 if
+    a case met a bug.
+
+    \b
+    Examples:
+      planner sweep problems/sweeps/paper-travel.toml
+      planner sweep problems/sweeps/paper-travel.toml --db travel.sqlite --export travel.csv
+      planner sweep problems/sweeps/paper-travel.toml --cluster tcp://127.0.0.1:8786
+    """
+    task = Sweep.load(file)
+    if dry_run:
+        return _count(task, as_json)
+    path = Path(f"{file.stem}.sqlite") if db is None else db
+    if export_to is not None:
+        refuse_unexportable(export_to)
+    try:
+        with progress_bar() as progress:
+            outcome = run_sweep(
+                task, path, workers=workers, cluster=cluster, retry=retry or (), progress=progress
+            )
+    except KeyboardInterrupt:
+        raise Interrupted(
+            f"interrupted; finished cases are in {path}; the same command goes on with the rest"
+        ) from None
+    written = None if export_to is None else str(export(path, export_to))
+    status = 1 if outcome.bugs else 0
+    if as_json:
+        extra = {"file": str(file), "exit_status": status, "written": written}
+        print_json({**asdict(outcome), **extra})
+    else:
+        print_text(task.name, facts(_facts(outcome)))
+    if outcome.bugs:
+        say(f"{outcome.bugs} cases met a bug; see the column 'traceback'", "red")
+    if written is not None:
+        say(f"written to {written}")
+    return status
+
+
+def _count(task: Sweep, as_json: bool) -> int:
+    labels = [spec.label for spec in task.methods]
+    if as_json:
+        counts = {"points": len(task.points), "methods": labels, "runs": len(task)}
+        print_json({"name": task.name, "keys": task.keys, **counts, "exit_status": 0})
+        return 0
+    rows = [
+        ("varies", ", ".join(task.keys)),
+        ("methods", ", ".join(labels)),
+        ("cases", f"{len(task.points)} points x {len(labels)} methods = {len(task)}"),
+    ]
+    print_text(task.name, facts(rows))
+    return 0
+
+
+def _facts(outcome: Outcome) -> list[tuple[str, str]]:
+    same = outcome.points - outcome.cases
+    each = f", {outcome.elapsed_s / outcome.ran:.3g} s a case" if outcome.ran else ""
+    rows = [
+        ("database", outcome.db),
+        ("cases", f"{outcome.cases}" + (f" ({same} more are the same)" if same else "")),
+        ("were there", str(outcome.kept)),
+        ("ran", f"{outcome.ran} in {outcome.elapsed_s:.3g} s{each}"),
+    ]
+    return rows + [(k.replace("_", " "), str(n)) for k, n in outcome.statuses.items()]

@@ -1,0 +1,228 @@
+"""One case of a sweep: one problem, one method, one machine; its key, and its run."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import tempfile
+import threading
+import time
+import traceback
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from planner.errors import InputError, NoPlanError, SingularError, VerificationError
+from planner.machine import Machine
+from planner.measures import effort, peak_inputs
+from planner.plan import Plan
+from planner.problem import Problem, with_changes
+from planner.replay import RECORD_S, replay
+from planner.report.provenance import versions
+from planner.schema import MachineTable, parse, parse_file
+from planner.solve import find_method, solve_and_check
+from planner.spec import Spec
+from planner.sweep.canonical import canonical, digest
+from planner.sweep.description import Sweep
+from planner.sweep.points import Point
+from planner.verify import Check, verify
+
+RESULTS: Mapping[str, str] = {
+    "status": "TEXT NOT NULL",
+    "solved": "INTEGER NOT NULL",
+    "why": "TEXT",
+    "advice": "TEXT",
+    "travel_rad": "REAL",
+    "duration_s": "REAL",
+    "effort": "REAL",
+    "peak_u1_rad_s": "REAL",
+    "peak_u2_rad_s": "REAL",
+    "domain_margin": "REAL",
+    "terminal_error_deg": "REAL",
+    "E_median_deg": "REAL",
+    "E_p95_deg": "REAL",
+    "objective": "REAL",
+    "iterations": "INTEGER",
+    "solve_time_s": "REAL",
+    "build_time_s": "REAL",
+    "case_time_s": "REAL",
+    "versions": "TEXT",
+    "traceback": "TEXT",
+    "plan": "TEXT",
+}
+"""What a case leaves, as columns of SQLite. For systems whose path coordinate is a length, travel
+and the first peak are in metres and metres per second."""
+
+Row = dict[str, Any]
+"""A value for each of `RESULTS`; None where there is none."""
+
+Request = dict[str, Any]
+"""All that a process needs to run a case, as JSON can hold it."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A case to run.
+
+    Attributes:
+        label: Its method as written in the sweep.
+        changes: The values of the varied keys.
+        request: What `run_case` takes.
+        description: Everything its result depends on, every default spelt out.
+        key: Hash of the description: the same in whatever sweep.
+    """
+
+    label: str
+    changes: Point
+    request: Request
+    description: str
+    key: str
+
+
+def cases(sweep: Sweep) -> Iterator[Case]:
+    """Every case of a sweep, point by point; points that come to the same share their key."""
+    for number, spec in itertools.product(range(len(sweep.points)), sweep.methods):
+        yield case_at(sweep, number, spec)
+
+
+def case_at(sweep: Sweep, number: int, spec: Spec) -> Case:
+    """The case of one point and one method."""
+    point = sweep.points[number]
+    request = {
+        "tables": with_changes(sweep.base.to_dict(), copy.deepcopy(point)),
+        "source": sweep.base.source,
+        "method": spec.method,
+        "options": dict(spec.options),
+        "samples": sweep.replay.samples,
+        "seed": sweep.replay.seed,
+        "keep_plan": sweep.plans,
+    }
+    description = _description(request, spec)
+    return Case(spec.label, point, request, description, digest(description))
+
+
+def _description(request: Request, spec: Spec) -> str:
+    """The complete description; of what cannot be a problem, the tables as they are."""
+    samples, seed = request["samples"], request["seed"]
+    try:
+        file = parse_file(request["tables"], "")
+        entry = find_method(spec.method)
+        own = getattr(file.method, spec.method).model_dump(exclude_unset=True)
+        options = parse(entry.options, {**own, **spec.options}, "").model_dump(mode="json")
+    except InputError:
+        return canonical({k: v for k, v in request.items() if k not in ("source", "keep_plan")})
+    problem = file.model_dump(mode="json", by_alias=True, exclude={"title", "method", "machine"})
+    machine = _machine(file.machine) if samples else None
+    whole = {"problem": problem, "method": spec.method, "options": options, "machine": machine}
+    return canonical({**whole, "samples": samples, "seed": seed if samples else None})
+
+
+def _machine(table: MachineTable) -> dict[str, Any]:
+    return _machine_of(table.model_dump_json(exclude_unset=True))
+
+
+@lru_cache(maxsize=256)
+def _machine_of(text: str) -> dict[str, Any]:
+    return Machine.from_table(MachineTable.model_validate_json(text)).to_dict()
+
+
+_one_at_a_time = threading.Lock()
+"""CasADi is not safe in two threads at once, and a Dask worker may have several."""
+
+
+def run_case(request: Request) -> Row:
+    """Plan, verify and replay one case; whatever goes wrong becomes its row.
+
+    Runs in another process, perhaps on another machine.
+    """
+    with _one_at_a_time:
+        began = time.perf_counter()
+        row: Row = dict.fromkeys(RESULTS) | {"solved": False}
+        try:
+            row |= _run(request)
+        except NoPlanError as error:
+            row |= _refusal(error)
+        except InputError as error:
+            row |= {"status": "bad_input", "why": str(error)}
+        except Exception as error:
+            row |= {
+                "status": "bug",
+                "why": f"{type(error).__name__}: {error}",
+                "traceback": traceback.format_exc(),
+            }
+        if row["why"]:
+            row["why"] = row["why"].removeprefix(f"{request['source']}: ")
+        row["versions"] = _versions()
+        row["case_time_s"] = time.perf_counter() - began
+        return {name: _number(value) for name, value in row.items()}
+
+
+def _run(request: Request) -> Row:
+    problem = Problem.from_dict(request["tables"], request["source"])
+    try:
+        plan, check = solve_and_check(problem, request["method"], **request["options"])
+        row: Row = {"status": plan.status, "solved": plan.verified}
+        if not plan.verified:
+            row["why"] = "for study only: the path leaves the domain of the chained-form chart"
+    except (SingularError, VerificationError) as error:
+        if error.plan is None:
+            raise
+        # The plan is whole, though refused: its figures show what the limits cost, as in `compare`.
+        plan = replace(error.plan, status=error.status)
+        check = verify(plan)
+        row = _refusal(error)
+    row |= _figures(plan, check)
+    if request["samples"] and plan.executable:
+        # The instants of `compare`, on which the steps depend, so that both give the same numbers.
+        record = max(RECORD_S, plan.duration / 500)
+        runs = replay(plan, samples=request["samples"], seed=request["seed"], record_s=record)
+        if runs.angles:
+            median, high = np.percentile(runs.index_E_deg, [50, 95])
+            row |= {"E_median_deg": median, "E_p95_deg": high}
+    if request["keep_plan"] and plan.verified:
+        row["plan"] = _text(plan)
+    return row
+
+
+def _figures(plan: Plan, check: Check) -> Row:
+    errors = np.abs(check.terminal_error_deg)
+    peaks = peak_inputs(plan.trajectory) if plan.executable else (None, None)
+    return {
+        "travel_rad": plan.travel,
+        "duration_s": plan.duration,
+        "effort": effort(plan.trajectory) if plan.executable else None,
+        "peak_u1_rad_s": peaks[0],
+        "peak_u2_rad_s": peaks[1],
+        "domain_margin": plan.domain.margin,
+        "terminal_error_deg": np.max(errors) if errors.size else None,
+        "objective": plan.objective,
+        "iterations": plan.iterations,
+        "solve_time_s": plan.solve_time_s,
+        "build_time_s": plan.build_time_s,
+    }
+
+
+@lru_cache(maxsize=1)
+def _versions() -> str:
+    return canonical(versions())
+
+
+def _refusal(error: NoPlanError) -> Row:
+    why = "; ".join([error.reason, *(str(v) for v in error.violations[:3])])
+    return {"status": error.status, "why": why, "advice": error.advice}
+
+
+def _number(value: Any) -> Any:
+    """Plain Python numbers; None for NaN."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and np.isnan(value) else value
+
+
+def _text(plan: Plan) -> str:
+    with tempfile.TemporaryDirectory() as folder:
+        return plan.save(Path(folder) / "plan.json").read_text(encoding="utf-8")

@@ -1,0 +1,176 @@
+"""Where cases run: processes of this computer, or this process itself."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+from typing import Protocol
+
+import planner
+from planner.sweep.case import RESULTS, Request, Row, run_case
+
+ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
+)
+"""One thread a process: so many processes as cores use the cores better than threads do."""
+
+ATTEMPTS = 2
+"""How many processes may die on a case before it is given up."""
+
+
+class Pool(Protocol):
+    """Runs cases at the same time.
+
+    Attributes:
+        window: How many cases to hand over at once.
+    """
+
+    window: int
+
+    def submit(self, request: Request) -> Future[Row]:
+        """Hand over a case. The future raises only if the pool itself has failed."""
+
+    def close(self) -> None:
+        """Drop what runs and what waits, and leave nothing behind."""
+
+
+class HerePool:
+    """This process, one case after another; for debuggers and tests."""
+
+    window = 1
+
+    def submit(self, request: Request) -> Future[Row]:
+        """Run a case now."""
+        future: Future[Row] = Future()
+        future.set_result(run_case(request))
+        return future
+
+    def close(self) -> None:
+        """Nothing to do."""
+
+
+class LocalPool:
+    """Processes of this computer, one thread here waiting for each.
+
+    Not `concurrent.futures` or loky: measured, both leave their processes behind when this one is
+    killed, the first runs an unguarded script again in each of them, and neither can tell which
+    case a process died of.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.window = 2 * count
+        self._threads = ThreadPoolExecutor(count, thread_name_prefix="sweep")
+        self._own = threading.local()
+        self._workers: list[_Worker] = []
+        self._lock = threading.Lock()
+        self._closed = False
+
+    def submit(self, request: Request) -> Future[Row]:
+        """Hand over a case."""
+        return self._threads.submit(self._run, request)
+
+    def close(self) -> None:
+        """End the processes at once."""
+        with self._lock:
+            self._closed = True
+            for worker in self._workers:
+                worker.end()
+        self._threads.shutdown(cancel_futures=True)
+        for worker in self._workers:
+            worker.release()
+
+    def _run(self, request: Request) -> Row:
+        for _ in range(ATTEMPTS):
+            worker = self._worker()
+            answer = worker.ask(request)
+            if answer is not None:
+                return answer
+            if self._closed:
+                break
+        return died(f"the process running it died {ATTEMPTS} times", *worker.last_words())
+
+    def _worker(self) -> _Worker:
+        """This thread's process, started if there is none that lives."""
+        worker: _Worker | None = getattr(self._own, "worker", None)
+        if worker is None or not worker.alive:
+            with self._lock:
+                worker = self._own.worker = _Worker()
+                self._workers.append(worker)
+                if self._closed:
+                    worker.end()
+        return worker
+
+
+class _Worker:
+    """A process of `planner.sweep.worker`."""
+
+    def __init__(self) -> None:
+        folder = str(Path(planner.__file__).parents[1])
+        path = os.pathsep.join(filter(None, [folder, os.environ.get("PYTHONPATH")]))
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 (closed in `release`)
+        self._process = subprocess.Popen(
+            [sys.executable, "-X", "faulthandler", "-m", "planner.sweep.worker"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
+            env={**os.environ, **ONE_THREAD, "PYTHONPATH": path},
+            text=True,
+            encoding="utf-8",
+            start_new_session=True,  # Ctrl-C is for the parent alone
+        )
+
+    @property
+    def alive(self) -> bool:
+        return self._process.poll() is None
+
+    def ask(self, request: Request) -> Row | None:
+        """The row of a case, or None if the process died of it."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        try:
+            self._process.stdin.write(json.dumps(request, default=str) + "\n")
+            self._process.stdin.flush()
+            answer = self._process.stdout.readline()
+        except (OSError, ValueError):
+            answer = ""
+        if answer.endswith("\n"):
+            row: Row = json.loads(answer)
+            return row
+        self._process.kill()
+        self._process.wait()
+        return None
+
+    def last_words(self) -> tuple[int, str]:
+        """Exit status and the end of what a dead process wrote to standard error."""
+        self._errors.seek(0)
+        return self._process.returncode, self._errors.read().decode(errors="replace")[-4000:]
+
+    def end(self) -> None:
+        """Kill the process; a thread in `ask` returns."""
+        self._process.kill()
+        self._process.wait()
+
+    def release(self) -> None:
+        """Close the pipes and files of a process that has ended."""
+        for stream in (self._process.stdin, self._process.stdout, self._errors):
+            with suppress(OSError):
+                stream.close()  # type: ignore[union-attr]
+
+
+def died(what: str, status: int | None = None, words: str = "") -> Row:
+    """The row of a case that took its process with it."""
+    signal = f" (signal {-status}; 9 is often a lack of memory)" if status and status < 0 else ""
+    ended = "" if signal or status is None else f" (exit status {status})"
+    return dict.fromkeys(RESULTS) | {
+        "status": "bug",
+        "solved": False,
+        "why": f"{what}{signal}{ended}",
+        "traceback": words or None,
+    }

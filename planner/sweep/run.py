@@ -1,0 +1,174 @@
+"""Running a sweep: what is not in the database yet, many cases at a time, each kept at once."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping
+from concurrent.futures import Future
+from contextlib import closing
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any
+
+from planner.errors import InputError
+from planner.sweep.case import Case, Row, cases
+from planner.sweep.description import Sweep
+from planner.sweep.pools import HerePool, LocalPool, Pool
+from planner.sweep.store import Store
+
+Progress = Callable[[str, float], None]
+"""Told what is being done, and the share done, 0 … 1."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run of a sweep did.
+
+    Attributes:
+        db: The database file.
+        points: Points of the sweep times its methods.
+        cases: Different cases among them.
+        kept: Cases that were in the file already.
+        ran: Cases that this run added.
+        statuses: How many of the sweep's cases ended in each status.
+        elapsed_s: Seconds the run took.
+    """
+
+    db: str
+    points: int
+    cases: int
+    kept: int
+    ran: int
+    statuses: Mapping[str, int]
+    elapsed_s: float
+
+    @property
+    def bugs(self) -> int:
+        """Cases that ended in a way this program never should."""
+        return self.statuses.get("bug", 0)
+
+
+def run_sweep(
+    sweep: Sweep | Mapping[str, Any] | str | Path,
+    db: str | Path,
+    *,
+    workers: int | None = None,
+    cluster: str | None = None,
+    retry: Collection[str] = (),
+    progress: Progress | None = None,
+) -> Outcome:
+    """Run the cases of a sweep that a database file does not hold yet.
+
+    Each finished case is kept at once, so a run that ends early, however it ends, is continued by
+    the same call. What a case cannot do is its result: see the columns `status` and `why`.
+
+    Args:
+        sweep: A `Sweep`, a sweep file, or its tables.
+        db: The database file, made when missing; it may hold other sweeps.
+        workers: Processes of this computer, as many as it has cores when left out; 0 runs the
+            cases in this process.
+        cluster: Address of a Dask scheduler to use instead.
+        retry: Statuses whose cases are run again, for example ["bug"].
+        progress: Told how far it is.
+
+    Raises:
+        InputError: If the sweep is wrong, the file cannot be used, or the cluster cannot.
+        KeyboardInterrupt: If interrupted; finished cases are kept.
+    """
+    if not isinstance(sweep, Sweep):
+        sweep = Sweep.from_dict(sweep) if isinstance(sweep, Mapping) else Sweep.load(sweep)
+    began = time.perf_counter()
+    with Store(db, create=True) as store:
+        index = store.register(sweep, cases(sweep))
+        wanted = store.keys(index)
+        done = wanted & store.finished(retry, sweep.plans)
+        run = _Run(store, _missing(sweep, done), len(wanted) - len(done), progress)
+        if run.total:
+            with closing(_pool(workers, cluster, run.total)) as pool:
+                run.drive(pool)
+        statuses = store.statuses(index)
+    elapsed = time.perf_counter() - began
+    return Outcome(str(db), len(sweep), len(wanted), len(done), run.done, statuses, elapsed)
+
+
+def _pool(workers: int | None, cluster: str | None, total: int) -> Pool:
+    if cluster is not None:
+        if workers is not None:
+            raise InputError("give workers or cluster, not both: a cluster has its own workers")
+        from planner.sweep.cluster import ClusterPool
+
+        return ClusterPool(cluster)
+    if workers is not None and (isinstance(workers, bool) or workers < 0):
+        raise InputError(f"workers = {workers}: must be a whole number, at least 0")
+    if workers == 0:
+        return HerePool()
+    return LocalPool(min(workers or _cores(), total))
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _missing(sweep: Sweep, done: Collection[str]) -> Iterator[Case]:
+    """Cases to run, each once."""
+    seen = set(done)
+    for case in cases(sweep):
+        if case.key not in seen:
+            seen.add(case.key)
+            yield case
+
+
+@dataclass
+class _Run:
+    """Cases on their way through a pool."""
+
+    store: Store
+    waiting: Iterator[Case]
+    total: int
+    progress: Progress | None
+    done: int = 0
+    statuses: Counter[str] = field(default_factory=Counter)
+    finished: SimpleQueue[tuple[Case, Future[Row]]] = field(default_factory=SimpleQueue)
+
+    def drive(self, pool: Pool) -> None:
+        """Hand over cases as others finish, and keep each at once."""
+        self._tell()
+        running = sum(self._launch(pool, case) for case in islice(self.waiting, pool.window))
+        try:
+            while running:
+                self._keep(*self.finished.get())
+                running -= 1
+                self._tell()
+                running += sum(self._launch(pool, case) for case in islice(self.waiting, 1))
+        except KeyboardInterrupt:
+            while not self.finished.empty():
+                self._keep(*self.finished.get())
+            raise
+
+    def _keep(self, case: Case, future: Future[Row]) -> None:
+        try:
+            self.store.add(case, future.result())
+        except KeyboardInterrupt:
+            self.finished.put((case, future))
+            raise
+        self.done += 1
+        self.statuses[future.result()["status"]] += 1
+
+    def _launch(self, pool: Pool, case: Case) -> int:
+        future = pool.submit(case.request)
+        future.add_done_callback(lambda future: self.finished.put((case, future)))
+        return 1
+
+    def _tell(self) -> None:
+        if self.progress is None:
+            return
+        found = ", ".join(f"{n} {status.replace('_', ' ')}" for status, n in self.statuses.items())
+        doing = f"{self.done} of {self.total} cases" + (f" ({found})" if found else "")
+        self.progress(doing, self.done / self.total)

@@ -1,0 +1,262 @@
+"""Running: what is done once is not done again, and what fails is a result."""
+
+from __future__ import annotations
+
+import sqlite3
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import planner
+from planner.sweep import Sweep, load_case_plan, run_sweep
+from planner.sweep import case as case_module
+from planner.sweep import table as table_module
+from planner.sweep.case import case_at, cases, run_case
+from planner.sweep.pools import LocalPool
+
+Tables = dict[str, Any]
+
+
+def column(db: Path, name: str) -> list[Any]:
+    return [record[name] for record in table_module.read(db)[1]]
+
+
+def query(db: Path, text: str) -> list[tuple[Any, ...]]:
+    connection = sqlite3.connect(db)
+    try:
+        return connection.execute(text).fetchall()
+    finally:
+        connection.close()
+
+
+@pytest.fixture
+def db(tmp_path: Path) -> Path:
+    return tmp_path / "x.sqlite"
+
+
+def test_every_case_is_a_row_with_its_reason(tables: Tables, db: Path) -> None:
+    outcome = run_sweep(tables, db, workers=0)
+    assert (outcome.ran, outcome.kept, outcome.cases) == (10, 0, 10)
+    assert outcome.statuses == {"infeasible": 10}
+    assert column(db, "goal.duration") == [round(0.01 * k, 2) for k in range(1, 11)]
+    assert all(why.startswith("no plan of any kind exists") for why in column(db, "why"))
+    assert not any(column(db, "solved"))
+
+
+def test_a_second_run_does_nothing(tables: Tables, db: Path) -> None:
+    run_sweep(tables, db, workers=0)
+    first = query(db, "SELECT * FROM cases")
+    outcome = run_sweep(tables, db, workers=0)
+    assert (outcome.ran, outcome.kept) == (0, 10)
+    assert query(db, "SELECT * FROM cases") == first
+
+
+def test_a_changed_description_runs_only_what_is_new(tables: Tables, db: Path) -> None:
+    run_sweep(tables, db, workers=0)
+    grid = {"goal.duration": [0.01, 0.02, 0.5]}
+    outcome = run_sweep({**tables, "title": "other", "grid": grid}, db, workers=0)
+    assert (outcome.ran, outcome.kept, outcome.cases) == (1, 2, 3)
+    assert column(db, "goal.duration") == [0.01, 0.02, 0.5]
+    assert len(table_module.read(db, which=0)[1]) == 10
+    assert query(db, "SELECT count(*) FROM cases") == [(11,)]
+
+
+def test_points_that_come_to_the_same_run_once(tables: Tables, db: Path) -> None:
+    # 80 is what the file says already, 5 and 5.0 are one number, and an option of its default
+    # value is that option left out.
+    rows = [
+        {"goal.duration": 0.05},
+        {"goal.duration": 0.05, "limits.joint_deg": 80},
+        {"goal.duration": 0.05, "limits.joint_deg": 80.0},
+        {"goal.duration": 0.05, "method.polynomial.travel": "auto"},
+    ]
+    more = {**tables, "grid": {}, "cases": rows, "methods": ["polynomial", "polynomial:offset=1"]}
+    outcome = run_sweep(more, db, workers=0)
+    assert (outcome.points, outcome.cases, outcome.ran) == (8, 2, 2)
+    assert len(column(db, "case")) == 8
+    assert len(set(column(db, "case"))) == 2
+
+
+def test_options_of_other_methods_do_not_make_another_case(tables: Tables, db: Path) -> None:
+    grid = {"method.piecewise.slots": [3, 4]}
+    methods = ["polynomial", "piecewise"]
+    changes = {"goal.duration": 0.05}
+    outcome = run_sweep({**tables, "grid": grid, "set": changes, "methods": methods}, db, workers=0)
+    assert outcome.points == 4
+    assert outcome.cases == 3
+
+
+def test_keys_depend_on_all_that_matters(tables: Tables) -> None:
+    def key(**changes: Any) -> str:
+        return next(cases(Sweep.from_dict({**tables, **changes}))).key
+
+    plain = key()
+    assert key() == plain
+    assert key(title="another name") == plain
+    assert key(plans=True) == plain
+    assert key(replay={"samples": 0, "seed": 5}) == plain
+    others = [
+        key(set={"limits.joint_deg": 79}),
+        key(set={"method.polynomial.criterion": "margin"}),
+        key(methods=["piecewise"]),
+        key(replay={"samples": 5}),
+        key(replay={"samples": 5, "seed": 1}),
+        key(replay={"samples": 5}, set={"machine.backlash_deg": 3.0}),
+    ]
+    assert len({plain, *others}) == 7
+
+
+def test_a_solved_case_has_its_figures(unlimited: planner.Problem, db: Path) -> None:
+    tables = {
+        "problem": unlimited,
+        "methods": ["polynomial"],
+        "grid": {"goal.travel": [0.82]},
+        "replay": {"samples": 3, "seed": 4},
+        "set": {"machine.control_period_s": 0.1, "machine.step_s": 0.01},
+        "plans": True,
+    }
+    assert run_sweep(tables, db, workers=0).statuses == {"solved": 1}
+    (record,) = table_module.read(db)[1]
+    problem = unlimited.changed({**tables["set"], "goal.travel": 0.82})  # type: ignore[dict-item]
+    comparison = planner.compare(problem, "polynomial", samples=3, seed=4)
+    row = comparison["polynomial"]
+    assert record["travel_rad"] == pytest.approx(0.82)
+    assert record["effort"] == pytest.approx(row.effort, rel=1e-12)
+    assert (record["peak_u1_rad_s"], record["peak_u2_rad_s"]) == pytest.approx(row.peak_u)
+    assert record["domain_margin"] == pytest.approx(row.domain_margin)
+    assert record["terminal_error_deg"] < 1e-6
+    assert record["E_median_deg"] == pytest.approx(row.E_median_deg, rel=1e-12)
+    assert record["E_p95_deg"] == pytest.approx(row.E_p95_deg, rel=1e-12)
+    assert '"casadi"' in record["versions"]
+    plan = load_case_plan(db, record["case"][:12])
+    assert plan.verified
+    assert plan.q(3.0) == pytest.approx(row.plan.q(3.0))  # type: ignore[union-attr]
+
+
+def test_refusals_keep_status_reason_and_figures(paper: planner.Problem, db: Path) -> None:
+    tables = {
+        "problem": paper,
+        "methods": ["polynomial"],
+        "cases": [
+            {"goal.travel": 0.825},
+            {"goal.travel": 0.79},
+            {"start.theta_deg": [85, 1, 1]},
+        ],
+    }
+    run_sweep(tables, db, workers=0)
+    assert column(db, "status") == ["verification_failed", "singular", "bad_input"]
+    limit, singular, bad = column(db, "why")
+    assert "input u2 reaches 16.7" in limit
+    assert singular.startswith("the polynomial plan leaves the domain")
+    assert "theta1 = 85 deg lies outside its limit" in bad
+    assert "goal.duration = " in column(db, "advice")[0]
+    assert column(db, "peak_u2_rad_s")[0] == pytest.approx(16.76, abs=0.01)
+    assert column(db, "effort")[1] is None
+    with pytest.raises(planner.InputError, match="holds no plan"):
+        load_case_plan(db, column(db, "case")[0])
+    with pytest.raises(planner.InputError, match="3 cases have a key '"):
+        load_case_plan(db, "")
+
+
+def test_a_bug_is_a_row_with_its_traceback(
+    tables: Tables, db: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: Any, **__: Any) -> None:
+        raise ZeroDivisionError("made for this test")
+
+    monkeypatch.setattr(case_module, "solve_and_check", broken)
+    outcome = run_sweep(tables, db, workers=0)
+    assert outcome.bugs == 10
+    assert column(db, "why")[0] == "ZeroDivisionError: made for this test"
+    assert "in broken" in column(db, "traceback")[0]
+    monkeypatch.undo()
+    assert run_sweep(tables, db, workers=0).ran == 0
+    outcome = run_sweep(tables, db, workers=0, retry=["bug"])
+    assert (outcome.ran, outcome.bugs) == (10, 0)
+
+
+def test_plans_wanted_later_are_made_for_solved_cases_only(
+    tables: Tables, db: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run_sweep(tables, db, workers=0)
+    assert run_sweep({**tables, "plans": True}, db, workers=0).ran == 0
+    connection = sqlite3.connect(db)
+    with connection:
+        connection.execute("UPDATE cases SET status = 'solved', solved = 1")
+    connection.close()
+    assert run_sweep({**tables, "plans": True}, db, workers=0).ran == 10
+
+
+def test_processes_give_the_rows_this_process_gives(tables: Tables, tmp_path: Path) -> None:
+    here, there = tmp_path / "here.sqlite", tmp_path / "there.sqlite"
+    run_sweep(tables, here, workers=0)
+    outcome = run_sweep(tables, there, workers=2)
+    assert outcome.ran == 10
+    same = "SELECT key, description, status, why, versions FROM cases ORDER BY key"
+    assert query(here, same) == query(there, same)
+
+
+def test_a_case_that_kills_its_process_is_a_row(
+    tables: Tables, db: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Python runs a module of this name at start: the process dies of one duration, as it would of
+    # a fault in compiled code.
+    (tmp_path / "sitecustomize.py").write_text(
+        "import os, signal, sys\n"
+        "if 'planner.sweep.worker' in ' '.join(sys.orig_argv):\n"
+        "    import planner.sweep.case as case\n"
+        "    run = case.run_case\n"
+        "    def deadly(request):\n"
+        "        if request['tables']['goal']['duration'] == 0.05:\n"
+        "            os.kill(os.getpid(), signal.SIGSEGV)\n"
+        "        return run(request)\n"
+        "    case.run_case = deadly\n"
+    )
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    outcome = run_sweep(tables, db, workers=2)
+    assert outcome.statuses == {"bug": 1, "infeasible": 9}
+    assert column(db, "status")[4] == "bug"
+    assert "died 2 times (signal 11" in column(db, "why")[4]
+    assert "Segmentation fault" in column(db, "traceback")[4]
+
+
+def test_an_interrupt_keeps_what_is_done(
+    tables: Tables, db: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(doing: str, share: float) -> None:
+        if share >= 0.4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_sweep(tables, db, workers=0, progress=stop)
+    assert query(db, "SELECT count(*) FROM cases") == [(4,)]
+    assert run_sweep(tables, db, workers=0).ran == 6
+
+
+def test_no_process_or_thread_is_left_behind(tables: Tables, db: Path) -> None:
+    before = threading.active_count()
+    pool = LocalPool(1)
+    case = case_at(Sweep.from_dict(tables), 0, Sweep.from_dict(tables).methods[0])
+    row = pool.submit(case.request).result()
+    assert row == {**run_case(case.request), "case_time_s": row["case_time_s"]}
+    (worker,) = pool._workers
+    pool.close()
+    assert not worker.alive
+    assert threading.active_count() == before
+
+
+def test_progress_counts_and_names(tables: Tables, db: Path) -> None:
+    told: list[tuple[str, float]] = []
+    run_sweep(tables, db, workers=0, progress=lambda doing, share: told.append((doing, share)))
+    assert told[0] == ("0 of 10 cases", 0.0)
+    assert told[-1] == ("10 of 10 cases (10 infeasible)", 1.0)
+
+
+@pytest.mark.parametrize("workers", [-1, True])
+def test_impossible_numbers_of_workers_are_refused(tables: Tables, db: Path, workers: int) -> None:
+    with pytest.raises(planner.InputError, match="workers = "):
+        run_sweep(tables, db, workers=workers)
+    with pytest.raises(planner.InputError, match="not both"):
+        run_sweep(tables, db, workers=1, cluster="tcp://127.0.0.1:1")

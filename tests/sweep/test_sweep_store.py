@@ -1,0 +1,108 @@
+"""The database file: what it refuses, and that it loses nothing."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import planner
+from planner.sweep import run_sweep
+from planner.sweep.store import Store
+
+Tables = dict[str, Any]
+
+
+def execute(db: Path, statement: str) -> None:
+    connection = sqlite3.connect(db)
+    with connection:
+        connection.execute(statement)
+    connection.close()
+
+
+@pytest.fixture
+def db(tables: Tables, tmp_path: Path) -> Path:
+    path = tmp_path / "x.sqlite"
+    run_sweep(tables, path, workers=0)
+    return path
+
+
+def test_another_schema_version_is_refused_with_the_way_out(tables: Tables, db: Path) -> None:
+    execute(db, "UPDATE schema_version SET version = 2")
+    says = "x.sqlite has schema version 2; this planner reads and writes version 1; .* new file"
+    with pytest.raises(planner.InputError, match=says):
+        run_sweep(tables, db, workers=0)
+    with pytest.raises(planner.InputError, match=says):
+        Store(db)
+
+
+def test_a_database_of_something_else_is_refused_and_left_alone(
+    tables: Tables, tmp_path: Path
+) -> None:
+    other = tmp_path / "other.sqlite"
+    execute(other, "CREATE TABLE birds (name TEXT)")
+    before = other.read_bytes()
+    with pytest.raises(planner.InputError, match="a database of something else"):
+        run_sweep(tables, other, workers=0)
+    assert other.read_bytes() == before
+
+
+def test_what_is_no_database_is_refused_and_left_alone(tables: Tables, tmp_path: Path) -> None:
+    text = tmp_path / "text.sqlite"
+    text.write_text("this is not a database, and long enough to be seen as none" * 20)
+    with pytest.raises(planner.InputError, match=r"cannot use the database .*text\.sqlite"):
+        run_sweep(tables, text, workers=0)
+    assert text.read_text().startswith("this is not")
+    with pytest.raises(planner.InputError, match="it is a folder"):
+        run_sweep(tables, tmp_path, workers=0)
+    with pytest.raises(planner.InputError, match="there is no folder"):
+        run_sweep(tables, tmp_path / "none" / "x.sqlite", workers=0)
+    with pytest.raises(planner.InputError, match="no such file"):
+        Store(tmp_path / "none.sqlite")
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_file_that_cannot_be_written_is_refused(tables: Tables, db: Path) -> None:
+    db.chmod(0o400)
+    with pytest.raises(planner.InputError, match="no permission"):
+        run_sweep(tables, db, workers=0)
+
+
+def test_one_key_is_one_row_by_the_databases_own_rule(db: Path) -> None:
+    with pytest.raises(sqlite3.IntegrityError, match="UNIQUE"):
+        execute(db, "INSERT INTO cases SELECT * FROM cases LIMIT 1")
+
+
+def test_a_commit_is_seen_by_other_readers_at_once(tables: Tables, tmp_path: Path) -> None:
+    path = tmp_path / "y.sqlite"
+    seen = []
+
+    def look(doing: str, share: float) -> None:
+        with Store(path) as reader:
+            seen.append(sum(reader.statuses(1).values()))
+
+    run_sweep(tables, path, workers=0, progress=look)
+    assert seen == list(range(11))
+
+
+def test_a_full_disk_is_told_and_loses_nothing(
+    tables: Tables, db: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    connect = sqlite3.connect
+
+    def small(*args: Any, **options: Any) -> sqlite3.Connection:
+        connection = connect(*args, **options)
+        connection.execute("PRAGMA max_page_count = 20")
+        return connection
+
+    monkeypatch.setattr(sqlite3, "connect", small)
+    grid = {"goal.duration": {"from": 0.01, "to": 0.5, "count": 50}}
+    with pytest.raises(planner.InputError, match="database or disk is full"):
+        run_sweep({**tables, "grid": grid}, db, workers=0)
+    monkeypatch.undo()
+    with Store(db) as store:
+        assert len(store.finished()) >= 10
+    assert run_sweep({**tables, "grid": grid}, db, workers=0).statuses == {"infeasible": 50}

@@ -1,0 +1,100 @@
+"""The results as a frame and as files."""
+
+from __future__ import annotations
+
+import csv
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import planner
+from planner.sweep import export, load_sweep, run_sweep
+from planner.sweep.store import Store
+
+Tables = dict[str, Any]
+
+
+@pytest.fixture
+def db(tables: Tables, tmp_path: Path) -> Path:
+    path = tmp_path / "x.sqlite"
+    grid = {"goal.duration": [0.05, 0.06], "limits.input_rad_s": [0.5, [0.4, 0.5]]}
+    run_sweep({**tables, "grid": grid}, path, workers=0)
+    return path
+
+
+def test_one_column_a_varied_key(db: Path) -> None:
+    pytest.importorskip("pandas")
+    frame = load_sweep(db)
+    assert list(frame.columns[:3]) == ["goal.duration", "limits.input_rad_s", "method"]
+    assert frame["goal.duration"].tolist() == [0.05, 0.05, 0.06, 0.06]
+    assert frame["goal.duration"].dtype == float
+    assert frame["limits.input_rad_s"].tolist() == [0.5, [0.4, 0.5]] * 2
+    assert (frame["status"] == "infeasible").all()
+    assert frame["effort"].isna().all()
+    assert frame["solved"].dtype == bool
+
+
+def test_csv_holds_the_same(db: Path, tmp_path: Path) -> None:
+    path = export(db, tmp_path / "out.csv")
+    with path.open(newline="", encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["goal.duration"] for row in rows] == ["0.05", "0.05", "0.06", "0.06"]
+    assert rows[1]["limits.input_rad_s"] == "[0.4, 0.5]"
+    assert rows[0]["effort"] == ""
+    assert rows[0]["why"].startswith("no plan of any kind exists")
+
+
+def test_parquet_comes_back_as_it_went(db: Path, tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow")
+    path = export(db, tmp_path / "out.parquet")
+    frame, own = pandas.read_parquet(path), load_sweep(db)
+    assert list(frame.columns) == list(own.columns)
+    assert frame["goal.duration"].equals(own["goal.duration"])
+    assert frame["limits.input_rad_s"].tolist() == ["0.5", "[0.4, 0.5]"] * 2
+    assert frame["solved"].dtype == bool
+
+
+def test_only_finished_cases_are_exported(tables: Tables, tmp_path: Path) -> None:
+    path = tmp_path / "y.sqlite"
+
+    def stop(doing: str, share: float) -> None:
+        if share >= 0.3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_sweep(tables, path, workers=0, progress=stop)
+    assert len(export(path, tmp_path / "out.csv").read_text().splitlines()) == 4
+
+
+@pytest.mark.parametrize("name", ["out.txt", "out", "csv"])
+def test_other_formats_are_refused(db: Path, tmp_path: Path, name: str) -> None:
+    with pytest.raises(planner.InputError, match=r"must end in \.csv or \.parquet"):
+        export(db, tmp_path / name)
+    assert not (tmp_path / name).exists()
+
+
+@pytest.mark.parametrize("missing", ["pandas", "pyarrow"])
+def test_missing_libraries_are_named_with_their_extra(
+    db: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, missing: str
+) -> None:
+    monkeypatch.setitem(sys.modules, missing, None)
+    says = rf"needs {missing}; install it with: pip install 'planner\[tables\]'"
+    with pytest.raises(planner.InputError, match=says):
+        export(db, tmp_path / "out.parquet")
+    if missing == "pandas":
+        with pytest.raises(planner.InputError, match=says):
+            load_sweep(db)
+
+
+def test_missing_sweeps_are_named(db: Path, tmp_path: Path) -> None:
+    with pytest.raises(planner.InputError, match="no such file"):
+        export(tmp_path / "none.sqlite", tmp_path / "out.csv")
+    with pytest.raises(planner.InputError, match="holds 1 sweeps; there is no number 1"):
+        export(db, tmp_path / "out.csv", which=1)
+    with Store(tmp_path / "empty.sqlite", create=True):
+        pass
+    with pytest.raises(planner.InputError, match="holds no sweep yet"):
+        export(tmp_path / "empty.sqlite", tmp_path / "out.csv")

@@ -14,7 +14,7 @@ from planner.report.z import plot_z
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from planner.compare import Comparison
+    from planner.comparison import Comparison
 
 
 def figures(comparison: Comparison) -> dict[str, Figure]:

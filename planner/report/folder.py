@@ -14,7 +14,7 @@ from planner.report.table import csv_text, markdown
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from planner.compare import Comparison
+    from planner.comparison import Comparison
 
 FIGURE_KINDS = ("png", "svg")
 

@@ -14,7 +14,7 @@ from planner.problem import load_problem
 from planner.spec import toml
 
 if TYPE_CHECKING:
-    from planner.compare import Comparison
+    from planner.comparison import Comparison
 
 LIBRARIES = ("casadi", "numpy", "scipy", "osqp")
 

@@ -15,7 +15,7 @@ from planner.report.provenance import command
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from planner.compare import Comparison, Row
+    from planner.comparison import Comparison, Row
 
 
 WIDTH, NAME = 100, 20

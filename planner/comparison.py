@@ -1,0 +1,167 @@
+"""What a comparison holds: one row a method, and the ways to look at it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.machine import Machine
+from planner.plan import Plan
+from planner.problem import Problem
+from planner.replay import Replay
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.table import Table
+
+FORMAT = "planner-comparison"
+VERSION = 1
+
+
+@dataclass(frozen=True)
+class Row:
+    """What became of one method. Numbers are NaN where they are not defined.
+
+    Attributes:
+        label: The spec it came from.
+        method: Name of the method.
+        solved: Whether it gave a verified plan.
+        why: Why not, in one line; empty when solved.
+        plan: The plan; a refused one is kept when it is complete, for study; else None.
+        travel_rad: q₁(T) − q₁(0), rad (metres for vehicles).
+        duration_s: Duration, s.
+        effort: ∫ u₁² + u₂² dt.
+        peak_u: Largest |u₁| and |u₂|, shape (2,), in the inputs' units (rad/s).
+        domain_margin: Least margin of the chart's domain; negative outside.
+        domain_ok: Whether the path stays inside; None without a path.
+        terminal_error_deg: Largest error of an angle at the goal by ideal kinematics (`verify`).
+        E_median_deg: Median over machines of the paper's index of error E, eq. (29).
+        E_p95_deg: Its 95th percentile.
+        solve_time_s: Seconds the method spent solving, as it reports.
+        build_time_s: Seconds it spent preparing.
+        replay: The runs on the machines; None for what cannot be executed.
+    """
+
+    label: str
+    method: str
+    solved: bool
+    why: str
+    plan: Plan | None = None
+    travel_rad: float = np.nan
+    duration_s: float = np.nan
+    effort: float = np.nan
+    peak_u: tuple[float, float] = (np.nan, np.nan)
+    domain_margin: float = np.nan
+    domain_ok: bool | None = None
+    terminal_error_deg: float = np.nan
+    E_median_deg: float = np.nan
+    E_p95_deg: float = np.nan
+    solve_time_s: float = np.nan
+    build_time_s: float = np.nan
+    replay: Replay | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready facts, without the curves; None where a number is not defined."""
+        skipped = {"plan", "replay"}
+        data = {key: value for key, value in vars(self).items() if key not in skipped}
+        data["peak_u_rad_s"] = data.pop("peak_u")
+        data["status"] = None if self.plan is None else self.plan.status
+        data["replay"] = None if self.replay is None else self.replay.summary()
+        return dict(jsonable(data))
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """One row a method; see `compare`.
+
+    Attributes:
+        problem: What all of them solve.
+        rows: In the order asked for.
+        machine: The distribution of machines that every plan met.
+        samples: Number of machines drawn from it.
+        seed: Seed of the draws.
+    """
+
+    problem: Problem
+    rows: tuple[Row, ...]
+    machine: Machine
+    samples: int
+    seed: int
+
+    def __getitem__(self, label: str) -> Row:
+        for row in self.rows:
+            if row.label == label:
+                return row
+        raise InputError(f"no row '{label}'; there are: {', '.join(r.label for r in self.rows)}")
+
+    @property
+    def plans(self) -> Mapping[str, Plan | None]:
+        """Each label's plan, as the figures take them."""
+        return {row.label: row.plan for row in self.rows}
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready: rows, problem, machine, seed, versions and the command that repeats it."""
+        from planner.report.provenance import command, versions
+
+        data = {
+            "format": FORMAT,
+            "version": VERSION,
+            "source": self.problem.source,
+            "command": command(self),
+            "samples": self.samples,
+            "seed": self.seed,
+            "rows": [row.to_dict() for row in self.rows],
+            "problem": self.problem.to_dict(),
+            "machine": self.machine.to_dict(),
+            "versions": versions(),
+        }
+        return dict(jsonable(data))
+
+    # The report reads comparisons; the methods below only make it easy to reach, and import it
+    # when asked, so that imports keep flowing one way.
+
+    def table(self) -> Table:
+        """For a terminal, at most 100 columns wide: `rich.print(comparison.table())`."""
+        from planner.report.table import rich_table
+
+        return rich_table(self)
+
+    def markdown(self) -> str:
+        """The table as Markdown text."""
+        from planner.report.table import markdown
+
+        return markdown(self)
+
+    def figures(self) -> dict[str, Figure]:
+        """Figures by name: z, joints, inputs, arm, errors, replay; those that apply."""
+        from planner.report.figures import figures
+
+        return figures(self)
+
+    def save(self, folder: str | Path) -> Path:
+        """Write table, figures, plans and data to a folder, all or nothing.
+
+        Raises:
+            InputError: If the folder cannot be written or holds something else.
+        """
+        from planner.report.folder import save
+
+        return save(self, folder)
+
+
+def jsonable(value: Any) -> Any:
+    """Plain lists, dictionaries and finite numbers; None in place of NaN and infinity."""
+    if isinstance(value, Mapping):
+        return {str(key): jsonable(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | np.ndarray):
+        return [jsonable(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value

@@ -6,9 +6,9 @@ no plan can be returned for it (`NoPlanError`). Both carry what is needed to und
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from planner.plan import Plan
@@ -111,9 +111,14 @@ class SingularError(NoPlanError):
 
 
 class InfeasibleError(NoPlanError):
-    """It can be shown that no plan of the kind asked for exists; the message says how."""
+    """It can be shown that no plan of the kind asked for exists; the message says how.
+
+    Attributes:
+        certificate: The numbers that prove it, where there are such (see the method), or None.
+    """
 
     status = "infeasible"
+    certificate: Mapping[str, Any] | None = None
 
 
 class NotConvergedError(NoPlanError):

@@ -1,11 +1,12 @@
-"""The chart's domain where it is convex: a floor and a concave cap on ±z₂ (n = 2 and 3).
+"""The convex part of the chart's domain: a floor and a concave cap on ±z₂.
 
     n = 2:  p = z₂            0 < p < K₂                    cos³θ₁ = p/K₂
     n = 3:  p = −sign(θ₂) z₂  0 < p < g(z₃)                 cos²θ₁ = p/g(z₃)
             g(z₃) = 3K₂K₃ c²√(1−c²),  c = cosθ₂ = (z₃/K₃)^{1/3},  concave on (0, K₃)
 
-The cap is lowered by the factor that keeps sin²θ₁ ≥ edge, and the floor is raised to the margin
-asked for; both keep the set convex. The sign of θ₁ plays no part: the cap knows cos²θ₁ only.
+There the band is the whole domain. The cap is lowered by the factor that keeps sin²θ₁ ≥ edge, and
+the floor is raised to the margin asked for; both keep the set convex. The sign of θ₁ plays no part:
+the cap knows cos²θ₁ only. For longer chains and other systems the band is the margin of z₂ alone.
 """
 
 from __future__ import annotations
@@ -28,9 +29,9 @@ class Band:
 
     Attributes:
         sign: ±1.
-        floor: Least p.
+        floor: Least p; −inf where there is none.
         cap_factor: Factor on g (n = 3) or K₂ (n = 2) that keeps the distance from θ₁ = 0.
-        K: (K₂,) or (K₂, K₃).
+        K: (K₂,) or (K₂, K₃); empty where there is no cap.
     """
 
     sign: float
@@ -39,9 +40,14 @@ class Band:
     K: Array
 
     @property
+    def complete(self) -> bool:
+        """Whether the band is the whole domain of the chart."""
+        return len(self.K) > 0
+
+    @property
     def z3_range(self) -> tuple[float, float]:
         """Where the cap is concave."""
-        return (-np.inf, np.inf) if len(self.K) == 1 else (0.0, float(self.K[1]))
+        return (0.0, float(self.K[1])) if len(self.K) == 2 else (-np.inf, np.inf)
 
     @property
     def top(self) -> float:
@@ -71,26 +77,26 @@ class Band:
         return np.asarray(slope), np.asarray(self.cap(at) - slope * at)
 
 
-def band(problem: Problem, start: Array, goal: Array, edge: float) -> Band | None:
-    """The band of a problem whose ends lie in one branch; None where the domain is not convex.
+def band_of(problem: Problem, start: Array, goal: Array, edge: float) -> Band:
+    """The band of a problem whose ends lie in one branch.
 
     Args:
         problem: Supplies the constants, the margin of z₂ and, for n = 2, the limit of θ₁.
         start: z(0), shape (N,).
         goal: z(T), shape (N,).
-        edge: Least sin²θ₁ wanted; halved at an end that lies nearer.
+        edge: Least sin²θ₁ wanted; half the nearer end's if that is less.
     """
-    system = problem.system
+    system, margin = problem.system, problem.limits.z2_margin
     if not isinstance(system, Manipulator) or system.n > 3:
-        return None
+        floor = -np.inf if margin is None else margin
+        return Band(problem.z2_sign or 1.0, floor, 1.0, np.zeros(0))
     two = system.n == 2
     sign = 1.0 if two else -float(problem.branch[2])
     ends = sign * np.array([start[1], goal[1]])
-    margin = problem.limits.z2_margin
-    floor = min(DEFAULT_FLOOR, ends.min() / 2) if margin is None else margin
+    floor = min(DEFAULT_FLOOR, float(ends.min()) / 2) if margin is None else margin
     if two and np.isfinite(problem.limits.joint[1]):
         floor = max(floor, float(system.K[0] * np.cos(problem.limits.joint[1]) ** 3))
-    open_band = Band(sign, floor, 1.0, system.K)
-    nearest = float(np.min(1 - ends / open_band.cap(np.array([start[2], goal[2]]))))
+    widest = Band(sign, floor, 1.0, system.K)
+    nearest = float(np.min(1 - ends / widest.cap(np.array([start[2], goal[2]]))))
     wanted = min(1 - (1 - edge) ** 1.5 if two else edge, nearest / 2)
     return Band(sign, floor, 1 - wanted, system.K)

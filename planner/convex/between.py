@@ -43,6 +43,9 @@ class Excess:
     value: Array
 
 
+NO_EXCESS = Excess(-np.inf, np.zeros(0, int), np.zeros(0), np.zeros(0))
+
+
 def floor_excess(band: Band, z2: Array, tolerance: float, proof: bool) -> Excess:
     """Where p falls below the floor.
 
@@ -52,12 +55,16 @@ def floor_excess(band: Band, z2: Array, tolerance: float, proof: bool) -> Excess
         tolerance: Precision of the bound; coarser where the floor is broken by more.
         proof: Refine pieces that seem to keep the floor until that is proven, or disproven.
     """
+    if not np.isfinite(band.floor):
+        return NO_EXCESS
     polynomial = band.floor - band.sign * z2.T
     return _search(polynomial, np.zeros((len(polynomial), 1)), None, tolerance, proof)
 
 
 def cap_excess(band: Band, z2: Array, z3: Array, tolerance: float, proof: bool) -> Excess:
     """Where p rises above the cap; with z₃ by Bernstein coefficients (e+1, pieces) beside z₂."""
+    if not band.complete:
+        return NO_EXCESS
     return _search(band.sign * z2.T, z3.T, band, tolerance, proof)
 
 

@@ -20,6 +20,9 @@ from planner.convex.frame import Frame
 from planner.convex.quadratic import Farkas, Optimum, StalledError
 from planner.systems.base import Array
 
+FAR = 1e6
+"""Bound on |y|, the root mean square of dz₂/dτ, of the paths considered where z₂ has no bounds."""
+
 
 @dataclass(frozen=True)
 class Programme:
@@ -38,38 +41,26 @@ class Programme:
 
 @dataclass(frozen=True)
 class Touch:
-    """Points that rows stand for: path fractions and, for the cap, where its tangent touches.
+    """What rows stand for: p(τ) ≥ floor, or p(τ) ≤ the cap's tangent at some z₃.
 
     Attributes:
-        floor: τ of the rows p(τ) ≥ floor.
-        cap: τ of the rows p(τ) ≤ tangent at `at`.
-        at: z₃ of those tangents.
+        tau: Path fractions, shape (m,).
+        at: z₃ where the tangent touches, shape (m,); NaN for the floor.
     """
 
-    floor: Array
-    cap: Array
+    tau: Array
     at: Array
 
-    @property
-    def rows(self) -> int:
-        """Number of rows."""
-        return len(self.floor) + len(self.cap)
-
     def only(self, keep: NDArray[np.bool_]) -> Touch:
-        """Those whose row has `keep` True; rows are floor first, then cap."""
-        split = len(self.floor)
-        return Touch(self.floor[keep[:split]], self.cap[keep[split:]], self.at[keep[split:]])
+        """Those kept."""
+        return Touch(self.tau[keep], self.at[keep])
 
     def plus(self, other: Touch) -> Touch:
-        """Both lists."""
-        return Touch(
-            np.concatenate([self.floor, other.floor]),
-            np.concatenate([self.cap, other.cap]),
-            np.concatenate([self.at, other.at]),
-        )
+        """These, then the others."""
+        return Touch(np.append(self.tau, other.tau), np.append(self.at, other.at))
 
 
-NO_TOUCH = Touch(np.zeros(0), np.zeros(0), np.zeros(0))
+NO_TOUCH = Touch(np.zeros(0), np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -80,8 +71,10 @@ class Best:
         frame: The class.
         y: The path, proven inside the band.
         bound: What no path of the class can be below, as the programme measures it.
-        touch: The points of the rows beside the nodes' that the path leans on.
-        final: The last programme's answer, with its engine.
+        touch: The rows beside the nodes' that the path leans on.
+        A: Rows of the last programme, shape (m, size).
+        b: Its right-hand sides, tightened, shape (m,).
+        final: Its answer, with its engine.
         rounds: Programmes solved.
         proven: Greatest possible excess over the band between the nodes; ≤ 0.
     """
@@ -90,7 +83,9 @@ class Best:
     y: Array
     bound: float
     touch: Touch
-    final: Optimum
+    A: Array = field(repr=False)
+    b: Array = field(repr=False)
+    final: Optimum = field(repr=False)
     rounds: int
     proven: float
 
@@ -118,6 +113,7 @@ class Impossible:
 
     Attributes:
         frame: The class.
+        touch: What each row stands for.
         A: Rows of unit length in the free coefficients, shape (m, size).
         b: Right-hand sides, shape (m,).
         proof: The multipliers and what they show.
@@ -125,6 +121,7 @@ class Impossible:
     """
 
     frame: Frame
+    touch: Touch = field(repr=False)
     A: Array = field(repr=False)
     b: Array = field(repr=False)
     proof: Farkas = field(repr=False)
@@ -132,62 +129,67 @@ class Impossible:
 
 
 def band_rows(frame: Frame, band: Band, touch: Touch) -> tuple[Array, Array]:
-    """A y ≤ b for the points given, floor rows first."""
-    floor = _floor(band, *frame.z_rows(1, touch.floor))
-    cap = _cap(band, touch.at, frame.z_rows(1, touch.cap), frame.z_rows(2, touch.cap))
-    return np.concatenate([floor[0], cap[0]]), np.concatenate([floor[1], cap[1]])
+    """A y ≤ b for what is given, in its order."""
+    if not band.complete:
+        A, c = frame.z_rows(1, touch.tau)
+        return -band.sign * A, band.sign * c - band.floor
+    pairs = [frame.z_rows(i, touch.tau) for i in (1, 2)]
+    return _rows(band, touch.at, *pairs)
 
 
-def node_band_rows(frame: Frame, band: Band) -> tuple[Array, Array]:
-    """Floor and cap at every inner node, the tangents along a straight z₃."""
-    at = frame.start[2] + (frame.goal[2] - frame.start[2]) * frame.shape.breaks[1:-1]
-    z2 = frame.z_rows_at_nodes(1)
-    floor, cap = _floor(band, *z2), _cap(band, at, z2, frame.z_rows_at_nodes(2))
-    return np.concatenate([floor[0], cap[0]]), np.concatenate([floor[1], cap[1]])
+def node_band_rows(frame: Frame, band: Band) -> tuple[Touch, Array, Array]:
+    """Floor, then cap, at every inner node, the tangents along a straight z₃; where they exist."""
+    nodes = frame.shape.breaks[1:-1]
+    if not band.complete:
+        rows = len(nodes) if np.isfinite(band.floor) else 0
+        A, c = (part[:rows] for part in frame.z_rows_at_nodes(1))
+        touch = Touch(nodes[:rows], np.full(rows, np.nan))
+        return touch, -band.sign * A, band.sign * c - band.floor
+    z3 = frame.start[2] + (frame.goal[2] - frame.start[2]) * nodes
+    touch = Touch(np.tile(nodes, 2), np.concatenate([np.full(len(nodes), np.nan), z3]))
+    twice = [
+        (np.tile(A, (2, 1)), np.tile(c, 2))
+        for A, c in (frame.z_rows_at_nodes(1), frame.z_rows_at_nodes(2))
+    ]
+    return touch, *_rows(band, touch.at, *twice)
 
 
-def _floor(band: Band, rows: Array, at: Array) -> tuple[Array, Array]:
-    return -band.sign * rows, band.sign * at - band.floor
-
-
-def _cap(
+def _rows(
     band: Band, at: Array, z2: tuple[Array, Array], z3: tuple[Array, Array]
 ) -> tuple[Array, Array]:
-    slope, offset = band.tangent(at)
-    rows = band.sign * z2[0] - slope[:, None] * z3[0]
-    return rows, offset + slope * z3[1] - band.sign * z2[1]
+    floor = np.isnan(at)
+    slope, offset = band.tangent(np.where(floor, z3[1], at))
+    slope = np.where(floor, 0.0, slope)
+    side = np.where(floor, -band.sign, band.sign)
+    A = side[:, None] * z2[0] - slope[:, None] * z3[0]
+    limit = np.where(floor, -band.floor, offset + slope * z3[1])
+    return A, limit - side * z2[1]
 
 
 class _Rows:
     """The growing list of rows of one relaxation; the nodes' come first."""
 
-    def __init__(self, frame: Frame, band: Band, extra: Touch | None) -> None:
+    def __init__(self, frame: Frame, band: Band, extra: Touch) -> None:
         self.frame, self.band = frame, band
-        self.A, self.b = node_band_rows(frame, band)
+        self.touch, self.A, self.b = node_band_rows(frame, band)
         self.nodes = len(self.b)
-        self.blocks: list[Touch] = []
-        if extra is not None:
-            self.add(extra)
+        self.add(extra)
 
     def add(self, touch: Touch) -> None:
         A, b = band_rows(self.frame, self.band, touch)
-        self.blocks.append(touch)
+        self.touch = self.touch.plus(touch)
         self.A, self.b = np.concatenate([self.A, A]), np.concatenate([self.b, b])
 
     def active(self, multipliers: Array) -> Touch:
-        """Points of the added rows that the solution leans on."""
-        at, kept = self.nodes, NO_TOUCH
-        for block in self.blocks:
-            kept = kept.plus(block.only(multipliers[at : at + block.rows] > 0))
-            at += block.rows
-        return kept
+        """The added rows that a solution leans on."""
+        return self.touch.only((multipliers > 0) & (np.arange(len(self.b)) >= self.nodes))
 
 
 def cut(
     frame: Frame,
     band: Band,
     programme: Programme,
-    extra: Touch | None = None,
+    extra: Touch = NO_TOUCH,
     max_rounds: int = 100,
     ceiling: float = np.inf,
 ) -> Best | Impossible | Above:
@@ -197,7 +199,7 @@ def cut(
         frame: The class and its ends.
         band: The convex domain.
         programme: The objective, see `Programme`.
-        extra: Points for rows beside the nodes'; any will do, those of a neighbour help.
+        extra: Rows beside the nodes'; any will do, those of a neighbour help.
         max_rounds: Programmes allowed.
         ceiling: Stop as soon as the bound exceeds this.
 
@@ -207,7 +209,8 @@ def cut(
     rows, radius = _Rows(frame, band, extra), radius_of(frame, band)
     relaxed, tighten, guess = None, 0.0, None
     for round_ in range(1, max_rounds + 1):
-        answer = programme.solve(frame, rows.A, rows.b - tighten, radius, guess)
+        b = rows.b - tighten
+        answer = programme.solve(frame, rows.A, b, radius, guess)
         if isinstance(answer, Farkas):
             if relaxed is not None:
                 raise StalledError("feasible only within the tolerance of the cuts")
@@ -221,28 +224,36 @@ def cut(
             relaxed = relaxed or answer
             tighten = 2 * max(tighten, programme.tolerance)
         if relaxed is not None and proven <= 0:
-            active = rows.active(answer.multipliers)
-            return Best(frame, guess, relaxed.bound, active, answer, round_, proven)
+            touch = rows.active(answer.multipliers)
+            bound = relaxed.bound
+            return Best(frame, guess, bound, touch, rows.A, b, answer, round_, proven)
         rows.add(_touch_at(frame, guess, low, high))
     raise StalledError(f"cuts did not settle in {max_rounds} rounds")
 
 
-def _impossible(rows: _Rows, proof: Farkas, rounds: int) -> Impossible:
-    length = np.linalg.norm(rows.A, axis=1)
-    return Impossible(rows.frame, rows.A / length[:, None], rows.b / length, proof, rounds)
-
-
 def radius_of(frame: Frame, band: Band) -> float:
-    """A bound on |y| of every path inside the band: 0 ≤ p ≤ top and Markov's inequality."""
+    """A bound on |y| of every path inside the band: 0 ≤ p ≤ top and Markov's inequality.
+
+    Where the band has no top there is none, and paths beyond `FAR` are left out of account.
+    """
+    if not band.complete:
+        return FAR
     degree = frame.shape.degree + 1
     return float(degree**2 * frame.shape.pieces * band.top)
+
+
+def _impossible(rows: _Rows, proof: Farkas, rounds: int) -> Impossible:
+    length = np.linalg.norm(rows.A, axis=1)
+    A, b = rows.A / length[:, None], rows.b / length
+    return Impossible(rows.frame, rows.touch, A, b, proof, rounds)
 
 
 def _excess(
     frame: Frame, band: Band, y: Array, tolerance: float, proof: bool
 ) -> tuple[Excess, Excess]:
     _, z2, z3, *_ = frame.bernstein(y)
-    return floor_excess(band, z2, tolerance, proof), cap_excess(band, z2, z3, tolerance, proof)
+    low = floor_excess(band, z2, tolerance, proof)
+    return low, cap_excess(band, z2, z3, tolerance, proof)
 
 
 def _touch_at(frame: Frame, y: Array, low: Excess, high: Excess) -> Touch:
@@ -250,4 +261,4 @@ def _touch_at(frame: Frame, y: Array, low: Excess, high: Excess) -> Touch:
     floor = (low.piece + low.local) / pieces
     cap = (high.piece + high.local) / pieces
     rows, at = frame.z_rows(2, cap)
-    return Touch(floor, cap, rows @ y + at)
+    return Touch(np.append(floor, cap), np.append(np.full(len(floor), np.nan), rows @ y + at))

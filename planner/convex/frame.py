@@ -16,6 +16,7 @@ from functools import cached_property
 from math import factorial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.convex.shape import Shape, end_basis, node_rows
 from planner.systems.base import Array
@@ -79,7 +80,7 @@ class Frame:
         drift = self._drift(i, self.shape.breaks[1:-1])
         return free * gain, np.asarray(rows @ self.least * gain + drift)
 
-    def omega_rows(self, piece: Array, local: Array) -> tuple[Array, Array]:
+    def omega_rows(self, piece: NDArray[np.intp], local: Array) -> tuple[Array, Array]:
         """ω at fractions of pieces as A y + c."""
         return self._split(self.shape.values(piece, local), np.zeros(len(piece)))
 
@@ -109,6 +110,10 @@ class Frame:
     def smoothness(self, y: Array) -> float:
         """½∫(dz₂/dz₁)² |dz₁|."""
         return float((self.least @ self.least + y @ y) / (2 * abs(self.travel)))
+
+    def peak(self, y: Array) -> float:
+        """max |dz₂/dτ|."""
+        return float(np.max(np.abs(self.shape.whiten @ self.x(y))))
 
     def at(self, travel: float) -> Frame:
         """The same ends' z₂ … z_N at another travel."""

@@ -57,7 +57,9 @@ def _lowest_peak(
     centre = np.zeros(frame.size + 1)
     for _ in range(8):
         try:
-            answer = solve_quadratic(rows * shrink, limit - rows @ centre, np.inf)
+            answer = solve_quadratic(
+                rows * shrink, limit - rows @ centre, np.inf, "active set alone"
+            )
         except StalledError:
             return _certificate(A, b, radius)
         assert isinstance(answer, Optimum)  # an infinite radius leaves no certificate a margin

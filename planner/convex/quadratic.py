@@ -95,7 +95,8 @@ def solve_quadratic(
         A: Rows, shape (m, p); none may be zero.
         b: Right-hand sides, shape (m,).
         radius: Bound on |y| that is known from elsewhere.
-        engine: "active set" or "osqp"; the other takes over where the first is not accurate.
+        engine: "active set" or "osqp", the other of which takes over where the first is not
+            accurate; or "active set alone".
         guess: A point near the solution, for OSQP.
 
     Raises:
@@ -115,14 +116,20 @@ def _engines(
     if np.all(h >= 0):  # y = 0; OSQP would polish nothing, and say so on standard output
         zero = np.zeros(len(h))
         return _optimum(G, h, np.zeros(G.shape[1]), zero, "none needed", 0, 0.0)
-    order = [_by_osqp, _by_active_set] if engine == "osqp" else [_by_active_set, _by_osqp]
-    for attempt in order:
+    for attempt in _ORDER[engine]:
         answer = attempt(G, h, radius, guess)
         if isinstance(answer, Farkas) and answer.margin > 0:
             return answer
         if isinstance(answer, Optimum) and answer.accurate:
             return answer
     raise StalledError("no solution and no certificate within tolerance")
+
+
+def osqp_answer(A: Array, b: Array, guess: Array | None = None) -> Optimum | None:
+    """OSQP's own answer on rows of unit length, accurate or not; None if it has no solution."""
+    length = np.linalg.norm(A, axis=1)
+    answer = _by_osqp(A / length[:, None], b / length, np.inf, guess)
+    return answer if isinstance(answer, Optimum) else None
 
 
 def _optimum(
@@ -190,3 +197,10 @@ def _by_osqp(G: Array, h: Array, radius: float, guess: Array | None) -> Optimum 
         return _optimum(G, h, result.x, result.y, "osqp", info.iter, info.run_time)
     proof = result.prim_inf_cert
     return None if proof is None else _farkas(G, h, np.asarray(proof), radius)
+
+
+_ORDER = {
+    "osqp": (_by_osqp, _by_active_set),
+    "active set": (_by_active_set, _by_osqp),
+    "active set alone": (_by_active_set,),
+}

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from planner.convex.cuts import Above, Best, Impossible, Touch
+from planner.convex.cuts import NO_TOUCH, Above, Best, Impossible, Touch
 from planner.convex.quadratic import StalledError
 from planner.systems.base import Array
 
-Solve = Callable[[float, Touch | None, float], Best | Impossible | Above]
+Solve = Callable[[float, Touch, float], Best | Impossible | Above]
 """The optimum at one travel: (travel, rows of a neighbour, ceiling as in `cut`)."""
 
 
@@ -41,24 +41,29 @@ class Found:
     bound: float
 
 
-def search(solve: Solve, travels: Array) -> Found:
-    """Scan the travels given from the middle outwards, then refine about the best."""
+def search_one(solve: Solve, travel: float) -> Found:
+    """One travel."""
+    memory = _Memory(solve)
+    memory.at(travel)
+    return memory.result()
+
+
+def search(solve: Solve, travels: Array, prune: bool = True) -> Found:
+    """Scan the travels given from the middle outwards, then refine about the best.
+
+    Args:
+        solve: The optimum at one travel.
+        travels: Increasing.
+        prune: Give up at a travel as soon as its bound exceeds the best value so far.
+    """
     memory = _Memory(solve)
     for k in np.argsort(np.abs(np.arange(len(travels)) - len(travels) // 2), kind="stable"):
-        memory.at(float(travels[k]), prune=True)
+        memory.at(float(travels[k]), prune)
     if memory.best is None and memory.refusals:
         memory.approach()
     if memory.best is not None:
         memory.refine(travels)
-    kept = np.array(sorted(memory.kept) or [np.nan])
-    return Found(
-        memory.best,
-        tuple(memory.refusals),
-        memory.tried,
-        float(kept[0]),
-        float(kept[-1]),
-        memory.bound,
-    )
+    return memory.result()
 
 
 class _Memory:
@@ -71,7 +76,7 @@ class _Memory:
         self.refusals: list[Impossible] = []
         self.kept: list[float] = []
         self.tried = 0
-        self._touch: Touch | None = None
+        self._touch = NO_TOUCH
 
     def at(self, travel: float, prune: bool = False) -> float:
         self.tried += 1
@@ -92,10 +97,15 @@ class _Memory:
             self.best = answer
         return answer.value
 
+    def result(self) -> Found:
+        ends = (min(self.kept), max(self.kept)) if self.kept else (np.nan, np.nan)
+        return Found(self.best, tuple(self.refusals), self.tried, *ends, self.bound)
+
     def refine(self, travels: Array) -> None:
         assert self.best is not None
         centre, step = self.best.frame.travel, float(travels[1] - travels[0])
         worse = 1e3 * abs(self.best.value) + 1.0
+        step = min(step, 0.999 * abs(centre))  # travel zero is another class
         bounds = (max(centre - step, float(travels[0])), min(centre + step, float(travels[-1])))
 
         def finite(travel: float) -> float:

@@ -11,6 +11,7 @@ from functools import lru_cache
 from math import factorial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.systems.base import Array
 
@@ -52,7 +53,7 @@ class Shape:
         )
         return np.asarray(raw @ self.whiten)
 
-    def values(self, piece: Array, local: Array) -> Array:
+    def values(self, piece: NDArray[np.intp], local: Array) -> Array:
         """ω at the fraction `local` ∈ [0, 1] of each given piece, rows (len(piece), m) on x."""
         raw = np.zeros((len(piece), self.size))
         rows = np.arange(len(piece))

@@ -1,0 +1,107 @@
+"""One problem made ready: its class of paths, its domain, and the two ways to a plan in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from planner.convex.band import Band, band_of
+from planner.convex.cuts import Above, Best, Impossible, Programme, Touch, cut
+from planner.convex.frame import Frame
+from planner.convex.local import Setting, improve
+from planner.convex.objectives import lowest_peak, smoothest
+from planner.convex.shape import input_shape
+from planner.convex.successive import Local
+from planner.problem import Problem
+from planner.schema.methods import ConvexOptions
+from planner.systems.base import Array
+
+
+@dataclass(frozen=True)
+class Task:
+    """A problem, the class of paths to plan it in, and what to minimise.
+
+    Attributes:
+        problem: The problem.
+        options: As given.
+        frame: The class at some travel; `frame.at` gives the others.
+        band: The convex part of the chart's domain.
+        programme: The convex objective.
+        setting: What local optima must keep.
+    """
+
+    problem: Problem
+    options: ConvexOptions
+    frame: Frame
+    band: Band
+    programme: Programme = field(repr=False)
+    setting: Setting = field(repr=False)
+
+    @classmethod
+    def of(cls, problem: Problem, options: ConvexOptions, start: Array, goal: Array) -> Task:
+        """Make a problem ready.
+
+        Args:
+            problem: The problem.
+            options: Of the method.
+            start: z(0), shape (N,).
+            goal: z(T), shape (N,), in the same branch of the chart; its first entry is not read.
+        """
+        aim = {"peak_input": "input"}.get(options.objective, options.objective)
+        rated = bool(np.any(np.isfinite(problem.limits.input_rate)))
+        linear = options.input == "linear" or (options.input == "auto" and rated)
+        engine = "osqp" if options.solver == "osqp" else "active set"
+        programme = lowest_peak() if aim == "peak" else smoothest(engine)
+        band = band_of(problem, start, goal, options.edge)
+        margin = None if band.complete else _margins(problem, options.edge)
+        duration = problem.duration or 1.0
+        shape = input_shape(options.pieces, int(linear))
+        return cls(
+            problem,
+            options,
+            Frame(shape, start, goal, 1.0).at(problem.travel or 1.0),
+            band,
+            replace(programme, tolerance=options.tolerance),
+            Setting(problem, band, margin, duration, aim, options.max_steps),
+        )
+
+    @property
+    def aim(self) -> str:
+        """ "smooth", "peak" or "input"."""
+        return self.setting.aim
+
+    def optimum(self, travel: float, rows: Touch, ceiling: float) -> Best | Impossible | Above:
+        """The convex optimum at one travel, of the requirements that are convex; see `cut`."""
+        rounds = self.options.max_cuts
+        return cut(self.frame.at(travel), self.band, self.programme, rows, rounds, ceiling)
+
+    def complaint(self, frame: Frame, y: Array) -> float:
+        """How far a path breaks what is not convex, relative to the limits; ≤ 0 if it keeps it."""
+        h = self.setting.judge(frame).values(y)
+        return np.inf if h is None else float(h.max(initial=-1.0))
+
+    def improve(self, frame: Frame, y: Array) -> Local:
+        """A local optimum from a path inside the chart's domain; see `improve`."""
+        return improve(self.setting, frame, y, self._scale(frame, y))
+
+    def value(self, frame: Frame, local: Local) -> float:
+        """The objective of a local optimum, in the programme's measure (or the level on inputs)."""
+        if self.aim == "input":
+            return local.t
+        return frame.peak(local.y) if self.aim == "peak" else frame.smoothness(local.y)
+
+    def _scale(self, frame: Frame, y: Array) -> float:
+        if self.aim == "input":
+            return 1.0
+        if self.aim == "peak":
+            return frame.peak(y)
+        return float(np.sqrt(2 * abs(frame.travel) * frame.smoothness(y)))
+
+
+def _margins(problem: Problem, edge: float) -> Array:
+    """Least chart margins, shape (M,): the edge, or half the nearer end's."""
+    known = np.where(np.isnan(problem.goal), problem.start, problem.goal)
+    ends = np.stack([problem.start, known])
+    nearest = problem.system.chart_margins(ends, problem.branch).min(axis=0)
+    return np.asarray(np.minimum(edge, nearest / 2))

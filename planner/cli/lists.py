@@ -9,8 +9,10 @@ import typer
 import planner.systems
 from planner.cli.arguments import Json
 from planner.cli.output import print_json, print_text, table
+from planner.errors import InputError
 from planner.methods import METHODS
-from planner.schema import FILES, json_schema
+from planner.schema import FILES, json_schema, nearest
+from planner.schema.sweep import sweep_schema
 from planner.systems import TriangularSystem
 
 
@@ -27,15 +29,20 @@ def systems(as_json: Json = False) -> int:
 
 
 def schema(
+    of: Annotated[str, typer.Argument(metavar="[problem|sweep]", help="Of what file.")] = "problem",
     as_json: Annotated[bool, typer.Option("--json", help="Accepted; the output is JSON.")] = False,
 ) -> int:
-    """Print the JSON Schema of a problem file, for editors.
+    """Print the JSON Schema of a problem file or a sweep file, for editors.
 
     \b
-    Example:
+    Examples:
       planner schema > problem.schema.json
+      planner schema sweep > sweep.schema.json
     """
-    print_json(json_schema())
+    found = {"problem": json_schema, "sweep": sweep_schema}
+    if of not in found:
+        raise InputError(f"no schema of '{of}'; {nearest(of, list(found))}")
+    print_json(found[of]())
     return 0
 
 

@@ -132,3 +132,8 @@ class SweepFile(Table):
     sample: SampleTable | None = Field(None, description="A sample of dotted keys.")
     replay: ReplayTable = Field(default_factory=ReplayTable)
     plans: bool = Field(False, description="Keep every plan in the database.")
+
+
+def sweep_schema() -> dict[str, Any]:
+    """JSON Schema of a sweep file, for editors; keys of blocks are taken to be dotted."""
+    return SweepFile.model_json_schema()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from concurrent.futures import Future
 from typing import Any
 
@@ -33,6 +34,9 @@ class ClusterPool:
 
     def __init__(self, address: str) -> None:
         distributed = _distributed()
+        # A lost connection is one message of ours, not pages from Dask's own threads.
+        for part in ("client", "core", "utils"):
+            logging.getLogger(f"distributed.{part}").setLevel(logging.CRITICAL)
         try:
             self._client = distributed.Client(address, timeout=PATIENCE_S, set_as_default=False)
         except (OSError, ValueError) as error:
@@ -90,7 +94,7 @@ class ClusterPool:
 
     def close(self) -> None:
         """Drop what runs and what waits, and leave the cluster as it was."""
-        self._executor.shutdown(wait=False, cancel_futures=True)
+        self._executor.shutdown(wait=False)
         self._client.close()
 
 

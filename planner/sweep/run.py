@@ -11,7 +11,7 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import Any
 
 from planner.errors import InputError
@@ -22,6 +22,9 @@ from planner.sweep.store import Store
 
 Progress = Callable[[str, float], None]
 """Told what is being done, and the share done, 0 … 1."""
+
+TELL_S = 1.0
+"""How often progress is told at least, so that a bar shows even before the first result."""
 
 
 @dataclass(frozen=True)
@@ -143,7 +146,11 @@ class _Run:
         running = sum(self._launch(pool, case) for case in islice(self.waiting, pool.window))
         try:
             while running:
-                self._keep(*self.finished.get())
+                try:
+                    self._keep(*self.finished.get(timeout=TELL_S))
+                except Empty:
+                    self._tell()
+                    continue
                 running -= 1
                 self._tell()
                 running += sum(self._launch(pool, case) for case in islice(self.waiting, 1))

@@ -50,6 +50,13 @@ def test_a_dry_run_counts_and_writes_nothing(run: Callable[..., Any], file: Path
     assert sorted(p.name for p in file.parent.iterdir()) == ["paper.toml", "short.toml"]
 
 
+def test_its_schema_is_published(run: Callable[..., Any]) -> None:
+    assert "grid" in run("schema", "sweep").json["properties"]
+    result = run("schema", "swep")
+    assert result.status == 2
+    assert "did you mean 'sweep'" in result.err
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [

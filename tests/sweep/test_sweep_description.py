@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import numpy as np
 import pytest
 
 import planner
+from planner.schema.sweep import sweep_schema
 from planner.sweep import Sweep
 
 Tables = dict[str, Any]
@@ -169,6 +172,21 @@ def test_missing_files_are_named(tmp_path: Path) -> None:
         Sweep.load(tmp_path / "x.toml")
 
 
-def test_the_shipped_sweeps_are_good() -> None:
-    for path in (Path(__file__).parents[2] / "problems/sweeps").glob("*.toml"):
-        assert len(Sweep.load(path)) > 1
+SHIPPED = sorted((Path(__file__).parents[2] / "problems/sweeps").glob("*.toml"))
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_the_shipped_sweeps_are_good(path: Path) -> None:
+    assert len(Sweep.load(path)) > 1
+    jsonschema.validate(tomllib.loads(path.read_text(encoding="utf-8")), sweep_schema())
+
+
+def test_the_schema_refuses_what_the_program_refuses(tables: Tables) -> None:
+    jsonschema.validate({**tables, "sample": SAMPLE}, sweep_schema())
+    for bad in (
+        {"grids": {}},
+        {"sample": {**SAMPLE, "count": 0}},
+        {"sample": {"count": 3, "a.b": 1}},
+    ):
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate({**tables, **bad}, sweep_schema())

@@ -46,7 +46,7 @@ def arc_length(path: Trajectory, scale: Array, norm: Norm) -> BPoly:
 
     samples = sample_times(path.breaks)
     mean = float(np.mean(speed(samples)))
-    edges = np.unique(np.concatenate([path.breaks, _corners(path, scale, norm, samples, mean)]))
+    edges = _merged(path.breaks, _corners(path, scale, norm, samples, mean))
     grid = _resolved(speed, edges, _NEGLIGIBLE * mean)
     return grid.curve(np.maximum(speed(_inner(grid)), 0.0)).antiderivative()
 
@@ -89,6 +89,16 @@ class Inverse:
 def _step(at: Array, gap: Array, slope: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(at - gap / slope)
+
+
+def _merged(breaks: Array, extra: Array) -> Array:
+    """Breaks and the extra times that are not next to one, or to one another."""
+    apart = 1e-9 * breaks[-1]
+    kept = list(breaks)
+    for time in np.sort(extra):
+        if np.min(np.abs(np.array(kept) - time)) > apart:
+            kept.append(time)
+    return np.sort(kept)
 
 
 def _corners(path: Trajectory, scale: Array, norm: Norm, samples: Array, mean: float) -> Array:

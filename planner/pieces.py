@@ -113,4 +113,6 @@ def _to_bernstein() -> Array:
     for n in range(DEGREE + 1):
         own = np.array([(-1.0) ** (n - i) * comb(2 * n, 2 * i) / comb(n, i) for i in range(n + 1)])
         out[:, n] = elevate(own, DEGREE)
-    return np.asarray(out @ _to_chebyshev())
+    out = out @ _to_chebyshev()
+    out[0], out[-1] = np.eye(DEGREE + 1)[[0, -1]]  # ends exact, so that pieces join
+    return np.asarray(out)

@@ -99,7 +99,10 @@ def sinusoids(start: Array, goal: Array, amplitude: float, duration: float) -> S
     begin = np.concatenate([start[:, None], np.zeros((m + 1, m))], axis=1)
     columns = propagate(grid, begin, v1, np.concatenate([np.zeros_like(t)[..., None], basis], 2))
     rows, drift = columns[-1, -1, 1:, 1:], columns[-1, -1, 1:, 0]
-    scale = 1.0 / np.linalg.norm(rows, axis=1)
+    scale = np.linalg.norm(rows, axis=1)
+    if np.any(scale == 0):
+        raise np.linalg.LinAlgError("a coordinate does not move")
+    scale = 1.0 / scale
     matrix = rows * scale[:, None]
     condition = float(np.linalg.cond(matrix))
     if not condition < 1e14:

@@ -127,12 +127,74 @@ class CollocationOptions(Table):
     effort_weight: Annotated[float, Field(gt=0)] = Field(
         1.0, description="Weight of the effort beside the duration in the objective 'mixed'."
     )
-    start: Literal["auto", "straight", "bump", "reverse"] = Field(
-        "auto", description="First guess; auto tries several and names the winner."
+    start: Literal["auto", "straight", "bump", "reverse", "wander"] = Field(
+        "auto",
+        description="First guess. straight: a line; bump: the path coordinate goes out and back;"
+        " reverse: it leaves the line and returns late; wander: smooth random loops from fixed"
+        " seeds. auto: the line where one way suffices; else several of each, and the best kept.",
+    )
+    starts: Annotated[int, Field(ge=1)] = Field(
+        3, description="Starts that must converge before the best is taken (start = 'auto')."
+    )
+    attempts: Annotated[int, Field(ge=1)] = Field(
+        12, description="Starts tried at most before giving up."
+    )
+    accuracy: Annotated[float, Field(gt=0, lt=1e-2)] = Field(
+        5e-6,
+        description="Largest difference at the end, in radians, between the plan's q(t) and the"
+        " motion its input really makes (ten times that on the way); the mesh is refined until it"
+        " is kept.",
+    )
+    refinements: Annotated[int, Field(ge=0, le=10)] = Field(
+        4, description="Times the mesh may be refined; 0 keeps the mesh as given."
     )
     tolerance: Annotated[float, Field(gt=0, lt=1e-2)] = Field(1e-9, description="Solver tolerance.")
     max_iterations: Annotated[int, Field(ge=1)] = Field(
         500, description="Solver iterations a start."
+    )
+
+
+class ConvexOptions(Table):
+    """Options of the optimal plan in chained coordinates at constant v1."""
+
+    objective: Literal["smooth", "peak", "peak_input"] = Field(
+        "smooth",
+        description="What is least: the integral of (dz2/dz1)^2 over |z1| (at one travel and"
+        " duration the same as that of v2^2), the greatest |v2|, or the greatest input over its"
+        " limit.",
+    )
+    pieces: Annotated[int, Field(ge=2, le=400)] = Field(60, description="Equal pieces of v2.")
+    input: Literal["auto", "constant", "linear"] = Field(
+        "auto",
+        description="v2 constant on each piece, or continuous and linear. auto: linear when input"
+        " rates have a limit, since a jump has no finite rate.",
+    )
+    travel: Literal["auto", "middle"] = Field(
+        "auto",
+        description="When goal.travel is free: the travel of the best objective, or the middle of"
+        " the range of travels that have a plan.",
+    )
+    scan: Annotated[int, Field(ge=3, le=1000)] = Field(
+        25, description="Travels tried before the search is refined about the best."
+    )
+    edge: Annotated[float, Field(ge=0, lt=0.1)] = Field(
+        1e-6,
+        description="Least distance from the chart's edge: sin^2 of theta1 for n = 2 and 3, every"
+        " margin elsewhere; half the distance of start or goal where that is less.",
+    )
+    solver: Literal["auto", "osqp", "active_set"] = Field(
+        "auto",
+        description="Who solves the quadratic programmes: the active set, with OSQP solving the"
+        " last one again for comparison (auto); OSQP throughout; or the active set alone.",
+    )
+    tolerance: Annotated[float, Field(ge=1e-11, le=1e-4)] = Field(
+        1e-10, description="Excess over the domain, in z2, below which cutting stops."
+    )
+    max_cuts: Annotated[int, Field(ge=1)] = Field(
+        100, description="Rounds of cutting planes allowed at one travel."
+    )
+    max_steps: Annotated[int, Field(ge=1)] = Field(
+        150, description="Steps of successive convexification allowed at one travel."
     )
 
 
@@ -144,3 +206,4 @@ class MethodsTable(Table):
     sinusoid: SinusoidOptions = Field(default_factory=SinusoidOptions)
     sinusoid_steps: SinusoidStepsOptions = Field(default_factory=SinusoidStepsOptions)
     collocation: CollocationOptions = Field(default_factory=CollocationOptions)
+    convex: ConvexOptions = Field(default_factory=ConvexOptions)

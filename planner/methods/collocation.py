@@ -1,0 +1,229 @@
+"""Direct collocation in the coordinates themselves: optimal plans that need no chart."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from planner.errors import InputError, NotConvergedError
+from planner.ocp.form import Form
+from planner.ocp.guess import guess, seeds
+from planner.ocp.mesh import uniform
+from planner.ocp.objective import objective
+from planner.ocp.polish import Polished, polish
+from planner.ocp.refusal import obstacle
+from planner.ocp.search import Search, search
+from planner.ocp.solver import Settings, Solution
+from planner.ocp.task import Task, stretched, task
+from planner.ocp.timing import TooShortError, timed
+from planner.ocp.violations import broken_limits, broken_rows
+from planner.plan import Plan
+from planner.problem import Problem
+from planner.reachability import travel_window
+from planner.schema.methods import CollocationOptions
+
+NAME = "collocation"
+DIRECT_ITERATIONS = 100
+"""Iterations granted to the straight line when the motion can be one way; it needs about 15."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Answer:
+    start: str
+    solution: Solution
+    log: list[dict[str, Any]]
+    iterations: int
+
+
+def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
+    """Minimise effort or time over motions that keep every limit.
+
+    The plan's q(t) is the scheme's own polynomial, its u(t) constant or linear in each interval.
+    Where one way suffices the straight line is the first guess; otherwise several seeds are tried
+    and the best kept (`notes["start"]`, `notes["tried"]`).
+
+    Raises:
+        InputError: If the options contradict each other or the problem.
+        NotConvergedError: If no motion is found; it names what stands in the way where that could
+            be found out, with a change that was tried.
+    """
+    began = time.perf_counter()
+    job = _task(problem, options)
+    answer = _direct(job, options) or _searched(job, options)
+    done = polish(job, answer.solution, options.accuracy, options.refinements)
+    return _plan(done, answer, options, began)
+
+
+def _task(problem: Problem, options: CollocationOptions) -> Task:
+    form = Form(
+        intervals=options.intervals,
+        scheme_kind=options.scheme,
+        degree=options.degree,
+        input=_input_kind(problem, options),
+        rate_limits=bool(np.any(np.isfinite(problem.limits.input_rate))),
+        chart=problem.limits.z2_margin is not None,
+    )
+    settings = Settings(options.tolerance, options.max_iterations)
+    goal = objective(problem, options)
+    return task(problem, goal, form, uniform(options.intervals), options.rest, settings)
+
+
+def _input_kind(problem: Problem, options: CollocationOptions) -> Literal["constant", "linear"]:
+    smooth = options.rest or bool(np.any(np.isfinite(problem.limits.input_rate)))
+    if options.input == "auto":
+        return "linear" if smooth else "constant"
+    if options.input == "constant" and smooth:
+        what = "rest = true" if options.rest else "limits.input_rate_rad_s2"
+        raise InputError(
+            f"{problem.source}: method.collocation.input = 'constant' jumps between intervals,"
+            f" which contradicts {what}; use 'linear' or 'auto'"
+        )
+    return options.input
+
+
+def _one_way(problem: Problem) -> bool:
+    window = travel_window(problem)
+    if window is None or window.empty:
+        return False
+    return problem.travel is None or problem.travel in window
+
+
+def _direct(job: Task, options: CollocationOptions) -> _Answer | None:
+    """The straight line alone, where the motion can be one way in a given time."""
+    if job.problem.duration is None or options.start != "auto" or not _one_way(job.problem):
+        return None
+    quick = Settings(options.tolerance, min(options.max_iterations, DIRECT_ITERATIONS))
+    seed = seeds("straight")[0]
+    start = guess(job.problem, job.made, job.mesh, seed)
+    solution = replace(job, settings=quick).solve(start)
+    if not solution.ok:
+        return None
+    log = [{"start": seed.name, "status": solution.status, "objective": solution.objective}]
+    return _Answer(seed.name, solution, log, solution.iterations)
+
+
+def _searched(job: Task, options: CollocationOptions) -> _Answer:
+    """Paths from several seeds, each then timed; the best of them."""
+    enough = options.starts if options.start == "auto" and not _one_way(job.problem) else 1
+    result = search(job, seeds(options.start)[: options.attempts], enough)
+    if not result.found:
+        raise _no_path(job, result, options)
+    best: _Answer | None = None
+    failed: Solution | None = None
+    shortest: Solution | None = None
+    log, iterations = [*result.log], result.iterations
+    for path in result.found:
+        try:
+            steps = timed(job, path.solution.iterate)
+        except TooShortError as error:
+            if shortest is None or error.shortest.iterate.duration < shortest.iterate.duration:
+                shortest = error.shortest
+            continue
+        solution = steps[-1]
+        iterations += sum(step.iterations for step in steps)
+        _note(log, path.seed, solution)
+        if not solution.ok:
+            failed = solution
+        elif best is None or solution.objective < best.solution.objective:
+            best = _Answer(path.seed, solution, log, iterations)
+    if best is not None:
+        return replace(best, iterations=iterations)
+    if shortest is not None:
+        raise _too_short(job, shortest, options)
+    assert failed is not None
+    raise _not_converged(job, failed, options, "the path found")
+
+
+def _note(log: list[dict[str, Any]], seed: str, solution: Solution) -> None:
+    for entry in log:
+        if entry["start"] == seed:
+            entry["objective"] = solution.objective if solution.ok else None
+            entry["status"] = solution.status
+
+
+def _plan(done: Polished, answer: _Answer, options: CollocationOptions, began: float) -> Plan:
+    job, solution = done.task, done.solution
+    wall = time.perf_counter() - began
+    return Plan(
+        problem=job.problem,
+        method=NAME,
+        options=options.model_dump(),
+        trajectory=job.curve(solution.iterate),
+        objective=solution.objective,
+        objective_name=job.objective.name,
+        solve_time_s=wall - job.build_time_s,
+        build_time_s=job.build_time_s,
+        iterations=answer.iterations + done.iterations,
+        notes={
+            "start": answer.start,
+            "tried": answer.log,
+            "largest_residual": solution.residual,
+            "resimulated_end_error": done.error,
+            **done.notes,
+        },
+    )
+
+
+def _iterate_plan(job: Task, solution: Solution, options: CollocationOptions) -> Plan:
+    """A last iterate, for study."""
+    return Plan(
+        problem=job.problem,
+        method=NAME,
+        options=options.model_dump(),
+        trajectory=job.curve(solution.iterate),
+        status=NotConvergedError.status,
+        objective=solution.objective,
+        objective_name=job.objective.name,
+        iterations=solution.iterations,
+        notes={"solver_status": solution.status, "largest_residual": solution.residual},
+    )
+
+
+def _too_short(job: Task, shortest: Solution, options: CollocationOptions) -> NotConvergedError:
+    """The fastest motion found, squeezed into the duration asked for, shows what that breaks."""
+    wanted, found = job.problem.duration, shortest.iterate.duration
+    assert wanted is not None
+    squeezed = replace(shortest, iterate=stretched(shortest.iterate, wanted))
+    return NotConvergedError(
+        f"{job.problem.source}: goal.duration = {wanted:g} s is too short: the fastest motion found"
+        f" takes {found:.4g} s. Squeezed into {wanted:g} s it breaks:",
+        plan=_iterate_plan(job, squeezed, options),
+        violations=broken_limits(job, squeezed),
+        advice=f"goal.duration = {_rounded_up(found)} or more (a motion of {found:.4g} s was"
+        " found); or wider limits on the inputs",
+    )
+
+
+def _no_path(job: Task, result: Search, options: CollocationOptions) -> NotConvergedError:
+    assert result.last is not None
+    found = obstacle(job)
+    if found is None:
+        return _not_converged(job, result.last, options, f"{len(result.log)} starts")
+    return NotConvergedError(
+        f"{job.problem.source}: no motion from start to goal was found from {len(result.log)}"
+        f" starts; without the requirement on {found.what} there is one, which breaks:",
+        plan=_iterate_plan(job, found.solution, options),
+        violations=found.violations,
+        advice=found.advice,
+    )
+
+
+def _not_converged(
+    job: Task, solution: Solution, options: CollocationOptions, tried: str
+) -> NotConvergedError:
+    return NotConvergedError(
+        f"{job.problem.source}: the solver found no motion from {tried} (it says"
+        f" {solution.status} after {solution.iterations} iterations)",
+        plan=_iterate_plan(job, solution, options),
+        violations=broken_rows(job, solution),
+        advice="more method.collocation.intervals, more attempts, or goal.travel and goal.duration"
+        ' "free"',
+    )
+
+
+def _rounded_up(value: float) -> str:
+    digits = 3 - int(np.ceil(np.log10(value)))
+    return f"{np.ceil(value * 10.0**digits) / 10.0**digits:g}"

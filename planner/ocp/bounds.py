@@ -1,0 +1,124 @@
+"""A problem's numbers in the shape of a transcription: bounds on unknowns and rows, parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.ocp.mesh import Mesh
+from planner.ocp.objective import Objective
+from planner.ocp.stage import Rows
+from planner.ocp.transcription import Transcription
+from planner.problem import Problem
+from planner.systems.base import Array
+
+SHORTEST_S = 1e-3
+"""Least duration that a free one may take, in seconds."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tightening:
+    """By how much limits are drawn in, interval by interval, so that they hold between nodes.
+
+    Attributes:
+        joint: Shape (K, N), in the coordinates' units.
+        z2: Shape (K,).
+    """
+
+    joint: Array
+    z2: Array
+
+    @classmethod
+    def none(cls, intervals: int, size: int) -> Tightening:
+        """No change."""
+        return cls(np.zeros((intervals, size)), np.zeros(intervals))
+
+
+@dataclass(frozen=True, eq=False)
+class Bounds:
+    """What the solver is given beside the functions.
+
+    Attributes:
+        lower: Of the unknowns, shape (size,).
+        upper: Of the unknowns.
+        row_lower: Of the rows, shape (K · height,).
+        row_upper: Of the rows.
+        parameters: Objective weights and mesh widths, shape (3 + K,).
+    """
+
+    lower: Array
+    upper: Array
+    row_lower: Array
+    row_upper: Array
+    parameters: Array
+
+
+def bounds(
+    problem: Problem,
+    made: Transcription,
+    mesh: Mesh,
+    objective: Objective,
+    rest: bool,
+    tightening: Tightening,
+) -> Bounds:
+    """Fill in a problem's numbers."""
+    lower, upper = _unknowns(problem, made, rest, tightening)
+    low, high = _rows(problem, made, tightening)
+    return Bounds(lower, upper, low, high, np.concatenate([objective.weights, mesh.widths]))
+
+
+def _unknowns(
+    problem: Problem, made: Transcription, rest: bool, tightening: Tightening
+) -> tuple[Array, Array]:
+    places, size = made.layout, made.system.size
+    upper = np.full(places.size, np.inf)
+    upper[places.inputs] = problem.limits.input
+    limited = np.isin(np.arange(size), made.system.limited)
+    joint = np.where(limited, problem.limits.joint, np.inf)
+    upper[places.points] = (joint - tightening.joint)[:, None, :]
+    upper[places.nodes] = joint - _at_nodes(tightening.joint)
+    lower = -upper
+    lower[0] = SHORTEST_S
+    fixed = [(places.nodes[0], problem.start), (places.nodes[-1], _goal(problem))]
+    fixed += [(np.array([0]), np.array([np.nan if problem.duration is None else problem.duration]))]
+    fixed += [(places.inputs[[0, -1]].ravel(), np.zeros(4))] if rest else []
+    for where, values in fixed:
+        known = ~np.isnan(values)
+        lower[where[known]] = upper[where[known]] = values[known]
+    return lower, upper
+
+
+def _goal(problem: Problem) -> Array:
+    goal = problem.goal.copy()
+    goal[0] = np.nan if problem.travel is None else problem.start[0] + problem.travel
+    return goal
+
+
+def _at_nodes(tightening: Array) -> Array:
+    """Values (K, …) of intervals at the K+1 edges: the greater of the two neighbours."""
+    ends = np.concatenate([tightening[:1], tightening, tightening[-1:]])
+    return np.asarray(np.maximum(ends[:-1], ends[1:]))
+
+
+def _rows(problem: Problem, made: Transcription, tightening: Tightening) -> tuple[Array, Array]:
+    shape = (made.form.intervals, made.height)
+    low, high = np.zeros(shape), np.zeros(shape)
+    for rows in made.labels:
+        if rows.kind == "rate":
+            high[:, rows.positions] = problem.limits.input_rate[rows.index]
+            low[:, rows.positions] = -high[:, rows.positions]
+        elif rows.kind == "z2":
+            low[:, rows.positions], high[:, rows.positions] = _chart(problem, rows, tightening.z2)
+    return low.ravel(), high.ravel()
+
+
+def _chart(problem: Problem, rows: Rows, tightening: Array) -> tuple[Array, Array]:
+    """Bounds of z₂; none at the motion's end, where the problem itself has been checked."""
+    margin = problem.limits.z2_margin or 0.0
+    least = np.repeat((margin + tightening)[:, None], len(rows.tau), axis=1)
+    ends = rows.tau == 1.0
+    least[:, ends] = margin + _at_nodes(tightening)[1:, None]
+    least[-1, ends] = -np.inf
+    none = np.full_like(least, np.inf)
+    return (least, none) if problem.z2_sign > 0 else (-none, -least)

@@ -1,0 +1,119 @@
+"""The search for a path: several seeds, no limits on speed, the shortest kept.
+
+The systems are driftless, so what a path looks like and how fast it is run are two questions. The
+first alone is smooth and has no bound on inputs to run into; the second then starts from a motion
+that is feasible after stretching.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from planner.ocp.guess import Seed, guess
+from planner.ocp.layout import Iterate
+from planner.ocp.mesh import Mesh
+from planner.ocp.objective import shortest_path
+from planner.ocp.solver import Solution
+from planner.ocp.task import Task
+from planner.problem import Problem
+
+INFEASIBLE = "Infeasible_Problem_Detected"
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A solution and the seed it grew from."""
+
+    seed: str
+    solution: Solution
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """What a search leaves.
+
+    Attributes:
+        found: Paths, shortest first.
+        last: The last solution that failed, or None.
+        log: One entry a seed, JSON-ready.
+        seconds: Time in the solver.
+        iterations: Iterations of the solver.
+    """
+
+    found: list[Found]
+    last: Solution | None
+    log: list[dict[str, Any]]
+    seconds: float
+    iterations: int
+
+
+def search(task: Task, seeds: Sequence[Seed], enough: int) -> Search:
+    """Solve the task's path problem from one seed after the other until enough have converged.
+
+    Two thirds of the seeds in a row found infeasible end the search too.
+    """
+    path_task = replace(
+        task, problem=unhurried(task.problem), objective=shortest_path(task.objective)
+    )
+    result = Search([], None, [], 0.0, 0)
+    for k, seed in enumerate(seeds):
+        start = guess(path_task.problem, task.made, task.mesh, seed)
+        solution = path_task.solve(start)
+        result = _with(result, seed, solution)
+        hopeless = 3 * (k + 1) >= 2 * len(seeds) and all(
+            entry["status"] == INFEASIBLE for entry in result.log
+        )
+        if hopeless or len(result.found) >= enough:
+            break
+    return replace(result, found=_distinct(result.found))
+
+
+def unhurried(problem: Problem) -> Problem:
+    """The problem without limits on inputs and their rates, at a reference duration.
+
+    A long reference makes the effort small beside the constraints, which for many joints leads to
+    a path more often: 10 s up to four joints, 100 s beyond.
+    """
+    free = np.full(2, np.inf)
+    limits = replace(problem.limits, input=free, input_rate=free)
+    return replace(problem, limits=limits, duration=10.0 if problem.system.size <= 5 else 100.0)
+
+
+def needed_duration(problem: Problem, mesh: Mesh, iterate: Iterate) -> float:
+    """Seconds this path takes, all of it stretched alike, within the limits on inputs and rates."""
+    left, right = iterate.input_ends()
+    peaks = np.max(np.abs([left, right]), axis=(0, 1))
+    widths = mesh.widths[:, None] * iterate.duration
+    slopes = np.max(np.abs(right - left) / widths, axis=0)
+    factors = [*(peaks / problem.limits.input), *np.sqrt(slopes / problem.limits.input_rate)]
+    return iterate.duration * float(max(factors))
+
+
+def _with(result: Search, seed: Seed, solution: Solution) -> Search:
+    entry = {
+        "start": seed.name,
+        "status": solution.status,
+        "effort": solution.objective if solution.ok else None,
+        "iterations": solution.iterations,
+    }
+    return Search(
+        found=[*result.found, Found(seed.name, solution)] if solution.ok else result.found,
+        last=result.last if solution.ok else solution,
+        log=[*result.log, entry],
+        seconds=result.seconds + solution.seconds,
+        iterations=result.iterations + solution.iterations,
+    )
+
+
+def _distinct(found: Sequence[Found]) -> list[Found]:
+    """Shortest first, without repetitions of the same path."""
+    kept: list[Found] = []
+    for candidate in sorted(found, key=lambda f: f.solution.objective):
+        value = candidate.solution.objective
+        if not kept or value > kept[-1].solution.objective * (1 + 1e-6):
+            kept.append(candidate)
+    return kept

@@ -1,0 +1,102 @@
+"""One problem on one transcription, ready to be solved from any start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from planner.ocp.bounds import Bounds, Tightening, bounds
+from planner.ocp.curve import curve
+from planner.ocp.form import Form
+from planner.ocp.layout import Iterate
+from planner.ocp.mesh import Mesh
+from planner.ocp.objective import Objective
+from planner.ocp.resimulation import Motion, resimulate
+from planner.ocp.solver import Settings, Solution, prepare, solve
+from planner.ocp.transcription import Transcription
+from planner.problem import Problem
+from planner.systems.base import Array
+from planner.trajectory import StateTrajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What is solved, and how.
+
+    Attributes:
+        problem: Start, goal and limits.
+        objective: What is made least.
+        made: The transcription.
+        mesh: Its mesh.
+        rest: Whether inputs are zero at both ends.
+        settings: Options of the solver.
+        tightening: By how much limits are drawn in.
+        build_time_s: Seconds it took to make the transcription; zero if it was there.
+    """
+
+    problem: Problem
+    objective: Objective
+    made: Transcription
+    mesh: Mesh
+    rest: bool
+    settings: Settings
+    tightening: Tightening
+    build_time_s: float
+
+    @property
+    def bounds(self) -> Bounds:
+        """The problem's numbers."""
+        return bounds(
+            self.problem, self.made, self.mesh, self.objective, self.rest, self.tightening
+        )
+
+    def solve(self, start: Iterate, multipliers: tuple[Array, Array] | None = None) -> Solution:
+        """Solve from a start; multipliers make it a warm start."""
+        settings = replace(self.settings, warm=multipliers is not None)
+        return solve(self.made, self.bounds, start, settings, multipliers)
+
+    def curve(self, iterate: Iterate) -> StateTrajectory:
+        """The motion an iterate describes."""
+        return curve(self.made.system, self.made.form, self.mesh, iterate)
+
+    def motion(self, iterate: Iterate) -> Motion:
+        """The motion its input really makes."""
+        return resimulate(self.made.system, self.mesh, iterate, self.problem.start)
+
+    def on(self, mesh: Mesh) -> Task:
+        """The same task on another mesh, limits not drawn in."""
+        form = replace(self.made.form, intervals=len(mesh.widths))
+        return task(self.problem, self.objective, form, mesh, self.rest, self.settings)
+
+
+def task(
+    problem: Problem,
+    objective: Objective,
+    form: Form,
+    mesh: Mesh,
+    rest: bool,
+    settings: Settings,
+) -> Task:
+    """Prepare a task: the transcription is made now unless it was made before."""
+    made, seconds = prepare(problem.system, form, settings)
+    none = Tightening.none(form.intervals, problem.system.size)
+    return Task(problem, objective, made, mesh, rest, settings, none, seconds)
+
+
+def transferred(old: Task, iterate: Iterate, new: Task) -> Iterate:
+    """An iterate of one task as a start for another that differs in mesh or input kind."""
+    motion = old.curve(iterate)
+    mesh, T = new.mesh, iterate.duration
+    linear = new.made.form.input == "linear"
+    places = mesh.edges if linear else mesh.edges[:-1] + mesh.widths / 2
+    return Iterate(
+        duration=T,
+        nodes=motion.q(mesh.edges * T),
+        points=motion.q(mesh.at(new.made.form.scheme.points) * T),
+        inputs=motion.u(places * T),
+    )
+
+
+def stretched(iterate: Iterate, duration: float) -> Iterate:
+    """The same path in another time: the systems are driftless, so it stays a motion."""
+    factor = iterate.duration / duration
+    return replace(iterate, duration=duration, inputs=iterate.inputs * factor)

@@ -1,0 +1,90 @@
+"""What an iterate breaks, in words: computed from its rows, never taken from the solver."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planner.chained import chained_form
+from planner.errors import Violation
+from planner.ocp.solver import ACCEPTED_RESIDUAL, Solution, excess
+from planner.ocp.task import Task
+from planner.systems.base import Array
+
+
+def broken_rows(task: Task, solution: Solution) -> list[Violation]:
+    """Labelled rows out of bounds, one violation a label at its worst time, worst first."""
+    data, made = task.bounds, task.made
+    shape = (made.form.intervals, made.height)
+    over = excess(solution.rows, data.row_lower, data.row_upper).reshape(shape)
+    values, low = solution.rows.reshape(shape), data.row_lower.reshape(shape)
+    high = data.row_upper.reshape(shape)
+    out = []
+    for rows in made.labels:
+        k, j = np.unravel_index(np.argmax(over[:, rows.positions]), (shape[0], len(rows.tau)))
+        at = (k, rows.positions[j])
+        if over[at] <= ACCEPTED_RESIDUAL:
+            continue
+        time = float(task.mesh.at(rows.tau)[k, j] * solution.iterate.duration)
+        limit = low[at] if values[at] < low[at] else high[at]
+        scaled = float(over[at]) / rows.scale
+        out.append(Violation(rows.label, time, float(values[at]), float(limit), rows.unit, scaled))
+    return sorted(out, key=lambda v: -v.scaled)
+
+
+def broken_limits(task: Task, solution: Solution) -> list[Violation]:
+    """Limits of the task's problem that an iterate's motion breaks, worst first.
+
+    The iterate may solve another task: one without a limit, or one that takes more time.
+    """
+    out = [*_inputs(task, solution), *_joints(task, solution), *_chart(task, solution)]
+    return sorted(out, key=lambda v: -v.scaled)
+
+
+def _inputs(task: Task, solution: Solution) -> list[Violation]:
+    left, right = solution.iterate.input_ends()
+    ends = np.stack([left, right], axis=1).reshape(-1, 2)
+    edges = task.mesh.edges * solution.iterate.duration
+    times = np.stack([edges[:-1], edges[1:]], axis=1).ravel()
+    slopes = np.abs(right - left) / np.diff(edges)[:, None]
+    limits, out = task.problem.limits, []
+    for i, named in enumerate(task.problem.system.inputs):
+        values = np.abs(ends[:, i])
+        out += _worst(f"input {named.name}", times, values, limits.input[i], named.unit)
+        label = f"rate of input {named.name}"
+        out += _worst(label, edges[:-1], slopes[:, i], limits.input_rate[i], f"{named.unit}/s")
+    return out
+
+
+def _joints(task: Task, solution: Solution) -> list[Violation]:
+    motion = task.motion(solution.iterate)
+    times = motion.fractions.ravel() * solution.iterate.duration
+    states = motion.states.reshape(len(times), -1)
+    out = []
+    for i in task.problem.system.limited:
+        named = task.problem.system.coordinates[i]
+        values, limit = np.abs(states[:, i]), task.problem.limits.joint[i]
+        out += _worst(f"joint {named.name}", times, values, limit, named.unit)
+    return out
+
+
+def _chart(task: Task, solution: Solution) -> list[Violation]:
+    margin = task.problem.limits.z2_margin
+    if margin is None:
+        return []
+    motion = task.motion(solution.iterate)
+    times = motion.fractions.ravel() * solution.iterate.duration
+    z = chained_form(task.problem.system).z(motion.states)[:, :, 1].ravel()
+    values = task.problem.z2_sign * z
+    k = int(np.argmin(values))
+    if values[k] >= margin - ACCEPTED_RESIDUAL:
+        return []
+    value, scale = float(values[k]), max(margin, 1e-3)
+    return [Violation("z2 margin", float(times[k]), value, margin, "", (margin - value) / scale)]
+
+
+def _worst(label: str, times: Array, values: Array, limit: float, unit: str) -> list[Violation]:
+    k = int(np.argmax(values))
+    value = float(values[k])
+    if not value > limit * (1 + ACCEPTED_RESIDUAL):
+        return []
+    return [Violation(label, float(times[k]), value, float(limit), unit, value / limit - 1)]

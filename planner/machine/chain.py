@@ -7,8 +7,8 @@ its branch; that of φₙ₋₁ passes the n − 2 of the stages before it (see 
 joints 2 … n lead bevel gears, belt and shaft (see `play`). Joint 1 has only the gearhead of motor 2
 before it, as the first disk has that of motor 1.
 
-Integration goes down the triangle: with θᵢ₋₁ known at the start, middle and end of a step, the
-travel of axis i to the middle and the end follows by quadrature, fourth order in all.
+Integration goes down the triangle: with θᵢ₋₁ known at the points of a step, the travel of axis i to
+each of them follows by quadrature: fourth order with three points, second with two.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from planner.machine.draw import Draws
 from planner.machine.friction import Contacts
 from planner.machine.play import Play
-from planner.machine.quadrature import to_end, to_middle
+from planner.machine.quadrature import integrals, to_end
 from planner.systems.base import Array
 from planner.systems.manipulator import Manipulator
 
@@ -52,16 +52,16 @@ class Chain:
         """Advance by a step.
 
         Args:
-            speed: Of the motors at start, middle and end, (3, 2, S), rad/s.
-            travel: Of the motors to the middle and to the end, (2, 2, S), rad.
+            speed: Of the motors at the step's P points (2 or 3), (P, 2, S), rad/s.
+            travel: Of the motors from the start to each later point, (P−1, 2, S), rad.
             h: Length of the step, s.
         """
         last = len(self._k) - 1
-        passed = self._contacts.passed(self._joints[1:], self._cosines, speed[1, 0])
-        disk = self._geared(speed[:, 0], travel[1, 0], h)
-        to_half, whole = travel[:, 1]
+        passed = self._contacts.passed(self._joints[1:], self._cosines, speed[-1, 0])
+        disk = self._geared(speed[:, 0], travel[-1, 0], h)
+        ways = list(travel[:, 1])
         for j, k in enumerate(self._k):
-            c = self._turned(j, to_half, whole, h)
+            c = self._turned(j, ways, h)
             if j == last:
                 drive = self._k_g if passed is None else self._k_g * passed.disk
                 self._state[0] += drive * to_end(disk, h)
@@ -72,11 +72,11 @@ class Chain:
                 gain = k * passed.branch[j]
             driven = disk * c
             driven *= c
-            to_half, whole = gain * to_middle(driven, h), gain * to_end(driven, h)
-        self._state[last + 2] = self._joints[last + 1].move(whole, h)
+            ways = [gain * way for way in integrals(driven, h)]
+        self._state[last + 2] = self._joints[last + 1].move(ways[-1], h)
 
     def _geared(self, speed: Array, travel: Array, h: float) -> Array:
-        """Speed of the first disk: of motor 1, less what its gearhead's play takes up, (3, S)."""
+        """Speed of the first disk: of motor 1, less what its gearhead's play takes up, (P, S)."""
         if self._motor.exact:
             return speed
         before = self._motor.theta
@@ -84,14 +84,14 @@ class Chain:
         still = travel == 0
         return np.asarray(speed * np.where(still, 1.0, turned / np.where(still, 1.0, travel)))
 
-    def _turned(self, i: int, to_half: Array, whole: Array, h: float) -> Array:
-        """Turn axis i by the travel to the middle and the end; cosθᵢ at all three, (3, S)."""
-        joint = self._joints[i]
-        middle = joint.move(to_half, h / 2)
-        self._state[i + 1] = joint.move(whole - to_half, h / 2)
-        c = np.empty((3, len(middle)))
+    def _turned(self, i: int, ways: list[Array], h: float) -> Array:
+        """Turn axis i by the travels to each later point; cosθᵢ at all points, (P, S)."""
+        joint, part = self._joints[i], h / len(ways)
+        c = np.empty((len(ways) + 1, len(joint.theta)))
         c[0] = self._cosines[i]
-        np.cos(middle, out=c[1])
-        np.cos(joint.theta, out=c[2])
-        self._cosines[i] = c[2]
+        np.cos(joint.move(ways[0], part), out=c[1])
+        if len(ways) > 1:
+            np.cos(joint.move(ways[1] - ways[0], part), out=c[2])
+        self._state[i + 1] = joint.theta
+        self._cosines[i] = c[-1]
         return c

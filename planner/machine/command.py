@@ -16,19 +16,18 @@ from planner.machine.grid import inside, merged, refined, snapped, subdivided
 from planner.plan import Plan
 from planner.systems.base import Array
 
-PARTS = (0.0, 0.5, 1.0)
-"""Where in a step the command is read: at its start, its middle, and just before its end."""
-
 
 class Source(Protocol):
     """A command before delay and resolution.
 
     Attributes:
-        jumps: Increasing times, s, between which it is smooth enough for Simpson's rule; the first
+        jumps: Increasing times, s, between which it is smooth enough for the quadrature; the first
             is the plan's start, the last its end.
+        parts: Where in a step it is read: 0 at the start, 1 just before the end.
     """
 
     jumps: Array
+    parts: tuple[float, ...]
 
     def __call__(self, times: Array) -> Array:
         """Values (…, 2) at plan times (…), s: right-hand limits, zero outside the plan."""
@@ -39,6 +38,8 @@ class Held:
 
     A sampling instant within rounding of a break of the plan reads what follows the break.
     """
+
+    parts: tuple[float, ...] = (0.0, 1.0)
 
     def __init__(self, plan: Plan, period: float) -> None:
         end = plan.duration
@@ -55,6 +56,8 @@ class Held:
 class Continuous:
     """The plan's own u(t)."""
 
+    parts: tuple[float, ...] = (0.0, 0.5, 1.0)
+
     def __init__(self, plan: Plan, step: float) -> None:
         self._plan = plan
         self.jumps = refined(self, subdivided(plan.t, step))
@@ -70,9 +73,8 @@ class Tabulated:
     """A continuous source by linear interpolation, for when every sample reads it elsewhere."""
 
     def __init__(self, source: Source) -> None:
-        self.jumps = source.jumps
-        left, right = self.jumps[:-1], self.jumps[1:]
-        self._times = np.stack([inside(left, right, p) for p in PARTS], axis=-1).ravel()
+        self.jumps, self.parts = source.jumps, source.parts
+        self._times = np.stack(_points(self.jumps, self.parts), axis=-1).ravel()
         self._values = source(self._times)
 
     def __call__(self, times: Array) -> Array:
@@ -96,7 +98,7 @@ class Command:
 
     Attributes:
         t: The grid, shape (M+1,), s. With one delay for all samples it holds every jump; otherwise
-            a jump inside a step counts from the nearest of its start, middle and end.
+            a jump inside a step is seen at the next point of it.
         running: Whether each step lies before the plan's end, shape (M,).
     """
 
@@ -111,14 +113,15 @@ class Command:
             jumps = source.jumps + delay[0]
             self.t = subdivided(merged(stops, jumps[jumps < stops[-1]]), step)
             plan_time = snapped(self.t - delay[0], source.jumps)
-            table = np.stack([source(t) for t in _parts(plan_time)], axis=1)
+            points = _points(plan_time, source.parts)
+            table = np.stack([source(t) for t in points], axis=1)
             self._table = self._rounded(table[..., None])
         else:
             self.t = subdivided(stops, step)
             self._source = Tabulated(source) if period is None else source
             self._delay = delay
-        self._times = np.stack(_parts(self.t), axis=1)
-        self.running = self._times[:, 1] < plan.duration
+            self._times = np.stack(_points(self.t, source.parts), axis=1)
+        self.running = self.t[:-1] + np.diff(self.t) / 2 < plan.duration
 
     def part(self, chosen: slice) -> Command:
         """The same command for a run of the samples."""
@@ -128,7 +131,10 @@ class Command:
         return out
 
     def at(self, k: int) -> Array:
-        """What step k asks of both motors at its start, middle and end, shape (3, 2, S or 1)."""
+        """What step k asks of both motors at its P points, shape (P, 2, S or 1).
+
+        A held command has 2 points, the ends; a continuous one 3, the middle between them.
+        """
         if self._table is not None:
             return np.asarray(self._table[k])
         times = self._times[k][:, None] - self._delay
@@ -141,8 +147,8 @@ class Command:
         return np.asarray(np.where(self._resolution > 0, np.round(values / step) * step, values))
 
 
-def _parts(times: Array) -> list[Array]:
-    return [inside(times[:-1], times[1:], part) for part in PARTS]
+def _points(times: Array, parts: tuple[float, ...]) -> list[Array]:
+    return [inside(times[:-1], times[1:], part) for part in parts]
 
 
 def _finite(values: Array, times: Array) -> Array:

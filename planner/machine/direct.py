@@ -25,11 +25,14 @@ class Direct:
         return self._q.T
 
     def step(self, speed: Array, travel: Array, h: float) -> None:
-        """Advance by h seconds under motor speeds (3, 2, S) at start, middle and end.
+        """Advance by h seconds under motor speeds (P, 2, S) at the step's points.
 
-        `travel` is there for systems with gears and is not used.
+        Without a middle point (P = 2) the speeds are taken as linear between. `travel` is there for
+        systems with gears and is not used.
         """
-        start, middle, end = np.swapaxes(speed, 1, 2)
+        points = np.swapaxes(speed, 1, 2)
+        start, end = points[0], points[-1]
+        middle = points[1] if len(points) > 2 else (start + end) / 2
         rates, q = self._system.rates, self._q
         k1 = rates(q, start)
         k2 = rates(q + h / 2 * k1, middle)

@@ -4,17 +4,19 @@
     first order:   ω̇ = b (r − ω)                    b = servo_bandwidth_rad_s
     second order:  ω̈ = b² (r − ω) − 2 ζ b ω̇         ζ = servo_damping
 
-Both are solved exactly over each half step for a reference linear in it; then speed and its change
-are held to their limits: exact while one binds or not, first order in the step where it begins to.
-The bias acts while a plan runs; afterwards the drive holds still.
+Both are solved exactly between the points of a step for a reference linear in it; then speed and
+its change are held to their limits: exact while one binds or not, first order in the step where it
+begins to. The bias acts while a plan runs; afterwards the drive holds still.
 """
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from planner.machine.draw import Draws
-from planner.machine.quadrature import to_end, to_middle
+from planner.machine.quadrature import integrals
 from planner.systems.base import Array
 
 HELD_RAD_S = 1e-12
@@ -55,43 +57,44 @@ class Servos:
         """Run for one step.
 
         Args:
-            command: At the step's start, middle and end, (3, 2, S or 1), rad/s.
+            command: At the step's P points (2: its ends; 3: the middle too), (P, 2, S or 1), rad/s.
             h: Length of the step, s.
             running: Whether a plan is being executed.
 
         Returns:
-            Speed at start, middle and end, (3, 2, S), rad/s; travel from the start to the middle
-            and to the end, (2, 2, S), rad.
+            Speed at the points, (P, 2, S), rad/s; travel from the start to each later point,
+            (P−1, 2, S), rad.
         """
         if not (running is self._running and np.array_equal(command, self._command)):
             self._command, self._running = command, running
             self._target, self._over = self._reference(command, running)
-        r0, r1, r2 = self._target
         if self._over is not None:
             self.saturated_s += h * self._over
         if self._direct:
-            r = np.stack([r0, r1, r2])
-            return r, np.stack([to_middle(r, h), to_end(r, h)])
-        speed, travel = np.empty((3, *self._shape)), np.empty((2, *self._shape))
+            r = np.stack(self._target)
+            return r, np.stack(integrals(r, h))
+        count = len(command)
+        speed, travel = np.empty((count, *self._shape)), np.empty((count - 1, *self._shape))
         speed[0] = self._speed
-        travel[0] = self._half(r0, r1, h / 2)
-        speed[1] = self._speed
-        travel[1] = travel[0] + self._half(r1, r2, h / 2)
-        speed[2] = self._speed
+        for i, (r0, r1) in enumerate(pairwise(self._target)):
+            travel[i] = self._advance(r0, r1, h / (count - 1))
+            speed[i + 1] = self._speed
+        if count > 2:
+            travel[1] += travel[0]
         return speed, travel
 
     def _reference(self, command: Array, running: bool) -> tuple[list[Array], Array | None]:
-        """Reference speeds (2, S) at three points, one array if all agree; and where too large."""
-        held = np.array_equal(command[0], command[1]) and np.array_equal(command[1], command[2])
+        """Reference speeds (2, S) at the points, one array if all agree; and where too large."""
+        held = bool(np.all(command == command[0]))
         r = self._gain * command[:1] if held else self._gain * command
         if running:
             r = r + self._bias
         over = np.abs(r[len(r) // 2]) > self._limit
         r = np.broadcast_to(np.clip(r, -self._limit, self._limit), (len(r), *self._shape))
-        points = [r[0]] * 3 if held else list(r)
+        points = [r[0]] * len(command) if held else list(r)
         return points, over if over.any() else None
 
-    def _half(self, r0: Array, r1: Array, h: float) -> Array:
+    def _advance(self, r0: Array, r1: Array, h: float) -> Array:
         """Advance by h for a reference from r0 to r1; returns the travel, (2, S)."""
         before = self._speed
         second = self._damping is not None

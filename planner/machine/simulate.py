@@ -37,7 +37,7 @@ class Plant(Protocol):
         """Coordinates, (N, S)."""
 
     def step(self, speed: Array, travel: Array, h: float) -> None:
-        """Advance by h seconds under motor speeds (3, 2, S) and travels (2, 2, S)."""
+        """Advance by h seconds under motor speeds (P, 2, S) and travels (P−1, 2, S)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +117,7 @@ class _Run:
     def go(self, progress: Progress | None, done: int, total: int) -> None:
         """Advance from the first time to the last."""
         command, wanted = self._command, set(self._rows.tolist())
-        row, speed = 0, np.zeros((3, 2, self.q.shape[0]))
+        row, speed = 0, np.zeros((2, 2, self.q.shape[0]))
         for k, h in enumerate(_lengths(command.t)):
             speed, travel = self.servos.step(command.at(k), h, bool(command.running[k]))
             if k in wanted:
@@ -128,7 +128,7 @@ class _Run:
             np.maximum(self.deviation, gap, out=self.deviation)
             if progress and (k + 1) % REPORT_EVERY == 0:
                 progress(done + k + 1, total)
-        self._record(row, speed[2])
+        self._record(row, speed[-1])
         if progress:
             progress(done + len(command.t) - 1, total)
 

@@ -36,7 +36,7 @@ STEPS = plan_of(
 
 
 def values(command: Command, part: int, sample: int = 0) -> Array:
-    """What every step asks for at its start (0), middle (1) or end (2), shape (M, 2)."""
+    """What every step asks for at its first point (0), or at its last (-1), shape (M, 2)."""
     steps = [command.at(k) for k in range(len(command.t) - 1)]
     return np.array([s[part, :, min(sample, s.shape[2] - 1)] for s in steps])
 
@@ -50,7 +50,7 @@ def test_sample_and_hold() -> None:
     t = middles(command)
     held = 0.03 * np.floor(t / 0.03)
     expected = np.where(t < 1, held, 0.0)
-    for part in range(3):
+    for part in (0, -1):
         assert values(command, part)[:, 0] == pytest.approx(expected, abs=1e-12)
     ticks = 0.03 * np.arange(1, 34)
     assert np.min(np.abs(command.t[:, None] - ticks), axis=0).max() < 1e-12
@@ -62,18 +62,18 @@ def test_a_sample_on_a_break_reads_what_follows(period: float) -> None:
     command = Command(STEPS, period, draws_of(), 1e-3, STOPS)
     expected = np.where(middles(command) < 1, np.floor(4 * middles(command)) + 1, 0)
     assert np.array_equal(values(command, 0)[:, 0], expected)
-    assert np.array_equal(values(command, 2)[:, 1], -expected)
+    assert np.array_equal(values(command, -1)[:, 1], -expected)
 
 
 def test_continuous_command_and_its_jumps() -> None:
     command = Command(STEPS, None, draws_of(), 1e-2, STOPS)
     expected = np.where(middles(command) < 1, np.floor(4 * middles(command)) + 1, 0)
-    for part in range(3):
+    for part in (0, -1):
         assert np.array_equal(values(command, part)[:, 0], expected)
     ramp = Command(RAMP, None, draws_of(), 1e-2, STOPS)
     on = middles(ramp) < 1
     assert values(ramp, 0)[:, 0] == pytest.approx(np.where(on, ramp.t[:-1], 0), abs=1e-14)
-    assert values(ramp, 2)[:, 0] == pytest.approx(np.where(on, ramp.t[1:], 0), abs=1e-14)
+    assert values(ramp, -1)[:, 0] == pytest.approx(np.where(on, ramp.t[1:], 0), abs=1e-14)
 
 
 @pytest.mark.parametrize("period", [None, 0.04])
@@ -83,7 +83,7 @@ def test_delay_shifts_the_command(period: float | None) -> None:
     t = middles(command) - delay
     tick = t if period is None else period * np.floor(t / period + 1e-9)
     expected = np.where((t > 0) & (t < 1), np.floor(4 * tick + 1e-9) + 1, 0)
-    assert np.array_equal(values(command, 1)[:, 0], expected)
+    assert np.array_equal(values(command, 0)[:, 0], expected)
     assert np.min(np.abs(command.t - (1 + delay))) < 1e-12
 
 
@@ -96,24 +96,24 @@ def test_a_delay_for_each_sample(period: float | None) -> None:
     command = Command(RAMP, period, draws, 1e-3, STOPS)
     part = command.part(slice(1, 3))
     for i, delay in enumerate(delays):
-        t = middles(command) - delay
+        t = command.t[:-1] - delay
         tick = t if period is None else period * np.floor(t / period)
         expected = np.where((t >= 0) & (t < 1), tick, 0)
         near_jump = np.min(np.abs(t[:, None] - np.array([0.0, 1.0])), axis=1) < 1e-9
-        got = values(command, 1, i)[:, 0]
+        got = values(command, 0, i)[:, 0]
         assert got[~near_jump] == pytest.approx(expected[~near_jump], abs=1e-9)
         if i:
-            assert np.array_equal(values(part, 1, i - 1)[:, 0], got)
+            assert np.array_equal(values(part, 0, i - 1)[:, 0], got)
 
 
 def test_resolution_rounds_to_the_nearest_step() -> None:
     draws = draws_of(velocity_resolution_rad_s=[0.1, 0.0])
     command = Command(RAMP, None, draws, 1e-2, STOPS)
     exact = Command(RAMP, None, draws_of(), 1e-2, STOPS)
-    rounded = values(command, 1)[:, 0]
+    rounded = values(command, 0)[:, 0]
     assert np.max(np.abs(rounded / 0.1 - np.round(rounded / 0.1))) < 1e-12
-    assert np.max(np.abs(rounded - values(exact, 1)[:, 0])) == pytest.approx(0.05, abs=0.006)
-    assert np.array_equal(values(command, 1)[:, 1], values(exact, 1)[:, 1])
+    assert np.max(np.abs(rounded - values(exact, 0)[:, 0])) == pytest.approx(0.05, abs=0.006)
+    assert np.array_equal(values(command, 0)[:, 1], values(exact, 0)[:, 1])
 
 
 def test_an_infinite_input_is_refused_with_its_time() -> None:
@@ -132,6 +132,7 @@ def test_tabulated_command_agrees_with_its_source() -> None:
         return np.stack([np.sin(times), times**2], axis=-1)
 
     wave.jumps = subdivided(np.array([0.0, 1.0]), 1e-3)  # type: ignore[attr-defined]
+    wave.parts = (0.0, 0.5, 1.0)  # type: ignore[attr-defined]
     t = np.linspace(0.001, 0.999, 777)
     assert Tabulated(wave)(t) == pytest.approx(wave(t), abs=1e-7)  # type: ignore[arg-type]
 

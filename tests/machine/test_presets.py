@@ -41,6 +41,14 @@ def test_machines_differ(run: Replay) -> None:
     assert high - low > 1.5
 
 
+def test_a_millisecond_is_a_short_step(smooth_plan: Plan) -> None:
+    ends = [
+        replay(smooth_plan, Machine.prototype(step_s=h).nominal(), record_s=None).q[0, -1]
+        for h in (2e-3, 1e-3)
+    ]
+    assert np.max(np.abs(ends[0] - ends[1])) < 2e-6  # four times the error of the shorter one
+
+
 def test_play_and_soft_shafts_are_the_larger_part(smooth_plan: Plan) -> None:
     machine = Machine.prototype(step_s=0.005).nominal()
     whole = replay(smooth_plan, machine).largest_error_deg[0, 2]

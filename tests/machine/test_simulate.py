@@ -172,7 +172,7 @@ def test_index_of_error_is_the_maximum_over_all_steps(jumping: Plan) -> None:
 
 
 def test_chunks_do_not_matter(jumping: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
-    machine = Machine.prototype(delay_s={"value": 0.005, "spread": 0.002})
+    machine = Machine.prototype(step_s=0.005, delay_s={"value": 0.005, "spread": 0.002})
     whole = replay(jumping, machine, samples=7, seed=3, record_s=0.5)
     monkeypatch.setattr(sys.modules["planner.machine.simulate"], "CHUNK", 3)
     seen: list[tuple[int, int]] = []

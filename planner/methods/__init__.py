@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from planner.methods.collocation import plan_collocation
+from planner.methods.convex import plan_convex
 from planner.methods.piecewise import plan_piecewise
 from planner.methods.polynomial import plan_polynomial
 from planner.methods.sinusoid import plan_sinusoid
@@ -13,6 +15,8 @@ from planner.methods.sinusoid_steps import plan_sinusoid_steps
 from planner.plan import Plan
 from planner.problem import Problem
 from planner.schema.methods import (
+    CollocationOptions,
+    ConvexOptions,
     PiecewiseOptions,
     PolynomialOptions,
     SinusoidOptions,
@@ -61,6 +65,18 @@ _ALL = (
         "z1, z2 first, then one further coordinate by each period of sinusoids",
         SinusoidStepsOptions,
         plan_sinusoid_steps,
+    ),
+    Method(
+        "collocation",
+        "optimal plans in the coordinates themselves, within all limits, by direct collocation",
+        CollocationOptions,
+        plan_collocation,
+    ),
+    Method(
+        "convex",
+        "optimal in the chart: v1 constant, v2 on pieces; global with a gap, or a certificate",
+        ConvexOptions,
+        plan_convex,
     ),
 )
 

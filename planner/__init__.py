@@ -7,7 +7,10 @@
 True
 """
 
+from planner.chained import ChainedForm, chained_form
+from planner.check import Analysis, check
 from planner.compare import Comparison, compare
+from planner.controllability import Controllability, controllability
 from planner.errors import (
     InfeasibleError,
     InputError,
@@ -18,44 +21,76 @@ from planner.errors import (
     VerificationError,
     Violation,
 )
+from planner.indicators import Indicators, indicators
+from planner.machine import Machine
 from planner.methods import METHODS
 from planner.plan import Plan, load_plan
 from planner.problem import Limits, Problem, load_problem
 from planner.reachability import TravelWindow, travel_window
+from planner.replay import Replay, replay
 from planner.retime import retime
+from planner.sensitivity import Sensitivity, sensitivity
 from planner.solve import solve
 from planner.sweep import Sweep, load_sweep, run_sweep
-from planner.systems import Gear, Manipulator, TriangularSystem
+from planner.systems import (
+    BallGear,
+    Car,
+    CustomSystem,
+    Gear,
+    Manipulator,
+    Trailers,
+    TriangularSystem,
+    Unicycle,
+)
 from planner.verify import Check, verify
 
 __version__ = "0.1.0"
 
 __all__ = [
     "METHODS",
+    "BallGear",
+    "Car",
+    "ChainedForm",
+    "Analysis",
     "Check",
     "Comparison",
+    "Controllability",
+    "CustomSystem",
     "Gear",
+    "Indicators",
     "InfeasibleError",
     "InputError",
     "Limits",
+    "Machine",
     "Manipulator",
     "NoPlanError",
     "NotConvergedError",
     "Plan",
     "PlannerError",
     "Problem",
+    "Replay",
+    "Sensitivity",
+    "Replay",
     "SingularError",
     "Sweep",
+    "Trailers",
     "TravelWindow",
     "TriangularSystem",
+    "Unicycle",
     "VerificationError",
     "Violation",
+    "chained_form",
+    "check",
     "compare",
+    "controllability",
+    "indicators",
     "load_plan",
     "load_problem",
     "load_sweep",
+    "replay",
     "retime",
     "run_sweep",
+    "sensitivity",
     "solve",
     "travel_window",
     "verify",

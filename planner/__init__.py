@@ -48,10 +48,10 @@ __version__ = "0.1.0"
 
 __all__ = [
     "METHODS",
+    "Analysis",
     "BallGear",
     "Car",
     "ChainedForm",
-    "Analysis",
     "Check",
     "Comparison",
     "Controllability",
@@ -70,7 +70,6 @@ __all__ = [
     "Problem",
     "Replay",
     "Sensitivity",
-    "Replay",
     "SingularError",
     "Sweep",
     "Trailers",

@@ -13,6 +13,7 @@ from planner.duration import DurationBound, least_duration
 from planner.ends import End, chart_ends_report
 from planner.errors import InputError, NoPlanError
 from planner.methods import METHODS
+from planner.nonholonomy import Nonholonomy, nonholonomy
 from planner.problem import Problem
 from planner.reachability import TravelWindow, travel_window
 from planner.remedy import Progress, Remedy, attempt, find_remedy
@@ -39,6 +40,7 @@ class Analysis:
         duration_bound: Time below which no plan exists.
         plain_polynomial: Where the polynomial without points leaves the chart's domain and z₂
             crosses zero, and the travel this was found for; None when it stays inside.
+        nonholonomy: Controllability at the start, the goal and on θ₁ = 0.
         outcomes: For each method its summary, see `planner.summary.KEYS`.
         remedy: When no method has a plan, a change that gives one, if one was found.
     """
@@ -49,6 +51,7 @@ class Analysis:
     reversal: Reversal
     duration_bound: DurationBound
     plain_polynomial: tuple[float, DomainReport] | None
+    nonholonomy: Nonholonomy
     outcomes: tuple[dict[str, Any], ...]
     remedy: Remedy | None
 
@@ -90,6 +93,7 @@ class Analysis:
             "least_duration_s": self.duration_bound.seconds,
             "least_duration_reason": self.duration_bound.reason,
             "plain_polynomial": _polynomial_dict(self.plain_polynomial),
+            "nonholonomy": self.nonholonomy.to_dict(),
             "methods": list(self.outcomes),
             "remedy": None if self.remedy is None else self.remedy.to_dict(),
         }
@@ -125,6 +129,7 @@ def check(
         reversal=_reversal(problem, window, outcomes),
         duration_bound=least_duration(problem),
         plain_polynomial=_plain_polynomial(problem, window) if singular else None,
+        nonholonomy=nonholonomy(problem),
         outcomes=tuple(outcomes),
         remedy=None if found else find_remedy(problem, names, say),
     )

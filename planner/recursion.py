@@ -59,6 +59,11 @@ class PaperRecursion:
     printed: Family
     corrected: Family
 
+    @property
+    def printed_holds(self) -> tuple[bool, ...]:
+        """Of each step i = 1 … n−1 as printed, whether it gives what (14) and (15) claim."""
+        return tuple(_holds(x, y) for x, y in zip(*_errors(self.printed), strict=True))
+
     def __str__(self) -> str:
         lines = ["as printed, (12) and (13) with the fields of eq. (6):"]
         lines += _steps(self.printed)
@@ -156,14 +161,22 @@ def _remaining(first: Array, point: Array, i: int) -> Array:
     return out
 
 
+def _errors(family: Family) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    return family.x_error, family.y_error
+
+
+def _holds(x_error: float, y_error: float) -> bool:
+    return max(x_error, y_error) < 1e-9
+
+
 def _steps(family: Family) -> list[str]:
     out = []
-    for i, (x, y) in enumerate(zip(family.x_error, family.y_error, strict=True), start=1):
+    for i, (x, y) in enumerate(zip(*_errors(family), strict=True), start=1):
         if i in family.divides_by_zero:
             out.append(f"  step {i}: divides by zero")
         elif np.isnan(x):
             out.append(f"  step {i}: not reached")
         else:
-            holds = "holds" if max(x, y) < 1e-9 else "does not hold"
+            holds = "holds" if _holds(x, y) else "does not hold"
             out.append(f"  step {i}: {holds} (X off by {x:.3g}, Y off by {y:.3g})")
     return out

@@ -67,6 +67,9 @@ def _facts(analysis: Analysis) -> Table:
         bound = analysis.duration_bound
         rows.append(("least duration", f"{number(bound.seconds)} s: {bound.reason}"))
     rows += _plain_polynomial(analysis)
+    rows += [(f"at {place.name}", str(place)) for place in analysis.nonholonomy.places]
+    if analysis.nonholonomy.recursion is not None:
+        rows.append(("paper's (12)-(15)", analysis.nonholonomy.recursion_verdict))
     return facts(rows)
 
 

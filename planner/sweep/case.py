@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import itertools
 import tempfile
 import threading
 import time
@@ -85,13 +84,13 @@ class Case:
 
 def cases(sweep: Sweep) -> Iterator[Case]:
     """Every case of a sweep, point by point; points that come to the same share their key."""
-    for number, spec in itertools.product(range(len(sweep.points)), sweep.methods):
-        yield case_at(sweep, number, spec)
+    return (case_at(sweep, position) for position in range(len(sweep)))
 
 
-def case_at(sweep: Sweep, number: int, spec: Spec) -> Case:
-    """The case of one point and one method."""
-    point = sweep.points[number]
+def case_at(sweep: Sweep, position: int) -> Case:
+    """The case at a position of the sweep: point by point, method by method."""
+    number, method = divmod(position, len(sweep.methods))
+    point, spec = sweep.points[number], sweep.methods[method]
     request = {
         "tables": with_changes(sweep.base.to_dict(), copy.deepcopy(point)),
         "source": sweep.base.source,

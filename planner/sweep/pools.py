@@ -14,12 +14,16 @@ from pathlib import Path
 from typing import Protocol
 
 import planner
+from planner.errors import InputError
 from planner.sweep.case import RESULTS, Request, Row, run_case
 
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
 """One thread a process: so many processes as cores use the cores better than threads do."""
+
+READY = "ready\n"
+"""What a process says first."""
 
 ATTEMPTS = 2
 """How many processes may die on a case before it is given up."""
@@ -114,16 +118,17 @@ class _Worker:
     def __init__(self) -> None:
         folder = str(Path(planner.__file__).parents[1])
         path = os.pathsep.join(filter(None, [folder, os.environ.get("PYTHONPATH")]))
+        self._ready = False
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 (closed in `release`)
         self._process = subprocess.Popen(
-            [sys.executable, "-X", "faulthandler", "-m", "planner.sweep.worker"],
+            [sys.executable, "-P", "-X", "faulthandler", "-m", "planner.sweep.worker"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,
             env={**os.environ, **ONE_THREAD, "PYTHONPATH": path},
             text=True,
             encoding="utf-8",
-            start_new_session=True,  # Ctrl-C is for the parent alone
+            process_group=0,  # Ctrl-C is for the parent alone
         )
 
     @property
@@ -131,9 +136,22 @@ class _Worker:
         return self._process.poll() is None
 
     def ask(self, request: Request) -> Row | None:
-        """The row of a case, or None if the process died of it."""
+        """The row of a case, or None if the process died of it.
+
+        Raises:
+            InputError: If the process cannot start.
+        """
         assert self._process.stdin is not None
         assert self._process.stdout is not None
+        if not self._ready and self._process.stdout.readline() != READY:
+            self.end()
+            status, words = self.last_words()
+            reason = words.strip().rpartition("\n")[2]
+            raise InputError(
+                f"no process for the cases can start with {sys.executable}: it ended with status"
+                f" {status} ({reason})"
+            )
+        self._ready = True
         try:
             self._process.stdin.write(json.dumps(request, default=str) + "\n")
             self._process.stdin.flush()
@@ -143,8 +161,7 @@ class _Worker:
         if answer.endswith("\n"):
             row: Row = json.loads(answer)
             return row
-        self._process.kill()
-        self._process.wait()
+        self.end()
         return None
 
     def last_words(self) -> tuple[int, str]:

@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import Future
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -15,7 +15,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from planner.errors import InputError
-from planner.sweep.case import Case, Row, cases
+from planner.sweep.case import Case, Row, case_at, cases
 from planner.sweep.description import Sweep
 from planner.sweep.pools import HerePool, LocalPool, Pool
 from planner.sweep.store import Store
@@ -87,9 +87,11 @@ def run_sweep(
     began = time.perf_counter()
     with Store(db, create=True) as store:
         index = store.register(sweep, cases(sweep))
-        wanted = store.keys(index)
-        done = wanted & store.finished(retry, sweep.plans)
-        run = _Run(store, _missing(sweep, done), len(wanted) - len(done), progress)
+        wanted = store.positions(index)
+        done = wanted.keys() & store.finished(retry, sweep.plans)
+        missing = (position for key, position in wanted.items() if key not in done)
+        waiting = (case_at(sweep, position) for position in missing)
+        run = _Run(store, waiting, len(wanted) - len(done), progress)
         if run.total:
             with closing(_pool(workers, cluster, run.total)) as pool:
                 run.drive(pool)
@@ -119,15 +121,6 @@ def _cores() -> int:
     return os.cpu_count() or 1
 
 
-def _missing(sweep: Sweep, done: Collection[str]) -> Iterator[Case]:
-    """Cases to run, each once."""
-    seen = set(done)
-    for case in cases(sweep):
-        if case.key not in seen:
-            seen.add(case.key)
-            yield case
-
-
 @dataclass
 class _Run:
     """Cases on their way through a pool."""
@@ -146,14 +139,12 @@ class _Run:
         running = sum(self._launch(pool, case) for case in islice(self.waiting, pool.window))
         try:
             while running:
-                try:
+                with suppress(Empty):
                     self._keep(*self.finished.get(timeout=TELL_S))
-                except Empty:
-                    self._tell()
-                    continue
-                running -= 1
+                    running -= 1
                 self._tell()
-                running += sum(self._launch(pool, case) for case in islice(self.waiting, 1))
+                wanted = pool.window - running
+                running += sum(self._launch(pool, case) for case in islice(self.waiting, wanted))
         except KeyboardInterrupt:
             while not self.finished.empty():
                 self._keep(*self.finished.get())

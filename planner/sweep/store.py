@@ -8,87 +8,19 @@ ends.
 from __future__ import annotations
 
 import json
-import sqlite3
 from collections.abc import Collection, Iterable, Iterator
-from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
-from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from planner.errors import InputError
-from planner.files import refuse_unwritable
 from planner.sweep.canonical import canonical, digest
 from planner.sweep.case import RESULTS, Case, Row
+from planner.sweep.database import Database
 from planner.sweep.description import Sweep
 
-SCHEMA_VERSION = 1
-WAIT_S = 30.0
-"""How long to wait for another process that writes to the same file."""
 
-_TABLES = f"""
-CREATE TABLE schema_version (version INTEGER NOT NULL, format TEXT NOT NULL);
-CREATE TABLE cases (
-    key TEXT PRIMARY KEY,
-    description TEXT NOT NULL,
-    finished_at TEXT NOT NULL,
-    {", ".join(f"{name} {kind}" for name, kind in RESULTS.items())}
-);
-CREATE TABLE sweeps (
-    id INTEGER PRIMARY KEY,
-    digest TEXT NOT NULL UNIQUE,
-    description TEXT NOT NULL,
-    keys TEXT NOT NULL,
-    started_at TEXT NOT NULL
-);
-CREATE TABLE points (
-    sweep INTEGER NOT NULL REFERENCES sweeps (id),
-    position INTEGER NOT NULL,
-    method TEXT NOT NULL,
-    changes TEXT NOT NULL,
-    key TEXT NOT NULL,
-    PRIMARY KEY (sweep, position)
-) WITHOUT ROWID;
-"""
-_FORMAT = "planner-sweep"
-
-
-class Store:
-    """An open database file; use it in a `with` block.
-
-    Args:
-        path: The file; made when it is missing and `create` is True.
-        create: Whether it may be made and written to.
-
-    Raises:
-        InputError: If it cannot be read or written, is something else, or has another schema.
-    """
-
-    def __init__(self, path: str | Path, create: bool = False) -> None:
-        self.path = Path(path)
-        if create:
-            refuse_unwritable(path)
-        elif not self.path.is_file():
-            raise InputError(f"cannot read {path}: no such file; `planner sweep` makes it")
-        with self._explained():
-            self._db = sqlite3.connect(self.path, timeout=WAIT_S, isolation_level=None)
-        try:
-            with self._explained():
-                self._prepare(create)
-        except BaseException:
-            self._db.close()
-            raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._db.close()
+class Store(Database):
+    """What a database file of sweeps holds; use it in a `with` block."""
 
     # -- writing -------------------------------------------------------------------------------
 
@@ -100,20 +32,19 @@ class Store:
         """
         data = sweep.to_dict()
         own = digest(data)
-        with self._transaction():
-            self._db.execute(
+        rows = [(c.label, canonical(c.changes), c.key) for c in cases]  # slow: before the lock
+        with self.transaction():
+            self.db.execute(
                 "INSERT INTO sweeps (digest, description, keys, started_at) VALUES (?, ?, ?, ?)"
                 " ON CONFLICT (digest) DO UPDATE SET started_at = excluded.started_at",
                 (own, canonical(data), json.dumps(sweep.keys), _now()),
             )
-            (number,) = self._db.execute(
-                "SELECT id FROM sweeps WHERE digest = ?", (own,)
-            ).fetchone()
+            (number,) = self.db.execute("SELECT id FROM sweeps WHERE digest = ?", (own,)).fetchone()
             # A later version of the program may give the same points other keys.
-            self._db.execute("DELETE FROM points WHERE sweep = ?", (number,))
-            self._db.executemany(
+            self.db.execute("DELETE FROM points WHERE sweep = ?", (number,))
+            self.db.executemany(
                 "INSERT INTO points VALUES (?, ?, ?, ?, ?)",
-                ((number, k, c.label, canonical(c.changes), c.key) for k, c in enumerate(cases)),
+                ((number, position, *row) for position, row in enumerate(rows)),
             )
         return int(number)
 
@@ -122,16 +53,23 @@ class Store:
         names = ["key", "description", "finished_at", *RESULTS]
         values = [case.key, case.description, _now(), *(row[name] for name in RESULTS)]
         marks = ", ".join("?" * len(names))
-        with self._transaction():
-            self._db.execute(
+        with self.transaction():
+            self.db.execute(
                 f"INSERT OR REPLACE INTO cases ({', '.join(names)}) VALUES ({marks})", values
             )
 
     # -- reading -------------------------------------------------------------------------------
 
-    def keys(self, sweep: int) -> set[str]:
-        """Keys of the different cases of a sweep, finished or not."""
-        return self._set("SELECT DISTINCT key FROM points WHERE sweep = ?", sweep)
+    def positions(self, sweep: int) -> dict[str, int]:
+        """Keys of the different cases of a sweep, finished or not, and where each comes first."""
+        with self.explained():
+            return dict(
+                self.db.execute(
+                    "SELECT key, min(position) AS first FROM points WHERE sweep = ?"
+                    " GROUP BY key ORDER BY first",
+                    (sweep,),
+                )
+            )
 
     def finished(self, retry: Collection[str] = (), plans: bool = False) -> set[str]:
         """Keys of the finished cases.
@@ -149,14 +87,14 @@ class Store:
         )
 
     def _set(self, query: str, *values: Any) -> set[str]:
-        with self._explained():
-            return {key for (key,) in self._db.execute(query, values)}
+        with self.explained():
+            return {key for (key,) in self.db.execute(query, values)}
 
     def statuses(self, sweep: int) -> dict[str, int]:
         """How many different cases of a sweep ended in each status."""
-        with self._explained():
+        with self.explained():
             return dict(
-                self._db.execute(
+                self.db.execute(
                     "SELECT status, count(*) FROM cases WHERE key IN"
                     " (SELECT key FROM points WHERE sweep = ?) GROUP BY status ORDER BY status",
                     (sweep,),
@@ -165,8 +103,8 @@ class Store:
 
     def sweeps(self) -> list[dict[str, Any]]:
         """The sweeps run into this file, the last one started last: id, description, keys."""
-        with self._explained():
-            found = self._db.execute(
+        with self.explained():
+            found = self.db.execute(
                 "SELECT id, description, keys FROM sweeps ORDER BY started_at, id"
             ).fetchall()
         return [
@@ -178,8 +116,8 @@ class Store:
         """The finished cases of a sweep in its order: changes, method, results but the plan."""
         results = [name for name in RESULTS if name != "plan"]
         columns = ", ".join(f"cases.{name}" for name in results)
-        with self._explained():
-            found = self._db.execute(
+        with self.explained():
+            found = self.db.execute(
                 f"SELECT changes, method, cases.key, {columns}, finished_at FROM points"
                 " JOIN cases ON cases.key = points.key WHERE sweep = ? ORDER BY position",
                 (sweep,),
@@ -195,69 +133,13 @@ class Store:
 
     def plan(self, key: str) -> str | None:
         """The text of a stored plan, by its case's key or a beginning of it that is unique."""
-        with self._explained():
-            found = self._db.execute(
+        with self.explained():
+            found = self.db.execute(
                 "SELECT plan FROM cases WHERE substr(key, 1, ?) = ?", (len(key), key)
             ).fetchall()
         if len(found) != 1:
             raise InputError(f"{self.path}: {len(found) or 'no'} cases have a key '{key}...'")
         return None if found[0][0] is None else str(found[0][0])
-
-    # -- inside --------------------------------------------------------------------------------
-
-    def _prepare(self, create: bool) -> None:
-        (tables,) = self._db.execute("SELECT count(*) FROM sqlite_master").fetchone()
-        if create and tables == 0:
-            self._db.execute("PRAGMA journal_mode = WAL")
-            with self._transaction():
-                # Another process may have been faster.
-                if not self._has_version():
-                    for statement in filter(str.strip, _TABLES.split(";")):
-                        self._db.execute(statement)
-                    self._db.execute(
-                        "INSERT INTO schema_version VALUES (?, ?)", (SCHEMA_VERSION, _FORMAT)
-                    )
-        self._refuse_foreign()
-        # A commit survives the end of the process; to survive a power cut as well costs 10 ms each.
-        self._db.execute("PRAGMA synchronous = NORMAL")
-
-    def _has_version(self) -> bool:
-        return bool(
-            self._db.execute("SELECT 1 FROM sqlite_master WHERE name = 'schema_version'").fetchone()
-        )
-
-    def _refuse_foreign(self) -> None:
-        found = None
-        if self._has_version():
-            found = self._db.execute("SELECT * FROM schema_version").fetchone()
-        if found is None or found[-1] != _FORMAT:
-            raise InputError(
-                f"{self.path} is a database of something else, not of a sweep; name another file"
-            )
-        if found[0] != SCHEMA_VERSION:
-            raise InputError(
-                f"{self.path} has schema version {found[0]}; this planner reads and writes version"
-                f" {SCHEMA_VERSION}; use the planner that made it, or name a new file"
-            )
-
-    @contextmanager
-    def _transaction(self) -> Iterator[None]:
-        with self._explained():
-            self._db.execute("BEGIN IMMEDIATE")
-            try:
-                yield
-            except BaseException:
-                with suppress(sqlite3.Error):  # it may be over already
-                    self._db.execute("ROLLBACK")
-                raise
-            self._db.execute("COMMIT")
-
-    @contextmanager
-    def _explained(self) -> Iterator[None]:
-        try:
-            yield
-        except sqlite3.Error as error:
-            raise InputError(f"cannot use the database {self.path}: {error}") from None
 
 
 def _now() -> str:

@@ -1,7 +1,7 @@
 """A process that runs cases: `python -m planner.sweep.worker`.
 
-One request a line on standard input, one row a line on standard output, both JSON. It ends when
-its standard input does, so that it never outlives whoever started it.
+It says `ready`; then one request a line on standard input, one row a line on standard output, both
+JSON. It ends when its standard input does, so that it never outlives whoever started it.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import threading
 from queue import SimpleQueue
 
 from planner.sweep.case import run_case
+from planner.sweep.pools import READY
 
 
 def main() -> None:
@@ -20,6 +21,8 @@ def main() -> None:
     # Solvers print from compiled code: what they print must not end up between the rows.
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
+    answers.write(READY)
+    answers.flush()
     requests: SimpleQueue[str] = SimpleQueue()
     threading.Thread(target=_listen, args=(requests,), daemon=True).start()
     while True:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -222,6 +223,25 @@ def test_a_case_that_kills_its_process_is_a_row(
     assert "Segmentation fault" in column(db, "traceback")[4]
 
 
+def test_processes_that_cannot_start_are_told_and_make_no_rows(
+    tables: Tables, db: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "sitecustomize.py").write_text("import sys; sys.modules['casadi'] = None")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    says = "no process for the cases can start with .* status 1 .*casadi"
+    with pytest.raises(planner.InputError, match=says):
+        run_sweep(tables, db, workers=2)
+    assert query(db, "SELECT count(*) FROM cases") == [(0,)]
+
+
+def test_two_runs_into_one_file_do_not_disturb_each_other(tables: Tables, db: Path) -> None:
+    with ThreadPoolExecutor(2) as threads:
+        runs = [threads.submit(run_sweep, tables, db, workers=0) for _ in range(2)]
+    assert all(run.result().statuses == {"infeasible": 10} for run in runs)
+    assert query(db, "SELECT count(*) FROM cases") == [(10,)]
+    assert len(column(db, "case")) == 10
+
+
 def test_an_interrupt_keeps_what_is_done(
     tables: Tables, db: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -238,7 +258,7 @@ def test_an_interrupt_keeps_what_is_done(
 def test_no_process_or_thread_is_left_behind(tables: Tables, db: Path) -> None:
     before = threading.active_count()
     pool = LocalPool(1)
-    case = case_at(Sweep.from_dict(tables), 0, Sweep.from_dict(tables).methods[0])
+    case = case_at(Sweep.from_dict(tables), 0)
     row = pool.submit(case.request).result()
     assert row == {**run_case(case.request), "case_time_s": row["case_time_s"]}
     (worker,) = pool._workers

@@ -32,11 +32,13 @@ class Programme:
         name: What is minimised.
         solve: From (frame, A, b, radius, guess) to the least over A y ≤ b, |y| ≤ radius.
         tolerance: Excess over the band (in z₂) below which cutting stops; what `solve` resolves.
+        strict: Whether the path must be proven inside the band, or within the tolerance of it.
     """
 
     name: str
     solve: Callable[[Frame, Array, Array, float, Array | None], Optimum | Farkas]
     tolerance: float
+    strict: bool = True
 
 
 @dataclass(frozen=True)
@@ -223,7 +225,7 @@ def cut(
         if len(low.piece) + len(high.piece) == 0:
             relaxed = relaxed or answer
             tighten = 2 * max(tighten, programme.tolerance)
-        if relaxed is not None and proven <= 0:
+        if relaxed is not None and (proven <= 0 or not programme.strict):
             touch = rows.active(answer.multipliers)
             bound = relaxed.bound
             return Best(frame, guess, bound, touch, rows.A, b, answer, round_, proven)

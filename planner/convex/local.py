@@ -8,20 +8,18 @@ import numpy as np
 
 from planner.convex.band import Band
 from planner.convex.frame import Frame
+from planner.convex.judge import Verdict, judge
 from planner.convex.look import Samples
 from planner.convex.sampled import Sampled
 from planner.convex.successive import Aim, Local, Succession
 from planner.problem import Limits, Problem
 from planner.systems.base import Array
 
-DENSE = 33
-"""Samples a piece of the final check."""
-
 SHRINK = 1e-5
 """Limits are first lowered by this fraction, to make room for the tolerance at the samples."""
 
-ROUNDS = 5
-"""Times that samples may be added and the limits lowered further (four times each)."""
+ROUNDS = 10
+"""Times that samples may be added, or the limits lowered further (four times each)."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +53,11 @@ class Setting:
             return replace(limits, input=np.full(2, np.inf))
         return limits
 
+    @property
+    def limits_inputs(self) -> bool:
+        """Whether an input has a limit that a path may break."""
+        return bool(np.any(np.isfinite(self.limits.input)))
+
     def sampled(self, frame: Frame, samples: Samples, shrink: float = 0.0) -> Sampled:
         """The nonconvex requirements on paths of a frame, with limits lowered by a fraction."""
         system, branch, limits = self.problem.system, self.problem.branch, self.limits
@@ -63,12 +66,19 @@ class Setting:
         )
         return Sampled(system, branch, lowered, self.margin, frame, samples, self.duration)
 
-    def judge(self, frame: Frame) -> Sampled:
-        """The requirements finely sampled."""
-        return self.sampled(frame, Samples.even(frame.shape.pieces, DENSE))
+    def judge(self, frame: Frame, y: Array, t: float = 1.0) -> Verdict:
+        """The requirements over the whole path; see `judge`."""
+        return judge(lambda samples: self.sampled(frame, samples), frame.shape.pieces, y, t)
 
 
-def improve(setting: Setting, frame: Frame, y: Array, value: float) -> Local:
+def improve(
+    setting: Setting,
+    frame: Frame,
+    y: Array,
+    value: float,
+    warm: Local | None = None,
+    rounds: int = ROUNDS,
+) -> Local:
     """A local optimum from the path of y.
 
     Args:
@@ -76,6 +86,8 @@ def improve(setting: Setting, frame: Frame, y: Array, value: float) -> Local:
         frame: The paths.
         y: A path inside the chart's domain.
         value: Scale of the aim: √∫ω² or max |ω| of a typical path; 1 for "input".
+        warm: A local optimum of a neighbour, whose multipliers are a start.
+        rounds: Times that samples may be added; with 0 only the first ones are kept to.
 
     Returns:
         The path; `kept` False if the requirements could not be met.
@@ -83,30 +95,22 @@ def improve(setting: Setting, frame: Frame, y: Array, value: float) -> Local:
     Raises:
         StalledError: If y lies outside the domain.
     """
-    shrink, judge = SHRINK, setting.judge(frame)
-    samples = Samples.even(frame.shape.pieces)
+    samples, shrink = Samples.sparse(frame.shape), SHRINK
     sampled = setting.sampled(frame, samples, shrink)
-    run = Succession(sampled, setting.band, Aim(setting.aim, value), y)
+    run = Succession(sampled, setting.band, Aim(setting.aim, value), y, warm)
     found = run.go(setting.max_steps)
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         if not found.kept:
             return found
         level = found.t * (1 + 1e-3) if setting.aim == "input" else 1.0
-        h = judge.values(found.y, level)
-        worst = np.inf if h is None else float(h.max(initial=-1.0))
-        found = replace(found, worst=worst, kept=worst <= 0)
-        if found.kept or h is None:
+        verdict = setting.judge(frame, found.y, level)
+        found = replace(found, worst=verdict.worst, kept=verdict.worst <= 0)
+        if found.kept or np.isinf(verdict.worst):
             return found
-        extra = _worst_samples(judge.samples, h, frame.shape.pieces)
-        samples, shrink = samples.plus(extra.piece, extra.local), 4 * shrink
+        extra = verdict.breaches
+        samples = samples.plus(extra.piece, extra.local)
+        if verdict.worst < 10 * shrink:  # more samples alone would gain little
+            shrink *= 4
         run.take(setting.sampled(frame, samples, shrink), len(extra.piece))
         found = run.go(setting.max_steps)
-    return replace(found, kept=False)
-
-
-def _worst_samples(samples: Samples, h: Array, pieces: int) -> Samples:
-    """The worst sample of every piece that breaks a requirement."""
-    worst = h.reshape(-1, len(samples.piece)).max(axis=0).reshape(pieces, -1)
-    piece = np.flatnonzero(worst.max(axis=1) > 0)
-    local = samples.local.reshape(pieces, -1)[piece, np.argmax(worst[piece], axis=1)]
-    return Samples(piece, local)
+    return replace(found, kept=found.kept and rounds == 0)

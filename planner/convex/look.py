@@ -17,6 +17,7 @@ from scipy.interpolate import BPoly
 
 from planner.chained import chained_form
 from planner.convex.frame import Frame
+from planner.convex.shape import Shape
 from planner.systems.base import Array, TriangularSystem
 
 
@@ -28,10 +29,18 @@ class Samples:
     local: Array
 
     @classmethod
-    def even(cls, pieces: int, each: int = 5) -> Samples:
+    def dense(cls, pieces: int, each: int) -> Samples:
         """Chebyshev–Lobatto points of every piece, both ends included."""
         unit = 0.5 - 0.5 * np.cos(np.pi * np.arange(each) / (each - 1))
         return cls(np.repeat(np.arange(pieces), each), np.tile(unit, pieces))
+
+    @classmethod
+    def sparse(cls, shape: Shape) -> Samples:
+        """Both ends of every piece where ω jumps between them, else nodes and middles."""
+        piece = np.repeat(np.arange(shape.pieces), 2)
+        if shape.degree == 0:
+            return cls(piece, np.tile([0.0, 1.0], shape.pieces))
+        return cls(np.append(piece, piece[-1]), np.append(np.tile([0.0, 0.5], shape.pieces), 1.0))
 
     def plus(self, piece: NDArray[np.intp], local: Array) -> Samples:
         """These and more."""

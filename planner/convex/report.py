@@ -8,6 +8,8 @@ import numpy as np
 
 from planner.convex.cuts import Best, Impossible
 from planner.convex.frame import Frame
+from planner.convex.judge import DENSE
+from planner.convex.look import Samples
 from planner.convex.nearby import Nearby
 from planner.convex.quadratic import osqp_answer
 from planner.convex.search import Found
@@ -117,10 +119,10 @@ def certificate_words(task: Task, refusal: Impossible) -> str:
 
 def broken_limits(task: Task, frame: Frame, y: Array, duration: float) -> list[Violation]:
     """What a path breaks, by label, with times."""
-    at = task.setting.judge(frame).look(y)
+    samples = Samples.dense(frame.shape.pieces, DENSE)
+    at = task.setting.sampled(frame, samples).look(y)
     if at is None:
         return [Violation("chart domain", None, float("nan"), 0.0, "", np.inf)]
-    samples = task.setting.judge(frame).samples
     times = (samples.piece + samples.local) / frame.shape.pieces * duration
     system, limits = task.problem.system, task.setting.limits
     with np.errstate(divide="ignore", invalid="ignore"):

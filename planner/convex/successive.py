@@ -61,6 +61,7 @@ class Local:
         kept: Whether that is within tolerance.
         steps: Programmes solved.
         touch: Points of the band's rows it leans on.
+        merit: The augmented Lagrangian it ended with.
     """
 
     y: Array
@@ -69,23 +70,27 @@ class Local:
     kept: bool
     steps: int
     touch: Touch
+    merit: Merit
 
 
 @dataclass
-class _Merit:
+class Merit:
     """The augmented Lagrangian: shifts σ (one a requirement and sample) and weight μ."""
 
     shift: Array
     weight: float
 
     def penalty(self, h: Array) -> float:
+        """What breaking the requirements by h adds."""
         above = np.maximum(h + self.shift, 0.0)
         return float(self.weight * np.sum(above**2 - self.shift**2) / 2)
 
     def update(self, h: Array) -> None:
+        """Take the multipliers from where a minimum was found."""
         self.shift = np.maximum(h + self.shift, 0.0)
 
     def harden(self, factor: float) -> None:
+        """Raise the weight, the multipliers staying what they are."""
         self.weight *= factor
         self.shift = self.shift / factor
 
@@ -98,9 +103,12 @@ class Succession:
         band: The convex part of the domain.
         aim: What is minimised.
         y: A path inside the chart's domain to start from.
+        warm: A local optimum of a neighbour, whose level and multipliers are taken over.
     """
 
-    def __init__(self, sampled: Sampled, band: Band, aim: Aim, y: Array) -> None:
+    def __init__(
+        self, sampled: Sampled, band: Band, aim: Aim, y: Array, warm: Local | None = None
+    ) -> None:
         self.sampled, self.band, self.aim = sampled, band, aim
         self.frame = sampled.frame
         self.y, self.t, self.steps = y, 1.0, 0
@@ -110,7 +118,12 @@ class Succession:
         rows = self._rows(y, 1.0)
         if aim.kind == "input":
             self.t = max(1.0, 1 + float(rows.h.max(initial=0.0)))
-        self.merit = _Merit(np.zeros(len(rows.h)), 100.0)
+        self.merit = Merit(np.zeros(len(rows.h)), 100.0)
+        if warm is not None:
+            self.t = warm.t
+            samples = len(sampled.samples.piece)
+            shift = warm.merit.shift.reshape(len(rows.h) // samples, -1)[:, :samples]
+            self.merit = Merit(shift.ravel(), warm.merit.weight)
 
     def take(self, sampled: Sampled, extra: int) -> None:
         """Go on with other samples, the last `extra` of which are new."""
@@ -142,7 +155,7 @@ class Succession:
             last = worst
             self.damping = min(self.damping, 1.0 / self.aim.scale**2)
         worst = float(rows.h.max(initial=-1.0))
-        return Local(self.y, self.t, worst, worst <= KEPT, self.steps, self.touch)
+        return Local(self.y, self.t, worst, worst <= KEPT, self.steps, self.touch, self.merit)
 
     def _rows(self, y: Array, t: float) -> Rows:
         rows = self.sampled.rows(y, t, SIGHT, self.scale)
@@ -185,7 +198,9 @@ class Succession:
 
     def _solve(self, rows: Rows) -> tuple[Array, float]:
         step = _StepProgramme(self, rows)
-        answer = cut(self.frame, self.band, Programme("one step", step.solve, 1e-9), self.touch)
+        answer = cut(
+            self.frame, self.band, Programme("one step", step.solve, 1e-9, strict=False), self.touch
+        )
         if not isinstance(answer, Best):
             raise StalledError("no step inside the band")
         self.touch = answer.touch

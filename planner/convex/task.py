@@ -9,7 +9,7 @@ import numpy as np
 from planner.convex.band import Band, band_of
 from planner.convex.cuts import Above, Best, Impossible, Programme, Touch, cut
 from planner.convex.frame import Frame
-from planner.convex.local import Setting, improve
+from planner.convex.local import ROUNDS, Setting, improve
 from planner.convex.objectives import lowest_peak, smoothest
 from planner.convex.shape import input_shape
 from planner.convex.successive import Local
@@ -71,6 +71,10 @@ class Task:
         """ "smooth", "peak" or "input"."""
         return self.setting.aim
 
+    def eased(self) -> Task:
+        """The same task, seeking the least peak input."""
+        return replace(self, setting=replace(self.setting, aim="input"))
+
     def optimum(self, travel: float, rows: Touch, ceiling: float) -> Best | Impossible | Above:
         """The convex optimum at one travel, of the requirements that are convex; see `cut`."""
         rounds = self.options.max_cuts
@@ -78,12 +82,13 @@ class Task:
 
     def complaint(self, frame: Frame, y: Array) -> float:
         """How far a path breaks what is not convex, relative to the limits; ≤ 0 if it keeps it."""
-        h = self.setting.judge(frame).values(y)
-        return np.inf if h is None else float(h.max(initial=-1.0))
+        return self.setting.judge(frame, y).worst
 
-    def improve(self, frame: Frame, y: Array) -> Local:
+    def improve(
+        self, frame: Frame, y: Array, warm: Local | None = None, rounds: int = ROUNDS
+    ) -> Local:
         """A local optimum from a path inside the chart's domain; see `improve`."""
-        return improve(self.setting, frame, y, self._scale(frame, y))
+        return improve(self.setting, frame, y, self._scale(frame, y), warm, rounds)
 
     def value(self, frame: Frame, local: Local) -> float:
         """The objective of a local optimum, in the programme's measure (or the level on inputs)."""

@@ -79,8 +79,8 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
             raise class_refusal(task, found, replan)
     plan = _plan(task, found, nearby)
     plan = replace(plan, build_time_s=built - began, solve_time_s=time.perf_counter() - built)
-    if nearby is not None and not nearby.local.kept:
-        raise limits_refusal(task, nearby, plan, replan)
+    if nearby is not None and (nearby.eased or not nearby.local.kept):
+        raise limits_refusal(task, nearby, plan)
     return plan
 
 

@@ -6,8 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from planner.convex.nearby import Nearby
 from planner.convex.report import broken_limits, certificate, certificate_words, class_words
 from planner.convex.search import Found
@@ -92,37 +90,19 @@ def _other_travel(problem: Problem, replan: Replan) -> str:
     return f"goal.travel = {plan.travel:.6g} (tried), or 'free'"
 
 
-def limits_refusal(task: Task, nearby: Nearby, plan: Plan, replan: Replan) -> NotConvergedError:
+def limits_refusal(task: Task, nearby: Nearby, plan: Plan) -> NotConvergedError:
     """Paths inside the domain were found, but none that keeps the limits."""
-    violations = broken_limits(task, nearby.frame, nearby.local.y, plan.duration)
-    inputs_only = all(v.label.startswith("input") for v in violations)
+    problem = task.problem
+    advice = f"wider limits; or {WAY_OUT}"
+    if nearby.eased and problem.duration is not None:
+        advice = (
+            f"goal.duration = {problem.duration * nearby.local.t * 1.0001:.6g} (this path, slower,"
+            f" then keeps them), or 'free'; or {WAY_OUT}"
+        )
     return NotConvergedError(
-        f"{task.problem.source}: no path with {class_words(task.frame)} was found that keeps every"
+        f"{problem.source}: no path with {class_words(task.frame)} was found that keeps every"
         f" limit; the nearest of {nearby.tried} local optima, at travel {plan.travel:.6g}, breaks",
         plan=replace(plan, status=NotConvergedError.status),
-        violations=violations,
-        advice=_longer(task, nearby, replan) if inputs_only else f"wider limits; or {WAY_OUT}",
-    )
-
-
-def _longer(task: Task, nearby: Nearby, replan: Replan) -> str:
-    """A duration at which the path of least peak input keeps the limits."""
-    problem = task.problem
-    if task.aim == "input" or problem.duration is None:
-        factor = nearby.local.t
-        travel = nearby.frame.travel
-    else:
-        travel = nearby.frame.travel
-        limits = problem.limits.input
-        slack = {"goal.travel": travel, "goal.duration": "free"}
-        try:
-            plan = replan(problem.changed(slack), {"objective": "peak_input"})
-        except (NoPlanError, InputError):
-            return f"goal.duration longer, or 'free'; or {WAY_OUT}"
-        assert np.any(np.isfinite(limits))
-        factor = plan.duration / problem.duration
-    seconds = (problem.duration or 1.0) * factor * 1.001
-    return (
-        f"goal.duration = {seconds:.5g} with goal.travel = {travel:.6g} and method.convex.objective"
-        f" = 'peak_input' (tried), or goal.duration = 'free'; or {WAY_OUT}"
+        violations=broken_limits(task, nearby.frame, nearby.local.y, plan.duration),
+        advice=advice,
     )

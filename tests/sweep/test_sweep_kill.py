@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -69,11 +70,15 @@ def until(db: Path, count: int) -> None:
         time.sleep(0.005)
 
 
-def children(pid: int) -> list[int]:
-    found = subprocess.run(
-        ["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True, check=False
-    )
-    return [int(word) for word in found.stdout.split()]
+def alive() -> dict[int, int]:
+    """Processes that run, and their parents; empty where there is no /proc."""
+    out = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            state, parent = stat.read_text().rpartition(")")[2].split()[:2]
+            if state != "Z":
+                out[int(stat.parent.name)] = int(parent)
+    return out
 
 
 def test_kill_9_loses_nothing_and_the_restart_runs_the_rest(
@@ -82,15 +87,16 @@ def test_kill_9_loses_nothing_and_the_restart_runs_the_rest(
     db = tmp_path / "sweep.sqlite"
     process = start()
     until(db, 10)
-    workers = children(process.pid)
+    workers = {child for child, parent in alive().items() if parent == process.pid}
+    assert bool(workers) == bool(alive())
     process.kill()
     process.wait()
     kept = rows(db)
     assert 10 <= kept < CASES, "it was not killed half-way"
     gone = time.monotonic() + 10
-    while any(Path(f"/proc/{pid}").exists() for pid in workers) and time.monotonic() < gone:
+    while workers & alive().keys() and time.monotonic() < gone:
         time.sleep(0.01)
-    assert not [pid for pid in workers if Path(f"/proc/{pid}").exists()], "workers live on"
+    assert not workers & alive().keys(), "workers live on"
     out, err = start("--json").communicate(timeout=60)
     found = json.loads(out)
     assert found["kept"] == kept, err

@@ -48,7 +48,7 @@ def judge(at: Callable[[Samples], Sampled], pieces: int, y: Array, t: float = 1.
     h = at(grid).values(y, t)
     none = Samples(np.zeros(0, int), np.zeros(0))
     if h is None:
-        return Verdict(np.inf, none)
+        return Verdict(np.inf, _lost(grid, at(grid).lost(y), pieces))
     if not len(h):
         return Verdict(-1.0, none)
     local = np.tile(grid.local[:DENSE], (pieces, 1))
@@ -65,6 +65,14 @@ def judge(at: Callable[[Samples], Sampled], pieces: int, y: Array, t: float = 1.
         values = fine.reshape(-1, len(piece), FINE)[which, np.arange(len(piece))]
     worst = max(float(h.max()), float(values.max(initial=-1.0)))
     return Verdict(worst, _breaches(piece, place, values))
+
+
+def _lost(grid: Samples, lost: NDArray[np.bool_], pieces: int) -> Samples:
+    """The middle one of the lost points of every piece that has any."""
+    table = lost.reshape(pieces, DENSE)
+    piece = np.flatnonzero(table.any(axis=1))
+    middle = [np.flatnonzero(table[k])[table[k].sum() // 2] for k in piece]
+    return Samples(piece, grid.local[:DENSE][np.array(middle, dtype=int)])
 
 
 def _between(place: Array, k: Array) -> Array:

@@ -18,6 +18,9 @@ from planner.systems.base import Array
 SHRINK = 1e-5
 """Limits are first lowered by this fraction, to make room for the tolerance at the samples."""
 
+EDGE_SAMPLES = 7
+"""First samples a piece where the chart's domain is among the requirements."""
+
 ROUNDS = 10
 """Times that samples may be added, or the limits lowered further (four times each)."""
 
@@ -29,7 +32,8 @@ class Setting:
     Attributes:
         problem: Supplies system, branch and limits.
         band: The convex part of the domain.
-        margin: Least chart margins where the band is not all of it, shape (M,), else None.
+        margin: Least chart margins where the band is not all of it, shape (m,), else None.
+        nearest: The lesser of start's and goal's chart margins, shape (m,).
         duration: Seconds; any where the problem leaves it free, and then inputs have no limit.
         aim: "smooth", "peak" or "input".
         max_steps: Programmes allowed for one travel.
@@ -38,6 +42,7 @@ class Setting:
     problem: Problem
     band: Band
     margin: Array | None
+    nearest: Array
     duration: float
     aim: str
     max_steps: int
@@ -64,7 +69,10 @@ class Setting:
         lowered = replace(
             limits, input=limits.input * (1 - shrink), joint=limits.joint * (1 - shrink)
         )
-        return Sampled(system, branch, lowered, self.margin, frame, samples, self.duration)
+        margin = self.margin
+        if margin is not None:
+            margin = margin + np.minimum(shrink, self.nearest / 4)
+        return Sampled(system, branch, lowered, margin, frame, samples, self.duration)
 
     def judge(self, frame: Frame, y: Array, t: float = 1.0) -> Verdict:
         """The requirements over the whole path; see `judge`."""
@@ -95,7 +103,10 @@ def improve(
     Raises:
         StalledError: If y lies outside the domain.
     """
-    samples, shrink = Samples.sparse(frame.shape), SHRINK
+    shrink = SHRINK
+    samples = Samples.sparse(frame.shape)
+    if setting.margin is not None:  # the domain itself is kept at the samples only
+        samples = Samples.dense(frame.shape.pieces, EDGE_SAMPLES)
     sampled = setting.sampled(frame, samples, shrink)
     run = Succession(sampled, setting.band, Aim(setting.aim, value), y, warm)
     found = run.go(setting.max_steps)
@@ -105,8 +116,10 @@ def improve(
         level = found.t * (1 + 1e-3) if setting.aim == "input" else 1.0
         verdict = setting.judge(frame, found.y, level)
         found = replace(found, worst=verdict.worst, kept=verdict.worst <= 0)
-        if found.kept or np.isinf(verdict.worst):
+        if found.kept:
             return found
+        if np.isinf(verdict.worst):
+            run.y = y  # the new samples are outside along the last path, not along the first
         extra = verdict.breaches
         samples = samples.plus(extra.piece, extra.local)
         if verdict.worst < 10 * shrink:  # more samples alone would gain little

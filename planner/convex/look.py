@@ -95,19 +95,27 @@ def look(
     duration: float,
 ) -> Look | None:
     """The path of y at the samples; None if any of them lies outside the chart's domain."""
-    breaks = frame.shape.breaks
-    tau = breaks[samples.piece] + samples.local / frame.shape.pieces
-    omega, *rest = frame.bernstein(y)
-    z = np.stack([frame.start[0] + frame.travel * tau, *(BPoly(c, breaks)(tau) for c in rest)], 1)
-    q = chained_form(system).q(z, branch)
+    q = coordinates(system, branch, frame, samples, y)
     if not np.all(np.isfinite(q)):
         return None
+    omega = frame.shape.bernstein(frame.x(y))
     rate = omega[0, samples.piece]  # the piece's own value at its ends, where ω may jump
     if frame.shape.degree == 1:
         rate = rate + samples.local * (omega[1, samples.piece] - rate)
-    v = np.stack([np.full(len(tau), frame.travel), rate], axis=1) / duration
+    v = np.stack([np.full(len(rate), frame.travel), rate], axis=1) / duration
     feedback = _feedback(system)(ca.DM(q.T)).full().T
     return Look(system, q, v, feedback)
+
+
+def coordinates(
+    system: TriangularSystem, branch: Array, frame: Frame, samples: Samples, y: Array
+) -> Array:
+    """q along the path of y, shape (M, N); NaN outside the chart's domain."""
+    breaks = frame.shape.breaks
+    tau = breaks[samples.piece] + samples.local / frame.shape.pieces
+    rest = frame.bernstein(y)[1:]
+    z = np.stack([frame.start[0] + frame.travel * tau, *(BPoly(c, breaks)(tau) for c in rest)], 1)
+    return chained_form(system).q(z, branch)
 
 
 def _feedback_expr(system: TriangularSystem) -> tuple[Any, Any, Any]:

@@ -6,16 +6,19 @@ from typing import Any
 
 import numpy as np
 
-from planner.convex.cuts import Best, Impossible
+from planner.convex.cuts import NO_TOUCH, Best, Impossible
 from planner.convex.frame import Frame
 from planner.convex.judge import DENSE
 from planner.convex.look import Samples
 from planner.convex.nearby import Nearby
-from planner.convex.quadratic import osqp_answer
+from planner.convex.quadratic import StalledError, osqp_answer
 from planner.convex.search import Found
 from planner.convex.task import Task
 from planner.errors import Violation
 from planner.systems.base import Array
+
+ATTAINED = 1e-6
+"""Relative gap below which a bound counts as attained."""
 
 OBJECTIVES = {
     "smooth": "smoothness: half the integral of (dz2/dz1)^2 over |z1|",
@@ -48,16 +51,31 @@ def global_notes(task: Task, found: Found, best: Best) -> dict[str, Any]:
 def local_notes(task: Task, found: Found, nearby: Nearby) -> dict[str, Any]:
     """What is known of a plan found by successive convexification."""
     value = task.value(nearby.frame, nearby.local)
-    bound = None if found.best is None or task.aim == "input" else found.bound
+    bound = _bound_at(task, nearby.frame.travel)
+    gap = None if bound is None else (value - bound) / max(abs(value), 1e-300)
+    attained = gap is not None and gap <= ATTAINED
     return {
-        "kind": "local",
+        "kind": "global" if attained else "local",
         "of": class_words(task.frame) + _where(task, found, nearby.frame),
         "objective": value,
         "lower_bound": bound,
-        "relative_gap": None if bound is None else (value - bound) / max(abs(value), 1e-300),
-        "proof": "none: limits that are not convex are active; the lower bound leaves them out",
+        "relative_gap": gap,
+        "proof": "the optimum without the limits that are not convex is attained"
+        if attained
+        else "none: limits that are not convex are active; the lower bound leaves them out",
         "local_optima_sought": nearby.tried,
     }
+
+
+def _bound_at(task: Task, travel: float) -> float | None:
+    """What no path of the class at this travel can be below; None for the peak input."""
+    if task.aim == "input":
+        return None
+    try:
+        answer = task.optimum(travel, NO_TOUCH, np.inf)
+    except StalledError:
+        return None
+    return None if isinstance(answer, Impossible) else answer.bound
 
 
 def _where(task: Task, found: Found, frame: Frame) -> str:
@@ -73,7 +91,7 @@ def solver_notes(task: Task, best: Best) -> dict[str, Any]:
         "engine": final.engine,
         "programmes": best.rounds,
         "rows": len(best.b),
-        "row_excess": final.excess,
+        "row_excess": final.excess if len(best.b) else 0.0,
     }
     if task.aim == "peak" or task.options.solver != "auto" or final.engine == "none needed":
         return notes

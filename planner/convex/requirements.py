@@ -19,6 +19,9 @@ from planner.convex.look import Look
 from planner.problem import Limits
 from planner.systems.base import Array, TriangularSystem
 
+EDGE_SCALE = 0.1
+"""Margin (sin²θ or cos²θ) by which the chart's edge is measured."""
+
 
 @dataclass(frozen=True)
 class Slopes:
@@ -106,15 +109,16 @@ class JointLimit(Requirement):
 
 @dataclass(frozen=True)
 class EdgeLimit(Requirement):
-    """The chart margin of one label stays above `least`."""
+    """The chart margin of one label stays above `least`; `EDGE_SCALE` counts as a whole limit."""
 
     index: int
     least: float
     branch: Array
 
     def value(self, at: Look, t: float) -> Array:
-        """least − margin."""
-        return np.asarray(self.least - at.system.chart_margins(at.q, self.branch)[:, self.index])
+        """(least − margin)/scale."""
+        margin = at.system.chart_margins(at.q, self.branch)[:, self.index]
+        return np.asarray((self.least - margin) / EDGE_SCALE)
 
     def slopes(self, at: Look, t: float) -> Slopes:
         """By central differences in q, in which margins are smooth."""
@@ -123,7 +127,7 @@ class EdgeLimit(Requirement):
         ahead = at.system.chart_margins(at.q[:, None] + shifts, self.branch)[..., self.index]
         behind = at.system.chart_margins(at.q[:, None] - shifts, self.branch)[..., self.index]
         none = np.zeros(len(at.q))
-        return Slopes(-(ahead - behind) / (2 * step), none, none)
+        return Slopes(-(ahead - behind) / (2 * step * EDGE_SCALE), none, none)
 
 
 def requirements(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.convex.frame import Frame
-from planner.convex.look import Look, Samples, look
+from planner.convex.look import Look, Samples, coordinates, look
 from planner.convex.requirements import Requirement, requirements
 from planner.problem import Limits
 from planner.systems.base import Array, TriangularSystem
@@ -60,6 +60,11 @@ class Sampled:
     def look(self, y: Array) -> Look | None:
         """The path of y at the samples; None if any lies outside the chart's domain."""
         return look(self.system, self.branch, self.frame, self.samples, y, self.duration)
+
+    def lost(self, y: Array) -> NDArray[np.bool_]:
+        """Which samples lie outside the chart's domain, shape (M,)."""
+        q = coordinates(self.system, self.branch, self.frame, self.samples, y)
+        return np.asarray(~np.all(np.isfinite(q), axis=1))
 
     def peaks(self, y: Array) -> Array:
         """Largest |u₁| and |u₂| at the samples, shape (2,); infinite outside the domain."""

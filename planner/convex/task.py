@@ -54,7 +54,8 @@ class Task:
         engine = "osqp" if options.solver == "osqp" else "active set"
         programme = lowest_peak() if aim == "peak" else smoothest(engine)
         band = band_of(problem, start, goal, options.edge)
-        margin = None if band.complete else _margins(problem, options.edge)
+        nearest = _nearest(problem)
+        margin = None if band.complete else np.minimum(options.edge, nearest / 2)
         duration = problem.duration or 1.0
         shape = input_shape(options.pieces, int(linear))
         return cls(
@@ -63,7 +64,7 @@ class Task:
             Frame(shape, start, goal, 1.0).at(problem.travel or 1.0),
             band,
             replace(programme, tolerance=options.tolerance),
-            Setting(problem, band, margin, duration, aim, options.max_steps),
+            Setting(problem, band, margin, nearest, duration, aim, options.max_steps),
         )
 
     @property
@@ -104,9 +105,8 @@ class Task:
         return float(np.sqrt(2 * abs(frame.travel) * frame.smoothness(y)))
 
 
-def _margins(problem: Problem, edge: float) -> Array:
-    """Least chart margins, shape (M,): the edge, or half the nearer end's."""
+def _nearest(problem: Problem) -> Array:
+    """The lesser of start's and goal's chart margins, shape (m,)."""
     known = np.where(np.isnan(problem.goal), problem.start, problem.goal)
     ends = np.stack([problem.start, known])
-    nearest = problem.system.chart_margins(ends, problem.branch).min(axis=0)
-    return np.asarray(np.minimum(edge, nearest / 2))
+    return np.asarray(problem.system.chart_margins(ends, problem.branch).min(axis=0))

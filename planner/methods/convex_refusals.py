@@ -66,7 +66,7 @@ def class_refusal(task: Task, found: Found, replan: Replan) -> NoPlanError:
         return NotConvergedError(
             f"{problem.source}: no path with {class_words(task.frame)} was found that stays inside"
             f" the chart's domain ({words or f'{found.tried} travels tried'})",
-            advice=f"another goal.travel; or {WAY_OUT}",
+            advice=f"more method.convex.pieces or another goal.travel; or {WAY_OUT}",
         )
     proof = certificate_words(task, found.refusals[0])
     if problem.travel is None:

@@ -15,10 +15,10 @@ from planner.ocp.mesh import uniform
 from planner.ocp.objective import objective
 from planner.ocp.polish import Polished, polish
 from planner.ocp.refusal import obstacle
-from planner.ocp.search import Search, search
+from planner.ocp.search import Found, Search, same_path, search
 from planner.ocp.solver import Settings, Solution
 from planner.ocp.task import Task, stretched, task
-from planner.ocp.timing import TooShortError, timed
+from planner.ocp.timing import HASTE, hasty, timed
 from planner.ocp.violations import broken_limits, broken_rows
 from planner.plan import Plan
 from planner.problem import Problem
@@ -33,6 +33,7 @@ DIRECT_ITERATIONS = 100
 @dataclass(frozen=True, eq=False)
 class _Answer:
     start: str
+    task: Task
     solution: Solution
     log: list[dict[str, Any]]
     iterations: int
@@ -53,7 +54,7 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
     began = time.perf_counter()
     job = _task(problem, options)
     answer = _direct(job, options) or _searched(job, options)
-    done = polish(job, answer.solution, options.accuracy, options.refinements)
+    done = polish(answer.task, answer.solution, options.accuracy, options.refinements)
     return _plan(done, answer, options, began)
 
 
@@ -76,7 +77,7 @@ def _input_kind(problem: Problem, options: CollocationOptions) -> Literal["const
     if options.input == "auto":
         return "linear" if smooth else "constant"
     if options.input == "constant" and smooth:
-        what = "rest = true" if options.rest else "limits.input_rate_rad_s2"
+        what = "rest = true" if options.rest else "the limit on input rates"
         raise InputError(
             f"{problem.source}: method.collocation.input = 'constant' jumps between intervals,"
             f" which contradicts {what}; use 'linear' or 'auto'"
@@ -102,46 +103,51 @@ def _direct(job: Task, options: CollocationOptions) -> _Answer | None:
     if not solution.ok:
         return None
     log = [{"start": seed.name, "status": solution.status, "objective": solution.objective}]
-    return _Answer(seed.name, solution, log, solution.iterations)
+    return _Answer(seed.name, job, solution, log, solution.iterations)
 
 
 def _searched(job: Task, options: CollocationOptions) -> _Answer:
     """Paths from several seeds, each then timed; the best of them."""
     enough = options.starts if options.start == "auto" and not _one_way(job.problem) else 1
-    result = search(job, seeds(options.start)[: options.attempts], enough)
-    if not result.found:
-        raise _no_path(job, result, options)
-    best: _Answer | None = None
-    failed: Solution | None = None
-    shortest: Solution | None = None
-    log, iterations = [*result.log], result.iterations
-    for path in result.found:
-        try:
-            steps = timed(job, path.solution.iterate)
-        except TooShortError as error:
-            if shortest is None or error.shortest.iterate.duration < shortest.iterate.duration:
-                shortest = error.shortest
-            continue
-        solution = steps[-1]
-        iterations += sum(step.iterations for step in steps)
-        _note(log, path.seed, solution)
-        if not solution.ok:
-            failed = solution
-        elif best is None or solution.objective < best.solution.objective:
-            best = _Answer(path.seed, solution, log, iterations)
-    if best is not None:
-        return replace(best, iterations=iterations)
-    if shortest is not None:
-        raise _too_short(job, shortest, options)
-    assert failed is not None
-    raise _not_converged(job, failed, options, "the path found")
+    paths = search(job, seeds(options.start)[: options.attempts], enough)
+    if not paths.found:
+        raise _no_path(job, paths, options)
+    outcomes = [timed(job, path.solution.iterate) for path in paths.found]
+    log = [*paths.log]
+    iterations = paths.iterations + sum(outcome.iterations for outcome in outcomes)
+    for path, outcome in zip(paths.found, outcomes, strict=True):
+        _note(log, path, outcome.solution)
+    solved = [k for k, outcome in enumerate(outcomes) if outcome.solution.ok]
+    if solved:
+        k = min(solved, key=lambda k: outcomes[k].solution.objective)
+        return _Answer(paths.found[k].seed, job, outcomes[k].solution, log, iterations)
+    k = int(np.argmin([outcome.shortest_s for outcome in outcomes]))
+    quick = outcomes[k].quick
+    if quick is None or not quick.ok:
+        raise _not_converged(job, outcomes[k].solution, options, "the paths found")
+    return _hurried(job, quick, _Answer(paths.found[k].seed, job, quick, log, iterations), options)
 
 
-def _note(log: list[dict[str, Any]], seed: str, solution: Solution) -> None:
+def _hurried(job: Task, quick: Solution, answer: _Answer, options: CollocationOptions) -> _Answer:
+    """The fastest motion on a mesh fine enough to believe it: the answer's start, or a refusal."""
+    free = hasty(job)
+    done = polish(free, quick, options.accuracy, options.refinements)
+    wanted = job.problem.duration
+    assert wanted is not None
+    if done.solution.iterate.duration * HASTE > wanted:
+        raise _too_short(job, done, options)
+    finer = job.on(done.task.mesh)
+    solution = finer.solve(stretched(done.solution.iterate, wanted))
+    if not solution.ok:
+        raise _too_short(job, done, options)
+    return replace(answer, task=finer, solution=solution)
+
+
+def _note(log: list[dict[str, Any]], path: Found, solution: Solution) -> None:
+    """Enter the outcome for every start that led to this path."""
     for entry in log:
-        if entry["start"] == seed:
+        if entry["path_effort"] is not None and same_path(entry["path_effort"], path):
             entry["objective"] = solution.objective if solution.ok else None
-            entry["status"] = solution.status
 
 
 def _plan(done: Polished, answer: _Answer, options: CollocationOptions, began: float) -> Plan:
@@ -182,16 +188,18 @@ def _iterate_plan(job: Task, solution: Solution, options: CollocationOptions) ->
     )
 
 
-def _too_short(job: Task, shortest: Solution, options: CollocationOptions) -> NotConvergedError:
+def _too_short(job: Task, shortest: Polished, options: CollocationOptions) -> NotConvergedError:
     """The fastest motion found, squeezed into the duration asked for, shows what that breaks."""
-    wanted, found = job.problem.duration, shortest.iterate.duration
+    wanted, found = job.problem.duration, shortest.solution.iterate.duration
     assert wanted is not None
-    squeezed = replace(shortest, iterate=stretched(shortest.iterate, wanted))
+    task = job.on(shortest.task.mesh)
+    iterate = stretched(shortest.solution.iterate, wanted)
+    squeezed = replace(shortest.solution, iterate=iterate)
     return NotConvergedError(
         f"{job.problem.source}: goal.duration = {wanted:g} s is too short: the fastest motion found"
         f" takes {found:.4g} s. Squeezed into {wanted:g} s it breaks:",
-        plan=_iterate_plan(job, squeezed, options),
-        violations=broken_limits(job, squeezed),
+        plan=_iterate_plan(task, squeezed, options),
+        violations=broken_limits(task, squeezed),
         advice=f"goal.duration = {_rounded_up(found)} or more (a motion of {found:.4g} s was"
         " found); or wider limits on the inputs",
     )
@@ -204,7 +212,7 @@ def _no_path(job: Task, result: Search, options: CollocationOptions) -> NotConve
         return _not_converged(job, result.last, options, f"{len(result.log)} starts")
     return NotConvergedError(
         f"{job.problem.source}: no motion from start to goal was found from {len(result.log)}"
-        f" starts; without the requirement on {found.what} there is one, which breaks:",
+        f" starts; without {found.what} there is one, which breaks:",
         plan=_iterate_plan(job, found.solution, options),
         violations=found.violations,
         advice=found.advice,

@@ -10,9 +10,9 @@ import numpy as np
 from planner.chained import chained_form
 from planner.ocp.bounds import Tightening
 from planner.ocp.mesh import Mesh
-from planner.ocp.resimulation import Motion
 from planner.ocp.solver import Solution
 from planner.ocp.task import Task, transferred
+from planner.problem import Problem
 from planner.systems.base import Array
 
 INTERPOLANT = 10.0
@@ -117,11 +117,11 @@ def _finer(task: Task, error: MeshError, accuracy: float) -> Mesh:
     next solution may move where this one rests, so that no interval is much wider than another.
     """
     d, widths = task.made.form.degree, task.mesh.widths
-    at_nodes = (error.nodes * len(widths) / accuracy) ** (1 / (2 * d))
+    at_nodes = (error.nodes * np.sqrt(len(widths)) / accuracy) ** (1 / (2 * d))
     inside = (error.inside / (INTERPOLANT * accuracy)) ** (1 / (d + 1))
     density = np.maximum(at_nodes, inside) / widths
     density = np.maximum(density, EVENNESS * np.max(density))
-    wanted = int(np.ceil(1.2 * np.sum(density * widths)))
+    wanted = int(np.ceil(1.1 * np.sum(density * widths)))
     count = min(max(wanted, len(widths) * 5 // 4), 3 * len(widths), LARGEST_MESH)
     covered = np.concatenate([[0.0], np.cumsum(density * widths)])
     edges = np.interp(np.linspace(0, covered[-1], count + 1), covered, task.mesh.edges)
@@ -133,7 +133,7 @@ def _draw_in(task: Task, solution: Solution) -> Polished:
     seconds, iterations, rounds = 0.0, 0, 0
     tightening = task.tightening
     for _ in range(TIGHTENING_ROUNDS):
-        over = _excess(task, task.motion(solution.iterate))
+        over = _excess(task, solution)
         if not (np.any(over.joint) or np.any(over.z2)):
             break
         tightening = Tightening(tightening.joint + over.joint, tightening.z2 + over.z2)
@@ -156,18 +156,29 @@ def _draw_in(task: Task, solution: Solution) -> Polished:
     return Polished(task, solution, error.end, notes, seconds, iterations)
 
 
-def _excess(task: Task, motion: Motion) -> Tightening:
-    """By how much the true motion breaks joint and z₂ limits in each interval, plus a little."""
-    problem, system = task.problem, task.problem.system
-    limit = problem.limits.joint
-    peak = np.stack([peaks(np.abs(motion.states[:, :, i])) for i in range(system.size)], axis=-1)
+def _excess(task: Task, solution: Solution) -> Tightening:
+    """By how much each interval breaks joint and z₂ limits, plus a little.
+
+    The plan's q(t) and the motion its input really makes are both held to the limits.
+    """
+    motion = task.motion(solution.iterate)
+    plan = task.curve(solution.iterate).q(motion.fractions * solution.iterate.duration)
+    found = [_breaks(task.problem, states) for states in (plan, motion.states)]
+    return Tightening(
+        np.maximum(*(each.joint for each in found)), np.maximum(*(each.z2 for each in found))
+    )
+
+
+def _breaks(problem: Problem, states: Array) -> Tightening:
+    limit, count = problem.limits.joint, len(states)
+    peak = np.stack([peaks(np.abs(states[:, :, i])) for i in range(len(limit))], axis=-1)
     joint = _over(peak - limit, limit)
     joint[:, 0] = 0.0
     margin = problem.limits.z2_margin
     if margin is None:
-        return Tightening(joint, np.zeros(len(joint)))
-    z2 = problem.z2_sign * chained_form(system).z(motion.states)[:, :, 1]
-    return Tightening(joint, _over(margin - -peaks(-z2), np.array(max(margin, 1e-3))))
+        return Tightening(joint, np.zeros(count))
+    z2 = problem.z2_sign * chained_form(problem.system).z(states)[:, :, 1]
+    return Tightening(joint, _over(margin + peaks(-z2), np.array(max(margin, 1e-3))))
 
 
 def _over(excess: Array, scale: Array) -> Array:

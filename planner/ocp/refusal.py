@@ -16,6 +16,7 @@ from planner.ocp.violations import broken_limits
 from planner.problem import Problem
 
 RELAXED_SEEDS = 4
+CHART, JOINTS, TRAVEL = "the z2 margin", "the limits on the joints", "the travel"
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,13 +54,13 @@ def _relaxations(job: Task) -> Iterator[tuple[str, Task]]:
         form = replace(job.made.form, chart=False)
         limits = replace(problem.limits, z2_margin=None)
         free = replace(problem, limits=limits)
-        yield "z2_margin", task(free, job.objective, form, job.mesh, job.rest, job.settings)
+        yield CHART, task(free, job.objective, form, job.mesh, job.rest, job.settings)
     wide = _widest(problem)
     if np.any(wide > problem.limits.joint):
         limits = replace(problem.limits, joint=wide)
-        yield "joint", replace(job, problem=replace(problem, limits=limits))
+        yield JOINTS, replace(job, problem=replace(problem, limits=limits))
     if problem.travel is not None:
-        yield "travel", replace(job, problem=replace(problem, travel=None))
+        yield TRAVEL, replace(job, problem=replace(problem, travel=None))
 
 
 def _widest(problem: Problem) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
@@ -75,13 +76,27 @@ def _within_input_limits(job: Task, solution: Solution) -> Solution:
 
 
 def _advice(job: Task, what: str, violations: list[Violation], solution: Solution) -> str:
-    if what == "travel":
+    if what == TRAVEL:
         travel = float(solution.iterate.nodes[-1, 0] - solution.iterate.nodes[0, 0])
-        return f"another travel: a motion was found for a travel of {travel:.4g}"
-    if what == "z2_margin":
+        name, unit = _named(job, 0)
+        return f"another travel of {name}: a motion was found that travels {travel:.4g} {unit}"
+    if what == CHART:
         reached = [v.value for v in violations if v.label == "z2 margin"]
         if reached and reached[0] > 0:
             return f"limits.z2_margin = {reached[0] * 0.999:.4g} or less: a motion was found"
         return "leave out limits.z2_margin: a motion was found that lets z2 change sign"
-    peaks = [np.rad2deg(v.value) for v in violations if v.label.startswith("joint")]
-    return f"limits.joint_deg = {max(peaks) * 1.001:.4g} or more: a motion was found"
+    peaks = [
+        f"{v.label.removeprefix('joint ')} at least {_shown(v.value * 1.001, v.unit)}"
+        for v in violations
+        if v.label.startswith("joint")
+    ]
+    return f"wider limits: {', '.join(peaks)} (a motion was found)"
+
+
+def _named(job: Task, i: int) -> tuple[str, str]:
+    coordinate = job.problem.system.coordinates[i]
+    return coordinate.name, coordinate.unit
+
+
+def _shown(value: float, unit: str) -> str:
+    return f"{np.rad2deg(value):.4g} deg" if unit == "rad" else f"{value:.4g} {unit}"

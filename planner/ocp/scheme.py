@@ -54,16 +54,16 @@ class Scheme:
 def scheme(kind: Kind, degree: int) -> Scheme:
     """The scheme of that kind and degree (1 to 5)."""
     points = np.array(ca.collocation_points(degree, kind))
-    derivative, end, quadrature = (
-        np.array(matrix) for matrix in ca.collocation_coeff(points.tolist())
-    )
+    derivative, end = (np.array(m) for m in ca.collocation_coeff(points.tolist())[:2])
+    powers = np.arange(degree)
+    moments = points ** powers[:, None]
     values = bernstein_values(degree, np.array([0.0, *points]))
     return Scheme(
         kind=kind,
         degree=degree,
         points=points,
         differentiation=derivative.T,
-        quadrature=quadrature.ravel(),
+        quadrature=np.asarray(np.linalg.solve(moments, 1 / (powers + 1.0)), dtype=float),
         end=end.ravel(),
         bernstein=np.asarray(np.linalg.inv(values), dtype=float),
     )

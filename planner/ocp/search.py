@@ -97,7 +97,7 @@ def _with(result: Search, seed: Seed, solution: Solution) -> Search:
     entry = {
         "start": seed.name,
         "status": solution.status,
-        "effort": solution.objective if solution.ok else None,
+        "path_effort": solution.objective if solution.ok else None,
         "iterations": solution.iterations,
     }
     return Search(
@@ -109,11 +109,15 @@ def _with(result: Search, seed: Seed, solution: Solution) -> Search:
     )
 
 
+def same_path(effort: float, path: Found) -> bool:
+    """Whether a path of that effort is taken for the same as another."""
+    return abs(effort - path.solution.objective) <= 1e-6 * path.solution.objective
+
+
 def _distinct(found: Sequence[Found]) -> list[Found]:
     """Shortest first, without repetitions of the same path."""
     kept: list[Found] = []
     for candidate in sorted(found, key=lambda f: f.solution.objective):
-        value = candidate.solution.objective
-        if not kept or value > kept[-1].solution.objective * (1 + 1e-6):
+        if not kept or not same_path(candidate.solution.objective, kept[-1]):
             kept.append(candidate)
     return kept

@@ -152,7 +152,7 @@ def _rates(system: TriangularSystem, x: _Symbols, rows: _RowList) -> None:
     """Slopes of a linear input."""
     slope = (x.u_right - x.u_left) / (x.width * x.T)
     for i, coordinate in enumerate(system.inputs):
-        label, unit = f"rate of input {coordinate.name}", f"{coordinate.unit}/s"
+        label, unit = f"rate of input {coordinate.name}", rate_unit(coordinate.unit)
         rows.add("rate", i, label, unit, 1.0, np.array([0.5]), [slope[i]])
 
 
@@ -165,6 +165,11 @@ def _chart(system: TriangularSystem, form: Form, x: _Symbols, rows: _RowList) ->
         places, tau = [*places, x.right], np.append(tau, 1.0)
     z2 = [form_of.z_expr(q)[1] for q in places]
     rows.add("z2", 1, "z2 margin", "", 1.0, tau, z2)
+
+
+def rate_unit(unit: str) -> str:
+    """Unit of the rate of a quantity ("rad/s" gives "rad/s^2")."""
+    return f"{unit}^2" if unit.endswith("/s") else f"{unit}/s"
 
 
 def _mean_square(x: _Symbols, form: Form) -> Any:

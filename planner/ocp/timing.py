@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from planner.ocp.layout import Iterate
 from planner.ocp.objective import fastest
@@ -14,40 +14,52 @@ HASTE = 0.97
 """The shortest duration found includes a little effort; this share of it is still tried."""
 
 
-class TooShortError(Exception):
-    """The duration is shorter than the shortest found.
+@dataclass(frozen=True, eq=False)
+class Timed:
+    """What came of a path.
 
     Attributes:
-        shortest: The fastest motion found.
+        solution: The task's solution, or the last one on the way to it (then not ok).
+        quick: The fastest motion, when it had to be found first.
+        iterations: Iterations of the solver.
     """
 
-    def __init__(self, shortest: Solution) -> None:
-        self.shortest = shortest
-        super().__init__(f"the shortest duration found is {shortest.iterate.duration:g} s")
+    solution: Solution
+    quick: Solution | None
+    iterations: int
+
+    @property
+    def shortest_s(self) -> float:
+        """Duration of the fastest motion; infinite where none was found."""
+        if self.quick is None or not self.quick.ok:
+            return float("inf")
+        return self.quick.iterate.duration
 
 
-def timed(task: Task, path: Iterate) -> list[Solution]:
-    """Solve the task from a path; the last solution is the answer, those before led to it.
+def timed(task: Task, path: Iterate) -> Timed:
+    """Solve a task from a path.
 
-    Raises:
-        TooShortError: If the duration is fixed and no faster motion along such a path was found.
+    A path that fits the duration, all of it stretched alike, is a motion to start from. One that
+    does not is first made as fast as it can be.
     """
     needed = needed_duration(task.problem, task.mesh, path)
     wanted = task.problem.duration
     if wanted is None:
-        return [task.solve(stretched(path, 1.1 * needed) if needed > 0 else path)]
+        return _single(task.solve(stretched(path, 1.1 * needed) if needed > 0 else path))
     if needed <= wanted:
-        return [task.solve(stretched(path, wanted))]
-    quick = shortest(task, path)
-    if not quick.ok:
-        return [quick]
-    if quick.iterate.duration * HASTE > wanted:
-        raise TooShortError(quick)
-    return [quick, task.solve(stretched(quick.iterate, wanted))]
+        return _single(task.solve(stretched(path, wanted)))
+    quick = hasty(task).solve(stretched(path, 1.1 * needed))
+    if not quick.ok or quick.iterate.duration * HASTE > wanted:
+        return Timed(replace(quick, ok=False), quick, quick.iterations)
+    solution = task.solve(stretched(quick.iterate, wanted))
+    return Timed(solution, quick, quick.iterations + solution.iterations)
 
 
-def shortest(task: Task, path: Iterate) -> Solution:
-    """The fastest motion within the limits that is found from a path."""
-    needed = needed_duration(task.problem, task.mesh, path)
+def hasty(task: Task) -> Task:
+    """The task with a free duration, to be made least."""
     free = replace(task.problem, duration=None)
-    return replace(task, problem=free, objective=fastest(free)).solve(stretched(path, 1.1 * needed))
+    return replace(task, problem=free, objective=fastest(free))
+
+
+def _single(solution: Solution) -> Timed:
+    return Timed(solution, None, solution.iterations)

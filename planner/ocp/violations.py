@@ -7,6 +7,7 @@ import numpy as np
 from planner.chained import chained_form
 from planner.errors import Violation
 from planner.ocp.solver import ACCEPTED_RESIDUAL, Solution, excess
+from planner.ocp.stage import rate_unit
 from planner.ocp.task import Task
 from planner.systems.base import Array
 
@@ -51,7 +52,7 @@ def _inputs(task: Task, solution: Solution) -> list[Violation]:
         values = np.abs(ends[:, i])
         out += _worst(f"input {named.name}", times, values, limits.input[i], named.unit)
         label = f"rate of input {named.name}"
-        out += _worst(label, edges[:-1], slopes[:, i], limits.input_rate[i], f"{named.unit}/s")
+        out += _worst(label, edges[:-1], slopes[:, i], limits.input_rate[i], rate_unit(named.unit))
     return out
 
 

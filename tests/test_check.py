@@ -111,3 +111,19 @@ def test_progress_is_told_and_methods_are_checked(paper: planner.Problem) -> Non
     assert any('goal.duration = "free"' in line for line in lines)
     with pytest.raises(planner.InputError, match="did you mean 'polynomial'"):
         check(paper, ["polynomail"])
+
+
+@pytest.mark.parametrize("name", ["paper-fig4", "paper-fig5"])
+def test_collocation_plans_what_the_chart_refuses(name: str) -> None:
+    analysis = check(planner.load_problem(PROBLEMS / f"{name}.toml"), ["collocation"])
+    assert analysis.has_plan
+    assert analysis.outcomes[0]["direction"] == "turns 2 times"
+    assert analysis.outcomes[0]["domain_ok"] is False
+
+
+def test_the_ablest_method_answers_for_the_unreachable() -> None:
+    problem = planner.load_problem(PROBLEMS / "unreachable.toml")
+    remedy = check(problem, ["polynomial", "collocation"]).remedy
+    assert remedy is not None
+    assert remedy.method == "collocation"
+    assert remedy.plan["duration_s"] == pytest.approx(3.1, abs=0.05)

@@ -64,17 +64,32 @@ def cut(path: Trajectory, length: BPoly, scale: Array, intervals: int, rest: boo
     turning = np.sum(np.linalg.norm(np.diff(rough / scale, axis=1), axis=-1), axis=1)
     share = np.diff(edges) / edges[-1] + turning / max(float(np.sum(turning)), 1e-12)
     counts = np.maximum(2, np.ceil(0.5 * intervals * share)).astype(int)
-    cuts = [
-        np.linspace(*pair, n, endpoint=False)
-        for pair, n in zip(pairwise(edges), counts, strict=True)
-    ]
+    corners = _stops(rough / scale, rest)
+    unit = [_spaced(n, *ends) for n, ends in zip(counts, pairwise(corners), strict=True)]
+    cuts = [a + (b - a) * x[:-1] for (a, b), x in zip(pairwise(edges), unit, strict=True)]
     nodes = np.concatenate([*cuts, edges[-1:]])
     grid = Grid(nodes)
     w = _directions(path, length, grid)
-    jump = np.linalg.norm((w[1:, 0] - w[:-1, -1]) / scale, axis=-1) > _CORNER
-    stops = np.concatenate([[rest], jump, [rest]])
-    stations = _stations(length, nodes)
-    return Stretch(nodes, stations, stops, w, grid.derivative(w))
+    return Stretch(nodes, _stations(length, nodes), _stops(w / scale, rest), w, grid.derivative(w))
+
+
+def _stops(w: Array, rest: bool) -> NDArray[np.bool_]:
+    """Where a motion with directions w (M, D, 2) must stand still, shape (M+1,)."""
+    jump = np.linalg.norm(w[1:, 0] - w[:-1, -1], axis=-1) > _CORNER
+    return np.concatenate([[rest], jump, [rest]])
+
+
+def _spaced(count: int, first: bool, last: bool) -> Array:
+    """Points of the unit interval, shape (count+1,), denser towards ends where the motion stops.
+
+    There the length grows with the square of time.
+    """
+    x = np.linspace(0.0, 1.0, count + 1)
+    if first and last:
+        return np.asarray(x**2 * (3 - 2 * x))
+    if first:
+        return np.asarray(x**2)
+    return np.asarray(1 - (1 - x) ** 2) if last else x
 
 
 def fastest(stretch: Stretch, top: Array, rate: Array) -> BPoly:

@@ -16,6 +16,7 @@ from planner.trajectory import ChainedTrajectory
 Make = Callable[[Array], ChainedTrajectory | None]
 
 _CHUNK = 128
+_RESTARTS = 6
 _COARSE, _FINE = 400, 6000
 """Samples of a candidate while searching, and of the one found."""
 
@@ -89,8 +90,13 @@ def search(
         cost, there = refine(grid[k], steps[k], _COARSE)
         if cost < best:
             best, x, step = cost, there, steps[k]
-    if starts:  # a second, smaller simplex frees one that collapsed on a kink
-        best, x = refine(x, 0.1 * step, _COARSE)
+    for _ in range(_RESTARTS if starts else 0):  # a fresh simplex frees one collapsed on a kink
+        cost, there = refine(x, 0.1 * step, _COARSE)
+        gain = best - cost
+        if gain > 0:
+            best, x = cost, there
+        if gain < 1e-4 * best:
+            break
     true = float(costs(x[None], _FINE)[0])
     if starts and true > best + 1e-3:  # it hid an excursion between samples
         true, x = refine(x, 0.1 * step, _FINE)

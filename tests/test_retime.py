@@ -1,0 +1,259 @@
+"""Retiming: same path, fastest clock, limits kept between the nodes too."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import quad
+from scipy.interpolate import BPoly
+
+import planner
+from planner.arclength import Inverse, arc_length
+from planner.timing import cut, fastest
+from planner.trajectory import StateTrajectory
+
+Array = NDArray[np.float64]
+
+SPEED = {"input_rad_s": [0.5, 0.4]}
+RATES = {"input_rad_s": [0.5, 0.4], "input_rate_rad_s2": [3.0, 2.0]}
+TOP, RATE = np.array([0.5, 0.4]), np.array([3.0, 2.0])
+
+
+@pytest.fixture(scope="module")
+def steep(unlimited: planner.Problem) -> planner.Plan:
+    """The plain cubic at the middle of its range: u₂ starts at 83 rad/s."""
+    return planner.solve(unlimited.changed({"goal.travel": 0.8112}), "polynomial")
+
+
+@pytest.fixture(scope="module")
+def smooth(unlimited: planner.Problem) -> planner.Plan:
+    problem = unlimited.changed({"goal.travel": 0.8286})
+    return planner.solve(problem, "polynomial")
+
+
+@pytest.fixture(scope="module")
+def fast(steep: planner.Plan) -> planner.Plan:
+    return planner.retime(steep, SPEED)
+
+
+@pytest.fixture(scope="module")
+def rested(smooth: planner.Plan) -> planner.Plan:
+    return planner.retime(smooth, RATES, rest=True, intervals=160)
+
+
+def _by_hand(start: list[float], goal: list[float], u: Array, q: Array, T: float) -> planner.Plan:
+    """A plan on the two-joint arm from Bernstein coefficients of u and q over one piece."""
+    problem = planner.Problem.from_dict(
+        {
+            "system": {"kind": "manipulator", "joints": 2, "K": [1.0], "k_g": 1.0},
+            "start": {"theta_deg": start},
+            "goal": {"theta_deg": goal, "duration": T},
+        }
+    )
+    curves = [BPoly(np.asarray(c, dtype=float)[:, None], [0.0, T]) for c in (q, u)]
+    return planner.Plan(problem, "by hand", {}, StateTrajectory(problem.system, *curves))
+
+
+def _turn(profile: str = "constant") -> planner.Plan:
+    """θ₁ turns from 0 to 30° alone: at a constant rate, or starting from rest."""
+    a = np.pi / 6
+    if profile == "constant":
+        return _by_hand([0, 0], [30, 0], [[0, a], [0, a]], [[0, 0, 0], [0, a, 0]], 1.0)
+    u = [[0, 0], [0, 2 * a]]
+    return _by_hand([0, 0], [30, 0], u, [[0, 0, 0], [0, 0, 0], [0, a, 0]], 1.0)
+
+
+# -- input limits alone ---------------------------------------------------------------------------
+
+
+def test_time_is_the_integral_of_the_larger_input(steep: planner.Plan, fast: planner.Plan) -> None:
+    """By another quadrature, on logarithmic pieces towards the steep start."""
+
+    def pace(t: float) -> float:
+        return float(np.max(np.abs(steep.u(t)) / TOP))
+
+    edges = np.concatenate([[0.0], np.geomspace(1e-7, 10.0, 30)])
+    total = sum(quad(pace, a, b, epsrel=1e-11)[0] for a, b in pairwise(edges))
+    assert fast.duration == pytest.approx(total, rel=1e-8)
+
+
+def test_one_input_is_always_at_its_limit(fast: planner.Plan) -> None:
+    times = np.sort(np.random.default_rng(1).uniform(0, fast.duration, 500))
+    used = np.max(np.abs(fast.u(times)) / TOP, axis=-1)
+    np.testing.assert_allclose(used, 1.0, rtol=0, atol=1e-7)
+
+
+def test_it_keeps_its_path(steep: planner.Plan, fast: planner.Plan) -> None:
+    """Where φ is the same, everything is (φ moves at constant v₁ in the original)."""
+    times = np.linspace(0, fast.duration, 301)
+    q = fast.q(times)
+    original = (q[:, 0] - q[0, 0]) / steep.travel * steep.duration
+    np.testing.assert_allclose(q, steep.q(original), rtol=0, atol=1e-9)
+    check = planner.verify(fast)
+    assert check.ok
+    assert np.max(np.abs(check.terminal_error)) < 1e-6
+    assert fast.verified
+
+
+def test_limits_bite(steep: planner.Plan) -> None:
+    limited = steep.problem.changed({f"limits.{k}": v for k, v in SPEED.items()})
+    before = planner.Plan(limited, steep.method, {}, steep.trajectory)
+    assert {v.label for v in planner.verify(before).violations} == {"input u2"}
+
+
+def test_problem_carries_limits_and_duration(fast: planner.Plan) -> None:
+    assert fast.problem.duration == fast.duration
+    np.testing.assert_array_equal(fast.problem.limits.input, TOP)
+    assert fast.notes["retimed_from_s"] == 10.0
+    late = planner.Plan(fast.problem.changed({"goal.duration": 9.0}), "x", {}, fast.trajectory)
+    assert "duration" in [v.label for v in planner.verify(late).violations]
+
+
+def test_again_changes_nothing(fast: planner.Plan) -> None:
+    again = planner.retime(fast)
+    assert again.duration == pytest.approx(fast.duration, rel=1e-7)
+    times = np.linspace(0, fast.duration, 50)
+    np.testing.assert_allclose(again.q(times), fast.q(times), rtol=0, atol=1e-6)
+
+
+def test_file_and_slowing(fast: planner.Plan, tmp_path: Path) -> None:
+    back = planner.load_plan(fast.save(tmp_path / "plan.json"))
+    times = np.linspace(-0.1, fast.duration + 0.1, 77)
+    for a, b in ((back.q, fast.q), (back.u, fast.u), (back.z, fast.z), (back.v, fast.v)):
+        np.testing.assert_array_equal(a(times), b(times))
+    slow = fast.trajectory.slowed(2.0)
+    np.testing.assert_allclose(slow.u(2 * times), fast.u(times) / 2, rtol=0, atol=1e-12)
+    assert not np.any(fast.u(np.array([-0.1, fast.duration + 0.1])))
+
+
+def test_corners_of_the_path(unlimited: planner.Problem) -> None:
+    """Inputs of the collocation plan jump at every interval, from each side to its own value."""
+    plan = planner.solve(unlimited, "collocation", input="constant")
+    fast = planner.retime(plan, SPEED)
+    used = np.max(np.abs(fast.u(fast.t)) / TOP, axis=-1)
+    before = np.max(np.abs(fast.u(np.nextafter(fast.t[1:], 0))) / TOP, axis=-1)
+    np.testing.assert_allclose(np.concatenate([used, before]), 1.0, rtol=0, atol=1e-7)
+
+
+def test_a_path_that_stands_still_at_first() -> None:
+    fast = planner.retime(_turn("from rest"), {"input_rad_s": 0.5})
+    assert fast.duration == pytest.approx(np.pi / 6 / 0.5, rel=1e-9)
+    np.testing.assert_allclose(fast.u(np.array([0.0, 1e-6, 0.3]))[:, 1], 0.5, rtol=1e-6)
+
+
+# -- rates too -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("profile", ["constant", "from rest"])
+def test_trapezoid(profile: str) -> None:
+    """A straight path from rest to rest: S/V + V/A, or 2 √(S/A) when V is not reached."""
+    S = np.pi / 6
+    for V, A in ((0.5, 2.0), (10.0, 2.0)):
+        limits = {"input_rad_s": V, "input_rate_rad_s2": A}
+        plan = planner.retime(_turn(profile), limits, rest=True, intervals=100)
+        exact = S / V + V / A if V**2 / A < S else 2 * np.sqrt(S / A)
+        assert plan.duration == pytest.approx(exact, rel=2e-4)
+        assert plan.duration >= exact * (1 - 1e-9)
+        top = plan.u(plan.duration / 2)[1]
+        if exact == S / V + V / A:
+            assert top == pytest.approx(V, rel=1e-6)
+        else:  # the peak may be cut off over one of the 100 intervals, where b = u² falls
+            assert np.sqrt(1 - 3 / 100) <= top / np.sqrt(S * A) <= 1 + 1e-6
+
+
+def test_rates_alone() -> None:
+    plan = planner.retime(_turn(), {"input_rate_rad_s2": 2.0}, rest=True, intervals=100)
+    assert plan.duration == pytest.approx(2 * np.sqrt(np.pi / 6 / 2.0), rel=2e-4)
+
+
+def _slopes(plan: planner.Plan, times: Array) -> Array:
+    h = 1e-5
+    return np.asarray((plan.u(times + h) - plan.u(times - h)) / (2 * h))
+
+
+def test_limits_hold_and_rest_is_rest(rested: planner.Plan) -> None:
+    assert rested.verified
+    assert np.max(np.abs(rested.u(np.array([0.0, rested.duration])))) < 1e-6
+    times = np.random.default_rng(2).uniform(1e-4, rested.duration - 1e-4, 4000)
+    assert np.all(np.max(np.abs(rested.u(times)), axis=0) <= TOP * (1 + 1e-6))
+    assert np.all(np.max(np.abs(_slopes(rested, times)), axis=0) <= RATE * (1 + 1e-4))
+    assert np.max(np.abs(planner.verify(rested).terminal_error)) < 1e-6
+
+
+def test_some_limit_is_always_reached(rested: planner.Plan) -> None:
+    """What the fastest clock must do at almost every time (Pontryagin)."""
+    times = np.linspace(0, rested.duration, 1502)[1:-1]
+    used = np.maximum(
+        np.max(np.abs(rested.u(times)) / TOP, axis=-1),
+        np.max(np.abs(_slopes(rested, times)) / RATE, axis=-1),
+    )
+    assert np.mean(used > 0.95) > 0.97
+    assert np.mean(used > 0.99) > 0.93
+
+
+def test_rest_costs_time_and_finer_is_hardly_faster(smooth: planner.Plan) -> None:
+    path = smooth.trajectory
+    length = arc_length(path, TOP, "euclid")
+
+    def duration(intervals: int, rest: bool) -> float:
+        clock = fastest(cut(path, length, TOP, intervals, rest), TOP, RATE)
+        return float(clock.x[-1])
+
+    coarse, fine, finer = (duration(n, rest=True) for n in (50, 200, 800))
+    assert coarse > fine > finer
+    assert fine == pytest.approx(finer, rel=5e-4)
+    speed_only = planner.retime(smooth, SPEED).duration
+    assert speed_only < duration(200, rest=False) < fine
+
+
+def test_stops_at_corners(unlimited: planner.Problem) -> None:
+    plan = planner.solve(unlimited.changed({"goal.travel": 0.835}), "piecewise", slots=6)
+    retimed = planner.retime(plan, RATES, intervals=60)
+    assert retimed.notes["stops"] == 5
+    speeds = np.max(np.abs(retimed.u(retimed.t)), axis=-1)
+    assert np.sum(speeds < 1e-9) == 5
+    assert speeds[0] > 0.1
+
+
+# -- refusals ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("limits", "rest", "message"),
+    [
+        ({}, False, "u1 moves and has no limit"),
+        ({"input_rate_rad_s2": [1.0]}, False, "has 1 values"),
+        (SPEED, True, "rest at the ends needs limits"),
+        ({"input_rads": 1.0}, False, "did you mean 'input_rad_s'"),
+    ],
+)
+def test_bad_limits(
+    smooth: planner.Plan, limits: dict[str, object], rest: bool, message: str
+) -> None:
+    with pytest.raises(planner.InputError, match=message):
+        planner.retime(smooth, limits, rest=rest)
+
+
+def test_singular_plan(unlimited: planner.Problem) -> None:
+    problem = unlimited.changed({"goal.travel": 0.79})
+    plan = planner.solve(problem, "polynomial", allow_singular=True)
+    with pytest.raises(planner.SingularError, match="no inputs to retime"):
+        planner.retime(plan, SPEED)
+
+
+# -- the parts -----------------------------------------------------------------------------------
+
+
+def test_length_and_its_inverse(steep: planner.Plan) -> None:
+    length = arc_length(steep.trajectory, TOP, "euclid")
+    inverse = Inverse(length)
+    sigma = np.geomspace(1e-8, 9.999, 200)
+    k = np.searchsorted(length.x, sigma, side="right") - 1
+    back = inverse(length(sigma), length.x[k], length.x[k + 1])
+    np.testing.assert_allclose(back, sigma, rtol=1e-7, atol=1e-14)
+    speed = np.linalg.norm(steep.u(sigma) / TOP, axis=-1)
+    np.testing.assert_allclose(inverse.slope(sigma), speed, rtol=1e-8)

@@ -69,7 +69,8 @@ class Inverse:
 
     def __call__(self, s: Array, low: Array, high: Array) -> Array:
         """σ at lengths s (…), known to lie between own times low and high (…) of one piece."""
-        base, top = self._quick(low), self._quick(np.nextafter(high, low))
+        high = np.nextafter(high, low)  # at the very end the next piece would answer
+        base, top = self._quick(low), self._quick(high)
         at = low + (high - low) * np.clip((s - base) / np.maximum(top - base, 1e-300), 0.0, 1.0)
         left, right = low, high
         for _ in range(60):

@@ -107,8 +107,8 @@ class RetimedTrajectory(Trajectory):
         """σ at t, on the side of each break that t belongs to."""
         times = self._clip(t)
         low, high = self._between(times)
-        inside = np.where(times < self.duration, np.nextafter(high, low), high)
-        return np.minimum(self._inverse(self.clock(times), low, high), inside)
+        found = self._inverse(self.clock(times), low, high)
+        return np.where(times < self.duration, found, high)
 
     def _between(self, times: Array) -> tuple[Array, Array]:
         k = np.searchsorted(self.clock.x, times, side="right") - 1

@@ -145,6 +145,19 @@ def test_a_path_that_stands_still_at_first() -> None:
     np.testing.assert_allclose(fast.u(np.array([0.0, 1e-6, 0.3]))[:, 1], 0.5, rtol=1e-6)
 
 
+def test_just_before_a_leg_that_starts_at_rest() -> None:
+    """Step by step, the first leg of the car ends at speed and the next starts from nothing."""
+    problem = planner.load_problem(Path(__file__).parents[1] / "problems/car.toml")
+    plan = planner.solve(problem.changed({"limits": {}}), "sinusoid_steps", amplitude=2.0)
+    fast = planner.retime(plan, {"speed_m_s": 5.0, "steering_rate_rad_s": 0.5})
+    turn = fast.t[1]
+    assert turn == pytest.approx(5.0)
+    for t in (np.nextafter(turn, 0), turn, np.nextafter(turn, 9)):
+        assert fast.q(t)[0] == pytest.approx(25.0, abs=1e-5)
+    assert fast.u(np.nextafter(turn, 0))[0] == pytest.approx(5.0)
+    assert fast.u(turn)[0] == pytest.approx(np.sign(fast.u(turn)[0]) * 5.0)
+
+
 # -- rates too -----------------------------------------------------------------------------------
 
 

@@ -125,9 +125,10 @@ class ChainedTrajectory(Trajectory):
 
     def u(self, t: ArrayLike) -> Array:
         """By the feedback transformation."""
-        return np.where(
-            self._running(t) > 0, chained_form(self.system).u(self.q(t), self.v(t)), 0.0
-        )
+        times = self._clip(t)
+        z, v = np.asarray(self.z_curve(times)), np.asarray(self.v_curve(times))
+        u = chained_form(self.system).inputs(z, v, self.branch)
+        return np.where(self._running(t) > 0, u, 0.0)
 
     def margins(self, t: ArrayLike) -> Array:
         """From z, so defined where q is not."""

@@ -38,6 +38,7 @@ class ChainedForm:
         self._links = {i: Pointwise(f"link{i}", [q], ca.vertcat(*ac)) for i, ac in links.items()}
         feedback = ca.vertcat(system.drive_expr(q), gradient[0, 1], drift)
         self._feedback = Pointwise("feedback", [q], feedback)
+        self._state, self._inputs = _compiled(system, links, q, feedback) or (None, None)
 
     def z_expr(self, q: Any) -> Any:
         """Chained coordinates as a CasADi expression in q (N)."""
@@ -63,7 +64,15 @@ class ChainedForm:
 
     def q(self, z: Array, branch: Array) -> Array:
         """Coordinates (…, N) of z (…, N) on the given branch; NaN outside the domain."""
-        return self._invert(z, branch)
+        if self._state is None:
+            return self._invert(z, branch)
+        return self._state(z, np.broadcast_to(branch, z.shape))
+
+    def inputs(self, z: Array, v: Array, branch: Array) -> Array:
+        """Inputs (…, 2) of z (…, N) and chained inputs v (…, 2): `u` at `q`, in one call."""
+        if self._inputs is None:
+            return self.u(self.q(z, branch), v)
+        return self._inputs(z, v, np.broadcast_to(branch, z.shape))
 
     def margins(self, z: Array, branch: Array) -> Array:
         """Signed margins (…, M) of the chart's domain at z (…, N); > 0 strictly inside.
@@ -94,6 +103,25 @@ class ChainedForm:
 def chained_form(system: TriangularSystem) -> ChainedForm:
     """The chained form of a system, built once and kept."""
     return ChainedForm(system)
+
+
+def _compiled(
+    system: TriangularSystem, links: dict[int, tuple[Any, Any]], q: Any, feedback: Any
+) -> tuple[Pointwise, Pointwise] | None:
+    """Functions (z, branch) → q and (z, v, branch) → u, if every link has an expression."""
+    size = system.size
+    z, v, branch = ca.SX.sym("z", size), ca.SX.sym("v", 2), ca.SX.sym("branch", size)
+    known: list[Any] = [z[0], *[ca.SX(0)] * (size - 2), z[size - 1]]
+    for i in range(size - 2, 0, -1):
+        a, c = ca.substitute(list(links[i]), [q], [ca.vertcat(*known)])
+        link = system.link_expr(i, (z[i] - a) / c, known, branch)
+        if link is None:
+            return None
+        known[i] = link
+    state = ca.vertcat(*known)
+    (values,) = ca.substitute([feedback], [q], [state])
+    u = ca.vertcat(v[0] / values[0], (v[1] - values[2] * v[0]) / values[1])
+    return Pointwise("state", [z, branch], state), Pointwise("inputs", [z, v, branch], u)
 
 
 def _chain(system: TriangularSystem, q: Any) -> tuple[list[Any], dict[int, tuple[Any, Any]]]:

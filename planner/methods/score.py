@@ -96,7 +96,7 @@ def score(
         q = form.q(z[good], branch)
         at = np.asarray(made)[good]
         out[1, at] = _slack(problem, z[good], q)
-        peaks = np.max(np.abs(form.u(q, v)), axis=1)
+        peaks = np.max(np.abs(form.inputs(z[good], v, branch)), axis=1)
         out[2, at] = np.max(peaks / input_scale(problem), axis=-1)
     return Scores(*out)
 

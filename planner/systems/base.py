@@ -108,6 +108,14 @@ class TriangularSystem(ABC):
             The coordinate, shape (…,); NaN where no real solution exists.
         """
 
+    def link_expr(self, i: int, slope: Any, q: list[Any], branch: Any) -> Any | None:
+        """`link_from_slope` as a CasADi expression, NaN where no real solution exists.
+
+        Where every link has one the whole inverse is compiled into one function; None, the default,
+        leaves it to `link_from_slope`.
+        """
+        return None
+
     @abstractmethod
     def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
         """Signed margins of `link_from_slope` at index i, one array (…,) per label; > 0 inside."""

@@ -208,6 +208,14 @@ class Manipulator(TriangularSystem):
             angle = np.arctan2(np.sqrt(1 - w), np.sqrt(w))
         return np.asarray(branch[i] * angle)
 
+    def link_expr(self, i: int, slope: Any, q: list[Any], branch: Any) -> Any:
+        """The same."""
+        ratio = slope / self.K[i - 1]
+        w = ratio * product([ca.cos(q[j]) for j in range(i + 1, self.n - 1)])
+        if i == self.n - 1:
+            w = ca.sign(ratio) * ca.fabs(ratio) ** (2 / 3)
+        return branch[i] * ca.atan2(ca.sqrt(1 - w), ca.sqrt(w))
+
     def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
         """(1 − w, w) with w = cos²θᵢ."""
         w = self._cos2(i, slope, q)

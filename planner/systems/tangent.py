@@ -9,7 +9,9 @@ chained coordinates and its only edge is qᵢ = ±90°, where the path coordinat
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from planner.systems.base import Array, TriangularSystem
@@ -44,6 +46,15 @@ class TangentSystem(TriangularSystem):
     def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
         """The angle on the given branch; it exists for every finite slope."""
         return np.asarray(np.arctan(self._tangent(i, slope, q)) + _centre(branch)[i])
+
+    def link_expr(self, i: int, slope: Any, q: list[Any], branch: Any) -> Any:
+        """The same, with offset and gain read off the link at 0 and 45 degrees."""
+        at = [*q]
+        at[i] = ca.SX(0)
+        offset = self.slopes_expr(at)[i - 1]
+        at[i] = ca.SX(np.pi / 4)
+        gain = self.slopes_expr(at)[i - 1] - offset
+        return ca.atan((slope - offset) / gain) + (branch[i] - 1) / 2 * np.pi
 
     def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
         """(cos²qᵢ,)."""

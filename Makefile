@@ -1,6 +1,8 @@
 # Works on a fresh machine with Python 3.11 or newer and make.
 #
 #   make compare   the paper's problem, polynomial against optimal, on the emulated machine
+#   make suite     every method on every problem, to results/suite
+#   make paper     the paper's figures and numbers, to results/paper
 #   make test      what CI runs: lint, types, tests
 #   make check     lint and types only
 #   make format    put the code into the house format
@@ -13,10 +15,16 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
 .DEFAULT_GOAL := compare
-.PHONY: compare test check lint format clean
+.PHONY: compare suite paper test check lint format clean
 
 compare: $(VENV)/.run
 	@$(BIN)/planner compare problems/paper.toml --out out/compare
+
+suite: $(VENV)/.run
+	@$(BIN)/python tests/benchmarks/suite.py
+
+paper: $(VENV)/.run
+	@$(BIN)/planner reproduce --out results/paper
 
 test: check
 	@$(BIN)/python -m pytest $(PYTEST_FLAGS)

@@ -1,0 +1,66 @@
+"""The shared suite: each pair gives a verified plan or an honest refusal, as tabled here.
+
+Whatever can be executed is replayed on the ideal machine, whose integrator and kinematics are
+other code than both the method's and the verifier's.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import planner
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+METHODS = ("polynomial", "piecewise", "sinusoid", "sinusoid_steps", "collocation", "convex")
+SOLVED, LIMIT, CHART, NONE, OPEN = (
+    "solved",
+    "verification_failed",
+    "singular",
+    "infeasible",
+    "not_converged",
+)
+EXPECTED = {
+    "ball-gear": (SOLVED, SOLVED, SOLVED, LIMIT, SOLVED, SOLVED),
+    "car": (SOLVED, SOLVED, SOLVED, LIMIT, SOLVED, SOLVED),
+    "crossing": (CHART, CHART, CHART, CHART, SOLVED, CHART),
+    "custom": (SOLVED, SOLVED, LIMIT, LIMIT, SOLVED, SOLVED),
+    "four-joint": (CHART, CHART, CHART, CHART, SOLVED, OPEN),
+    "paper": (LIMIT, LIMIT, SOLVED, LIMIT, SOLVED, SOLVED),
+    "paper-fig4": (CHART, CHART, LIMIT, LIMIT, SOLVED, NONE),
+    "paper-fig5": (CHART, CHART, LIMIT, LIMIT, SOLVED, NONE),
+    "parking": (CHART, CHART, CHART, CHART, SOLVED, NONE),
+    "trailers": (SOLVED, SOLVED, LIMIT, LIMIT, SOLVED, SOLVED),
+    "unicycle": (SOLVED, SOLVED, LIMIT, LIMIT, SOLVED, SOLVED),
+    "unreachable": (NONE, NONE, NONE, NONE, NONE, NONE),
+}
+
+
+def test_the_table_is_complete() -> None:
+    assert {path.stem for path in PROBLEMS.glob("*.toml")} == set(EXPECTED)
+    assert set(METHODS) == set(planner.METHODS)
+
+
+def _outcome(problem: planner.Problem, method: str) -> tuple[str, str, planner.Plan | None]:
+    """Status, reason of the refusal, and the plan or the last iterate."""
+    try:
+        plan = planner.solve(problem, method)
+    except planner.NoPlanError as error:
+        return error.status, error.reason, error.plan
+    return plan.status, "", plan
+
+
+@pytest.mark.parametrize("name", sorted(EXPECTED))
+@pytest.mark.parametrize("method", METHODS)
+def test_pair(name: str, method: str) -> None:
+    problem = planner.load_problem(PROBLEMS / f"{name}.toml")
+    status, reason, plan = _outcome(problem, method)
+    assert status == EXPECTED[name][METHODS.index(method)], reason
+    assert (problem.source in reason) == (status != SOLVED)
+    if plan is None:
+        return
+    assert plan.verified == (status == SOLVED)
+    # the other systems' ideal replays are in test_replay.py
+    if status in (SOLVED, LIMIT) and plan.executable and problem.system.kind == "manipulator":
+        run = planner.replay(plan, planner.Machine.ideal(), record_s=None)
+        assert np.max(np.abs(run.terminal_error)) < 1e-6

@@ -15,6 +15,9 @@ from planner.convex.successive import Aim, Local, Succession
 from planner.problem import Limits, Problem
 from planner.systems.base import Array
 
+LEVEL_SLACK = 1e-3
+"""Fraction by which the least peak input may be exceeded between the samples."""
+
 SHRINK = 1e-5
 """Limits are first lowered by this fraction, to make room for the tolerance at the samples."""
 
@@ -34,7 +37,7 @@ class Setting:
         band: The convex part of the domain.
         margin: Least chart margins where the band is not all of it, shape (m,), else None.
         nearest: The lesser of start's and goal's chart margins, shape (m,).
-        duration: Seconds; any where the problem leaves it free, and then inputs have no limit.
+        duration: Seconds; any where the problem leaves it free, or for the aim "input".
         aim: "smooth", "peak" or "input".
         max_steps: Programmes allowed for one travel.
     """
@@ -109,12 +112,12 @@ def improve(
         samples = Samples.dense(frame.shape.pieces, EDGE_SAMPLES)
     sampled = setting.sampled(frame, samples, shrink)
     run = Succession(sampled, setting.band, Aim(setting.aim, value), y, warm)
+    level = setting.aim == "input"
     found = run.go(setting.max_steps)
     for _ in range(rounds):
         if not found.kept:
             return found
-        level = found.t * (1 + 1e-3) if setting.aim == "input" else 1.0
-        verdict = setting.judge(frame, found.y, level)
+        verdict = setting.judge(frame, found.y, found.t * (1 + LEVEL_SLACK) if level else 1.0)
         found = replace(found, worst=verdict.worst, kept=verdict.worst <= 0)
         if found.kept:
             return found

@@ -36,7 +36,7 @@ class Nearby:
         local: The path; it may not keep everything.
         tried: Number of local optima sought.
         eased: Whether, no path being found that keeps the input limits, this is the one of least
-            peak input, as a multiple `local.t` of the limits.
+            peak input, see `Task.eased` and `Task.level`.
     """
 
     frame: Frame
@@ -65,7 +65,7 @@ def local_best(task: Task, found: Found, travels: Array) -> Nearby | None:
     if memory.score >= FAILED and task.aim != "input" and task.setting.limits_inputs:
         eased = local_best(task.eased(), found, travels)
     if eased is not None and eased.local.kept:
-        if eased.local.t > 1:
+        if task.eased().level(eased.local) > 1:
             return replace(eased, eased=True)
         memory.at(eased.frame, eased.local.y)
     if memory.score < FAILED and len(travels) > 1:

@@ -25,6 +25,9 @@ SIGHT = 0.2
 LEAST_DAMPING = 1e-7
 """Least Levenberg–Marquardt weight, on the merit's scale: keeps the programme well posed."""
 
+FLAT = 1e-3
+"""Weight of |y|² beside the level or the peak, which alone leave most of the path free."""
+
 KEPT = 2e-6
 """Largest h at the samples that counts as kept."""
 
@@ -142,10 +145,10 @@ class Succession:
         end = self.steps + max_steps
         while self.steps < end:
             rows, gain = self._step(rows)
-            if gain > 1e-7:
+            settled = np.max(np.abs(np.maximum(rows.h, -self.merit.shift)), initial=0.0)
+            if gain > max(1e-7, 1e-3 * settled):
                 continue
             worst = float(rows.h.max(initial=-1.0))
-            settled = np.max(np.abs(np.maximum(rows.h, -self.merit.shift)), initial=0.0)
             stuck = stuck + 1 if worst > 0.5 * last else 0
             if settled <= KEPT or stuck == 3:
                 break
@@ -154,6 +157,10 @@ class Succession:
                 self.merit.harden(10.0)
             last = worst
             self.damping = min(self.damping, 1.0 / self.aim.scale**2)
+        if self.aim.kind == "input":  # any path has a level, converged or not
+            peaks = self.sampled.peaks(self.y) / self.sampled.limits.input
+            self.t = max(self.t, float(peaks.max()) * (1 + 1e-9))
+            rows = self._rows(self.y, self.t)
         worst = float(rows.h.max(initial=-1.0))
         return Local(self.y, self.t, worst, worst <= KEPT, self.steps, self.touch, self.merit)
 
@@ -215,17 +222,16 @@ class _StepProgramme:
         self.y, self.t = run.y, run.t
         frame, aim, damping = run.frame, run.aim, run.damping
         unit = 1 / aim.scale**2
-        own = unit if aim.kind == "smooth" else 1e-6 * unit
+        own = unit if aim.kind == "smooth" else FLAT * unit
         count = len(rows.near)
-        peak = aim.kind == "peak"
         self.weight = np.concatenate(
             [
                 np.full(frame.size, own + damping),
-                [unit if peak else unit + damping],
+                [unit if aim.kind == "peak" else unit + damping],
                 np.full(count, run.merit.weight),
             ]
         )
-        level = 0.0 if peak else run.t * damping / (unit + damping)
+        level = 0.0 if aim.kind == "peak" else run.t * damping / (unit + damping)
         self.centre = np.concatenate([run.y * damping / (own + damping), [level], np.zeros(count)])
         k = rows.k[:, None] if aim.kind == "input" else np.zeros((count, 1))
         self.soft = np.hstack([rows.J, k, -np.eye(count)])

@@ -56,15 +56,16 @@ class Task:
         band = band_of(problem, start, goal, options.edge)
         nearest = _nearest(problem)
         margin = None if band.complete else np.minimum(options.edge, nearest / 2)
-        duration = problem.duration or 1.0
         shape = input_shape(options.pieces, int(linear))
+        setting = Setting(problem, band, margin, nearest, 1.0, aim, options.max_steps)
+        setting = replace(setting, duration=_duration(setting))
         return cls(
             problem,
             options,
             Frame(shape, start, goal, 1.0).at(problem.travel or 1.0),
             band,
             replace(programme, tolerance=options.tolerance),
-            Setting(problem, band, margin, nearest, duration, aim, options.max_steps),
+            setting,
         )
 
     @property
@@ -74,7 +75,12 @@ class Task:
 
     def eased(self) -> Task:
         """The same task, seeking the least peak input."""
-        return replace(self, setting=replace(self.setting, aim="input"))
+        setting = replace(self.setting, aim="input")
+        return replace(self, setting=replace(setting, duration=_duration(setting)))
+
+    def level(self, local: Local) -> float:
+        """The greatest input over its limit at the problem's duration, for the aim "input"."""
+        return local.t * self.setting.duration / (self.problem.duration or self.setting.duration)
 
     def optimum(self, travel: float, rows: Touch, ceiling: float) -> Best | Impossible | Above:
         """The convex optimum at one travel, of the requirements that are convex; see `cut`."""
@@ -103,6 +109,22 @@ class Task:
         if self.aim == "peak":
             return frame.peak(y)
         return float(np.sqrt(2 * abs(frame.travel) * frame.smoothness(y)))
+
+
+def _duration(setting: Setting) -> float:
+    """The duration that local optima are sought at.
+
+    The least peak input does not depend on it but for scale, so there it is one at which that
+    peak is of the order of the limits: the time that straight motions at the limits take.
+    """
+    problem = setting.problem
+    if setting.aim != "input":
+        return problem.duration or 1.0
+    drive = float(problem.system.drive(problem.start))
+    travel = 1.0 if problem.travel is None else problem.travel
+    turn = problem.goal[1] - problem.start[1]
+    needs = np.abs([travel / drive, turn]) / setting.limits.input
+    return float(max(needs.sum(), 1e-3))
 
 
 def _nearest(problem: Problem) -> Array:

@@ -95,9 +95,10 @@ def limits_refusal(task: Task, nearby: Nearby, plan: Plan) -> NotConvergedError:
     problem = task.problem
     advice = f"wider limits; or {WAY_OUT}"
     if nearby.eased and problem.duration is not None:
+        seconds = problem.duration * task.eased().level(nearby.local) * 1.0001
         advice = (
-            f"goal.duration = {problem.duration * nearby.local.t * 1.0001:.6g} (this path, slower,"
-            f" then keeps them), or 'free'; or {WAY_OUT}"
+            f"goal.duration = {seconds:.6g} (this path, slower, then keeps them), or 'free';"
+            f" or {WAY_OUT}"
         )
     return NotConvergedError(
         f"{problem.source}: no path with {class_words(task.frame)} was found that keeps every"

@@ -194,7 +194,7 @@ class ConvexOptions(Table):
         100, description="Rounds of cutting planes allowed at one travel."
     )
     max_steps: Annotated[int, Field(ge=1)] = Field(
-        150, description="Steps of successive convexification allowed at one travel."
+        200, description="Steps of successive convexification allowed at one travel."
     )
 
 

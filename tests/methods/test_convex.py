@@ -1,0 +1,386 @@
+"""The method 'convex' through `solve`, which verifies: global, local and refused."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import planner
+from planner.measures import peak_inputs
+from planner.schema.methods import ConvexOptions
+
+PIECES = 20
+
+
+def optimality(plan: planner.Plan) -> dict:
+    return plan.notes["optimality"]
+
+
+@pytest.fixture(scope="module")
+def wide(paper: planner.Problem) -> planner.Problem:
+    """The paper's example with the margin of z₂ alone, which is convex."""
+    return paper.changed({"limits": {"z2_margin": 0.01}})
+
+
+@pytest.fixture(scope="module")
+def smooth_wide(wide: planner.Problem) -> planner.Plan:
+    return planner.solve(wide, "convex", pieces=PIECES)
+
+
+@pytest.fixture(scope="module")
+def smooth_limited(paper: planner.Problem) -> planner.Plan:
+    return planner.solve(paper, "convex", pieces=PIECES)
+
+
+def test_wide_limits_give_a_verified_global_optimum(smooth_wide: planner.Plan) -> None:
+    assert smooth_wide.verified
+    found = optimality(smooth_wide)
+    assert found["kind"] == "global"
+    assert 0 <= found["relative_gap"] < 1e-6
+    assert found["domain_excess_bound"] <= 0
+    assert smooth_wide.domain.ok
+    assert smooth_wide.domain.z2_max <= -0.01
+    assert smooth_wide.objective == pytest.approx(found["objective"])
+
+
+def test_free_travel_is_the_best_of_fixed_ones(
+    wide: planner.Problem, smooth_wide: planner.Plan
+) -> None:
+    for shift in (-0.004, 0.004):
+        fixed = wide.changed({"goal.travel": smooth_wide.travel + shift})
+        beside = plan_only(fixed)
+        assert beside.objective > smooth_wide.objective
+        assert optimality(beside)["lower_bound"] > smooth_wide.objective
+
+
+def plan_only(problem: planner.Problem, **options: object) -> planner.Plan:
+    """The method's plan, without the verification that other tests make."""
+    method = planner.METHODS["convex"]
+    return method.plan(problem, ConvexOptions(pieces=PIECES).model_copy(update=options))
+
+
+def test_input_limits_bite_and_are_kept(
+    smooth_wide: planner.Plan, smooth_limited: planner.Plan
+) -> None:
+    """Left out, they are broken by a hundred times; asked for, they are kept, at a cost."""
+    assert peak_inputs(smooth_wide.trajectory)[1] > 5.0
+    assert smooth_limited.verified
+    peaks = peak_inputs(smooth_limited.trajectory)
+    assert np.all(peaks <= 0.5)
+    assert peaks[1] > 0.4999  # active
+    assert optimality(smooth_limited)["kind"] == "local"
+    assert optimality(smooth_limited)["lower_bound"] < smooth_limited.objective
+    assert smooth_limited.objective > smooth_wide.objective
+
+
+def test_local_optimum_agrees_with_ipopt(paper: planner.Problem) -> None:
+    """Same pieces, same limits at the same points, another programme and another solver."""
+    problem = paper.changed({"goal.travel": 0.82})
+    plan = plan_only(problem)
+    assert optimality(plan)["kind"] == "local"
+    assert plan.objective == pytest.approx(_ipopt(problem, 0.82), rel=2e-3)
+
+
+def _ipopt(problem: planner.Problem, D: float) -> float:
+    """Least ½∫(dz₂/ds)² ds with |u₂| and θ₁ limited at several points of every piece."""
+    K2, K3 = problem.system.K  # type: ignore[attr-defined]
+    T, limit, h = 10.0, 0.5, 1 / PIECES
+
+    def z(theta: float) -> list[float]:
+        c, s = np.cos(theta), np.sin(theta)
+        return [-3 * K2 * K3 * c**4 * s, K3 * c**3, theta]
+
+    opti = ca.Opti()
+    omega = opti.variable(PIECES)
+    a, b, c = (ca.MX(v) for v in z(problem.start[1]))
+    for k in range(PIECES):
+        for t in h * np.linspace(0, 1, 9):
+            z2 = a + omega[k] * t
+            z3 = b + D * (a * t + omega[k] * t**2 / 2)
+            z4 = c + D * b * t + D**2 * (a * t**2 / 2 + omega[k] * t**3 / 6)
+            c2 = (z3 / K3) ** (1 / 3)
+            s2 = ca.sqrt(1 - c2**2)
+            w = -z2 / (3 * K2 * K3 * c2**2 * s2)  # cos²θ₁
+            inner = (k, t) != (0, 0.0) and not (k == PIECES - 1 and t > h * (1 - 1e-9))
+            if inner:
+                opti.subject_to(opti.bounded(1e-6, w, 1 - 1e-6))
+                opti.subject_to(z2 <= -0.01)
+            # dw/dτ by the chain rule, and θ̇₁ = −ẇ/(2 sinθ₁ cosθ₁)
+            cap = 3 * K2 * K3 * c2**2 * s2
+            cap_by_c2 = 3 * K2 * K3 * (2 * c2 * s2 - c2**3 / s2)
+            cap_rate = cap_by_c2 * D * z2 / (3 * K3 * c2**2)
+            w_rate = (-omega[k] - w * cap_rate) / cap
+            turn = 2 * ca.sqrt(w * (1 - w)) * limit * T
+            opti.subject_to(opti.bounded(-1, w_rate / turn, 1))
+        a, b, c = z2, z3, z4
+    for end, value in zip((a, b, c), z(problem.goal[1]), strict=True):
+        opti.subject_to(end == value)
+    cost = ca.sumsqr(omega) * h / 2 / D
+    opti.minimize(cost)
+    start = plan_only(problem.changed({"limits": {"z2_margin": 0.01}}))
+    opti.set_initial(omega, start.v(10.0 * h * (np.arange(PIECES) + 0.5))[:, 1] * T)
+    quiet = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes"}
+    opti.solver("ipopt", quiet)
+    return float(opti.solve().value(cost))
+
+
+def test_joint_limit_bites_and_is_kept(wide: planner.Problem) -> None:
+    limits = {"z2_margin": 0.01, "joint_deg": [36.0, 80.0, 80.0]}
+    free = plan_only(wide.changed({"goal.travel": 0.81}))
+    t = np.linspace(0, 10, 3000)
+    assert np.rad2deg(free.q(t)[:, 1].max()) > 39
+    plan = planner.solve(
+        wide.changed({"limits": limits, "goal.travel": 0.81}), "convex", pieces=PIECES
+    )
+    assert np.rad2deg(plan.q(t)[:, 1].max()) <= 36 * (1 + 1e-6)
+    assert optimality(plan)["kind"] == "local"
+
+
+def test_peak_objectives_lower_their_peaks(wide: planner.Problem, paper: planner.Problem) -> None:
+    at = {"goal.travel": 0.82}
+    smooth, peak = plan_only(wide.changed(at)), plan_only(wide.changed(at), objective="peak")
+    t = np.linspace(0, 10, 4001)
+    assert optimality(peak)["kind"] == "global"
+    assert optimality(peak)["relative_gap"] < 1e-6
+    assert np.abs(peak.v(t)[:, 1]).max() == pytest.approx(peak.objective, rel=1e-9)
+    assert peak.objective < 0.95 * np.abs(smooth.v(t)[:, 1]).max()
+
+    limited = plan_only(paper.changed(at))
+    least = plan_only(paper.changed(at), objective="peak_input")
+    peaks = peak_inputs(least.trajectory)
+    assert peaks.max() < 0.96 * peak_inputs(limited.trajectory).max()
+    assert least.objective == pytest.approx(peaks.max() / 0.5, rel=2e-3)
+
+
+def test_free_duration_is_the_fastest_the_limits_allow(paper: planner.Problem) -> None:
+    free = paper.changed({"goal.duration": "free", "goal.travel": 0.83})
+    plan = planner.solve(free, "convex", pieces=PIECES, objective="peak_input")
+    assert np.max(peak_inputs(plan.trajectory)) == pytest.approx(0.5, rel=1e-6)
+    smooth = plan_only(free)
+    assert plan.duration < 0.9 * smooth.duration
+
+
+def test_rate_limits_make_v2_continuous(paper: planner.Problem) -> None:
+    rated = paper.changed(
+        {"limits.input_rate_rad_s2": 5.0, "goal.duration": "free", "goal.travel": 0.829}
+    )
+    plan = planner.solve(rated, "convex", pieces=PIECES)
+    assert "continuous" in optimality(plan)["of"]
+    breaks = plan.t[1:-1]
+    np.testing.assert_allclose(plan.v(np.nextafter(breaks, 0)), plan.v(breaks), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "sign"), [([10, 10], [30, 40], 1), ([-10, 40], [-30, 10], -1)]
+)
+def test_two_joints_are_convex_too(start: list[float], goal: list[float], sign: int) -> None:
+    problem = planner.Problem.from_dict(
+        {
+            "system": {"kind": "manipulator", "joints": 2, "K": [1.0], "k_g": 0.7},
+            "start": {"theta_deg": start},
+            "goal": {"theta_deg": goal},
+        }
+    )
+    plan = planner.solve(problem, "convex", pieces=PIECES)
+    assert optimality(plan)["kind"] == "global"
+    assert np.sign(plan.travel) == sign
+    # Below the least travel K₂Δφ = Δθ₂ nothing exists; close above it the edge θ₁ = 0 is felt.
+    near = planner.solve(problem.changed({"goal.travel": sign * 0.54}), "convex", pieces=PIECES)
+    assert optimality(near)["relative_gap"] < 1e-6
+    assert near.domain.ok
+    with pytest.raises(planner.InfeasibleError, match="between"):
+        planner.solve(problem.changed({"goal.travel": sign * 0.52}), "convex")
+
+
+def test_two_joints_keep_a_joint_limit_globally() -> None:
+    problem = planner.Problem.from_dict(
+        {
+            "system": {"kind": "manipulator", "joints": 2, "K": [1.0], "k_g": 0.7},
+            "start": {"theta_deg": [10, 10]},
+            "goal": {"theta_deg": [30, 40], "travel": 0.85},
+        }
+    )
+    free = plan_only(problem)
+    largest = np.rad2deg(free.q(np.linspace(0, 10, 2000))[:, 1].max())
+    assert largest > 37
+    kept = planner.solve(
+        problem.changed({"limits": {"joint_deg": [36, 80]}}), "convex", pieces=PIECES
+    )
+    assert optimality(kept)["kind"] == "global"
+    assert kept.objective > free.objective
+
+
+def four_joints(seed: int, bumps: bool) -> planner.Problem:
+    """A goal reached by a known motion of travel 0.6 (that comes close to the chart's edge)."""
+    rng = np.random.default_rng([4, seed, 7])
+    start, K = rng.uniform(2, 20, 4), [0.9**i for i in range(3)]
+    sizes = rng.uniform(-1, 1, 3) if bumps else np.zeros(3)
+    system = planner.Manipulator(K, 0.7)
+
+    def slope(s: float, passive: np.ndarray) -> np.ndarray:
+        wave = np.exp(1.5 * sizes @ np.sin(np.arange(1, 4) * np.pi * s))
+        theta1 = np.deg2rad(start[0] + 10 * s) * wave
+        return 0.6 * system.slopes(np.array([0.0, theta1, *passive]))
+
+    end = solve_ivp(slope, (0, 1), np.deg2rad(start[1:]), rtol=1e-10).y[:, -1]
+    return planner.Problem.from_dict(
+        {
+            "system": {"kind": "manipulator", "joints": 4, "K": K, "k_g": 0.7},
+            "start": {"theta_deg": start.tolist()},
+            "goal": {
+                "theta_deg": [float(start[0] + 10), *np.rad2deg(end).tolist()],
+                "travel": 0.6,
+            },
+        }
+    )
+
+
+@pytest.mark.parametrize("seed", [3, 10])
+def test_four_joints_at_the_edge_of_the_domain(seed: int) -> None:
+    """The optimum without the domain leaves it; the local one stays inside, verified."""
+    problem = four_joints(seed, bumps=True)
+    plan = planner.solve(problem, "convex", pieces=30)
+    found = optimality(plan)
+    assert found["kind"] == "local"
+    assert plan.domain.ok
+    assert found["lower_bound"] < found["objective"] < 1.2 * found["lower_bound"]
+
+
+def test_four_joints_with_free_travel() -> None:
+    problem = four_joints(3, bumps=False).changed({"goal.travel": "free"})
+    plan = planner.solve(problem, "convex", pieces=30)
+    assert optimality(plan)["kind"] == "global"
+    assert optimality(plan)["relative_gap"] <= 1e-6
+
+
+@pytest.mark.parametrize("name", ["car", "unicycle", "trailers", "ball-gear"])
+def test_other_systems(name: str) -> None:
+    """Their domain is no obstacle here, so the unconstrained optimum is the optimum."""
+    problem = planner.load_problem(Path(__file__).parents[2] / f"problems/{name}.toml")
+    plan = planner.solve(problem, "convex", pieces=16)
+    assert plan.verified
+    assert optimality(plan)["kind"] == "global"
+
+
+# -- refusals ------------------------------------------------------------------------------
+
+
+def test_travel_outside_the_window(wide: planner.Problem) -> None:
+    with pytest.raises(planner.InfeasibleError, match=r"between 0\.78635\d* and 0\.8966"):
+        planner.solve(wide.changed({"goal.travel": 0.78}), "convex")
+
+
+def test_empty_class_has_a_certificate_and_a_way_out(wide: planner.Problem) -> None:
+    with pytest.raises(planner.InfeasibleError, match=r"certificate of \d+ conditions") as caught:
+        planner.solve(wide.changed({"goal.travel": 0.787}), "convex", pieces=PIECES)
+    proof = caught.value.certificate
+    assert proof is not None
+    combined = proof["A"].T @ proof["multipliers"]
+    assert np.all(proof["multipliers"] >= 0)
+    assert proof["b"] @ proof["multipliers"] + proof["radius"] * np.linalg.norm(combined) < 0
+    assert "one-way motions of any kind" in str(caught.value)
+    # The travel it advises has a plan.
+    assert caught.value.advice is not None
+    travel = float(caught.value.advice.split("goal.travel = ")[1].split()[0])
+    assert optimality(plan_only(wide.changed({"goal.travel": travel})))["kind"] == "global"
+
+
+def test_no_travel_at_all(wide: planner.Problem) -> None:
+    """|z₂| ≥ 0.0215 from 0.0217 at the end: every travel tried has a certificate, none a plan."""
+    tight = wide.changed(
+        {
+            "start.theta_deg": [30, 1, 1],
+            "goal.theta_deg": [1, 1.5, 30],
+            "limits.z2_margin": 0.02,
+        }
+    )
+    with pytest.raises(planner.NotConvergedError, match=r"\d+ of \d+ travels tried are proven"):
+        planner.solve(tight, "convex", pieces=PIECES)
+
+
+def test_too_short_a_duration_names_one_that_works(paper: planner.Problem) -> None:
+    short = paper.changed({"goal.duration": 3.0, "goal.travel": 0.83})
+    with pytest.raises(planner.NotConvergedError) as caught:
+        planner.solve(short, "convex", pieces=PIECES)
+    assert {v.label for v in caught.value.violations} <= {"input u1", "input u2"}
+    assert caught.value.violations
+    last, advice = caught.value.plan, caught.value.advice
+    assert last is not None
+    assert advice is not None
+    seconds = float(advice.split("goal.duration = ")[1].split()[0])
+    slower = replace(
+        last,
+        problem=short.changed({"goal.duration": seconds}),
+        trajectory=last.trajectory.slowed(seconds / last.duration),
+    )
+    assert planner.verify(slower).ok
+
+
+def test_drive_too_slow_for_any_one_way_motion(paper: planner.Problem) -> None:
+    with pytest.raises(planner.InfeasibleError, match="at most"):
+        planner.solve(paper.changed({"goal.duration": 2.2}), "convex")
+
+
+def test_zero_travel_and_crossings_are_sent_elsewhere(wide: planner.Problem) -> None:
+    with pytest.raises(planner.InfeasibleError, match=r"travel = 0"):
+        planner.solve(wide.changed({"goal.travel": 0.0}), "convex")
+    with pytest.raises(planner.SingularError, match="theta1 changes sign"):
+        planner.solve(wide.changed({"goal.theta_deg": [-30, 30, 30]}), "convex")
+
+
+def test_unreachable_four_joints_is_not_called_impossible() -> None:
+    problem = four_joints(3, bumps=False).changed({"goal.theta_deg": [20.0] * 4})
+    with pytest.raises(planner.NoPlanError) as caught:
+        planner.solve(problem.changed({"goal.travel": "free"}), "convex", pieces=30)
+    assert not isinstance(caught.value, planner.SingularError)
+
+
+def test_options_are_checked(wide: planner.Problem) -> None:
+    with pytest.raises(planner.InputError, match="pieces"):
+        planner.solve(wide, "convex", pieces=5)
+    with pytest.raises(planner.InputError, match="objective"):
+        planner.solve(wide, "convex", objective="least")
+    with pytest.raises(planner.InputError, match="limit of an input"):
+        planner.solve(wide.changed({"goal.duration": "free"}), "convex", pieces=PIECES)
+
+
+# -- the plan as a record --------------------------------------------------------------------
+
+
+def test_round_trip(smooth_limited: planner.Plan, tmp_path: Path) -> None:
+    again = planner.load_plan(smooth_limited.save(tmp_path / "plan.json"))
+    t = np.linspace(0, 10, 101)
+    assert np.array_equal(again.u(t), smooth_limited.u(t))
+    assert again.notes == json.loads(json.dumps(smooth_limited.notes, allow_nan=False))
+
+
+def test_solvers_agree_and_say_nothing_on_standard_output(
+    wide: planner.Problem, capfd: pytest.CaptureFixture[str]
+) -> None:
+    problem = wide.changed({"goal.travel": 0.84})
+    plans = {s: plan_only(problem, pieces=30, solver=s) for s in ("auto", "osqp", "active_set")}
+    assert "".join(capfd.readouterr()) == ""
+    values = [p.objective for p in plans.values()]
+    assert max(values) - min(values) < 1e-8 * max(values)
+    beside = plans["auto"].notes["solver"]["osqp"]
+    assert beside["largest_difference"] < 1e-5
+    assert "osqp" not in plans["active_set"].notes["solver"]
+
+
+def test_middle_of_the_travels(wide: planner.Problem) -> None:
+    plan = plan_only(wide, travel="middle")
+    window = planner.travel_window(wide)
+    assert window is not None
+    assert plan.travel == pytest.approx((window.low + window.high) / 2, abs=0.01)
+
+
+def test_same_problem_same_plan(paper: planner.Problem) -> None:
+    problem = paper.changed({"goal.travel": 0.82})
+    a, b = plan_only(problem), plan_only(problem)
+    assert np.array_equal(a.z(np.linspace(0, 10, 50)), b.z(np.linspace(0, 10, 50)))

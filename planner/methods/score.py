@@ -88,7 +88,9 @@ def score(
     chosen = [c for c in candidates if c is not None]
     form, branch = chained_form(problem.system), chosen[0].branch
     z = _sampled([c.z_curve for c in chosen], samples)
-    margin = np.min(worst_margin(form.margins(z, branch)), axis=-1)
+    pieces = z.shape[1] // _count(samples, chosen[0].z_curve)
+    worst = worst_margin(form.margins(z, branch)).reshape(len(chosen), pieces, -1)
+    margin = np.minimum(np.min(worst, axis=(1, 2)), _dips(worst))
     out[0, made] = margin
     good = np.flatnonzero(margin > 0)
     if good.size:
@@ -107,15 +109,42 @@ def _sampled(curves: Sequence[BPoly], samples: int) -> Array:
     The ends themselves belong to both neighbours, each with its own limit.
     """
     c = np.stack([curve.c for curve in curves])
-    weights = _weights(c.shape[1] - 1, max(9, samples // c.shape[2]))
+    weights = _weights(c.shape[1] - 1, _count(samples, curves[0]))
     values = weights @ np.moveaxis(c, 1, 2)  # (C, P, D+1, N) → (C, P, S, N)
     return np.asarray(values.reshape(len(c), -1, c.shape[-1]))
+
+
+def _count(samples: int, curve: BPoly) -> int:
+    """Samples of each piece."""
+    return max(9, samples // len(curve.x[1:]))
+
+
+def _points(count: int) -> Array:
+    """Chebyshev–Lobatto points of the unit interval."""
+    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.arange(count) / (count - 1)))
+
+
+def _dips(values: Array) -> Array:
+    """Least value (C,) of values (C, P, S) between their samples.
+
+    A dip can be narrower than the samples are apart; a parabola through the three around each local
+    minimum follows it.
+    """
+    step = np.diff(_points(values.shape[-1]))
+    slope = np.diff(values, axis=-1) / step
+    before, after, width = step[:-1], step[1:], step[:-1] + step[1:]
+    bend = (slope[..., 1:] - slope[..., :-1]) / width
+    tangent = (slope[..., :-1] * after + slope[..., 1:] * before) / width
+    with np.errstate(divide="ignore", invalid="ignore"):
+        lowest = values[..., 1:-1] - tangent**2 / (4 * bend)
+    is_dip = (slope[..., :-1] <= 0) & (slope[..., 1:] >= 0) & (bend > 0)
+    return np.asarray(np.min(np.where(is_dip, lowest, np.inf), axis=(1, 2)))
 
 
 @lru_cache(maxsize=64)
 def _weights(degree: int, count: int) -> Array:
     """Bernstein polynomials (count, degree+1) at Chebyshev–Lobatto points of the unit interval."""
-    x = (0.5 - 0.5 * np.cos(np.pi * np.arange(count) / (count - 1)))[:, None]
+    x = _points(count)[:, None]
     i = np.arange(degree + 1)
     return np.asarray(comb(degree, i) * x**i * (1 - x) ** (degree - i))
 

@@ -17,7 +17,7 @@ Make = Callable[[Array], ChainedTrajectory | None]
 
 _CHUNK = 128
 _RESTARTS = 6
-_COARSE, _FINE = 400, 6000
+_COARSE, _FINE = 200, 6000
 """Samples of a candidate while searching, and of the one found."""
 
 

@@ -138,13 +138,6 @@ def test_scores_agree_with_the_plan(auto: planner.Plan, paper: planner.Problem) 
     assert list(found.inside) == [True, False]
 
 
-def test_search_looks_between_samples(unlimited: planner.Problem) -> None:
-    """The best of the coarse samples may dip out of the domain between them; the end may not."""
-    problem = unlimited.changed({"goal.travel": 0.8546})
-    plan = planner.solve(problem, "sinusoid")
-    assert plan.domain.margin >= 0.09 * end_margin(problem)
-
-
 def test_search_survives_laws_without_solution(unlimited: planner.Problem) -> None:
     def nothing(_: Array) -> None:
         return None

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import planner
+from planner.methods.score import end_margin
 from planner.methods.sinusoid import sinusoids
 from planner.methods.sinusoid_steps import steps
 
@@ -144,7 +145,8 @@ def test_each_step_moves_one_coordinate(
 def test_together_on_the_paper(unlimited: planner.Problem) -> None:
     plan = planner.solve(unlimited, "sinusoid")
     assert plan.verified
-    assert plan.domain.ok
+    # The best of the samples may dip out of the domain between them; the plan may not.
+    assert plan.domain.margin >= 0.09 * end_margin(unlimited)
     assert np.max(np.abs(plan.u(np.linspace(0, 10, 5001)))) < 0.5
     again = planner.solve(
         unlimited.changed({"goal.travel": plan.travel}),

@@ -22,7 +22,8 @@ MISPRINTS = (
         "(12)-(15)",
         "X_(i+1) = (c Y - s Z)/(c^2 k)",
         "X_(i+1) = (s Y + c Z)/(-2 k c^3 s), which needs"
-        " sin(theta_i) != 0; the printed one belongs to theta' = k sin(theta) u",
+        " sin(theta_i) != 0, for i <= n - 2, and X_n = Z/(-3 k c^2 s); the printed one belongs to"
+        " theta' = k sin(theta) u",
     ),
     (
         "(24)",

@@ -110,7 +110,7 @@ def _law(cases: Cases) -> list[Finding]:
 
 
 def _domain(cases: Cases) -> list[Finding]:
-    crossings = _times(cases.free.domain.z2_crossings_s)
+    crossings = " and ".join(f"{t:.3f}" for t in cases.free.domain.z2_crossings_s)
     exits, needed = _times(cases.point.domain.exits_s), 1 - cases.point.domain.margin
     found = scan()
     return [

@@ -119,7 +119,16 @@ class Problem:
         Raises:
             InputError: As for `from_dict`.
         """
-        return self.changed(parse_file(self.to_dict(), self.source).travel_change(travel))
+        return self.changed(self.travel_change(travel))
+
+    def travel_change(self, travel: float | None) -> dict[str, Any]:
+        """The dotted key that sets this travel (None: free), and its value."""
+        return parse_file(self.to_dict(), self.source).travel_change(travel)
+
+    @property
+    def travel_key(self) -> str:
+        """The dotted key of the travel, for messages."""
+        return next(iter(self.travel_change(None)))
 
     @property
     def branch(self) -> Array:

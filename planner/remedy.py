@@ -10,7 +10,6 @@ import numpy as np
 
 from planner.errors import InputError, NoPlanError
 from planner.problem import Problem
-from planner.schema import parse_file
 from planner.solve import solve_and_check
 from planner.spec import toml
 from planner.summary import plan_summary, refusal_summary
@@ -66,7 +65,7 @@ def find_remedy(problem: Problem, names: Sequence[str], say: Progress) -> Remedy
 
 def _changes(problem: Problem) -> list[dict[str, Any]]:
     duration: dict[str, Any] = {"goal.duration": "free"}
-    travel = parse_file(problem.to_dict(), problem.source).travel_change(None)
+    travel = problem.travel_change(None)
     timed = problem.duration is not None and bool(np.any(np.isfinite(problem.limits.input)))
     out = [duration] * timed + [travel] * (problem.travel is not None)
     if len(out) == 2:

@@ -91,4 +91,4 @@ def _advice(plan: Plan, check: Check) -> str:
             )
     if any(v.label.startswith(("goal", "plan's")) for v in check.violations):
         return "a finer mesh: more method.collocation.intervals or a higher degree"
-    return "wider limits, another goal.travel, or the method 'collocation'"
+    return f"wider limits, another {plan.problem.travel_key}, or the method 'collocation'"

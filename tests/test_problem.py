@@ -62,3 +62,12 @@ def test_every_shipped_problem_loads_and_explains_itself(path: Path) -> None:
     problem = planner.load_problem(path)
     assert problem.name
     assert path.read_text(encoding="utf-8").startswith("#")
+
+
+def test_travel_is_set_by_the_key_of_the_system(paper: planner.Problem) -> None:
+    assert paper.travel_key == "goal.travel"
+    assert paper.with_travel(0.8).travel == 0.8
+    car = planner.load_problem(Path(paper.source).with_name("car.toml"))
+    assert car.travel_key == "goal.x_m"
+    assert car.with_travel(3.0).travel == pytest.approx(3.0)
+    assert car.with_travel(None).travel is None

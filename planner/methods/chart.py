@@ -105,5 +105,5 @@ def refuse_outside(plan: Plan) -> None:
         f" {report.label}){zero}",
         times_s=report.singular_times_s,
         plan=plan,
-        advice=f"another goal.travel (or 'free') or constraint point; or {WAY_OUT}",
+        advice=f"another {plan.problem.travel_key} (or 'free') or constraint point; or {WAY_OUT}",
     )

@@ -42,7 +42,7 @@ def travel_refusal(problem: Problem, window: TravelWindow) -> InfeasibleError:
 def zero_refusal(problem: Problem) -> InfeasibleError:
     """The travel is zero."""
     return InfeasibleError(
-        f"{problem.source}: goal.travel = 0, and with v1 constant nothing moves but z2",
+        f"{problem.source}: travel = 0, and with v1 constant nothing moves but z2",
         advice=f"the method 'polynomial', which goes out and back; or {WAY_OUT}",
     )
 
@@ -66,7 +66,7 @@ def class_refusal(task: Task, found: Found, replan: Replan) -> NoPlanError:
         return NotConvergedError(
             f"{problem.source}: no path with {class_words(task.frame)} was found that stays inside"
             f" the chart's domain ({words or f'{found.tried} travels tried'})",
-            advice=f"more method.convex.pieces or another goal.travel; or {WAY_OUT}",
+            advice=f"more method.convex.pieces or another {problem.travel_key}; or {WAY_OUT}",
         )
     proof = certificate_words(task, found.refusals[0])
     if problem.travel is None:
@@ -84,10 +84,11 @@ def class_refusal(task: Task, found: Found, replan: Replan) -> NoPlanError:
 
 def _other_travel(problem: Problem, replan: Replan) -> str:
     try:
-        plan = replan(problem.changed({"goal.travel": "free"}), {})
+        plan = replan(problem.with_travel(None), {})
     except (NoPlanError, InputError):
         return f"a smaller limits.z2_margin or more method.convex.pieces; or {WAY_OUT}"
-    return f"goal.travel = {plan.travel:.6g} (tried), or 'free'"
+    ((key, value),) = problem.travel_change(plan.travel).items()
+    return f"{key} = {value:.6g} (tried), or 'free'"
 
 
 def limits_refusal(task: Task, nearby: Nearby, plan: Plan) -> NotConvergedError:

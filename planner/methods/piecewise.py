@@ -68,5 +68,5 @@ def _motion(ends: Ends, offset: float | None, slots: int, travel: float) -> LegM
     except np.linalg.LinAlgError:
         raise SingularError(
             f"{ends.problem.source}: travel {travel:g} leaves the slots' constants undetermined",
-            advice="another goal.travel",
+            advice=f"another {ends.problem.travel_key}",
         ) from None

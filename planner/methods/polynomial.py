@@ -89,5 +89,5 @@ def _motion(ends: Ends, offset: float, travel: float, points: Sequence[Point]) -
         raise SingularError(
             f"{ends.problem.source}: travel {travel:g} with these constraint points leaves the"
             " polynomial's coefficients undetermined",
-            advice="move the constraint points apart, or change goal.travel",
+            advice=f"move the constraint points apart, or change {ends.problem.travel_key}",
         ) from None

@@ -16,6 +16,9 @@ from planner.systems.base import Array
 SHORTEST_S = 1e-3
 """Least duration that a free one may take, in seconds."""
 
+MOST_DRAWN_IN = 0.1
+"""Largest share of a joint limit by which it is drawn in; more would mean a mesh far too coarse."""
+
 
 @dataclass(frozen=True, eq=False)
 class Tightening:
@@ -33,6 +36,11 @@ class Tightening:
     def none(cls, intervals: int, size: int) -> Tightening:
         """No change."""
         return cls(np.zeros((intervals, size)), np.zeros(intervals))
+
+    def everywhere(self) -> Tightening:
+        """Each limit drawn in by its greatest amount, in all intervals."""
+        joint = np.broadcast_to(np.max(self.joint, axis=0), self.joint.shape)
+        return Tightening(joint, np.full_like(self.z2, np.max(self.z2)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +84,9 @@ def _unknowns(
     upper[places.inputs] = problem.limits.input
     limited = np.isin(np.arange(size), made.system.limited)
     joint = np.where(limited, problem.limits.joint, np.inf)
-    upper[places.points] = (joint - tightening.joint)[:, None, :]
-    upper[places.nodes] = joint - _at_nodes(tightening.joint)
+    drawn = np.minimum(tightening.joint, MOST_DRAWN_IN * joint)
+    upper[places.points] = (joint - drawn)[:, None, :]
+    upper[places.nodes] = joint - _at_nodes(drawn)
     lower = -upper
     lower[0] = SHORTEST_S
     fixed = [(places.nodes[0], problem.start), (places.nodes[-1], _goal(problem))]

@@ -57,7 +57,7 @@ def polish(task: Task, solution: Solution, accuracy: float, refinements: int) ->
         if error.fine(accuracy):
             break
         finer = task.on(_finer(task, error, accuracy))
-        better = finer.solve(transferred(task, solution.iterate, finer))
+        better = finer.solve(transferred(task, solution.iterate, finer), near=True)
         seconds, iterations = seconds + better.seconds, iterations + better.iterations
         build += finer.build_time_s
         if not better.ok:
@@ -130,6 +130,7 @@ def _finer(task: Task, error: MeshError, accuracy: float) -> Mesh:
 
 
 def _draw_in(task: Task, solution: Solution) -> Polished:
+    """Solve again with limits drawn in by what is broken, first where, then everywhere."""
     seconds, iterations, rounds = 0.0, 0, 0
     tightening = task.tightening
     for _ in range(TIGHTENING_ROUNDS):
@@ -137,8 +138,10 @@ def _draw_in(task: Task, solution: Solution) -> Polished:
         if not (np.any(over.joint) or np.any(over.z2)):
             break
         tightening = Tightening(tightening.joint + over.joint, tightening.z2 + over.z2)
+        if rounds > 0:
+            tightening = tightening.everywhere()
         task = replace(task, tightening=tightening)
-        better = task.solve(solution.iterate, solution.multipliers)
+        better = task.solve(solution.iterate, near=True)
         if not better.ok:
             better = task.solve(solution.iterate)
         seconds, iterations = seconds + better.seconds, iterations + better.iterations

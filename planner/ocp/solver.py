@@ -20,6 +20,9 @@ from planner.systems.base import Array, TriangularSystem
 ACCEPTED_RESIDUAL = 1e-7
 """Largest excess of a row over its bounds, in its own unit, that counts as solved."""
 
+NEAR = 1e-4
+"""Barrier and distance to the bounds to begin with when the start is near the answer."""
+
 _FINISHED = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 
 
@@ -30,12 +33,12 @@ class Settings:
     Attributes:
         tolerance: Of optimality and of the rows.
         max_iterations: Iterations before it gives up.
-        warm: Whether the start is close to the answer and comes with multipliers.
+        near: Whether the start is close to the answer, as from a coarser mesh or looser limits.
     """
 
     tolerance: float = 1e-9
     max_iterations: int = 500
-    warm: bool = False
+    near: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +55,6 @@ class Solution:
         status: What the solver says of itself.
         iterations: How many it made.
         seconds: How long it took.
-        multipliers: Of unknowns and rows, for a warm start.
     """
 
     vector: Array
@@ -64,16 +66,9 @@ class Solution:
     status: str
     iterations: int
     seconds: float
-    multipliers: tuple[Array, Array]
 
 
-def solve(
-    made: Transcription,
-    data: Bounds,
-    start: Iterate,
-    settings: Settings,
-    multipliers: tuple[Array, Array] | None = None,
-) -> Solution:
+def solve(made: Transcription, data: Bounds, start: Iterate, settings: Settings) -> Solution:
     """Solve from one start. The solver's word is not taken for it: rows are evaluated anew."""
     call = solver(made.system, made.form, settings)
     inputs = {
@@ -84,8 +79,6 @@ def solve(
         "lbg": data.row_lower,
         "ubg": data.row_upper,
     }
-    if multipliers is not None:
-        inputs["lam_x0"], inputs["lam_g0"] = multipliers
     began = time.perf_counter()
     with heed_interrupts():
         found = call(**inputs)
@@ -104,7 +97,6 @@ def solve(
         status=stats["return_status"],
         iterations=int(stats["iter_count"]),
         seconds=seconds,
-        multipliers=(_flat(found["lam_x"]), _flat(found["lam_g"])),
     )
 
 
@@ -145,7 +137,11 @@ def solver(system: TriangularSystem, form: Form, settings: Settings) -> Any:
 
 
 def _ipopt(settings: Settings) -> dict[str, Any]:
-    """Limits hold exactly at every iterate: bounds are not relaxed."""
+    """Limits hold exactly at every iterate: bounds are not relaxed.
+
+    A near start keeps its distance to the bounds and begins with a small barrier. IPOPT's own warm
+    start, with multipliers, saved a few iterations more on easy problems and failed on long ones.
+    """
     options: dict[str, Any] = {
         "print_level": 0,
         "sb": "yes",
@@ -154,16 +150,9 @@ def _ipopt(settings: Settings) -> dict[str, Any]:
         "max_iter": settings.max_iterations,
         "bound_relax_factor": 0.0,
     }
-    if settings.warm:
-        options |= {
-            "warm_start_init_point": "yes",
-            "mu_init": 1e-6,
-            "warm_start_bound_push": 1e-8,
-            "warm_start_bound_frac": 1e-8,
-            "warm_start_slack_bound_push": 1e-8,
-            "warm_start_slack_bound_frac": 1e-8,
-            "warm_start_mult_bound_push": 1e-8,
-        }
+    if settings.near:
+        pushes = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
+        options |= {"mu_init": NEAR, **dict.fromkeys(pushes, NEAR)}
     return options
 
 

@@ -14,7 +14,6 @@ from planner.ocp.resimulation import Motion, resimulate
 from planner.ocp.solver import Settings, Solution, prepare, solve
 from planner.ocp.transcription import Transcription
 from planner.problem import Problem
-from planner.systems.base import Array
 from planner.trajectory import StateTrajectory
 
 
@@ -49,10 +48,9 @@ class Task:
             self.problem, self.made, self.mesh, self.objective, self.rest, self.tightening
         )
 
-    def solve(self, start: Iterate, multipliers: tuple[Array, Array] | None = None) -> Solution:
-        """Solve from a start; multipliers make it a warm start."""
-        settings = replace(self.settings, warm=multipliers is not None)
-        return solve(self.made, self.bounds, start, settings, multipliers)
+    def solve(self, start: Iterate, near: bool = False) -> Solution:
+        """Solve from a start, which may be near the answer."""
+        return solve(self.made, self.bounds, start, replace(self.settings, near=near))
 
     def curve(self, iterate: Iterate) -> StateTrajectory:
         """The motion an iterate describes."""

@@ -320,3 +320,13 @@ def _arm(start: Any, goal: Any, travel: float | str = "free") -> Problem:
             "limits": {"input_rad_s": [0.5, 0.5], "joint_deg": 80.0},
         }
     )
+
+
+@pytest.mark.parametrize(("inputs", "effort"), [("constant", 0.33584), ("linear", 0.33578)])
+def test_effort_to_the_last_digit_with_the_unrounded_drive_constant(
+    paper: planner.Problem, inputs: str, effort: float
+) -> None:
+    """The known figures belong to k_g = (K₃/K₂)²; the file's 0.668811 shifts them by 4e-5."""
+    exact = paper.changed({"system.k_g": (0.711625 / 0.870125) ** 2})
+    plan = planner.solve(exact, "collocation", input=inputs)
+    assert plan.objective == pytest.approx(effort, abs=5e-6)

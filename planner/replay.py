@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.machine import Draws, Machine, simulate
+from planner.machine.loop import Feedback, measured
 from planner.machine.simulate import Progress
 from planner.plan import Plan
 from planner.systems.base import Array
@@ -38,6 +39,8 @@ class Replay:
         saturated_s: How long each motor was asked for more than its velocity limit, (S, 2), s.
         terminal_error: True end minus plan's end, shape (S, N), in the coordinates' units.
         deviation: Largest |true − plan| over time of the coordinates after the first, (S, N−1).
+        corrections: What feedback added to the plan's input from each of its K readings on,
+            (S, K, 2), in the inputs' units; K is 0 in open loop.
     """
 
     plan: Plan
@@ -51,6 +54,7 @@ class Replay:
     saturated_s: Array
     terminal_error: Array
     deviation: Array
+    corrections: Array
 
     def __repr__(self) -> str:
         count = len(self.numbers)
@@ -98,14 +102,7 @@ class Replay:
     @property
     def measured(self) -> Array:
         """What the encoders read, shape (S, R, N): `q` with the angles at their resolution."""
-        out = self.q.copy()
-        steps = np.deg2rad(self.draws["encoder_resolution_deg"])
-        steps = np.broadcast_to(steps, (out.shape[2] - 1, len(out)))
-        for i in self.angles:
-            step = steps[i - 1][:, None]
-            rounded = np.round(out[:, :, i] / np.where(step > 0, step, 1.0)) * step
-            out[:, :, i] = np.where(step > 0, rounded, out[:, :, i])
-        return out
+        return measured(self.plan.problem.system, self.draws, self.q.T).T
 
     @property
     def worst(self) -> int:
@@ -137,13 +134,13 @@ def replay(
     machine: Machine | None = None,
     samples: int | Sequence[int] = 1,
     seed: int = 0,
-    feedback: bool = False,
+    feedback: bool | Feedback = False,
     *,
     settle_s: float = SETTLE_S,
     record_s: float | None = RECORD_S,
     progress: Progress | None = None,
 ) -> Replay:
-    """Replay a plan open loop on samples of an emulated machine.
+    """Replay a plan on samples of an emulated machine, open loop or with feedback.
 
     The same seed gives every plan the same machines, and sample k is the same machine whatever the
     number of samples, so that plans can be compared sample by sample.
@@ -153,7 +150,7 @@ def replay(
         machine: The machine; the problem's `[machine]` table when left out.
         samples: How many, or a list of sample numbers (from 0).
         seed: Seed of the draws.
-        feedback: Whether a tracker closes the loop; not available yet.
+        feedback: What closes the loop (see `planner.machine.loop`); open loop when left out.
         settle_s: Time after the plan's end with zero command, s, so that the lag of the servos is
             not counted as a terminal error.
         record_s: Time between recorded instants, s; None records the start, the plan's end and the
@@ -164,14 +161,20 @@ def replay(
         InputError: If the plan has no real inputs, the machine does not match the system, or an
             argument is out of range.
     """
-    if feedback:
-        raise InputError("feedback=True is not available yet; replay runs open loop")
+    closing = _feedback(feedback)
     _refuse_inexecutable(plan)
     numbers = _numbers(samples)
     _check(seed, settle_s, record_s)
     used = Machine.from_table(plan.problem.machine) if machine is None else machine
     recording = simulate(
-        plan, used, numbers, seed, settle_s=settle_s, record_s=record_s, progress=progress
+        plan,
+        used,
+        numbers,
+        seed,
+        settle_s=settle_s,
+        record_s=record_s,
+        feedback=closing,
+        progress=progress,
     )
     return Replay(
         plan=plan,
@@ -185,7 +188,14 @@ def replay(
         saturated_s=recording.saturated_s,
         terminal_error=recording.q[:, -1] - plan.q(plan.duration),
         deviation=recording.deviation,
+        corrections=recording.corrections,
     )
+
+
+def _feedback(feedback: bool | Feedback) -> Feedback | None:
+    if feedback is True:
+        raise InputError("feedback=True is not available yet; replay runs open loop")
+    return None if feedback is False else feedback
 
 
 def _refuse_inexecutable(plan: Plan) -> None:

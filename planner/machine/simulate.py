@@ -1,43 +1,27 @@
-"""A plan through some machines: the loop over time, for many samples at once."""
+"""A plan through some machines, open loop or corrected by feedback."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.machine.chain import Chain
 from planner.machine.command import Command
-from planner.machine.direct import Direct
 from planner.machine.draw import Draws, draw
 from planner.machine.grid import merged
+from planner.machine.loop import Correct, Feedback, measured, readings
 from planner.machine.machine import Machine
-from planner.machine.servo import Servos
+from planner.machine.motion import Motion, Steps, Stepwise
 from planner.plan import Plan
 from planner.systems.base import Array
-from planner.systems.manipulator import Manipulator
 
 CHUNK = 1000
 """Samples that advance together: enough to keep NumPy busy, few enough to stay in the cache."""
 
-REPORT_EVERY = 250
-"""Steps between two reports of progress."""
-
 Progress = Callable[[int, int], None]
-
-
-class Plant(Protocol):
-    """What the motors move."""
-
-    @property
-    def q(self) -> Array:
-        """Coordinates, (N, S)."""
-
-    def step(self, speed: Array, travel: Array, h: float) -> None:
-        """Advance by h seconds under motor speeds (P, 2, S) and travels (P−1, 2, S)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +35,8 @@ class Recording:
         speed: Speeds of the motors then, (S, R, 2); after a jump, where there is one.
         deviation: Largest |q − plan| of each coordinate after the first over all steps, (S, N−1).
         saturated_s: Seconds each motor was asked for more than its velocity limit, (S, 2).
+        corrections: What feedback added to the command from each of its K readings on, (S, K, 2);
+            K is 0 in open loop.
     """
 
     draws: Draws
@@ -59,6 +45,7 @@ class Recording:
     speed: Array
     deviation: Array
     saturated_s: Array
+    corrections: Array
 
 
 def simulate(
@@ -69,85 +56,74 @@ def simulate(
     *,
     settle_s: float,
     record_s: float | None,
+    feedback: Feedback | None = None,
     progress: Progress | None = None,
 ) -> Recording:
-    """Run an executable plan open loop through the samples `numbers` (S,) of a machine.
+    """Run an executable plan through the samples `numbers` (S,) of a machine.
 
     Raises:
-        InputError: If the machine does not match the system, or the plan's input is not finite.
+        InputError: If the machine does not match the system, or the plan's input, or what feedback
+            adds to it, is not finite.
     """
-    size = plan.problem.system.size
+    size, count = plan.problem.system.size, len(numbers)
     draws = draw(machine, size - 1, numbers, seed)
     times = _record_times(plan.duration, settle_s, record_s)
     period = machine.effects.get("control_period_s")
-    command = Command(plan, period.value[0] if period else None, draws, machine.step_s, times)
+    command = Command(
+        plan,
+        period.value[0] if period else None,
+        draws,
+        machine.step_s,
+        times,
+        readings(feedback, plan.duration),
+    )
     rows = np.searchsorted(command.t, times)
     desired = plan.q(command.t)[:, 1:, None]
-    q, speed = np.empty((len(numbers), len(times), size)), np.empty((len(numbers), len(times), 2))
-    deviation, saturated = np.empty((len(numbers), size - 1)), np.empty((len(numbers), 2))
-    total = (len(command.t) - 1) * -(-len(numbers) // CHUNK)
-    for i, first in enumerate(range(0, len(numbers), CHUNK)):
+    out = Recording(
+        draws=draws,
+        t=times,
+        q=np.empty((count, len(times), size)),
+        speed=np.empty((count, len(times), 2)),
+        deviation=np.empty((count, size - 1)),
+        saturated_s=np.empty((count, 2)),
+        corrections=np.empty((count, len(command.readings), 2)),
+    )
+    steps = len(command.t) - 1
+    total = steps * -(-count // CHUNK)
+    for i, first in enumerate(range(0, count, CHUNK)):
         chosen = slice(first, first + CHUNK)
-        run = _Run(plan, draws.part(chosen), command.part(chosen), desired, rows)
-        run.go(progress, i * (len(command.t) - 1), total)
-        q[chosen], speed[chosen] = run.q, run.speed
-        deviation[chosen], saturated[chosen] = run.deviation.T, run.servos.saturated_s.T
-    return Recording(draws, times, q, speed, deviation, saturated)
+        part, own = draws.part(chosen), command.part(chosen)
+        motion = Stepwise(plan, part, own, desired, rows, _start(plan, part))
+        tell = partial(_tell, progress, i * steps, total) if progress else None
+        correct = feedback.start(plan, part.numbers) if feedback else None
+        _run(plan, part, own, motion, correct, tell)
+        out.q[chosen], out.speed[chosen] = motion.q, motion.speed
+        out.deviation[chosen], out.saturated_s[chosen] = motion.deviation, motion.saturated_s
+        out.corrections[chosen] = own.corrections
+    return out
 
 
-class _Run:
-    """One chunk of samples from start to end."""
-
-    def __init__(
-        self,
-        plan: Plan,
-        draws: Draws,
-        command: Command,
-        desired: Array,
-        rows: NDArray[np.int64],
-    ) -> None:
-        self._command, self._desired, self._rows = command, desired, rows
-        start = _start(plan, draws)
-        self.servos = Servos(draws)
-        self.plant = plant(plan, draws, start)
-        self.q = np.empty((draws.count, len(rows), len(start)))
-        self.speed = np.empty((draws.count, len(rows), 2))
-        self.deviation = np.abs(start[1:] - desired[0])
-
-    def go(self, progress: Progress | None, done: int, total: int) -> None:
-        """Advance from the first time to the last."""
-        command, wanted = self._command, set(self._rows.tolist())
-        row, speed = 0, np.zeros((2, 2, self.q.shape[0]))
-        for k, h in enumerate(_lengths(command.t)):
-            speed, travel = self.servos.step(command.at(k), h, bool(command.running[k]))
-            if k in wanted:
-                self._record(row, speed[0])
-                row += 1
-            self.plant.step(speed, travel, h)
-            gap = np.abs(self.plant.q[1:] - self._desired[k + 1])
-            np.maximum(self.deviation, gap, out=self.deviation)
-            if progress and (k + 1) % REPORT_EVERY == 0:
-                progress(done + k + 1, total)
-        self._record(row, speed[-1])
-        if progress:
-            progress(done + len(command.t) - 1, total)
-
-    def _record(self, row: int, speed: Array) -> None:
-        self.q[:, row] = self.plant.q.T
-        self.speed[:, row] = speed.T
+def _run(
+    plan: Plan,
+    draws: Draws,
+    command: Command,
+    motion: Motion,
+    correct: Correct | None,
+    tell: Steps | None,
+) -> None:
+    """One chunk of samples from start to end, with a correction at each reading."""
+    if correct is not None:
+        for i, k in enumerate(command.reading_steps):
+            motion.advance(k, tell)
+            reading = measured(plan.problem.system, draws, motion.now)
+            command.correct(i, correct(float(command.readings[i]), reading))
+    motion.advance(len(command.t) - 1, tell)
+    if tell:
+        tell(len(command.t) - 1)
 
 
-def plant(plan: Plan, draws: Draws, start: Array) -> Plant:
-    """What the motors move: the disk chain of a manipulator, or the bare system of any other."""
-    system = plan.problem.system
-    if isinstance(system, Manipulator):
-        return Chain(system, draws, start)
-    return Direct(system, start)
-
-
-def _lengths(times: Array) -> list[float]:
-    """Lengths of the steps, equal where they differ by rounding alone (their factors are kept)."""
-    return [float(f"{h:.11g}") for h in np.diff(times)]
+def _tell(progress: Progress, before: int, total: int, done: int) -> None:
+    progress(before + done, total)
 
 
 def _start(plan: Plan, draws: Draws) -> Array:

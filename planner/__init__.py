@@ -21,6 +21,7 @@ from planner.errors import (
     VerificationError,
     Violation,
 )
+from planner.export import Samples, export, load_samples
 from planner.indicators import Indicators, indicators
 from planner.machine import Machine
 from planner.methods import METHODS
@@ -69,6 +70,7 @@ __all__ = [
     "PlannerError",
     "Problem",
     "Replay",
+    "Samples",
     "Sensitivity",
     "SingularError",
     "Sweep",
@@ -82,9 +84,11 @@ __all__ = [
     "check",
     "compare",
     "controllability",
+    "export",
     "indicators",
     "load_plan",
     "load_problem",
+    "load_samples",
     "load_sweep",
     "replay",
     "retime",

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from planner.comparison import Comparison, Row, jsonable
+from planner.comparison import Comparison, Row
 from planner.errors import InputError, NoPlanError, SingularError, VerificationError, Violation
 from planner.machine import Machine
 from planner.measures import effort, peak_inputs
@@ -20,7 +20,7 @@ from planner.solve import solve_and_check
 from planner.spec import Spec, parse_specs
 from planner.verify import Check, verify
 
-__all__ = ["Comparison", "Progress", "Row", "compare", "default_methods", "jsonable"]
+__all__ = ["Comparison", "Progress", "Row", "compare", "default_methods"]
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and the share of all work that is done, 0 … 1."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import InputError
+from planner.jsonable import jsonable
 from planner.machine import Machine
 from planner.plan import Plan
 from planner.problem import Problem
@@ -152,16 +153,3 @@ class Comparison:
         from planner.report.folder import save
 
         return save(self, folder)
-
-
-def jsonable(value: Any) -> Any:
-    """Plain lists, dictionaries and finite numbers; None in place of NaN and infinity."""
-    if isinstance(value, Mapping):
-        return {str(key): jsonable(item) for key, item in value.items()}
-    if isinstance(value, list | tuple | np.ndarray):
-        return [jsonable(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value

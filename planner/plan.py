@@ -7,16 +7,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
 from planner.domain import DomainReport, domain_report
 from planner.errors import InputError
 from planner.files import write_text
+from planner.jsonable import jsonable
 from planner.problem import Problem
+from planner.schema import parse
+from planner.schema.plan import PlanFile
 from planner.systems.base import Array
 from planner.trajectory import Trajectory, trajectory_from_dict
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 FORMAT = "planner-plan"
 VERSION = 1
@@ -120,7 +127,22 @@ class Plan:
             "notes": dict(self.notes),
             "trajectory": self.trajectory.to_dict(),
         }
-        return write_text(path, json.dumps(data, indent=1, allow_nan=True) + "\n")
+        return write_text(path, json.dumps(jsonable(data), indent=1, allow_nan=False) + "\n")
+
+    # Views are made of plans; these only make them easy to reach, and import them when asked, so
+    # that imports keep flowing one way.
+
+    def to_frame(self, rate_hz: float = 100.0) -> pandas.DataFrame:
+        """The plan at even times as a pandas frame; see `planner.export.views.to_frame`."""
+        from planner.export.views import to_frame
+
+        return to_frame(self, rate_hz)
+
+    def to_xarray(self, rate_hz: float = 100.0) -> xarray.Dataset:
+        """The plan at even times as an xarray dataset; see `planner.export.views.to_xarray`."""
+        from planner.export.views import to_xarray
+
+        return to_xarray(self, rate_hz)
 
 
 def load_plan(path: str | Path) -> Plan:
@@ -135,7 +157,7 @@ def load_plan(path: str | Path) -> Plan:
         return Plan(
             problem=problem,
             trajectory=trajectory_from_dict(problem.system, data["trajectory"]),
-            **{key: data[key] for key in _COPIED},
+            **{key: _read_back(data[key]) for key in _COPIED},
         )
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path} is not a complete plan file: {error!r}") from None
@@ -155,6 +177,11 @@ _COPIED = (
 )
 
 
+def _read_back(value: Any) -> Any:
+    """A number that is not defined is null in the file; nothing else is."""
+    return float("nan") if value is None else value
+
+
 def _read(path: str | Path) -> dict[str, Any]:
     try:
         data = json.loads(Path(path).read_text(encoding="utf-8"))
@@ -166,7 +193,5 @@ def _read(path: str | Path) -> dict[str, Any]:
         raise InputError(f"{path} is not a plan file (its 'format' is not '{FORMAT}')")
     if data.get("version") != VERSION:
         raise InputError(f"{path} has version {data.get('version')}; this planner reads {VERSION}")
-    if not {"problem", "source", "trajectory", *_COPIED} <= data.keys():
-        missing = sorted({"problem", "source", "trajectory", *_COPIED} - data.keys())
-        raise InputError(f"{path} lacks {', '.join(missing)}")
+    parse(PlanFile, data, str(path))
     return data

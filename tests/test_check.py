@@ -10,7 +10,7 @@ import pytest
 
 import planner
 from planner.check import check
-from planner.compare import jsonable
+from planner.jsonable import jsonable
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 QUICK = ["polynomial"]

@@ -10,7 +10,8 @@ from compared import SAMPLES, paper_comparison
 
 import planner
 from planner import compare as compare_function
-from planner.compare import default_methods, jsonable
+from planner.compare import default_methods
+from planner.jsonable import jsonable
 from planner.machine import Machine
 from planner.measures import effort
 from planner.methods import METHODS

@@ -16,6 +16,7 @@ import typer
 from planner import __version__
 from planner.cli.check import check
 from planner.cli.compare import compare
+from planner.cli.export import export
 from planner.cli.lists import methods, schema, systems
 from planner.cli.output import ReaderGoneError, print_json, say, watch_interrupts
 from planner.cli.plan import plan
@@ -60,7 +61,7 @@ def _top(
     """
 
 
-for _command in (plan, check, compare, sweep, reproduce, methods, systems, schema):
+for _command in (plan, check, compare, sweep, export, reproduce, methods, systems, schema):
     app.command()(_command)
 
 

@@ -19,6 +19,12 @@ from planner.solve import find_method
 ProblemPath = Annotated[
     Path, typer.Argument(metavar="PROBLEM", help="A problem file (TOML).", show_default=False)
 ]
+PlanPath = Annotated[
+    Path,
+    typer.Argument(
+        metavar="PLAN", help="A plan file (JSON) of `planner plan --out`.", show_default=False
+    ),
+]
 Changes = Annotated[
     list[str] | None,
     typer.Option(

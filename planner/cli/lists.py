@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Callable
+from typing import Annotated, Any
 
 import typer
 
@@ -12,6 +13,7 @@ from planner.cli.output import print_json, print_text, table
 from planner.errors import InputError
 from planner.methods import METHODS
 from planner.schema import FILES, json_schema, nearest
+from planner.schema.plan import plan_schema
 from planner.schema.sweep import sweep_schema
 from planner.systems import TriangularSystem
 
@@ -29,21 +31,35 @@ def systems(as_json: Json = False) -> int:
 
 
 def schema(
-    of: Annotated[str, typer.Argument(metavar="[problem|sweep]", help="Of what file.")] = "problem",
+    of: Annotated[
+        str,
+        typer.Argument(
+            metavar="[problem|sweep|plan]",
+            help="Of what file.",
+            autocompletion=lambda: list(_SCHEMAS),
+        ),
+    ] = "problem",
     as_json: Annotated[bool, typer.Option("--json", help="Accepted; the output is JSON.")] = False,
 ) -> int:
-    """Print the JSON Schema of a problem file or a sweep file, for editors.
+    """Print the JSON Schema of a problem, sweep or plan file, for editors and other programs.
 
     \b
     Examples:
       planner schema > problem.schema.json
       planner schema sweep > sweep.schema.json
+      planner schema plan > plan.schema.json
     """
-    found = {"problem": json_schema, "sweep": sweep_schema}
-    if of not in found:
-        raise InputError(f"no schema of '{of}'; {nearest(of, list(found))}")
-    print_json(found[of]())
+    if of not in _SCHEMAS:
+        raise InputError(f"no schema of '{of}'; {nearest(of, list(_SCHEMAS))}")
+    print_json(_SCHEMAS[of]())
     return 0
+
+
+_SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
+    "problem": json_schema,
+    "sweep": sweep_schema,
+    "plan": lambda: plan_schema(json_schema()),
+}
 
 
 def _list(what: str, found: dict[str, str], as_json: bool) -> int:

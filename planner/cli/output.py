@@ -17,8 +17,8 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rich.table import Table
 from rich.text import Text
 
-from planner.compare import jsonable
 from planner.errors import InputError
+from planner.jsonable import jsonable
 
 WIDTH_WITHOUT_TERMINAL = 160
 PATIENCE_S = 2.0

@@ -1,0 +1,91 @@
+"""The tables of a plan file (JSON)."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Union
+
+from pydantic import Field
+
+from planner.schema.base import Table
+
+Number = float | None
+"""A number; null where it is not defined."""
+
+
+class CurveTable(Table):
+    """A piecewise polynomial in the Bernstein basis.
+
+    On [breaks[k], breaks[k+1]], with x from 0 to 1 in it, component i is the sum over a of
+    bernstein[a][k][i] C(d, a) x^a (1-x)^(d-a), where d is the degree; a scalar curve has no [i].
+    """
+
+    breaks: Annotated[list[float], Field(min_length=2)] = Field(description="K+1 increasing times.")
+    bernstein: list[list[Number | list[Number]]] = Field(
+        description="Coefficients: degree + 1 lists of K pieces, each a list of components."
+    )
+
+
+class ChainedTable(Table):
+    """A curve given in chained coordinates."""
+
+    kind: Literal["chained"]
+    branch: list[float] = Field(description="Signs (N) of the chart's branch.")
+    z: CurveTable = Field(description="z1 ... zN over time in s.")
+    v: CurveTable = Field(description="v1, v2 over time in s.")
+
+
+class StateTable(Table):
+    """A curve given in coordinates and inputs."""
+
+    kind: Literal["state"]
+    q: CurveTable = Field(description="q1 ... qN in rad or m over time in s.")
+    u: CurveTable = Field(description="u1, u2 in rad/s or m/s over time in s.")
+
+
+class RetimedTable(Table):
+    """A curve with another clock."""
+
+    kind: Literal["retimed"]
+    path: TrajectoryTable
+    length: CurveTable = Field(description="Length along the path over the path's own time.")
+    clock: CurveTable = Field(description="Length over time in s.")
+    stations: list[float] = Field(description="The path's own time at the breaks of the clock.")
+
+
+TrajectoryTable = Annotated[
+    Union[ChainedTable, StateTable, RetimedTable],  # noqa: UP007
+    Field(discriminator="kind"),
+]
+
+
+class PlanFile(Table):
+    """A plan as `Plan.save` writes it. Angles are in radians, times in seconds."""
+
+    format: Literal["planner-plan"]
+    version: Literal[1] = Field(description="Version of this form.")
+    problem: dict[str, Any] = Field(description="The tables of the problem file.")
+    source: str = Field(description="Where the problem came from.")
+    method: str = Field(description="Method that made it.")
+    options: dict[str, Any] = Field(description="The method's options, as used.")
+    status: str = Field(description="'solved', or what kept it from being a plan.")
+    objective: Number = Field(description="Value of the method's objective.")
+    objective_name: str = Field(description="What that objective is.")
+    solve_time_s: Number = Field(description="Time the method spent solving.")
+    build_time_s: Number = Field(description="Time it spent preparing.")
+    iterations: int = Field(description="Iterations of its solver, 0 for closed forms.")
+    verified: bool = Field(description="Whether the independent check passed.")
+    notes: dict[str, Any] = Field(description="Further facts of the method.")
+    trajectory: TrajectoryTable = Field(description="The curve itself.")
+
+
+def plan_schema(problem: dict[str, Any]) -> dict[str, Any]:
+    """JSON Schema of a plan file.
+
+    Args:
+        problem: JSON Schema of a problem file.
+    """
+    schema = PlanFile.model_json_schema()
+    inner = dict(problem)
+    schema["$defs"] |= inner.pop("$defs", {})
+    schema["properties"]["problem"] = inner
+    return schema

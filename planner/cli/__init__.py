@@ -9,7 +9,7 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, TextIO
 
 import typer
 
@@ -18,10 +18,12 @@ from planner.cli.check import check
 from planner.cli.compare import compare
 from planner.cli.export import export
 from planner.cli.lists import methods, schema, systems
+from planner.cli.new import new
 from planner.cli.output import ReaderGoneError, print_json, say, watch_interrupts
 from planner.cli.plan import plan
 from planner.cli.reproduce import reproduce
 from planner.cli.sweep import sweep
+from planner.cli.volume import with_volume
 from planner.errors import PlannerError
 
 __all__ = ["app", "main"]
@@ -61,8 +63,8 @@ def _top(
     """
 
 
-for _command in (plan, check, compare, sweep, export, reproduce, methods, systems, schema):
-    app.command()(_command)
+for _command in (new, plan, check, compare, sweep, export, reproduce, methods, systems, schema):
+    app.command()(with_volume(_command))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -75,12 +77,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit status.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
+    for name in ("stdout", "stderr"):  # None where the caller has closed it
+        if getattr(sys, name) is None:
+            setattr(sys, name, _nowhere())
     try:
         with watch_interrupts():
-            return _run(words)
-    except ReaderGoneError:
-        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (closed by the interpreter at exit)
+            status = _run(words)
+            sys.stdout.flush()
+            return status
+    except (ReaderGoneError, BrokenPipeError):
+        sys.stdout = _nowhere()  # the interpreter would fail to flush the old one at exit
         return 0
+
+
+def _nowhere() -> TextIO:
+    """A stream for what nobody reads."""
+    return open(os.devnull, "w", encoding="utf-8")
 
 
 def _run(words: list[str]) -> int:
@@ -98,7 +110,11 @@ def _run(words: list[str]) -> int:
         return _usage(as_json, error)
     except (KeyboardInterrupt, typer.Abort):
         return _refuse(as_json, INTERRUPTED, "interrupted", "interrupted, nothing written")
-    except ReaderGoneError:
+    except (ReaderGoneError, BrokenPipeError):
+        raise
+    except SystemExit as end:
+        if isinstance(end.__context__, BrokenPipeError):  # click makes a status 1 of it
+            raise ReaderGoneError from None
         raise
     except Exception as error:
         return _bug(as_json, words, error)

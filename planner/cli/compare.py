@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from planner.cli.arguments import Changes, Json, ProblemPath, read_problem
-from planner.cli.output import print_json, print_text, progress_bar, say
+from planner.cli.output import note, print_json, print_text, progress_bar
 from planner.compare import compare as run
 from planner.errors import NoPlanError
 from planner.files import refuse_unwritable_folder
@@ -66,5 +66,5 @@ def compare(
     else:
         print_text(found.problem.name, "", found.table())
     if written is not None:
-        say(f"written to {written}")
+        note(f"written to {written}")
     return status

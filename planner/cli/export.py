@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from planner.cli.arguments import Json, PlanPath
-from planner.cli.output import print_json, say, waiting
+from planner.cli.output import note, print_json, waiting
 from planner.export import FORMATS
 from planner.export import export as write
 from planner.export.files import find_format
@@ -63,5 +63,5 @@ def export(
         written = str(write(load_plan(plan), out, name, rate_hz=rate, joint_names=names))
     if as_json:
         print_json({"plan": str(plan), "format": name, "written": written, "exit_status": 0})
-    say(f"written to {written}")
+    note(f"written to {written}")
     return 0

@@ -7,27 +7,44 @@ from typing import Annotated, Any
 
 import typer
 
-import planner.systems
 from planner.cli.arguments import Json
 from planner.cli.output import print_json, print_text, table
 from planner.errors import InputError
 from planner.methods import METHODS
-from planner.schema import FILES, json_schema, nearest
+from planner.schema import json_schema, nearest
 from planner.schema.plan import plan_schema
 from planner.schema.sweep import sweep_schema
-from planner.systems import TriangularSystem
+
+SYSTEMS = {
+    "manipulator": "arm of n joints and two motors, driven through friction disks (the paper's)",
+    "ball-gear": "arm of n joints and two motors, driven through ball gears (Nakamura)",
+    "unicycle": "robot with two driven wheels",
+    "car": "car, driven at its rear axle and steered at the front",
+    "trailers": "car with trailers, each hitched on the axle before it",
+    "custom": "any triangular two-input system, given by its expressions",
+}
+"""Every `system.kind` with one line on it."""
 
 
 def methods(as_json: Json = False) -> int:
-    """List the methods that make plans, one line each."""
+    """List the methods that make plans, one line each.
+
+    \b
+    Example:
+      planner methods
+    """
     found = {name: method.summary for name, method in METHODS.items()}
     return _list("method", found, as_json)
 
 
 def systems(as_json: Json = False) -> int:
-    """List the systems that can be steered, one line each."""
-    found = {kind: _first_line(_classes()[kind].__doc__) for kind in FILES}
-    return _list("system.kind", found, as_json)
+    """List the systems that can be steered, one line each.
+
+    \b
+    Example:
+      planner systems
+    """
+    return _list("system.kind", SYSTEMS, as_json)
 
 
 def schema(
@@ -71,12 +88,3 @@ def _list(what: str, found: dict[str, str], as_json: bool) -> int:
         listing.add_row(name, summary)
     print_text(listing)
     return 0
-
-
-def _classes() -> dict[str, type[TriangularSystem]]:
-    members = [getattr(planner.systems, name) for name in planner.systems.__all__]
-    return {c.kind: c for c in members if hasattr(c, "kind")}
-
-
-def _first_line(doc: str | None) -> str:
-    return (doc or "").strip().partition("\n")[0].rstrip(".")

@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
+from dataclasses import dataclass
 from types import FrameType
 from typing import Any
 
@@ -51,6 +52,29 @@ def print_text(*parts: str | Text | Table) -> None:
     _write("\n".join(line.rstrip() for line in capture.get().splitlines()) + "\n")
 
 
+@dataclass
+class Volume:
+    """How much is said besides the result; `--quiet` and `--verbose` set it."""
+
+    quiet: bool = False
+    verbose: bool = False
+
+
+volume = Volume()
+
+
+def note(text: str) -> None:
+    """A message that one can do without (written to ...), on standard error."""
+    if not volume.quiet:
+        say(text)
+
+
+def detail(text: str) -> None:
+    """What only `--verbose` says, on standard error."""
+    if volume.verbose:
+        say(text, "dim")
+
+
 def say(text: str, style: str = "") -> None:
     """A message for people, on standard error."""
     console = _console(stderr=True)
@@ -78,14 +102,13 @@ class Waiting:
     """Says what is going on once a job takes long, on a terminal only; see `waiting`."""
 
     def __init__(self, text: str) -> None:
-        self._text = text
         self._status = _console(stderr=True).status(text)
         self._shown = False
 
     def __call__(self, text: str) -> None:
         """Replace the text."""
-        self._text = text
         self._status.update(text)
+        detail(text)
 
     def _show(self) -> None:
         self._shown = True
@@ -100,9 +123,10 @@ def waiting(text: str) -> Iterator[Waiting]:
     only.
     """
     notice = Waiting(text)
+    detail(text)
     timer = threading.Timer(PATIENCE_S, notice._show)
     timer.daemon = True
-    if sys.stderr.isatty():
+    if _lively():
         timer.start()
     try:
         with redirect_stdout(sys.stderr):
@@ -130,9 +154,13 @@ def progress_bar() -> Iterator[Callable[[str, float], None]]:
         redirect_stderr=False,
     )
     task = bar.add_task("", total=1.0)
-    patient = sys.stderr.isatty()
+    patient, last = _lively(), ""
 
     def tell(doing: str, share: float) -> None:
+        nonlocal last
+        if doing != last:
+            detail(doing)
+            last = doing
         bar.update(task, description=doing, completed=share)
         if patient and not bar.live.is_started and time.monotonic() - began > PATIENCE_S:
             bar.start()
@@ -172,6 +200,11 @@ def watch_interrupts() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def _lively() -> bool:
+    """Whether progress may move about: on a terminal, unless told to be quiet or to say it all."""
+    return sys.stderr.isatty() and not volume.quiet and not volume.verbose
 
 
 def _console(stderr: bool) -> Console:

@@ -10,9 +10,10 @@ import typer
 from rich.table import Table
 
 from planner.cli.arguments import Changes, Json, ProblemPath, read_problem
-from planner.cli.output import facts, interrupted, print_json, print_text, say, waiting
+from planner.cli.output import facts, interrupted, note, print_json, print_text, say, waiting
 from planner.errors import NoPlanError
 from planner.files import refuse_unwritable
+from planner.methods import METHODS
 from planner.plan import Plan
 from planner.problem import Problem
 from planner.solve import find_method, solve_and_check
@@ -22,7 +23,13 @@ from planner.summary import plan_summary, refusal_summary
 def plan(
     problem: ProblemPath,
     method: Annotated[
-        str, typer.Option("--method", "-m", help="A method; `planner methods` lists them.")
+        str,
+        typer.Option(
+            "--method",
+            "-m",
+            help="A method; `planner methods` lists them.",
+            autocompletion=lambda: [(name, m.summary) for name, m in METHODS.items()],
+        ),
     ] = "collocation",
     changes: Changes = None,
     out: Annotated[
@@ -60,7 +67,7 @@ def plan(
     else:
         print_text(f"{task.name}: {name}", _table(task, summary), "", _verdict(found))
     if written is not None:
-        say(f"plan written to {written}")
+        note(f"plan written to {written}")
     return 0
 
 

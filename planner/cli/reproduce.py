@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from planner.cli.arguments import Json
-from planner.cli.output import print_json, print_text, progress_bar, say, table
+from planner.cli.output import note, print_json, print_text, progress_bar, table
 from planner.reproduce import reproduce as run
 
 
@@ -38,5 +38,5 @@ def reproduce(
     for f in made.findings:
         listing.add_row(f.where, f.printed, f.ours, f.verdict)
     print_text(listing)
-    say(f"written to {made.path}")
+    note(f"written to {made.path}")
     return 0

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from planner.cli.arguments import Json
-from planner.cli.output import facts, print_json, print_text, progress_bar, say
+from planner.cli.output import facts, note, print_json, print_text, progress_bar, say
 from planner.errors import PlannerError
 from planner.sweep import Outcome, Sweep, export, run_sweep
 from planner.sweep.table import refuse_unexportable
@@ -114,7 +114,7 @@ def sweep(
     if outcome.bugs:
         say(f"{outcome.bugs} cases met a bug; see the column 'traceback'", "red")
     if written is not None:
-        say(f"written to {written}")
+        note(f"written to {written}")
     return status
 
 

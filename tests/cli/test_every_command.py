@@ -1,0 +1,163 @@
+"""What every command has: help with an example, --json, --quiet, --verbose, completion."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import planner
+from planner.cli import app, main
+
+PAPER = Path(__file__).parents[2] / "problems/paper.toml"
+COMMANDS = [command.name or command.callback.__name__ for command in app.registered_commands]
+FAST = ("plan", PAPER, "-m", "polynomial", "--set", "goal.travel=0.82", "--set", "limits={}")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_of_every_command(command: str, run: Callable) -> None:
+    text = run(command, "--help").out
+    for word in ("--json", "-q, --quiet", "-v, --verbose", "-h, --help"):
+        assert word in text
+    assert "Example" in text
+    assert f"  planner {command}" in text
+    assert text.isascii()
+    assert command in run("--help").out
+
+
+@pytest.mark.parametrize("command", ["plan", "new", "compare", "systems"])
+def test_quiet_and_verbose_exclude_each_other(command: str, run: Callable) -> None:
+    words = [command, *([PAPER] if command in ("plan", "compare") else []), "-q", "-v"]
+    result = run(*words)
+    assert result.status == 2
+    assert result.err == ("planner: --quiet and --verbose say opposite things; give one of them\n")
+
+
+def test_quiet_says_only_the_result(run: Callable, tmp_path: Path) -> None:
+    out = tmp_path / "x.json"
+    normal, quiet = run(*FAST, "--out", out), run(*FAST, "--out", out, "-q")
+    assert normal.err == f"plan written to {out}\n"
+    assert quiet.err == ""
+    facts = quiet.out.splitlines()
+    assert [x for x in facts if not x.startswith("time")] == [
+        x for x in normal.out.splitlines() if not x.startswith("time")
+    ]
+    refused = run("plan", PAPER, "-m", "polynomial", "--set", "goal.travel=0.8", "-q")
+    assert refused.status == 3
+    assert "input u2 reaches" in refused.err
+    warned = run(*FAST, "-q", "--set", "start.theta_deg=[0.1, 0.1, 0.1]",
+                 "--set", "goal.theta_deg=[0.5, 0.5, 0.5]")  # fmt: skip
+    assert "warning: " in warned.err
+
+
+def test_verbose_says_versions_steps_and_times_beside_the_result(run: Callable) -> None:
+    result = run(*FAST, "-v", "--json")
+    assert result.json["status"] == "solved"
+    first, second, last = result.err.splitlines()
+    assert first.startswith(f"planner {planner.__version__}, python ")
+    assert second == "planning with polynomial"
+    assert last.startswith("plan: ")
+    assert last.endswith(" s in all")
+    assert run(*FAST).err == "", "one call must not be verbose for the next"
+
+
+def test_verbose_lists_the_steps_of_a_comparison_once_each(run: Callable) -> None:
+    words = ("compare", PAPER, "--methods", "polynomial", "--samples", "2", "-v", "--json",
+             "--set", "goal.travel=0.82", "--set", "goal.duration=2.5")  # fmt: skip
+    steps = run(*words).err.splitlines()[1:-1]
+    assert "planning polynomial" in steps
+    assert "replaying polynomial" in steps
+    assert len(set(steps)) == len(steps)
+
+
+@pytest.fixture
+def completed(run: Callable, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> Callable:
+    """What the shell is offered for the last word."""
+
+    def ask(words: str) -> list[str]:
+        monkeypatch.setenv("_PLANNER_COMPLETE", "complete_bash")
+        monkeypatch.setenv("COMP_WORDS", words)
+        monkeypatch.setenv("COMP_CWORD", str(words.count(" ")))
+        with pytest.raises(SystemExit) as end:
+            run()
+        assert end.value.code == 0
+        offered, said = capsys.readouterr()
+        assert said == ""
+        return list(offered.split())
+
+    return ask
+
+
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        ("planner ex", ["export"]),
+        ("planner plan x.toml --method poly", ["polynomial"]),
+        ("planner export x.json --format r", ["ros2"]),
+        ("planner new --system tr", ["trailers"]),
+        ("planner schema p", ["problem", "plan"]),
+    ],
+)
+def test_completion_offers_commands_and_values(
+    words: str, offered: list[str], completed: Callable
+) -> None:
+    assert completed(words) == offered
+
+
+def test_shells_are_told_how_to_complete(run: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "--install-completion" in run("--help").out
+    monkeypatch.setenv("_PLANNER_COMPLETE", "source_bash")
+    with pytest.raises(SystemExit) as end:
+        run()
+    assert end.value.code == 0
+
+
+@pytest.mark.parametrize("words", [["--help"], ["--version"], ["methods"], ["plan", "--help"]])
+def test_a_reader_that_has_gone_is_no_error(
+    words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    stream = os.fdopen(writer, "w")
+    monkeypatch.setattr(sys, "stdout", stream)
+    assert main(words) == 0
+    assert capsys.readouterr().err == ""
+    assert sys.stdout is not stream
+    sys.stdout.close()
+    with suppress(BrokenPipeError):
+        stream.close()
+
+
+def test_closed_streams_are_no_bug(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(sys, "stdout", None)
+    monkeypatch.setattr(sys, "stderr", None)
+    assert main(["methods"]) == 0
+    assert main(["plan", str(tmp_path / "none.toml")]) == 2
+    sys.stdout.close()
+    sys.stderr.close()
+
+
+def test_export_command(run: Callable, tmp_path: Path) -> None:
+    plan = tmp_path / "plan.json"
+    assert run(*FAST, "--out", plan, "-q").status == 0
+    made = run("export", plan, "--out", tmp_path / "x.csv", "--rate", "5", "--json")
+    assert made.json == {
+        "plan": str(plan),
+        "format": "csv",
+        "written": str(tmp_path / "x.csv"),
+        "exit_status": 0,
+    }
+    assert len(planner.load_samples(tmp_path / "x.csv").t) == 51
+    refused = run("export", plan, "--out", tmp_path / "x.yaml")
+    assert refused.status == 2
+    assert "rest = true" in refused.err
+    assert not (tmp_path / "x.yaml").exists()
+    assert "rate_hz = 0" in run("export", plan, "--out", tmp_path / "y.csv", "--rate", "0").err
+    assert "joint names" in run("export", plan, "-o", tmp_path / "y.csv", "--joints", "a,b").err
+    assert "paper.toml is not JSON" in run("export", PAPER, "-o", tmp_path / "y.csv").err
+    assert not (tmp_path / "y.csv").exists()

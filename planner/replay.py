@@ -39,8 +39,8 @@ class Replay:
         saturated_s: How long each motor was asked for more than its velocity limit, (S, 2), s.
         terminal_error: True end minus plan's end, shape (S, N), in the coordinates' units.
         deviation: Largest |true − plan| over time of the coordinates after the first, (S, N−1).
-        corrections: What feedback added to the plan's input from each of its K readings on,
-            (S, K, 2), in the inputs' units; K is 0 in open loop.
+        effort: ∫ u₁² + u₂² dt of what a controller commanded, (S,); None in open loop.
+        fallbacks: How often a controller commanded something cruder than it should, (S,).
     """
 
     plan: Plan
@@ -54,7 +54,8 @@ class Replay:
     saturated_s: Array
     terminal_error: Array
     deviation: Array
-    corrections: Array
+    effort: Array | None
+    fallbacks: NDArray[np.int64]
 
     def __repr__(self) -> str:
         count = len(self.numbers)
@@ -188,7 +189,8 @@ def replay(
         saturated_s=recording.saturated_s,
         terminal_error=recording.q[:, -1] - plan.q(plan.duration),
         deviation=recording.deviation,
-        corrections=recording.corrections,
+        effort=recording.effort,
+        fallbacks=recording.fallbacks,
     )
 
 

@@ -1,42 +1,58 @@
-"""Closed loop: who reads the encoders now and then, and corrects the command."""
+"""Closed loop: who reads the encoders now and then, and commands the motors."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.machine.draw import Draws
+from planner.machine.machine import Machine
 from planner.plan import Plan
 from planner.systems.base import Array, TriangularSystem
 
-Correct = Callable[[float, Array], Array]
-"""From a time, s, and what the encoders read then, (N, S), to what is added to the plan's input
-from then until the next reading, (2, S), in the inputs' unit."""
 
+class Controller(Protocol):
+    """Commands S samples that follow a plan together.
 
-class Feedback(Protocol):
-    """Makes controllers.
+    Times are the plan's: 0 where it starts. Before the first command and after the last the motors
+    are told to rest.
 
     Attributes:
-        period_s: Time between two readings, s; the first is at the plan's start, the last before
-            its end.
+        period_s: Time between two readings, s.
+        tick_s: How long each command is held, s; the period is a multiple of it.
+        lead_s: How long before the plan's start it begins, s, ≥ 0.
+        end_s: When its last command ends, s.
+        fallbacks: How often it had to command something cruder than it should, shape (S,).
     """
 
     period_s: float
+    tick_s: float
+    lead_s: float
+    end_s: float
+    fallbacks: NDArray[np.int64]
 
-    def start(self, plan: Plan, numbers: NDArray[np.int64]) -> Correct:
-        """A fresh controller of the samples `numbers` (S,), which follow `plan` together."""
+    def __call__(self, t: float, measured: Array) -> Array:
+        """What the motors are told in the M ticks from t until the next reading.
+
+        Args:
+            t: Now, s.
+            measured: What the encoders read (see `measured`), (N, S).
+
+        Returns:
+            Speeds before delay, resolution and limits of the drive, shape (M, 2, S), rad/s.
+        """
 
 
-def readings(feedback: Feedback | None, duration: float) -> Array:
-    """When the encoders are read, (K,), s; never without feedback."""
-    if feedback is None:
-        return np.empty(0)
-    count = max(1, int(np.ceil(duration / feedback.period_s - 1e-9)))
-    return feedback.period_s * np.arange(count, dtype=np.float64)
+class Feedback(Protocol):
+    """Makes controllers."""
+
+    def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> Controller:
+        """A fresh controller of the samples `numbers` (S,), of which it knows the machine's kind.
+
+        Nothing that it is given tells one sample from another but what the encoders read.
+        """
 
 
 def measured(system: TriangularSystem, draws: Draws, q: Array) -> Array:

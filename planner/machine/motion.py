@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.machine.chain import Chain
-from planner.machine.command import Command
+from planner.machine.command import Orders
 from planner.machine.direct import Direct
 from planner.machine.draw import Draws
+from planner.machine.machine import Machine
 from planner.machine.servo import Servos
 from planner.plan import Plan
 from planner.systems.base import Array
@@ -69,9 +70,11 @@ class Stepwise:
 
     Args:
         plan: The plan.
+        machine: What the samples have in common.
         draws: The machines.
-        command: What the servos are told, and the grid of M steps.
-        desired: The plan's coordinates after the first at the grid's points, (M+1, N−1, 1).
+        orders: What the servos are told, and the grid of M steps.
+        desired: The plan's coordinates after the first at the grid's points, (M+1, N−1, 1); NaN
+            where no deviation counts.
         rows: Which points of the grid to record, increasing; the first is 0, the last M.
         start: True coordinates at the start, (N, S).
     """
@@ -79,19 +82,20 @@ class Stepwise:
     def __init__(
         self,
         plan: Plan,
+        machine: Machine,
         draws: Draws,
-        command: Command,
+        orders: Orders,
         desired: Array,
         rows: NDArray[np.int64],
         start: Array,
     ) -> None:
-        self._command, self._desired = command, desired
+        self._orders, self._desired = orders, desired
         self._rows = {int(k): row for row, k in enumerate(rows)}
-        self._lengths = lengths(command.t)
+        self._lengths = lengths(orders.t)
         self._servos = Servos(draws)
-        self._plant = plant(plan, draws, start)
+        self._plant = plant(plan, machine, draws, start)
         self._k = 0
-        self._gap = np.abs(start[1:] - desired[0])
+        self._gap = np.nan_to_num(np.abs(start[1:] - desired[0]))
         self.q = np.empty((draws.count, len(rows), len(start)))
         self.speed = np.empty((draws.count, len(rows), 2))
 
@@ -112,14 +116,14 @@ class Stepwise:
 
     def advance(self, last: int, tell: Steps | None = None) -> None:
         """See `Motion`."""
-        command, end = self._command, len(self._lengths)
+        orders, end = self._orders, len(self._lengths)
         for k in range(self._k, last):
             h = self._lengths[k]
-            speed, travel = self._servos.step(command.at(k), h, bool(command.running[k]))
+            speed, travel = self._servos.step(orders.at(k), h, bool(orders.running[k]))
             self._record(k, speed[0])
             self._plant.step(speed, travel, h)
             gap = np.abs(self._plant.q[1:] - self._desired[k + 1])
-            np.maximum(self._gap, gap, out=self._gap)
+            np.fmax(self._gap, gap, out=self._gap)
             if tell and (k + 1) % REPORT_EVERY == 0:
                 tell(k + 1)
             if k + 1 == end:
@@ -133,7 +137,7 @@ class Stepwise:
             self.speed[:, row] = speed.T
 
 
-def plant(plan: Plan, draws: Draws, start: Array) -> Plant:
+def plant(plan: Plan, machine: Machine, draws: Draws, start: Array) -> Plant:
     """What the motors move: the disk chain of a manipulator, or the bare system of any other."""
     system = plan.problem.system
     if isinstance(system, Manipulator):

@@ -1,27 +1,34 @@
-"""A plan through some machines, open loop or corrected by feedback."""
+"""A plan through some machines, open loop or by a controller."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.machine.command import Command
+from planner.machine.command import Command, Orders
+from planner.machine.compiled import Compiled, library
 from planner.machine.draw import Draws, draw
+from planner.machine.fed import Fed
 from planner.machine.grid import merged
-from planner.machine.loop import Correct, Feedback, measured, readings
+from planner.machine.loop import Feedback, measured
 from planner.machine.machine import Machine
-from planner.machine.motion import Motion, Steps, Stepwise
+from planner.machine.motion import Motion, Stepwise
 from planner.plan import Plan
 from planner.systems.base import Array
+from planner.systems.manipulator import Manipulator
 
 CHUNK = 1000
 """Samples that advance together: enough to keep NumPy busy, few enough to stay in the cache."""
 
+REPORTED = 1000
+"""Parts of a run that progress is counted in."""
+
 Progress = Callable[[int, int], None]
+Tell = Callable[[float], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,10 +40,11 @@ class Recording:
         t: Recorded times, (R,), s.
         q: True coordinates then, (S, R, N).
         speed: Speeds of the motors then, (S, R, 2); after a jump, where there is one.
-        deviation: Largest |q − plan| of each coordinate after the first over all steps, (S, N−1).
+        deviation: Largest |q − plan| of each coordinate after the first over all steps from the
+            plan's start, (S, N−1).
         saturated_s: Seconds each motor was asked for more than its velocity limit, (S, 2).
-        corrections: What feedback added to the command from each of its K readings on, (S, K, 2);
-            K is 0 in open loop.
+        effort: ∫ u₁² + u₂² dt of what a controller commanded, (S,); None in open loop.
+        fallbacks: How often a controller commanded something cruder than it should, (S,).
     """
 
     draws: Draws
@@ -45,7 +53,8 @@ class Recording:
     speed: Array
     deviation: Array
     saturated_s: Array
-    corrections: Array
+    effort: Array | None
+    fallbacks: NDArray[np.int64]
 
 
 def simulate(
@@ -63,67 +72,139 @@ def simulate(
 
     Raises:
         InputError: If the machine does not match the system, or the plan's input, or what feedback
-            adds to it, is not finite.
+            commands, is not finite.
     """
-    size, count = plan.problem.system.size, len(numbers)
-    draws = draw(machine, size - 1, numbers, seed)
-    times = _record_times(plan.duration, settle_s, record_s)
-    period = machine.effects.get("control_period_s")
-    command = Command(
+    draws = draw(machine, plan.problem.system.size - 1, numbers, seed)
+    return simulate_draws(
         plan,
-        period.value[0] if period else None,
+        machine,
         draws,
-        machine.step_s,
-        times,
-        readings(feedback, plan.duration),
+        settle_s=settle_s,
+        record_s=record_s,
+        feedback=feedback,
+        progress=progress,
     )
-    rows = np.searchsorted(command.t, times)
-    desired = plan.q(command.t)[:, 1:, None]
-    out = Recording(
-        draws=draws,
-        t=times,
-        q=np.empty((count, len(times), size)),
-        speed=np.empty((count, len(times), 2)),
-        deviation=np.empty((count, size - 1)),
-        saturated_s=np.empty((count, 2)),
-        corrections=np.empty((count, len(command.readings), 2)),
-    )
-    steps = len(command.t) - 1
-    total = steps * -(-count // CHUNK)
-    for i, first in enumerate(range(0, count, CHUNK)):
-        chosen = slice(first, first + CHUNK)
-        part, own = draws.part(chosen), command.part(chosen)
-        motion = Stepwise(plan, part, own, desired, rows, _start(plan, part))
-        tell = partial(_tell, progress, i * steps, total) if progress else None
-        correct = feedback.start(plan, part.numbers) if feedback else None
-        _run(plan, part, own, motion, correct, tell)
-        out.q[chosen], out.speed[chosen] = motion.q, motion.speed
-        out.deviation[chosen], out.saturated_s[chosen] = motion.deviation, motion.saturated_s
-        out.corrections[chosen] = own.corrections
-    return out
 
 
-def _run(
+def simulate_draws(
     plan: Plan,
+    machine: Machine,
     draws: Draws,
+    *,
+    settle_s: float,
+    record_s: float | None,
+    feedback: Feedback | None = None,
+    progress: Progress | None = None,
+) -> Recording:
+    """Run an executable plan through given single machines.
+
+    What all samples share is taken from `machine`: step and control period.
+
+    Raises:
+        InputError: As `simulate`.
+    """
+    times = _record_times(plan.duration, settle_s, record_s)
+    if feedback is None:
+        run = partial(_open, command=_command(plan, machine, draws, times))
+    else:
+        delay = draws["delay_s"][0]
+        run = partial(_closed, feedback=feedback, one_delay=bool(np.all(delay == delay[0])))
+    chunks = [slice(k, k + CHUNK) for k in range(0, draws.count, CHUNK)]
+    parts = []
+    for i, chosen in enumerate(chunks):
+        tell = partial(_tell, progress, i, len(chunks)) if progress else None
+        parts.append(run(plan, machine, draws, chosen, times, tell))
+    return _joined(draws, parts)
+
+
+def _open(
+    plan: Plan,
+    machine: Machine,
+    draws: Draws,
+    chosen: slice,
+    times: Array,
+    tell: Tell | None,
     command: Command,
-    motion: Motion,
-    correct: Correct | None,
-    tell: Steps | None,
-) -> None:
-    """One chunk of samples from start to end, with a correction at each reading."""
-    if correct is not None:
-        for i, k in enumerate(command.reading_steps):
-            motion.advance(k, tell)
-            reading = measured(plan.problem.system, draws, motion.now)
-            command.correct(i, correct(float(command.readings[i]), reading))
-    motion.advance(len(command.t) - 1, tell)
-    if tell:
-        tell(len(command.t) - 1)
+) -> Recording:
+    """A run of the samples under the plan's own command."""
+    own = draws.part(chosen)
+    motion = _motion(plan, machine, own, command.part(chosen), times)
+    _advance(motion, len(command.t) - 1, len(command.t) - 1, tell)
+    return _recording(own, times, motion)
 
 
-def _tell(progress: Progress, before: int, total: int, done: int) -> None:
-    progress(before + done, total)
+def _closed(
+    plan: Plan,
+    machine: Machine,
+    draws: Draws,
+    chosen: slice,
+    times: Array,
+    tell: Tell | None,
+    feedback: Feedback,
+    one_delay: bool,
+) -> Recording:
+    """A run of the samples under a controller, with new commands at each reading."""
+    own = draws.part(chosen)
+    controller = feedback.start(plan, machine, own.numbers)
+    fed = Fed(controller, own, machine.step_s, times, one_delay)
+    motion = _motion(plan, machine, own, fed, times)
+    steps = len(fed.t) - 1
+    for i, k in enumerate(fed.reading_steps):
+        _advance(motion, k, steps, tell)
+        read = measured(plan.problem.system, own, motion.now)
+        fed.tell(i, controller(float(fed.readings[i]), read))
+    _advance(motion, steps, steps, tell)
+    out = _recording(own, times, motion)
+    return replace(out, effort=fed.effort, fallbacks=controller.fallbacks)
+
+
+def _motion(plan: Plan, machine: Machine, draws: Draws, orders: Orders, times: Array) -> Motion:
+    """Samples at the start: compiled where there is a kernel for them."""
+    system = plan.problem.system
+    start, rows = _start(plan, draws), np.searchsorted(orders.t, times)
+    desired = plan.q(orders.t)[:, 1:, None]
+    desired[orders.t < times[0]] = np.nan  # no deviation is counted before the plan's start
+    if isinstance(system, Manipulator) and library() is not None:
+        return Compiled(system, draws, orders, desired, rows, start)
+    return Stepwise(plan, machine, draws, orders, desired, rows, start)
+
+
+def _advance(motion: Motion, last: int, steps: int, tell: Tell | None) -> None:
+    motion.advance(last, partial(_share, tell, steps) if tell else None)
+    if tell and last == steps:
+        tell(1.0)
+
+
+def _share(tell: Tell, steps: int, done: int) -> None:
+    tell(done / steps)
+
+
+def _tell(progress: Progress, before: int, runs: int, share: float) -> None:
+    progress(int(REPORTED * (before + share)), REPORTED * runs)
+
+
+def _recording(draws: Draws, times: Array, motion: Motion) -> Recording:
+    none = np.zeros(draws.count, dtype=np.int64)
+    found = (motion.q, motion.speed, motion.deviation, motion.saturated_s)
+    return Recording(draws, times, *found, None, none)
+
+
+def _joined(draws: Draws, parts: Sequence[Recording]) -> Recording:
+    if len(parts) == 1:
+        return parts[0]
+    first = parts[0]
+    names = ("q", "speed", "deviation", "saturated_s", "fallbacks", "effort")
+    joined = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in names
+        if getattr(first, name) is not None
+    }
+    return replace(first, draws=draws, **joined)
+
+
+def _command(plan: Plan, machine: Machine, draws: Draws, times: Array) -> Command:
+    period = machine.effects.get("control_period_s")
+    return Command(plan, period.value[0] if period else None, draws, machine.step_s, times)
 
 
 def _start(plan: Plan, draws: Draws) -> Array:

@@ -1,8 +1,9 @@
-"""Replays with feedback: when it reads, what it reads, and when its corrections arrive."""
+"""Replays with feedback: when it reads, what it reads, and when its commands arrive."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,54 +13,64 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.machine import Machine
-from planner.machine.loop import Correct
 from planner.plan import Plan
 from planner.replay import Replay, replay
 from planner.systems.base import Array
 
-PERIOD = 0.1
-RAMP = inputs(([0.3, 0.1], [-0.2, 0.4]), breaks=[0.0, 2.0])
+PERIOD, TICK, END = 0.1, 0.02, 2.0
+RAMP = inputs(([0.3, 0.1], [-0.2, 0.4]), breaks=[0.0, END])
 
 
-class Script:
-    """Adds what a table says, whatever is read; keeps what was read."""
+class Scripted:
+    """A controller and its own maker: `rule` from times (M,) and readings (N, S) to commands."""
 
-    period_s = PERIOD
+    period_s, tick_s = PERIOD, TICK
 
-    def __init__(self, table: Array) -> None:
-        self.table = table  # (readings, 2)
+    def __init__(
+        self, rule: Callable[[Array, Array], Array], lead: float = 0.0, end: float = END
+    ) -> None:
+        self.rule, self.lead_s, self.end_s = rule, lead, end
         self.read: list[tuple[float, Array]] = []
+        self.fallbacks = np.zeros(0, dtype=np.int64)
 
-    def start(self, plan: Plan, numbers: NDArray[np.int64]) -> Correct:
-        steps = iter(self.table)
+    def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> Scripted:
+        self.fallbacks = numbers + 7
+        return self
 
-        def correct(t: float, measured: Array) -> Array:
-            self.read.append((t, measured))
-            return np.repeat(next(steps)[:, None], len(numbers), axis=1)
-
-        return correct
+    def __call__(self, t: float, measured: Array) -> Array:
+        self.read.append((t, measured.copy()))
+        return self.rule(t + TICK * np.arange(round(PERIOD / TICK)), measured)
 
 
-class Proportional:
-    """Drives joint 1 to the plan by motor 2, at once and in a simple way."""
+def wave(times: Array, measured: Array) -> Array:
+    """Differs from tick to tick and from sample to sample."""
+    factor = 1 + np.arange(measured.shape[1])
+    u = np.stack([0.3 * np.cos(3 * times), 0.2 * np.sin(5 * times) + 0.1], axis=-1)
+    return u[:, :, None] * factor
 
-    period_s = PERIOD
 
-    def start(self, plan: Plan, numbers: NDArray[np.int64]) -> Correct:
-        def correct(t: float, measured: Array) -> Array:
-            gap = plan.q(t)[1] - measured[1]
-            return np.stack([np.zeros_like(gap), 4.0 * gap])
+def to_plan(plan: Plan) -> Callable[[Array, Array], Array]:
+    """The plan's input, and joint 1 driven towards the plan by motor 2."""
 
-        return correct
+    def rule(times: Array, measured: Array) -> Array:
+        u = np.repeat(plan.u(times)[:, :, None], measured.shape[1], axis=2)
+        u[:, 1] += 4.0 * (plan.q(times[0])[1] - measured[1])
+        return u
+
+    return rule
 
 
 @pytest.fixture(scope="module")
 def plan() -> Plan:
-    return plan_from(arm_problem([10, 20, 15], end=2.0), RAMP, pieces=100)
+    return plan_from(arm_problem([10, 20, 15], end=END), RAMP, pieces=100)
 
 
-def table() -> Array:
-    return np.random.default_rng(1).uniform(-0.3, 0.3, (20, 2))
+@pytest.fixture(params=["compiled", "numpy"])
+def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Both ways to replay a manipulator."""
+    if request.param == "numpy":
+        monkeypatch.setattr(sys.modules["planner.machine.simulate"], "library", lambda: None)
+    return str(request.param)
 
 
 def turned(run: Replay) -> Array:
@@ -69,81 +80,95 @@ def turned(run: Replay) -> Array:
 
 @pytest.mark.parametrize(
     "effects",
-    [
-        {},
-        {"control_period_s": 0.01},
-        {"delay_s": 0.0137},
-        {"control_period_s": 0.02, "delay_s": 0.033},
-        {"control_period_s": 0.01, "delay_s": {"value": 0.02, "spread": 0.01}},
-        {"delay_s": {"value": 0.02, "spread": 0.01}},
-    ],
-    ids=str,
+    [{}, {"delay_s": 0.0137}, {"delay_s": {"value": 0.02, "spread": 0.01}}],
+    ids=["no delay", "one delay", "many delays"],
 )
-def test_a_correction_holds_from_its_reading_to_the_next(plan: Plan, effects: Any) -> None:
-    script, machine = Script(table()), Machine.ideal(**effects)
-    free = replay(plan, machine, samples=3)
-    run = replay(plan, machine, samples=3, feedback=script)
-    assert [t for t, _ in script.read] == pytest.approx(PERIOD * np.arange(20))
-    assert np.array_equal(run.corrections, np.broadcast_to(table(), (3, 20, 2)))
-    assert free.corrections.shape == (3, 0, 2)
+def test_a_command_holds_for_its_tick_and_none_is_lost(plan: Plan, way: str, effects: Any) -> None:
+    run = replay(plan, Machine.ideal(**effects), samples=3, feedback=Scripted(wave))
+    ticks = TICK * np.arange(100)
+    told = wave(ticks, np.empty((4, 3)))
     # A delay that differs between samples is seen at the next point of the grid.
     loose = 2e-3 if "spread" in str(effects) else 1e-9
-    assert turned(run) - turned(free) == pytest.approx(table()[:, 1].sum() * PERIOD, abs=loose)
+    assert turned(run) == pytest.approx(told[:, 1].sum(axis=0) * TICK, abs=loose)
+    assert run.effort == pytest.approx(np.sum(told**2, axis=(0, 1)) * TICK)
+    assert run.fallbacks.tolist() == [7, 8, 9]
+    assert replay(plan, Machine.ideal(), samples=3).effort is None
 
 
-def test_corrections_pass_sample_and_hold_and_delay(plan: Plan) -> None:
-    """Readings 0.1 s apart, a period of 0.04 s: 0.1 waits for 0.12, and 0.03 s more on its way."""
-    machine = Machine.ideal(control_period_s=0.04, delay_s=0.03)
-    steps = np.zeros((20, 2))
-    steps[1:, 1] = 0.2
-    run = replay(plan, machine, feedback=Script(steps), record_s=1e-3)
-    free = replay(plan, machine, record_s=1e-3)
-    added = np.interp(run.t, run.t, run.motor_rates[0, :, 1]) - np.interp(
-        run.t, free.t, free.motor_rates[0, :, 1]
-    )
-    assert np.max(np.abs(added[run.t < 0.15 - 1e-9])) < 1e-12
-    assert added[(run.t > 0.1505) & (run.t < 2.029)] == pytest.approx(0.2, abs=1e-9)
-    assert np.max(np.abs(added[run.t > 2.0305])) < 1e-12
+def test_each_command_comes_when_it_should(plan: Plan, way: str) -> None:
+    delay = 0.033
+    run = replay(plan, Machine.ideal(delay_s=delay), feedback=Scripted(wave), record_s=1e-3)
+    inside = (run.t >= delay) & (run.t < END + delay)
+    tick = TICK * np.floor((run.t[inside] - delay) / TICK + 1e-6)
+    assert run.motor_rates[0, inside] == pytest.approx(wave(tick, np.empty((4, 1)))[..., 0])
+    assert not np.any(run.motor_rates[0, ~inside])
 
 
-def test_corrections_are_commands_like_any_other(plan: Plan) -> None:
-    machine = Machine.ideal(velocity_resolution_rad_s=0.1, control_period_s=0.01)
-    run = replay(plan, machine, feedback=Script(table()), record_s=0.01)
-    assert run.motor_rates / 0.1 == pytest.approx(np.round(run.motor_rates / 0.1), abs=1e-9)
-    limited = replay(plan, Machine.ideal(velocity_limit_rad_s=0.25), feedback=Script(table() + 1.0))
-    assert np.max(np.abs(limited.motor_rates)) <= 0.25
-    assert limited.saturated_s[0] == pytest.approx([2.0, 2.0], abs=1e-6)
+def test_commands_pass_resolution_and_limits(plan: Plan, way: str) -> None:
+    machine = Machine.ideal(velocity_resolution_rad_s=0.1, velocity_limit_rad_s=0.25)
+    run = replay(plan, machine, samples=2, feedback=Scripted(wave), record_s=0.01)
+    free = np.abs(run.motor_rates) < 0.25
+    rates = run.motor_rates[free] / 0.1
+    assert rates == pytest.approx(np.round(rates), abs=1e-9)
+    assert np.max(np.abs(run.motor_rates)) == 0.25
+    assert np.all(run.saturated_s[1] > run.saturated_s[0])
 
 
-def test_readings_are_what_the_encoders_say(plan: Plan) -> None:
-    script = Script(np.zeros((20, 2)))
+def test_readings_are_what_the_encoders_say(plan: Plan, way: str) -> None:
+    controller = Scripted(to_plan(plan))
     machine = Machine.ideal(encoder_resolution_deg=0.5, initial_angle_error_deg=1.0)
-    run = replay(plan, machine, samples=2, feedback=script, record_s=PERIOD)
-    for k, (_, read) in enumerate(script.read):
+    run = replay(plan, machine, samples=2, feedback=controller, record_s=PERIOD)
+    assert [t for t, _ in controller.read] == pytest.approx(PERIOD * np.arange(20))
+    for k, (_, read) in enumerate(controller.read):
         assert read.shape == (4, 2)
         assert np.allclose(read, run.measured[:, k].T, atol=1e-12)
-        assert np.allclose(np.rad2deg(read[1:]) / 0.5, np.round(np.rad2deg(read[1:]) / 0.5))
+        steps = np.rad2deg(read[1:]) / 0.5
+        assert np.allclose(steps, np.round(steps))
 
 
-def test_a_loop_takes_out_what_open_loop_keeps(plan: Plan) -> None:
+def test_a_controller_may_begin_before_and_end_after_the_plan(plan: Plan, way: str) -> None:
+    rest = Scripted(lambda times, read: 0.1 + np.zeros((len(times), 2, read.shape[1])), 0.5, 2.3)
+    machine = Machine.ideal(input_bias_rad_s=0.01)
+    run = replay(plan, machine, feedback=rest, record_s=0.1, settle_s=0.5)
+    assert rest.read[0][0] == -0.5
+    assert rest.read[-1][0] == pytest.approx(2.2)
+    begin, rate = run.q[0, 0, 1], 0.11  # the drive runs, bias and all, as long as the controller
+    assert begin == pytest.approx(np.deg2rad(10) + 0.5 * rate)
+    assert run.q[0, -1, 1] == pytest.approx(np.deg2rad(10) + 2.8 * rate)
+    assert run.t[[0, -1]].tolist() == [0.0, 2.5]
+    apart = np.abs(run.q[0, :, 1] - plan.q(run.t)[:, 1])
+    assert run.deviation[0, 0] == pytest.approx(np.max(apart), abs=1e-3)
+
+
+def test_a_loop_takes_out_what_open_loop_keeps(plan: Plan, way: str) -> None:
     machine = Machine.prototype().only("control_period_s", "delay_s", "initial_angle_error_deg")
     free = replay(plan, machine, samples=20)
-    run = replay(plan, machine, samples=20, feedback=Proportional())
+    run = replay(plan, machine, samples=20, feedback=Scripted(to_plan(plan)))
     # What differs from machine to machine goes; the lag by the delay, alike for all, stays.
-    assert np.ptp(run.terminal_error[:, 1]) < 1e-4 * np.ptp(free.terminal_error[:, 1])
+    assert np.ptp(run.terminal_error[:, 1]) < 1e-3 * np.ptp(free.terminal_error[:, 1])
 
 
-def test_chunks_do_not_matter_in_closed_loop(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
-    machine = Machine.prototype(step_s=0.005)
-    whole = replay(plan, machine, samples=5, feedback=Proportional())
+@pytest.mark.parametrize("spread", [0.0, 0.002])
+def test_chunks_do_not_matter_in_closed_loop(
+    plan: Plan, monkeypatch: pytest.MonkeyPatch, spread: float
+) -> None:
+    machine = Machine.prototype(step_s=0.005, delay_s={"value": 0.005, "spread": spread})
+    whole = replay(plan, machine, samples=5, feedback=Scripted(to_plan(plan)))
     monkeypatch.setattr(sys.modules["planner.machine.simulate"], "CHUNK", 2)
-    parts = replay(plan, machine, samples=5, feedback=Proportional())
+    parts = replay(plan, machine, samples=5, feedback=Scripted(to_plan(plan)))
     assert np.array_equal(whole.q, parts.q)
-    assert np.array_equal(whole.corrections, parts.corrections)
+    assert whole.effort == pytest.approx(parts.effort)
+    assert np.array_equal(whole.fallbacks, parts.fallbacks)
 
 
-def test_a_correction_that_is_no_number_is_refused(plan: Plan) -> None:
-    steps = np.zeros((20, 2))
-    steps[3, 0] = np.nan
-    with pytest.raises(InputError, match=r"not finite at t = 0\.3 s"):
-        replay(plan, Machine.ideal(), feedback=Script(steps))
+@pytest.mark.parametrize(
+    ("value", "text"), [(np.nan, r"not finite at t = 0\.3 s"), (np.zeros(2), "shape")]
+)
+def test_commands_that_are_none_are_refused(plan: Plan, value: Any, text: str) -> None:
+    def rule(times: Array, measured: Array) -> Array:
+        if times[0] < 0.29:
+            return np.zeros((len(times), 2, 1))
+        return np.asarray(value) * np.ones((len(times), 2, 1)) if np.ndim(value) == 0 else value
+
+    with pytest.raises(InputError, match=text):
+        replay(plan, Machine.ideal(), feedback=Scripted(rule))

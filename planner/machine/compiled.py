@@ -1,0 +1,235 @@
+"""The manipulator in motion, compiled: `kernel.c`, which gives what `Stepwise` gives, sooner.
+
+The kernel is an optional extension: where no compiler was at hand when the package was installed,
+`library` returns None and replays run in NumPy. Measured (`make bench`, results/benchmarks), it
+runs as fast as a loop in C written for one machine alone.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from functools import cache
+from importlib.machinery import EXTENSION_SUFFIXES
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.machine.command import Orders
+from planner.machine.draw import Draws
+from planner.machine.motion import Steps, lengths
+from planner.systems.base import Array
+from planner.systems.manipulator import Manipulator
+
+VERSION = 1
+"""Of the structures below; a kernel of another version is not used."""
+
+SAMPLES, STEPS = 32, 2000
+"""How much one call does: short enough to share the work among threads and to heed Ctrl-C."""
+
+FLAGS = ("lagging", "second", "limited", "ramped", "geared_1", "geared_2", "lagged", "soft",
+         "damped", "creeping", "loaded")  # fmt: skip
+ARRAYS = ("parameters", "length", "running", "desired", "row", "state", "q", "speed")
+
+
+class _Model(ctypes.Structure):
+    """`Model` of kernel.c."""
+
+    _fields_ = [
+        *((name, ctypes.c_int64) for name in ("samples", "joints", "points", "steps", "rows")),
+        *((name, ctypes.c_int64) for name in FLAGS),
+        ("k_g", ctypes.c_double),
+        *((name, ctypes.c_void_p) for name in ARRAYS),
+    ]
+
+
+class _Commands(ctypes.Structure):
+    """`Commands` of kernel.c."""
+
+    _fields_ = [
+        ("value", ctypes.c_void_p),
+        *((name, ctypes.c_int64) for name in ("step", "point", "motor", "sample")),
+    ]
+
+
+@cache
+def library() -> Any | None:
+    """The compiled kernel, or None if there is none (or one that was built from older source)."""
+    for suffix in EXTENSION_SUFFIXES:
+        path = Path(__file__).with_name(f"_kernel{suffix}")
+        if path.exists():
+            try:
+                return opened(path)
+            except (OSError, AttributeError):  # built for another computer, or not whole
+                continue
+    return None
+
+
+def opened(path: Path) -> Any | None:
+    """The kernel in a file, or None if it is of another version; see `library`."""
+    found = ctypes.CDLL(str(path))
+    found.planner_kernel_version.restype = ctypes.c_int64
+    if found.planner_kernel_version() != VERSION:
+        return None
+    found.planner_advance.argtypes = [
+        ctypes.POINTER(_Model),
+        ctypes.POINTER(_Commands),
+        *[ctypes.c_int64] * 4,
+    ]
+    return found
+
+
+def threads() -> int:
+    """How many threads to use: OMP_NUM_THREADS if set, else one a core of this process."""
+    wanted = os.environ.get("OMP_NUM_THREADS", "")
+    if wanted.isdigit() and int(wanted) > 0:
+        return int(wanted)
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+class Compiled:
+    """A `Motion` of manipulators in the compiled kernel; arguments as those of `Stepwise`."""
+
+    def __init__(
+        self,
+        system: Manipulator,
+        draws: Draws,
+        orders: Orders,
+        desired: Array,
+        rows: NDArray[np.int64],
+        start: Array,
+    ) -> None:
+        found = library()
+        assert found is not None, "ask `library` first"
+        self._advance, self._orders = found.planner_advance, orders
+        self._k, self._count, n = 0, draws.count, len(start) - 1
+        steps = len(orders.t) - 1
+        self.q = np.empty((draws.count, len(rows), n + 1))
+        self.speed = np.empty((draws.count, len(rows), 2))
+        row = np.full(steps + 1, -1, dtype=np.int64)
+        row[rows] = np.arange(len(rows))
+        parameters = _parameters(system, draws)
+        self._n, self._state = (
+            n,
+            _state(draws, start, np.nan_to_num(np.abs(start[1:] - desired[0]))),
+        )
+        self._arrays = {  # kept here as long as the kernel points into them
+            "parameters": np.concatenate([*parameters.values()]).T.copy(),
+            "length": np.array(lengths(orders.t)),
+            "running": orders.running.astype(np.uint8),
+            "desired": np.ascontiguousarray(desired[:, :, 0]),
+            "row": row,
+            "state": self._state,
+            "q": self.q,
+            "speed": self.speed,
+        }
+        points = orders.block(0, 1).shape[1]
+        self._model = _Model(
+            samples=draws.count, joints=n, points=points, steps=steps, rows=len(rows),
+            k_g=system.k_g, **_flags(draws, parameters),
+            **{name: array.ctypes.data for name, array in self._arrays.items()},
+        )  # fmt: skip
+
+    @property
+    def now(self) -> Array:
+        """See `Motion`."""
+        return self._state[:, 8 : 9 + self._n].T.copy()
+
+    @property
+    def deviation(self) -> Array:
+        """See `Motion`."""
+        return self._state[:, 9 + 3 * self._n :]
+
+    @property
+    def saturated_s(self) -> Array:
+        """See `Motion`."""
+        return self._state[:, 4:6]
+
+    def advance(self, last: int, tell: Steps | None = None) -> None:
+        """See `Motion`."""
+        with ThreadPoolExecutor(threads()) as pool:
+            while self._k < last:
+                first, self._k = self._k, min(self._k + STEPS, last)
+                block = self._orders.block(first, self._k)
+                commands = _Commands(block.ctypes.data, *_strides(block))
+                calls = [
+                    pool.submit(self._call, commands, begin, first, self._k)
+                    for begin in range(0, self._count, SAMPLES)
+                ]
+                for done, call in enumerate(as_completed(calls), start=1):
+                    call.result()
+                    if tell:
+                        tell(first + (self._k - first) * done // len(calls))
+
+    def _call(self, commands: _Commands, begin: int, first: int, last: int) -> None:
+        end = min(begin + SAMPLES, self._count)
+        if self._advance(self._model, commands, begin, end, first, last):
+            raise MemoryError
+
+
+def _parameters(system: Manipulator, draws: Draws) -> dict[str, Array]:
+    """Each machine's numbers in the order of `Own` in kernel.c, (count, S)."""
+    motors = {
+        "gain": 1 + draws["input_gain_error"],
+        "bias": draws["input_bias_rad_s"],
+        "limit": draws["velocity_limit_rad_s"],
+        "ramp": draws["acceleration_limit_rad_s2"],
+        "bandwidth": draws["servo_bandwidth_rad_s"],
+        "damping": draws["servo_damping"],
+        "half": np.deg2rad(draws["gearhead_backlash_deg"]) / 2,
+    }
+    contacts = {name: draws[name] for name in ("creep", "creep_per_nm", "friction_capacity_nm")}
+    joints = {
+        "k": system.k_g * system.K[:, None] * (1 + draws["gear_ratio_error"]),
+        "half_gap": np.deg2rad(draws["backlash_deg"]) / 2,
+        "stiffness": draws["shaft_stiffness_nm_per_rad"],
+        "coulomb": draws["coulomb_friction_nm"],
+        "viscous": draws["viscous_friction_nms_per_rad"],
+    }
+    count = len(system.K)
+    return {
+        name: np.broadcast_to(values, (size, draws.count))
+        for size, table in ((2, motors), (1, contacts), (count, joints))
+        for name, values in table.items()
+    }
+
+
+def _flags(draws: Draws, own: dict[str, Array]) -> dict[str, int]:
+    lagging, soft = draws.on("servo_bandwidth_rad_s"), np.isfinite(own["stiffness"]).all()
+    flags = {
+        "lagging": lagging,
+        "second": lagging and draws.on("servo_damping"),
+        "limited": draws.on("velocity_limit_rad_s"),
+        "ramped": draws.on("acceleration_limit_rad_s2"),
+        "geared_1": own["half"][0].any(),
+        "geared_2": own["half"][1].any(),
+        "lagged": soft and own["viscous"].any(),
+        "soft": soft,
+        "damped": not soft and own["viscous"].any(),
+        "creeping": draws.on("creep"),
+        "loaded": draws.on("friction_capacity_nm") or draws.on("creep_per_nm"),
+    }
+    return {name: int(flags[name]) for name in FLAGS}
+
+
+def _state(draws: Draws, start: Array, gap: Array) -> Array:
+    """The state at the start in the order of `Held` in kernel.c, (S, 9 + 4 n)."""
+    n = len(start) - 1
+    state = np.zeros((draws.count, 9 + 4 * n))
+    theta, axis = start[1:].T, start[1:].T.copy()
+    axis[:, 1:] += (draws["initial_play"] * np.deg2rad(draws["backlash_deg"]) / 2).T
+    state[:, 8], state[:, 9 : 9 + n] = start[0], theta
+    state[:, 9 + n : 9 + 2 * n], state[:, 9 + 3 * n :] = axis, gap.T
+    return state
+
+
+def _strides(block: Array) -> Iterable[int]:
+    """Of commands (K, P, 2, S or 1), in numbers; 0 along what is one for all samples."""
+    for axis, stride in enumerate(block.strides):
+        yield 0 if axis == 3 and block.shape[3] == 1 else stride // block.itemsize

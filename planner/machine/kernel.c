@@ -1,0 +1,461 @@
+/* The quasi-static manipulator of servo.py, chain.py, play.py and friction.py, one sample after
+ * another. The Python modules say what is computed and why; the names here are theirs. Both give
+ * the same numbers to rounding, which tests/machine/test_kernel.py shows.
+ *
+ * Plain C99 without Python: built as an optional extension, loaded by compiled.py through ctypes.
+ */
+
+#include <math.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+
+#ifdef _WIN32
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+
+#define VERSION 1 /* of the structures below; compiled.py has the same */
+#define KEPT 8    /* lengths of steps whose exponentials are kept */
+#define MOTORS 2
+#define POINTS 3 /* at most, of a step */
+
+static const double HELD_RAD_S = 1e-12, TOUCH = 1e-9, TINY_NM = 1e-30;
+
+/* Which effects are on: the same for all samples. Mirrored in compiled.py. */
+typedef struct {
+    int64_t samples, joints, points, steps, rows;
+    int64_t lagging, second, limited, ramped;      /* servos */
+    int64_t geared[MOTORS], lagged, soft, damped;  /* play */
+    int64_t creeping, loaded;                      /* friction */
+    double k_g;
+    const double *parameters; /* (samples, see `own`) */
+    const double *length;     /* (steps) */
+    const uint8_t *running;   /* (steps) */
+    const double *desired;    /* (steps + 1, joints) */
+    const int64_t *row;       /* (steps + 1): where to record, or -1 */
+    double *state;            /* (samples, see `held`) */
+    double *q;                /* (samples, rows, joints + 1) */
+    double *speed;            /* (samples, rows, 2) */
+} Model;
+
+/* Commands of steps first ... last - 1: strides in numbers, 0 where all are alike. */
+typedef struct {
+    const double *value;
+    int64_t step, point, motor, sample;
+} Commands;
+
+/* One sample's parameters, in the order of compiled.py. */
+typedef struct {
+    const double *gain, *bias, *limit, *ramp, *bandwidth, *damping; /* (2) each */
+    const double *half;                                             /* of the gearheads (2) */
+    const double *contact; /* creep, creep_per_nm, capacity */
+    const double *k;       /* (joints - 1), as the following */
+    const double *half_gap, *stiffness, *coulomb, *viscous;
+} Own;
+
+/* One sample's state, in the order of compiled.py. */
+typedef struct {
+    double *speed, *slope, *saturated; /* (2) each */
+    double *disk;                      /* gearhead of motor 1: theta, axis */
+    double *first;                     /* coordinate of the last disk */
+    double *theta, *axis, *wound;      /* (joints) each */
+    double *gap;                       /* largest deviation, (joints) */
+} Held;
+
+/* What depends on the length of a step alone: (2 x 4) of the servos, (2 each) of joints 2 ... n. */
+typedef struct {
+    double length;
+    double servo[MOTORS][4];
+    double *weight; /* (joints - 1, 2) */
+} Factors;
+
+/* What the contacts pass on: (joints - 1) each. */
+typedef struct {
+    double *cosine, *stage, *branch, *steady1, *steady2, *rising1, *rising2;
+    double disk;
+} Contacts;
+
+static double clip(double x, double most) { return x > most ? most : x < -most ? -most : x; }
+
+static double between(double x, double low, double high)
+{
+    double y = x > low ? x : low;
+    return y < high ? y : high;
+}
+
+static Own own(const Model *m, int64_t sample)
+{
+    int64_t n = m->joints - 1;
+    const double *p = m->parameters + sample * (7 * MOTORS + 3 + 5 * n);
+    const double *k = p + 17;
+    Own o = {p, p + 2, p + 4, p + 6, p + 8, p + 10, p + 12, p + 14,
+             k, k + n, k + 2 * n, k + 3 * n, k + 4 * n};
+    return o;
+}
+
+static Held held(const Model *m, int64_t sample)
+{
+    double *s = m->state + sample * (3 * MOTORS + 3 + 4 * m->joints);
+    double *theta = s + 9;
+    int64_t n = m->joints;
+    Held x = {s, s + 2, s + 4, s + 6, s + 8, theta, theta + n, theta + 2 * n, theta + 3 * n};
+    return x;
+}
+
+/* -- factors of a step's length ------------------------------------------------------------ */
+
+/* Entries of exp([[0, 1], [-b^2, -2 z b]] h), for any damping. */
+static void oscillator(double b, double z, double h, double *e)
+{
+    double d = z * z - 1, root = b * sqrt(fabs(d)), fade = exp(-z * b * h), cosh_, sinh_;
+    if (root * h < 1e-6) {
+        cosh_ = fade;
+        sinh_ = h * fade;
+    } else if (d < 0) {
+        cosh_ = fade * cos(root * h);
+        sinh_ = fade * sin(root * h) / root;
+    } else {
+        double slow = exp((root - z * b) * h), fast = exp((-root - z * b) * h);
+        cosh_ = (slow + fast) / 2;
+        sinh_ = (slow - fast) / (2 * root);
+    }
+    double spin = z * b * sinh_;
+    e[0] = cosh_ + spin;
+    e[1] = sinh_;
+    e[2] = -(b * b) * sinh_;
+    e[3] = cosh_ - spin;
+}
+
+static void weigh(double constant, double h, double *weight)
+{
+    double lag = constant / h;
+    double mean = lag > 0 ? -lag * expm1(-1 / lag) : 0.0;
+    double settled = lag > 0 ? -expm1(-1 / lag) : 1.0;
+    weight[0] = settled - (1 - mean);
+    weight[1] = 1 - mean;
+}
+
+static void factors(const Model *m, const Own *o, double h, Factors *f)
+{
+    double part = h / (double)(m->points - 1);
+    int64_t last = m->joints - 2;
+    f->length = h;
+    for (int i = 0; i < MOTORS && m->lagging; i++) {
+        if (m->second)
+            oscillator(o->bandwidth[i], o->damping[i], part, f->servo[i]);
+        else
+            f->servo[i][0] = exp(-o->bandwidth[i] * part);
+    }
+    for (int64_t j = 0; j <= last && m->lagged; j++)
+        weigh(o->viscous[j] / o->stiffness[j], j < last ? part : h, f->weight + 2 * j);
+}
+
+/* -- servos -------------------------------------------------------------------------------- */
+
+static double first_order(const Factors *f, int i, double b, double r0, double r1, double h,
+                          double before, double *travel)
+{
+    double behind = (r1 - r0) / (h * b), gap = before - r0 + behind, left = gap * f->servo[i][0];
+    *travel = (r0 + r1) * (h / 2) - behind * h + (gap - left) / b;
+    return r1 - behind + left;
+}
+
+static double second_order(const Factors *f, int i, double b, double z, double r0, double r1,
+                           double h, double before, double *slope, double *travel)
+{
+    const double *e = f->servo[i];
+    double twice = 2 * z / b, rate = (r1 - r0) / h;
+    double x = before - r0 + twice * rate, y = *slope - rate;
+    double left = e[0] * x + e[1] * y, left_slope = e[2] * x + e[3] * y;
+    *slope = left_slope + rate;
+    *travel = (r0 + r1) * (h / 2) - twice * rate * h + (y - left_slope) / (b * b)
+              + twice * (x - left);
+    return r1 - twice * rate + left;
+}
+
+/* Advance motor i by h for a reference from r0 to r1; returns the travel. */
+static double motor(const Model *m, const Own *o, const Held *x, const Factors *f, int i,
+                    double r0, double r1, double h)
+{
+    double before = x->speed[i], b = o->bandwidth[i], travel, free_ = r1;
+    if (!m->lagging)
+        travel = (r0 + r1) * (h / 2);
+    else if (m->second)
+        free_ = second_order(f, i, b, o->damping[i], r0, r1, h, before, x->slope + i, &travel);
+    else
+        free_ = first_order(f, i, b, r0, r1, h, before, &travel);
+    double new_ = m->second && m->limited ? clip(free_, o->limit[i]) : free_;
+    if (m->ramped) {
+        new_ = before + clip(new_ - before, o->ramp[i] * h);
+        if (!m->lagging)
+            travel -= (r0 - before) * fabs(r0 - before) / (2 * o->ramp[i]);
+    }
+    x->speed[i] = new_;
+    if (fabs(new_ - free_) > HELD_RAD_S) {
+        if (m->second)
+            x->slope[i] = (new_ - before) / h;
+        travel = (before + new_) * (h / 2);
+    }
+    return travel;
+}
+
+/* Integrals from a step's start to each later point; see quadrature.py. */
+static void integrals(int64_t points, const double *f, double h, double *out)
+{
+    if (points == 2) {
+        out[0] = (h / 2) * (f[0] + f[1]);
+        return;
+    }
+    out[0] = (5 * h / 24) * f[0] + (8 * h / 24) * f[1] - (h / 24) * f[2];
+    out[1] = (h / 6) * (f[0] + f[2]) + (4 * h / 6) * f[1];
+}
+
+/* Motor i through a step: its speed at the points, its travel to each later point. */
+static void servo(const Model *m, const Own *o, const Held *x, const Factors *f, int i,
+                  const double *command, int64_t stride, int running, double h, double *speed,
+                  double *travel)
+{
+    double r[POINTS];
+    int64_t points = m->points;
+    for (int64_t p = 0; p < points; p++) {
+        r[p] = o->gain[i] * command[p * stride] + (running ? o->bias[i] : 0.0);
+        if (p == points / 2 && fabs(r[p]) > o->limit[i])
+            x->saturated[i] += h;
+        r[p] = clip(r[p], o->limit[i]);
+    }
+    if (!m->lagging && !m->ramped) {
+        for (int64_t p = 0; p < points; p++)
+            speed[p] = r[p];
+        integrals(points, r, h, travel);
+        return;
+    }
+    double part = h / (double)(points - 1), way = 0;
+    speed[0] = x->speed[i];
+    for (int64_t p = 0; p + 1 < points; p++) {
+        way += motor(m, o, x, f, i, r[p], r[p + 1], part);
+        travel[p] = way;
+        speed[p + 1] = x->speed[i];
+    }
+}
+
+/* -- friction contacts --------------------------------------------------------------------- */
+
+static void at_contacts(const Own *o, int64_t count, const double *cosine, const double *torque,
+                        double *first, double *second)
+{
+    for (int64_t j = count - 1; j >= 0; j--) {
+        double c = cosine[j];
+        second[j] = o->k[0] * c * c * c * torque[j];
+        first[j] = second[j];
+        if (j < count - 1)
+            first[j] += o->k[j + 1] / o->k[j] * c * first[j + 1];
+    }
+}
+
+static double share(const Model *m, double steady, double rising, double capacity)
+{
+    if (!m->damped)
+        return steady < capacity ? 1.0 : 0.0;
+    double room = (capacity - steady) / (rising > TINY_NM ? rising : TINY_NM);
+    return between(room, 0.0, 1.0);
+}
+
+static double kept(const Own *o, double whole)
+{
+    double carried = fabs(whole) < o->contact[2] ? fabs(whole) : o->contact[2];
+    double part = 1.0 - o->contact[0] - o->contact[1] * carried;
+    return part > 0 ? part : 0.0;
+}
+
+/* What is passed on under load; `speed` is that of motor 1. */
+static void passed(const Model *m, const Own *o, const Held *x, double speed, Contacts *c)
+{
+    int64_t count = m->joints - 1;
+    double turning = speed > 0 ? 1.0 : speed < 0 ? -1.0 : 0.0, disk = fabs(speed), before = 1.0;
+    double *steady = c->stage, *rising = c->branch; /* used up before they are filled */
+    for (int64_t j = 0; j < count; j++) {
+        double ahead = (x->axis[j + 1] - x->theta[j + 1]) * turning;
+        int touching = ahead >= o->half_gap[j] - TOUCH && turning != 0;
+        if (m->soft)
+            steady[j] = o->stiffness[j] * (ahead - clip(ahead, o->half_gap[j]));
+        else
+            steady[j] = touching ? o->coulomb[j] : 0.0;
+        if (m->damped) {
+            double cosine = c->cosine[j], rate = o->k[j] * cosine * cosine * cosine * disk;
+            rising[j] = touching ? o->viscous[j] * rate : 0.0;
+            disk *= cosine;
+        }
+    }
+    at_contacts(o, count, c->cosine, steady, c->steady1, c->steady2);
+    if (m->damped)
+        at_contacts(o, count, c->cosine, rising, c->rising1, c->rising2);
+    c->disk = 1.0;
+    for (int64_t j = 0; j < count; j++) {
+        double more1 = m->damped ? c->rising1[j] : 0.0, more2 = m->damped ? c->rising2[j] : 0.0;
+        double part = kept(o, c->steady2[j] + more2);
+        double at1 = share(m, c->steady1[j], more1, o->contact[2]);
+        double at2 = share(m, c->steady2[j], more2, o->contact[2]);
+        c->disk = before;
+        before = at1 < before ? at1 : before;
+        c->stage[j] = kept(o, c->steady1[j] + more1);
+        c->branch[j] = part * part * (before < at2 ? before : at2);
+    }
+}
+
+/* -- joints -------------------------------------------------------------------------------- */
+
+/* The play operator with half gap `rest`. */
+static double taken(double theta, double axis, double rest)
+{
+    return between(theta, axis - rest, axis + rest);
+}
+
+/* Turn joint i by `travel`; returns its angle. Joint 0 has the gearhead of motor 2 alone. */
+static double turn(const Model *m, const Own *o, const Held *x, const Factors *f, int64_t i,
+                   double travel)
+{
+    double axis = x->axis[i] += travel;
+    if (i == 0)
+        return x->theta[0] = m->geared[1] ? taken(x->theta[0], axis, o->half[1]) : axis;
+    int64_t j = i - 1;
+    double rest = o->half_gap[j] + o->coulomb[j] / o->stiffness[j];
+    double moved = taken(x->theta[i], axis, rest);
+    if (m->lagged) {
+        const double *weight = f->weight + 2 * j;
+        double now = x->theta[i] + weight[0] * x->wound[i] + weight[1] * (moved - x->theta[i]);
+        x->wound[i] = taken(now, axis, rest) - now;
+        moved = now;
+    }
+    return x->theta[i] = moved;
+}
+
+/* Speed of the first disk at the points, in place: less what the gearhead's play takes up. */
+static void geared(const Model *m, const Own *o, const Held *x, double *speed, double travel)
+{
+    if (!m->geared[0])
+        return;
+    double before = x->disk[0];
+    x->disk[1] += travel;
+    x->disk[0] = taken(before, x->disk[1], o->half[0]);
+    if (travel == 0)
+        return;
+    double turned = (x->disk[0] - before) / travel;
+    for (int64_t p = 0; p < m->points; p++)
+        speed[p] *= turned;
+}
+
+/* One step of the chain under motor speeds and travels. */
+static void chain(const Model *m, const Own *o, const Held *x, const Factors *f, double h,
+                  double *disk, double disk_travel, double *ways, Contacts *c)
+{
+    int64_t points = m->points, last = m->joints - 2;
+    int passing = m->creeping || m->loaded;
+    if (m->loaded)
+        passed(m, o, x, disk[points - 1], c);
+    geared(m, o, x, disk, disk_travel);
+    for (int64_t j = 0; j <= last; j++) {
+        double cosine[POINTS], driven[POINTS], gain = o->k[j];
+        cosine[0] = c->cosine[j];
+        cosine[1] = cos(turn(m, o, x, f, j, ways[0]));
+        if (points > 2)
+            cosine[2] = cos(turn(m, o, x, f, j, ways[1] - ways[0]));
+        c->cosine[j] = cosine[points - 1];
+        if (j == last) {
+            double way[POINTS - 1];
+            integrals(points, disk, h, way);
+            *x->first += m->k_g * (passing ? c->disk : 1.0) * way[points - 2];
+        }
+        if (passing)
+            gain *= c->branch[j];
+        for (int64_t p = 0; p < points; p++) {
+            disk[p] *= cosine[p];
+            if (passing)
+                disk[p] *= c->stage[j];
+            driven[p] = disk[p] * cosine[p] * cosine[p];
+        }
+        integrals(points, driven, h, ways);
+        for (int64_t p = 0; p + 1 < points; p++)
+            ways[p] *= gain;
+    }
+    turn(m, o, x, f, last + 1, ways[points - 2]);
+}
+
+/* -- the loop ------------------------------------------------------------------------------ */
+
+static void record(const Model *m, const Held *x, int64_t sample, int64_t k, const double *speed)
+{
+    int64_t row = m->row[k], size = m->joints + 1;
+    if (row < 0)
+        return;
+    double *q = m->q + (sample * m->rows + row) * size;
+    double *rates = m->speed + (sample * m->rows + row) * MOTORS;
+    q[0] = *x->first;
+    for (int64_t i = 1; i < size; i++)
+        q[i] = x->theta[i - 1];
+    rates[0] = speed[0];
+    rates[1] = speed[1];
+}
+
+static void run(const Model *m, const Commands *u, int64_t sample, int64_t first, int64_t last,
+                Factors *kept_, Contacts *c)
+{
+    Own o = own(m, sample);
+    Held x = held(m, sample);
+    int64_t points = m->points;
+    for (int i = 0; i < KEPT; i++)
+        kept_[i].length = -1;
+    for (int64_t j = 0; j < m->joints - 1; j++) {
+        c->cosine[j] = cos(x.theta[j]);
+        c->stage[j] = 1 - o.contact[0];
+        c->branch[j] = c->stage[j] * c->stage[j];
+    }
+    c->disk = 1.0;
+    int slot = 0;
+    for (int64_t k = first; k < last; k++) {
+        double h = m->length[k], speed[MOTORS][POINTS], ways[MOTORS][POINTS - 1];
+        const double *command = u->value + (k - first) * u->step + sample * u->sample;
+        if (kept_[slot].length != h) {
+            for (slot = 0; slot < KEPT - 1 && kept_[slot].length >= 0; slot++)
+                if (kept_[slot].length == h)
+                    break;
+            if (kept_[slot].length != h)
+                factors(m, &o, h, kept_ + slot);
+        }
+        for (int i = 0; i < MOTORS; i++)
+            servo(m, &o, &x, kept_ + slot, i, command + i * u->motor, u->point, m->running[k], h,
+                  speed[i], ways[i]);
+        double begins[MOTORS] = {speed[0][0], speed[1][0]};
+        double ends[MOTORS] = {speed[0][points - 1], speed[1][points - 1]};
+        record(m, &x, sample, k, begins);
+        chain(m, &o, &x, kept_ + slot, h, speed[0], ways[0][points - 2], ways[1], c);
+        for (int64_t i = 0; i < m->joints; i++) {
+            double gap = fabs(x.theta[i] - m->desired[(k + 1) * m->joints + i]);
+            x.gap[i] = gap > x.gap[i] ? gap : x.gap[i];
+        }
+        if (k + 1 == m->steps)
+            record(m, &x, sample, m->steps, ends);
+    }
+}
+
+EXPORT int64_t planner_kernel_version(void) { return VERSION; }
+
+/* Advance samples begin ... end - 1 by the steps first ... last - 1; -1 when memory is short. */
+EXPORT int planner_advance(const Model *m, const Commands *u, int64_t begin, int64_t end,
+                           int64_t first, int64_t last)
+{
+    int64_t n = m->joints - 1;
+    double *room = malloc((size_t)(7 * n + KEPT * 2 * n) * sizeof(double));
+    if (room == NULL)
+        return -1;
+    Contacts c = {room, room + n, room + 2 * n, room + 3 * n, room + 4 * n, room + 5 * n,
+                  room + 6 * n, 1.0};
+    Factors kept_[KEPT];
+    for (int i = 0; i < KEPT; i++)
+        kept_[i].weight = room + 7 * n + i * 2 * n;
+    for (int64_t sample = begin; sample < end; sample++)
+        run(m, u, sample, first, last, kept_, &c);
+    free(room);
+    return 0;
+}

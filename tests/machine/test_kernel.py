@@ -1,0 +1,145 @@
+"""The compiled manipulator against the one in NumPy, over all effects; and life without it."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from handmade import arm_problem, inputs, plan_from
+
+from planner.machine import Machine, compiled
+from planner.plan import Plan
+from planner.replay import Replay, replay
+
+SOURCE = Path(compiled.__file__).with_name("kernel.c")
+JUMPS = inputs(
+    ([1.2], [0.5, 0.1]), ([-0.8], [0.3]), ([1.0], [-0.4, 0.2]), breaks=[0.0, 0.5, 1.2, 2]
+)
+SPREAD = {"value": 0.005, "spread": 0.002}
+PROTOTYPE: dict[str, dict[str, Any]] = {
+    "as it is": {},
+    "second order": {"servo_damping": 0.7},
+    "overdamped": {"servo_damping": 1.5, "velocity_limit_rad_s": 0.25},
+    "critical": {"servo_damping": 1.0, "acceleration_limit_rad_s2": 1.0},
+    "limits": {"velocity_limit_rad_s": 0.25, "acceleration_limit_rad_s2": 1.0},
+    "ramp alone": {"servo_bandwidth_rad_s": False, "acceleration_limit_rad_s2": 1.0},
+    "direct": {"servo_bandwidth_rad_s": False, "acceleration_limit_rad_s2": False},
+    "continuous": {"control_period_s": False},
+    "continuous, second order": {"control_period_s": False, "servo_damping": 0.7},
+    "many delays": {"delay_s": SPREAD},
+    "many delays, continuous": {"delay_s": SPREAD, "control_period_s": False},
+    "slipping": {"friction_capacity_nm": {"value": 0.06, "spread": 0.03}},
+    "rigid": {"shaft_stiffness_nm_per_rad": False},
+    "rigid, slipping": {"shaft_stiffness_nm_per_rad": False, "friction_capacity_nm": 0.15},
+    "no contacts": {"creep": False, "creep_per_nm": False, "friction_capacity_nm": False},
+    "constant creep": {"creep_per_nm": False, "friction_capacity_nm": False},
+    "one dry joint": {"viscous_friction_nms_per_rad": [0.0, 0.05]},
+    "no gearheads": {"gearhead_backlash_deg": [0.5, 0.0]},
+}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def library(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The kernel as its source is now, whatever was installed."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        pytest.skip("no C compiler")
+    target = tmp_path_factory.mktemp("kernel") / "kernel.so"
+    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC"]
+    words = [compiler, *flags, "-ffp-contract=off", str(SOURCE), "-o", str(target), "-lm"]
+    subprocess.run(words, check=True)
+    found = compiled.opened(target)
+    assert found is not None
+    return found
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    """2 s with jumps, both directions, not at rest at either end."""
+    return plan_from(arm_problem([10, 20, 15], end=2.0), JUMPS, pieces=100)
+
+
+def both(
+    plan: Plan, machine: Machine, library: Any, patch: pytest.MonkeyPatch
+) -> tuple[Replay, Replay]:
+    """The same replay compiled and in NumPy."""
+    runs = []
+    for found in (library, None):
+        patch.setattr(compiled, "library", lambda found=found: found)
+        patch.setattr(sys.modules["planner.machine.simulate"], "library", lambda found=found: found)
+        runs.append(replay(plan, machine, samples=3, seed=1))
+    return runs[0], runs[1]
+
+
+def apart(plan: Plan, machine: Machine, library: Any, patch: pytest.MonkeyPatch) -> float:
+    ours, theirs = both(plan, machine, library, patch)
+    names = ("q", "motor_rates", "saturated_s", "deviation", "terminal_error")
+    return max(float(np.max(np.abs(getattr(ours, n) - getattr(theirs, n)))) for n in names)
+
+
+@pytest.mark.parametrize("name", PROTOTYPE)
+def test_kernel_and_numpy_agree_to_rounding(
+    plan: Plan, library: Any, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    machine = Machine.prototype(step_s=0.004, backlash_deg=0.5, **PROTOTYPE[name])
+    assert apart(plan, machine, library, monkeypatch) < 1e-12
+
+
+@pytest.mark.parametrize("n", [2, 5])
+@pytest.mark.parametrize(
+    "machine", [Machine.ideal(step_s=0.01), Machine.prototype(step_s=0.004, backlash_deg=0.5)]
+)
+def test_of_any_number_of_joints(
+    n: int, machine: Machine, library: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = plan_from(arm_problem(list(range(10, 10 + n)), end=2.0), JUMPS, pieces=50)
+    assert apart(plan, machine, library, monkeypatch) < 1e-12
+
+
+def test_settings_that_slip_do_slip(
+    plan: Plan, library: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else the agreement on them would say nothing."""
+    for name in ("slipping", "rigid, slipping"):
+        slipping = Machine.prototype(step_s=0.004, backlash_deg=0.5, **PROTOTYPE[name])
+        firm = slipping.with_(friction_capacity_nm=50.0)
+        run, other = (both(plan, m, library, monkeypatch)[0] for m in (slipping, firm))
+        assert np.max(np.abs(run.q[:, -1, 3] - other.q[:, -1, 3])) > np.deg2rad(1)
+
+
+@pytest.mark.parametrize("count", ["1", "3"])
+def test_threads_do_not_matter(
+    plan: Plan, library: Any, monkeypatch: pytest.MonkeyPatch, count: str
+) -> None:
+    monkeypatch.setattr(compiled, "library", lambda: library)
+    monkeypatch.setattr(sys.modules["planner.machine.simulate"], "library", lambda: library)
+    monkeypatch.setattr(compiled, "STEPS", 77)
+    machine, told = Machine.prototype(step_s=0.01), []
+    usual = replay(plan, machine, samples=70, record_s=None)
+    monkeypatch.setenv("OMP_NUM_THREADS", count)
+    assert compiled.threads() == int(count)
+    run = replay(plan, machine, samples=70, record_s=None, progress=lambda *x: told.append(x))
+    assert np.array_equal(run.q, usual.q)
+    assert np.array_equal(run.deviation, usual.deviation)
+    assert told == sorted(told)
+    assert told[-1][0] == told[-1][1]
+
+
+def test_without_a_kernel_or_with_an_old_one_there_is_none(
+    library: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    find = compiled.library.__wrapped__
+    monkeypatch.setattr(compiled, "__file__", str(tmp_path / "compiled.py"))
+    assert find() is None
+    place = tmp_path / f"_kernel{compiled.EXTENSION_SUFFIXES[0]}"
+    place.write_bytes(b"not a library")
+    assert find() is None
+    shutil.copy(library._name, place)
+    assert find() is not None
+    monkeypatch.setattr(compiled, "VERSION", compiled.VERSION + 1)
+    assert find() is None

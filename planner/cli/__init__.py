@@ -14,6 +14,7 @@ from typing import Annotated, Any, TextIO
 import typer
 
 from planner import __version__
+from planner.cli.animate import animate
 from planner.cli.check import check
 from planner.cli.compare import compare
 from planner.cli.export import export
@@ -63,7 +64,19 @@ def _top(
     """
 
 
-for _command in (new, plan, check, compare, sweep, export, reproduce, methods, systems, schema):
+for _command in (
+    new,
+    plan,
+    check,
+    compare,
+    sweep,
+    export,
+    animate,
+    reproduce,
+    methods,
+    systems,
+    schema,
+):
     app.command()(with_volume(_command))
 
 

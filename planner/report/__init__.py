@@ -1,9 +1,10 @@
-"""What is shown of plans and comparisons: figures and tables.
+"""What is shown of plans and comparisons: figures, tables, films.
 
 Every `plot_*` function takes plans (or replays), draws into axes of yours or a new figure, and
 returns both: `figure, axes = plot_z({"one": plan, "other": plan2})`.
 """
 
+from planner.report.animation import animate
 from planner.report.arm import plot_arm
 from planner.report.errors import plot_errors
 from planner.report.inputs import plot_inputs
@@ -11,4 +12,12 @@ from planner.report.joints import plot_joints
 from planner.report.replays import plot_replays
 from planner.report.z import plot_z
 
-__all__ = ["plot_arm", "plot_errors", "plot_inputs", "plot_joints", "plot_replays", "plot_z"]
+__all__ = [
+    "animate",
+    "plot_arm",
+    "plot_errors",
+    "plot_inputs",
+    "plot_joints",
+    "plot_replays",
+    "plot_z",
+]

@@ -40,7 +40,7 @@ def plot_arm(plans: Plans, *, axes: Any = None, poses: int = 12) -> tuple[Figure
     if not drawable(problem.system):
         raise InputError(f"a {problem.system.kind} has neither an arm nor x and y to draw")
     ours = axes is None
-    shape, size = _arrangement(drawn)
+    shape, size = arrangement(drawn)
     figure, axes = grid(*shape, axes, size=size, share=("all", "all"))
     scale = _time_scale(max(curve.plan.duration for curve in drawn))
     arm = _is_arm(problem)
@@ -76,7 +76,7 @@ def body(problem: Problem, q: Array) -> Array:
     return np.asarray(place[..., None, :])
 
 
-def _arrangement(drawn: Sequence[Curve]) -> tuple[tuple[int, int], tuple[float, float]]:
+def arrangement(drawn: Sequence[Curve]) -> tuple[tuple[int, int], tuple[float, float]]:
     """Rows and columns, and the size of a panel (inches): wide motions one below the other."""
     seen = [body(c.plan.problem, c.plan.q(times(c.plan, 200))).reshape(-1, 2) for c in drawn]
     wide, high = np.ptp(np.concatenate(seen), axis=0)

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from planner.errors import InputError, NotConvergedError
-from planner.ocp.form import Form
+from planner.ocp.backends import Settings
+from planner.ocp.form import Form, InputKind
 from planner.ocp.guess import guess, seeds
 from planner.ocp.mesh import uniform
 from planner.ocp.objective import objective
 from planner.ocp.polish import Polished, polish
 from planner.ocp.refusal import obstacle
 from planner.ocp.search import Found, Search, same_path, search
-from planner.ocp.solver import Settings, Solution
+from planner.ocp.solver import Solution
 from planner.ocp.task import Task, stretched, task
 from planner.ocp.timing import HASTE, hasty, timed
 from planner.ocp.violations import broken_limits, broken_rows
@@ -64,23 +65,22 @@ def _task(problem: Problem, options: CollocationOptions) -> Task:
         scheme_kind=options.scheme,
         degree=options.degree,
         input=_input_kind(problem, options),
-        rate_limits=bool(np.any(np.isfinite(problem.limits.input_rate))),
         chart=problem.limits.z2_margin is not None,
     )
-    settings = Settings(options.tolerance, options.max_iterations)
+    settings = Settings(options.tolerance, options.max_iterations, solver=options.solver)
     goal = objective(problem, options)
     return task(problem, goal, form, uniform(options.intervals), options.rest, settings)
 
 
-def _input_kind(problem: Problem, options: CollocationOptions) -> Literal["constant", "linear"]:
+def _input_kind(problem: Problem, options: CollocationOptions) -> InputKind:
     smooth = options.rest or bool(np.any(np.isfinite(problem.limits.input_rate)))
     if options.input == "auto":
         return "linear" if smooth else "constant"
-    if options.input == "constant" and smooth:
+    if options.input in ("constant", "jumping") and smooth:
         what = "rest = true" if options.rest else "the limit on input rates"
         raise InputError(
-            f"{problem.source}: method.collocation.input = 'constant' jumps between intervals,"
-            f" which contradicts {what}; use 'linear' or 'auto'"
+            f"{problem.source}: method.collocation.input = '{options.input}' jumps between"
+            f" intervals, which contradicts {what}; use 'linear' or 'auto'"
         )
     return options.input
 
@@ -96,7 +96,7 @@ def _direct(job: Task, options: CollocationOptions) -> _Answer | None:
     """The straight line alone, where the motion can be one way in a given time."""
     if job.problem.duration is None or options.start != "auto" or not _one_way(job.problem):
         return None
-    quick = Settings(options.tolerance, min(options.max_iterations, DIRECT_ITERATIONS))
+    quick = replace(job.settings, max_iterations=min(options.max_iterations, DIRECT_ITERATIONS))
     seed = seeds("straight")[0]
     start = guess(job.problem, job.made, job.mesh, seed)
     solution = replace(job, settings=quick).solve(start)

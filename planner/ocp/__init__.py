@@ -1,7 +1,8 @@
 """What direct collocation is made of.
 
-In reading order: `scheme`, `form`, `mesh`, `layout`, `stage` (costs and labelled constraints of one
-interval), `assembly` (the whole, with derivatives), `transcription`, `objective`, `bounds`,
-`guess`, `solver`, `curve`, `resimulation`, `task`, `search`, `timing`, `polish`, `violations`,
-`refusal`. The method that uses them is `planner.methods.collocation`.
+In reading order: `scheme`, `mesh`, `form`, `order` (which collocation values are unknowns),
+`layout`, `stage` (one interval as symbols: where it leads, costs, labelled rows), `interval` (its
+functions with derivatives), `assembly` (the whole), `transcription`, `objective`, `bounds`,
+`guess`, `backends` (IPOPT, Fatrop), `solver`, `curve`, `resimulation`, `task`, `search`, `timing`,
+`polish`, `violations`, `refusal`. The method that uses them is `planner.methods.collocation`.
 """

@@ -1,15 +1,17 @@
 """The whole problem from one interval: CasADi functions with exact sparse derivatives.
 
-The derivatives of one interval are formed symbolically once and mapped over all intervals; the
-sparse patterns of the whole follow by index arithmetic. Building takes milliseconds and does not
-grow with the mesh, where differentiating the whole graph takes tenths of seconds and does.
+The derivatives of one interval are formed symbolically once and mapped over all intervals. Since
+unknowns and rows come stage by stage, the nonzeros of the whole matrices are those of the intervals
+one after the other: nothing is gathered, added up or differentiated again. Building takes
+milliseconds and does not grow with the mesh.
 
-Jacobian pattern (Radau, one block row an interval; t: column of T, n: state at the left edge,
-u: input, p: collocation points, the last of which is the next left edge):
+Jacobian pattern (y: state at an edge, c: control; one block row an interval):
 
-    t n u p
-    t . . n u p
-    t . . . . . n u p
+    y c 1
+        y c 1
+            y c 1
+
+The Hessian of the Lagrangian has one block (y, c) an interval, and nothing at the last state.
 """
 
 from __future__ import annotations
@@ -19,138 +21,132 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import scipy.sparse as sp
 
+from planner.ocp.interval import IntervalFunctions
 from planner.ocp.layout import Index, Layout
 from planner.ocp.stage import Stage
-from planner.systems.base import Array
 
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """A nonlinear programme for `casadi.nlpsol`.
+    """A nonlinear programme min f(x, p), with bounds on x and on g(x, p).
 
     Attributes:
         problem: The expressions x, p, f, g; p = (three weights, K widths).
-        derivatives: nlpsol's options grad_f, jac_g and hess_lag.
-        rows: Function (x, p) to g, for judging an iterate.
-        cost: Function (x, p) to f.
+        f: Function (x, p) to f.
+        g: Function (x, p) to g.
+        gradient: Function (x, p) to the gradient of f.
+        value_gradient: Function (x, p) to f and its gradient.
+        jacobian: Function (x, p) to g and its Jacobian.
+        hessian: Function (x, p, lam_f, lam_g) to gradient and Hessian of lam_f f + lam_g g.
+        triangle: The same, to the Hessian's upper triangle alone.
+        points: Function (x, p) to the coordinates at the collocation points, N d × K.
     """
 
     problem: dict[str, Any]
-    derivatives: dict[str, Any]
-    rows: Any
-    cost: Any
+    f: Any
+    g: Any
+    gradient: Any
+    value_gradient: Any
+    jacobian: Any
+    hessian: Any
+    triangle: Any
+    points: Any
 
 
-@dataclass(frozen=True, eq=False)
-class _Mapped:
-    """Symbols of the whole, cut into one column an interval."""
+def assemble(stage: Stage, layout: Layout, functions: IntervalFunctions) -> Program:
+    """Repeat one interval over the mesh."""
+    return _Assembly(stage, layout, functions).program()
 
-    w: Any
-    p: Any
-    unknowns: Any
-    widths: Any
-    weights: Any
-    count: int
+
+class _Assembly:
+    """Symbols of the whole: unknowns cut into one column an interval, then the last state."""
+
+    def __init__(self, stage: Stage, layout: Layout, functions: IntervalFunctions) -> None:
+        self.K, self.ny, self.nc = layout.intervals, layout.state, layout.control
+        self.height, self.m = stage.height, layout.state + layout.control
+        self.functions = functions
+        self.x, self.p = ca.MX.sym("x", layout.size), ca.MX.sym("p", 3 + self.K)
+        self.columns = ca.reshape(self.x[: self.K * self.m], self.m, self.K)
+        self.parameters = ca.vertcat(ca.repmat(self.p[:3], 1, self.K), self.p[3:].T)
+
+    def program(self) -> Program:
+        cost, rows = self._mapped(self.functions.value)
+        f, g = ca.sum2(cost), self._rows(rows)
+        gradient, names = self._gradient(), ["x", "p"]
+        return Program(
+            problem={"x": self.x, "p": self.p, "f": f, "g": g},
+            f=ca.Function("nlp_f", self._xp, [f], names, ["f"]),
+            g=ca.Function("nlp_g", self._xp, [g], names, ["g"]),
+            gradient=ca.Function("nlp_grad_f", self._xp, [gradient], names, ["grad_f_x"]),
+            value_gradient=ca.Function(
+                "nlp_grad_f", self._xp, [f, gradient], names, ["f", "grad_f_x"]
+            ),
+            jacobian=self._jacobian(),
+            hessian=self._hessian(),
+            triangle=self._triangle(),
+            points=ca.Function("points", self._xp, self._mapped(self.functions.points)),
+        )
 
     @property
-    def args(self) -> tuple[Any, Any, Any]:
-        return self.unknowns, self.widths, self.weights
+    def _xp(self) -> list[Any]:
+        return [self.x, self.p]
 
+    def _mapped(self, function: Any, *more: Any) -> list[Any]:
+        out = function.map(self.K)(self.columns, self.parameters, *more)
+        return list(out) if isinstance(out, tuple) else [out]
 
-def assemble(stage: Stage, layout: Layout) -> Program:
-    """Repeat one interval over the mesh."""
-    x = _columns(stage, layout)
-    inputs = [stage.unknowns, stage.width, stage.weights]
-    values = ca.Function("stage", inputs, [stage.cost, stage.rows]).map(x.count)
-    costs, rows = values(*x.args)
-    f, g = ca.sum2(costs), ca.vec(rows)
-    names = ["x", "p"]
-    derivatives = {
-        "grad_f": ca.Function(
-            "nlp_grad_f", [x.w, x.p], [f, _gradient(stage, layout, x)], names, ["f", "grad_f_x"]
-        ),
-        "jac_g": ca.Function(
-            "nlp_jac_g", [x.w, x.p], [g, _jacobian(stage, layout, x)], names, ["g", "jac_g_x"]
-        ),
-        "hess_lag": _hessian(stage, layout, x),
-    }
-    return Program(
-        problem={"x": x.w, "p": x.p, "f": f, "g": g},
-        derivatives=derivatives,
-        rows=ca.Function("rows", [x.w, x.p], [g]),
-        cost=ca.Function("cost", [x.w, x.p], [f]),
-    )
+    def _rows(self, rows: Any) -> Any:
+        """The interval's own rows begin with minus the state it leads to; the state is added."""
+        following = ca.horzcat(self.columns[: self.ny, 1:], self.x[self.K * self.m :])
+        return ca.vec(ca.vertcat(rows[: self.ny, :] + following, rows[self.ny :, :]))
 
+    def _gradient(self) -> Any:
+        (columns,) = self._mapped(self.functions.gradient)
+        return ca.vertcat(ca.vec(columns), ca.MX.zeros(self.ny))
 
-def _columns(stage: Stage, layout: Layout) -> _Mapped:
-    count, m = layout.stages.shape
-    w, p = ca.MX.sym("w", layout.size), ca.MX.sym("p", 3 + count)
-    unknowns = ca.reshape(w[layout.stages.ravel().tolist()], m, count)
-    return _Mapped(w, p, unknowns, p[3:].T, ca.repmat(p[:3], 1, count), count)
+    def _jacobian(self) -> Any:
+        """A state's column begins with the row of the interval before, which the first lacks."""
+        rows, nonzeros = self._mapped(self.functions.jacobian)
+        row, column = self.functions.jacobian_pattern
+        stages, last = np.arange(self.K)[:, None], np.arange(self.ny)
+        row = np.append(self.height * stages + row, self.height * (self.K - 1) + last)
+        column = np.append(self.m * stages + column, self.m * self.K + last)
+        there = row >= 0
+        values = ca.vertcat(ca.vec(nonzeros), ca.MX.ones(self.ny))[np.flatnonzero(there).tolist()]
+        pattern = self._pattern(self.K * self.height, row[there], column[there])
+        outputs = [self._rows(rows), ca.MX(pattern, values)]
+        return ca.Function("nlp_jac_g", self._xp, outputs, ["x", "p"], ["g", "jac_g_x"])
 
+    def _lagrangian(self) -> tuple[list[Any], Any, Any]:
+        """Arguments, gradient and Hessian nonzeros of each interval."""
+        scale, duals = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.K * self.height)
+        columns = ca.reshape(duals, self.height, self.K)
+        scales = ca.repmat(scale, 1, self.K)
+        gradients, nonzeros = self._mapped(self.functions.hessian, scales, columns)
+        following = ca.vertcat(ca.MX.zeros(self.nc, self.K), columns[: self.ny, :])
+        gradient = ca.vertcat(ca.vec(gradients), ca.MX.zeros(self.ny))
+        gradient += ca.vertcat(ca.MX.zeros(self.ny), ca.vec(following))
+        return [*self._xp, scale, duals], gradient, nonzeros
 
-def _gradient(stage: Stage, layout: Layout, x: _Mapped) -> Any:
-    gradient = ca.densify(ca.gradient(stage.cost, stage.unknowns))
-    inputs = [stage.unknowns, stage.width, stage.weights]
-    columns = ca.Function("stage_grad", inputs, [gradient]).map(x.count)(*x.args)
-    return _scatter(layout.stages.ravel(), layout.size) @ ca.vec(columns)
+    def _hessian(self) -> Any:
+        inputs, gradient, nonzeros = self._lagrangian()
+        names = ["x", "p", "lam_f", "lam_g"], ["grad_gamma_x", "hess_gamma_x_x"]
+        whole = self._blocks(nonzeros, *self.functions.hessian_pattern)
+        return ca.Function("nlp_hess_l", inputs, [gradient, whole], *names)
 
+    def _triangle(self) -> Any:
+        inputs, _, nonzeros = self._lagrangian()
+        row, column = self.functions.hessian_pattern
+        upper = np.flatnonzero(row <= column)
+        whole = self._blocks(nonzeros[upper.tolist(), :], row[upper], column[upper])
+        names = ["x", "p", "lam_f", "lam_g"], ["hess_gamma_x_x"]
+        return ca.Function("nlp_hess_l", inputs, [whole], *names)
 
-def _jacobian(stage: Stage, layout: Layout, x: _Mapped) -> Any:
-    jacobian = ca.jacobian(stage.rows, stage.unknowns)
-    inputs = [stage.unknowns, stage.width, stage.weights]
-    columns = ca.Function("stage_jac", inputs, [jacobian.nz[:]]).map(x.count)(*x.args)
-    row, column = _pattern(jacobian)
-    height = stage.rows.numel()
-    rows = (height * np.arange(x.count)[:, None] + row).ravel()
-    cols = layout.stages[:, column].ravel()
-    order = np.lexsort((rows, cols))
-    pattern = ca.Sparsity.triplet(
-        height * x.count, layout.size, rows[order].tolist(), cols[order].tolist()
-    )
-    return ca.MX(pattern, ca.vec(columns)[order.tolist()])
+    def _blocks(self, nonzeros: Any, row: Index, column: Index) -> Any:
+        stages = self.m * np.arange(self.K)[:, None]
+        pattern = self._pattern(self.x.numel(), (stages + row).ravel(), (stages + column).ravel())
+        return ca.MX(pattern, ca.vec(nonzeros))
 
-
-def _hessian(stage: Stage, layout: Layout, x: _Mapped) -> Any:
-    height = stage.rows.numel()
-    scale, dual = ca.SX.sym("scale"), ca.SX.sym("dual", height)
-    lagrangian = scale * stage.cost + ca.dot(dual, stage.rows)
-    hessian: Any = ca.triu(ca.hessian(lagrangian, stage.unknowns)[0])
-    inputs = [stage.unknowns, stage.width, stage.weights, scale, dual]
-    mapped = ca.Function("stage_hess", inputs, [hessian.nz[:]]).map(x.count)
-    whole_scale, whole_dual = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", height * x.count)
-    duals = ca.reshape(whole_dual, height, x.count)
-    columns = mapped(*x.args, ca.repmat(whole_scale, 1, x.count), duals)
-    row, column = _pattern(hessian)
-    rows, cols = layout.stages[:, row].ravel(), layout.stages[:, column].ravel()
-    key = np.maximum(rows, cols) * layout.size + np.minimum(rows, cols)
-    distinct, where = np.unique(key, return_inverse=True)
-    pattern = ca.Sparsity.triplet(
-        layout.size,
-        layout.size,
-        (distinct % layout.size).tolist(),
-        (distinct // layout.size).tolist(),
-    )
-    nonzeros = _scatter(where, len(distinct)) @ ca.vec(columns)
-    return ca.Function(
-        "nlp_hess_l",
-        [x.w, x.p, whole_scale, whole_dual],
-        [ca.MX(pattern, nonzeros)],
-        ["x", "p", "lam_f", "lam_g"],
-        ["hess_gamma_x_x"],
-    )
-
-
-def _pattern(matrix: Any) -> tuple[Array, Array]:
-    row, column = matrix.sparsity().get_triplet()
-    return np.array(row, dtype=np.int64), np.array(column, dtype=np.int64)
-
-
-def _scatter(where: Index, size: int) -> Any:
-    """Sparse 0/1 matrix (size, len(where)) that adds entry k to place where[k]."""
-    count = len(where)
-    matrix = sp.csc_matrix((np.ones(count), (where, np.arange(count))), shape=(size, count))
-    pattern = ca.Sparsity(size, count, matrix.indptr.tolist(), matrix.indices.tolist())
-    return ca.DM(pattern, matrix.data)
+    def _pattern(self, height: int, row: Index, column: Index) -> Any:
+        return ca.Sparsity.triplet(height, self.x.numel(), row.tolist(), column.tolist())

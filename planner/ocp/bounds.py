@@ -8,7 +8,6 @@ import numpy as np
 
 from planner.ocp.mesh import Mesh
 from planner.ocp.objective import Objective
-from planner.ocp.stage import Rows
 from planner.ocp.transcription import Transcription
 from planner.problem import Problem
 from planner.systems.base import Array
@@ -53,6 +52,7 @@ class Bounds:
         row_lower: Of the rows, shape (K · height,).
         row_upper: Of the rows.
         parameters: Objective weights and mesh widths, shape (3 + K,).
+        widths: The mesh widths, shape (K,).
     """
 
     lower: Array
@@ -60,6 +60,16 @@ class Bounds:
     row_lower: Array
     row_upper: Array
     parameters: Array
+    widths: Array
+
+    @property
+    def pattern(self) -> bytes:
+        """Which bounds are there and which are fixed: equal for problems of one kind."""
+        pairs = ((self.lower, self.upper), (self.row_lower, self.row_upper))
+        kinds = [
+            (low == high) + 2 * np.isfinite(low) + 4 * np.isfinite(high) for low, high in pairs
+        ]
+        return np.concatenate(kinds).astype(np.uint8).tobytes()
 
 
 def bounds(
@@ -73,7 +83,9 @@ def bounds(
     """Fill in a problem's numbers."""
     lower, upper = _unknowns(problem, made, rest, tightening)
     low, high = _rows(problem, made, tightening)
-    return Bounds(lower, upper, low, high, np.concatenate([objective.weights, mesh.widths]))
+    return Bounds(
+        lower, upper, low, high, np.concatenate([objective.weights, mesh.widths]), mesh.widths
+    )
 
 
 def _unknowns(
@@ -82,15 +94,17 @@ def _unknowns(
     places, size = made.layout, made.system.size
     upper = np.full(places.size, np.inf)
     upper[places.inputs] = problem.limits.input
+    upper[places.slopes] = problem.limits.input_rate
     limited = np.isin(np.arange(size), made.system.limited)
     joint = np.where(limited, problem.limits.joint, np.inf)
     drawn = np.minimum(tightening.joint, MOST_DRAWN_IN * joint)
-    upper[places.points] = (joint - drawn)[:, None, :]
+    upper[places.points] = (joint - drawn)[:, None, list(places.lifted)]
     upper[places.nodes] = joint - _at_nodes(drawn)
     lower = -upper
-    lower[0] = SHORTEST_S
+    lower[places.durations[0]] = SHORTEST_S
+    duration = np.nan if problem.duration is None else problem.duration
     fixed = [(places.nodes[0], problem.start), (places.nodes[-1], _goal(problem))]
-    fixed += [(np.array([0]), np.array([np.nan if problem.duration is None else problem.duration]))]
+    fixed += [(places.durations[:1], np.array([duration]))]
     fixed += [(places.inputs[[0, -1]].ravel(), np.zeros(4))] if rest else []
     for where, values in fixed:
         known = ~np.isnan(values)
@@ -114,20 +128,15 @@ def _rows(problem: Problem, made: Transcription, tightening: Tightening) -> tupl
     shape = (made.form.intervals, made.height)
     low, high = np.zeros(shape), np.zeros(shape)
     for rows in made.labels:
-        if rows.kind == "rate":
-            high[:, rows.positions] = problem.limits.input_rate[rows.index]
-            low[:, rows.positions] = -high[:, rows.positions]
-        elif rows.kind == "z2":
-            low[:, rows.positions], high[:, rows.positions] = _chart(problem, rows, tightening.z2)
+        if rows.kind == "z2":
+            low[:, rows.positions], high[:, rows.positions] = _chart(problem, tightening.z2)
     return low.ravel(), high.ravel()
 
 
-def _chart(problem: Problem, rows: Rows, tightening: Array) -> tuple[Array, Array]:
-    """Bounds of z₂; none at the motion's end, where the problem itself has been checked."""
+def _chart(problem: Problem, tightening: Array) -> tuple[Array, Array]:
+    """Bounds of z₂ at left edges; none at the motion's start, where the problem was checked."""
     margin = problem.limits.z2_margin or 0.0
-    least = np.repeat((margin + tightening)[:, None], len(rows.tau), axis=1)
-    ends = rows.tau == 1.0
-    least[:, ends] = margin + _at_nodes(tightening)[1:, None]
-    least[-1, ends] = -np.inf
+    least = margin + _at_nodes(tightening)[:-1, None]
+    least[0] = -np.inf
     none = np.full_like(least, np.inf)
     return (least, none) if problem.z2_sign > 0 else (-none, -least)

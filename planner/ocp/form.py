@@ -5,9 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from planner.ocp.scheme import Kind, Scheme, scheme
+import numpy as np
 
-InputKind = Literal["constant", "linear"]
+from planner.ocp.mesh import Mesh
+from planner.ocp.scheme import Kind, Scheme, scheme
+from planner.systems.base import Array
+
+InputKind = Literal["constant", "linear", "jumping"]
+_JUST_INSIDE = np.array([1e-9, 1 - 1e-9])
 
 
 @dataclass(frozen=True)
@@ -18,9 +23,12 @@ class Form:
         intervals: Number K of mesh intervals.
         scheme_kind: Family of collocation points.
         degree: Collocation points an interval.
-        input: "constant" in each interval, or "linear" and continuous.
-        rate_limits: Whether the slopes of a linear input are constrained.
+        input: "constant" in each interval, "linear" and continuous, or "jumping": linear in each
+            interval, with jumps between them.
+        rate_limits: Whether the input's slopes are constrained by rows; where they are unknowns
+            themselves, as in `layout`, this makes no difference.
         chart: Whether z₂ is constrained.
+        compiled: Whether the functions of one interval are compiled by a C compiler.
     """
 
     intervals: int
@@ -29,6 +37,7 @@ class Form:
     input: InputKind = "constant"
     rate_limits: bool = False
     chart: bool = False
+    compiled: bool = False
 
     @property
     def scheme(self) -> Scheme:
@@ -37,5 +46,16 @@ class Form:
 
     @property
     def input_nodes(self) -> int:
-        """Number of input values: K constants, or K + 1 corners."""
-        return self.intervals + (self.input == "linear")
+        """Number of input values over time: K constants, K + 1 corners, or 2 K ends."""
+        return {"constant": self.intervals, "linear": self.intervals + 1}.get(
+            self.input, 2 * self.intervals
+        )
+
+    def input_places(self, mesh: Mesh) -> Array:
+        """Fractions of the duration at which `Iterate.inputs` are sampled from a curve.
+
+        Shape (K,) in the middles, (K+1,) at the edges, or (K, 2) just inside either end.
+        """
+        if self.input == "constant":
+            return mesh.edges[:-1] + mesh.widths / 2
+        return mesh.edges if self.input == "linear" else mesh.at(_JUST_INSIDE)

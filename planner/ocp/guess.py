@@ -67,8 +67,7 @@ def guess(problem: Problem, made: Transcription, mesh: Mesh, seed: Seed) -> Iter
     rates = np.gradient(q[:, :2], s, axis=0)
     rates[:, 0] /= _away_from_zero(problem.system.drive(q))
     duration = problem.duration or _duration(problem, rates)
-    widths = mesh.edges[:-1] + mesh.widths / 2
-    where = mesh.edges if made.form.input == "linear" else widths
+    where = made.form.input_places(mesh)
     return Iterate(
         duration=duration,
         nodes=_interpolate(mesh.edges, s, q),

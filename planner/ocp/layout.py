@@ -1,11 +1,13 @@
 """Where each quantity sits in the solver's vector of unknowns.
 
-    w = (T, X₀, [U₀, P₀, (X₁)], [U₁, P₁, (X₂)], …, (U_K))
+    w = (y₀, c₀, y₁, c₁, …, y_K)        y = (X, T, [V])        c = (U, P)
 
-X are the states at the mesh's edges, P those at the collocation points, U the inputs. Radau's last
-point is the next edge, so X appears by itself only for Gauss–Legendre; the last U only for a linear
-input. An interval touches a fixed number of neighbours: the problem's matrices are banded, but for
-the column of T.
+Stage by stage, as solvers want it that know the structure of optimal control: the state y at an
+edge of the mesh, then the control c of the interval that begins there. X are the coordinates; the
+duration T is a state that stays what it is, so that no unknown belongs to all stages. The input U
+is a constant; or the two ends of a line; or, where it must not jump, the slope of a line that
+starts at V, which is then part of the state. P are the collocation values of the lifted coordinates
+(see `order`): none for the manipulator.
 """
 
 from __future__ import annotations
@@ -23,13 +25,14 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """The unknowns by name.
+    """The unknowns, and what follows from them, by name.
 
     Attributes:
         duration: T in seconds.
         nodes: States at the mesh's edges, shape (K+1, N).
         points: States at the collocation points, shape (K, d, N).
-        inputs: Shape (K, 2) if constant in each interval, (K+1, 2) if linear.
+        inputs: Shape (K, 2) if constant in each interval, (K+1, 2) at the edges if linear, and
+            (K, 2, 2) if jumping: interval, end, input.
     """
 
     duration: float
@@ -39,6 +42,8 @@ class Iterate:
 
     def input_ends(self) -> tuple[Array, Array]:
         """Inputs at the left and right end of each interval, shapes (K, 2)."""
+        if self.inputs.ndim == 3:
+            return self.inputs[:, 0], self.inputs[:, 1]
         if len(self.inputs) == len(self.points):
             return self.inputs, self.inputs
         return self.inputs[:-1], self.inputs[1:]
@@ -49,49 +54,64 @@ class Layout:
     """Positions in the vector of unknowns.
 
     Attributes:
-        size: Number of unknowns.
-        nodes: Shape (K+1, N).
-        points: Shape (K, d, N).
-        inputs: Shape (K or K+1, 2).
-        stages: Shape (K, m): what interval k touches, in the order (T, X_k, U_k, (U_{k+1}), P_k,
-            (X_{k+1})).
+        intervals: Number K.
+        state: Entries of y.
+        control: Entries of c.
+        nodes: Positions of X, shape (K+1, N).
+        durations: Positions of T, shape (K+1,).
+        inputs: Positions of inputs, in the shape of `Iterate.inputs`.
+        slopes: Positions of the slopes of a linear input, shape (K, 2), else (0, 2).
+        points: Positions of P, shape (K, d, L).
+        lifted: The L lifted coordinates.
     """
 
-    size: int
+    intervals: int
+    state: int
+    control: int
     nodes: Index
-    points: Index
+    durations: Index
     inputs: Index
-    stages: Index
+    slopes: Index
+    points: Index
+    lifted: tuple[int, ...]
 
-    def pack(self, iterate: Iterate) -> Array:
-        """Names to vector, shape (size,)."""
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.intervals * (self.state + self.control) + self.state
+
+    def pack(self, iterate: Iterate, widths: Array) -> Array:
+        """Names to vector, shape (size,), on a mesh of these widths (K,)."""
         w = np.empty(self.size)
-        w[0] = iterate.duration
-        w[self.inputs] = iterate.inputs
-        w[self.points] = iterate.points
         w[self.nodes] = iterate.nodes
+        w[self.durations] = iterate.duration
+        w[self.inputs] = iterate.inputs
+        if len(self.slopes):
+            w[self.slopes] = np.diff(iterate.inputs, axis=0) / (widths[:, None] * iterate.duration)
+        w[self.points] = iterate.points[:, :, list(self.lifted)]
         return w
 
-    def unpack(self, w: Array) -> Iterate:
-        """Vector to names."""
-        return Iterate(float(w[0]), w[self.nodes], w[self.points], w[self.inputs])
 
-
-def layout(form: Form, size: int) -> Layout:
-    """The layout for a system of `size` coordinates."""
-    K, d, closed = form.intervals, form.degree, form.scheme.closed
-    block = 2 + d * size + (0 if closed else size)
-    starts = 1 + size + block * np.arange(K)
-    inputs = starts[:, None] + np.arange(2)
-    points = (starts[:, None] + 2 + np.arange(d * size)).reshape(K, d, size)
-    after = points[:, -1] if closed else points[:, -1] + size
-    nodes = np.concatenate([1 + np.arange(size)[None], after])
-    count = 1 + size + block * K
-    if form.input == "linear":
-        inputs = np.concatenate([inputs, count + np.arange(2)[None]])
-        count += 2
-    parts = [np.zeros((K, 1), dtype=np.int64), nodes[:-1], inputs[:K]]
-    parts += [inputs[1:]] if form.input == "linear" else []
-    parts += [points.reshape(K, -1)]
-    parts += [] if closed else [nodes[1:]]
-    return Layout(count, nodes, points, inputs, np.concatenate(parts, axis=1))
+def layout(form: Form, size: int, lifted: tuple[int, ...]) -> Layout:
+    """The layout for a system of `size` coordinates, some of them lifted."""
+    K, d = form.intervals, form.degree
+    linear = form.input == "linear"
+    state = size + 1 + (2 if linear else 0)
+    values = 4 if form.input == "jumping" else 2
+    control = values + d * len(lifted)
+    edges = (state + control) * np.arange(K + 1)
+    controls = edges[:-1, None] + state + np.arange(control)
+    inputs = controls[:, :values]
+    if form.input == "jumping":
+        inputs = inputs.reshape(K, 2, 2)
+    return Layout(
+        intervals=K,
+        state=state,
+        control=control,
+        nodes=edges[:, None] + np.arange(size),
+        durations=edges + size,
+        inputs=edges[:, None] + size + 1 + np.arange(2) if linear else inputs,
+        slopes=controls[:, :2] if linear else np.empty((0, 2), dtype=np.int64),
+        points=controls[:, values:].reshape(K, d, len(lifted)),
+        lifted=lifted,
+    )

@@ -31,6 +31,7 @@ class Scheme:
         degree: Number d of collocation points.
         points: τ₁ … τ_d, shape (d,), in (0, 1].
         differentiation: Shape (d, d+1): values at (0, τ₁ … τ_d) to derivatives at τ₁ … τ_d.
+        integration: Shape (d, d): rates at the points to the moves from 0 to τ₁ … τ_d.
         quadrature: Shape (d,): ∫₀¹ f ≈ Σ quadrature · f(points).
         end: Shape (d+1,): values to the value at 1.
         bernstein: Shape (d+1, d+1): values to Bernstein coefficients.
@@ -40,6 +41,7 @@ class Scheme:
     degree: int
     points: Array
     differentiation: Array
+    integration: Array
     quadrature: Array
     end: Array
     bernstein: Array
@@ -63,6 +65,7 @@ def scheme(kind: Kind, degree: int) -> Scheme:
         degree=degree,
         points=points,
         differentiation=derivative.T,
+        integration=np.asarray(np.linalg.inv(derivative.T[:, 1:]), dtype=float),
         quadrature=np.asarray(np.linalg.solve(moments, 1 / (powers + 1.0)), dtype=float),
         end=end.ravel(),
         bernstein=np.asarray(np.linalg.inv(values), dtype=float),

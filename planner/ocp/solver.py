@@ -1,16 +1,15 @@
-"""The call of the solver: IPOPT through CasADi, kept once made."""
+"""The call of a solver, kept once made; what it says of itself is checked."""
 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from planner.interrupts import heed_interrupts
+from planner.ocp.backends import Backend, Settings, SolverName, backend
 from planner.ocp.bounds import Bounds
 from planner.ocp.form import Form
 from planner.ocp.layout import Iterate
@@ -20,32 +19,13 @@ from planner.systems.base import Array, TriangularSystem
 ACCEPTED_RESIDUAL = 1e-7
 """Largest excess of a row over its bounds, in its own unit, that counts as solved."""
 
-NEAR = 1e-4
-"""Barrier and distance to the bounds to begin with when the start is near the answer."""
-
-_FINISHED = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Options of the solver.
-
-    Attributes:
-        tolerance: Of optimality and of the rows.
-        max_iterations: Iterations before it gives up.
-        near: Whether the start is close to the answer, as from a coarser mesh or looser limits.
-    """
-
-    tolerance: float = 1e-9
-    max_iterations: int = 500
-    near: bool = False
-
 
 @dataclass(frozen=True, eq=False)
 class Solution:
     """Where the solver stopped.
 
     Attributes:
+        solver: Who it was.
         vector: The unknowns, shape (size,).
         iterate: The same by name.
         rows: Values of all rows there, evaluated anew.
@@ -57,6 +37,7 @@ class Solution:
         seconds: How long it took.
     """
 
+    solver: SolverName
     vector: Array
     iterate: Iterate
     rows: Array
@@ -69,33 +50,55 @@ class Solution:
 
 
 def solve(made: Transcription, data: Bounds, start: Iterate, settings: Settings) -> Solution:
-    """Solve from one start. The solver's word is not taken for it: rows are evaluated anew."""
-    call = solver(made.system, made.form, settings)
-    inputs = {
-        "x0": np.clip(made.layout.pack(start), data.lower, data.upper),
-        "p": data.parameters,
-        "lbx": data.lower,
-        "ubx": data.upper,
-        "lbg": data.row_lower,
-        "ubg": data.row_upper,
-    }
+    """Solve from one start, by the other solver where the first fails and both are allowed."""
+    first, *others = names(made, settings)
+    solution = _solve(first, made, data, start, settings)
+    for name in others:
+        if solution.ok:
+            break
+        other = _solve(name, made, data, start, settings)
+        solution = replace(
+            other,
+            iterations=solution.iterations + other.iterations,
+            seconds=solution.seconds + other.seconds,
+        )
+    return solution
+
+
+def names(made: Transcription, settings: Settings) -> tuple[SolverName, ...]:
+    """The solvers to try, in this order.
+
+    Fatrop is several times faster, but where collocation values stay unknowns its dense stages cost
+    more than they gain.
+    """
+    if settings.solver != "auto":
+        return (settings.solver,)
+    return ("ipopt", "fatrop") if made.layout.lifted else ("fatrop", "ipopt")
+
+
+def _solve(
+    name: SolverName, made: Transcription, data: Bounds, start: Iterate, settings: Settings
+) -> Solution:
+    """One solver's answer. Its word is not taken for it: rows are evaluated anew."""
+    call = solver(made.system, made.form, replace(settings, solver=name))
+    packed = np.clip(made.layout.pack(start, data.widths), data.lower, data.upper)
     began = time.perf_counter()
     with heed_interrupts():
-        found = call(**inputs)
+        answer = call(packed, data)
     seconds = time.perf_counter() - began
-    vector = _flat(found["x"])
-    rows = _flat(made.program.rows(vector, data.parameters))
+    vector = np.clip(answer.vector, data.lower, data.upper)
+    rows = np.asarray(made.program.g(vector, data.parameters)).ravel()
     residual = float(np.max(excess(rows, data.row_lower, data.row_upper), initial=0.0))
-    stats = call.stats()
     return Solution(
+        solver=name,
         vector=vector,
-        iterate=made.layout.unpack(vector),
+        iterate=made.iterate(vector, data.parameters),
         rows=rows,
-        objective=float(found["f"]),
+        objective=float(made.program.f(vector, data.parameters)),
         residual=residual,
-        ok=stats["return_status"] in _FINISHED and residual <= ACCEPTED_RESIDUAL,
-        status=stats["return_status"],
-        iterations=int(stats["iter_count"]),
+        ok=answer.finished and residual <= ACCEPTED_RESIDUAL,
+        status=answer.status,
+        iterations=answer.iterations,
         seconds=seconds,
     )
 
@@ -117,48 +120,15 @@ def prepare(
     before = _made()
     began = time.perf_counter()
     made = transcription(system, form)
-    solver(system, form, settings)
+    solver(system, form, replace(settings, solver=names(made, settings)[0]))
     return made, time.perf_counter() - began if _made() > before else 0.0
 
 
 @lru_cache(maxsize=64)
-def solver(system: TriangularSystem, form: Form, settings: Settings) -> Any:
-    """CasADi's solver for a transcription and settings."""
-    program = transcription(system, form).program
-    options = {
-        **program.derivatives,
-        "no_nlp_grad": True,
-        "calc_lam_p": False,
-        "print_time": False,
-        "show_eval_warnings": False,
-        "ipopt": _ipopt(settings),
-    }
-    return ca.nlpsol("collocation", "ipopt", program.problem, options)
-
-
-def _ipopt(settings: Settings) -> dict[str, Any]:
-    """Limits hold exactly at every iterate: bounds are not relaxed.
-
-    A near start keeps its distance to the bounds and begins with a small barrier. IPOPT's own warm
-    start, with multipliers, saved a few iterations more on easy problems and failed on long ones.
-    """
-    options: dict[str, Any] = {
-        "print_level": 0,
-        "sb": "yes",
-        "tol": settings.tolerance,
-        "constr_viol_tol": settings.tolerance,
-        "max_iter": settings.max_iterations,
-        "bound_relax_factor": 0.0,
-    }
-    if settings.near:
-        pushes = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
-        options |= {"mu_init": NEAR, **dict.fromkeys(pushes, NEAR)}
-    return options
+def solver(system: TriangularSystem, form: Form, settings: Settings) -> Backend:
+    """The solver of a transcription, made once for each settings (which name one solver)."""
+    return backend(transcription(system, form), settings)
 
 
 def _made() -> int:
     return transcription.cache_info().misses + solver.cache_info().misses
-
-
-def _flat(values: Any) -> Array:
-    return np.asarray(values, dtype=float).ravel()

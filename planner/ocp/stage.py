@@ -1,4 +1,4 @@
-"""One mesh interval as symbols: its cost and its constraint rows, each labelled where it is made.
+"""One mesh interval as symbols: where it leads, what it costs, and its rows, labelled where made.
 
 All intervals are alike, so the whole problem is this one, repeated (see `assembly`).
 """
@@ -13,9 +13,10 @@ import numpy as np
 
 from planner.chained import chained_form
 from planner.ocp.form import Form
-from planner.systems.base import Array, TriangularSystem
+from planner.ocp.order import Order
+from planner.systems.base import Array, Coordinate, TriangularSystem
 
-RowKind = Literal["dynamics", "continuity", "rate", "z2"]
+RowKind = Literal["motion", "defect", "z2"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +24,8 @@ class Rows:
     """A labelled constraint: rows of one meaning.
 
     Attributes:
-        kind: Its family.
+        kind: Its family. motion: the next state is where this interval leads; defect: a lifted
+            coordinate obeys its rate at the collocation points; z2: z₂ keeps its margin.
         index: Coordinate or input it is about.
         label: What it demands, in words.
         unit: Unit of the rows' values.
@@ -51,39 +53,53 @@ class Stage:
     """The symbols of one interval.
 
     Attributes:
-        unknowns: What the interval touches, in the order of `Layout.stages`.
+        state: y at its left edge.
+        control: c.
         width: Its share of the duration.
         weights: Objective weights: of T, and of each input's square.
         cost: Its share of the objective.
-        rows: Its constraint rows.
-        labels: What the rows mean.
+        after: The state it leads to; the first rows are the next state minus this one.
+        rows: The rows that follow them.
+        points: Coordinates at the collocation points, N × d.
+        labels: What all rows mean, the first ones included.
     """
 
-    unknowns: Any
+    state: Any
+    control: Any
     width: Any
     weights: Any
     cost: Any
+    after: Any
     rows: Any
+    points: Any
     labels: tuple[Rows, ...]
+
+    @property
+    def height(self) -> int:
+        """Number of rows of an interval."""
+        return int(self.after.numel() + self.rows.numel())
 
 
 class _Symbols:
-    def __init__(self, system: TriangularSystem, form: Form) -> None:
-        N, d = system.size, form.degree
-        self.T, self.width = ca.SX.sym("T"), ca.SX.sym("h")
-        self.weights = ca.SX.sym("weights", 3)
-        self.left, self.u_left = ca.SX.sym("X", N), ca.SX.sym("U", 2)
-        linear = form.input == "linear"
-        self.u_right = ca.SX.sym("V", 2) if linear else self.u_left
-        self.points = ca.SX.sym("P", N, d)
-        closed = form.scheme.closed
-        self.right = self.points[:, -1] if closed else ca.SX.sym("Y", N)
-        parts = [self.T, self.left, self.u_left]
-        parts += [self.u_right] if linear else []
-        parts += [ca.vec(self.points)]
-        parts += [] if closed else [self.right]
-        self.unknowns = ca.vertcat(*parts)
-        self.values = ca.horzcat(self.left, self.points)
+    """The interval's unknowns by name; u(τ) is linear from u_left to u_right."""
+
+    def __init__(self, system: TriangularSystem, form: Form, lifted: tuple[int, ...]) -> None:
+        self.X, self.T = ca.SX.sym("X", system.size), ca.SX.sym("T")
+        self.width, self.weights = ca.SX.sym("h"), ca.SX.sym("weights", 3)
+        self.lifted = ca.SX.sym("P", len(lifted), form.degree)
+        self.seconds = self.width * self.T
+        first = ca.SX.sym("U", 2)
+        state, control = [self.X, self.T], [first]
+        self.u_left = self.u_right = first
+        if form.input == "jumping":
+            self.u_right = ca.SX.sym("V", 2)
+            control.append(self.u_right)
+        elif form.input == "linear":
+            self.u_left = ca.SX.sym("V", 2)
+            self.u_right = self.u_left + self.seconds * first
+            state.append(self.u_left)
+        self.state = ca.vertcat(*state)
+        self.control = ca.vertcat(*control, ca.vec(self.lifted))
 
     def input_at(self, tau: float) -> Any:
         return self.u_left + tau * (self.u_right - self.u_left)
@@ -111,60 +127,89 @@ class _RowList:
         self.expressions += expressions
 
 
-def stage(system: TriangularSystem, form: Form) -> Stage:
+def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
     """Write down one interval of a transcription."""
-    x, rows = _Symbols(system, form), _RowList()
-    _dynamics(system, form, x, rows)
-    if not form.scheme.closed:
-        _continuity(system, form, x, rows)
-    if form.rate_limits:
-        _rates(system, x, rows)
+    x, rows = _Symbols(system, form, order.lifted), _RowList()
+    points, rates, defects = _collocation(system, form, order, x)
+    after = _motion(system, form, x, rates, rows)
+    for i, residuals in defects.items():
+        named = system.coordinates[i]
+        rows.add("defect", i, _motion_of(named), named.unit, 1.0, form.scheme.points, residuals)
     if form.chart:
-        _chart(system, form, x, rows)
+        z2 = chained_form(system).z_expr(x.X)[1]
+        rows.add("z2", 1, "z2 margin", "", 1.0, np.zeros(1), [z2])
     cost = x.width * (x.weights[0] * x.T + x.T * ca.dot(x.weights[1:], _mean_square(x, form)))
     return Stage(
-        x.unknowns, x.width, x.weights, cost, ca.vertcat(*rows.expressions), tuple(rows.labels)
+        state=x.state,
+        control=x.control,
+        width=x.width,
+        weights=x.weights,
+        cost=cost,
+        after=after,
+        rows=ca.vertcat(*rows.expressions[after.numel() :]),
+        points=ca.horzcat(*(ca.vertcat(*column) for column in points)),
+        labels=tuple(rows.labels),
     )
 
 
-def _dynamics(system: TriangularSystem, form: Form, x: _Symbols, rows: _RowList) -> None:
-    """Defects: derivative of the interpolant minus T h q̇ at each collocation point."""
+def _collocation(
+    system: TriangularSystem, form: Form, order: Order, x: _Symbols
+) -> tuple[list[list[Any]], dict[int, list[Any]], dict[int, list[Any]]]:
+    """Values and rates at the collocation points, one coordinate after the other.
+
+    Returns:
+        Values, first index the point; rates of each coordinate at the points; and for each lifted
+        coordinate its values minus what its rates make of them, which must vanish.
+    """
     s = form.scheme
-    defects = []
-    for j, tau in enumerate(s.points):
-        rates = ca.vertcat(*system.rates_expr(x.points[:, j], x.input_at(float(tau))))
-        defects.append(x.values @ s.differentiation[j] - x.T * x.width * rates)
-    for i, coordinate in enumerate(system.coordinates):
-        label = f"motion of {coordinate.name}"
-        residuals = [defect[i] for defect in defects]
-        rows.add("dynamics", i, label, coordinate.unit, 1.0, s.points, residuals)
+    inputs = [x.input_at(float(tau)) for tau in s.points]
+    points = [[x.X[i] for i in range(system.size)] for _ in s.points]
+    for row, i in enumerate(order.lifted):
+        for j in range(form.degree):
+            points[j][i] = x.lifted[row, j]
+    rates: dict[int, list[Any]] = {}
+    defects = {}
+    for i in order.sequence:
+        columns = [ca.vertcat(*column) for column in points]
+        rates[i] = [system.rates_expr(q, u)[i] for q, u in zip(columns, inputs, strict=True)]
+        moved = [
+            x.X[i] + x.seconds * sum(w * rate for w, rate in zip(weights, rates[i], strict=True))
+            for weights in s.integration
+        ]
+        if i in order.lifted:
+            defects[i] = [points[j][i] - moved[j] for j in range(form.degree)]
+        else:
+            for j in range(form.degree):
+                points[j][i] = moved[j]
+    return points, rates, defects
 
 
-def _continuity(system: TriangularSystem, form: Form, x: _Symbols, rows: _RowList) -> None:
-    """The interpolant's end is the next edge's state (Gauss–Legendre only)."""
-    gap = x.values @ form.scheme.end - x.right
-    for i, coordinate in enumerate(system.coordinates):
-        label = f"continuity of {coordinate.name}"
-        rows.add("continuity", i, label, coordinate.unit, 1.0, np.ones(1), [gap[i]])
+def _motion(
+    system: TriangularSystem,
+    form: Form,
+    x: _Symbols,
+    rates: dict[int, list[Any]],
+    rows: _RowList,
+) -> Any:
+    """The state at the right edge."""
+    weights, end = form.scheme.quadrature, np.ones(1)
+    after = []
+    for i, named in enumerate(system.coordinates):
+        mean = sum(w * rate for w, rate in zip(weights, rates[i], strict=True))
+        after.append(x.X[i] + x.seconds * mean)
+        rows.add("motion", i, _motion_of(named), named.unit, 1.0, end, [after[-1]])
+    after.append(x.T)
+    rows.add("motion", 0, "one duration for all", "s", 1.0, end, [x.T])
+    if form.input == "linear":
+        for i, named in enumerate(system.inputs):
+            after.append(x.u_right[i])
+            label = f"continuity of input {named.name}"
+            rows.add("motion", i, label, named.unit, 1.0, end, [after[-1]])
+    return ca.vertcat(*after)
 
 
-def _rates(system: TriangularSystem, x: _Symbols, rows: _RowList) -> None:
-    """Slopes of a linear input."""
-    slope = (x.u_right - x.u_left) / (x.width * x.T)
-    for i, coordinate in enumerate(system.inputs):
-        label, unit = f"rate of input {coordinate.name}", rate_unit(coordinate.unit)
-        rows.add("rate", i, label, unit, 1.0, np.array([0.5]), [slope[i]])
-
-
-def _chart(system: TriangularSystem, form: Form, x: _Symbols, rows: _RowList) -> None:
-    """z₂ at the collocation points and at the interval's end."""
-    form_of = chained_form(system)
-    places = [x.points[:, j] for j in range(form.degree)]
-    tau = form.scheme.points
-    if not form.scheme.closed:
-        places, tau = [*places, x.right], np.append(tau, 1.0)
-    z2 = [form_of.z_expr(q)[1] for q in places]
-    rows.add("z2", 1, "z2 margin", "", 1.0, tau, z2)
+def _motion_of(named: Coordinate) -> str:
+    return f"motion of {named.name}"
 
 
 def rate_unit(unit: str) -> str:

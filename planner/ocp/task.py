@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from planner.ocp.backends import Settings
 from planner.ocp.bounds import Bounds, Tightening, bounds
 from planner.ocp.curve import curve
 from planner.ocp.form import Form
@@ -11,7 +12,7 @@ from planner.ocp.layout import Iterate
 from planner.ocp.mesh import Mesh
 from planner.ocp.objective import Objective
 from planner.ocp.resimulation import Motion, resimulate
-from planner.ocp.solver import Settings, Solution, prepare, solve
+from planner.ocp.solver import Solution, prepare, solve
 from planner.ocp.transcription import Transcription
 from planner.problem import Problem
 from planner.trajectory import StateTrajectory
@@ -84,13 +85,11 @@ def transferred(old: Task, iterate: Iterate, new: Task) -> Iterate:
     """An iterate of one task as a start for another that differs in mesh or input kind."""
     motion = old.curve(iterate)
     mesh, T = new.mesh, iterate.duration
-    linear = new.made.form.input == "linear"
-    places = mesh.edges if linear else mesh.edges[:-1] + mesh.widths / 2
     return Iterate(
         duration=T,
         nodes=motion.q(mesh.edges * T),
         points=motion.q(mesh.at(new.made.form.scheme.points) * T),
-        inputs=motion.u(places * T),
+        inputs=motion.u(new.made.form.input_places(mesh) * T),
     )
 
 

@@ -5,11 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 
+import numpy as np
+
 from planner.ocp.assembly import Program, assemble
 from planner.ocp.form import Form
-from planner.ocp.layout import Layout, layout
+from planner.ocp.interval import interval_functions
+from planner.ocp.layout import Iterate, Layout, layout
+from planner.ocp.order import order
 from planner.ocp.stage import Rows, stage
-from planner.systems.base import TriangularSystem
+from planner.systems.base import Array, TriangularSystem
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,16 +36,31 @@ class Transcription:
     height: int
     program: Program
 
+    def iterate(self, vector: Array, parameters: Array) -> Iterate:
+        """The unknowns by name, with the collocation values that follow from them."""
+        at = self.layout
+        points = np.asarray(self.program.points(vector, parameters)).T
+        return Iterate(
+            duration=float(vector[at.durations[0]]),
+            nodes=vector[at.nodes],
+            points=points.reshape(at.intervals, self.form.degree, self.system.size),
+            inputs=vector[at.inputs],
+        )
+
 
 @lru_cache(maxsize=64)
 def transcription(system: TriangularSystem, form: Form) -> Transcription:
     """Build the transcription, or return the one built before."""
-    places, symbols = layout(form, system.size), stage(system, form)
+    dependencies = order(system)
+    places, symbols = (
+        layout(form, system.size, dependencies.lifted),
+        stage(system, form, dependencies),
+    )
     return Transcription(
         system=system,
         form=form,
         layout=places,
         labels=symbols.labels,
-        height=symbols.rows.numel(),
-        program=assemble(symbols, places),
+        height=symbols.height,
+        program=assemble(symbols, places, interval_functions(symbols)),
     )

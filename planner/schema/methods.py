@@ -110,10 +110,10 @@ class CollocationOptions(Table):
     scheme: Literal["radau", "legendre"] = Field(
         "radau", description="Radau (order 2d-1) or Gauss-Legendre (order 2d) points."
     )
-    input: Literal["auto", "constant", "linear"] = Field(
+    input: Literal["auto", "constant", "linear", "jumping"] = Field(
         "auto",
-        description="Input in an interval: constant, or continuous and linear. auto: linear when a"
-        " rate limit or rest asks for continuity.",
+        description="Input in an interval: constant; continuous and linear; or linear with jumps"
+        " between intervals. auto: linear when a rate limit or rest asks for continuity.",
     )
     rest: bool = Field(False, description="Inputs zero at both ends.")
     objective: Literal["auto", "effort", "time", "mixed"] = Field(
@@ -147,6 +147,12 @@ class CollocationOptions(Table):
     )
     refinements: Annotated[int, Field(ge=0, le=10)] = Field(
         4, description="Times the mesh may be refined; 0 keeps the mesh as given."
+    )
+    solver: Literal["auto", "fatrop", "ipopt"] = Field(
+        "auto",
+        description="Who solves the nonlinear programme. auto: Fatrop, which knows the stages, and"
+        " IPOPT where Fatrop fails; the other way round for systems whose rates depend on each"
+        " other in a circle, such as trailers.",
     )
     tolerance: Annotated[float, Field(gt=0, lt=1e-2)] = Field(1e-9, description="Solver tolerance.")
     max_iterations: Annotated[int, Field(ge=1)] = Field(

@@ -135,7 +135,7 @@ def test_joint_limit_between_the_nodes_too(paper: Problem, options: dict[str, An
     assert np.rad2deg(np.abs(plan(paper, **options).q(t)[:, 1]).max()) > 38
     limited = plan(paper, {"limits.joint_deg": 35}, **options)
     assert 34.99 < np.rad2deg(np.abs(limited.q(t)[:, 1:]).max()) < 35 * (1 + 1e-6)
-    assert limited.notes["limits_drawn_in"]["rounds"] == (1 if options else 0)
+    assert (limited.notes["limits_drawn_in"]["rounds"] > 0) == bool(options)
 
 
 DIP = {"start.theta_deg": [10, 10, 10], "goal.theta_deg": [10, 10, 30], "goal.duration": 40.0}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -9,6 +10,8 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
+import planner
+from planner.chained import chained_form
 from planner.ocp.form import Form
 from planner.ocp.layout import Iterate
 from planner.ocp.mesh import Mesh, uniform
@@ -16,6 +19,7 @@ from planner.ocp.scheme import Kind
 from planner.ocp.transcription import transcription
 from planner.systems import Manipulator
 
+PROBLEMS = Path(__file__).parents[2] / "problems"
 START = np.array([0.1, -0.9, 0.2])
 INPUT = np.array([0.8, 1.7])
 DURATION = 1.0
@@ -42,15 +46,15 @@ def integrated(kind: Kind, degree: int, intervals: int) -> np.ndarray[Any, Any]:
         np.tile(START, (intervals, degree, 1)),
         np.tile(INPUT, (intervals, 1)),
     )
-    w = made.layout.pack(guess)
-    known = np.concatenate([[0], made.layout.nodes[0], made.layout.inputs.ravel()])
-    free = np.setdiff1d(np.arange(made.layout.size), known)
+    w = made.layout.pack(guess, mesh.widths)
+    known = [made.layout.nodes[0], made.layout.durations[:1], made.layout.inputs.ravel()]
+    free = np.setdiff1d(np.arange(made.layout.size), np.concatenate(known))
     for _ in range(12):
-        rows, jacobian = made.program.derivatives["jac_g"](w, parameters)
+        rows, jacobian = made.program.jacobian(w, parameters)
         step = spsolve(jacobian.sparse()[:, free].tocsc(), -np.asarray(rows).ravel())
         w[free] += step
     assert np.max(np.abs(step)) < 1e-11
-    return made.layout.unpack(w).nodes[-1]
+    return made.iterate(w, parameters).nodes[-1]
 
 
 @pytest.mark.parametrize(
@@ -65,52 +69,81 @@ def test_order_of_convergence_at_the_end_point(kind: Kind, degree: int, order: i
     assert slope == pytest.approx(order, abs=0.3)
 
 
-@pytest.mark.parametrize("input_kind", ["constant", "linear"])
+@pytest.mark.parametrize("input_kind", ["constant", "linear", "jumping"])
 @pytest.mark.parametrize("kind", ["radau", "legendre"])
-def test_rows_agree_with_numpy(kind: Kind, input_kind: Any) -> None:
-    system = Manipulator([0.87, 0.71, 0.58], 0.67)
-    form = Form(5, kind, 3, input_kind, rate_limits=input_kind == "linear")
+@pytest.mark.parametrize("name", ["four-joint", "trailers"])
+def test_rows_agree_with_numpy(name: str, kind: Kind, input_kind: Any) -> None:
+    """The manipulator's collocation values follow from the rest, the trailers' are unknowns."""
+    system = planner.load_problem(PROBLEMS / f"{name}.toml").system
+    form = Form(5, kind, 3, input_kind, chart=True)
     made, rng = transcription(system, form), np.random.default_rng(3)
     mesh = Mesh(np.array([0.0, 0.1, 0.35, 0.6, 0.8, 1.0]))
-    iterate = made.layout.unpack(rng.normal(size=made.layout.size))
-    iterate = Iterate(3.7, iterate.nodes, iterate.points, iterate.inputs)
-    w, p = made.layout.pack(iterate), np.concatenate([rng.random(3), mesh.widths])
-    rows = np.asarray(made.program.rows(w, p)).reshape(5, made.height)
+    p = np.concatenate([rng.random(3), mesh.widths])
+    w = made.layout.pack(some_iterate(form, system.size, rng), mesh.widths)
+    iterate = made.iterate(w, p)
+    np.testing.assert_allclose(made.layout.pack(iterate, mesh.widths), w, atol=1e-14)
+    rows = np.asarray(made.program.g(w, p)).reshape(5, made.height)
     left, right = iterate.input_ends()
     s = form.scheme
     values = np.concatenate([iterate.nodes[:-1, None], iterate.points], axis=1)
     u = left[:, None] + s.points[:, None] * (right - left)[:, None]
-    slope = np.einsum("ij,kjn->kin", s.differentiation, values)
-    defects = slope - 3.7 * mesh.widths[:, None, None] * system.rates(iterate.points, u)
-    gap = np.einsum("j,kjn->kn", s.end, values) - iterate.nodes[1:]
-    rates = (right - left) / (3.7 * mesh.widths[:, None])
-    expected = {"dynamics": defects, "continuity": gap[:, None], "rate": rates[:, None]}
-    kinds = set()
+    rates = 3.7 * mesh.widths[:, None, None] * system.rates(iterate.points, u)
+    gap = iterate.nodes[1:] - iterate.nodes[:-1] - np.einsum("j,kjn->kn", s.quadrature, rates)
+    defects = np.einsum("ij,kjn->kin", s.differentiation, values) - rates
+    solved = [i for i in range(system.size) if i not in made.layout.lifted]
+    assert len(solved) == {"four-joint": 5, "trailers": 4}[name]
+    np.testing.assert_allclose(defects[..., solved], 0, atol=1e-12)
+    seen = set()
     for label in made.labels:
-        wanted = expected[label.kind][:, :, label.index]
-        np.testing.assert_allclose(rows[:, label.positions], wanted, atol=1e-12)
-        kinds.add(label.kind)
-    assert kinds >= {"dynamics"} | ({"rate"} if input_kind == "linear" else set())
+        found = rows[:, label.positions]
+        if label.label.startswith("motion of") and label.kind == "motion":
+            np.testing.assert_allclose(found, gap[:, label.index, None], atol=1e-12)
+        elif label.kind == "defect":
+            wanted = defects[..., label.index] @ s.integration.T
+            np.testing.assert_allclose(found, wanted, atol=1e-12)
+        elif label.kind == "z2":
+            z2 = chained_form(system).z(iterate.nodes[:-1])[:, 1, None]
+            np.testing.assert_allclose(found, z2, rtol=1e-12)
+        else:  # duration and corners of the input are copied on, which `pack` has obeyed
+            np.testing.assert_allclose(found, 0, atol=1e-12)
+        seen.add(label.kind)
+    assert seen == {"motion", "z2"} | ({"defect"} if name == "trailers" else set())
     squares = (left**2 + left * right + right**2) / 3
     cost = 3.7 * (p[0] + mesh.widths @ (squares @ p[1:3]))
-    assert float(made.program.cost(w, p)) == pytest.approx(cost, rel=1e-12)
+    assert float(made.program.f(w, p)) == pytest.approx(cost, rel=1e-12)
 
 
-@pytest.mark.parametrize("kind", ["radau", "legendre"])
-def test_derivatives_agree_with_casadi_on_the_whole_graph(kind: Kind) -> None:
-    system = Manipulator([0.87, 0.71], 0.67)
-    made = transcription(system, Form(3, kind, 2, "linear", rate_limits=True, chart=True))
-    x, p = made.program.problem["x"], made.program.problem["p"]
-    f, g = made.program.problem["f"], made.program.problem["g"]
+def some_iterate(form: Form, size: int, rng: np.random.Generator) -> Iterate:
+    K, d = form.intervals, form.degree
+    shape = {"constant": (K, 2), "linear": (K + 1, 2), "jumping": (K, 2, 2)}[form.input]
+    nodes, points = rng.normal(size=(K + 1, size)), rng.normal(size=(K, d, size))
+    return Iterate(3.7, 0.3 * nodes, 0.3 * points, rng.normal(size=shape))
+
+
+@pytest.mark.parametrize("input_kind", ["constant", "linear", "jumping"])
+@pytest.mark.parametrize("name", ["four-joint", "trailers"])
+def test_derivatives_agree_with_casadi_on_the_whole_graph(name: str, input_kind: Any) -> None:
+    system = planner.load_problem(PROBLEMS / f"{name}.toml").system
+    program = transcription(system, Form(3, "radau", 2, input_kind, chart=True)).program
+    x, p = program.problem["x"], program.problem["p"]
+    f, g = program.problem["f"], program.problem["g"]
     duals = ca.MX.sym("duals", g.numel())
-    hessian = ca.hessian(1.3 * f + ca.dot(duals, g), x)[0]
+    hessian, slope = ca.hessian(1.3 * f + ca.dot(duals, g), x)
     reference = ca.Function(
-        "reference", [x, p, duals], [ca.gradient(f, x), ca.jacobian(g, x), ca.triu(hessian)]
+        "reference", [x, p, duals], [ca.gradient(f, x), ca.jacobian(g, x), slope, hessian]
     )
     rng = np.random.default_rng(0)
-    w, v, lam = rng.random(x.numel()) + 0.5, rng.random(p.numel()), rng.random(g.numel())
-    gradient, jacobian, triangle = (np.asarray(ca.densify(m)) for m in reference(w, v, lam))
-    ours = made.program.derivatives
-    np.testing.assert_allclose(np.asarray(ours["grad_f"](w, v)[1]), gradient, atol=1e-11)
-    np.testing.assert_allclose(ca.densify(ours["jac_g"](w, v)[1]), jacobian, atol=1e-11)
-    np.testing.assert_allclose(ca.densify(ours["hess_lag"](w, v, 1.3, lam)), triangle, atol=1e-10)
+    w, v, lam = rng.random(x.numel()) + 0.1, rng.random(p.numel()), rng.random(g.numel())
+    gradient, jacobian, slope, hessian = (dense(m) for m in reference(w, v, lam))
+    ours = program.hessian(w, v, 1.3, lam)
+    close = {"rtol": 1e-9, "atol": 1e-9}
+    np.testing.assert_allclose(dense(program.gradient(w, v)), gradient, **close)
+    np.testing.assert_allclose(dense(program.value_gradient(w, v)[1]), gradient, **close)
+    np.testing.assert_allclose(dense(program.jacobian(w, v)[1]), jacobian, **close)
+    np.testing.assert_allclose(dense(ours[0]), slope, **close)
+    np.testing.assert_allclose(dense(ours[1]), hessian, **close)
+    np.testing.assert_allclose(dense(program.triangle(w, v, 1.3, lam)), np.triu(hessian), **close)
+
+
+def dense(matrix: Any) -> np.ndarray[Any, Any]:
+    return np.asarray(ca.densify(matrix))

@@ -16,6 +16,7 @@ def test_polynomials_of_the_degree_are_exact(kind: Kind, degree: int) -> None:
     f = np.polynomial.Polynomial(coefficients)
     values = f(np.array([0.0, *s.points]))
     np.testing.assert_allclose(s.differentiation @ values, f.deriv()(s.points), atol=1e-12)
+    np.testing.assert_allclose(s.integration @ f.deriv()(s.points), values[1:] - f(0.0), atol=1e-12)
     assert s.end @ values == pytest.approx(f(1.0), abs=1e-12)
     curve = BPoly((s.bernstein @ values)[:, None], [0.0, 1.0])
     tau = np.linspace(0, 1, 7)

@@ -1,0 +1,198 @@
+"""The solvers behind one interface: IPOPT and Fatrop, through CasADi.
+
+Both get the same functions with the same derivatives; Fatrop also the stages they consist of.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+
+from planner.ocp.bounds import Bounds
+from planner.ocp.transcription import Transcription
+from planner.systems.base import Array
+
+SolverName = Literal["fatrop", "ipopt"]
+
+NEAR = 1e-4
+"""Barrier and distance to the bounds to begin with when the start is near the answer."""
+
+FATROP_ITERATIONS = 200
+"""Where Fatrop solves a problem at all it needs tens of iterations."""
+
+FATROP_RELAXES = 1e-8
+"""By how much, relative to a bound or to one, Fatrop lets its iterates pass bounds."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Options of the solver.
+
+    Attributes:
+        tolerance: Of optimality and of the rows.
+        max_iterations: Iterations before it gives up.
+        near: Whether the start is close to the answer, as from a coarser mesh or looser limits.
+        solver: Who solves; "auto" lets the other try where the first fails.
+    """
+
+    tolerance: float = 1e-9
+    max_iterations: int = 500
+    near: bool = False
+    solver: Literal["auto", "fatrop", "ipopt"] = "auto"
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a solver says.
+
+    Attributes:
+        vector: The unknowns, shape (size,).
+        finished: Whether it claims to have solved the problem.
+        status: In its own words.
+        iterations: How many it made.
+    """
+
+    vector: Array
+    finished: bool
+    status: str
+    iterations: int
+
+
+Backend = Callable[[Array, Bounds], Answer]
+"""From a start (size,) and the problem's numbers to an answer."""
+
+
+def backend(made: Transcription, settings: Settings) -> Backend:
+    """The solver that the settings name, for a transcription."""
+    return _Fatrop(made, settings) if settings.solver == "fatrop" else _Ipopt(made, settings)
+
+
+class _Ipopt:
+    """IPOPT. Limits hold exactly at every iterate: bounds are not relaxed.
+
+    A near start keeps its distance to the bounds and begins with a small barrier. IPOPT's own warm
+    start, with multipliers, saved a few iterations more on easy problems and failed on long ones.
+    """
+
+    def __init__(self, made: Transcription, settings: Settings) -> None:
+        options: dict[str, Any] = {
+            "print_level": 0,
+            "sb": "yes",
+            "tol": settings.tolerance,
+            "constr_viol_tol": settings.tolerance,
+            "max_iter": settings.max_iterations,
+            "bound_relax_factor": 0.0,
+        }
+        if settings.near:
+            pushes = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
+            options |= {"mu_init": NEAR, **dict.fromkeys(pushes, NEAR)}
+        program = made.program
+        functions = {"nlp_grad_f": program.value_gradient, "nlp_hess_l": program.triangle}
+        self._call = _nlpsol(made, "ipopt", functions, {"no_nlp_grad": True, "ipopt": options})
+
+    def __call__(self, start: Array, data: Bounds) -> Answer:
+        found = self._call(
+            x0=start,
+            p=data.parameters,
+            lbx=data.lower,
+            ubx=data.upper,
+            lbg=data.row_lower,
+            ubg=data.row_upper,
+        )
+        stats = self._call.stats()
+        vector = np.asarray(found["x"], dtype=float).ravel()
+        status = stats["return_status"]
+        finished = status in ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+        return Answer(vector, finished, status, int(stats["iter_count"]))
+
+
+class _Fatrop:
+    """Fatrop, which is told the stages.
+
+    CasADi's interface (3.8) forgets Fatrop's options when the pattern of fixed and free bounds
+    changes between two calls, so each pattern has a memory of its own.
+
+    Source: Vanroye et al., FATROP: A Fast Constrained Optimal Control Problem Solver for Robot
+    Trajectory Optimization and Control, IROS 2023.
+    """
+
+    def __init__(self, made: Transcription, settings: Settings) -> None:
+        options: dict[str, Any] = {
+            "print_level": 0,
+            "tol": settings.tolerance,
+            "max_iter": min(settings.max_iterations, FATROP_ITERATIONS),
+        }
+        if settings.near:
+            options |= {"mu_init": NEAR, "bound_push": NEAR, "bound_frac": NEAR}
+        functions = {"nlp_grad_f": made.program.gradient, "nlp_hess_l": made.program.hessian}
+        self._call = _nlpsol(made, "fatrop", functions, {"fatrop": options, **_stages(made)})
+        self._memories: dict[bytes, tuple[Any, Callable[[], None]]] = {}
+        self._lock = threading.Lock()
+
+    def __call__(self, start: Array, data: Bounds) -> Answer:
+        bounds = _drawn_in(data.lower, data.upper), _drawn_in(data.row_lower, data.row_upper)
+        given = (start, data.parameters, *bounds[0], *bounds[1])
+        vector = np.empty(len(start))
+        with self._lock:
+            buffer, evaluate = self._memory(data)
+            for k, values in enumerate(given):
+                buffer.set_arg(k, values.data)
+            buffer.set_res(0, vector.data)
+            evaluate()
+            stats = buffer.stats()
+        finished = bool(stats["success"])
+        status = "Solve_Succeeded" if finished else "Search_Direction_Or_Iterations_Failed"
+        return Answer(vector, finished, status, int(stats["iter_count"]))
+
+    def _memory(self, data: Bounds) -> tuple[Any, Callable[[], None]]:
+        pattern = data.pattern
+        if pattern not in self._memories:
+            self._memories[pattern] = self._call.buffer()
+        return self._memories[pattern]
+
+
+def _drawn_in(lower: Array, upper: Array) -> tuple[Array, Array]:
+    """Bounds drawn in by as much as Fatrop will relax them; fixed values stay."""
+    low, high = lower + _relaxed(lower), upper - _relaxed(upper)
+    wide = low < high
+    return np.where(wide, low, lower), np.where(wide, high, upper)
+
+
+def _relaxed(bound: Array) -> Array:
+    return FATROP_RELAXES * np.maximum(1.0, np.where(np.isfinite(bound), np.abs(bound), 0.0))
+
+
+def _stages(made: Transcription) -> dict[str, Any]:
+    at = made.layout
+    return {
+        "structure_detection": "manual",
+        "N": at.intervals,
+        "nx": [at.state] * (at.intervals + 1),
+        "nu": [at.control] * at.intervals + [0],
+        "ng": [made.height - at.state] * at.intervals + [0],
+    }
+
+
+def _nlpsol(
+    made: Transcription, name: str, functions: dict[str, Any], options: dict[str, Any]
+) -> Any:
+    """CasADi's solver with our derivatives in place of those it would form."""
+    program = made.program
+    known: dict[str, Any] = {
+        "nlp_f": program.f,
+        "nlp_g": program.g,
+        "nlp_jac_g": program.jacobian,
+        **functions,
+    }
+    common: dict[str, Any] = {
+        "cache": known,
+        "calc_lam_p": False,
+        "print_time": False,
+        "show_eval_warnings": False,
+    }
+    return ca.nlpsol("collocation", name, program.problem, {**common, **options})

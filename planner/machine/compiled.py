@@ -25,7 +25,7 @@ from planner.machine.motion import Steps, lengths
 from planner.systems.base import Array
 from planner.systems.manipulator import Manipulator
 
-VERSION = 1
+VERSION = 2
 """Of the structures below; a kernel of another version is not used."""
 
 SAMPLES, STEPS = 32, 2000
@@ -185,11 +185,14 @@ def _parameters(system: Manipulator, draws: Draws) -> dict[str, Array]:
         "half": np.deg2rad(draws["gearhead_backlash_deg"]) / 2,
     }
     contacts = {name: draws[name] for name in ("creep", "creep_per_nm", "friction_capacity_nm")}
+    half_gap = np.deg2rad(draws["backlash_deg"]) / 2
+    stiffness, coulomb = draws["shaft_stiffness_nm_per_rad"], draws["coulomb_friction_nm"]
     joints = {
         "k": system.k_g * system.K[:, None] * (1 + draws["gear_ratio_error"]),
-        "half_gap": np.deg2rad(draws["backlash_deg"]) / 2,
-        "stiffness": draws["shaft_stiffness_nm_per_rad"],
-        "coulomb": draws["coulomb_friction_nm"],
+        "half_gap": half_gap,
+        "rest": half_gap + coulomb / stiffness,
+        "stiffness": stiffness,
+        "coulomb": coulomb,
         "viscous": draws["viscous_friction_nms_per_rad"],
     }
     count = len(system.K)

@@ -15,8 +15,13 @@
 #else
 #define EXPORT __attribute__((visibility("default")))
 #endif
+#ifdef _MSC_VER
+#define INLINE static __forceinline
+#else
+#define INLINE static inline __attribute__((always_inline))
+#endif
 
-#define VERSION 1 /* of the structures below; compiled.py has the same */
+#define VERSION 2 /* of the structures below; compiled.py has the same */
 #define KEPT 8    /* lengths of steps whose exponentials are kept */
 #define MOTORS 2
 #define POINTS 3 /* at most, of a step */
@@ -52,7 +57,7 @@ typedef struct {
     const double *half;                                             /* of the gearheads (2) */
     const double *contact; /* creep, creep_per_nm, capacity */
     const double *k;       /* (joints - 1), as the following */
-    const double *half_gap, *stiffness, *coulomb, *viscous;
+    const double *half_gap, *rest, *stiffness, *coulomb, *viscous;
 } Own;
 
 /* One sample's state, in the order of compiled.py. */
@@ -77,25 +82,25 @@ typedef struct {
     double disk;
 } Contacts;
 
-static double clip(double x, double most) { return x > most ? most : x < -most ? -most : x; }
+INLINE double clip(double x, double most) { return x > most ? most : x < -most ? -most : x; }
 
-static double between(double x, double low, double high)
+INLINE double between(double x, double low, double high)
 {
     double y = x > low ? x : low;
     return y < high ? y : high;
 }
 
-static Own own(const Model *m, int64_t sample)
+INLINE Own own(const Model *m, int64_t sample)
 {
     int64_t n = m->joints - 1;
-    const double *p = m->parameters + sample * (7 * MOTORS + 3 + 5 * n);
+    const double *p = m->parameters + sample * (7 * MOTORS + 3 + 6 * n);
     const double *k = p + 17;
     Own o = {p, p + 2, p + 4, p + 6, p + 8, p + 10, p + 12, p + 14,
-             k, k + n, k + 2 * n, k + 3 * n, k + 4 * n};
+             k, k + n, k + 2 * n, k + 3 * n, k + 4 * n, k + 5 * n};
     return o;
 }
 
-static Held held(const Model *m, int64_t sample)
+INLINE Held held(const Model *m, int64_t sample)
 {
     double *s = m->state + sample * (3 * MOTORS + 3 + 4 * m->joints);
     double *theta = s + 9;
@@ -154,15 +159,15 @@ static void factors(const Model *m, const Own *o, double h, Factors *f)
 
 /* -- servos -------------------------------------------------------------------------------- */
 
-static double first_order(const Factors *f, int i, double b, double r0, double r1, double h,
+INLINE double first_order(const Factors *f, int i, double b, double r0, double r1, double h,
                           double before, double *travel)
 {
-    double behind = (r1 - r0) / (h * b), gap = before - r0 + behind, left = gap * f->servo[i][0];
+    double behind = r0 == r1 ? 0.0 : (r1 - r0) / (h * b), gap = before - r0 + behind, left = gap * f->servo[i][0];
     *travel = (r0 + r1) * (h / 2) - behind * h + (gap - left) / b;
     return r1 - behind + left;
 }
 
-static double second_order(const Factors *f, int i, double b, double z, double r0, double r1,
+INLINE double second_order(const Factors *f, int i, double b, double z, double r0, double r1,
                            double h, double before, double *slope, double *travel)
 {
     const double *e = f->servo[i];
@@ -176,7 +181,7 @@ static double second_order(const Factors *f, int i, double b, double z, double r
 }
 
 /* Advance motor i by h for a reference from r0 to r1; returns the travel. */
-static double motor(const Model *m, const Own *o, const Held *x, const Factors *f, int i,
+INLINE double motor(const Model *m, const Own *o, const Held *x, const Factors *f, int i,
                     double r0, double r1, double h)
 {
     double before = x->speed[i], b = o->bandwidth[i], travel, free_ = r1;
@@ -202,7 +207,7 @@ static double motor(const Model *m, const Own *o, const Held *x, const Factors *
 }
 
 /* Integrals from a step's start to each later point; see quadrature.py. */
-static void integrals(int64_t points, const double *f, double h, double *out)
+INLINE void integrals(int64_t points, const double *f, double h, double *out)
 {
     if (points == 2) {
         out[0] = (h / 2) * (f[0] + f[1]);
@@ -213,7 +218,7 @@ static void integrals(int64_t points, const double *f, double h, double *out)
 }
 
 /* Motor i through a step: its speed at the points, its travel to each later point. */
-static void servo(const Model *m, const Own *o, const Held *x, const Factors *f, int i,
+INLINE void servo(const Model *m, const Own *o, const Held *x, const Factors *f, int i,
                   const double *command, int64_t stride, int running, double h, double *speed,
                   double *travel)
 {
@@ -242,7 +247,7 @@ static void servo(const Model *m, const Own *o, const Held *x, const Factors *f,
 
 /* -- friction contacts --------------------------------------------------------------------- */
 
-static void at_contacts(const Own *o, int64_t count, const double *cosine, const double *torque,
+INLINE void at_contacts(const Own *o, int64_t count, const double *cosine, const double *torque,
                         double *first, double *second)
 {
     for (int64_t j = count - 1; j >= 0; j--) {
@@ -254,7 +259,7 @@ static void at_contacts(const Own *o, int64_t count, const double *cosine, const
     }
 }
 
-static double share(const Model *m, double steady, double rising, double capacity)
+INLINE double share(const Model *m, double steady, double rising, double capacity)
 {
     if (!m->damped)
         return steady < capacity ? 1.0 : 0.0;
@@ -262,7 +267,7 @@ static double share(const Model *m, double steady, double rising, double capacit
     return between(room, 0.0, 1.0);
 }
 
-static double kept(const Own *o, double whole)
+INLINE double kept(const Own *o, double whole)
 {
     double carried = fabs(whole) < o->contact[2] ? fabs(whole) : o->contact[2];
     double part = 1.0 - o->contact[0] - o->contact[1] * carried;
@@ -270,7 +275,7 @@ static double kept(const Own *o, double whole)
 }
 
 /* What is passed on under load; `speed` is that of motor 1. */
-static void passed(const Model *m, const Own *o, const Held *x, double speed, Contacts *c)
+INLINE void passed(const Model *m, const Own *o, const Held *x, double speed, Contacts *c)
 {
     int64_t count = m->joints - 1;
     double turning = speed > 0 ? 1.0 : speed < 0 ? -1.0 : 0.0, disk = fabs(speed), before = 1.0;
@@ -307,20 +312,20 @@ static void passed(const Model *m, const Own *o, const Held *x, double speed, Co
 /* -- joints -------------------------------------------------------------------------------- */
 
 /* The play operator with half gap `rest`. */
-static double taken(double theta, double axis, double rest)
+INLINE double taken(double theta, double axis, double rest)
 {
     return between(theta, axis - rest, axis + rest);
 }
 
 /* Turn joint i by `travel`; returns its angle. Joint 0 has the gearhead of motor 2 alone. */
-static double turn(const Model *m, const Own *o, const Held *x, const Factors *f, int64_t i,
+INLINE double turn(const Model *m, const Own *o, const Held *x, const Factors *f, int64_t i,
                    double travel)
 {
     double axis = x->axis[i] += travel;
     if (i == 0)
         return x->theta[0] = m->geared[1] ? taken(x->theta[0], axis, o->half[1]) : axis;
     int64_t j = i - 1;
-    double rest = o->half_gap[j] + o->coulomb[j] / o->stiffness[j];
+    double rest = o->rest[j];
     double moved = taken(x->theta[i], axis, rest);
     if (m->lagged) {
         const double *weight = f->weight + 2 * j;
@@ -332,7 +337,7 @@ static double turn(const Model *m, const Own *o, const Held *x, const Factors *f
 }
 
 /* Speed of the first disk at the points, in place: less what the gearhead's play takes up. */
-static void geared(const Model *m, const Own *o, const Held *x, double *speed, double travel)
+INLINE void geared(const Model *m, const Own *o, const Held *x, double *speed, double travel)
 {
     if (!m->geared[0])
         return;
@@ -347,7 +352,7 @@ static void geared(const Model *m, const Own *o, const Held *x, double *speed, d
 }
 
 /* One step of the chain under motor speeds and travels. */
-static void chain(const Model *m, const Own *o, const Held *x, const Factors *f, double h,
+INLINE void chain(const Model *m, const Own *o, const Held *x, const Factors *f, double h,
                   double *disk, double disk_travel, double *ways, Contacts *c)
 {
     int64_t points = m->points, last = m->joints - 2;
@@ -384,7 +389,7 @@ static void chain(const Model *m, const Own *o, const Held *x, const Factors *f,
 
 /* -- the loop ------------------------------------------------------------------------------ */
 
-static void record(const Model *m, const Held *x, int64_t sample, int64_t k, const double *speed)
+INLINE void record(const Model *m, const Held *x, int64_t sample, int64_t k, const double *speed)
 {
     int64_t row = m->row[k], size = m->joints + 1;
     if (row < 0)
@@ -398,7 +403,7 @@ static void record(const Model *m, const Held *x, int64_t sample, int64_t k, con
     rates[1] = speed[1];
 }
 
-static void run(const Model *m, const Commands *u, int64_t sample, int64_t first, int64_t last,
+INLINE void run(const Model *m, const Commands *u, int64_t sample, int64_t first, int64_t last,
                 Factors *kept_, Contacts *c)
 {
     Own o = own(m, sample);
@@ -441,6 +446,22 @@ static void run(const Model *m, const Commands *u, int64_t sample, int64_t first
 
 EXPORT int64_t planner_kernel_version(void) { return VERSION; }
 
+/* For the paper's arm under held commands: with these numbers known, the loops unroll. */
+static void run_three(const Model *m, const Commands *u, int64_t sample, int64_t first,
+                      int64_t last, Factors *kept_, Contacts *c)
+{
+    Model known = *m;
+    known.joints = 3;
+    known.points = 2;
+    run(&known, u, sample, first, last, kept_, c);
+}
+
+static void run_any(const Model *m, const Commands *u, int64_t sample, int64_t first, int64_t last,
+                    Factors *kept_, Contacts *c)
+{
+    run(m, u, sample, first, last, kept_, c);
+}
+
 /* Advance samples begin ... end - 1 by the steps first ... last - 1; -1 when memory is short. */
 EXPORT int planner_advance(const Model *m, const Commands *u, int64_t begin, int64_t end,
                            int64_t first, int64_t last)
@@ -454,8 +475,9 @@ EXPORT int planner_advance(const Model *m, const Commands *u, int64_t begin, int
     Factors kept_[KEPT];
     for (int i = 0; i < KEPT; i++)
         kept_[i].weight = room + 7 * n + i * 2 * n;
+    int three = m->joints == 3 && m->points == 2;
     for (int64_t sample = begin; sample < end; sample++)
-        run(m, u, sample, first, last, kept_, &c);
+        (three ? run_three : run_any)(m, u, sample, first, last, kept_, &c);
     free(room);
     return 0;
 }

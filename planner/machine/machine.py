@@ -49,11 +49,14 @@ class Machine:
         preset: What it started from.
         step_s: Largest simulation step, seconds.
         effects: The effects that are on, by name; those missing are off.
+        fidelity: "quasi-static", or "dynamic" with inertia and torque (of a manipulator; other
+            systems have nothing between motor and motion, and are the same in both).
     """
 
     preset: str
     step_s: float
     effects: Mapping[str, Quantity]
+    fidelity: str = "quasi-static"
 
     @classmethod
     def prototype(cls, **changes: Any) -> Machine:
@@ -101,7 +104,8 @@ class Machine:
             if setting is not None and setting is not False:
                 effects[name] = _quantity(setting)
         step = table.step_s or base.step_s or DEFAULT_STEP_S
-        return cls(table.preset, step, MappingProxyType(effects))
+        fidelity = table.fidelity or base.fidelity or "quasi-static"
+        return cls(table.preset, step, MappingProxyType(effects), fidelity)
 
     # -- variations ----------------------------------------------------------------------------
 
@@ -142,7 +146,12 @@ class Machine:
             name: self.effects[name].to_setting() if name in self.effects else False
             for name in EFFECTS
         }
-        return {"preset": self.preset, "step_s": self.step_s, **settings}
+        return {
+            "preset": self.preset,
+            "step_s": self.step_s,
+            "fidelity": self.fidelity,
+            **settings,
+        }
 
     def __repr__(self) -> str:
         base = Machine._of({"preset": self.preset}).to_dict()

@@ -12,6 +12,7 @@ from planner.machine.chain import Chain
 from planner.machine.command import Orders
 from planner.machine.direct import Direct
 from planner.machine.draw import Draws
+from planner.machine.dynamic import DynamicChain
 from planner.machine.machine import Machine
 from planner.machine.servo import Servos
 from planner.plan import Plan
@@ -133,6 +134,8 @@ class Stepwise:
     def _record(self, k: int, speed: Array) -> None:
         row = self._rows.get(k)
         if row is not None:
+            if isinstance(self._plant, DynamicChain):
+                speed = self._plant.motor_rates  # not what the drives aim at
             self.q[:, row] = self._plant.q.T
             self.speed[:, row] = speed.T
 
@@ -140,6 +143,8 @@ class Stepwise:
 def plant(plan: Plan, machine: Machine, draws: Draws, start: Array) -> Plant:
     """What the motors move: the disk chain of a manipulator, or the bare system of any other."""
     system = plan.problem.system
+    if isinstance(system, Manipulator) and machine.fidelity == "dynamic":
+        return DynamicChain(system, draws, start)
     if isinstance(system, Manipulator):
         return Chain(system, draws, start)
     return Direct(system, start)

@@ -37,11 +37,20 @@ PROTOTYPE: Mapping[str, Any] = MappingProxyType(
         # Velocity loops of small geared servos close at 5 to 30 Hz.
         "servo_bandwidth_rad_s": 60.0,
         "servo_damping": False,
+        # Rotors of 10 to 40 g cm^2 (motors of 20 to 60 W) behind 1:100.
+        "motor_inertia_kgm2": 0.02,
+        # A velocity loop of 20 Hz around that inertia, reset in 20 to 100 ms.
+        "servo_gain_nms_per_rad": 2.5,
+        "servo_integral_time_s": 0.05,
+        # Planetary gearheads of 32 mm: 2 to 6 N m.
+        "torque_limit_nm": 3.0,
         # Creep of dry steel-on-polymer traction: 0.1 to 1 % at half of the torque that slips.
         "creep": 0.003,
         "creep_per_nm": 0.005,
         # mu N r = 0.25 * 200 N * 0.03 m.
         "friction_capacity_nm": {"value": 1.5, "spread": 0.15},
+        # Two steel disks of 60 mm by 8 mm.
+        "disk_inertia_kgm2": 0.00015,
         # Radii of disks and contacts to 0.1 mm on 20 mm.
         "gear_ratio_error": {"value": 0.0, "spread": 0.005},
         # Small planetary gearheads: 0.2 to 1 deg.
@@ -49,8 +58,15 @@ PROTOTYPE: Mapping[str, Any] = MappingProxyType(
         # Straight bevel gears and belts of small radius: 0.1 to 0.5 mm on 5 to 10 mm is 1 to 5 deg.
         "backlash_deg": {"value": 4.0, "spread": 0.8},
         "initial_play": {"value": 0.0, "spread": 0.5},
+        # Bevel gear, shaft and pulley: 50 g on 10 to 20 mm.
+        "axis_inertia_kgm2": 0.00001,
         # A steel shaft of 3 mm and 0.2 m has 3 N m/rad, one of 4 mm has 10; belts are softer still.
         "shaft_stiffness_nm_per_rad": {"value": 4.0, "spread": 0.4},
+        # 2 to 5 % of critical damping, mostly in the belt.
+        "shaft_damping_nms_per_rad": 0.02,
+        # Links of 0.2 m and 0.3 to 1 kg with the next joint at their end.
+        "link_inertia_kgm2": 0.03,
+        "base_friction_nm": 0.2,
         # Bearings, belt tension and the friction disks of the next joint, which this one carries.
         "coulomb_friction_nm": {"value": 0.2, "spread": 0.04},
         "viscous_friction_nms_per_rad": 0.05,

@@ -164,7 +164,8 @@ def _motion(plan: Plan, machine: Machine, draws: Draws, orders: Orders, times: A
     start, rows = _start(plan, draws), np.searchsorted(orders.t, times)
     desired = plan.q(orders.t)[:, 1:, None]
     desired[orders.t < times[0]] = np.nan  # no deviation is counted before the plan's start
-    if isinstance(system, Manipulator) and library() is not None:
+    still = machine.fidelity == "quasi-static"
+    if still and isinstance(system, Manipulator) and library() is not None:
         return Compiled(system, draws, orders, desired, rows, start)
     return Stepwise(plan, machine, draws, orders, desired, rows, start)
 

@@ -33,6 +33,7 @@ def test_every_effect_tells_its_unit() -> None:
         "1/(N m)": "per N m",
         "N m/rad": "N m/rad",
         "N m s/rad": "N m s/rad",
+        "kg m^2": "kg m^2",
     }
     for name, effect in EFFECTS.items():
         description = MachineTable.model_fields[name].description or ""

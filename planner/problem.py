@@ -13,7 +13,7 @@ import numpy as np
 
 from planner.chained import chained_form
 from planner.errors import InputError
-from planner.schema import MachineTable, MethodsTable, ProblemFile, parse_file
+from planner.schema import FeedbackTable, MachineTable, MethodsTable, ProblemFile, parse_file
 from planner.systems.base import Array, TriangularSystem
 
 
@@ -48,6 +48,7 @@ class Problem:
         limits: What every plan keeps.
         methods: Options of each method.
         machine: Changes to the emulated machine.
+        feedback: Options of the tracker that closes the loop.
         source: Where the problem came from, for messages.
     """
 
@@ -60,6 +61,7 @@ class Problem:
     limits: Limits
     methods: MethodsTable
     machine: MachineTable
+    feedback: FeedbackTable
     source: str
     _data: Mapping[str, Any]
 
@@ -90,6 +92,7 @@ class Problem:
             ),
             methods=tables.method,
             machine=tables.machine,
+            feedback=tables.feedback,
             source=source,
             _data=_plain(tables),
         )

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
+from planner.feedback.tracker import Tracker
 from planner.machine import Draws, Machine, simulate
 from planner.machine.loop import Feedback, measured
 from planner.machine.simulate import Progress
@@ -151,7 +152,8 @@ def replay(
         machine: The machine; the problem's `[machine]` table when left out.
         samples: How many, or a list of sample numbers (from 0).
         seed: Seed of the draws.
-        feedback: What closes the loop (see `planner.machine.loop`); open loop when left out.
+        feedback: What closes the loop: True for the tracker with the problem's `[feedback]` table,
+            a `planner.Tracker`, or another `planner.machine.loop.Feedback`; False: open loop.
         settle_s: Time after the plan's end with zero command, s, so that the lag of the servos is
             not counted as a terminal error.
         record_s: Time between recorded instants, s; None records the start, the plan's end and the
@@ -162,8 +164,8 @@ def replay(
         InputError: If the plan has no real inputs, the machine does not match the system, or an
             argument is out of range.
     """
-    closing = _feedback(feedback)
     _refuse_inexecutable(plan)
+    closing = _feedback(feedback, plan)
     numbers = _numbers(samples)
     _check(seed, settle_s, record_s)
     used = Machine.from_table(plan.problem.machine) if machine is None else machine
@@ -194,9 +196,9 @@ def replay(
     )
 
 
-def _feedback(feedback: bool | Feedback) -> Feedback | None:
+def _feedback(feedback: bool | Feedback, plan: Plan) -> Feedback | None:
     if feedback is True:
-        raise InputError("feedback=True is not available yet; replay runs open loop")
+        return Tracker(plan.problem.feedback)
     return None if feedback is False else feedback
 
 

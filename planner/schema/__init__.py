@@ -9,6 +9,7 @@ from planner.schema.ballgear import BallGearFile
 from planner.schema.base import nearest, parse
 from planner.schema.car import CarFile
 from planner.schema.custom import CustomFile
+from planner.schema.feedback import FeedbackTable
 from planner.schema.file import ProblemFile
 from planner.schema.limits import LimitsTable
 from planner.schema.machine import MachineTable
@@ -29,6 +30,7 @@ FILES: dict[str, type[ProblemFile]] = {
 __all__ = [
     "FILES",
     "CollocationOptions",
+    "FeedbackTable",
     "LimitsTable",
     "MachineTable",
     "MethodsTable",

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from planner.schema.base import Table
+from planner.schema.feedback import FeedbackTable
 from planner.schema.limits import BaseLimits
 from planner.schema.machine import MachineTable
 from planner.schema.methods import MethodsTable
@@ -34,6 +35,7 @@ class ProblemFile(Table):
     limits: BaseLimits
     method: MethodsTable = Field(default_factory=MethodsTable)
     machine: MachineTable = Field(default_factory=MachineTable)
+    feedback: FeedbackTable = Field(default_factory=FeedbackTable)
 
     @abstractmethod
     def build_system(self) -> TriangularSystem:

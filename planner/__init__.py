@@ -7,8 +7,10 @@
 True
 """
 
+from planner.certificate import certify
 from planner.chained import ChainedForm, chained_form
 from planner.check import Analysis, check
+from planner.claims import Certificate, Claim
 from planner.compare import Comparison, compare
 from planner.controllability import Controllability, controllability
 from planner.errors import (
@@ -52,8 +54,10 @@ __all__ = [
     "Analysis",
     "BallGear",
     "Car",
+    "Certificate",
     "ChainedForm",
     "Check",
+    "Claim",
     "Comparison",
     "Controllability",
     "CustomSystem",
@@ -80,6 +84,7 @@ __all__ = [
     "Unicycle",
     "VerificationError",
     "Violation",
+    "certify",
     "chained_form",
     "check",
     "compare",

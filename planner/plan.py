@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
+from planner.claims import Certificate, certificate_from_dict
 from planner.domain import DomainReport, domain_report
 from planner.errors import InputError
 from planner.files import write_text
@@ -48,6 +49,7 @@ class Plan:
         iterations: Iterations of its solver, 0 for closed forms.
         verified: Whether the independent check passed (set by `solve`).
         notes: Further facts of the method, JSON-ready (which start won, constraint points, …).
+        certificate: What is proven of it between the nodes (set by `solve`; see `certify`).
     """
 
     problem: Problem
@@ -62,6 +64,7 @@ class Plan:
     iterations: int = 0
     verified: bool = False
     notes: Mapping[str, Any] = field(default_factory=dict)
+    certificate: Certificate | None = None
 
     @property
     def t(self) -> Array:
@@ -125,6 +128,7 @@ class Plan:
             "iterations": self.iterations,
             "verified": self.verified,
             "notes": dict(self.notes),
+            "certificate": None if self.certificate is None else self.certificate.to_dict(),
             "trajectory": self.trajectory.to_dict(),
         }
         return write_text(path, json.dumps(jsonable(data), indent=1, allow_nan=False) + "\n")
@@ -157,6 +161,7 @@ def load_plan(path: str | Path) -> Plan:
         return Plan(
             problem=problem,
             trajectory=trajectory_from_dict(problem.system, data["trajectory"]),
+            certificate=_certificate(data.get("certificate")),
             **{key: _read_back(data[key]) for key in _COPIED},
         )
     except (KeyError, TypeError, ValueError) as error:
@@ -175,6 +180,10 @@ _COPIED = (
     "verified",
     "notes",
 )
+
+
+def _certificate(data: Mapping[str, Any] | None) -> Certificate | None:
+    return None if data is None else certificate_from_dict(data)
 
 
 def _read_back(value: Any) -> Any:

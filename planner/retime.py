@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
 from planner.arclength import arc_length
+from planner.certificate import certify
 from planner.errors import InputError, SingularError, VerificationError
 from planner.measures import peak_inputs, peak_rates
 from planner.plan import Plan
@@ -47,8 +48,8 @@ def retime(
         intervals: Intervals of the programme.
 
     Returns:
-        A verified plan with the same path. Its problem has these limits and, as its duration, the
-        time found.
+        A verified plan with its certificate and the same path. Its problem has these limits and, as
+        its duration, the time found.
 
     Raises:
         InputError: If an input moves that nothing limits, or `rest` is asked for without rate
@@ -81,6 +82,7 @@ def retime(
             objective=trajectory.duration,
             objective_name="time: the least for this path, in seconds",
             verified=False,
+            certificate=None,
             notes=notes,
         )
     )
@@ -134,7 +136,7 @@ def _refuse_unlimited(problem: Problem, moving: Moving, rest: bool) -> None:
 def _verified(plan: Plan) -> Plan:
     check = verify(plan)
     if check.ok:
-        return replace(plan, verified=True)
+        return replace(plan, verified=True, certificate=certify(plan))
     raise VerificationError(
         f"{plan.problem.source}: the retimed {plan.method} plan breaks"
         f" {len(check.violations)} requirement(s)",

@@ -53,15 +53,15 @@ class RetimedTrajectory(Trajectory):
 
     def q(self, t: ArrayLike) -> Array:
         """The path's own, where the clock is."""
-        return self.path.q(self._place(t))
+        return self.path.q(self.place(t))
 
     def z(self, t: ArrayLike) -> Array:
         """The path's own, where the clock is."""
-        return self.path.z(self._place(t))
+        return self.path.z(self.place(t))
 
     def margins(self, t: ArrayLike) -> Array:
         """The path's own, where the clock is."""
-        return self.path.margins(self._place(t))
+        return self.path.margins(self.place(t))
 
     def u(self, t: ArrayLike) -> Array:
         """The path's inputs times dσ/dt; zero outside [0, duration]."""
@@ -103,8 +103,8 @@ class RetimedTrajectory(Trajectory):
     def _rate(self) -> BPoly:
         return self.clock.derivative()
 
-    def _place(self, t: ArrayLike) -> Array:
-        """σ at t, on the side of each break that t belongs to."""
+    def place(self, t: ArrayLike) -> Array:
+        """The path's own time σ at t, on the side of each break that t belongs to."""
         times = self._clip(t)
         low, high = self._between(times)
         found = self._inverse(self.clock(times), low, high)
@@ -121,7 +121,7 @@ class RetimedTrajectory(Trajectory):
         Where the path itself stands still dσ/dt is infinite and its product with the path's inputs
         has a limit, taken a little further inside the piece.
         """
-        times, sigma = self._clip(t), self._place(t)
+        times, sigma = self._clip(t), self.place(t)
         slope = self._inverse.slope
         still = slope(sigma) <= 1e-9 * self.length.c[-1, -1] / self.length.x[-1]
         if np.any(still):

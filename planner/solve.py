@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from planner.certificate import certify
 from planner.duration import refuse_too_short
 from planner.errors import InputError, VerificationError
 from planner.methods import METHODS, Method
@@ -23,8 +24,9 @@ def solve(problem: Problem, method: str = "collocation", **options: Any) -> Plan
         **options: Override the problem's `[method.<name>]` table, key by key.
 
     Returns:
-        A plan with `verified` True. The one exception is a chart method told `allow_singular`: its
-        path outside the domain comes back with status "singular" and `verified` False.
+        A plan with `verified` True and its `certificate`. The one exception is a chart method told
+        `allow_singular`: its path outside the domain comes back with status "singular" and
+        `verified` False.
 
     Raises:
         InputError: If the method or an option is unknown or has an impossible value.
@@ -39,13 +41,21 @@ def solve_and_check(problem: Problem, method: str, **options: Any) -> tuple[Plan
     entry = find_method(method)
     table = merged_options(problem, entry, options)
     refuse_too_short(problem)
-    plan = entry.plan(problem, table)
+    return judged(entry.plan(problem, table))
+
+
+def judged(plan: Plan) -> tuple[Plan, Check]:
+    """A plan that a method has made, verified, with what the verification found.
+
+    Raises:
+        VerificationError: If it breaks a requirement.
+    """
     check = verify(plan)
     if plan.status == "singular":
         return plan, check
     if not check.ok:
         raise _refusal(plan, check)
-    return replace(plan, verified=True), check
+    return replace(plan, verified=True, certificate=certify(plan)), check
 
 
 def find_method(name: str) -> Method:

@@ -36,6 +36,7 @@ KEYS = (
     "reason",
     "violations",
     "advice",
+    "certificate",
     "notes",
 )
 """Every key of a summary, in order. For systems whose path coordinate is a length, `travel_rad`
@@ -73,6 +74,7 @@ def plan_summary(plan: Plan, check: Check | None = None) -> dict[str, Any]:
         "executable": plan.executable,
         **_domain(plan),
         "violations": [_violation(v) for v in check.violations],
+        "certificate": None if plan.certificate is None else plan.certificate.to_dict(),
         "notes": dict(plan.notes),
     }
     return out

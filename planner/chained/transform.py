@@ -47,6 +47,14 @@ class ChainedForm:
         """Chained coordinates as a CasADi expression in q (N)."""
         return self._z.function(q)
 
+    def q_expr(self, z: Any, branch: Any) -> Any | None:
+        """Coordinates as a CasADi expression in z (N) on a branch (N); None without one."""
+        return None if self._state is None else self._state.function(z, branch)
+
+    def inputs_expr(self, z: Any, v: Any, branch: Any) -> Any | None:
+        """Inputs as a CasADi expression in z (N) and v (2) on a branch; None without one."""
+        return None if self._inputs is None else self._inputs.function(z, v, branch)
+
     def z(self, q: Array) -> Array:
         """Chained coordinates (…, N) of q (…, N); eq. (3)."""
         return self._z(q)

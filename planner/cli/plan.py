@@ -113,6 +113,7 @@ def _table(problem: Problem, summary: dict[str, Any]) -> Table:
         ("largest error at the goal", _worst_error(problem, summary["terminal_error"])),
         ("chart", _chart(summary)),
         ("largest z2", number(summary["z2_max"])),
+        *_certificate(summary),
         (
             "time",
             f"{number(summary['solve_time_s'])} s to solve, {number(summary['build_time_s'])} s to"
@@ -148,6 +149,11 @@ def _chart(summary: dict[str, Any]) -> str:
         return f"inside its domain, {margin}"
     times = ", ".join(number(t) for t in summary["singular_times_s"][:6])
     return f"leaves its domain or touches the edge at t = {times} s, {margin}"
+
+
+def _certificate(summary: dict[str, Any]) -> list[tuple[str, str]]:
+    found = summary["certificate"]
+    return [] if found is None else [("certificate", found["text"])]
 
 
 def number(value: float | None) -> str:

@@ -58,6 +58,33 @@ TrajectoryTable = Annotated[
 ]
 
 
+class ClaimTable(Table):
+    """One requirement over all time."""
+
+    label: str = Field(description="What is required, as in 'joint theta3'.")
+    status: Literal["proven", "undecided", "violated"]
+    guaranteed: Number = Field(description="The margin is nowhere less; null: nothing is known.")
+    attained: Number = Field(description="The margin is this small, or smaller, at time_s.")
+    time_s: Number = Field(description="When the margin is least, as far as known.")
+    unit: str = Field(description="Unit of the margin.")
+    required: bool = Field(description="Whether the problem asks for it.")
+    why: str = Field(description="What kept it from being decided.")
+    text: str = Field(description="The same in words.")
+
+
+class CertificateTable(Table):
+    """What is proven of the plan over whole intervals."""
+
+    ok: bool = Field(description="Whether everything required is proven.")
+    text: str = Field(description="The same in words.")
+    claims: list[ClaimTable]
+    motion_error: dict[str, Number] = Field(
+        description="Proven bound on |q(t) - true motion|, by coordinate; null: none."
+    )
+    cells: int = Field(description="Subintervals the proof rests on.")
+    seconds: float = Field(description="How long it took.")
+
+
 class PlanFile(Table):
     """A plan as `Plan.save` writes it. Angles are in radians, times in seconds."""
 
@@ -75,6 +102,9 @@ class PlanFile(Table):
     iterations: int = Field(description="Iterations of its solver, 0 for closed forms.")
     verified: bool = Field(description="Whether the independent check passed.")
     notes: dict[str, Any] = Field(description="Further facts of the method.")
+    certificate: CertificateTable | None = Field(
+        None, description="What is proven of it between the nodes; null: not examined."
+    )
     trajectory: TrajectoryTable = Field(description="The curve itself.")
 
 

@@ -124,6 +124,10 @@ class TriangularSystem(ABC):
     def chart_margins(self, q: Array, branch: Array) -> Array:
         """The same margins from coordinates: shape (…, M), signed by branch, q on (…, N)."""
 
+    def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
+        """`chart_margins` as CasADi expressions (a list of M); the default, none, has no proof."""
+        return []
+
     @property
     @abstractmethod
     def margin_labels(self) -> tuple[tuple[int, str], ...]:

@@ -147,6 +147,15 @@ class CustomSystem(TriangularSystem):
             out.append(branch[i] * derivative)
         return np.stack(out, axis=-1)
 
+    def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
+        """The same."""
+        slopes, out = self.slopes_expr(q), []
+        for i, (low, high) in self._intervals.items():
+            derivative = ca.jacobian(slopes[i - 1], q)[0, i]
+            out += [(q[i] - low) / (high - low), (high - q[i]) / (high - low)]
+            out.append(float(branch[i]) * derivative)
+        return out
+
     @property
     def margin_labels(self) -> tuple[tuple[int, str], ...]:
         """Margins in the order of `chart_margins`."""

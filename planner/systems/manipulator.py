@@ -227,6 +227,14 @@ class Manipulator(TriangularSystem):
         pairs = np.stack([branch[1:-1] * s * np.abs(s), c * np.abs(c)], axis=-1)
         return np.asarray(pairs.reshape(*q.shape[:-1], 2 * (self.n - 1)))
 
+    def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
+        """The same."""
+        out = []
+        for i in range(1, self.n):
+            s, c = branch[i] * ca.sin(q[i]), ca.cos(q[i])
+            out += [s * ca.fabs(s), c * ca.fabs(c)]
+        return out
+
     @property
     def margin_labels(self) -> tuple[tuple[int, str], ...]:
         """Margins in the order of `chart_margins`."""

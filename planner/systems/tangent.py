@@ -66,6 +66,14 @@ class TangentSystem(TriangularSystem):
         c = np.cos(q[..., 1:-1] - _centre(branch)[1:-1])
         return np.asarray(np.where(branch[1:-1] == 0, -np.abs(c), c) * np.abs(c))
 
+    def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
+        """The same."""
+        cosines = [ca.cos(q[i] - _centre(branch)[i]) for i in range(1, self.size - 1)]
+        signs = np.where(branch[1:-1] == 0, -1.0, 1.0)
+        return [
+            c * ca.fabs(c) if sign > 0 else -c * c for c, sign in zip(cosines, signs, strict=True)
+        ]
+
     @property
     def margin_labels(self) -> tuple[tuple[int, str], ...]:
         """Margins in the order of `chart_margins`."""

@@ -144,12 +144,16 @@ class Comparison:
 
         return figures(self)
 
-    def save(self, folder: str | Path) -> Path:
+    def save(self, folder: str | Path, *, report: bool = False) -> Path:
         """Write table, figures, plans and data to a folder, all or nothing.
+
+        Args:
+            folder: An earlier run's is replaced.
+            report: Whether to add report.html, a page that opens from disk.
 
         Raises:
             InputError: If the folder cannot be written or holds something else.
         """
         from planner.report.folder import save
 
-        return save(self, folder)
+        return save(self, folder, report=report)

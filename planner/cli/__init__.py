@@ -22,6 +22,7 @@ from planner.cli.lists import methods, schema, systems
 from planner.cli.new import new
 from planner.cli.output import ReaderGoneError, print_json, say, watch_interrupts
 from planner.cli.plan import plan
+from planner.cli.report import report
 from planner.cli.reproduce import reproduce
 from planner.cli.sweep import sweep
 from planner.cli.volume import with_volume
@@ -72,6 +73,7 @@ for _command in (
     sweep,
     export,
     animate,
+    report,
     reproduce,
     methods,
     systems,

@@ -7,17 +7,21 @@ returns both: `figure, axes = plot_z({"one": plan, "other": plan2})`.
 from planner.report.animation import animate
 from planner.report.arm import plot_arm
 from planner.report.errors import plot_errors
+from planner.report.html import write_report
 from planner.report.inputs import plot_inputs
 from planner.report.joints import plot_joints
+from planner.report.load import load_comparison
 from planner.report.replays import plot_replays
 from planner.report.z import plot_z
 
 __all__ = [
     "animate",
+    "load_comparison",
     "plot_arm",
     "plot_errors",
     "plot_inputs",
     "plot_joints",
     "plot_replays",
     "plot_z",
+    "write_report",
 ]

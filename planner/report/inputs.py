@@ -64,7 +64,7 @@ def plot_inputs(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
 
 def _frame(ax: Any, values: Sequence[tuple[Curve, Array, Array]], limit: float) -> None:
     """Limits as lines, a view that stays readable, and a note on each peak outside it."""
-    low, high = _view(values, limit)
+    low, high = view(values, limit)
     ax.set_ylim(low, high)
     if np.isfinite(limit):
         for sign in (-1, 1):
@@ -97,7 +97,8 @@ def _note(ax: Any, curve: Curve, time: float, value: float, above: int) -> None:
     )
 
 
-def _view(values: Sequence[tuple[Curve, Array, Array]], limit: float) -> tuple[float, float]:
+def view(values: Sequence[tuple[Curve, Array, Array]], limit: float) -> tuple[float, float]:
+    """Lowest and highest value to show of inputs (curve, times, values) under a limit."""
     every = np.concatenate([u for _, _, u in values])
     most = float(np.max(np.abs(every)))
     # Times crowd towards the ends of pieces, so that a quantile over them would follow the peaks.

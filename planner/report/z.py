@@ -50,7 +50,7 @@ def plot_z(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
     shown = curves(plans)
     problem = shown[0].plan.problem
     rows = [_draw_z2]
-    if not _has_band(problem.system) or problem.system.size > 4:
+    if not has_band(problem.system) or problem.system.size > 4:
         rows.append(_draw_margin)
     if problem.system.size > 2:
         rows.append(_draw_rest)
@@ -87,13 +87,14 @@ def z2_band(plan: Plan, t: Array) -> Array:
     return np.sort(np.array(edges), axis=0)
 
 
-def _has_band(system: TriangularSystem) -> bool:
+def has_band(system: TriangularSystem) -> bool:
+    """Whether `z2_band` is defined for a system."""
     return isinstance(system, Manipulator)
 
 
 def _draw_z2(ax: Any, curve: Curve, first: bool) -> None:
     t = times(curve.plan)
-    if _has_band(curve.plan.problem.system):
+    if has_band(curve.plan.problem.system):
         low, high = z2_band(curve.plan, t)
         label = r"domain: a real $\theta_1$ exists"
         ax.fill_between(t, low, high, color=DOMAIN, label=label, linewidth=0)

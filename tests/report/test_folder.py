@@ -25,6 +25,7 @@ def test_everything_is_written(saved: Path) -> None:
         "table.md",
         "table.csv",
         "comparison.json",
+        "replays.json",
         "problem.toml",
         "plans/polynomial-travel=middle.refused.json",
         "plans/polynomial.json",

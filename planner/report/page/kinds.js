@@ -1,0 +1,286 @@
+// The three kinds of figures: curves over time, shares of machines, points.
+
+class TimeChart extends Chart {
+  scales() {
+    const { panel, page } = this;
+    const { width, right, bottom } = this.size;
+    const visible = panel.series.filter((s) => this.shown(s));
+    const list = visible.length ? visible : panel.series;
+    const longest = Math.max(...list.map((s) => page.plans[s.plan].duration));
+    this.x = scale(0, longest, EDGE.left, right);
+    let span = panel.view;
+    if (!span) {
+      const ys = list.map((s) => s.y);
+      if (panel.band) ys.push(panel.band.low, panel.band.high);
+      if (panel.ends) ys.push(panel.ends);
+      if (panel.limits) for (const l of panel.limits) ys.push([l]);
+      span = range(ys);
+    }
+    this.y = scale(span[0], span[1], bottom, EDGE.top);
+    this.size.width = width;
+  }
+
+  across() {
+    return "time (s)";
+  }
+
+  label() {
+    const names = this.panel.series.filter((s) => !s.machine).map((s) => this.page.plans[s.plan].label);
+    return `${this.panel.title} over time for ${names.join(", ")}. Arrow keys read values.`;
+  }
+
+  times(series) {
+    const plan = this.page.plans[series.plan];
+    return series.machine ? plan.machine.t : plan.t;
+  }
+
+  draw() {
+    const { panel, inside, over } = this;
+    const { right } = this.size;
+    if (panel.band) this.drawBand();
+    if (panel.floor !== undefined) {
+      const top = this.y(panel.floor);
+      const height = Math.max(0, this.size.bottom - top);
+      make("rect", { class: "below", x: EDGE.left, y: top, width: right - EDGE.left, height }, inside);
+    }
+    for (const limit of panel.limits ?? [])
+      for (const y of [limit, -limit])
+        make("path", { class: "limit", d: `M${EDGE.left} ${this.y(y)}H${right}` }, inside);
+    for (const series of panel.series) {
+      if (!this.shown(series)) continue;
+      const xs = this.times(series).map(this.x);
+      const ys = series.y.map((v) => (v === null ? null : this.y(v)));
+      make("path", { class: this.classes(series, "curve"), d: path(xs, ys) }, inside);
+    }
+    for (const [t, z] of panel.marks ?? []) {
+      const [x, y] = [this.x(t), this.y(z)];
+      make("path", { class: "mark", d: `M${x - 5} ${y - 5}l10 10m0-10l-10 10` }, inside);
+    }
+    (panel.ends ?? []).forEach((value, k) => {
+      if (value === null) return;
+      const cx = k ? this.x(this.x.high) : this.x(0);
+      make("circle", { class: "end", cx, cy: this.y(value), r: 4 }, over);
+    });
+    this.drawNotes();
+  }
+
+  drawBand() {
+    const { low, high } = this.panel.band;
+    const t = this.times(this.panel.series[0]);
+    const [xs, bottom, top] = [[], [], []];
+    t.forEach((time, i) => {
+      if (low[i] === null || high[i] === null) return;
+      xs.push(this.x(time));
+      bottom.push(this.y(low[i]));
+      top.push(this.y(high[i]));
+    });
+    if (!xs.length) return;
+    const back = path([...xs].reverse(), [...top].reverse()).replace("M", "L");
+    make("path", { class: "band", d: `${path(xs, bottom)}${back}Z` }, this.inside);
+    make("path", { class: "band-edge", d: path(xs, bottom) }, this.inside);
+  }
+
+  drawNotes() {
+    const notes = (this.panel.notes ?? []).filter((n) => this.page.shown[n.plan]);
+    this.notes.replaceChildren();
+    if (this.panel.notes && !notes.length) return;
+    for (const note of notes) {
+      const { label, colour } = this.page.plans[note.plan];
+      const text = `${label} peaks at ${short(note.value, 3)}, t = ${short(note.t, 2)} s`;
+      make("span", { class: `plan-${colour}`, text }, this.notes);
+      make("br", {}, this.notes);
+      const up = note.value > 0;
+      const [x, y] = [this.x(note.t), up ? EDGE.top : this.size.bottom];
+      const d = up ? `M${x - 5} ${y + 9}l5-9l5 9Z` : `M${x - 5} ${y - 9}l5 9l5-9Z`;
+      make("path", { class: `dot plan-${colour}`, d }, this.over);
+    }
+  }
+
+  describe(t) {
+    const rows = [];
+    for (const series of this.panel.series) {
+      if (!this.shown(series)) continue;
+      const value = at(this.times(series), series.y, t);
+      if (value === null) continue;
+      const name = series.machine ? "… on the machine" : undefined;
+      rows.push({ plan: series.plan, name, text: this.measured(value) });
+    }
+    if (this.panel.band && rows.length) {
+      const { low, high } = this.panel.band;
+      const times = this.times(this.panel.series[0]);
+      const [a, b] = [at(times, low, t), at(times, high, t)];
+      if (a !== null && b !== null)
+        rows.push({ plan: this.panel.series[0].plan, name: "domain", text: `${short(a, 3)} to ${short(b, 3)}` });
+    }
+    return { head: `${t.toFixed(2)} s`, rows, px: this.x(t) };
+  }
+
+  measured(value) {
+    return this.panel.unit ? `${short(value)} ${this.panel.unit}` : short(value);
+  }
+
+  setClock() {
+    if (this.reading !== null) this.page.setTime(this.reading);
+  }
+
+  setCursor(t) {
+    super.setCursor(t);
+    const inside = t !== null && this.x && t >= this.x.low && t <= this.x.high;
+    this.cursor?.setAttribute("d", inside ? `M${this.x(t)} ${EDGE.top}V${this.size.bottom}` : "");
+  }
+}
+
+class ShareChart extends Chart {
+  scales() {
+    this.percent = true;
+    const list = this.panel.series.filter((s) => this.shown(s));
+    const some = list.length ? list : this.panel.series;
+    const low = Math.min(...some.map((s) => s.values[Math.floor(0.01 * s.values.length)]));
+    const high = Math.max(...some.map((s) => s.values[s.values.length - 1]));
+    const log = low > 0 && high / low > 8;
+    const [a, b] = log ? [low * 0.9, high * 1.1] : [0, high * 1.05 || 1];
+    this.x = scale(a, b, EDGE.left, this.size.right, log);
+    this.y = scale(0, 1, this.size.bottom, EDGE.top);
+  }
+
+  across() {
+    return "E (deg)";
+  }
+
+  label() {
+    const names = this.panel.series.map((s) => this.page.plans[s.plan].label);
+    return `Share of machines with a smaller error, for ${names.join(", ")}. Arrow keys read values.`;
+  }
+
+  first() {
+    return this.x.invert((this.x(this.x.low) + this.x(this.x.high)) / 2);
+  }
+
+  draw() {
+    for (const series of this.panel.series) {
+      if (!this.shown(series)) continue;
+      const n = series.values.length;
+      let d = `M${this.x(Math.max(this.x.low, series.values[0]))} ${this.y(0)}`;
+      series.values.forEach((v, i) => {
+        d += `H${this.x(Math.max(this.x.low, v)).toFixed(1)}V${this.y((i + 1) / n).toFixed(1)}`;
+      });
+      make("path", { class: this.classes(series, "curve"), d: `${d}H${this.size.right}` }, this.inside);
+      for (const share of [0.5, 0.95]) {
+        const cx = this.x(quantile(series.values, share));
+        make("circle", { class: this.classes(series, "dot"), cx, cy: this.y(share), r: 4.5 }, this.over);
+      }
+    }
+  }
+
+  describe(x) {
+    const rows = this.panel.series.filter((s) => this.shown(s)).map((s) => {
+      const below = s.values.filter((v) => v <= x).length / s.values.length;
+      return { plan: s.plan, text: `${(100 * below).toFixed(1)} %` };
+    });
+    return { head: `E below ${short(x, 3)} deg`, rows, px: this.x(x) };
+  }
+}
+
+class PointsChart extends Chart {
+  scales() {
+    const some = this.panel.points.filter((p) => this.shown(p));
+    const list = some.length ? some : this.panel.points;
+    const axis = (values, a, b, room) => {
+      const [low, high] = [Math.min(...values), Math.max(...values)];
+      const log = low > 0 && high / low > 5;
+      return log ? scale(low / 1.5, high * room, a, b, true) : scale(0, high * room || 1, a, b);
+    };
+    this.x = axis(list.map((p) => p.x), EDGE.left, this.size.right, 1.6);
+    this.y = axis(list.flatMap((p) => [p.y, p.high]), this.size.bottom, EDGE.top, 1.15);
+    this.places = list;
+  }
+
+  across() {
+    return "effort";
+  }
+
+  label() {
+    const said = this.panel.points.map(
+      (p) => `${this.page.plans[p.plan].label}: effort ${short(p.x)}, E ${short(p.y, 3)} degrees`,
+    );
+    return `Effort against error. ${said.join("; ")}. Arrow keys go from plan to plan.`;
+  }
+
+  draw() {
+    for (const point of this.places) {
+      if (!this.shown(point)) continue;
+      const [x, y] = [this.x(point.x), this.y(point.y)];
+      make("path", { class: this.classes(point, "bar"), d: `M${x} ${y}V${this.y(point.high)}` }, this.over);
+      make("circle", { class: this.classes(point, "dot"), cx: x, cy: y, r: 6 }, this.over);
+    }
+    this.drawNames();
+  }
+
+  /** The plans' names beside their points, moved apart where they would meet. */
+  drawNames() {
+    const list = this.places.filter((p) => this.shown(p)).sort((a, b) => this.y(a.y) - this.y(b.y));
+    const ends = { start: -Infinity, end: -Infinity };
+    for (const point of list) {
+      const text = this.page.plans[point.plan].label;
+      const wide = 7 * text.length + 14;
+      const [px, py] = [this.x(point.x), this.y(point.y)];
+      const beside = (p, way) => p !== point && Math.abs(this.y(p.y) - py) < 14 && way(this.x(p.x) - px);
+      const fits = {
+        start: px + wide < this.size.width && !list.some((p) => beside(p, (d) => d >= 0 && d < wide)),
+        end: px - wide > EDGE.left && !list.some((p) => beside(p, (d) => d <= 0 && -d < wide)),
+      };
+      const anchor = fits.start || !fits.end ? "start" : "end";
+      const clear = fits[anchor] ? py + 4 : py + 22;
+      const y = Math.max(clear, ends[anchor] + 14);
+      ends[anchor] = y;
+      const x = px + (anchor === "start" ? 11 : -11);
+      const inside = anchor === "start" ? Math.min(x, this.size.width - wide + 12) : x;
+      const style = { class: `name plan-${this.page.plans[point.plan].colour}`, "text-anchor": anchor };
+      make("text", { x: inside, y, text, ...style }, this.over);
+    }
+  }
+
+  nearest(px, py) {
+    const far = (p) => Math.hypot(this.x(p.x) - px, this.y(p.y) - py);
+    const list = this.places.filter((p) => this.shown(p));
+    return list.length ? list.reduce((a, b) => (far(b) < far(a) ? b : a)) : null;
+  }
+
+  first() {
+    return this.places[0];
+  }
+
+  key(event) {
+    const list = this.places.filter((p) => this.shown(p));
+    const k = Math.max(0, list.indexOf(this.reading));
+    switch (event.key) {
+      case "ArrowRight": case "ArrowDown": return list[Math.min(k + 1, list.length - 1)];
+      case "ArrowLeft": case "ArrowUp": return list[Math.max(k - 1, 0)];
+      case "Home": return list[0];
+      case "End": return list[list.length - 1];
+      case "Escape": return null;
+    }
+    return undefined;
+  }
+
+  describe(point) {
+    const of = (name, text) => ({ plan: point.plan, name, text });
+    const { unit } = this.panel;
+    return {
+      head: this.page.plans[point.plan].label,
+      rows: [
+        of("effort", short(point.x)),
+        of("median of E", `${short(point.y, 3)} ${unit}`),
+        of("95th percentile", `${short(point.high, 3)} ${unit}`),
+      ],
+      px: this.x(point.x),
+    };
+  }
+}
+
+/** Quantile of increasing values, linear between them. */
+function quantile(values, share) {
+  const p = share * (values.length - 1);
+  const k = Math.floor(p);
+  return values[k] + (p - k) * ((values[k + 1] ?? values[k]) - values[k]);
+}

@@ -1,0 +1,81 @@
+// Puts the page together from its data.
+
+(() => {
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const kinds = { time: TimeChart, share: ShareChart, points: PointsChart };
+  const all = [];
+  const live = document.getElementById("live");
+  const page = {
+    plans: data.plans,
+    length: data.length,
+    shown: data.plans.map(() => true),
+    ghost: true,
+    say: (text) => (live.textContent = text),
+    setCursor: (t) => all.forEach((chart) => chart.setCursor(t)),
+    setTime: (t) => player.stages && (player.stop(), player.set(t)),
+    swatch: (k) => {
+      const { colour, refused } = data.plans[k];
+      return make("span", { class: `swatch plan-${colour}${refused ? " dashed" : ""}` });
+    },
+    showMachines: (on) => {
+      page.ghost = on;
+      draw();
+    },
+  };
+
+  const legend = document.querySelector(".legend");
+  data.plans.forEach((plan, k) => {
+    const label = make("label", {}, legend);
+    const box = make("input", { type: "checkbox" }, label);
+    box.checked = true;
+    box.addEventListener("change", () => {
+      page.shown[k] = box.checked;
+      all.forEach((chart) => chart.render());
+    });
+    label.append(page.swatch(k));
+    make("span", { text: plan.label + (plan.refused ? " (refused)" : "") }, label);
+  });
+  legend.hidden = data.plans.length < 2;
+
+  for (const { id, caption, panels } of data.figures) {
+    const figure = document.getElementById(`fig-${id}`);
+    figure.hidden = false;
+    if (caption) figure.querySelector("figcaption").append(caption);
+    const host = figure.querySelector(".panels");
+    if (panels.length === 1) host.classList.add("one");
+    for (const panel of panels) {
+      const place = make("div", { class: "panel" }, host);
+      if (id === "z" && panel.band && data.plans.length > 1)
+        panel.title += ` of ${data.plans[panel.series[0].plan].label}`;
+      all.push(new kinds[panel.kind](place, panel, page));
+    }
+  }
+
+  const player = new Player(document.getElementById("motion"), page);
+
+  function draw() {
+    all.forEach((chart) => chart.render());
+    player.render?.();
+  }
+
+  let width = 0;
+  new ResizeObserver(() => {
+    if (document.body.clientWidth === width) return;
+    width = document.body.clientWidth;
+    draw();
+  }).observe(document.body);
+
+  const copy = document.getElementById("copy");
+  if (navigator.clipboard) {
+    copy.hidden = false;
+    copy.addEventListener("click", async () => {
+      try {
+        await navigator.clipboard.writeText(document.getElementById("command").textContent);
+        copy.textContent = "Copied";
+      } catch {
+        copy.textContent = "Not allowed";
+      }
+      setTimeout(() => (copy.textContent = "Copy"), 2000);
+    });
+  }
+})();

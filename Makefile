@@ -3,6 +3,7 @@
 #   make compare   the paper's problem, polynomial against optimal, on the emulated machine
 #   make suite     every method on every problem, to results/suite
 #   make paper     the paper's figures and numbers, to results/paper
+#   make explorer  pictures of the explorer in a browser (needs Chromium), to results/explorer
 #   make test      what CI runs: lint, types, tests
 #   make check     lint and types only
 #   make format    put the code into the house format
@@ -15,7 +16,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
 .DEFAULT_GOAL := compare
-.PHONY: compare suite paper test check lint format clean
+.PHONY: compare suite paper explorer test check lint format clean
 
 compare: $(VENV)/.run
 	@$(BIN)/planner compare problems/paper.toml --out out/compare
@@ -25,6 +26,9 @@ suite: $(VENV)/.run
 
 paper: $(VENV)/.run
 	@$(BIN)/planner reproduce --out results/paper
+
+explorer: $(VENV)/.dev
+	@PLANNER_SCREENSHOTS=results/explorer $(BIN)/python -m pytest -s tests/browser/test_explorer_page.py
 
 test: check
 	@$(BIN)/python -m pytest $(PYTEST_FLAGS)
@@ -49,10 +53,10 @@ $(VENV)/bin/python:
 	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
 	  echo "python3 -m venv failed; on Debian and Ubuntu: apt install python3-venv"; exit 1; }
 
-$(VENV)/.run: pyproject.toml setup.py planner/machine/kernel.c | $(VENV)/bin/python
+$(VENV)/.run: pyproject.toml setup.py planner/machine/kernel.c planner/machine/dynamic.c | $(VENV)/bin/python
 	@$(PIP) install --editable .
 	@touch $@
 
-$(VENV)/.dev: pyproject.toml setup.py planner/machine/kernel.c | $(VENV)/bin/python
+$(VENV)/.dev: pyproject.toml setup.py planner/machine/kernel.c planner/machine/dynamic.c | $(VENV)/bin/python
 	@$(PIP) install --editable '.[dev]'
 	@touch $@ $(VENV)/.run

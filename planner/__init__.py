@@ -23,6 +23,7 @@ from planner.errors import (
     VerificationError,
     Violation,
 )
+from planner.explorer import explore
 from planner.export import Samples, export, load_samples
 from planner.indicators import Indicators, indicators
 from planner.machine import Machine
@@ -89,6 +90,7 @@ __all__ = [
     "check",
     "compare",
     "controllability",
+    "explore",
     "export",
     "indicators",
     "load_plan",

@@ -8,11 +8,13 @@ from planner.extrema import maximum, sample_times
 from planner.systems.base import Array
 from planner.trajectory import Trajectory
 
+_GAUSS = np.polynomial.legendre.leggauss(4)
+
 
 def effort(trajectory: Trajectory) -> float:
     """∫ u₁² + u₂² dt, by Gauss quadrature between samples that crowd towards the ends of pieces."""
     edges = np.unique(np.concatenate([sample_times(trajectory.breaks, 1000), trajectory.breaks]))
-    nodes, weights = np.polynomial.legendre.leggauss(4)
+    nodes, weights = _GAUSS
     half = np.diff(edges)[:, None] / 2
     times = edges[:-1, None] + half * (1 + nodes)
     squares = np.sum(trajectory.u(times) ** 2, axis=-1)

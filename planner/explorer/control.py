@@ -1,0 +1,97 @@
+"""One thing on the screen that can be set: a slider, a choice, or a switch."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+Kind = Literal["slider", "choice", "switch"]
+
+
+@dataclass(frozen=True)
+class Control:
+    """A slider, choice or switch, and the key of the problem file that it writes.
+
+    Attributes:
+        group: Heading it stands under.
+        label: Its name on the screen.
+        kind: "slider", "choice" or "switch".
+        key: Dotted key of the problem file ("limits.joint_deg"), or "method" or "samples".
+        whole: Present value of that key, or what it would be if it were not switched off.
+        part: Place of this control's number in `whole` when that is a list or table.
+        shown: Number or word that it shows; for a slider that is off, what it starts from.
+        low: Least number of a slider.
+        high: Greatest number of a slider.
+        log: Whether a slider is logarithmic.
+        integer: Whether a slider has whole numbers only.
+        unit: Unit of the number.
+        on: Whether it is not switched off.
+        off: What to write when a slider is switched off ("free", None, False).
+        off_word: How that reads; empty where the slider cannot be switched off.
+        choices: Words of a choice.
+        writes: What each of the words writes; the word itself when left out.
+        help: One line of explanation.
+    """
+
+    group: str
+    label: str
+    kind: Kind
+    key: str
+    whole: Any
+    part: tuple[int | str, ...] = ()
+    shown: Any = None
+    low: float = 0.0
+    high: float = 1.0
+    log: bool = False
+    integer: bool = False
+    unit: str = ""
+    on: bool = True
+    off: Any = None
+    off_word: str = ""
+    choices: Sequence[str] = ()
+    writes: Sequence[Any] = ()
+    help: str = ""
+
+    @property
+    def name(self) -> str:
+        """Unique on the screen, and the same while the screen keeps its shape."""
+        return ":".join([self.key, *map(str, self.part)])
+
+    def written(self, value: Any) -> Any:
+        """The key's new value when this control is set to `value` (None: switched off)."""
+        if self.kind == "switch":
+            return bool(value)
+        if self.kind == "choice":
+            return self.writes[self.choices.index(value)] if self.writes else value
+        if value is None:
+            return self.off
+        number = round(float(value)) if self.integer else rounded(float(value))
+        if not self.part:
+            return number
+        whole = copy.deepcopy(self.whole)
+        inner = whole
+        for step in self.part[:-1]:
+            inner = inner[step]
+        inner[self.part[-1]] = number
+        return whole
+
+    def to_dict(self) -> dict[str, Any]:
+        """What the browser needs to draw it."""
+        skipped = {"key", "whole", "part", "off", "writes"}
+        plain = {key: value for key, value in vars(self).items() if key not in skipped}
+        return {**plain, "name": self.name, "choices": list(self.choices)}
+
+
+def rounded(value: float, digits: int = 6) -> float:
+    """A number with so many significant digits, as a slider should write it."""
+    return float(f"{value:.{digits}g}")
+
+
+def span(value: float, factor: float = 10.0) -> tuple[float, float]:
+    """Ends of a logarithmic slider about a positive value, at one significant digit."""
+    low, high = (10.0 ** np.floor(np.log10(v)) for v in (value / factor, value * factor))
+    return float(low), float(np.ceil(value * factor / high) * high)

@@ -1,0 +1,104 @@
+"""From a state to a path, its judgement and its errors on the machine, in three steps.
+
+The path alone is quick; the other two steps follow once the sliders rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from planner.duration import refuse_too_short
+from planner.errors import InputError, NoPlanError, PlannerError
+from planner.explorer.state import State
+from planner.methods import METHODS, Method
+from planner.plan import Plan
+from planner.problem import Problem
+from planner.replay import RECORD_S, Replay, replay
+from planner.solve import find_method, judged, merged_options
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a state.
+
+    Attributes:
+        state: The state.
+        problem: Its problem; None when the state is no possible problem.
+        plan: The motion to draw; when refused, a path for study; None when there is none at all.
+        error: Why there is no plan, or None.
+        judged: Whether the plan has been verified (or refused) yet.
+    """
+
+    state: State
+    problem: Problem | None
+    plan: Plan | None
+    error: PlannerError | None = None
+    judged: bool = False
+
+    @property
+    def kind(self) -> str:
+        """In a word: "verified", "not judged yet", or the kind of refusal."""
+        if isinstance(self.error, NoPlanError):
+            return self.error.status.replace("_", " ")
+        if self.error is not None:
+            return "bad input"
+        return "verified" if self.judged else "not judged yet"
+
+
+def path(state: State) -> Outcome:
+    """Plan, without judging what the method gives. Takes what the method takes."""
+    try:
+        problem = state.problem()
+        method = find_method(state.method)
+        options = merged_options(problem, method, {})
+    except InputError as error:
+        return Outcome(state, None, None, error, judged=True)
+    try:
+        refuse_too_short(problem)
+        return Outcome(state, problem, method.plan(problem, options))
+    except InputError as error:
+        return Outcome(state, problem, None, error, judged=True)
+    except NoPlanError as error:
+        shown = error.plan or _for_study(problem, method, options)
+        shown = None if shown is None else replace(shown, status=error.status)
+        return Outcome(state, problem, shown, error, judged=True)
+
+
+def judge(outcome: Outcome) -> Outcome:
+    """Verify a path that is not refused yet."""
+    if outcome.judged or outcome.plan is None:
+        return outcome
+    try:
+        plan, _ = judged(outcome.plan)
+    except NoPlanError as error:
+        return replace(outcome, plan=error.plan, error=error, judged=True)
+    return replace(outcome, plan=plan, judged=True)
+
+
+def errors(outcome: Outcome) -> Replay | None:
+    """The motion on samples of the machine; None for what cannot be executed."""
+    plan, state = outcome.plan, outcome.state
+    if plan is None or not plan.executable or not state.samples:
+        return None
+    record = max(2 * RECORD_S, plan.duration / 200)
+    return replay(plan, samples=state.samples, seed=0, record_s=record)
+
+
+def _for_study(problem: Problem, method: Method, options: Any) -> Plan | None:
+    """A path that the method would take if the reason of the refusal did not count."""
+    for changes in _STUDIES.get(method.name, ({},)):
+        try:
+            return method.plan(problem, options.model_copy(update=changes))
+        except (NoPlanError, InputError) as error:
+            if isinstance(error, NoPlanError) and error.plan is not None:
+                return error.plan
+    return None
+
+
+_STUDIES: Mapping[str, tuple[dict[str, Any], ...]] = {
+    name: ({"allow_singular": True},)
+    for name, method in METHODS.items()
+    if "allow_singular" in method.options.model_fields
+}

@@ -1,0 +1,95 @@
+"""What is set on the screen: a problem, changes to it, a method and a number of machines."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+from planner.problem import Problem
+
+QUICK: Mapping[str, Any] = {
+    "method.collocation.starts": 1,
+    "method.collocation.attempts": 2,
+    "machine.step_s": 0.01,
+}
+"""While it is explored, collocation searches less and the machine is simulated in coarser steps,
+so that answers come in time; the problem file and the code say so, as of any other change."""
+
+
+@dataclass(frozen=True)
+class State:
+    """All that the picture depends on; immutable.
+
+    Attributes:
+        base: The problem the exploration started from.
+        method: Name of the method.
+        changes: Dotted keys of the problem file to values, in the order they were first made.
+        samples: Machines that the plan is replayed on; 0 for none.
+    """
+
+    base: Problem
+    method: str = "polynomial"
+    changes: Mapping[str, Any] = field(default_factory=dict)
+    samples: int = 20
+
+    @classmethod
+    def of(cls, problem: Problem, method: str, samples: int) -> State:
+        """The state an exploration starts from."""
+        data = problem.to_dict()
+        quick = {key: value for key, value in QUICK.items() if value_at(data, key) is None}
+        return cls(problem, method, quick, samples)
+
+    def value(self, key: str, otherwise: Any = None) -> Any:
+        """Present value of a dotted key; `otherwise` where the problem does not say it."""
+        if key in self.changes:
+            return self.changes[key]
+        found = value_at(self._data, key)
+        return otherwise if found is None else found
+
+    def with_value(self, key: str, value: Any) -> State:
+        """This state with one key set."""
+        if key == "method":
+            return replace(self, method=value)
+        if key == "samples":
+            return replace(self, samples=int(value))
+        return replace(self, changes={**self.changes, key: value})
+
+    def problem(self) -> Problem:
+        """The problem on the screen, without the changes to options of other methods.
+
+        Raises:
+            InputError: If a change makes it impossible.
+        """
+        return self.base.changed(self._concerning())
+
+    def told(self) -> dict[str, Any]:
+        """The changes worth telling: those of `problem` that differ from the base."""
+        return {
+            key: value
+            for key, value in self._concerning().items()
+            if value_at(self._data, key) != value
+        }
+
+    def _concerning(self) -> dict[str, Any]:
+        """Changes that concern this method."""
+        return {
+            key: value
+            for key, value in self.changes.items()
+            if not key.startswith("method.") or key.split(".")[1] == self.method
+        }
+
+    @cached_property
+    def _data(self) -> Mapping[str, Any]:
+        return self.base.to_dict()
+
+
+def value_at(data: Mapping[str, Any], dotted: str) -> Any:
+    """Value of a dotted key, None where there is none."""
+    value: Any = data
+    for key in dotted.split("."):
+        if not isinstance(value, Mapping) or key not in value:
+            return None
+        value = value[key]
+    return value

@@ -1,0 +1,140 @@
+// Sliders, choices and switches from their descriptions; each tells `changed(name, value)`.
+
+function element(tag, className, text) {
+  const made = document.createElement(tag);
+  if (className) made.className = className;
+  if (text !== undefined) made.textContent = text;
+  return made;
+}
+
+const STEPS = 1000;
+
+function toSlider(c, value) {
+  if (c.integer) return value;
+  const share = c.log ? Math.log(value / c.low) / Math.log(c.high / c.low) : (value - c.low) / (c.high - c.low);
+  return Math.round(STEPS * share);
+}
+
+function fromSlider(c, raw) {
+  if (c.integer) return raw;
+  const share = raw / STEPS;
+  return c.log ? c.low * (c.high / c.low) ** share : c.low + share * (c.high - c.low);
+}
+
+function readable(c) {
+  if (c.shown === null) return "";
+  const number = Number(Number(c.shown).toPrecision(4));
+  return (c.unit ? `${number} ${c.unit}` : `${number}`) + (c.on ? "" : ` (${c.off_word})`);
+}
+
+function makeSlider(c, changed) {
+  const row = element("div", "px-row");
+  row.title = c.help;
+  const label = element("label", "", c.label);
+  const input = element("input");
+  input.type = "range";
+  if (c.integer) [input.min, input.max, input.step] = [c.low, c.high, 1];
+  else [input.min, input.max, input.step] = [0, STEPS, 1];
+  input.dataset.control = c.name;
+  input.setAttribute("aria-label", c.label);
+  const value = element("output");
+  let now = c;
+  let box = null;
+  if (c.off_word) {
+    box = element("input");
+    box.type = "checkbox";
+    box.dataset.switch = c.name;
+    box.setAttribute("aria-label", `${c.label}: set, or ${c.off_word}`);
+    box.onchange = () => changed(now.name, box.checked ? now.shown : null);
+    label.prepend(box);
+  }
+  let grabbed = false;
+  input.onpointerdown = () => (grabbed = true);
+  input.onpointerup = input.onpointercancel = () => (grabbed = false);
+  input.oninput = () => {
+    now = { ...now, shown: fromSlider(now, Number(input.value)), on: true };
+    show();
+    changed(now.name, now.shown);
+  };
+  const show = () => {
+    value.textContent = readable(now);
+    input.setAttribute("aria-valuetext", value.textContent);
+    if (box) box.checked = now.on;
+    row.classList.toggle("px-off", !now.on);
+  };
+  row.append(label, input, value);
+  const update = (next, held) => {
+    if (held || grabbed) {
+      now = { ...next, shown: now.shown, on: now.on };
+      return;
+    }
+    now = next;
+    if (c.integer) [input.min, input.max] = [now.low, now.high];
+    input.value = toSlider(now, now.shown);
+    show();
+  };
+  update(c, false);
+  return { row, update };
+}
+
+function makeChoice(c, changed) {
+  const row = element("div", "px-row");
+  row.title = c.help;
+  const input = element("select");
+  for (const word of c.choices) input.append(new Option(word.replaceAll("_", " "), word));
+  input.dataset.control = c.name;
+  input.setAttribute("aria-label", c.label);
+  input.onchange = () => changed(c.name, input.value);
+  row.append(element("label", "", c.label), input);
+  const update = (next) => {
+    input.value = next.shown;
+    row.title = next.help;
+  };
+  update(c);
+  return { row, update };
+}
+
+function makeSwitch(c, changed) {
+  const row = element("div", "px-row");
+  row.title = c.help;
+  const label = element("label", "", c.label);
+  const box = element("input");
+  box.type = "checkbox";
+  box.dataset.control = c.name;
+  box.onchange = () => changed(c.name, box.checked);
+  label.prepend(box);
+  row.append(label);
+  const update = (next) => {
+    box.checked = next.shown;
+  };
+  update(c);
+  return { row, update };
+}
+
+// All controls under their headings; rebuilt only when the set of controls changes.
+function makeControls(place, changed) {
+  let shape = "";
+  const open = { Motion: true, Limits: true };
+  let made = new Map();
+  const makers = { slider: makeSlider, choice: makeChoice, switch: makeSwitch };
+  return (controls, held) => {
+    const now = controls.map((c) => `${c.name}|${c.kind}|${c.choices}`).join();
+    if (now !== shape) {
+      shape = now;
+      made = new Map();
+      place.replaceChildren();
+      for (const group of [...new Set(controls.map((c) => c.group))]) {
+        const block = element("details", "px-group");
+        block.open = open[group] || false;
+        block.ontoggle = () => (open[group] = block.open);
+        block.append(element("summary", "", group));
+        for (const c of controls.filter((c) => c.group === group)) {
+          made.set(c.name, makers[c.kind](c, changed));
+          block.append(made.get(c.name).row);
+        }
+        place.append(block);
+      }
+    }
+    for (const c of controls) made.get(c.name).update(c, held.has(c.name));
+  };
+}

@@ -1,0 +1,246 @@
+// Curves, bands and bodies on a canvas: one function a kind of panel, no state but the canvas.
+
+const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"];
+const EDGE = { left: 52, right: 10, top: 24, bottom: 24 };
+
+function ticks(low, high, count) {
+  const raw = (high - low) / count;
+  const power = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 5, 10].map((k) => k * power).find((s) => s >= raw * 0.999);
+  const found = [];
+  for (let v = Math.ceil(low / step - 1e-9) * step; v <= high + 1e-9 * step; v += step) found.push(v);
+  return { step, found };
+}
+
+function worded(value, step) {
+  const digits = Math.max(0, Math.min(10, -Math.floor(Math.log10(step) + 1e-9)));
+  return Math.abs(value) < step * 1e-6 ? "0" : value.toFixed(digits);
+}
+
+function extent(lists) {
+  let low = Infinity, high = -Infinity;
+  for (const list of lists)
+    for (const v of list) {
+      if (v === null) continue;
+      if (v < low) low = v;
+      if (v > high) high = v;
+    }
+  if (low > high) return [-1, 1];
+  const pad = 0.06 * (high - low) || 0.06 * Math.abs(high) || 1e-3;
+  return [low - pad, high + pad];
+}
+
+// The frame's mapping from data to pixels, kept for the pointer.
+function frame(canvas, x, y) {
+  const ratio = window.devicePixelRatio || 1;
+  const w = canvas.clientWidth || 380, h = canvas.clientHeight || 220;
+  if (canvas.width !== Math.round(w * ratio) || canvas.height !== Math.round(h * ratio)) {
+    canvas.width = Math.round(w * ratio);
+    canvas.height = Math.round(h * ratio);
+  }
+  const pen = canvas.getContext("2d");
+  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  pen.clearRect(0, 0, w, h);
+  const a = (w - EDGE.left - EDGE.right) / (x[1] - x[0]);
+  const b = (h - EDGE.top - EDGE.bottom) / (y[1] - y[0]);
+  const style = getComputedStyle(canvas);
+  const ink = (name, otherwise) => style.getPropertyValue(name).trim() || otherwise;
+  return {
+    pen, w, h, x, y, ink,
+    X: (v) => EDGE.left + a * (v - x[0]),
+    Y: (v) => h - EDGE.bottom - b * (v - y[0]),
+    dataX: (px) => x[0] + (px - EDGE.left) / a,
+    dataY: (py) => y[0] + (h - EDGE.bottom - py) / b,
+  };
+}
+
+function axes(f, title, note, below) {
+  const { pen, w, h } = f;
+  pen.font = "11px system-ui, sans-serif";
+  pen.lineWidth = 1;
+  for (const [axis, count] of [["x", w / 70], ["y", h / 45]]) {
+    const [low, high] = f[axis];
+    const { step, found } = ticks(low, high, Math.max(2, count));
+    for (const v of found) {
+      pen.strokeStyle = f.ink("--px-grid", "#ddd");
+      pen.fillStyle = f.ink("--px-soft", "#666");
+      pen.beginPath();
+      if (axis === "x") {
+        const px = f.X(v);
+        pen.moveTo(px, EDGE.top);
+        pen.lineTo(px, h - EDGE.bottom);
+        pen.textAlign = "center";
+        pen.fillText(worded(v, step), px, h - 8);
+      } else {
+        const py = f.Y(v);
+        pen.moveTo(EDGE.left, py);
+        pen.lineTo(w - EDGE.right, py);
+        pen.textAlign = "right";
+        pen.fillText(worded(v, step), EDGE.left - 5, py + 4);
+      }
+      pen.stroke();
+    }
+  }
+  pen.textAlign = "left";
+  if (below) pen.fillText(below, EDGE.left + 0.62 * (w - EDGE.left - EDGE.right), h - 8);
+  pen.fillStyle = f.ink("--px-ink", "#222");
+  pen.font = "600 12px system-ui, sans-serif";
+  pen.fillText(title, 6, 14);
+  if (note) {
+    pen.font = "11px system-ui, sans-serif";
+    pen.textAlign = "right";
+    pen.fillStyle = f.ink("--px-soft", "#666");
+    pen.fillText(note, w - EDGE.right, 14);
+  }
+}
+
+function inside(f, draw) {
+  f.pen.save();
+  f.pen.beginPath();
+  f.pen.rect(EDGE.left, EDGE.top, f.w - EDGE.left - EDGE.right, f.h - EDGE.top - EDGE.bottom);
+  f.pen.clip();
+  draw(f.pen);
+  f.pen.restore();
+}
+
+// A curve with gaps where it does not exist (null).
+function curve(f, xs, ys) {
+  f.pen.beginPath();
+  let down = false;
+  for (let k = 0; k < xs.length; k++) {
+    if (ys[k] === null || xs[k] === null) {
+      down = false;
+      continue;
+    }
+    if (down) f.pen.lineTo(f.X(xs[k]), f.Y(ys[k]));
+    else f.pen.moveTo(f.X(xs[k]), f.Y(ys[k]));
+    down = true;
+  }
+  f.pen.stroke();
+}
+
+function band(f, t, low, high) {
+  const kept = t.map((_, k) => k).filter((k) => low[k] !== null && high[k] !== null);
+  if (!kept.length) return;
+  f.pen.beginPath();
+  for (const k of kept) f.pen.lineTo(f.X(t[k]), f.Y(high[k]));
+  for (const k of kept.reverse()) f.pen.lineTo(f.X(t[k]), f.Y(low[k]));
+  f.pen.closePath();
+  f.pen.fill();
+}
+
+function names(f, panel, faded) {
+  const entries = panel.lines.map((line, k) => [line.name, COLOURS[k % COLOURS.length], false]);
+  for (const b of panel.bands || []) entries.push([b.name, f.ink("--px-band", "#DCEBF5"), true]);
+  if (entries.length < 2) return;
+  f.pen.font = "11px system-ui, sans-serif";
+  f.pen.textAlign = "left";
+  const widths = entries.map(([name]) => f.pen.measureText(name).width + 26);
+  const wide = Math.max(...widths);
+  let px = EDGE.left + 6, py = f.h - EDGE.bottom - 8;
+  f.pen.globalAlpha = 0.75;
+  f.pen.fillStyle = f.ink("--px-paper", "#fff");
+  const total = widths.reduce((a, b) => a + b, 0);
+  const rows = total < f.w - EDGE.left - 20 ? 1 : entries.length;
+  f.pen.fillRect(px - 3, py - 12 - 14 * (rows - 1), rows === 1 ? total : wide, 15 * rows);
+  f.pen.globalAlpha = faded;
+  entries.forEach(([name, colour, filled], k) => {
+    const at = rows === 1 ? [px + widths.slice(0, k).reduce((a, b) => a + b, 0), py] : [px, py - 14 * (rows - 1 - k)];
+    f.pen.fillStyle = colour;
+    f.pen.fillRect(at[0], at[1] - (filled ? 9 : 5), 14, filled ? 10 : 3);
+    f.pen.fillStyle = f.ink("--px-ink", "#222");
+    f.pen.fillText(name, at[0] + 18, at[1]);
+  });
+  f.pen.globalAlpha = 1;
+}
+
+function overTime(canvas, panel, faded) {
+  const t = panel.t;
+  const shown = panel.lines.map((line) => line.y);
+  const bands = panel.bands || [];
+  if (panel.id === "z2" || panel.id === "error") for (const b of bands) shown.push(b.low, b.high);
+  if (panel.zero) shown.push([0]);
+  if (panel.points) shown.push(panel.points.map((p) => p.at[1]));
+  const f = frame(canvas, [t[0], t[t.length - 1]], panel.range || extent(shown));
+  axes(f, panel.title, panel.note, "time (s)");
+  const { pen } = f;
+  pen.globalAlpha = faded;
+  inside(f, () => {
+    for (const b of bands) {
+      pen.fillStyle = f.ink("--px-band", "#DCEBF5");
+      band(f, t, b.low, b.high);
+    }
+    pen.strokeStyle = f.ink("--px-soft", "#666");
+    if (panel.zero) curve(f, [t[0], t[t.length - 1]], [0, 0]);
+    pen.setLineDash([2, 3]);
+    for (const limit of panel.limits || []) curve(f, [t[0], t[t.length - 1]], [limit, limit]);
+    pen.setLineDash(panel.refused ? [6, 4] : []);
+    pen.lineWidth = 1.8;
+    panel.lines.forEach((line, k) => {
+      pen.strokeStyle = COLOURS[k % COLOURS.length];
+      curve(f, t, line.y);
+    });
+    pen.setLineDash([]);
+    pen.strokeStyle = "#B00020";
+    for (const [x, y] of panel.marks || []) {
+      pen.beginPath();
+      for (const s of [-1, 1]) {
+        pen.moveTo(f.X(x) - 5, f.Y(y) - 5 * s);
+        pen.lineTo(f.X(x) + 5, f.Y(y) + 5 * s);
+      }
+      pen.stroke();
+    }
+    for (const point of panel.points || []) {
+      pen.beginPath();
+      pen.arc(f.X(point.at[0]), f.Y(point.at[1]), 6, 0, 7);
+      pen.fillStyle = point.names ? f.ink("--px-ink", "#222") : "transparent";
+      pen.strokeStyle = f.ink("--px-ink", "#222");
+      pen.fill();
+      pen.stroke();
+    }
+  });
+  pen.globalAlpha = 1;
+  names(f, panel, faded);
+  return f;
+}
+
+// Equal scales, so that angles look as they are; poses from early (dark) to late (bright).
+function inPlane(canvas, panel, faded) {
+  const xs = extent([panel.path[0], ...panel.poses.map((p) => p.map((v) => v[0]))]);
+  const ys = extent([panel.path[1], ...panel.poses.map((p) => p.map((v) => v[1]))]);
+  const wide = (canvas.clientWidth || 380) - EDGE.left - EDGE.right;
+  const high = (canvas.clientHeight || 220) - EDGE.top - EDGE.bottom;
+  const unit = Math.max((xs[1] - xs[0]) / wide, (ys[1] - ys[0]) / high);
+  const widen = ([low, high], size) => {
+    const extra = (size * unit - (high - low)) / 2;
+    return [low - extra, high + extra];
+  };
+  const f = frame(canvas, widen(xs, wide), widen(ys, high));
+  axes(f, panel.title, panel.note);
+  const { pen } = f;
+  pen.globalAlpha = faded;
+  inside(f, () => {
+    panel.poses.forEach((pose, k) => {
+      const late = k / Math.max(1, panel.poses.length - 1);
+      pen.strokeStyle = pen.fillStyle = `hsl(${265 - 205 * late}, 65%, ${38 + 12 * late}%)`;
+      pen.lineWidth = 1.8;
+      curve(f, pose.map((p) => p[0]), pose.map((p) => p[1]));
+      for (const [x, y] of pose) {
+        pen.beginPath();
+        pen.arc(f.X(x), f.Y(y), 2, 0, 7);
+        pen.fill();
+      }
+    });
+    pen.strokeStyle = COLOURS[0];
+    pen.lineWidth = 1.6;
+    pen.setLineDash(panel.refused ? [6, 4] : []);
+    curve(f, panel.path[0], panel.path[1]);
+    pen.setLineDash([]);
+  });
+  pen.globalAlpha = 1;
+  return f;
+}
+
+function draw(canvas, panel, faded = 1) {
+  return panel.kind === "plane" ? inPlane(canvas, panel, faded) : overTime(canvas, panel, faded);
+}

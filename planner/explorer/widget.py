@@ -1,0 +1,110 @@
+"""The explorer as a notebook widget: messages in, messages out; all logic is in `Screen`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from importlib.resources import files
+from typing import Any
+
+import anywidget
+
+from planner.errors import InputError
+from planner.explorer.screen import Screen
+from planner.explorer.state import State
+from planner.plan import Plan
+from planner.problem import Problem
+
+QUICK_S = 0.05
+"""Errors on the machine that took less than this come with the picture; others follow it."""
+
+_STATIC = files("planner.explorer") / "static"
+
+
+class Explorer(anywidget.AnyWidget):
+    """A picture of one problem whose sliders plan it anew; made by `planner.explore`."""
+
+    _esm = "\n".join(
+        (_STATIC / name).read_text(encoding="utf-8")
+        for name in ("plot.js", "controls.js", "explorer.js")
+    )
+    _css = (_STATIC / "explorer.css").read_text(encoding="utf-8")
+
+    def __init__(self, problem: Problem, method: str, samples: int) -> None:
+        super().__init__()
+        self._screen = Screen(State.of(problem, method, samples))
+        self._errors_s = 0.0
+        self.on_msg(self._asked)
+
+    @property
+    def problem(self) -> Problem:
+        """The problem on the screen.
+
+        Raises:
+            InputError: If the settings are impossible together.
+        """
+        return self._screen.state.problem()
+
+    @property
+    def plan(self) -> Plan:
+        """The verified plan on the screen.
+
+        Raises:
+            PlannerError: What the screen says, when there is no plan.
+        """
+        return self._screen.plan()
+
+    @property
+    def code(self) -> str:
+        """Python that makes the plan on the screen anew."""
+        return self._screen.texts()["code"]
+
+    @property
+    def problem_file(self) -> str:
+        """The problem on the screen as a problem file (TOML)."""
+        return self._screen.texts()["file"]
+
+    def _asked(self, _: Any, content: Mapping[str, Any], buffers: Any) -> None:
+        """Answer one message of the browser, which waits for the answer, come what may."""
+        began = time.perf_counter()
+        try:
+            answer = self._answer(content)
+        except Exception as error:
+            answer = {"kind": "a bug", "text": f"{type(error).__name__}: {error}", "todo": []}
+            raise
+        finally:
+            took = round(1000 * (time.perf_counter() - began))
+            self.send({"number": content.get("number"), "facts": "", **answer, "took_ms": took})
+
+    def _answer(self, content: Mapping[str, Any]) -> dict[str, Any]:
+        screen, what = self._screen, content.get("ask")
+        if what == "texts":
+            return {**screen.texts(), "todo": self._todo(errors=False)}
+        if what == "judge":
+            screen.judge()
+            return {**screen.words(), "todo": []}
+        if what == "errors":
+            return {"error": self._errors(), "todo": self._todo(errors=False)}
+        if what == "change":
+            try:
+                screen.change([(name, value) for name, value in content["changes"]])
+            except InputError as error:  # a control of an older picture
+                return {**screen.picture(), "text": str(error), "todo": []}
+        if what == "reset":
+            screen.reset()
+        return self._picture()
+
+    def _picture(self) -> dict[str, Any]:
+        quick = self._errors_s < QUICK_S
+        errors = {"error": self._errors()} if quick else {}
+        return {**self._screen.picture(), **errors, "todo": self._todo(errors=not quick)}
+
+    def _errors(self) -> dict[str, Any] | None:
+        began = time.perf_counter()
+        found = self._screen.errors()
+        self._errors_s = time.perf_counter() - began if found else self._errors_s
+        return found
+
+    def _todo(self, *, errors: bool) -> list[str]:
+        judge = [] if self._screen.outcome.judged else ["judge"]
+        return (["errors"] if errors else []) + judge

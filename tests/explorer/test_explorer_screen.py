@@ -1,0 +1,212 @@
+"""The explorer's logic: what a slider does to the plan, the picture and the words."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import planner
+from planner.errors import InputError
+from planner.explorer.outcome import judge, path
+from planner.explorer.picture import short
+from planner.explorer.screen import Screen
+from planner.explorer.state import State
+
+ROOT = Path(__file__).parents[2]
+
+
+def screen(name: str, method: str = "polynomial", samples: int = 2, **changes: Any) -> Screen:
+    problem = planner.load_problem(ROOT / "problems" / f"{name}.toml", changes)
+    return Screen(State.of(problem, method, samples))
+
+
+def panel(screen: Screen, name: str) -> dict[str, Any]:
+    return next(p for p in screen.picture()["panels"] if p["id"] == name)
+
+
+def test_a_slider_moves_the_plan_and_the_picture() -> None:
+    shown = screen("paper")
+    shown.change([("goal.travel", 0.80)])
+    before = panel(shown, "z2")["lines"][0]["y"]
+    shown.change([("goal.travel", 0.82)])
+    after = panel(shown, "z2")["lines"][0]["y"]
+    assert shown.outcome.plan is not None
+    assert shown.outcome.plan.travel == pytest.approx(0.82, abs=1e-12)
+    assert np.max(np.abs(np.array(before) - np.array(after))) > 0.01
+    low, high = (np.array(panel(shown, "z2")["bands"][0][edge]) for edge in ("low", "high"))
+    assert np.all((low < after) & (after < high))  # in the domain at this travel
+
+
+def test_a_free_slider_shows_what_the_method_chose() -> None:
+    shown = screen("paper")
+    control = shown.controls["goal.travel"]
+    assert not control.on
+    assert shown.outcome.plan is not None
+    assert control.shown == pytest.approx(shown.outcome.plan.travel)
+    shown.change([("goal.travel", 0.82)])
+    assert shown.controls["goal.travel"].on
+    shown.change([("goal.travel", None)])
+    assert not shown.controls["goal.travel"].on
+
+
+def test_a_refused_path_is_drawn_with_the_reason_in_words() -> None:
+    shown = screen("paper-fig5")
+    words = shown.words()
+    assert words["kind"] == "singular"
+    assert "leaves the domain" in words["text"]
+    z2 = panel(shown, "z2")
+    assert len(z2["marks"]) == 2
+    assert z2["points"][0]["at"] == [5.0, -0.2]
+    assert None in panel(shown, "joints")["lines"][0]["y"]
+    json.dumps(shown.picture(), allow_nan=False)
+    with pytest.raises(planner.SingularError):
+        shown.plan()
+
+
+def test_what_is_proven_impossible_is_drawn_all_the_same() -> None:
+    shown = screen("unreachable")
+    assert shown.words()["kind"] == "infeasible"
+    assert panel(shown, "inputs")["lines"][0]["y"]
+
+
+def test_an_impossible_setting_is_said_and_can_be_taken_back() -> None:
+    shown = screen("paper")
+    shown.change([("limits.joint_deg", 10.0)])
+    assert shown.words()["kind"] == "bad input"
+    assert "theta1 = 30 deg lies outside its limit of 10 deg" in shown.words()["text"]
+    assert shown.picture()["panels"] == []
+    shown.change([("limits.joint_deg", 80.0)])
+    shown.judge()
+    assert shown.words()["kind"] != "bad input"
+
+
+def test_the_verdict_waits_for_the_judge() -> None:
+    shown = screen("paper", "collocation")
+    assert shown.words()["kind"] == "not judged yet"
+    shown.judge()
+    assert shown.words()["kind"] == "verified"
+    assert shown.plan().verified
+    shown.change([("method", "polynomial"), ("goal.travel", 0.8)])
+    assert shown.words()["kind"] == "not judged yet"
+    shown.judge()
+    assert shown.words()["kind"] == "verification failed"
+    assert "input u2 reaches" in shown.words()["text"]
+
+
+def test_constraint_points_start_on_the_path_and_are_dragged_by_both_their_controls() -> None:
+    shown = screen("paper", **{"goal.travel": 0.82})
+    free = panel(shown, "z2")["lines"][0]["y"]
+    shown.change([("method.polynomial.points", "one")])
+    assert np.allclose(panel(shown, "z2")["lines"][0]["y"], free, atol=2e-4)
+    (point,) = panel(shown, "z2")["points"]
+    time_name, z2_name = point["names"]
+    shown.change([(time_name, 6.0), (z2_name, -0.3)])
+    assert shown.state.value("method.polynomial.points") == [[6.0, -0.3]]
+    assert shown.outcome.plan is not None
+    assert shown.outcome.plan.z(6.0)[1] == pytest.approx(-0.3, abs=1e-9)
+
+
+def test_the_machine_can_be_changed_effect_by_effect() -> None:
+    shown = screen("paper", samples=3, **{"goal.travel": 0.8286, "goal.duration": 30.0})
+    error = shown.errors()
+    assert error is not None
+    shown.change([("machine.backlash_deg:value", None)])
+    assert not shown.controls["machine.backlash_deg:value"].on
+    stiffer = shown.errors()
+    assert stiffer is not None
+    assert stiffer["lines"][0]["y"][-1] < 0.8 * error["lines"][0]["y"][-1]
+    shown.change([("machine.backlash_deg:value", 4.0)])
+    assert shown.state.value("machine.backlash_deg") == {"value": 4.0, "spread": 0.8}
+    shown.change([("samples", 0)])
+    assert shown.errors() is None
+
+
+@pytest.mark.parametrize("name", ["paper", "car", "custom"])
+def test_code_and_problem_file_give_the_plan_on_the_screen(name: str, tmp_path: Path) -> None:
+    shown = screen(name, samples=0)
+    travel = shown.controls[shown.outcome.problem.travel_key]  # type: ignore[union-attr]
+    end = 0.82 if name == "paper" else travel.shown * 1.01
+    shown.change([(travel.name, end), ("goal.duration", 30.0)])
+    assert shown.outcome.plan is not None
+    times = np.linspace(0, 30, 50)
+    wanted = shown.outcome.plan.z(times)
+
+    text = shown.texts()
+    file = tmp_path / "mine.toml"
+    file.write_text(text["file"], encoding="utf-8")
+    again = path(State(planner.load_problem(file), "polynomial")).plan
+    assert again is not None
+    assert np.array_equal(again.z(times), wanted)
+    assert tomllib.loads(text["file"])["goal"]["duration"] == 30.0
+    assert all("[" not in line or "]" in line for line in text["file"].splitlines())
+
+    names: dict[str, Any] = {}
+    exec(text["code"].split("plan =")[0], names)
+    assert names["problem"] == shown.outcome.problem
+
+
+def test_a_problem_without_a_file_is_written_out_in_the_code() -> None:
+    problem = planner.load_problem(ROOT / "problems" / "paper.toml")
+    problem = planner.Problem.from_dict(problem.to_dict(), "no file")
+    state = State.of(problem, "polynomial", 0).with_value("limits.joint_deg", None)
+    names: dict[str, Any] = {}
+    exec(Screen(state).texts()["code"].split("plan =")[0], names)
+    assert names["problem"] == planner.Problem.from_dict(names["data"])
+    assert "joint_deg" not in names["data"]["limits"]
+
+
+@pytest.mark.parametrize("method", list(planner.METHODS))
+def test_every_option_control_writes_what_the_method_takes(method: str) -> None:
+    problem = planner.load_problem(ROOT / "problems" / "paper.toml", {"goal.travel": 0.82})
+    shown = Screen.__new__(Screen)
+    shown.state = State.of(problem, method, 0)
+    shown.outcome = path(State.of(problem, "polynomial", 0))
+    shown._rebuild()
+    for control in shown.controls.values():
+        values = control.choices or [control.low, control.high]
+        for value in [True, False] if control.kind == "switch" else values:
+            state = shown.state.with_value(control.key, control.written(value))
+            if control.key not in ("method", "samples") and "limits" not in control.key:
+                state.problem()  # the schema takes it
+
+
+def test_reset_goes_back_to_the_problem() -> None:
+    shown = screen("paper")
+    shown.change([("goal.travel", 0.82)])
+    shown.reset()
+    assert "goal.travel" not in shown.state.told()
+
+
+def test_unknown_controls_and_arguments_are_named(paper: planner.Problem) -> None:
+    with pytest.raises(InputError, match=r"goal\.travle.*goal\.travel"):
+        screen("paper").change([("goal.travle", 1.0)])
+    with pytest.raises(InputError, match="samples = -1"):
+        planner.explore(paper, samples=-1)
+    with pytest.raises(InputError, match=r"polynomal.*polynomial"):
+        planner.explore(paper, "polynomal")
+
+
+def test_the_missing_extra_is_named(
+    monkeypatch: pytest.MonkeyPatch, paper: planner.Problem
+) -> None:
+    import sys
+
+    monkeypatch.delitem(sys.modules, "planner.explorer.widget", raising=False)
+    monkeypatch.setitem(sys.modules, "anywidget", None)
+    with pytest.raises(InputError, match=r"planner\[notebook\]"):
+        planner.explore(paper)
+
+
+def test_numbers_are_shortened_without_visible_change() -> None:
+    values = np.array([1.0 / 3, np.nan, -200.0])
+    assert short(values) == [pytest.approx(1 / 3, abs=1e-3), None, -200.0]
+
+
+def test_judging_twice_changes_nothing(paper: planner.Problem) -> None:
+    once = judge(path(State(paper, "collocation")))
+    assert judge(once) is once

@@ -146,9 +146,9 @@ def grid(
             )
         given = given.reshape(rows, columns)
         return given[0, 0].figure, given
-    from matplotlib.figure import Figure
+    from planner.report.shown import ShownFigure
 
-    figure = Figure(
+    figure = ShownFigure(
         figsize=(max(size[0] * columns, 4.8), size[1] * rows + 0.5), dpi=100, layout="constrained"
     )
     made = figure.subplots(rows, columns, squeeze=False, sharex=share[0], sharey=share[1])

@@ -91,15 +91,13 @@ def bounds(
 def _unknowns(
     problem: Problem, made: Transcription, rest: bool, tightening: Tightening
 ) -> tuple[Array, Array]:
-    places, size = made.layout, made.system.size
+    places = made.layout
     upper = np.full(places.size, np.inf)
     upper[places.inputs] = problem.limits.input
     upper[places.slopes] = problem.limits.input_rate
-    limited = np.isin(np.arange(size), made.system.limited)
-    joint = np.where(limited, problem.limits.joint, np.inf)
-    drawn = np.minimum(tightening.joint, MOST_DRAWN_IN * joint)
-    upper[places.points] = (joint - drawn)[:, None, list(places.lifted)]
-    upper[places.nodes] = joint - _at_nodes(drawn)
+    joint = _joint(problem, made, tightening)
+    upper[places.points] = joint[:, None, list(places.lifted)]
+    upper[places.nodes] = -_at_nodes(-joint)
     lower = -upper
     lower[places.durations[0]] = SHORTEST_S
     duration = np.nan if problem.duration is None else problem.duration
@@ -128,15 +126,27 @@ def _rows(problem: Problem, made: Transcription, tightening: Tightening) -> tupl
     shape = (made.form.intervals, made.height)
     low, high = np.zeros(shape), np.zeros(shape)
     for rows in made.labels:
-        if rows.kind == "z2":
-            low[:, rows.positions], high[:, rows.positions] = _chart(problem, tightening.z2)
+        if rows.kind == "joint":
+            high[:, rows.positions] = _joint(problem, made, tightening)[:, [rows.index]]
+            low[:, rows.positions] = -high[:, rows.positions]
+        elif rows.kind == "z2":
+            bounds = _chart(problem, tightening.z2, rows.tau)
+            low[:, rows.positions], high[:, rows.positions] = bounds
     return low.ravel(), high.ravel()
 
 
-def _chart(problem: Problem, tightening: Array) -> tuple[Array, Array]:
-    """Bounds of z₂ at left edges; none at the motion's start, where the problem was checked."""
-    margin = problem.limits.z2_margin or 0.0
-    least = margin + _at_nodes(tightening)[:-1, None]
-    least[0] = -np.inf
+def _chart(problem: Problem, tightening: Array, tau: Array) -> tuple[Array, Array]:
+    """Bounds of z₂; none at the motion's start, where the problem itself has been checked."""
+    least = np.repeat((problem.limits.z2_margin or 0.0) + tightening[:, None], len(tau), axis=1)
+    edge = tau == 0.0
+    least[:, edge] += (_at_nodes(tightening)[:-1] - tightening)[:, None]
+    least[0, edge] = -np.inf
     none = np.full_like(least, np.inf)
     return (least, none) if problem.z2_sign > 0 else (-none, -least)
+
+
+def _joint(problem: Problem, made: Transcription, tightening: Tightening) -> Array:
+    """Limits on coordinates in each interval, shape (K, N); infinite where there is none."""
+    limited = np.isin(np.arange(made.system.size), made.system.limited)
+    joint = np.where(limited, problem.limits.joint, np.inf)
+    return np.asarray(joint - np.minimum(tightening.joint, MOST_DRAWN_IN * joint))

@@ -28,6 +28,8 @@ class Form:
         rate_limits: Whether the input's slopes are constrained by rows; where they are unknowns
             themselves, as in `layout`, this makes no difference.
         chart: Whether z₂ is constrained.
+        inner: Whether limits on coordinates and z₂ hold at the collocation points too, not only at
+            the mesh's edges.
         compiled: Whether the functions of one interval are compiled by a C compiler.
     """
 
@@ -37,6 +39,7 @@ class Form:
     input: InputKind = "constant"
     rate_limits: bool = False
     chart: bool = False
+    inner: bool = False
     compiled: bool = False
 
     @property

@@ -130,24 +130,31 @@ def _finer(task: Task, error: MeshError, accuracy: float) -> Mesh:
 
 
 def _draw_in(task: Task, solution: Solution) -> Polished:
-    """Solve again with limits drawn in by what is broken, first where, then everywhere."""
+    """Keep limits between the edges: solve again with them at the collocation points too, then
+    with limits drawn in by what is still broken, first where, then everywhere.
+    """
     seconds, iterations, rounds = 0.0, 0, 0
     tightening = task.tightening
     for _ in range(TIGHTENING_ROUNDS):
         over = _excess(task, solution)
         if not (np.any(over.joint) or np.any(over.z2)):
             break
-        tightening = Tightening(tightening.joint + over.joint, tightening.z2 + over.z2)
-        if rounds > 0:
-            tightening = tightening.everywhere()
-        task = replace(task, tightening=tightening)
+        if not task.made.form.inner:
+            built = task.build_time_s
+            task = task.inside()
+            task = replace(task, build_time_s=built + task.build_time_s)
+        else:
+            tightening = Tightening(tightening.joint + over.joint, tightening.z2 + over.z2)
+            if rounds > 0:
+                tightening = tightening.everywhere()
+            task, rounds = replace(task, tightening=tightening), rounds + 1
         better = task.solve(solution.iterate, near=True)
         if not better.ok:
             better = task.solve(solution.iterate)
         seconds, iterations = seconds + better.seconds, iterations + better.iterations
         if not better.ok:
             break
-        solution, rounds = better, rounds + 1
+        solution = better
     notes = {
         "limits_drawn_in": {
             "rounds": rounds,

@@ -16,7 +16,7 @@ from planner.ocp.form import Form
 from planner.ocp.order import Order
 from planner.systems.base import Array, Coordinate, TriangularSystem
 
-RowKind = Literal["motion", "defect", "z2"]
+RowKind = Literal["motion", "defect", "joint", "z2"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,8 @@ class Rows:
 
     Attributes:
         kind: Its family. motion: the next state is where this interval leads; defect: a lifted
-            coordinate obeys its rate at the collocation points; z2: z₂ keeps its margin.
+            coordinate obeys its rate at the collocation points; joint: a coordinate keeps its
+            limit inside the interval; z2: z₂ keeps its margin.
         index: Coordinate or input it is about.
         label: What it demands, in words.
         unit: Unit of the rows' values.
@@ -135,9 +136,8 @@ def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
     for i, residuals in defects.items():
         named = system.coordinates[i]
         rows.add("defect", i, _motion_of(named), named.unit, 1.0, form.scheme.points, residuals)
-    if form.chart:
-        z2 = chained_form(system).z_expr(x.X)[1]
-        rows.add("z2", 1, "z2 margin", "", 1.0, np.zeros(1), [z2])
+    columns = [ca.vertcat(*column) for column in points]
+    _limits(system, form, x, columns, rows)
     cost = x.width * (x.weights[0] * x.T + x.T * ca.dot(x.weights[1:], _mean_square(x, form)))
     return Stage(
         state=x.state,
@@ -147,7 +147,7 @@ def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
         cost=cost,
         after=after,
         rows=ca.vertcat(*rows.expressions[after.numel() :]),
-        points=ca.horzcat(*(ca.vertcat(*column) for column in points)),
+        points=ca.horzcat(*columns),
         labels=tuple(rows.labels),
     )
 
@@ -206,6 +206,22 @@ def _motion(
             label = f"continuity of input {named.name}"
             rows.add("motion", i, label, named.unit, 1.0, end, [after[-1]])
     return ca.vertcat(*after)
+
+
+def _limits(
+    system: TriangularSystem, form: Form, x: _Symbols, points: list[Any], rows: _RowList
+) -> None:
+    """Limits that are not bounds on unknowns; edges' coordinates and lifted ones are unknowns."""
+    inside = form.scheme.points if form.inner else np.empty(0)
+    if form.inner:
+        for i in system.limited:
+            named = system.coordinates[i]
+            values = [q[i] for q in points]
+            rows.add("joint", i, f"joint {named.name}", named.unit, 1.0, inside, values)
+    if form.chart:
+        places = [x.X, *points] if form.inner else [x.X]
+        z2 = [chained_form(system).z_expr(q)[1] for q in places]
+        rows.add("z2", 1, "z2 margin", "", 1.0, np.append(0.0, inside), z2)
 
 
 def _motion_of(named: Coordinate) -> str:

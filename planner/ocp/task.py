@@ -66,6 +66,11 @@ class Task:
         form = replace(self.made.form, intervals=len(mesh.widths))
         return task(self.problem, self.objective, form, mesh, self.rest, self.settings)
 
+    def inside(self) -> Task:
+        """The same task with limits kept at the collocation points too."""
+        form = replace(self.made.form, inner=True)
+        return task(self.problem, self.objective, form, self.mesh, self.rest, self.settings)
+
 
 def task(
     problem: Problem,

@@ -106,14 +106,16 @@ def check(
 
     Args:
         problem: What to examine.
-        methods: Names to try; every method of the registry when left out.
+        methods: Names to try; when left out, every method of the registry that does not start from
+            another's plan.
         progress: Called with a line of text before each step that may take time.
 
     Raises:
         InputError: If a method is unknown.
     """
     say = progress or (lambda _: None)
-    names = list(METHODS) if methods is None else [find_method(m).name for m in methods]
+    own = [name for name, method in METHODS.items() if method.refines is None]
+    names = own if methods is None else [find_method(m).name for m in methods]
     window = travel_window(problem)
     outcomes = []
     for name in names:

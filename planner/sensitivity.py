@@ -1,13 +1,8 @@
 """How errors of inputs, start and constants reach the end of an open-loop plan.
 
-First-order sensitivities S(t) = ∂q(t)/∂p follow Ṡ = A S + ∂f/∂p along the plan (H. K. Khalil,
-Nonlinear Systems, 3rd ed., section 3.3), with A = ∂f/∂q. Parameters p:
-
-    gain u1, gain u2        relative gain errors: uᵢ becomes (1 + p) uᵢ
-    bias u1, bias u2        added to uᵢ, in its unit
-    delay u1, delay u2      the input arrives p seconds late (and then ends p seconds late)
-    start <coordinate>      offset of the start, in the coordinate's unit
-    <constant>              relative error of a constant of the system (K2 … Kn, manipulator)
+First-order sensitivities S(t) = ∂q(t)/∂p follow Ṡ = A S + ∂f/∂p along the plan; see
+`planner.linearised` for the parameters p. Those of a machine, which is not smooth, are taken by
+paired differences: `planner.differences`.
 """
 
 from __future__ import annotations
@@ -22,6 +17,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.extrema import sample_times
+from planner.linearised import linearised, parameters
 from planner.plan import Plan
 from planner.systems.ballgear import BallGear
 from planner.systems.base import Array, TriangularSystem
@@ -126,7 +122,8 @@ def sensitivity(plan: Plan, samples: int = 2000) -> Sensitivity:
             f"the {plan.method} plan leaves the chart's domain, so it has no inputs to perturb"
         )
     system = plan.problem.system
-    names, units = _parameters(system)
+    known = parameters(system)
+    names, units = tuple(p.name for p in known), tuple(p.unit for p in known)
     t = np.unique(sample_times(plan.t, samples))
     S = np.zeros((len(t), system.size, len(names)))
     first = names.index(f"start {system.coordinates[0].name}")
@@ -154,49 +151,16 @@ def _linearised(plan: Plan, t: Array) -> Linear:
     """A (m, N, N) and B (m, N, P) at the times t (m,)."""
     system = plan.problem.system
     size = system.size
-    out = _derivatives(system)(plan.q(t), plan.u(t))
+    out = _derivatives(system)(plan.q(t), plan.u(t), t[:, None])
     return out[:, :, :size], out[:, :, size:]
-
-
-def _parameters(system: TriangularSystem) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    u = system.inputs
-    named = [
-        *((f"gain {i.name}", "1") for i in u),
-        *((f"bias {i.name}", i.unit) for i in u),
-        *((f"delay {i.name}", "s") for i in u),
-        *((f"start {c.name}", c.unit) for c in system.coordinates),
-        *((f"K{i}", "1") for i in range(2, _geared(system) + 2)),
-    ]
-    return tuple(name for name, _ in named), tuple(unit for _, unit in named)
-
-
-def _geared(system: TriangularSystem) -> int:
-    """Number of gear constants Kᵢ."""
-    return system.n - 1 if isinstance(system, Manipulator | BallGear) else 0
 
 
 @lru_cache(maxsize=32)
 def _derivatives(system: TriangularSystem) -> Pointwise:
-    """(q, u) → [A, B] side by side, columns in the order of `_parameters`.
-
-    A late input uᵢ(t − p) acts through the Lie bracket alone: after integrating −u̇ᵢ gᵢ by parts
-    the forcing is u₁u₂[gⱼ, gᵢ], j ≠ i, which has no derivative of the input and needs no care at
-    its jumps.
-    """
-    q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
-    f = ca.vertcat(*system.rates_expr(q, u))
-    A = ca.jacobian(f, q)
-    g1, g2 = (ca.jacobian(f, u)[:, i] for i in range(2))
-    bracket = ca.jacobian(g2, q) @ g1 - ca.jacobian(g1, q) @ g2  # [g1, g2]
-    late = u[0] * u[1] * bracket
-    constants = []
-    for i in range(_geared(system)):
-        row = ca.SX(system.size, 1)
-        row[i + 2] = f[i + 2]
-        constants.append(row)
-    start = ca.SX(system.size, system.size)
-    B = ca.horzcat(g1 * u[0], g2 * u[1], g1, g2, -late, late, start, *constants)
-    return Pointwise("derivatives", [q, u], ca.horzcat(A, B))
+    """(q, u, t) → [A, B] side by side, columns of B in the order of `parameters`."""
+    form = linearised(system)
+    value = ca.horzcat(form.A, *(form.forcing[p.name] for p in parameters(system)))
+    return Pointwise("derivatives", [form.q, form.u, form.t], value)
 
 
 def _irreducible(system: TriangularSystem, names: tuple[str, ...]) -> NDArray[np.bool_]:

@@ -41,7 +41,10 @@ Json = Annotated[
 MethodNames = Annotated[
     str | None,
     typer.Option(
-        "--methods", metavar="A,B,C", help="Methods to try; all when left out.", show_default=False
+        "--methods",
+        metavar="A,B,C",
+        help="Methods to try; those that need no other's plan when left out.",
+        show_default=False,
     ),
 ]
 
@@ -85,14 +88,14 @@ def parse_changes(pairs: list[str]) -> dict[str, Any]:
     return out
 
 
-def parse_methods(text: str | None) -> list[str]:
-    """Names of `--methods a,b,c`, each once; every method when left out.
+def parse_methods(text: str | None) -> list[str] | None:
+    """Names of `--methods a,b,c`, each once; None when left out.
 
     Raises:
         InputError: If one is unknown, or none is named.
     """
     if text is None:
-        return list(METHODS)
+        return None
     names = list(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
     if not names:
         raise InputError(f"--methods {text!r} names no method; allowed: {', '.join(METHODS)}")

@@ -8,12 +8,14 @@ from typing import Any
 
 from planner.methods.collocation import plan_collocation
 from planner.methods.convex import plan_convex
+from planner.methods.desensitised import plan_desensitised
 from planner.methods.piecewise import plan_piecewise
 from planner.methods.polynomial import plan_polynomial
 from planner.methods.sinusoid import plan_sinusoid
 from planner.methods.sinusoid_steps import plan_sinusoid_steps
 from planner.plan import Plan
 from planner.problem import Problem
+from planner.schema.desensitised import DesensitisedOptions
 from planner.schema.methods import (
     CollocationOptions,
     ConvexOptions,
@@ -33,12 +35,15 @@ class Method:
         summary: One line for listings.
         options: The table of its options.
         plan: From problem and options to a plan that is not verified yet.
+        refines: The method whose plan it starts from, or None. Where that finds none this finds
+            none, so that `check` does not try it.
     """
 
     name: str
     summary: str
     options: type[Any]
     plan: Callable[[Problem, Any], Plan]
+    refines: str | None = None
 
 
 _ALL = (
@@ -77,6 +82,13 @@ _ALL = (
         "optimal in the chart: v1 constant, v2 on pieces; global with a gap, or a certificate",
         ConvexOptions,
         plan_convex,
+    ),
+    Method(
+        "desensitised",
+        "least response to errors of inputs, start and constants, weighed against effort",
+        DesensitisedOptions,
+        plan_desensitised,
+        refines="collocation",
     ),
 )
 

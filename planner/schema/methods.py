@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator
 
 from planner.schema.base import Table
+from planner.schema.desensitised import DesensitisedOptions
 
 Point = Annotated[list[float], Field(min_length=2, max_length=2)]
 
@@ -213,3 +214,4 @@ class MethodsTable(Table):
     sinusoid_steps: SinusoidStepsOptions = Field(default_factory=SinusoidStepsOptions)
     collocation: CollocationOptions = Field(default_factory=CollocationOptions)
     convex: ConvexOptions = Field(default_factory=ConvexOptions)
+    desensitised: DesensitisedOptions = Field(default_factory=DesensitisedOptions)

@@ -38,7 +38,8 @@ EXPECTED = {
 
 def test_the_table_is_complete() -> None:
     assert {path.stem for path in PROBLEMS.glob("*.toml")} == set(EXPECTED)
-    assert set(METHODS) == set(planner.METHODS)
+    # a method that refines another's plan finds one where that does: tests/methods/test_desensitised
+    assert set(METHODS) == {name for name, m in planner.METHODS.items() if m.refines is None}
 
 
 def _outcome(problem: planner.Problem, method: str) -> tuple[str, str, planner.Plan | None]:

@@ -1,0 +1,263 @@
+"""Plans that errors of inputs, start and constants disturb least, against their effort."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from planner.chained import chained_form
+from planner.desensitise.augmented import DEGREES, augmented
+from planner.desensitise.program import Shape, program
+from planner.desensitise.refusal import broken
+from planner.desensitise.seeds import guess, seeds
+from planner.desensitise.settle import Settled, settle
+from planner.desensitise.spread import spreads
+from planner.desensitise.task import Solution, Task, Weights, prepared
+from planner.errors import InfeasibleError, InputError, NotConvergedError
+from planner.methods.collocation import plan_collocation
+from planner.ocp.form import Form
+from planner.ocp.mesh import uniform
+from planner.plan import Plan
+from planner.problem import Problem
+from planner.reachability import travel_window
+from planner.schema.desensitised import DesensitisedOptions
+from planner.schema.methods import CollocationOptions
+
+NAME = "desensitised"
+
+
+@dataclass(frozen=True, eq=False)
+class _Answer:
+    start: str
+    solution: Solution
+    iterations: int
+    log: list[dict[str, Any]]
+
+
+def plan_desensitised(
+    problem: Problem, options: DesensitisedOptions, near: Plan | None = None
+) -> Plan:
+    """Minimise the response to the design errors, weighed against effort.
+
+    Motion and response are one collocation problem (`planner.desensitise`). It is solved from the
+    plan of least effort and from excursions about it that let φ turn back, since optima are local;
+    the best is kept (`notes["start"]`, `notes["tried"]`).
+
+    Args:
+        problem: What to solve.
+        options: Weights, spreads and form.
+        near: A plan of the same problem to start from, instead of all other starts: a neighbour on
+            a trade-off curve.
+
+    Raises:
+        InputError: If a spread does not fit the system or options contradict each other.
+        InfeasibleError: If one way is asked for and impossible, or the start has no room to back
+            off.
+        NotConvergedError: If no motion is found.
+    """
+    began = time.perf_counter()
+    if not options.reversal:
+        _refuse_one_way(problem)
+    task = _task(problem, options)
+    _refuse_no_room(task)
+    build = prepared(task)
+    easy = near or plan_collocation(problem, _easy(options))
+    if not options.reversal:
+        task = replace(task, direction=1.0 if easy.travel >= 0 else -1.0)
+    answer = _searched(task, options, easy, near is not None)
+    done = settle(task, answer.solution, options.accuracy)
+    return _plan(done, answer, options, began, build)
+
+
+def _task(problem: Problem, options: DesensitisedOptions) -> Task:
+    spread = spreads(problem.system, options)
+    made = augmented(problem.system, tuple(spread))
+    form = Form(
+        intervals=options.intervals,
+        input=_input_kind(problem, options),
+        rate_limits=bool(np.any(np.isfinite(problem.limits.input_rate))),
+        chart=problem.limits.z2_margin is not None,
+    )
+    limited = tuple(i for i in problem.system.limited if np.isfinite(problem.limits.joint[i]))
+    return Task(
+        problem=problem,
+        program=program(made, Shape(form, limited if options.backoff > 0 else ())),
+        mesh=uniform(options.intervals),
+        spread=spread,
+        weights=Weights(
+            options.passive,
+            options.terminal,
+            options.path,
+            options.effort,
+            options.time if problem.duration is None else 0.0,
+        ),
+        backoff=options.backoff,
+        direction=0.0,
+        effort_limit=options.effort_limit or np.inf,
+        rest=options.rest,
+        tolerance=options.tolerance,
+        max_iterations=options.max_iterations,
+    )
+
+
+def _input_kind(problem: Problem, options: DesensitisedOptions) -> Literal["constant", "linear"]:
+    smooth = options.rest or bool(np.any(np.isfinite(problem.limits.input_rate)))
+    if options.input == "auto":
+        return "linear" if smooth else "constant"
+    if options.input == "constant" and smooth:
+        what = "rest = true" if options.rest else "the limit on input rates"
+        raise InputError(
+            f"{problem.source}: method.desensitised.input = 'constant' jumps between intervals,"
+            f" which contradicts {what}; use 'linear' or 'auto'"
+        )
+    return options.input
+
+
+def _easy(options: DesensitisedOptions) -> CollocationOptions:
+    return CollocationOptions(rest=options.rest, intervals=options.intervals)
+
+
+def _searched(task: Task, options: DesensitisedOptions, easy: Plan, near: bool) -> _Answer:
+    """The best of all starts."""
+    log: list[dict[str, Any]] = []
+    best: tuple[str, Solution] | None = None
+    last: Solution | None = None
+    iterations = 0
+    for seed in seeds(options.reversal)[: 1 if near else options.starts]:
+        start = guess(task, easy.trajectory, seed)
+        last = task.solve(start, near)
+        if not last.ok:  # the other barrier takes another way
+            iterations += last.iterations
+            last = task.solve(start, not near)
+        iterations += last.iterations
+        log.append(_entry("the plan given" if near else seed.name, last))
+        if last.ok and (best is None or last.cost < best[1].cost * (1 - 1e-6)):
+            best = (log[-1]["start"], last)
+    if best is None:
+        assert last is not None
+        raise _not_converged(task, last, options, len(log))
+    return _Answer(*best, iterations, log)
+
+
+def _entry(name: str, solution: Solution) -> dict[str, Any]:
+    return {
+        "start": name,
+        "status": solution.status,
+        "objective": solution.cost if solution.ok else None,
+        "passive_deg": solution.passive_deg if solution.ok else None,
+        "total_deg": solution.total_deg if solution.ok else None,
+        "effort": solution.effort if solution.ok else None,
+        "iterations": solution.iterations,
+    }
+
+
+def _plan(
+    done: Settled, answer: _Answer, options: DesensitisedOptions, began: float, build: float
+) -> Plan:
+    task, solution = done.task, done.solution
+    w = task.weights
+    terms = [
+        (w.passive, "passive block^2"),
+        (w.terminal, "terminal response^2"),
+        (w.path, "response along the path^2"),
+        (w.effort, "effort"),
+        (w.time, "duration"),
+    ]
+    name = " + ".join(f"{weight:g} x {term}" for weight, term in terms if weight)
+    return Plan(
+        problem=task.problem,
+        method=NAME,
+        options=options.model_dump(),
+        trajectory=task.curve(solution.vector),
+        objective=solution.cost,
+        objective_name=f"desensitised: {name} (deg^2)",
+        solve_time_s=time.perf_counter() - began - build,
+        build_time_s=build,
+        iterations=answer.iterations + done.iterations,
+        notes={
+            "start": answer.start,
+            "tried": answer.log,
+            "spread": task.spread,
+            "passive_deg": solution.passive_deg,
+            "total_deg": solution.total_deg,
+            "effort": solution.effort,
+            **done.notes,
+        },
+    )
+
+
+def _not_converged(
+    task: Task, solution: Solution, options: DesensitisedOptions, tried: int
+) -> NotConvergedError:
+    ways = [] if options.reversal else ["method.desensitised.reversal = true"]
+    ways += ["method.desensitised.backoff smaller"] if options.backoff else []
+    ways += ["a larger method.desensitised.effort_limit"] if options.effort_limit else []
+    ways += ["more method.desensitised.starts, wider limits, or more time"]
+    plan = Plan(
+        problem=task.problem,
+        method=NAME,
+        options=options.model_dump(),
+        trajectory=task.curve(solution.vector),
+        status=NotConvergedError.status,
+        objective=solution.cost,
+        iterations=solution.iterations,
+        notes={"solver_status": solution.status},
+    )
+    return NotConvergedError(
+        f"{task.problem.source}: no desensitised motion was found from {tried} start"
+        f"{'s' if tried > 1 else ''} (the last one: {solution.status} after"
+        f" {solution.iterations} iterations)",
+        plan=plan,
+        violations=broken(task, solution),
+        advice=", or ".join(ways),
+    )
+
+
+def _refuse_one_way(problem: Problem) -> None:
+    window = travel_window(problem)
+    if window is None:
+        return
+    if window.empty:
+        reason = window.reason
+    elif problem.travel is not None and problem.travel not in window:
+        reason = (
+            f"one-way motions travel between {window.low:.5g} and {window.high:.5g} rad, not"
+            f" {problem.travel:.5g}"
+        )
+    else:
+        return
+    raise InfeasibleError(
+        f"{problem.source}: no one-way motion exists: {reason}",
+        advice="method.desensitised.reversal = true",
+    )
+
+
+def _refuse_no_room(task: Task) -> None:
+    """At the start the spread is the design's own: where it does not fit, no path helps."""
+    if not task.backoff:
+        return
+    problem, N = task.problem, task.problem.system.size
+    q0, sigma = problem.start, task.sigma
+    x = np.concatenate([q0, np.asarray(task.program.made.initial(sigma)).ravel()])
+    W = np.asarray(task.program.made.response(x, 0.0, sigma, q0)) / DEGREES
+    rooms = [
+        (problem.system.coordinates[i].name, problem.limits.joint[i] - abs(q0[i]), W[i])
+        for i in problem.system.limited
+    ]
+    if problem.limits.z2_margin is not None:
+        form, h = chained_form(problem.system), 1e-6
+        slope = np.array([form.z(q0 + h * e)[1] - form.z(q0 - h * e)[1] for e in np.eye(N)])
+        z2 = problem.z2_sign * form.z(q0)[1]
+        rooms.append(("z2", float(z2) - problem.limits.z2_margin, slope / (2 * h) @ W))
+    for name, room, response in rooms:
+        needed = task.backoff * float(np.linalg.norm(response))
+        if needed > room:
+            raise InfeasibleError(
+                f"{problem.source}: method.desensitised.backoff = {task.backoff:g} needs"
+                f" {needed:.4g} of room to the limit on {name} and the start has {room:.4g}",
+                advice=f"method.desensitised.backoff = {task.backoff * room / needed * 0.99:.3g}"
+                f" or less, or a wider limit on {name}",
+            )

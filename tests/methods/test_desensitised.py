@@ -1,0 +1,131 @@
+"""Plans made against errors: better than the known optima, within limits, honest refusals."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from perturbed import draws, motions
+
+import planner
+from planner.measures import effort
+from planner.sensitivity import sensitivity
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+
+
+@pytest.fixture(scope="module")
+def example(paper: planner.Problem) -> planner.Problem:
+    """The paper's example with the limit that the known optima have."""
+    return paper.changed({"limits.input_rad_s": [0.6, 0.6]})
+
+
+@pytest.fixture(scope="module")
+def reversing(example: planner.Problem) -> planner.Plan:
+    return planner.solve(example, "desensitised")
+
+
+@pytest.fixture(scope="module")
+def one_way(example: planner.Problem) -> planner.Plan:
+    return planner.solve(example, "desensitised", reversal=False, starts=2)
+
+
+def test_reversing_plan_beats_the_known_optimum(reversing: planner.Plan) -> None:
+    found = sensitivity(reversing)
+    assert reversing.verified
+    assert found.passive_block_deg() < 0.04  # known: 0.066
+    assert found.total_deg() < 1.05 * found.floor_deg()
+    assert np.min(reversing.u(np.linspace(0, 10, 401))[:, 0]) < -0.1
+
+
+def test_one_way_plan_beats_the_known_optimum(one_way: planner.Plan) -> None:
+    found = sensitivity(one_way)
+    assert one_way.verified
+    assert found.passive_block_deg() < 0.26  # known: 0.315
+    assert found.total_deg() < 1.04
+    assert np.min(one_way.u(np.linspace(0, 10, 401))[:, 0]) >= 0
+
+
+def test_the_winner_is_named_and_is_the_best(reversing: planner.Plan) -> None:
+    tried = reversing.notes["tried"]
+    assert len(tried) == 4
+    best = min((e for e in tried if e["objective"] is not None), key=lambda e: e["objective"])
+    winner = next(e for e in tried if e["start"] == reversing.notes["start"])
+    assert winner["objective"] == pytest.approx(best["objective"], rel=1e-6)
+
+
+def test_nonlinear_monte_carlo_agrees(reversing: planner.Plan, paper: planner.Problem) -> None:
+    spread = reversing.notes["spread"]
+    easy = planner.solve(paper, "collocation")
+    for plan in (reversing, easy):
+        ends = motions(plan, draws(spread, 500))[:, 0] - plan.q(plan.duration)
+        seen = np.rad2deg(np.sqrt(np.sum(np.mean(ends[:, 1:] ** 2, axis=0))))
+        assert seen == pytest.approx(sensitivity(plan).total_deg(), rel=0.05)
+        few = {k: v for k, v in spread.items() if k in ("start theta1", "gain u2")}
+        passive = motions(plan, draws(few, 500))[:, 0] - plan.q(plan.duration)
+        seen = np.rad2deg(np.sqrt(np.sum(np.mean(passive[:, 2:] ** 2, axis=0))))
+        # what is left of the passive block is of second order in the errors
+        assert seen == pytest.approx(sensitivity(plan).passive_block_deg(), rel=0.08, abs=0.02)
+
+
+def test_the_effort_limit_bites(paper: planner.Problem, reversing: planner.Plan) -> None:
+    assert effort(reversing.trajectory) > 1.0
+    plan = planner.solve(paper, "desensitised", starts=1, effort_limit=0.6)
+    assert effort(plan.trajectory) == pytest.approx(0.6, abs=1e-6)
+
+
+def test_back_off_keeps_perturbed_motions_inside(paper: planner.Problem) -> None:
+    tight = paper.changed({"limits.joint_deg": 36})
+    options = {"starts": 1, "effort": 0.5, "passive": 0.0, "terminal": 0.01}
+    t = np.linspace(0, 10, 81)
+
+    def outside(plan: planner.Plan) -> float:
+        q = motions(plan, draws(plan.notes["spread"], 200, seed=3), t)
+        return float(np.mean(np.max(np.abs(q[:, :, 1:]), axis=(1, 2)) > np.deg2rad(36)))
+
+    assert outside(planner.solve(tight, "desensitised", **options)) > 0.3
+    free = tight.changed({"limits": {k: v for k, v in tight.to_dict()["limits"].items()
+                                     if k != "z2_margin"}})  # fmt: skip
+    backed = planner.solve(free, "desensitised", **options, backoff=3.0)
+    assert outside(backed) < 0.02
+
+
+def test_no_room_to_back_off_at_the_start(paper: planner.Problem) -> None:
+    with pytest.raises(planner.InfeasibleError, match=r"backoff = 3 needs .* on z2") as refusal:
+        planner.solve(paper, "desensitised", backoff=3.0)
+    assert "backoff = " in str(refusal.value.advice)
+
+
+def test_input_rates_rest_and_a_free_duration(paper: planner.Problem) -> None:
+    changes = {"limits.input_rate_rad_s2": [2.0, 2.0], "goal.duration": "free"}
+    problem = paper.changed({**changes, "start.theta_deg": [10, 20, 10]})
+    plan = planner.solve(problem, "desensitised", starts=2, intervals=24, rest=True)
+    assert plan.verified
+    np.testing.assert_allclose(plan.u(np.array([0.0, plan.duration])), 0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["crossing", "parking", "four-joint", "ball-gear", "unicycle"])
+def test_other_problems(name: str) -> None:
+    problem = planner.load_problem(PROBLEMS / f"{name}.toml")
+    plan = planner.solve(problem, "desensitised", starts=1, intervals=24)
+    easy = planner.solve(problem, "collocation")
+    assert plan.verified
+    assert sensitivity(plan).total_deg() <= sensitivity(easy).total_deg() + 1e-6
+
+
+def test_one_way_where_it_cannot_be() -> None:
+    problem = planner.load_problem(PROBLEMS / "parking.toml")
+    with pytest.raises(planner.InfeasibleError, match="no one-way motion exists") as refusal:
+        planner.solve(problem, "desensitised", reversal=False)
+    assert "reversal = true" in str(refusal.value.advice)
+
+
+def test_a_spread_that_does_not_fit(paper: planner.Problem) -> None:
+    with pytest.raises(planner.InputError, match=r"start_deg has 2 values; give one number, or 3"):
+        planner.solve(paper, "desensitised", start_deg=[0.5, 0.5])
+    with pytest.raises(planner.InputError, match="every spread is zero"):
+        planner.solve(paper, "desensitised", start_deg=0.0, gain=0.0)
+
+
+def test_constant_input_contradicts_rest(paper: planner.Problem) -> None:
+    with pytest.raises(planner.InputError, match="contradicts rest = true"):
+        planner.solve(paper, "desensitised", rest=True, input="constant")

@@ -25,7 +25,9 @@ class Chart {
     const { svg } = this;
     svg.addEventListener("pointermove", (event) => this.point(event));
     svg.addEventListener("pointerdown", (event) => this.point(event));
-    svg.addEventListener("pointerleave", () => this.read(null));
+    svg.addEventListener("pointerleave", (event) => {
+      if (event.pointerType === "mouse") this.read(null); // a finger leaves at once; blur ends it
+    });
     svg.addEventListener("click", () => this.setClock());
     svg.addEventListener("blur", () => this.read(null));
     svg.addEventListener("focus", () => {
@@ -137,9 +139,9 @@ class Chart {
       make("td", { text: row.text }, line);
     }
     this.tip.hidden = false;
-    const left = told.px > width / 2;
-    this.tip.style.left = left ? "" : `${told.px + 12}px`;
-    this.tip.style.right = left ? `${width - told.px + 12}px` : "";
+    const wide = this.tip.offsetWidth;
+    const beside = told.px > width / 2 ? told.px - 12 - wide : told.px + 12;
+    this.tip.style.left = `${Math.max(0, Math.min(width - wide, beside))}px`;
     this.tip.style.top = `${this.svg.offsetTop + EDGE.top + 4}px`;
     if (aloud) {
       const rows = told.rows.map((r) => `${r.name ?? this.page.plans[r.plan].label} ${r.text}`);

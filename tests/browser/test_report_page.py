@@ -1,0 +1,360 @@
+"""The report's page in a browser: from disk, no network, by pointer, by keys, light and dark."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from compared import outside, quick_comparison
+
+import planner
+from planner.comparison import Comparison, Row
+from planner.report import folder as report_folder
+from planner.report import write_report
+from planner.report.arm import body
+
+SOLVED = "polynomial"
+JOINTS = "#fig-joints .panel"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _without_pictures() -> Iterator[None]:
+    """The folder's own figures are not looked at here, and take long."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(report_folder, "_write_figures", lambda *_: None)
+        yield
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, _without_pictures: None) -> Path:
+    return quick_comparison().save(tmp_path_factory.mktemp("out") / "paper", report=True)
+
+
+@pytest.fixture
+def opened(folder: Path, new_page: Callable) -> Callable:
+    def show(path: Path = folder / "report.html", **options: Any) -> Any:
+        page = new_page(**options)
+        page.goto(path.as_uri())
+        page.locator(".panel svg path").first.wait_for(state="attached")
+        return page
+
+    return show
+
+
+def clock(page: Any) -> float:
+    return float(page.locator("#clock").text_content().removesuffix(" s"))
+
+
+def tip(panel: Any) -> tuple[float, dict[str, float]]:
+    """Time and values that the figure shows."""
+    text = panel.locator(".tip > div").text_content()
+    rows = panel.locator(".tip tr").all()
+    cells = [[c.text_content() for c in row.locator("td").all()] for row in rows]
+    return float(text.removesuffix(" s")), {
+        name: float(value.split()[0].replace("−", "-")) for name, value in cells
+    }
+
+
+def points_of(path: str) -> np.ndarray:
+    return np.array([[float(x) for x in p.split()] for p in re.findall(r"[ML]([^ML]+)", path)])
+
+
+def test_the_page_says_what_was_asked_and_what_came_out(opened: Callable, folder: Path) -> None:
+    page = opened()
+    text = page.locator("body").inner_text()
+    assert "Which plan brings the arm from θ = (1, 1, 1)° to (30, 30, 30)° in 10 s" in text
+    assert "Only polynomial gave a plan that reaches the goal and keeps every limit." in text
+    assert "refused: input u2 reaches 83 rad/s, allowed 0.6" in text
+    assert "5 drawn from “prototype”" in text
+    command = page.locator("#command").text_content()
+    assert command.startswith("planner compare ")
+    assert command.endswith(f"--out {folder}")
+    assert f"casadi\n{planner.report.provenance.versions()['casadi']}" in text
+    rows = page.locator("main table").first.locator("tbody tr")
+    assert rows.count() == 3
+    row = quick_comparison()[SOLVED]
+    solved = rows.nth(1).inner_text()
+    for number in (f"{row.effort:.4g}", f"{row.travel_rad:.4g}", "solved"):
+        assert number in solved
+
+
+def test_pointing_at_a_curve_shows_its_values(opened: Callable) -> None:
+    page = opened()
+    panel = page.locator(JOINTS).first
+    assert panel.locator(".tip").is_hidden()
+    panel.locator("svg").hover(position={"x": 140, "y": 80})
+    t, values = tip(panel)
+    assert 2 < t < 6
+    plan = quick_comparison()[SOLVED].plan
+    assert plan is not None
+    assert values[SOLVED] == pytest.approx(np.rad2deg(plan.q(t)[1]), abs=0.2)
+    assert "… on the machine" in values
+    page.mouse.move(5, 5)
+    assert panel.locator(".tip").is_hidden()
+
+
+def test_the_domain_is_read_with_z2(opened: Callable) -> None:
+    page = opened()
+    panel = page.locator("#fig-z .panel").nth(1)
+    panel.locator("svg").hover()
+    rows = panel.locator(".tip tr").all_inner_texts()
+    assert any("domain" in row and " to " in row for row in rows)
+
+
+def test_keys_read_a_figure_and_set_the_clock(opened: Callable) -> None:
+    page = opened()
+    panel = page.locator(JOINTS).nth(2)
+    panel.locator("svg").focus()
+    page.keyboard.press("Home")
+    assert tip(panel)[0] == 0.0
+    for _ in range(5):
+        page.keyboard.press("Shift+ArrowRight")
+    t, values = tip(panel)
+    assert t == pytest.approx(2.5, abs=0.01)
+    assert f"{SOLVED} " in page.locator("#live").text_content()
+    assert str(values[SOLVED]) in page.locator("#live").text_content()
+    page.keyboard.press("Enter")
+    assert clock(page) == pytest.approx(2.5, abs=0.01)
+    page.keyboard.press("End")
+    assert tip(panel)[1][SOLVED] == pytest.approx(30, abs=0.01)
+    page.keyboard.press("Escape")
+    assert panel.locator(".tip").is_hidden()
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.tagName") == "svg"
+
+
+def test_the_whole_page_is_within_reach_of_the_tab_key(opened: Callable) -> None:
+    page = opened()
+    wanted = page.evaluate(
+        "[...document.querySelectorAll('button, select, input, summary, [tabindex]')]"
+        ".filter((e) => e.checkVisibility()).length"
+    )
+    seen = set()
+    for _ in range(wanted + 5):
+        page.keyboard.press("Tab")
+        seen.add(
+            page.evaluate("""() => {
+            const all = [...document.querySelectorAll('*')];
+            return all.indexOf(document.activeElement);
+        }""")
+        )
+    assert len(seen) >= wanted
+
+
+def test_every_control_has_a_name(opened: Callable) -> None:
+    page = opened()
+    for role in ("button", "checkbox", "slider", "combobox", "img"):
+        found = page.get_by_role(role)
+        assert found.count() > 0
+        for k in range(found.count()):
+            snapshot = found.nth(k).aria_snapshot()
+            assert re.match(rf"- '?{role} \"", snapshot), snapshot
+
+
+def test_play_moves_both_arms_on_one_clock(opened: Callable) -> None:
+    page = opened()
+    assert clock(page) == 0.0
+    bodies = page.locator(".stage .body")
+    before = [bodies.nth(k).get_attribute("d") for k in range(2)]
+    page.locator("#speed").select_option("2")
+    page.get_by_role("button", name="Play").click()
+    page.wait_for_function("() => parseFloat(document.getElementById('clock').textContent) > 1")
+    page.get_by_role("button", name="Pause").click()
+    stopped = clock(page)
+    assert 1 < stopped < 10
+    page.wait_for_timeout(100)
+    assert clock(page) == stopped
+    for k in range(2):
+        assert bodies.nth(k).get_attribute("d") != before[k]
+        assert f"at {stopped:.2f} seconds" in page.locator(".stage svg").nth(k).get_attribute(
+            "aria-label"
+        )
+
+
+def test_scrubbing_shows_the_arm_of_that_time(opened: Callable) -> None:
+    page = opened()
+    page.locator("#scrub").focus()
+    page.keyboard.press("End")
+    assert clock(page) == 10.0
+    for _ in range(80):
+        page.keyboard.press("ArrowLeft")
+    t = clock(page)
+    assert t == pytest.approx(6.0, abs=0.01)
+    assert page.locator("#scrub").get_attribute("aria-valuetext") == f"{t:.2f} s"
+    plan = quick_comparison()[SOLVED].plan
+    assert plan is not None
+    stage = page.locator(".stage").nth(1)
+    assert stage.locator("select").evaluate("(s) => s.selectedOptions[0].text") == SOLVED
+    drawn = points_of(stage.locator(".body").get_attribute("d"))
+    planned = body(plan.problem, plan.q(t))
+    scale = np.linalg.norm(drawn[1] - drawn[0]) / np.linalg.norm(planned[1] - planned[0])
+    rebuilt = (drawn - drawn[0]) * [1, -1] / scale
+    np.testing.assert_allclose(rebuilt, planned - planned[0], atol=0.01)
+    assert f"θ₁ {np.rad2deg(plan.q(t)[1]):.1f}°" in stage.locator(".readout").inner_text()
+
+
+def test_the_machine_goes_when_told(opened: Callable) -> None:
+    page = opened()
+    machines = page.locator(".stage .machine-body")
+    curves = page.locator(f"{JOINTS} .curve.machine")
+    assert machines.nth(1).get_attribute("d")
+    assert curves.count() > 0
+    page.get_by_label("the machine of median error").uncheck()
+    assert not machines.nth(1).get_attribute("d")
+    assert curves.count() == 0
+
+
+def test_another_plan_can_be_chosen(opened: Callable) -> None:
+    page = opened()
+    right = page.locator(".stage").nth(1)
+    before = right.locator(".ends").first.get_attribute("d"), right.locator("path.curve").first
+    trail = before[1].get_attribute("d")
+    right.locator("select").select_option(label="polynomial:travel=middle (refused)")
+    assert right.locator(".ends").first.get_attribute("d") == before[0]
+    assert right.locator("path.curve").first.get_attribute("d") != trail
+
+
+def test_the_legend_hides_a_plan_in_all_figures(opened: Callable) -> None:
+    page = opened()
+    curves = page.locator(f"{JOINTS} path.curve")
+    before = curves.count()
+    assert page.locator("#fig-inputs .notes", has_text="peaks at").count() >= 1
+    page.locator(".legend input").first.uncheck()
+    assert curves.count() == before - 6  # a plan and its machine in three panels
+    assert page.locator("#fig-inputs .notes", has_text="peaks at").count() == 0
+    page.locator(".legend input").first.check()
+    assert curves.count() == before
+
+
+def test_shares_and_points_are_those_of_the_replays(opened: Callable) -> None:
+    page = opened()
+    row = quick_comparison()[SOLVED]
+    errors = page.locator("#fig-errors .panel")
+    errors.locator("svg").focus()
+    page.keyboard.press("End")
+    assert errors.locator(".tip tr").last.inner_text().endswith("100.0 %")
+    points = page.locator("#fig-trade .panel")
+    points.locator("svg").focus()
+    page.keyboard.press("End")
+    words = " ".join(points.locator(".tip").inner_text().split())
+    assert f"effort {row.effort:.4g}" in words
+    assert f"median of E {row.E_median_deg:.3g} deg" in words
+
+
+def luminance(colour: str) -> float:
+    parts = np.array([float(x) for x in re.findall(r"[\d.]+", colour)[:3]]) / 255
+    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_contrast_in_both_schemes(opened: Callable, scheme: str) -> None:
+    page = opened(color_scheme=scheme)
+
+    def colour(where: str, what: str = "color") -> float:
+        return luminance(page.evaluate(
+            "([w, c]) => getComputedStyle(document.querySelector(w))[c]", [where, what]
+        ))  # fmt: skip
+
+    paper = colour("body", "backgroundColor")
+    assert (paper < 0.05) == (scheme == "dark")
+
+    def contrast(other: float) -> float:
+        high, low = max(paper, other), min(paper, other)
+        return (high + 0.05) / (low + 0.05)
+
+    assert contrast(colour("body")) > 7
+    assert contrast(colour(".note")) > 4.5
+    assert contrast(colour(".badge.refused")) > 4.5
+    assert contrast(colour("svg text", "fill")) > 4.5
+    for k in range(9):
+        page.evaluate(f"document.querySelector('.swatch').className = 'swatch plan-{k}'")
+        assert contrast(colour(".swatch")) > 3, k
+
+
+def test_readable_on_a_phone(opened: Callable) -> None:
+    page = opened(width=360, height=700, has_touch=True, is_mobile=True)
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    cell = page.locator("tbody td").first
+    assert cell.evaluate("(e) => getComputedStyle(e, '::before').content") == '"travel"'
+    assert page.evaluate("parseFloat(getComputedStyle(document.body).fontSize)") >= 16
+    for control in ("#play", "#scrub", "#speed"):
+        assert page.locator(control).bounding_box()["height"] >= 36
+    stages = page.locator(".stage svg")
+    assert stages.nth(0).bounding_box()["y"] == stages.nth(1).bounding_box()["y"]
+    panel = page.locator(JOINTS).first
+    panel.locator("svg").tap()
+    assert panel.locator(".tip").is_visible()
+    box = panel.locator(".tip").bounding_box()
+    assert box["x"] >= 0
+    assert box["x"] + box["width"] <= 360
+
+
+def test_less_motion_where_it_is_asked_for(opened: Callable) -> None:
+    page = opened(reduced_motion="reduce")
+    page.locator("#play").click()
+    seen = page.evaluate("""async () => {
+        const seen = new Set(), began = performance.now();
+        while (performance.now() - began < 1300) {
+            await new Promise(requestAnimationFrame);
+            seen.add(document.getElementById('clock').textContent);
+        }
+        return seen.size;
+    }""")
+    assert 2 <= seen <= 4
+
+
+def test_without_scripts_the_page_still_speaks(folder: Path, new_page: Callable) -> None:
+    page = new_page(java_script_enabled=False)
+    page.goto((folder / "report.html").as_uri())
+    assert "need JavaScript" in page.locator("#figures").inner_text()
+    assert page.locator("tbody tr").count() == 3
+
+
+def test_a_title_cannot_write_the_page(opened: Callable, tmp_path: Path) -> None:
+    evil = "</script><script>document.title = 'taken'</script><img src=x onerror=alert(1)> $data"
+    found = quick_comparison()
+    problem = found.problem.changed({"title": evil})
+    rows = [replace(row, label=row.label + evil, replay=None) for row in found.rows]
+    target = Comparison(problem, tuple(rows), found.machine, 5, 1).save(tmp_path / "x", report=True)
+    page = opened(target / "report.html")
+    assert page.title() == f"{evil}: comparison of plans"
+    assert page.locator("h1").text_content() == evil
+    assert page.locator("img").count() == 0
+
+
+def test_a_path_outside_the_domain_is_marked(opened: Callable, tmp_path: Path) -> None:
+    plan = outside()
+    row = Row("polynomial", "polynomial", False, "leaves the chart's domain", plan)
+    study = Comparison(plan.problem, (row,), quick_comparison().machine, 5, 1)
+    page = opened(study.save(tmp_path / "x", report=True) / "report.html")
+    assert "None of the methods gave a plan" in page.locator(".verdict").inner_text()
+    assert page.locator("#fig-z .mark").count() == len(plan.domain.exits_s)
+    assert page.locator("#motion").is_hidden()
+    assert page.locator("#fig-joints").is_hidden()
+
+
+def test_a_vehicle_has_its_page(opened: Callable, tmp_path: Path) -> None:
+    problem = planner.load_problem(Path(__file__).parents[2] / "problems/unicycle.toml")
+    plan = planner.solve(problem, "polynomial")
+    row = Row("polynomial", "polynomial", True, "", plan, effort=1.0)
+    machine = planner.Machine.from_table(problem.machine)
+    target = Comparison(problem, (row,), machine, 1, 0).save(tmp_path / "x", report=True)
+    page = opened(target / "report.html")
+    assert "x = 0 m, heading = 0°, y = 0 m to x = 2 m" in page.locator(".question").inner_text()
+    assert "y 0.00 m" in page.locator(".readout").inner_text()
+    assert page.locator("#fig-errors").is_hidden()
+
+
+def test_a_folder_without_methods_that_found_anything(opened: Callable, tmp_path: Path) -> None:
+    found = quick_comparison()
+    row = Row("convex", "convex", False, "no travel has a plan")
+    none = Comparison(found.problem, (row,), found.machine, 5, 1)
+    page_file = none.save(tmp_path / "x", report=True) / "report.html"
+    assert "no travel has a plan" in page_file.read_text()
+    assert write_report(tmp_path / "x", tmp_path / "y.html").read_text() == page_file.read_text()

@@ -8,14 +8,16 @@ from functools import partial
 
 import numpy as np
 
-from planner.comparison import Comparison, Row
+from planner.comparison import FEEDBACK, Comparison, Row
 from planner.errors import InputError, NoPlanError, SingularError, VerificationError, Violation
 from planner.machine import Machine
 from planner.measures import effort, peak_inputs
+from planner.methods import METHODS
 from planner.plan import Plan
 from planner.problem import Problem
-from planner.replay import RECORD_S
+from planner.replay import RECORD_S, sample_numbers
 from planner.replay import replay as run_replay
+from planner.significance import percentile_interval
 from planner.solve import solve_and_check
 from planner.spec import Spec, parse_specs
 from planner.verify import Check, verify
@@ -25,14 +27,18 @@ __all__ = ["Comparison", "Progress", "Row", "compare", "default_methods"]
 Progress = Callable[[str, float], None]
 """Called with what is being done and the share of all work that is done, 0 … 1."""
 
+ALL = "all"
+"""In place of methods: every one there is."""
+
 
 def compare(
     problem: Problem,
     methods: str | Sequence[str] | None = None,
     *,
     machine: Machine | None = None,
-    samples: int = 1000,
+    samples: int | Sequence[int] = 1000,
     seed: int = 0,
+    feedback: bool = False,
     progress: Progress | None = None,
 ) -> Comparison:
     """Plan one problem by several methods and replay every plan on the same emulated machines.
@@ -40,32 +46,124 @@ def compare(
     A plan that is refused for breaking a limit, but can be executed, is replayed too: its row says
     why it is refused and its error shows what the limit costs on the machine.
 
+    Ctrl-C ends it and returns what is done, with `complete` False; before anything is done it
+    raises KeyboardInterrupt as usual.
+
     Args:
         problem: What to solve.
         methods: Names of methods with options, as in "polynomial:travel=middle" or
-            "collocation:intervals=20:degree=2". By default the polynomial at its best travel (and,
-            when the travel is free, in the middle of the travels it can use) and collocation.
+            "collocation:intervals=20:degree=2"; "all" for every method there is. By default the
+            polynomial at its best travel (and, when the travel is free, in the middle of the
+            travels it can use) and collocation.
         machine: The machine; the problem's `[machine]` table when left out.
-        samples: Number of machines drawn, at least 1.
+        samples: Number of machines drawn, at least 1, or the numbers of those wanted.
         seed: Seed of the draws; the same seed gives the same machines.
+        feedback: Whether to replay every plan a second time with the tracker closing the loop.
         progress: Told what is being done; see `Progress`.
 
     Raises:
         InputError: If a method, an option, or a number is wrong.
+        KeyboardInterrupt: On Ctrl-C before anything is done.
     """
-    if isinstance(samples, bool) or not isinstance(samples, int) or samples < 1:
-        raise InputError(f"samples = {samples}: must be a whole number, at least 1")
-    specs = parse_specs(problem, default_methods(problem) if methods is None else methods)
+    numbers = sample_numbers(samples)
+    specs = _specs(problem, methods)
     machine = Machine.from_table(problem.machine) if machine is None else machine
-    rows = []
-    for k, spec in enumerate(specs):
-        part = partial(_part, progress, k, len(specs), spec.label)
+    chosen = None if isinstance(samples, int) else tuple(numbers.tolist())
+    run = _Run(problem, machine, numbers.tolist(), seed, feedback, methods == ALL)
+    try:
+        for k, spec in enumerate(specs):
+            run.add(spec, partial(_part, progress, k, len(specs), spec.label))
+    except KeyboardInterrupt:
+        if not run.rows:
+            raise
+    complete = run.done == len(specs)
+    return Comparison(problem, tuple(run.rows), machine, len(numbers), seed, chosen, complete)
+
+
+class _Run:
+    """A comparison in the making.
+
+    Attributes:
+        rows: Those that are there; the last may lack its replay when interrupted.
+        done: Number of methods that are done with.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        machine: Machine,
+        numbers: list[int],
+        seed: int,
+        feedback: bool,
+        tolerant: bool,
+    ) -> None:
+        self._problem, self._machine, self._feedback = problem, machine, feedback
+        self._tolerant = tolerant
+        self._numbers, self._seed = numbers, seed
+        self.rows: list[Row] = []
+        self.done = 0
+
+    def add(self, spec: Spec, part: Progress) -> None:
+        """Plan by one method and replay its plan."""
         part("planning", 0.0)
-        row = _planned(problem, spec)
+        row = self._planned(spec)
+        self.rows.append(row)
         part("replaying", 0.5)
-        rows.append(_replayed(row, machine, samples, seed, part))
+        half = 0.75 if self._feedback else 1.0
+        self.rows[-1] = self._replayed(row, part, 0.5, half)
+        if self._feedback and self.rows[-1].replay is not None:
+            closed = replace(row, label=row.label + FEEDBACK, feedback=True)
+            self.rows.append(self._replayed(closed, part, half, 1.0))
         part("done", 1.0)
-    return Comparison(problem, tuple(rows), machine, samples, seed)
+        self.done += 1
+
+    def _planned(self, spec: Spec) -> Row:
+        try:
+            return _planned(self._problem, spec)
+        except InputError as error:  # of all methods some may not fit the problem
+            if not self._tolerant:
+                raise
+            why = str(error).splitlines()[0].removeprefix(f"{self._problem.source}: ")
+            return Row(spec.label, spec.method, False, why)
+
+    def _replayed(self, row: Row, part: Progress, begin: float, end: float) -> Row:
+        if row.plan is None or not row.plan.executable:
+            return row
+        doing = "replaying with feedback" if row.feedback else "replaying"
+
+        def tell(done: int, total: int) -> None:
+            part(doing, begin + (end - begin) * done / total)
+
+        # Long motions are recorded more coarsely: a thousand samples are kept in memory.
+        runs = run_replay(
+            row.plan,
+            self._machine,
+            self._numbers,
+            self._seed,
+            row.feedback,
+            record_s=max(RECORD_S, row.plan.duration / 500),
+            progress=tell,
+        )
+        effort = row.effort if runs.effort is None else float(np.median(runs.effort))
+        row = replace(row, replay=runs, effort=effort)
+        if not runs.angles:
+            return row
+        errors = runs.index_E_deg
+        return replace(
+            row,
+            E_median_deg=runs.percentile(50),
+            E_p95_deg=runs.percentile(95),
+            E_median_interval_deg=percentile_interval(errors, 50),
+            E_p95_interval_deg=percentile_interval(errors, 95),
+        )
+
+
+def _specs(problem: Problem, methods: str | Sequence[str] | None) -> list[Spec]:
+    if methods is None:
+        return parse_specs(problem, default_methods(problem))
+    if methods == ALL:
+        return [Spec(name, name, {}) for name in METHODS]
+    return parse_specs(problem, methods)
 
 
 def default_methods(problem: Problem) -> list[str]:
@@ -119,24 +217,6 @@ def _measured(spec: Spec, plan: Plan, check: Check, why: str) -> Row:
         return row
     peaks = peak_inputs(plan.trajectory)
     return replace(row, effort=effort(plan.trajectory), peak_u=(float(peaks[0]), float(peaks[1])))
-
-
-def _replayed(
-    row: Row, machine: Machine, samples: int, seed: int, part: Callable[[str, float], None]
-) -> Row:
-    if row.plan is None or not row.plan.executable:
-        return row
-
-    def tell(done: int, total: int) -> None:
-        part("replaying", 0.5 + 0.5 * done / total)
-
-    # Long motions are recorded more coarsely: a thousand samples are kept in memory.
-    record = max(RECORD_S, row.plan.duration / 500)
-    runs = run_replay(row.plan, machine, samples, seed, record_s=record, progress=tell)
-    if not runs.angles:
-        return replace(row, replay=runs)
-    median, high = np.percentile(runs.index_E_deg, [50, 95])
-    return replace(row, replay=runs, E_median_deg=float(median), E_p95_deg=float(high))
 
 
 def _complete(error: NoPlanError) -> Plan | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,10 +15,14 @@ from planner.machine import Machine
 from planner.plan import Plan
 from planner.problem import Problem
 from planner.replay import Replay
+from planner.significance import Difference, differences
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.table import Table
+
+FEEDBACK = " + feedback"
+"""Ends the label of a row with feedback."""
 
 FORMAT = "planner-comparison"
 VERSION = 1
@@ -43,9 +47,13 @@ class Row:
         terminal_error_deg: Largest error of an angle at the goal by ideal kinematics (`verify`).
         E_median_deg: Median over machines of the paper's index of error E, eq. (29).
         E_p95_deg: Its 95th percentile.
+        E_median_interval_deg: 95 % confidence interval of the median; see `significance`.
+        E_p95_interval_deg: That of the 95th percentile; NaN where there are too few machines.
         solve_time_s: Seconds the method spent solving, as it reports.
         build_time_s: Seconds it spent preparing.
         replay: The runs on the machines; None for what cannot be executed.
+        feedback: Whether they were run with feedback; `effort` is then the median of what was
+            commanded.
     """
 
     label: str
@@ -62,9 +70,22 @@ class Row:
     terminal_error_deg: float = np.nan
     E_median_deg: float = np.nan
     E_p95_deg: float = np.nan
+    E_median_interval_deg: tuple[float, float] = (np.nan, np.nan)
+    E_p95_interval_deg: tuple[float, float] = (np.nan, np.nan)
     solve_time_s: float = np.nan
     build_time_s: float = np.nan
     replay: Replay | None = None
+    feedback: bool = False
+
+    @property
+    def spec(self) -> str:
+        """The method and its options: the label without what it says about feedback."""
+        return self.label.removesuffix(FEEDBACK)
+
+    @property
+    def worst(self) -> int | None:
+        """Number of the machine with the largest E."""
+        return self.replay.worst if self.replay is not None and self.replay.angles else None
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready facts, without the curves; None where a number is not defined."""
@@ -73,6 +94,7 @@ class Row:
         data["peak_u_rad_s"] = data.pop("peak_u")
         data["status"] = None if self.plan is None else self.plan.status
         data["replay"] = None if self.replay is None else self.replay.summary()
+        data["worst"] = self.worst
         return dict(jsonable(data))
 
 
@@ -86,6 +108,8 @@ class Comparison:
         machine: The distribution of machines that every plan met.
         samples: Number of machines drawn from it.
         seed: Seed of the draws.
+        chosen: Their numbers in the draw; None for the first `samples`.
+        complete: Whether all that was asked for was done; False after Ctrl-C.
     """
 
     problem: Problem
@@ -93,6 +117,8 @@ class Comparison:
     machine: Machine
     samples: int
     seed: int
+    chosen: tuple[int, ...] | None = None
+    complete: bool = True
 
     def __getitem__(self, label: str) -> Row:
         for row in self.rows:
@@ -103,7 +129,20 @@ class Comparison:
     @property
     def plans(self) -> Mapping[str, Plan | None]:
         """Each label's plan, as the figures take them."""
-        return {row.label: row.plan for row in self.rows}
+        return {row.label: row.plan for row in self.rows if not row.feedback}
+
+    @property
+    def differences(self) -> tuple[Difference, ...]:
+        """Every two replayed plans, machine by machine; see `significance`."""
+        runs = {row.label: row.replay for row in self.rows if row.worst is not None}
+        return differences({k: run.index_E_deg for k, run in runs.items() if run is not None})
+
+    @property
+    def best(self) -> str | None:
+        """Label of the plan with the least median error; verified ones go first."""
+        ranked = [(not row.solved, row.E_median_deg, row.label) for row in self.rows]
+        ranked = [entry for entry in ranked if np.isfinite(entry[1])]
+        return min(ranked)[2] if ranked else None
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready: rows, problem, machine, seed, versions and the command that repeats it."""
@@ -116,12 +155,19 @@ class Comparison:
             "command": command(self),
             "samples": self.samples,
             "seed": self.seed,
-            "rows": [row.to_dict() for row in self.rows],
+            "complete": self.complete,
+            "rows": [self._row(row) for row in self.rows],
+            "differences": [{**asdict(d), "significant": d.significant} for d in self.differences],
             "problem": self.problem.to_dict(),
             "machine": self.machine.to_dict(),
             "versions": versions(),
         }
         return dict(jsonable(data))
+
+    def _row(self, row: Row) -> dict[str, Any]:
+        from planner.report.provenance import worst_command
+
+        return {**row.to_dict(), "worst_command": worst_command(self, row)}
 
     # The report reads comparisons; the methods below only make it easy to reach, and import it
     # when asked, so that imports keep flowing one way.
@@ -139,7 +185,7 @@ class Comparison:
         return markdown(self)
 
     def figures(self) -> dict[str, Figure]:
-        """Figures by name: z, joints, inputs, arm, errors, replay; those that apply."""
+        """Figures by name: z, joints, inputs, arm, errors, effort, replay; those that apply."""
         from planner.report.figures import figures
 
         return figures(self)

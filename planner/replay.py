@@ -166,7 +166,7 @@ def replay(
     """
     _refuse_inexecutable(plan)
     closing = _feedback(feedback, plan)
-    numbers = _numbers(samples)
+    numbers = sample_numbers(samples)
     _check(seed, settle_s, record_s)
     used = Machine.from_table(plan.problem.machine) if machine is None else machine
     recording = simulate(
@@ -213,7 +213,12 @@ def _refuse_inexecutable(plan: Plan) -> None:
     )
 
 
-def _numbers(samples: int | Sequence[int]) -> NDArray[np.int64]:
+def sample_numbers(samples: int | Sequence[int]) -> NDArray[np.int64]:
+    """Numbers of the first so many samples, or those given, checked; shape (S,).
+
+    Raises:
+        InputError: If there is none, or one is not a whole number from 0.
+    """
     if isinstance(samples, bool):
         raise InputError(f"samples = {samples}: give how many, or a list of sample numbers")
     numbers = np.arange(samples) if isinstance(samples, int | np.integer) else np.asarray(samples)

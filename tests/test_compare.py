@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -109,8 +113,6 @@ def test_no_plan_at_all_gives_a_row_with_the_reason(paper: planner.Problem) -> N
 def test_an_unfinished_iterate_is_not_kept_as_a_plan(
     unlimited: planner.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from dataclasses import replace
-
     iterate = planner.solve(unlimited.changed({"goal.travel": 0.81}), "polynomial")
 
     def give_up(problem: planner.Problem, options: object) -> planner.Plan:
@@ -178,3 +180,135 @@ def test_refusals_that_apply_to_every_method_fill_every_row(paper: planner.Probl
     result = compare_function(hurried, ["polynomial", "polynomial:travel=middle"], samples=1)
     assert not any(row.solved for row in result.rows)
     assert all("takes" in row.why and row.plan is None for row in result.rows)
+
+
+# -- many methods, feedback, worst machines, Ctrl-C -----------------------------------------
+
+
+@pytest.fixture
+def quick(unlimited: planner.Problem) -> planner.Problem:
+    changes = {"goal.duration": 1.0, "goal.travel": 0.81, "machine.step_s": 0.01}
+    return unlimited.changed(changes)
+
+
+def instead(methods: Mapping[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only these methods in the registry, each by a function that plans."""
+    like = METHODS["polynomial"]
+    for name in list(METHODS):
+        monkeypatch.delitem(METHODS, name)
+    for name, plan in methods.items():
+        monkeypatch.setitem(METHODS, name, replace(like, name=name, plan=plan))
+
+
+def test_all_means_every_method_and_one_that_does_not_fit_stops_none(
+    quick: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = METHODS["polynomial"].plan
+
+    def unfit(problem: planner.Problem, options: object) -> planner.Plan:
+        raise planner.InputError(f"{problem.source}: works on cars only")
+
+    instead({"sinusoid": unfit, "polynomial": plan}, monkeypatch)
+    result = compare_function(quick, "all", samples=2)
+    assert [row.label for row in result.rows] == ["sinusoid", "polynomial"]
+    assert (result.rows[0].why, result.rows[1].solved) == ("works on cars only", True)
+    with pytest.raises(planner.InputError, match="cars"):
+        compare_function(quick, ["sinusoid"], samples=2)
+
+
+def test_every_method_of_the_registry_is_meant_by_all(
+    quick: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(problem: planner.Problem, options: object) -> planner.Plan:
+        raise planner.NotConvergedError("not today")
+
+    names = list(METHODS)
+    instead(dict.fromkeys(names, refuse), monkeypatch)
+    result = compare_function(quick, "all", samples=2)
+    assert [row.method for row in result.rows] == names
+
+
+def test_the_worst_machine_is_the_worst_when_replayed_alone(quick: planner.Problem) -> None:
+    row = compare_function(quick, ["polynomial"], samples=12, seed=4).rows[0]
+    assert row.replay is not None
+    assert row.worst is not None
+    again = compare_function(quick, ["polynomial"], samples=[row.worst], seed=4)
+    assert (again.samples, again.chosen) == (1, (row.worst,))
+    assert again.rows[0].E_median_deg == row.replay.index_E_deg.max()
+
+
+def test_intervals_hold_their_percentiles() -> None:
+    for row in paper_comparison().rows:
+        low, high = row.E_median_interval_deg
+        assert low <= row.E_median_deg <= high
+        assert row.E_p95_interval_deg[0] <= row.E_p95_deg
+        assert np.isnan(row.E_p95_interval_deg[1])  # nine machines cannot bound it
+
+
+def test_differences_are_paired() -> None:
+    result = paper_comparison()
+    found = {(d.first, d.second): d for d in result.differences}
+    assert list(found) == [(MIDDLE, BEST), (MIDDLE, OPTIMAL), (BEST, OPTIMAL)]
+    middle = found[MIDDLE, OPTIMAL]
+    assert middle.first_better == 0.0
+    assert middle.significant
+    assert middle.p_value == pytest.approx(2 / 2**SAMPLES)
+    assert result.best == OPTIMAL
+
+
+def test_rows_with_feedback_stand_beside_those_without(
+    quick: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = sys.modules["planner.replay"]
+    monkeypatch.setattr(module, "_feedback", lambda on, plan: _Held() if on else None)
+    result = compare_function(quick, ["polynomial"], samples=3, feedback=True)
+    free, closed = result.rows
+    assert (free.label, closed.label) == ("polynomial", "polynomial + feedback")
+    assert (free.feedback, closed.feedback) == (False, True)
+    assert closed.plan is free.plan
+    assert closed.replay is not None
+    assert closed.replay.effort is not None
+    assert closed.effort == np.median(closed.replay.effort) == pytest.approx(2 * 0.1**2 * 1.0)
+    assert closed.E_median_deg > free.E_median_deg
+    assert list(result.plans) == ["polynomial"]
+    assert "effort" in result.figures()
+
+
+class _Held:
+    """Feedback that only ever says 0.1 rad/s."""
+
+    period_s, tick_s, lead_s, end_s = 0.1, 0.1, 0.0, 1.0
+    fallbacks = np.zeros(3, dtype=np.int64)
+
+    def start(self, plan: object, machine: object, numbers: object) -> _Held:
+        return self
+
+    def __call__(self, t: float, measured: np.ndarray) -> np.ndarray:
+        return np.full((1, 2, measured.shape[1]), 0.1)
+
+
+@pytest.mark.parametrize("doing", ["planning", "replaying"])
+def test_ctrl_c_keeps_what_is_done(quick: planner.Problem, doing: str) -> None:
+    specs = ["polynomial", "polynomial:travel=middle"]
+
+    def press(what: str, share: float) -> None:
+        if what == f"{doing} {specs[1]}":
+            raise KeyboardInterrupt
+
+    result = compare_function(quick, specs, samples=2, progress=press)
+    assert not result.complete
+    assert result.rows[0].replay is not None
+    assert [row.label for row in result.rows] == specs[: 1 if doing == "planning" else 2]
+    if doing == "replaying":
+        assert result.rows[1].plan is not None
+        assert result.rows[1].replay is None
+    assert "Partial: interrupted" in result.markdown()
+    assert result.to_dict()["complete"] is False
+
+
+def test_ctrl_c_before_anything_is_done_is_as_usual(quick: planner.Problem) -> None:
+    def press(what: str, share: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        compare_function(quick, ["polynomial"], samples=2, progress=press)

@@ -20,7 +20,7 @@ from planner.cli.compare import compare
 from planner.cli.export import export
 from planner.cli.lists import methods, schema, systems
 from planner.cli.new import new
-from planner.cli.output import ReaderGoneError, print_json, say, watch_interrupts
+from planner.cli.output import ReaderGoneError, Told, print_json, say, watch_interrupts
 from planner.cli.plan import plan
 from planner.cli.report import report
 from planner.cli.reproduce import reproduce
@@ -115,7 +115,7 @@ def _run(words: list[str]) -> int:
     try:
         command = typer.main.get_command(app)
         status = command.main(words, prog_name="planner", standalone_mode=False)
-        if status == INTERRUPTED:
+        if status == INTERRUPTED and not isinstance(status, Told):
             raise KeyboardInterrupt
         return int(status or 0)
     except PlannerError as error:

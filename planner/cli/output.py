@@ -26,6 +26,10 @@ PATIENCE_S = 2.0
 """How long a job may take before its progress is shown."""
 
 
+class Told(int):
+    """An exit status whose reason the command itself has told."""
+
+
 class ReaderGoneError(Exception):
     """Nobody reads standard output any more (planner schema | head)."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from planner.report.arm import drawable, plot_arm
+from planner.report.efforts import plot_efforts
 from planner.report.errors import plot_errors
 from planner.report.inputs import plot_inputs
 from planner.report.joints import plot_joints
@@ -33,5 +34,6 @@ def figures(comparison: Comparison) -> dict[str, Figure]:
     if any(runs is not None and runs.angles for runs in replays.values()):
         errors = {k: None if runs is None else runs.index_E_deg for k, runs in replays.items()}
         out["errors"] = plot_errors(errors)[0]
+        out["effort"] = plot_efforts(comparison)[0]
         out["replay"] = plot_replays(replays)[0]
     return out

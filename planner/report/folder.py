@@ -11,6 +11,7 @@ import numpy as np
 
 from planner.files import folder, write_text
 from planner.jsonable import jsonable
+from planner.report.differences import csv_differences, markdown_differences
 from planner.report.html import write_report
 from planner.report.provenance import command
 from planner.report.replays import median_sample
@@ -44,6 +45,9 @@ def save(comparison: Comparison, path: str | Path, *, report: bool = False) -> P
         data["command"] = command(comparison, str(path))
         write_text(place / "table.md", markdown(comparison))
         write_text(place / "table.csv", csv_text(comparison))
+        if comparison.differences:
+            write_text(place / "differences.md", markdown_differences(comparison))
+            write_text(place / "differences.csv", csv_differences(comparison))
         for row, file in zip(data["rows"], _write_plans(comparison, place), strict=True):
             row["plan_file"] = file
         text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False)

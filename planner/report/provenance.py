@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 import shlex
 from collections.abc import Mapping
+from dataclasses import replace
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,7 @@ from planner.problem import load_problem
 from planner.spec import toml
 
 if TYPE_CHECKING:
-    from planner.comparison import Comparison
+    from planner.comparison import Comparison, Row
 
 LIBRARIES = ("casadi", "numpy", "scipy", "osqp")
 
@@ -43,13 +44,26 @@ def command(comparison: Comparison, out: str | None = None) -> str | None:
     if settings is None:
         return None
     words = ["planner", "compare", comparison.problem.source]
-    words += ["--methods", ",".join(row.label for row in comparison.rows)]
-    words += ["--samples", str(comparison.samples), "--seed", str(comparison.seed)]
+    words += ["--methods", ",".join(dict.fromkeys(row.spec for row in comparison.rows))]
+    words += ["--feedback"] * any(row.feedback for row in comparison.rows)
+    for number in comparison.chosen or ():
+        words += ["--sample", str(number)]
+    if comparison.chosen is None:
+        words += ["--samples", str(comparison.samples)]
+    words += ["--seed", str(comparison.seed)]
     for key, value in settings.items():
         words += ["--set", f"{key}={toml(value)}"]
     if out is not None:
         words += ["--out", out]
     return shlex.join(words)
+
+
+def worst_command(comparison: Comparison, row: Row) -> str | None:
+    """The command line that replays a row's worst machine alone; None where there is none."""
+    if row.worst is None:
+        return None
+    alone = replace(comparison, rows=(row,), chosen=(row.worst,))
+    return command(alone)
 
 
 def _settings(comparison: Comparison) -> dict[str, Any] | None:

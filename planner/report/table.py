@@ -10,13 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.report.provenance import command
+from planner.report.provenance import command, worst_command
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from planner.comparison import Comparison, Row
 
+
+CLOSED = (
+    " Rows with feedback: the same plan with the tracker closing the loop; effort is the median of"
+    " what it commanded."
+)
 
 WIDTH, NAME = 100, 20
 """Widest table, and widest name of a method in it, in characters."""
@@ -52,6 +57,15 @@ def columns(comparison: Comparison) -> list[Column]:
         Column("E 95 %", "deg", lambda r: number(r.E_p95_deg)),
         Column("solve", "s", lambda r: number(r.solve_time_s, 2)),
     ]
+
+
+INTERVALS = [
+    Column("E 50 % from", "deg", lambda r: number(r.E_median_interval_deg[0])),
+    Column("E 50 % to", "deg", lambda r: number(r.E_median_interval_deg[1])),
+    Column("E 95 % from", "deg", lambda r: number(r.E_p95_interval_deg[0])),
+    Column("E 95 % to", "deg", lambda r: number(r.E_p95_interval_deg[1])),
+]
+"""More columns, for which a terminal has no room: 95 % confidence intervals."""
 
 
 def verdict(row: Row) -> str:
@@ -105,7 +119,7 @@ def _width(texts: Sequence[str]) -> int:
 
 def markdown(comparison: Comparison) -> str:
     """Markdown text with a heading, the table, what it says, and how to make it again."""
-    shown = columns(comparison)
+    shown = [*columns(comparison), *INTERVALS]
     titles = ["method", "solved", *(_titled(column) for column in shown)]
     rule = ["---", "---", *("---:" for _ in shown)]
     body = [
@@ -120,7 +134,23 @@ def markdown(comparison: Comparison) -> str:
         else "Made from Python; `comparison.json` holds the problem, the machine and the seed.\n"
     )
     heading = f"# Comparison: {comparison.problem.name}\n"
-    return "\n".join([heading, *lines, "", _explained(comparison), "", again])
+    if not comparison.complete:
+        heading += "\n**Partial: interrupted before all methods were done.**\n"
+    after = ["", _explained(comparison), "", *_worst(comparison), again]
+    return "\n".join([heading, *lines, *after])
+
+
+def _worst(comparison: Comparison) -> list[str]:
+    """The machine with the largest error of each plan, and the command that replays it alone."""
+    lines = [
+        f"- `{row.label}`: E {number(float(row.replay.index_E_deg.max()))} deg on machine"
+        f" {row.worst}: `{worst_command(comparison, row)}`"
+        for row in comparison.rows
+        if row.replay is not None and row.worst is not None
+    ]
+    if not lines or command(comparison) is None:
+        return []
+    return ["Worst machine of each plan:", "", *lines, ""]
 
 
 def csv_text(comparison: Comparison) -> str:
@@ -136,6 +166,9 @@ def csv_text(comparison: Comparison) -> str:
 def _flat(row: Row) -> dict[str, Any]:
     data = row.to_dict()
     data["peak_u1_rad_s"], data["peak_u2_rad_s"] = data.pop("peak_u_rad_s")
+    for name in ("E_median", "E_p95"):
+        low, high = data.pop(f"{name}_interval_deg")
+        data |= {f"{name}_low_deg": low, f"{name}_high_deg": high}
     del data["replay"]
     return data
 
@@ -156,4 +189,5 @@ def _explained(comparison: Comparison) -> str:
         f" percentile over {comparison.samples} machines ({comparison.machine.preset}), seed"
         f" {comparison.seed}, the same machines for every plan; refused plans that can be executed"
         " are replayed for study."
+        + (CLOSED if any(row.feedback for row in comparison.rows) else "")
     )

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import os
+import shlex
+import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -75,3 +77,45 @@ def test_ctrl_c_while_saving_leaves_no_folder(
     assert result.status == 130
     assert result.json["status"] == "interrupted"
     assert list(tmp_path.iterdir()) == []
+
+
+def test_ctrl_c_keeps_what_is_done_and_says_so(
+    run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module, second = sys.modules["planner.compare"], "polynomial:travel=middle"
+    solve = module.solve_and_check
+
+    def pressed(problem: Any, method: str, **options: Any) -> Any:
+        if options:
+            signal.raise_signal(signal.SIGINT)
+        return solve(problem, method, **options)
+
+    monkeypatch.setattr(module, "solve_and_check", pressed)
+    monkeypatch.setattr(sys.modules["planner.report.folder"], "_write_figures", lambda *_: None)
+    words = ("compare", PAPER, "--methods", f"polynomial,{second}", *QUICK, "--set", "limits={}")
+    result = run(*words, "--out", tmp_path / "run", "--json")
+    assert result.status == 130
+    assert [row["label"] for row in result.json["rows"]] == ["polynomial"]
+    assert (result.json["complete"], result.json["exit_status"]) == (False, 130)
+    assert "interrupted: partial result" in result.err
+    assert "Partial: interrupted" in (tmp_path / "run/table.md").read_text()
+
+
+def test_the_command_of_the_worst_machine_replays_it(run: Callable) -> None:
+    row = run(*WORDS, "--json").json["rows"][0]
+    words = shlex.split(row["worst_command"])
+    assert words[words.index("--sample") + 1] == str(row["worst"])
+    again = run(*words[1:], "--json").json
+    assert again["samples"] == 1
+    assert again["rows"][0]["E_median_deg"] == pytest.approx(
+        max(row["replay"]["E_p95_deg"], again["rows"][0]["E_median_deg"])
+    )
+    assert again["rows"][0]["worst"] == row["worst"]
+
+
+def test_pairs_and_worst_machines_are_printed(run: Callable) -> None:
+    words = ("compare", PAPER, "--methods", "polynomial:travel=middle,polynomial", "-n", "3")
+    result = run(*words, "--set", "machine.step_s=0.01")
+    assert "polynomial against the others, machine by machine" in result.out
+    assert result.out.count("--sample ") == 2
+    assert max(len(line) for line in result.out.splitlines() if "--sample" not in line) <= 100

@@ -11,7 +11,7 @@ from compared import quick_comparison
 import planner
 from planner.report import folder as report_folder
 
-FIGURES = ("z", "joints", "inputs", "arm", "errors", "replay")
+FIGURES = ("z", "joints", "inputs", "arm", "errors", "effort", "replay")
 
 
 @pytest.fixture(scope="module")
@@ -24,6 +24,8 @@ def test_everything_is_written(saved: Path) -> None:
     assert names - {".planner"} == {
         "table.md",
         "table.csv",
+        "differences.md",
+        "differences.csv",
         "comparison.json",
         "replays.json",
         "problem.toml",

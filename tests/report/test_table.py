@@ -43,7 +43,7 @@ def test_markdown_has_a_line_a_method_and_the_command() -> None:
     table = [line for line in text.splitlines() if line.startswith("|")]
     assert len(table) == 2 + 3
     cells = {len(line.replace("\\|", "").split("|")) for line in table}
-    assert cells == {13}
+    assert cells == {17}
     assert "5 machines (prototype), seed 1" in text
     assert "planner compare" in text
 

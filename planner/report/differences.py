@@ -1,0 +1,126 @@
+"""Pairs of plans on the same machines, as a table: for a terminal, as Markdown, as CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner.report.table import WIDTH
+from planner.significance import Difference
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from planner.comparison import Comparison
+
+HEAD = ("plan", "against", "difference (deg)", "from", "to", "better on", "p (Holm)", "verdict")
+
+
+def rich_differences(comparison: Comparison) -> Table | None:
+    """The best plan against every other, for a terminal; None with fewer than two plans."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    best = comparison.best
+    found = [_seen_from(best, d) for d in comparison.differences if best in (d.first, d.second)]
+    if not found:
+        return None
+    table = Table(
+        title=f"{best} against the others, machine by machine",
+        title_justify="left",
+        title_style="",
+        box=SIMPLE_HEAD,
+        padding=0,
+        show_edge=False,
+        pad_edge=False,
+        caption="difference: median over the machines of E minus the other plan's E, with its 95 %"
+        " interval; p: Wilcoxon's signed-rank test, corrected for all pairs.",
+        caption_justify="left",
+        width=WIDTH,
+    )
+    for k, head in enumerate(HEAD[1:]):
+        table.add_column(head, justify="left" if k in (0, 6) else "right", overflow="fold")
+    for d in found:
+        table.add_row(*_cells(d)[1:])
+    return table
+
+
+def _seen_from(label: str, d: Difference) -> Difference:
+    """The same with this plan as the first."""
+    if d.first == label:
+        return d
+    low, high = d.interval_deg
+    return replace(
+        d,
+        first=d.second,
+        second=d.first,
+        median_deg=-d.median_deg,
+        interval_deg=(-high, -low),
+        first_better=1 - d.first_better,
+    )
+
+
+def markdown_differences(comparison: Comparison) -> str:
+    """All pairs as Markdown."""
+    lines = [_line(HEAD), _line(["---"] * 2 + ["---:"] * 5 + ["---"])]
+    lines += [
+        _line([f"`{_escaped(d.first)}`", f"`{_escaped(d.second)}`", *_cells(d)[2:]])
+        for d in comparison.differences
+    ]
+    return f"""# Differences between plans: {comparison.problem.name}
+
+{chr(10).join(lines)}
+
+Each plan met the same {comparison.samples} machines ({comparison.machine.preset}), seed \
+{comparison.seed}. Difference: median over the machines of
+E of the plan minus E of the other, degrees, and its 95 % interval (order statistics; exact for any
+distribution). Better on: share of the machines on which the plan has the smaller E. p: Wilcoxon's
+signed-rank test, corrected for {len(comparison.differences)} pairs by Holm's method; with many \
+machines small differences are
+significant too, so look at their size.
+"""
+
+
+def csv_differences(comparison: Comparison) -> str:
+    """All pairs, full precision, empty where a number is not defined."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    rows = [{**asdict(d), "significant": d.significant} for d in comparison.differences]
+    keys = [*Difference.__dataclass_fields__, "significant"]
+    at = keys.index("interval_deg")
+    keys[at : at + 1] = ["interval_low_deg", "interval_high_deg"]
+    writer.writerow(keys)
+    for row in rows:
+        low, high = row.pop("interval_deg")
+        row |= {"interval_low_deg": low, "interval_high_deg": high}
+        writer.writerow(["" if row[key] != row[key] else row[key] for key in keys])
+    return stream.getvalue()
+
+
+def _cells(d: Difference) -> list[str]:
+    better = "better" if d.median_deg < 0 else "worse"
+    return [
+        d.first,
+        d.second,
+        *(_number(value) for value in (d.median_deg, *d.interval_deg)),
+        f"{100 * d.first_better:.0f} %",
+        f"{d.p_corrected:.2g}",
+        better if d.significant else "not shown to differ",
+    ]
+
+
+def _number(value: float) -> str:
+    return f"{value:+.3g}" if np.isfinite(value) else "-"
+
+
+def _line(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
+def _escaped(text: str) -> str:
+    return text.replace("|", "\\|")

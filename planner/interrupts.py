@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import signal
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from types import FrameType
+from typing import Any
 
 
 @contextmanager
@@ -37,3 +39,21 @@ def heed_interrupts() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
     if pressed:
         raise KeyboardInterrupt
+
+
+def osqp_result(solver: Any) -> Any:
+    """Run a set-up OSQP solver, and return its result whatever that is.
+
+    While it runs OSQP takes Ctrl-C for itself, says so on standard output and returns as if it had
+    failed; a caller would then try the next solver instead of stopping.
+
+    Raises:
+        KeyboardInterrupt: If Ctrl-C was pressed.
+    """
+    from osqp import SolverStatus
+
+    with redirect_stdout(io.StringIO()):
+        result = solver.solve(raise_error=False)
+    if result.info.status_val == SolverStatus.OSQP_SIGINT:
+        raise KeyboardInterrupt
+    return result

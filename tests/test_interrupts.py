@@ -1,4 +1,4 @@
-"""Ctrl-C reaches the caller although CasADi catches it inside its solvers."""
+"""Ctrl-C reaches the caller although CasADi and OSQP catch it inside their solvers."""
 
 from __future__ import annotations
 
@@ -6,12 +6,16 @@ import os
 import signal
 import threading
 import time
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
+import osqp
 import pytest
+import scipy.sparse as sp
 
-from planner.interrupts import heed_interrupts
+from planner.convex.quadratic import Optimum, solve_quadratic
+from planner.interrupts import heed_interrupts, osqp_result
 
 
 def long_solve() -> str:
@@ -73,3 +77,42 @@ def test_other_threads_may_use_it() -> None:
     thread.start()
     thread.join()
     assert done == [True]
+
+
+def test_osqp_swallows_what_we_heed(capfd: pytest.CaptureFixture[str]) -> None:
+    rng = np.random.default_rng(0)
+    solver = osqp.OSQP()
+    solver.setup(
+        sp.eye(300, format="csc"),
+        rng.normal(size=300),
+        sp.csc_matrix(rng.normal(size=(900, 300))),
+        np.full(900, -np.inf),
+        rng.uniform(-0.1, 1, 900),
+        verbose=False,
+        eps_abs=0.0,
+        eps_rel=1e-300,
+        max_iter=10**8,
+        scaling=0,
+    )
+    press_ctrl_c(0.3)
+    began = time.perf_counter()
+    with pytest.raises(KeyboardInterrupt):
+        osqp_result(solver)
+    assert time.perf_counter() - began < 20
+    assert capfd.readouterr().out == ""
+
+
+def test_the_convex_programme_stops_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not with the other engine's answer."""
+    monkeypatch.setattr(osqp.OSQP, "solve", _interrupted)
+    A, b = np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([-1.0, -1.0])
+    with pytest.raises(KeyboardInterrupt):
+        solve_quadratic(A, b, 10.0, "osqp")
+    monkeypatch.undo()
+    answer = solve_quadratic(A, b, 10.0, "osqp")
+    assert isinstance(answer, Optimum)
+    assert answer.y == pytest.approx([-1.0, -1.0])
+
+
+def _interrupted(self: osqp.OSQP, **_: object) -> SimpleNamespace:
+    return SimpleNamespace(info=SimpleNamespace(status_val=osqp.SolverStatus.OSQP_SIGINT))

@@ -113,6 +113,7 @@ def _table(problem: Problem, summary: dict[str, Any]) -> Table:
         ("largest error at the goal", _worst_error(problem, summary["terminal_error"])),
         ("chart", _chart(summary)),
         ("largest z2", number(summary["z2_max"])),
+        *_optimality(summary["notes"]),
         *_certificate(summary),
         (
             "time",
@@ -149,6 +150,15 @@ def _chart(summary: dict[str, Any]) -> str:
         return f"inside its domain, {margin}"
     times = ", ".join(number(t) for t in summary["singular_times_s"][:6])
     return f"leaves its domain or touches the edge at t = {times} s, {margin}"
+
+
+def _optimality(notes: dict[str, Any]) -> list[tuple[str, str]]:
+    found = notes.get("optimality")
+    if found is None:
+        return []
+    gap = found["relative_gap"]
+    within = "" if gap is None else f", within {gap:.1e} of the best that its bound allows"
+    return [("optimum", f"{found['kind']}, of its class of paths{within}")]
 
 
 def _certificate(summary: dict[str, Any]) -> list[tuple[str, str]]:

@@ -16,6 +16,7 @@ import osqp
 import scipy.sparse as sp
 from scipy.optimize import nnls
 
+from planner.interrupts import osqp_result
 from planner.systems.base import Array
 
 GAP_TOLERANCE = 1e-9
@@ -191,7 +192,7 @@ def _by_osqp(G: Array, h: Array, radius: float, guess: Array | None) -> Optimum 
     )
     if guess is not None:
         solver.warm_start(x=guess)
-    result = solver.solve(raise_error=False)
+    result = osqp_result(solver)
     if np.all(np.isfinite(result.x)) and np.all(np.isfinite(result.y)):
         info = result.info
         return _optimum(G, h, result.x, result.y, "osqp", info.iter, info.run_time)

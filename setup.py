@@ -30,7 +30,7 @@ class Build(build_ext):
 
 KERNEL = Extension(
     "planner.machine._kernel",
-    ["planner/machine/kernel.c"],
+    ["planner/machine/kernel.c", "planner/machine/dynamic.c"],
     py_limited_api=True,
     optional=True,
 )

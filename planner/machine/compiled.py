@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from planner.machine.command import Orders
 from planner.machine.draw import Draws
-from planner.machine.motion import Steps, lengths
+from planner.machine.grid import Steps, lengths
 from planner.systems.base import Array
 from planner.systems.manipulator import Manipulator
 

@@ -16,6 +16,9 @@ ROUNDING = 1e-12
 
 Command = Callable[[Array], Array]
 
+Steps = Callable[[int], None]
+"""Told how many steps are done."""
+
 
 def merged(*times: Array) -> Array:
     """All these times, increasing; of those closer than rounding, the one named first."""
@@ -61,6 +64,11 @@ def refined(command: Command, times: Array, tolerance: float = QUADRATURE_TOLERA
         added.append(middle)
         left, right = np.concatenate([left, middle]), np.concatenate([middle, right])
     return np.unique(np.concatenate(added))
+
+
+def lengths(times: Array) -> list[float]:
+    """Lengths of the steps, equal where they differ by rounding alone (their factors are kept)."""
+    return [float(f"{h:.11g}") for h in np.diff(times)]
 
 
 def snapped(times: Array, marks: Array) -> Array:

@@ -51,6 +51,32 @@ class Rows:
         self.count = 4 + 3 * m
 
 
+class Place:
+    """Rows of the state, for m passive joints: speeds first, then what they move.
+
+    Attributes:
+        bodies: Rows of the speeds.
+        behind: How far the motors are behind their references, (2), rad.
+        twist: Of gearheads and shafts, (2+m), rad.
+        gap: Where they are in their play, (2+m), rad.
+        reference: Speeds that the motors aimed at last, (2), rad/s.
+        q: Coordinates (φₙ₋₁, θ₁ … θₙ), rad.
+        torque: Of gearheads and shafts, (2+m), N m.
+    """
+
+    def __init__(self, m: int) -> None:
+        self.bodies = Rows(m)
+        start = self.bodies.count
+        self.v = slice(0, start)
+        self.behind = slice(start, start + 2)
+        self.twist = slice(start + 2, start + 4 + m)
+        self.gap = slice(start + 4 + m, start + 6 + 2 * m)
+        self.reference = slice(start + 6 + 2 * m, start + 8 + 2 * m)
+        self.q = slice(start + 8 + 2 * m, start + 10 + 3 * m)
+        self.torque = slice(start + 10 + 3 * m, start + 12 + 4 * m)
+        self.count = start + 12 + 4 * m
+
+
 @dataclass(frozen=True, eq=False)
 class Masses:
     """Parameters of S arms; every array is (rows, S).

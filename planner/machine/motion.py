@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -13,6 +12,7 @@ from planner.machine.command import Orders
 from planner.machine.direct import Direct
 from planner.machine.draw import Draws
 from planner.machine.dynamic import DynamicChain
+from planner.machine.grid import Steps, lengths
 from planner.machine.machine import Machine
 from planner.machine.servo import Servos
 from planner.plan import Plan
@@ -21,9 +21,6 @@ from planner.systems.manipulator import Manipulator
 
 REPORT_EVERY = 250
 """Steps between two reports of progress."""
-
-Steps = Callable[[int], None]
-"""Told how many steps are done."""
 
 
 class Plant(Protocol):
@@ -148,8 +145,3 @@ def plant(plan: Plan, machine: Machine, draws: Draws, start: Array) -> Plant:
     if isinstance(system, Manipulator):
         return Chain(system, draws, start)
     return Direct(system, start)
-
-
-def lengths(times: Array) -> list[float]:
-    """Lengths of the steps, equal where they differ by rounding alone (their factors are kept)."""
-    return [float(f"{h:.11g}") for h in np.diff(times)]

@@ -39,9 +39,9 @@ PROTOTYPE: Mapping[str, Any] = MappingProxyType(
         "servo_damping": False,
         # Rotors of 10 to 40 g cm^2 (motors of 20 to 60 W) behind 1:100.
         "motor_inertia_kgm2": 0.02,
-        # A velocity loop of 20 Hz around that inertia, reset in 20 to 100 ms.
-        "servo_gain_nms_per_rad": 2.5,
-        "servo_integral_time_s": 0.05,
+        # A velocity loop of 40 Hz around that inertia, reset in 10 to 50 ms.
+        "servo_gain_nms_per_rad": 5.0,
+        "servo_integral_time_s": 0.02,
         # Planetary gearheads of 32 mm: 2 to 6 N m.
         "torque_limit_nm": 3.0,
         # Creep of dry steel-on-polymer traction: 0.1 to 1 % at half of the torque that slips.

@@ -1,0 +1,440 @@
+/* One step of the dynamic manipulator: what `DynamicChain._step` of dynamic.py and `Stage` of
+ * implicit.py compute, one sample after another. They say what is computed and why; the names here
+ * are theirs. Arrays of Python are (rows, samples), so that a row is `samples` numbers apart.
+ *
+ * Plain C99 without Python, part of the same library as kernel.c.
+ */
+
+#include <math.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#ifdef _WIN32
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+
+#define JOINTS 16 /* passive ones, at most; beyond, NumPy does it */
+#define BODIES (4 + 3 * JOINTS)
+#define LIMITED (3 + 3 * JOINTS)
+#define PLAYS (2 + JOINTS)
+#define LAWS (LIMITED + PLAYS)
+#define STATE (12 + 4 * JOINTS + BODIES)
+
+static const double DRAG = 1e-6, UPRIGHT = 1e-9, STICK = 1e8, EDGE_NM = 1e-8, EDGE_RAD = 1e-16;
+static const int PASSES = 12, MOST_PASSES = 100, HALVINGS = 40;
+
+/* One machine's parameters, in the order of `Masses`. */
+typedef struct {
+    double inertia[BODIES], gain[2], integral[2], limit[2];
+    double stiffness[PLAYS], damping[PLAYS], half_gap[PLAYS];
+    double coulomb[1 + JOINTS], viscous[JOINTS], k[JOINTS], disk[JOINTS], kept, creep, capacity;
+} Masses;
+
+/* Rows of the speeds (`Rows`) and of the rest of the state (`_State`), for m passive joints. */
+typedef struct {
+    int m, axes, disk, links, stages, bodies, limited, plays;
+    int behind, twist, gap, reference, q, torque, count;
+} Rows;
+
+typedef struct {
+    double first[JOINTS], second[JOINTS], slope[2 * JOINTS], limit[2 * JOINTS];
+} Gears;
+
+typedef struct {
+    double h, drag[BODIES], push[BODIES], reference[2], first[JOINTS], second[JOINTS];
+    double offset[LIMITED], slope[LIMITED], limit[LIMITED];
+    double ahead[PLAYS], stiff[PLAYS], half_gap[PLAYS];
+} Stage;
+
+static Rows rows_of(int m)
+{
+    Rows r = {m, 2, 2 + m, 3 + m, 4 + 2 * m, 4 + 3 * m, 3 + 3 * m, 2 + m, 0, 0, 0, 0, 0, 0, 0};
+    r.behind = r.bodies;
+    r.twist = r.behind + 2;
+    r.gap = r.twist + r.plays;
+    r.reference = r.gap + r.plays;
+    r.q = r.reference + 2;
+    r.torque = r.q + m + 2;
+    r.count = r.torque + r.plays;
+    return r;
+}
+
+static double clip(double x, double most) { return x > most ? most : x < -most ? -most : x; }
+static double larger(double a, double b) { return a > b ? a : b; }
+static int driver(const Rows *r, int j) { return j ? r->stages + j - 1 : r->disk; }
+
+/* -- the laws ------------------------------------------------------------------------------ */
+
+static void relative(const Rows *r, const Stage *s, const double *v, const double *reference,
+                     double *w)
+{
+    int m = r->m;
+    for (int i = 0; i < 2; i++)
+        w[i] = reference[i] - v[i];
+    for (int j = 0; j < m; j++) {
+        w[2 + j] = s->first[j] * v[driver(r, j)] - v[r->stages + j];
+        w[2 + m + j] = s->second[j] * v[r->stages + j] - v[r->axes + j];
+    }
+    for (int i = 0; i <= m; i++)
+        w[2 + 2 * m + i] = v[r->links + i];
+    for (int i = 0; i < r->plays; i++)
+        w[r->limited + i] = v[i] - v[r->disk + i];
+}
+
+static void torques(const Rows *r, const Stage *s, const double *w, double *torque)
+{
+    for (int i = 0; i < r->limited; i++)
+        torque[i] = clip(s->offset[i] + s->slope[i] * w[i], s->limit[i]);
+    for (int i = 0; i < r->plays; i++) {
+        double ahead = s->ahead[i] + s->h * w[r->limited + i];
+        torque[r->limited + i] = s->stiff[i] * (ahead - clip(ahead, s->half_gap[i]));
+    }
+}
+
+/* The piece of one law at a value; the one before where it holds to within rounding. */
+static double piece(double value, double edge, double room, double before, int limited)
+{
+    int inside = fabs(value) <= edge + room;
+    if (before == 0 ? inside : before * value >= edge - room)
+        return before;
+    if (inside)
+        return 0.0;
+    double now = value > 0 ? 1.0 : -1.0;
+    return limited && before * now < 0 ? 0.0 : now;
+}
+
+/* Pieces at these speeds; whether any changed. */
+static int pieces_at(const Rows *r, const Stage *s, const double *v, double *pieces)
+{
+    double w[LAWS];
+    int changed = 0;
+    relative(r, s, v, s->reference, w);
+    for (int i = 0; i < r->limited + r->plays; i++) {
+        int l = i - r->limited;
+        double now;
+        if (l < 0)
+            now = piece(s->offset[i] + s->slope[i] * w[i], s->limit[i], EDGE_NM, pieces[i], 1);
+        else if (s->half_gap[l] == 0)
+            now = 1.0;
+        else
+            now = piece(s->ahead[l] + s->h * w[i], s->half_gap[l], EDGE_RAD, pieces[i], 0);
+        changed |= now != pieces[i];
+        pieces[i] = now;
+    }
+    return changed;
+}
+
+/* -- the tree ------------------------------------------------------------------------------ */
+
+typedef struct {
+    double c, s;
+} Line;
+
+static Line line(const Rows *r, const Stage *s, const double *pieces, int i)
+{
+    Line out;
+    if (i < r->limited) {
+        out.c = pieces[i] == 0 ? s->offset[i] : pieces[i] * s->limit[i];
+        out.s = pieces[i] == 0 ? s->slope[i] : 0.0;
+    } else {
+        int l = i - r->limited;
+        double pressed = s->stiff[l] * fabs(pieces[i]);
+        out.c = pressed * (s->ahead[l] - pieces[i] * s->half_gap[l]);
+        out.s = pressed * s->h;
+    }
+    return out;
+}
+
+static Line drawn(Line law, double drag, double push)
+{
+    double share = 1.0 / (drag + law.s);
+    Line out = {(law.c * drag - law.s * push) * share, law.s * drag * share};
+    return out;
+}
+
+static void tree(const Rows *r, const Stage *s, const double *pieces, double *v)
+{
+    int m = r->m;
+    double drag[BODIES], push[BODIES];
+    Line law[LAWS], ask;
+    memcpy(drag, s->drag, (size_t)r->bodies * sizeof(double));
+    memcpy(push, s->push, (size_t)r->bodies * sizeof(double));
+    for (int i = 0; i < r->limited + r->plays; i++)
+        law[i] = line(r, s, pieces, i);
+    for (int i = 0; i <= m; i++) {
+        drag[r->links + i] += law[2 + 2 * m + i].s;
+        push[r->links + i] -= law[2 + 2 * m + i].c;
+    }
+    for (int j = m - 1; j >= 0; j--) {
+        int link = r->links + 1 + j, axis = r->axes + j, stage = r->stages + j;
+        double one = s->first[j], two = s->second[j];
+        ask = drawn(law[r->limited + 2 + j], drag[link], push[link]);
+        drag[axis] += ask.s;
+        push[axis] -= ask.c;
+        ask = drawn(law[2 + m + j], drag[axis], push[axis]);
+        drag[stage] += two * two * ask.s;
+        push[stage] -= two * ask.c;
+        ask = drawn(law[2 + j], drag[stage], push[stage]);
+        drag[driver(r, j)] += one * one * ask.s;
+        push[driver(r, j)] -= one * ask.c;
+    }
+    for (int i = 0; i < 2; i++) {
+        ask = drawn(law[r->limited + i], drag[r->disk + i], push[r->disk + i]);
+        v[i] = (push[i] - ask.c + law[i].c + law[i].s * s->reference[i]) /
+               (drag[i] + ask.s + law[i].s);
+        Line play = law[r->limited + i];
+        v[r->disk + i] = (push[r->disk + i] + play.c + play.s * v[i]) / (drag[r->disk + i] + play.s);
+    }
+    for (int j = 0; j < m; j++) {
+        int link = r->links + 1 + j, axis = r->axes + j, stage = r->stages + j;
+        Line p1 = law[2 + j], p23 = law[2 + m + j], play = law[r->limited + 2 + j];
+        v[stage] = (push[stage] + p1.c + p1.s * s->first[j] * v[driver(r, j)]) / (drag[stage] + p1.s);
+        v[axis] = (push[axis] + p23.c + p23.s * s->second[j] * v[stage]) / (drag[axis] + p23.s);
+        v[link] = (push[link] + play.c + play.s * v[axis]) / (drag[link] + play.s);
+    }
+}
+
+/* -- the convex function ------------------------------------------------------------------- */
+
+static double slope_along(const Rows *r, const Stage *s, const double *v, const double *way)
+{
+    static const double none[2] = {0.0, 0.0};
+    double w[LAWS], torque[LAWS], along[LAWS], sum = 0.0;
+    relative(r, s, v, s->reference, w);
+    torques(r, s, w, torque);
+    relative(r, s, way, none, along);
+    for (int i = 0; i < r->bodies; i++)
+        sum += way[i] * (s->drag[i] * v[i] - s->push[i]);
+    for (int i = 0; i < r->limited + r->plays; i++)
+        sum += along[i] * torque[i];
+    return sum;
+}
+
+/* `end` becomes the lowest point of the convex function on the way from `start` to it. */
+static void search(const Rows *r, const Stage *s, const double *start, double *end)
+{
+    double way[BODIES], at[BODIES], low = 0.0, high = 1.0;
+    for (int i = 0; i < r->bodies; i++)
+        way[i] = end[i] - start[i];
+    if (slope_along(r, s, end, way) <= 0)
+        return;
+    for (int k = 0; k < HALVINGS; k++) {
+        double middle = (low + high) / 2;
+        for (int i = 0; i < r->bodies; i++)
+            at[i] = start[i] + middle * way[i];
+        if (slope_along(r, s, at, way) > 0)
+            high = middle;
+        else
+            low = middle;
+    }
+    for (int i = 0; i < r->bodies; i++)
+        end[i] = start[i] + (low + high) / 2 * way[i];
+}
+
+static void solve(const Rows *r, const Stage *s, double *pieces, double *v)
+{
+    tree(r, s, pieces, v);
+    for (int count = 0; pieces_at(r, s, v, pieces) && count < MOST_PASSES; count++) {
+        double before[BODIES];
+        memcpy(before, v, (size_t)r->bodies * sizeof(double));
+        tree(r, s, pieces, v);
+        if (count >= PASSES)
+            search(r, s, before, v);
+    }
+}
+
+/* -- the step ------------------------------------------------------------------------------ */
+
+static void gears(const Rows *r, const Masses *p, const double *y, const double *gaining, double h,
+                  Gears *g)
+{
+    int m = r->m;
+    for (int j = 0; j < m; j++) {
+        double c = cos(y[r->q + 1 + j] + h / 2 * y[r->links + j]);
+        double first = c * p->kept, second = p->k[j] * c * c * p->kept * p->kept;
+        double disk = fabs(y[driver(r, j)] + h / 2 * gaining[j]);
+        double both = larger(fabs(first * second), UPRIGHT);
+        double share = p->creep * disk / p->disk[j], limit = p->capacity * p->disk[j];
+        g->first[j] = first;
+        g->second[j] = second;
+        g->slope[j] = 1 / (share * first * first + 1 / STICK);
+        g->slope[m + j] = 1 / (2 * share * both * both + 1 / STICK);
+        g->limit[j] = limit / larger(fabs(first), UPRIGHT);
+        g->limit[m + j] = limit / both;
+    }
+}
+
+/* The state y + h f(new state) by the implicit Euler method; power[0] of motors, [1] lost. */
+static void stage(const Rows *r, const Masses *p, const Gears *g, const double *y,
+                  const double *reference, double h, double k_g, double *pieces, double *new,
+                  double *power)
+{
+    int m = r->m;
+    double fed[2], w[LAWS], torque[LAWS], work = 0.0, lost = 0.0, even = 0.0;
+    Stage s;
+    s.h = h;
+    for (int i = 0; i < r->bodies; i++) {
+        s.drag[i] = p->inertia[i] / h + DRAG;
+        s.push[i] = p->inertia[i] / h * y[i];
+    }
+    for (int i = 0; i < 2; i++) {
+        s.reference[i] = reference[i];
+        fed[i] = p->inertia[i] / h * (reference[i] - y[r->reference + i]);
+        s.offset[i] = p->integral[i] * y[r->behind + i] + fed[i];
+        s.slope[i] = p->gain[i] + p->integral[i] * h;
+        s.limit[i] = p->limit[i];
+    }
+    for (int j = 0; j < m; j++) {
+        s.drag[r->links + 1 + j] += p->viscous[j];
+        s.first[j] = g->first[j];
+        s.second[j] = g->second[j];
+    }
+    for (int i = 0; i < 2 * m; i++) {
+        s.offset[2 + i] = 0.0;
+        s.slope[2 + i] = g->slope[i];
+        s.limit[2 + i] = g->limit[i];
+    }
+    for (int i = 0; i <= m; i++) {
+        s.offset[2 + 2 * m + i] = 0.0;
+        s.slope[2 + 2 * m + i] = p->coulomb[i] > 0 ? STICK : 0.0;
+        s.limit[2 + 2 * m + i] = p->coulomb[i];
+    }
+    for (int i = 0; i < r->plays; i++) {
+        s.stiff[i] = p->stiffness[i] + p->damping[i] / h;
+        s.ahead[i] = y[r->gap + i] + y[r->twist + i] * p->stiffness[i] / s.stiff[i];
+        s.half_gap[i] = p->half_gap[i];
+    }
+    solve(r, &s, pieces, new);
+    relative(r, &s, new, s.reference, w);
+    torques(r, &s, w, torque);
+    for (int i = 0; i < 2; i++) {
+        double loop = torque[i] - fed[i] + p->gain[i] / h * y[r->behind + i];
+        new[r->behind + i] = loop / (p->gain[i] / h + p->integral[i]);
+        new[r->reference + i] = reference[i];
+        work += torque[i] * new[i];
+    }
+    for (int i = 0; i < r->plays; i++) {
+        double pressed = torque[r->limited + i] + p->damping[i] / h * y[r->twist + i];
+        new[r->torque + i] = torque[r->limited + i];
+        double twist = new[r->twist + i] = pressed / s.stiff[i];
+        double wound = (twist - y[r->twist + i]) / h;
+        new[r->gap + i] = clip(s.ahead[i] + h * w[r->limited + i], p->half_gap[i]);
+        lost += p->damping[i] * wound * wound;
+    }
+    new[r->q] = y[r->q] + h * k_g * new[driver(r, m - 1)];
+    for (int i = 0; i <= m; i++)
+        new[r->q + 1 + i] = y[r->q + 1 + i] + h * new[r->links + i];
+    for (int i = 2; i < r->limited; i++)
+        lost += torque[i] * w[i];
+    for (int j = 0; j < m; j++)
+        lost += p->viscous[j] * new[r->links + 1 + j] * new[r->links + 1 + j];
+    for (int i = 0; i < r->bodies; i++)
+        even += new[i] * new[i];
+    power[0] = work;
+    power[1] = lost + DRAG * even;
+}
+
+static void step(const Rows *r, const Masses *p, const double *mean, const double *swing, double h,
+                 double gamma, double k_g, double *y, double *pieces, double *gaining,
+                 double *energy)
+{
+    int laws = r->limited + r->plays;
+    double one[STATE], two[STATE], early[LAWS], late[LAWS], power[2][2], reference[2];
+    size_t size = (size_t)laws * sizeof(double);
+    Gears g;
+    gears(r, p, y, gaining, h, &g);
+    for (int i = 0; i < 2; i++)
+        reference[i] = mean[i] + (gamma - 0.5) * swing[i];
+    memcpy(early, pieces, size);
+    stage(r, p, &g, y, reference, gamma * h, k_g, early, one, power[0]);
+    double before[STATE], factor = (1 - gamma) / gamma;
+    for (int i = 0; i < r->count; i++)
+        before[i] = y[i] + factor * (one[i] - y[i]);
+    for (int i = 0; i < 2; i++)
+        reference[i] = mean[i] + swing[i] / 2;
+    memcpy(late, early, size);
+    stage(r, p, &g, before, reference, gamma * h, k_g, late, two, power[1]);
+    double weight[2] = {(1 - gamma) * h, gamma * h};
+    if (memcmp(early, pieces, size) || memcmp(late, pieces, size)) {
+        memcpy(late, pieces, size);
+        for (int i = 0; i < 2; i++)
+            reference[i] = mean[i] - swing[i] / 4;
+        stage(r, p, &g, y, reference, h / 2, k_g, late, one, power[0]);
+        for (int i = 0; i < 2; i++)
+            reference[i] = mean[i] + swing[i] / 4;
+        stage(r, p, &g, one, reference, h / 2, k_g, late, two, power[1]);
+        weight[0] = weight[1] = h / 2;
+    }
+    for (int j = 0; j < r->m; j++)
+        gaining[j] = (two[driver(r, j)] - y[driver(r, j)]) / h;
+    for (int i = 0; i < 2; i++)
+        energy[i] += weight[0] * power[0][i] + weight[1] * power[1][i];
+    memcpy(y, two, (size_t)r->count * sizeof(double));
+    memcpy(pieces, late, size);
+}
+
+static const double *take(const double *from, double *to, int count, int64_t samples)
+{
+    for (int i = 0; i < count; i++)
+        to[i] = from[i * samples];
+    return from + count * samples;
+}
+
+static void put(const double *from, double *to, int count, int64_t samples)
+{
+    for (int i = 0; i < count; i++)
+        to[i * samples] = from[i];
+}
+
+static Masses masses_of(const Rows *r, const double *at, int64_t samples)
+{
+    Masses p;
+    int m = r->m;
+    at = take(at, p.inertia, r->bodies, samples);
+    at = take(at, p.gain, 2, samples);
+    at = take(at, p.integral, 2, samples);
+    at = take(at, p.limit, 2, samples);
+    at = take(at, p.stiffness, r->plays, samples);
+    at = take(at, p.damping, r->plays, samples);
+    at = take(at, p.half_gap, r->plays, samples);
+    at = take(at, p.coulomb, 1 + m, samples);
+    at = take(at, p.viscous, m, samples);
+    at = take(at, p.k, m, samples);
+    at = take(at, p.disk, m, samples);
+    at = take(at, &p.kept, 1, samples);
+    at = take(at, &p.creep, 1, samples);
+    take(at, &p.capacity, 1, samples);
+    return p;
+}
+
+/* Advance all samples by a step. Arrays are (rows, samples), those of y as many as given. Returns -1
+ * if there are too many joints, or Python counts the rows of the state differently. */
+EXPORT int planner_dynamic_step(int64_t m, int64_t rows, int64_t samples, double h, double gamma, double k_g,
+                                const double *masses, const double *mean, const double *swing,
+                                double *y, double *pieces, double *gaining, double *energy)
+{
+    if (m > JOINTS || rows != rows_of((int)m).count)
+        return -1;
+    Rows r = rows_of((int)m);
+    int laws = r.limited + r.plays;
+    for (int64_t k = 0; k < samples; k++) {
+        double own[STATE], own_pieces[LAWS], own_gaining[JOINTS], own_energy[2];
+        double own_mean[2], own_swing[2];
+        Masses p = masses_of(&r, masses + k, samples);
+        take(y + k, own, r.count, samples);
+        take(pieces + k, own_pieces, laws, samples);
+        take(gaining + k, own_gaining, r.m, samples);
+        take(energy + k, own_energy, 2, samples);
+        take(mean + k, own_mean, 2, samples);
+        take(swing + k, own_swing, 2, samples);
+        step(&r, &p, own_mean, own_swing, h, gamma, k_g, own, own_pieces, own_gaining, own_energy);
+        put(own, y + k, r.count, samples);
+        put(own_pieces, pieces + k, laws, samples);
+        put(own_gaining, gaining + k, r.m, samples);
+        put(own_energy, energy + k, 2, samples);
+    }
+    return 0;
+}

@@ -1,0 +1,164 @@
+"""A step of the dynamic arm: when second order, when backward, and what stays frozen over it.
+
+SDIRK2 (R. Alexander, SIAM J. Numer. Anal. 14, 1977, 1006; order 2, L-stable) with gear ratios
+frozen at the middle of the step. Samples in which any law changes its piece within the step (an
+impact, the start or end of slip) take two steps of the implicit Euler method instead, which never
+creates energy. Order 2 where nothing switches, at least 1 through events.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.machine.implicit import Stage
+from planner.machine.masses import STICK, Masses, Place
+from planner.systems.base import Array
+
+GAMMA = 1 - 1 / np.sqrt(2)
+"""Length of a stage of SDIRK2 as a part of the step."""
+
+DRAG = 1e-6
+"""Viscous friction of every body, N m s/rad: what has no mass and no contact stays where it is."""
+
+UPRIGHT = 1e-9
+"""Least ratio of speeds that the torque of a contact is divided by."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Gears:
+    """What is frozen over a step: see `Stage.first` and `second`, slope and limit of contacts."""
+
+    first: Array
+    second: Array
+    slope: Array
+    limit: Array
+
+    def part(self, chosen: NDArray[np.intp]) -> _Gears:
+        return _Gears(*(getattr(self, f.name)[:, chosen] for f in fields(self)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Arrived:
+    """A state (rows, S) at the end of a stage, the pieces of its laws, and power there, (2, S)."""
+
+    y: Array
+    pieces: Array
+    power: Array
+
+
+@dataclass(frozen=True, eq=False)
+class March:
+    """S arms that advance together.
+
+    Attributes:
+        data: Their parameters.
+        place: Rows of the state.
+        k_g: Drive constant of the disk, as the planner knows it.
+        y: State, (rows, S).
+        pieces: Of all laws at the end of the last step, (5+4m, S); see `Stage`.
+        gaining: Change of the disks' speeds over the last step, (m, S), rad/s^2.
+        energy: Work of the motors so far, and what friction, slip and damping took, (2, S), J.
+    """
+
+    data: Masses
+    place: Place
+    k_g: float
+    y: Array
+    pieces: Array
+    gaining: Array
+    energy: Array
+
+    def step(self, mean: Array, swing: Array, h: float) -> None:
+        """Advance in place; the reference changes linearly.
+
+        Args:
+            mean: Mean of the reference, (2, S), rad/s.
+            swing: Its change over the step, (2, S), rad/s.
+            h: Length of the step, s.
+        """
+        data, gears, y = self.data, self._gears(h), self.y
+        early = mean + (GAMMA - 0.5) * swing
+        one = self._stage(data, gears, y, early, GAMMA * h, self.pieces)
+        ahead = y + (1 - GAMMA) / GAMMA * (one.y - y)
+        two = self._stage(data, gears, ahead, mean + swing / 2, GAMMA * h, one.pieces)
+        new, pieces = two.y, two.pieces
+        gained = h * ((1 - GAMMA) * one.power + GAMMA * two.power)
+        switched = np.any((one.pieces != self.pieces) | (two.pieces != self.pieces), axis=0)
+        some = np.flatnonzero(switched)
+        if some.size:
+            data, gears = data.part(some), gears.part(some)
+            mean, swing = mean[:, some], swing[:, some]
+            was = self.pieces[:, some]
+            one = self._stage(data, gears, y[:, some], mean - swing / 4, h / 2, was)
+            two = self._stage(data, gears, one.y, mean + swing / 4, h / 2, one.pieces)
+            new[:, some], pieces = two.y, pieces.copy()
+            pieces[:, some] = two.pieces
+            gained[:, some] = h / 2 * (one.power + two.power)
+        drivers = self.place.bodies.drivers
+        self.gaining[:] = (new[drivers] - y[drivers]) / h
+        self.y[:], self.pieces[:] = new, pieces
+        self.energy[:] += gained
+
+    def _gears(self, h: float) -> _Gears:
+        """Ratios at the middle of the step, and the contacts that go with them."""
+        data, rows, y = self.data, self.place.bodies, self.y
+        angles = y[self.place.q][1:-1] + h / 2 * y[rows.links][:-1]
+        c = np.cos(angles)
+        first, second = c * data.kept, data.k * c * c * data.kept * data.kept
+        disk = np.abs(y[rows.drivers] + h / 2 * self.gaining)
+        both = np.maximum(np.abs(first * second), UPRIGHT)
+        share = data.creep * disk / data.disk
+        slip = np.concatenate([share * first * first, 2 * share * both * both])
+        levers = np.concatenate([np.maximum(np.abs(first), UPRIGHT), both])
+        limit = np.tile(data.capacity * data.disk, (2, 1)) / levers
+        return _Gears(first, second, 1 / (slip + 1 / STICK), limit)
+
+    def _stage(
+        self, data: Masses, gears: _Gears, y: Array, reference: Array, h: float, pieces: Array
+    ) -> _Arrived:
+        """The state y + h f(new state), by the implicit Euler method."""
+        at, rows = self.place, self.place.bodies
+        heavy = data.inertia / h
+        fed = heavy[rows.motors] * (reference - y[at.reference])
+        behind, twist = y[at.behind], y[at.twist]
+        spring = data.stiffness + data.damping / h
+        rough = np.where(data.coulomb > 0, STICK, 0.0)
+        drag = heavy + DRAG
+        drag[rows.passive] += data.viscous
+        stage = Stage(
+            rows=rows,
+            h=h,
+            drag=drag,
+            push=heavy * y[at.v],
+            reference=reference,
+            first=gears.first,
+            second=gears.second,
+            offset=np.concatenate(
+                [data.integral * behind + fed, np.zeros((1 + 3 * rows.m, y.shape[1]))]
+            ),
+            slope=np.concatenate([data.gain + data.integral * h, gears.slope, rough]),
+            limit=np.concatenate([data.limit, gears.limit, data.coulomb]),
+            ahead=y[at.gap] + twist * data.stiffness / spring,
+            stiff=spring,
+            half_gap=data.half_gap,
+        )
+        v, pieces = stage.solve(pieces)
+        held, pressed = stage.torques(v)
+        limited, play = stage.relative(v)
+        new = np.empty_like(y)
+        new[at.v], new[at.reference] = v, reference
+        loop = held[:2] - fed + data.gain / h * behind
+        new[at.behind] = loop / (data.gain / h + data.integral)
+        new[at.torque] = pressed
+        new[at.twist] = (pressed + data.damping / h * twist) / spring
+        new[at.gap] = np.clip(stage.ahead + h * play, -data.half_gap, data.half_gap)
+        new[at.q.start] = y[at.q.start] + h * self.k_g * v[rows.drivers[-1]]
+        new[at.q][1:] = y[at.q][1:] + h * v[rows.links]
+        wound = (new[at.twist] - twist) / h
+        lost = np.sum(held[2:] * limited[2:], axis=0) + np.sum(data.damping * wound**2, axis=0)
+        lost += np.sum(data.viscous * v[rows.passive] ** 2, axis=0) + DRAG * np.sum(v**2, axis=0)
+        work = np.sum(held[:2] * v[rows.motors], axis=0)
+        return _Arrived(new, pieces, np.stack([work, lost]))

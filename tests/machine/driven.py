@@ -1,0 +1,101 @@
+"""Dynamic manipulators driven by hand, without plans."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+from handmade import draws_of
+
+from planner.machine.dynamic import DynamicChain
+from planner.systems import Manipulator
+from planner.systems.base import Array
+
+INERTIA: dict[str, Any] = {
+    "motor_inertia_kgm2": 0.01,
+    "disk_inertia_kgm2": 1e-4,
+    "axis_inertia_kgm2": 1e-5,
+    "link_inertia_kgm2": 0.03,
+}
+SOFT: dict[str, Any] = {
+    **INERTIA,
+    "servo_gain_nms_per_rad": 2.0,
+    "servo_integral_time_s": 0.05,
+    "shaft_stiffness_nm_per_rad": 4.0,
+    "shaft_damping_nms_per_rad": 0.02,
+    "viscous_friction_nms_per_rad": 0.05,
+}
+EVENTS: dict[str, dict[str, Any]] = {
+    "smooth": SOFT,
+    "creep": {**SOFT, "creep": 0.003, "creep_per_nm": 0.01},
+    "play": {**SOFT, "backlash_deg": 2.0},
+    "coulomb": {**SOFT, "coulomb_friction_nm": 0.05, "base_friction_nm": 0.02},
+    "slip": {**SOFT, "creep_per_nm": 0.01, "friction_capacity_nm": 0.05},
+    "torque limit": {**SOFT, "torque_limit_nm": 0.1},
+    "all": {
+        **SOFT,
+        "backlash_deg": 2.0,
+        "coulomb_friction_nm": 0.05,
+        "creep": 0.003,
+        "creep_per_nm": 0.01,
+        "friction_capacity_nm": 0.3,
+        "torque_limit_nm": 0.3,
+    },
+}
+"""What happens within a second under `swing`."""
+
+Speeds = Callable[[float], Array]
+
+
+def arm(n: int) -> Manipulator:
+    return Manipulator([0.87 * 0.8 ** (i - 2) for i in range(2, n + 1)], 0.67)
+
+
+def start(n: int, samples: int = 1) -> Array:
+    q = np.deg2rad(np.array([0.0, *np.linspace(10, 20, n)]))
+    return np.repeat(q[:, None], samples, axis=1)
+
+
+def chain(n: int = 3, samples: int = 1, **effects: Any) -> DynamicChain:
+    return DynamicChain(arm(n), draws_of(n, samples, **effects), start(n, samples))
+
+
+def swing(t: float) -> Array:
+    """Smooth speeds of both motors that reverse, (2,), rad/s."""
+    return np.array([0.6 * np.sin(2 * np.pi * t), 0.4 * np.sin(3 * t) ** 3])
+
+
+def drive(
+    plant: DynamicChain,
+    steps: int,
+    speed: Speeds = swing,
+    end: float = 1.0,
+    see: Callable[[], Array] | None = None,
+) -> Array:
+    """What `see` returns after each step (sample 0 of the coordinates by default)."""
+    h, seen = end / steps, []
+    for k in range(steps):
+        points = np.stack([speed(t) for t in k * h + h * np.array([0, 0.5, 1 - 1e-12])])
+        way = h / 6 * (points[0] + 4 * points[1] + points[2])
+        plant.step(points[:, :, None], np.stack([way / 2, way])[:, :, None], h)
+        seen.append(see() if see else plant.q[:, 0].copy())
+    return np.array(seen)
+
+
+@cache
+def swung(name: str, steps: int) -> tuple[Array, float]:
+    """A second of `EVENTS[name]` under `swing`: sample 0 after each step, and energy unaccounted.
+
+    The energy is what the motors put in and is neither stored nor lost, as part of the former.
+    """
+    plant = chain(3, **EVENTS[name])
+    history = drive(plant, steps)
+    missing = plant.work_J - plant.lost_J - plant.stored_J
+    assert plant.lost_J[0] > 0.1 * plant.work_J[0]
+    return history, float(missing[0] / plant.work_J[0])
+
+
+def constant(*speeds: float) -> Speeds:
+    return lambda t: np.array(speeds)

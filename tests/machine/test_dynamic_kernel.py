@@ -1,0 +1,122 @@
+"""The dynamic manipulator in compiled code against the one in NumPy; and the solver itself."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from driven import EVENTS, chain, drive
+from handmade import arm_problem, inputs, plan_from
+
+from planner.machine import Machine, compiled, dynamic
+from planner.machine.implicit import Stage
+from planner.replay import replay
+from planner.systems.base import Array
+
+SOURCE = Path(compiled.__file__).with_name("dynamic.c")
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The code as its source is now, whatever was installed."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        pytest.skip("no C compiler")
+    target = tmp_path_factory.mktemp("dynamic") / "dynamic.so"
+    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC"]
+    words = [compiler, *flags, "-ffp-contract=off", str(SOURCE), "-o", str(target), "-lm"]
+    subprocess.run(words, check=True)
+    return ctypes.CDLL(str(target))
+
+
+def jumps(t: float) -> Array:
+    return np.array([0.8, 0.5]) * np.sign(np.sin(np.array([9.0, 13.0]) * t + 0.1))
+
+
+@pytest.mark.parametrize("name", EVENTS)
+@pytest.mark.parametrize("n", [2, 4])
+def test_both_give_the_same(
+    library: Any, monkeypatch: pytest.MonkeyPatch, name: str, n: int
+) -> None:
+    spread = {"value": 0.02, "spread": 0.01}
+    effects = {**EVENTS[name], "link_inertia_kgm2": spread, "gearhead_backlash_deg": 0.3}
+    found = []
+    for which in (library, None):
+        monkeypatch.setattr(compiled, "library", lambda which=which: which)
+        plant = chain(n, samples=3, **effects)
+        assert (plant._compiled is None) is (which is None)
+        history = drive(plant, 80, jumps, 0.4, lambda plant=plant: plant._y.copy())
+        found.append((history, plant.work_J, plant.lost_J))
+    for ours, theirs in zip(*found, strict=True):
+        assert ours == pytest.approx(theirs, rel=1e-9, abs=1e-11)
+    assert len(set(found[0][1])) == 3
+
+
+def test_code_that_counts_otherwise_is_not_used(
+    library: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compiled, "library", lambda: library)
+    assert chain(17)._compiled is not None
+    assert chain(18)._compiled is None  # it has room for 16 passive joints
+    plant = chain(3)
+    compiled_step = dynamic._Compiled(library.planner_dynamic_step, plant._march)
+    compiled_step._size = (2, len(plant._y) + 1)
+    assert not compiled_step.fits()
+
+
+def test_replays_use_it_and_go_on_without_it(library: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    u = inputs(([0.3], [0.5, 0.1]), breaks=[0.0, 0.5])
+    plan = plan_from(arm_problem([10, 20, 15], end=0.5), u, pieces=10)
+    machine = Machine.prototype(fidelity="dynamic", step_s=0.01)
+    ends = []
+    for which in (library, None):
+        monkeypatch.setattr(compiled, "library", lambda which=which: which)
+        ends.append(replay(plan, machine, samples=2, record_s=None).q)
+    assert ends[0] == pytest.approx(ends[1], abs=1e-9)
+
+
+# -- the solver ----------------------------------------------------------------------------
+
+
+def imbalance(stage: Stage, v: Array) -> Array:
+    """Torque left over at every body, (rows, S), N m."""
+    rows, m = stage.rows, stage.rows.m
+    held, pressed = stage.torques(v)
+    left = stage.drag * v - stage.push
+    left[rows.motors] -= held[:2]
+    for j, driver in enumerate(rows.drivers):
+        left[driver] += stage.first[j] * held[2 + j]
+    left[rows.stages] += stage.second * held[2 + m : 2 + 2 * m] - held[2 : 2 + m]
+    left[rows.axes] -= held[2 + m : 2 + 2 * m]
+    left[rows.links] += held[2 + 2 * m :]
+    left[rows.before] += pressed
+    left[rows.after] -= pressed
+    return left
+
+
+@pytest.mark.parametrize("full_steps", [12, 0])
+def test_every_stage_balances_all_torques(monkeypatch: pytest.MonkeyPatch, full_steps: int) -> None:
+    """Also when each pass goes only as far as the convex function falls."""
+    solve, worst, passes = Stage.solve, [], []
+
+    def checked(self: Stage, pieces: Array) -> tuple[Array, Array]:
+        v, found = solve(self, pieces)
+        worst.append(np.max(np.abs(imbalance(self, v))))
+        passes.append(np.any(found != pieces))
+        return v, found
+
+    monkeypatch.setattr(Stage, "solve", checked)
+    monkeypatch.setattr("planner.machine.implicit.PASSES", full_steps)
+    monkeypatch.setattr(compiled, "library", lambda: None)
+    rng = np.random.default_rng(0)
+    for name in ("play", "coulomb", "slip", "all"):
+        plant = chain(3, samples=4, **EVENTS[name], gearhead_backlash_deg=0.5)
+        plant._y[plant._at.v] = rng.normal(size=plant._y[plant._at.v].shape)
+        drive(plant, 40, jumps, 0.2)
+    assert max(worst) < 1e-6
+    assert 10 < sum(passes) < len(passes)

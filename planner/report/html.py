@@ -10,12 +10,14 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+import numpy as np
+
 from planner.comparison import Comparison, Row
 from planner.files import write_text
 from planner.report.load import load_comparison, load_replays, read_json
 from planner.report.series import page_data
-from planner.report.table import columns
-from planner.report.words import answers, facts, question, subscripted, verdict
+from planner.report.table import CLOSED, columns, number
+from planner.report.words import answers, facts, places, question, subscripted, verdict
 
 SCRIPTS = ("scale.js", "chart.js", "kinds.js", "motion.js", "main.js")
 """Read in this order into one script."""
@@ -59,8 +61,12 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], made: Mappin
         verdict=verdict(comparison),
         answers=_answers(comparison),
         facts=_definitions(facts(comparison)),
+        partial="" if comparison.complete else _PARTIAL,
         table=_table(comparison),
+        differences=_differences(made.get("differences") or []),
+        worst=_worst(made.get("rows") or []),
         samples=str(comparison.samples),
+        closed=CLOSED if any(row.feedback for row in comparison.rows) else "",
         command=html.escape(made.get("command") or "made from Python"),
         versions=_definitions(list(dict(made.get("versions") or {}).items())),
         machine=html.escape(json.dumps(comparison.machine.to_dict(), indent=1)),
@@ -70,11 +76,15 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], made: Mappin
     )
 
 
+_PARTIAL = "<p><b>Partial: interrupted before all methods were done.</b></p>"
+
+
 def _answers(comparison: Comparison) -> str:
-    items = []
-    for k, (row, text) in enumerate(zip(comparison.rows, answers(comparison), strict=True)):
-        items.append(f"<li>{_swatch(k, row)} <b>{html.escape(row.label)}</b> {text}</li>")
-    return "\n".join(items)
+    place = places(comparison)
+    return "\n".join(
+        f"<li>{_swatch(place[row.label], row)} <b>{html.escape(row.label)}</b> {text}</li>"
+        for row, text in zip(comparison.rows, answers(comparison), strict=True)
+    )
 
 
 def _definitions(pairs: Sequence[tuple[str, str]]) -> str:
@@ -91,17 +101,70 @@ def _table(comparison: Comparison) -> str:
         f'<th scope="col">{title}{f"<span class=unit>{unit}</span>" if unit else ""}</th>'
         for title, unit in heads
     )
-    body = []
-    for k, row in enumerate(comparison.rows):
+    body, place = [], places(comparison)
+    for row in comparison.rows:
         cells = "".join(
             f'<td data-head="{title}">{html.escape(c.text(row)).replace("-", "−")}'
             f"{f'<span class=unit>{unit}</span>' if unit else ''}</td>"
             for c, (title, unit) in zip(shown, heads, strict=True)
         )
-        body.append(f"<tr{'' if row.solved else ' class=refused'}>{_name(k, row)}{cells}</tr>")
+        kind = "" if row.solved else " class=refused"
+        body.append(f"<tr{kind}>{_name(place[row.label], row)}{cells}</tr>")
     return (
         f'<thead><tr><th scope="col">plan</th>{head}</tr></thead>\n'
         f"<tbody>\n{chr(10).join(body)}\n</tbody>"
+    )
+
+
+def _differences(pairs: Sequence[Mapping[str, Any]]) -> str:
+    """Every two plans on the same machines, as a table in a fold; nothing for less than two."""
+    if not pairs:
+        return ""
+    heads = ("difference of E", "95 % interval", "less on", "p (Holm)", "verdict")
+    body = []
+    for pair in pairs:
+        low, high = (number(np.nan if x is None else x) for x in pair["interval_deg"])
+        p = pair["p_corrected"]
+        cells = (
+            f"{number(pair['median_deg'])}°",
+            f"{low}° to {high}°",
+            f"{100 * pair['first_better']:.0f} %",
+            "< 0.001" if p < 1e-3 else f"{p:.2g}",
+            "they differ" if pair["significant"] else "may be chance",
+        )
+        tds = "".join(
+            f'<td data-head="{head}">{html.escape(cell).replace("-", "−")}</td>'
+            for head, cell in zip(heads, cells, strict=True)
+        )
+        name = f"{html.escape(pair['first'])} <span class=why>against {html.escape(pair['second'])}"
+        body.append(f'<tr><th scope="row">{name}</span></th>{tds}</tr>')
+    head = "".join(f'<th scope="col">{text}</th>' for text in heads)
+    return Template(_FOLD).substitute(head=head, body="\n".join(body))
+
+
+_FOLD = """<details><summary>Plan against plan, machine by machine</summary>
+<div class="scroll" role="region" aria-label="Plan against plan" tabindex="0"><table>
+<thead><tr><th scope="col">plan</th>$head</tr></thead>
+<tbody>
+$body
+</tbody></table></div>
+<p class="note">Difference: the median over the machines of E of the first plan minus E of the other
+on the same machine. p: Wilcoxon's signed-rank test, corrected for all pairs.</p></details>"""
+
+
+def _worst(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Commands that replay each plan's worst machine alone, in a fold."""
+    known = [
+        f"# {row['label']}: machine {row['worst']}\n{row['worst_command']}"
+        for row in rows
+        if row.get("worst_command")
+    ]
+    if not known:
+        return ""
+    text = html.escape("\n\n".join(known))
+    return (
+        "<details><summary>The worst machine of each plan, alone</summary>"
+        f'<pre tabindex="0">{text}</pre></details>'
     )
 
 
@@ -116,10 +179,11 @@ def _name(k: int, row: Row) -> str:
 
 
 def _swatch(k: int, row: Row) -> str:
-    dashed = "" if row.solved else " dashed"
-    return f'<span class="swatch plan-{k % 9}{dashed}" aria-hidden="true"></span>'
+    style = " closed" if row.feedback else "" if row.solved else " dashed"
+    return f'<span class="swatch plan-{k}{style}" aria-hidden="true"></span>'
 
 
 def _symbols(title: str) -> str:
-    """|u1| becomes |u₁|."""
-    return html.escape("|".join(subscripted(part) for part in title.split("|")))
+    """|u1| becomes |u₁|; a percent sign stays with its number."""
+    text = "|".join(subscripted(part) for part in title.split("|"))
+    return html.escape(text.replace(" %", "\N{NO-BREAK SPACE}%"))

@@ -39,6 +39,7 @@ def load_comparison(folder: str | Path) -> Comparison:
             machine=Machine.from_table(data["machine"]),
             samples=data["samples"],
             seed=data["seed"],
+            complete=data["complete"],
         )
     except (KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{place / 'comparison.json'} is damaged: {error!r}") from None

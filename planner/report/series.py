@@ -15,7 +15,7 @@ from planner.problem import Problem
 from planner.report.arm import body, drawable
 from planner.report.inputs import view
 from planner.report.style import Curve, curves, shown, times
-from planner.report.words import subscripted
+from planner.report.words import places, subscripted
 from planner.report.z import has_band, z2_band
 from planner.systems.base import Array, Coordinate
 
@@ -35,12 +35,16 @@ def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, A
         comparison: With its plans.
         replays: What `load_replays` gives.
     """
-    if not any(comparison.plans.values()):
+    found = {row.label: row.plan for row in comparison.rows if row.plan is not None}
+    if not found:
         return {"plans": [], "figures": []}
-    drawn = curves(comparison.plans)
-    rows = [row.label for row in comparison.rows]
-    plans = [_plan(curve, rows.index(curve.label), replays.get(curve.label)) for curve in drawn]
-    sampled = [(k, curve.plan, _times(curve.plan)) for k, curve in enumerate(drawn)]
+    drawn, place = curves(found), places(comparison)
+    closed = {row.label for row in comparison.rows if row.feedback}
+    plans = [
+        {**_plan(c, replays.get(c.label)), "colour": place[c.label], "closed": c.label in closed}
+        for c in drawn
+    ]
+    sampled = [(k, c.plan, _times(c.plan)) for k, c in enumerate(drawn) if c.label not in closed]
     real = [s for s in sampled if s[1].executable]
     figures = [
         _z(sampled),
@@ -55,12 +59,11 @@ def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, A
 Sampled = tuple[int, Plan, Array]
 
 
-def _plan(curve: Curve, row: int, kept: Mapping[str, Any] | None) -> dict[str, Any]:
+def _plan(curve: Curve, kept: Mapping[str, Any] | None) -> dict[str, Any]:
     plan = curve.plan
     out = {
         "label": curve.label,
         "refused": curve.refused,
-        "colour": row % 9,
         "duration": plan.duration,
         "t": _rounded(_times(plan)),
     }
@@ -137,9 +140,9 @@ def _joints(
         limit = float(shown(problem.limits.joint[i : i + 1], unit)[0])
         ends = shown(np.array([problem.start[i], problem.goal[i]]), unit)
         machine = [
-            {"plan": k, "machine": True, "y": _rounded(shown(_kept(replays, drawn[k])[:, i], unit))}
-            for k, _, _ in real
-            if drawn[k].label in replays
+            {"plan": k, "machine": True, "y": _rounded(shown(_kept(replays, curve)[:, i], unit))}
+            for k, curve in enumerate(drawn)
+            if curve.label in replays
         ]
         panel["series"] += machine
         most = max(float(np.nanmax(np.abs(v))) for _, v in values)

@@ -13,6 +13,9 @@ from planner.problem import Problem
 from planner.report.style import shown
 from planner.report.table import number
 
+COLOURS = 9
+"""Colours that the page has for plans."""
+
 _LETTERS = {"theta": "θ", "phi": "φ", "alpha": "α", "beta": "β"}
 _DIGITS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
@@ -24,6 +27,13 @@ def subscripted(name: str) -> str:
         return name.replace("_", " ")
     letter, digits = found.groups()
     return _LETTERS.get(letter, letter) + digits.translate(_DIGITS)
+
+
+def places(comparison: Comparison) -> dict[str, int]:
+    """Number of each row's colour; a row with feedback has that of the plan it follows."""
+    open_loop = [row.label for row in comparison.rows if not row.feedback]
+    known = {label: k % COLOURS for k, label in enumerate(open_loop)}
+    return {row.label: known.get(row.spec, 0) for row in comparison.rows}
 
 
 def question(problem: Problem) -> str:
@@ -49,14 +59,15 @@ def answers(comparison: Comparison) -> list[str]:
 
 def verdict(comparison: Comparison) -> str:
     """The answer in one or two sentences of HTML."""
-    solved = [row for row in comparison.rows if row.solved]
+    rows = [row for row in comparison.rows if not row.feedback]
+    solved = [row for row in rows if row.solved]
     if not solved:
         return "None of the methods gave a plan that keeps every limit."
     least = min(solved, key=lambda row: row.effort if np.isfinite(row.effort) else np.inf)
     name = f"<b>{html.escape(least.label)}</b>"
     if len(solved) == 1:
         return f"Only {name} gave a plan that reaches the goal and keeps every limit."
-    text = f"{len(solved)} of {len(comparison.rows)} plans reach the goal and keep every limit."
+    text = f"{len(solved)} of {len(rows)} plans reach the goal and keep every limit."
     return f"{text} The least effort is that of {name}."
 
 
@@ -99,13 +110,20 @@ def _answer(comparison: Comparison, row: Row) -> str:
     if not row.solved:
         tried = "; replayed for study" if np.isfinite(row.E_median_deg) else ""
         return f"refused: {html.escape(row.why)}{tried}."
-    text = f"solved with effort {number(row.effort, 4)}"
+    text = f"{'takes' if row.feedback else 'solved with'} effort {number(row.effort, 4)}"
     if np.isfinite(row.E_median_deg):
         text += (
-            f"; on the machines its largest joint error is {number(row.E_median_deg)}° in the"
-            f" median and below {number(row.E_p95_deg)}° for 95 %"
+            f"; on the machines its largest joint error is {number(row.E_median_deg)}°"
+            f"{_interval(row.E_median_interval_deg)} in the median and below"
+            f" {number(row.E_p95_deg)}°{_interval(row.E_p95_interval_deg)} for 95 %"
         )
     return text + "."
+
+
+def _interval(ends: tuple[float, float]) -> str:
+    if not np.all(np.isfinite(ends)):
+        return ""
+    return f" (95 % interval {number(ends[0])} to {number(ends[1])})"
 
 
 def _constants(problem: Problem) -> str:

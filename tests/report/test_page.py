@@ -7,6 +7,7 @@ import re
 import shutil
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,10 @@ from compared import quick_comparison
 
 import planner
 from planner.cli import main
+from planner.comparison import FEEDBACK
 from planner.report import folder as report_folder
 from planner.report import load_comparison, write_report
+from planner.report.html import report_page
 from planner.report.series import page_data
 from planner.report.words import subscripted
 
@@ -85,6 +88,30 @@ def test_curves_of_the_page_are_those_of_the_plans(saved: Path) -> None:
     assert figures["inputs"][1]["limits"] == [0.6]
     assert figures["inputs"][1]["notes"][0]["value"] == pytest.approx(83, abs=0.5)
     assert [panel["title"] for panel in figures["z"]] == ["z₂", "z₂", "z₃", "z₄"]
+
+
+def test_feedback_has_its_machine_and_no_second_plan(tmp_path: Path) -> None:
+    found = quick_comparison()
+    row = found["polynomial"]
+    assert row.replay is not None
+    steady = replace(row, label=row.label + FEEDBACK, feedback=True, effort=2.0)
+    both = replace(found, rows=(*found.rows, steady), complete=False)
+    text = report_page(both, dict(report_folder.replay_data(both)), both.to_dict())
+    data = page_data(both, report_folder.replay_data(both))
+    names = [plan["label"] for plan in data["plans"]]
+    assert names == ["polynomial:travel=middle", "polynomial", "polynomial + feedback"]
+    assert [plan["closed"] for plan in data["plans"]] == [False, False, True]
+    assert data["plans"][2]["colour"] == data["plans"][1]["colour"]
+    figures = {figure["id"]: figure["panels"] for figure in data["figures"]}
+    drawn = [(s["plan"], s.get("machine", False)) for s in figures["joints"][0]["series"]]
+    assert drawn == [(0, False), (1, False), (0, True), (1, True), (2, True)]
+    assert [s["plan"] for s in figures["inputs"][0]["series"]] == [0, 1]
+    assert [p["plan"] for p in figures["trade"][0]["points"]] == [0, 1, 2]
+    assert "takes effort 2;" in text
+    assert "Partial: interrupted" in text
+    assert "Plan against plan, machine by machine" in text
+    assert "The worst machine of each plan, alone" in text
+    assert "95 % interval" in text
 
 
 def test_an_older_folder_without_replays_has_a_page_too(copied: Path) -> None:

@@ -155,10 +155,14 @@ class Chart {
   }
 
   classes(item, name) {
-    const { colour, refused } = this.page.plans[item.plan];
-    const extra = item.machine ? " machine" : refused ? " dashed" : "";
-    return `${name} plan-${colour}${extra}`;
+    const plan = this.page.plans[item.plan];
+    return `${name} plan-${plan.colour} ${item.machine ? "machine" : ""} ${styleOf(plan)}`;
   }
+}
+
+/** How a plan's lines are drawn: with feedback dotted, refused dashed. */
+function styleOf(plan) {
+  return plan.closed ? "closed" : plan.refused ? "dashed" : "";
 }
 
 /** Least and greatest of finite numbers, a little apart from the frame. */

@@ -14,8 +14,8 @@
     setCursor: (t) => all.forEach((chart) => chart.setCursor(t)),
     setTime: (t) => player.stages && (player.stop(), player.set(t)),
     swatch: (k) => {
-      const { colour, refused } = data.plans[k];
-      return make("span", { class: `swatch plan-${colour}${refused ? " dashed" : ""}` });
+      const plan = data.plans[k];
+      return make("span", { class: `swatch plan-${plan.colour} ${styleOf(plan)}` });
     },
     showMachines: (on) => {
       page.ghost = on;

@@ -13,8 +13,10 @@ import numpy as np
 
 from planner.chained import chained_form
 from planner.errors import InputError
+from planner.placement import obstacles_of, refuse_misplaced, waypoints_of
 from planner.schema import FeedbackTable, MachineTable, MethodsTable, ProblemFile, parse_file
 from planner.systems.base import Array, TriangularSystem
+from planner.workspace import Obstacle, Waypoint
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,8 @@ class Problem:
         methods: Options of each method.
         machine: Changes to the emulated machine.
         feedback: Options of the tracker that closes the loop.
+        waypoints: Places every plan passes through.
+        obstacles: Discs that the links of an arm clear in every plan.
         source: Where the problem came from, for messages.
     """
 
@@ -62,6 +66,8 @@ class Problem:
     methods: MethodsTable
     machine: MachineTable
     feedback: FeedbackTable
+    waypoints: tuple[Waypoint, ...]
+    obstacles: tuple[Obstacle, ...]
     source: str
     _data: Mapping[str, Any]
 
@@ -93,11 +99,18 @@ class Problem:
             methods=tables.method,
             machine=tables.machine,
             feedback=tables.feedback,
+            waypoints=tuple(waypoints_of(tables, system, source)),
+            obstacles=tuple(obstacles_of(tables)),
             source=source,
             _data=_plain(tables),
         )
         _refuse_contradictions(problem)
+        refuse_misplaced(problem)
         return problem
+
+    def __repr__(self) -> str:
+        duration = "free duration" if self.duration is None else f"{self.duration:g} s"
+        return f"Problem({self.name!r}, {self.system.kind}, {duration})"
 
     def to_dict(self) -> dict[str, Any]:
         """The tables of a problem file that give this problem back."""

@@ -7,7 +7,7 @@ time, between the breaks too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -18,6 +18,7 @@ from planner.chained import chained_form
 from planner.errors import Violation
 from planner.extrema import maximum, minimum, sample_times
 from planner.measures import peak_inputs, peak_rates
+from planner.places import Motion, clearances, passes
 from planner.plan import Plan
 from planner.systems.base import Array
 
@@ -51,6 +52,12 @@ class Check:
     margins: Mapping[str, float]
     violations: tuple[Violation, ...]
     interpolant_error: float
+
+    def __repr__(self) -> str:
+        if self.ok:
+            worst = np.max(np.abs(self.terminal_error), initial=0.0)
+            return f"Check(ok, largest error at the goal {worst:.2g})"
+        return "Check(broken: " + "; ".join(map(str, self.violations)) + ")"
 
 
 @dataclass(frozen=True)
@@ -94,6 +101,7 @@ def verify(plan: Plan) -> Check:
         *_inputs(plan),
         *_joints(plan, motion, times),
         *_chart(plan, motion, times),
+        *_places(plan, motion, times),
     ]
     broken = sorted((v for f in findings if (v := f.violation())), key=lambda v: -v.scaled)
     error = _goal_error(plan, motion)
@@ -106,9 +114,6 @@ def verify(plan: Plan) -> Check:
         violations=tuple(broken),
         interpolant_error=next(f.value for f in findings if f.label == _INTERPOLANT),
     )
-
-
-Motion = Callable[[Array], Array]
 
 
 def integrate(plan: Plan, rtol: float = 1e-10, atol: float = 1e-12) -> tuple[Motion, Array]:
@@ -220,6 +225,21 @@ def _chart(plan: Plan, motion: Motion, times: Array) -> list[_Finding]:
     value, when = minimum(lambda t: sign * form.z(motion(t))[:, 1], times)
     slack = LIMIT_TOLERANCE * max(margin, 1e-3)
     return [_Finding("z2 margin", value, margin, when, "", max(margin, 1e-3), slack, upper=False)]
+
+
+def _places(plan: Plan, motion: Motion, times: Array) -> list[_Finding]:
+    """Waypoints passed, and obstacles cleared by every link."""
+    problem, tolerance = plan.problem, GOAL_TOLERANCE
+    return [
+        *(
+            _Finding(label, value, 0.0, when, unit, 1.0, tolerance)
+            for label, value, when, unit in passes(problem, motion, times)
+        ),
+        *(
+            _Finding(label, value, 0.0, when, "m", size, LIMIT_TOLERANCE * size, upper=False)
+            for label, value, when, size in clearances(problem, motion, times)
+        ),
+    ]
 
 
 def _not_executable(plan: Plan) -> Check:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from pydantic import Field, field_validator, model_validator
 from planner.schema.base import Table
 from planner.schema.file import Free, GoalTable, ProblemFile
 from planner.schema.limits import ArmLimits, bound_deg
+from planner.schema.workspace import JointWaypoint, ObstacleTable
 from planner.systems.base import Array
 
 AngleDeg = Annotated[float, Field(gt=-90, lt=90)]
@@ -48,11 +50,22 @@ class ArmFile(ProblemFile):
     start: JointStart
     goal: JointGoal
     limits: ArmLimits = Field(default_factory=ArmLimits)
+    waypoints: list[JointWaypoint] = Field(
+        default_factory=list, description="Places the motion must pass through."
+    )
+    obstacles: list[ObstacleTable] = Field(
+        default_factory=list, description="Discs in the plane that the links must clear."
+    )
 
     @model_validator(mode="after")
     def _lengths(self) -> ArmFile:
         n = self.system.joints
-        for name, angles in (("start", self.start.theta_deg), ("goal", self.goal.theta_deg)):
+        given: list[tuple[str, Sequence[float | str]]] = [
+            ("start", self.start.theta_deg),
+            ("goal", self.goal.theta_deg),
+            *((f"waypoints[{k}]", w.theta_deg) for k, w in enumerate(self.waypoints)),
+        ]
+        for name, angles in given:
             if len(angles) != n:
                 raise ValueError(
                     f"{name}.theta_deg has {len(angles)} angles but system.joints = {n}"
@@ -81,3 +94,16 @@ class ArmFile(ProblemFile):
     def joint_limits(self) -> Array:
         """Largest |q|, shape (n+1,), radians; infinite where there is none."""
         return np.array([np.inf, *bound_deg(self.limits.joint_deg, self.system.joints)])
+
+    def waypoint_states(self, coordinates: list[str]) -> list[Array]:
+        """q of each waypoint, shape (n+1,), radians, NaN where free."""
+        out = []
+        for point in self.waypoints:
+            travel = np.nan if point.travel is None else point.travel
+            angles = [np.nan if isinstance(a, str) else np.deg2rad(a) for a in point.theta_deg]
+            out.append(np.array([self.start.phi_rad + travel, *angles]))
+        return out
+
+    def discs(self) -> list[ObstacleTable]:
+        """Obstacles."""
+        return self.obstacles

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from planner.schema.base import Table, nearest
-from planner.schema.file import Free, GoalTable, ProblemFile
+from planner.schema.file import Free, GoalTable, NamedFile
 from planner.schema.limits import BaseLimits, PerInput, Positive, bound
 from planner.systems.base import Array, Coordinate
 from planner.systems.custom import CustomSystem
@@ -98,7 +98,7 @@ class CustomLimits(BaseLimits):
         return self.z2_margin
 
 
-class CustomFile(ProblemFile):
+class CustomFile(NamedFile):
     """A problem file for the user's own system."""
 
     system: CustomTable

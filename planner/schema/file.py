@@ -5,13 +5,15 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field
 
-from planner.schema.base import Table
+from planner.schema.base import Table, nearest
 from planner.schema.feedback import FeedbackTable
 from planner.schema.limits import BaseLimits
 from planner.schema.machine import MachineTable
 from planner.schema.methods import MethodsTable
+from planner.schema.workspace import NamedWaypoint, ObstacleTable
 from planner.systems.base import Array, TriangularSystem
 
 Free = Literal["free"]
@@ -36,6 +38,7 @@ class ProblemFile(Table):
     method: MethodsTable = Field(default_factory=MethodsTable)
     machine: MachineTable = Field(default_factory=MachineTable)
     feedback: FeedbackTable = Field(default_factory=FeedbackTable)
+    waypoints: Any = Field(default_factory=list, description="Places to pass through.")
 
     @abstractmethod
     def build_system(self) -> TriangularSystem:
@@ -60,3 +63,34 @@ class ProblemFile(Table):
     @abstractmethod
     def joint_limits(self) -> Array:
         """Largest |q|, shape (N,), infinite where there is none."""
+
+    @abstractmethod
+    def waypoint_states(self, coordinates: list[str]) -> list[Array]:
+        """q of each waypoint, shape (N,), NaN where free.
+
+        Raises:
+            ValueError: If one names a coordinate that there is not.
+        """
+
+    def discs(self) -> list[ObstacleTable]:
+        """Obstacles; only arms have links that could touch them."""
+        return []
+
+
+class NamedFile(ProblemFile):
+    """A problem file whose waypoints name coordinates."""
+
+    waypoints: list[NamedWaypoint] = Field(
+        default_factory=list, description="Places the motion must pass through."
+    )
+
+    def waypoint_states(self, coordinates: list[str]) -> list[Array]:
+        """q of each waypoint, shape (N,), NaN where free."""
+        for number, point in enumerate(self.waypoints):
+            for name in point.q:
+                if name not in coordinates:
+                    raise ValueError(
+                        f"waypoints[{number}].q has no coordinate '{name}';"
+                        f" {nearest(name, coordinates)}"
+                    )
+        return [np.array([p.q.get(name, np.nan) for name in coordinates]) for p in self.waypoints]

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from planner.schema.base import Table
-from planner.schema.file import Free, GoalTable, ProblemFile
+from planner.schema.file import Free, GoalTable, NamedFile
 from planner.schema.limits import BaseLimits, Positive, bound
 from planner.systems.base import Array
 
@@ -58,7 +58,7 @@ class VehicleLimits(BaseLimits):
         return np.array([*bound(self.acceleration_m_s2, 1), *bound(self.turn()[1], 1)])
 
 
-class VehicleFile(ProblemFile):
+class VehicleFile(NamedFile):
     """A problem file whose path coordinate is x: the travel is goal.x_m − start.x_m."""
 
     start: PoseStart = Field(default_factory=PoseStart)

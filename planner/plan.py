@@ -66,6 +66,11 @@ class Plan:
     notes: Mapping[str, Any] = field(default_factory=dict)
     certificate: Certificate | None = None
 
+    def __repr__(self) -> str:
+        state = "verified" if self.verified else f"not verified, status {self.status}"
+        unit = self.problem.system.coordinates[0].unit
+        return f"Plan({self.method}: travel {self.travel:.4g} {unit} in {self.duration:.4g} s, {state})"
+
     @property
     def t(self) -> Array:
         """Times between which the curve is smooth, shape (K+1,), seconds."""

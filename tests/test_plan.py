@@ -72,3 +72,15 @@ def test_plan_goes_whole_or_not_at_all(
     with pytest.raises(planner.InputError, match="No space left"):
         plan.save(tmp_path / "x.json")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_plans_problems_and_checks_are_short_in_a_notebook(paper: planner.Problem) -> None:
+    assert repr(paper) == 'Problem("the paper\'s example, travel free", manipulator, 10 s)'
+    fast = paper.changed({"goal.duration": 40.0, "goal.travel": 0.8286})
+    plan = planner.solve(fast, "polynomial")
+    assert repr(plan) == "Plan(polynomial: travel 0.8286 rad in 40 s, verified)"
+    assert repr(planner.verify(plan)).startswith("Check(ok, largest error at the goal ")
+    with pytest.raises(planner.VerificationError) as refused:
+        planner.solve(paper.changed({"goal.travel": 0.82}), "polynomial")
+    assert "not verified, status verification_failed" in repr(refused.value.plan)
+    assert "broken: input u2 reaches 40.32 rad/s" in repr(refused.value.check)

@@ -1,0 +1,57 @@
+"""The notebooks: stored without outputs, and running from top to bottom without a complaint."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+nbformat = pytest.importorskip("nbformat", reason="needs the extra 'dev'")
+nbclient = pytest.importorskip("nbclient", reason="needs the extra 'dev'")
+pytest.importorskip("ipykernel", reason="needs the extra 'notebook'")
+
+FOLDER = Path(__file__).parents[2] / "notebooks"
+NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
+NAMES = [path.stem for path in NOTEBOOKS]
+
+
+def read(path: Path) -> Any:
+    return nbformat.read(path, as_version=4)
+
+
+def test_the_notebooks_promised_are_there() -> None:
+    assert {
+        "quick-tour",
+        "paper",
+        "polynomial-against-optimal",
+        "tuning-sensitivity",
+        "own-mechanism",
+        "sweeps",
+    } <= set(NAMES)
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=NAMES)
+def test_stored_without_outputs(path: Path) -> None:
+    notebook = read(path)
+    nbformat.validate(notebook)
+    assert set(notebook.metadata) <= {"kernelspec", "language_info"}
+    assert notebook.cells[0].cell_type == "markdown"
+    assert notebook.cells[0].source.startswith("# ")
+    for cell in notebook.cells:
+        if cell.cell_type == "code":
+            assert cell.outputs == []
+            assert cell.execution_count is None
+        assert not cell.metadata
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=NAMES)
+@pytest.mark.filterwarnings("default")  # of the client, not of the notebook, whose own fail below
+def test_runs_from_top_to_bottom(path: Path) -> None:
+    notebook = read(path)
+    places = {"metadata": {"path": str(FOLDER)}}
+    nbclient.NotebookClient(notebook, timeout=120, resources=places).execute()
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
+    complaints = [o.text for o in outputs if o.get("name") == "stderr"]
+    assert complaints == []
+    assert any("image/png" in o.get("data", {}) for o in outputs), "shows no figure"

@@ -68,8 +68,8 @@ class Plan:
 
     def __repr__(self) -> str:
         state = "verified" if self.verified else f"not verified, status {self.status}"
-        unit = self.problem.system.coordinates[0].unit
-        return f"Plan({self.method}: travel {self.travel:.4g} {unit} in {self.duration:.4g} s, {state})"
+        moved = f"{self.travel:.4g} {self.problem.system.coordinates[0].unit}"
+        return f"Plan({self.method}: travel {moved} in {self.duration:.4g} s, {state})"
 
     @property
     def t(self) -> Array:

@@ -3,6 +3,7 @@
 #   make compare   the paper's problem, polynomial against optimal, on the emulated machine
 #   make suite     every method on every problem, to results/suite
 #   make paper     the paper's figures and numbers, to results/paper
+#   make report    pictures of the report's page (needs Chromium), to results/report
 #   make explorer  pictures of the explorer in a browser (needs Chromium), to results/explorer
 #   make test      what CI runs: lint, types, tests
 #   make check     lint and types only
@@ -16,7 +17,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
 .DEFAULT_GOAL := compare
-.PHONY: compare suite paper explorer test check lint format clean
+.PHONY: compare suite paper report explorer test check lint format clean
 
 compare: $(VENV)/.run
 	@$(BIN)/planner compare problems/paper.toml --out out/compare
@@ -26,6 +27,9 @@ suite: $(VENV)/.run
 
 paper: $(VENV)/.run
 	@$(BIN)/planner reproduce --out results/paper
+
+report: $(VENV)/.dev
+	@$(BIN)/python tests/browser/pictures.py
 
 explorer: $(VENV)/.dev
 	@PLANNER_SCREENSHOTS=results/explorer $(BIN)/python -m pytest -s tests/browser/test_explorer_page.py

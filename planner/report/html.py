@@ -170,12 +170,9 @@ def _worst(rows: Sequence[Mapping[str, Any]]) -> str:
 
 def _name(k: int, row: Row) -> str:
     badge = "solved" if row.solved else "refused"
-    why = "" if row.solved else f"<span class=why>{html.escape(row.why)}</span>"
     label = html.escape(row.label).replace(":", ":<wbr>")
-    return (
-        f'<th scope="row">{_swatch(k, row)} {label} <span class="badge {badge}">{badge}</span>'
-        f"{why}</th>"
-    )
+    why = f'<span class="badge {badge}">{badge}</span> {html.escape(row.why)}'
+    return f'<th scope="row">{_swatch(k, row)} {label}<span class=why>{why}</span></th>'
 
 
 def _swatch(k: int, row: Row) -> str:

@@ -22,6 +22,12 @@ FLAGS = [
     "--disable-sync",
 ]
 
+
+def find_browser() -> str | None:
+    """The program, or None."""
+    return next(filter(None, map(shutil.which, NAMES)), None)
+
+
 NewPage = Callable[..., "Page"]
 
 
@@ -29,7 +35,7 @@ NewPage = Callable[..., "Page"]
 def browser() -> Iterator[Browser]:
     """Chromium as installed on this machine, without a window."""
     api = pytest.importorskip("playwright.sync_api", reason="needs playwright (extra: dev)")
-    program = next(filter(None, map(shutil.which, NAMES)), None)
+    program = find_browser()
     if program is None:
         pytest.skip("needs Chromium; on Debian and Ubuntu: apt install chromium")
     with api.sync_playwright() as session:

@@ -1,0 +1,77 @@
+"""Pictures of the report's page: light, dark, and on a phone.
+
+python tests/browser/pictures.py            # writes results/report/*.png; needs Chromium
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+from conftest import FLAGS, find_browser
+from PIL import Image
+from playwright.sync_api import sync_playwright
+
+import planner
+from planner.files import folder, write_bytes, write_text
+
+ROOT = Path(__file__).parents[2]
+METHODS = ["polynomial:travel=middle", "polynomial", "collocation"]
+VIEWS: dict[str, tuple[int, str, float]] = {
+    "light": (1100, "light", 4.0),
+    "dark": (1100, "dark", 6.0),
+    "phone": (390, "light", 3.0),
+}
+HEAD = """# The report's page
+
+`planner compare problems/paper.toml --feedback --out out/paper --report` writes it; these pictures
+are made by
+
+    make report
+
+| light | dark | phone |
+| --- | --- | --- |
+| ![light](light.png) | ![dark](dark.png) | ![phone](phone.png) |
+"""
+
+
+def main() -> int:
+    """Compare, write the page, look at it three times."""
+    os.chdir(ROOT)
+    problem = planner.load_problem("problems/paper.toml")
+    found = planner.compare(problem, METHODS, samples=200, seed=0, feedback=True)
+    program = find_browser()
+    if program is None:
+        print("needs Chromium", file=sys.stderr)
+        return 1
+    page = found.save("out/report", report=True).resolve() / "report.html"
+    with folder("results/report") as target, sync_playwright() as session:
+        browser = session.chromium.launch(executable_path=program, args=FLAGS)
+        for name, view in VIEWS.items():
+            write_bytes(target / f"{name}.png", picture(browser, page, *view))
+        browser.close()
+        write_text(target / "README.md", HEAD)
+    return 0
+
+
+def picture(browser: Any, path: Path, width: int, scheme: str, t: float) -> bytes:
+    """The whole page with the motion's clock at t, in few colours."""
+    context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
+    page = context.new_page()
+    page.goto(path.as_uri())
+    page.locator("#scrub").evaluate(
+        "(e, t) => { e.value = t; e.dispatchEvent(new Event('input')); }", t
+    )
+    shot = Image.open(io.BytesIO(page.screenshot(full_page=True))).convert("RGB")
+    context.close()
+    small = shot.quantize(128, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    stream = io.BytesIO()
+    small.save(stream, "PNG", optimize=True)
+    return stream.getvalue()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

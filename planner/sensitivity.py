@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -26,6 +27,16 @@ from planner.systems.pointwise import Pointwise
 
 PAPER_SPREAD: Mapping[str, float] = {"gain": 0.01, "start": float(np.deg2rad(0.5))}
 """The spread the package compares plans by: 1 % input gains and 0.5° at every starting angle."""
+
+REFERENCE: Mapping[str, float] = {
+    "gain": 0.01,
+    "bias": 0.001,
+    "delay": 0.01,
+    "stretch": 0.01,
+    "start": float(np.deg2rad(0.5)),
+    "gear": 0.01,
+}
+"""An error of a usual size of each family, in its unit: what responses are shown for."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +80,8 @@ class Sensitivity:
 
         Args:
             spread: Standard deviation of each parameter by its name, or of a family by its first
-                word ("gain", "bias", "delay", "start"); what is not named has none.
+                word ("gain", "bias", "delay", "stretch", "start"; "gear" for the constants); what
+                is not named has none.
         """
         return self._rss(spread, np.ones_like(self.terminal, dtype=bool))
 
@@ -89,6 +101,63 @@ class Sensitivity:
             mask[2:, self.parameters.index(name)] = True
         return self._rss(spread, mask)
 
+    def reference(self, spread: Mapping[str, float] = PAPER_SPREAD) -> Array:
+        """An error of each parameter to show responses by, shape (P,), in the parameters' units.
+
+        Its standard deviation; where it has none, the usual size in `REFERENCE`.
+        """
+        sigma = self._sigma(spread)
+        usual = [REFERENCE[p.family] for p in parameters(self.plan.problem.system)]
+        return np.where(sigma > 0, sigma, usual)
+
+    def contribution_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> Array:
+        """Response of each angle at the end to each `reference` error, shape (n, P), degrees."""
+        return np.asarray(np.rad2deg(self.terminal[self.angles] * self.reference(spread)))
+
+    @property
+    def angles(self) -> list[int]:
+        """Array indices of the coordinates after the first that are angles."""
+        return [
+            i for i, c in enumerate(self.plan.problem.system.coordinates) if i and c.unit == "rad"
+        ]
+
+    def along_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> Array:
+        """Standard deviation of each angle at the times `t`, shape (m, n), degrees."""
+        response = self.along[:, self.angles] * self._sigma(spread)
+        return np.asarray(np.rad2deg(np.sqrt(np.sum(response**2, axis=-1))))
+
+    def to_dict(self, spread: Mapping[str, float] = PAPER_SPREAD) -> dict[str, Any]:
+        """JSON-ready: the matrix in SI units, responses to reference errors (deg), and sums."""
+        names = [c.name for c in self.plan.problem.system.coordinates]
+        angles = [names[i] for i in self.angles]
+        shown = self.contribution_deg(spread)
+        fixed = self.irreducible
+        columns = [
+            {
+                "parameter": name,
+                "unit": self.units[p],
+                "standard_deviation": float(self._sigma(spread)[p]),
+                "reference": float(self.reference(spread)[p]),
+                "response_deg": dict(zip(angles, shown[:, p].tolist(), strict=True)),
+                "irreducible": [names[i] for i in np.flatnonzero(fixed[:, p])],
+            }
+            for p, name in enumerate(self.parameters)
+        ]
+        at = [int(np.argmin(np.abs(self.t - t))) for t in np.linspace(0, self.plan.duration, 51)]
+        along = self.along_deg(spread)[at]
+        return {
+            "coordinates": names,
+            "parameters": columns,
+            "matrix": self.terminal.tolist(),
+            "total_deg": self.total_deg(spread),
+            "floor_deg": self.floor_deg(spread),
+            "passive_block_deg": self.passive_block_deg(spread),
+            "along": {
+                "t_s": self.t[at].tolist(),
+                "standard_deviation_deg": dict(zip(angles, along.T.tolist(), strict=True)),
+            },
+        }
+
     @property
     def irreducible(self) -> NDArray[np.bool_]:
         """Mask (N, P) of the entries of S(T) that start and goal alone decide.
@@ -99,11 +168,12 @@ class Sensitivity:
         """
         return _irreducible(self.plan.problem.system, self.parameters)
 
+    def _sigma(self, spread: Mapping[str, float]) -> Array:
+        known = parameters(self.plan.problem.system)
+        return np.array([spread.get(p.name, spread.get(p.family, 0.0)) for p in known])
+
     def _rss(self, spread: Mapping[str, float], mask: NDArray[np.bool_]) -> float:
-        sigma = np.array([spread.get(p, spread.get(p.split()[0], 0.0)) for p in self.parameters])
-        units = [c.unit for c in self.plan.problem.system.coordinates]
-        angles = np.array([k > 0 and unit == "rad" for k, unit in enumerate(units)])
-        response = np.where(mask, self.terminal, 0.0)[angles] * sigma
+        response = np.where(mask, self.terminal, 0.0)[self.angles] * self._sigma(spread)
         return float(np.rad2deg(np.sqrt(np.sum(response**2))))
 
 

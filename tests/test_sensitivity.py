@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from perturbed import draws, motions
 from scipy.integrate import solve_ivp
 
 import planner
@@ -20,6 +21,7 @@ def _perturbed(plan: planner.Plan, name: str, size: float) -> np.ndarray:
     system = plan.problem.system
     word, _, which = name.partition(" ")
     gain, bias, delay, q0 = np.ones(2), np.zeros(2), np.zeros(2), plan.problem.start.copy()
+    clock = np.ones(2)
     index = {"u1": 0, "u2": 1}.get(which, 0)
     names = [c.name for c in system.coordinates]
     match word:
@@ -29,6 +31,8 @@ def _perturbed(plan: planner.Plan, name: str, size: float) -> np.ndarray:
             bias[index] = size
         case "delay":
             delay[index] = size
+        case "stretch":
+            clock[index] += size
         case "start":
             q0[names.index(which)] += size
         case _:
@@ -37,10 +41,10 @@ def _perturbed(plan: planner.Plan, name: str, size: float) -> np.ndarray:
             system = planner.Manipulator(K, system.k_g)
 
     def rates(t: float, q: np.ndarray) -> np.ndarray:
-        u = np.array([plan.u(t - late)[i] for i, late in enumerate(delay)])
+        u = np.array([plan.u((t - delay[i]) / clock[i])[i] / clock[i] for i in range(2)])
         return system.rates(q, u * gain + bias * (t <= plan.duration))
 
-    end = plan.duration + (0.01 if word == "delay" else 0.0)
+    end = plan.duration + (0.1 if word in ("delay", "stretch") else 0.0)
     options = {"rtol": 1e-9, "atol": 1e-12, "max_step": 0.5}
     motion = solve_ivp(rates, (0, plan.duration), q0, "DOP853", **options)
     q = motion.y[:, -1]
@@ -67,10 +71,33 @@ def test_delay_column_matches_a_difference(plan: planner.Plan) -> None:
     np.testing.assert_allclose(column, late / 1e-3, atol=1e-4)
 
 
-def test_both_inputs_late_together_change_nothing(plan: planner.Plan) -> None:
+@pytest.mark.parametrize("which", ["u1", "u2"])
+def test_stretch_column_matches_a_difference(plan: planner.Plan, which: str) -> None:
     found = sensitivity(plan)
-    both = sum(found.terminal[:, found.parameters.index(f"delay u{i}")] for i in (1, 2))
+    up, down = (_perturbed(plan, f"stretch {which}", size) for size in (2e-4, -2e-4))
+    column = found.terminal[:, found.parameters.index(f"stretch {which}")]
+    np.testing.assert_allclose(column, (up - down) / 4e-4, atol=2e-3 * np.max(np.abs(column)))
+
+
+@pytest.mark.parametrize("word", ["delay", "stretch"])
+def test_both_inputs_late_together_change_nothing(plan: planner.Plan, word: str) -> None:
+    found = sensitivity(plan)
+    both = sum(found.terminal[:, found.parameters.index(f"{word} u{i}")] for i in (1, 2))
     np.testing.assert_allclose(both, 0, atol=1e-12)
+
+
+def test_nonlinear_monte_carlo_agrees_along_the_path(paper: planner.Problem) -> None:
+    """Hundreds of perturbed motions by another integrator, against S(t) at every tenth."""
+    plan = planner.solve(paper, "collocation")
+    found = sensitivity(plan)
+    spread = {"gain u1": 0.01, "gain u2": 0.01, "bias u1": 0.002, "bias u2": 0.002, "K2": 0.01,
+              "K3": 0.01, **{f"start theta{i}": np.deg2rad(0.5) for i in (1, 2, 3)}}  # fmt: skip
+    t = np.linspace(0, plan.duration, 11)
+    seen = np.std(motions(plan, draws(spread, 600), t) - plan.q(t), axis=0)
+    sigma = np.array([spread.get(name, 0.0) for name in found.parameters])
+    at = [int(np.argmin(np.abs(found.t - time))) for time in t]
+    told = np.sqrt(np.sum((found.along[at] * sigma) ** 2, axis=-1))
+    np.testing.assert_allclose(seen[:, 1:], told[:, 1:], rtol=0.12)
 
 
 def test_irreducible_entries_are_the_same_for_every_plan(unlimited: planner.Problem) -> None:

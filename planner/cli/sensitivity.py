@@ -1,0 +1,166 @@
+"""`planner sensitivity`: what errors do to a plan, and what less of it costs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from planner.cli.arguments import Changes, Json, read_problem
+from planner.cli.output import note, print_json, print_text, table, waiting
+from planner.cli.plan import number
+from planner.desensitise.spread import spreads
+from planner.differences import MachineSensitivity, machine_sensitivity
+from planner.errors import InputError
+from planner.files import refuse_unwritable_folder
+from planner.plan import Plan, load_plan
+from planner.report.responses import entry_name
+from planner.report.responses_folder import save_sensitivity
+from planner.schema import parse
+from planner.schema.desensitised import DesensitisedOptions
+from planner.sensitivity import Sensitivity
+from planner.sensitivity import sensitivity as analyse
+from planner.solve import find_method, solve
+
+SHOWN = 12
+"""Parameters of the machine in the table: those of the largest response."""
+
+
+def sensitivity(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="PLAN|PROBLEM",
+            help="A plan (JSON, of `planner plan --out`) or a problem file (TOML).",
+            show_default=False,
+        ),
+    ],
+    method: Annotated[
+        str, typer.Option("--method", "-m", help="Who plans, when a problem is given.")
+    ] = "collocation",
+    machine: Annotated[
+        bool, typer.Option(help="Also the parameters of the emulated machine.")
+    ] = True,
+    changes: Changes = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="FOLDER",
+            help="Write matrix, heat maps, plan and data to this folder.",
+            show_default=False,
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> int:
+    """Say how errors of inputs, timing, start, gears and machine reach the end of a plan.
+
+    Each response is that to an error of the size shown: one standard deviation of the table
+    [method.desensitised], or a usual size where that is zero.
+
+    \b
+    Examples:
+      planner sensitivity problems/paper.toml
+      planner sensitivity problems/paper.toml --method desensitised --out out/sensitivity
+      planner sensitivity plan.json --json
+    """
+    if out is not None:
+        refuse_unwritable_folder(out)
+    with waiting("planning") as notice:
+        plan = _plan(source, method, changes)
+        notice("differentiating")
+        spread = spreads(plan.problem.system, design(plan))
+        found = analyse(plan)
+        on_machine = machine_sensitivity(plan) if machine else None
+        heading = {"source": str(source), "method": plan.method, "duration_s": plan.duration}
+        written = None
+        if out is not None:
+            written = str(save_sensitivity(found, on_machine, spread, out, heading))
+    if as_json:
+        data = {**heading, **found.to_dict(spread), "written": written, "exit_status": 0}
+        print_json({**data, "machine": None if on_machine is None else on_machine.to_dict()})
+    else:
+        print_text(f"{plan.problem.name}: {plan.method}", "", _matrix(found, spread), "")
+        print_text(_sums(found, spread))
+        if on_machine is not None:
+            print_text("", _on_machine(on_machine), "", _machine_sums(on_machine))
+    if written is not None:
+        note(f"written to {written}")
+    return 0
+
+
+def design(plan: Plan) -> DesensitisedOptions:
+    """The design errors: those a desensitised plan was made with, else the problem's table."""
+    if plan.method == "desensitised":
+        return parse(DesensitisedOptions, dict(plan.options), "options of the plan")
+    return plan.problem.methods.desensitised
+
+
+def _plan(source: Path, method: str, changes: list[str] | None) -> Plan:
+    if source.suffix.lower() != ".json":
+        return solve(read_problem(source, changes), find_method(method).name)
+    if changes:
+        raise InputError(f"{source} is a plan; --set changes problem files only")
+    return load_plan(source)
+
+
+def _matrix(found: Sensitivity, spread: dict[str, float]) -> Table:
+    coordinates = found.plan.problem.system.coordinates
+    names = [coordinates[i].name for i in found.angles]
+    listing = table("error", ">size", *(f">{name} (deg)" for name in names))
+    sizes, values = found.reference(spread), found.contribution_deg(spread)
+    for p, name in enumerate(found.parameters):
+        cells = [
+            _cell(values[k, p], bool(found.irreducible[i, p])) for k, i in enumerate(found.angles)
+        ]
+        if any(cells):
+            listing.add_row(name, _size(float(sizes[p]), found.units[p]), *cells)
+    return listing
+
+
+def _cell(value: float, irreducible: bool) -> str:
+    if abs(value) < 5e-7:
+        return ""
+    return f"{value:.3g}{'*' if irreducible else ' '}"
+
+
+def _size(value: float, unit: str) -> str:
+    if unit == "1":
+        return f"{100 * value:.3g} %"
+    return f"{np.rad2deg(value):.3g} deg" if unit == "rad" else f"{value:.3g} {unit}"
+
+
+def _sums(found: Sensitivity, spread: dict[str, float]) -> str:
+    given = ", ".join(spread)
+    return (
+        f"One standard deviation of each of {given}: total {number(found.total_deg(spread))} deg."
+        f"\n* irreducible, start and goal alone decide it: {number(found.floor_deg(spread))} deg."
+        "\nPassive block (theta2 ... to the start of theta1 and the gain of u2):"
+        f" {number(found.passive_block_deg(spread))} deg."
+    )
+
+
+def _on_machine(found: MachineSensitivity) -> Table:
+    listing = table("machine", ">value", ">change", "", *(f">{n} (deg)" for n in found.angles))
+    loud = [e for e in found.entries if not e.silent]
+    loud = sorted(loud, key=lambda e: -float(np.max(np.abs(e.contribution))))
+    for e in loud[:SHOWN]:
+        cells = [f"{v:.3g}" if abs(v) >= 5e-5 else "" for v in e.contribution]
+        listing.add_row(entry_name(e), number(e.value), number(e.reference), e.unit, *cells)
+    return listing
+
+
+def _machine_sums(found: MachineSensitivity) -> str:
+    silent = sum(e.silent for e in found.entries)
+    left = len(found.entries) - silent - SHOWN
+    more = f"; {left} smaller ones are in --json and --out" if left > 0 else ""
+    nominal: list[Any] = [f"{e:.3g}" for e in found.nominal_error_deg]
+    return (
+        f"Nominal machine: errors {', '.join(nominal)} deg; one spread of each parameter: total"
+        f" {number(found.total_deg)} deg{more}."
+        f" {silent} parameters have no effect here, {len(found.omitted)} are off."
+    )

@@ -1,0 +1,72 @@
+"""`planner sensitivity`: matrix, heat maps, machine; plans and problems; bad input."""
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import planner
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+PAPER = PROBLEMS / "paper.toml"
+
+
+def test_table_and_sums(run: Callable[..., Any]) -> None:
+    result = run("sensitivity", PAPER, "--no-machine")
+    assert result.status == 0
+    assert "gain u2" in result.out
+    assert "0.5 deg" in result.out
+    assert "total 1.15 deg" in result.out
+    assert "0.9582 deg" in result.out
+    assert "machine" not in result.out
+
+
+def test_json_of_a_saved_plan_matches_the_library(run: Callable[..., Any], tmp_path: Path) -> None:
+    plan = planner.solve(planner.load_problem(PAPER), "collocation")
+    plan.save(tmp_path / "plan.json")
+    data = run("sensitivity", tmp_path / "plan.json", "--json").json
+    found = planner.sensitivity(plan)
+    np.testing.assert_allclose(data["matrix"], found.terminal)
+    assert data["passive_block_deg"] == pytest.approx(found.passive_block_deg())
+    gain = next(p for p in data["parameters"] if p["parameter"] == "gain u1")
+    assert gain["irreducible"] == ["theta2"]
+    assert gain["response_deg"]["theta2"] == pytest.approx(0.29)
+    effects = {p["effect"] for p in data["machine"]["parameters"]}
+    assert {"backlash_deg", "delay_s", "control_period_s", "gear_ratio_error"} <= effects
+    assert data["along"]["t_s"][0] == 0
+
+
+def test_folder(run: Callable[..., Any], tmp_path: Path) -> None:
+    result = run("sensitivity", PAPER, "--out", tmp_path / "s", "--json")
+    assert result.json["written"] == str(tmp_path / "s")
+    names = {p.name for p in (tmp_path / "s").iterdir() if not p.name.startswith(".")}
+    assert names == {"sensitivity.json", "matrix.csv", "plan.json", "heat-map.png", "along.png",
+                     "machine.png"}  # fmt: skip
+    for name in ("heat-map.png", "along.png", "machine.png"):
+        assert (tmp_path / "s" / name).read_bytes().startswith(b"\x89PNG")
+    rows = list(csv.reader((tmp_path / "s" / "matrix.csv").read_text().splitlines()))
+    np.testing.assert_allclose(np.array(rows)[1:, 1:].astype(float), result.json["matrix"])
+
+
+def test_spread_comes_from_the_table(run: Callable[..., Any]) -> None:
+    quiet = ("sensitivity", PAPER, "--no-machine", "--json", "--set")
+    data = run(*quiet, "method.desensitised.gain=0.02").json
+    twice = next(p for p in data["parameters"] if p["parameter"] == "gain u1")
+    assert twice["response_deg"]["theta2"] == pytest.approx(0.58)
+
+
+def test_bad_input(run: Callable[..., Any], tmp_path: Path) -> None:
+    missing = run("sensitivity", tmp_path / "plan.json")
+    assert missing.status == 2
+    assert "cannot read" in missing.err
+    (tmp_path / "plan.json").write_text("{}")
+    assert "is not a plan file" in run("sensitivity", tmp_path / "plan.json").err
+    changed = run("sensitivity", tmp_path / "plan.json", "--set", "goal.duration=3")
+    assert "--set changes problem files only" in changed.err
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "mine").touch()
+    refused = run("sensitivity", PAPER, "--out", tmp_path / "full")
+    assert (refused.status, "holds files" in refused.err) == (2, True)

@@ -13,6 +13,7 @@ from planner.check import Analysis, check
 from planner.claims import Certificate, Claim
 from planner.compare import Comparison, compare
 from planner.controllability import Controllability, controllability
+from planner.differences import MachineSensitivity, machine_sensitivity
 from planner.errors import (
     InfeasibleError,
     InputError,
@@ -68,6 +69,7 @@ __all__ = [
     "InputError",
     "Limits",
     "Machine",
+    "MachineSensitivity",
     "Manipulator",
     "NoPlanError",
     "NotConvergedError",
@@ -97,6 +99,7 @@ __all__ = [
     "load_problem",
     "load_samples",
     "load_sweep",
+    "machine_sensitivity",
     "replay",
     "retime",
     "run_sweep",

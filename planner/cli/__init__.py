@@ -24,6 +24,7 @@ from planner.cli.output import ReaderGoneError, Told, print_json, say, watch_int
 from planner.cli.plan import plan
 from planner.cli.report import report
 from planner.cli.reproduce import reproduce
+from planner.cli.sensitivity import sensitivity
 from planner.cli.sweep import sweep
 from planner.cli.volume import with_volume
 from planner.errors import PlannerError
@@ -70,6 +71,7 @@ for _command in (
     plan,
     check,
     compare,
+    sensitivity,
     sweep,
     export,
     animate,

@@ -12,10 +12,10 @@ from planner.errors import InputError, NotConvergedError
 from planner.ocp.backends import Settings
 from planner.ocp.form import Form, InputKind
 from planner.ocp.guess import guess, seeds
-from planner.ocp.mesh import uniform
 from planner.ocp.objective import objective
 from planner.ocp.polish import Polished, polish
 from planner.ocp.refusal import obstacle
+from planner.ocp.route import mesh_through, rebalanced, routes
 from planner.ocp.search import Found, Search, same_path, search
 from planner.ocp.solver import Solution
 from planner.ocp.task import Task, stretched, task
@@ -27,6 +27,12 @@ from planner.reachability import travel_window
 from planner.schema.methods import CollocationOptions
 
 NAME = "collocation"
+DIRECT, SEARCHED = 20, 40
+"""Mesh intervals near a straight line in a given time, and for what may wind more than once."""
+
+SHARINGS = 6
+"""Times that the duration is shared out anew among the parts between waypoints."""
+
 DIRECT_ITERATIONS = 100
 """Iterations granted to the straight line when the motion can be one way; it needs about 15."""
 
@@ -53,34 +59,72 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
             be found out, with a change that was tried.
     """
     began = time.perf_counter()
-    job = _task(problem, options)
-    answer = _direct(job, options) or _searched(job, options)
+    answer = _best_route(problem, options)
     done = polish(answer.task, answer.solution, options.accuracy, options.refinements)
-    return _plan(done, answer, options, began)
+    return replace(_plan(done, answer, options, began), problem=problem)
 
 
-def _task(problem: Problem, options: CollocationOptions) -> Task:
+def _best_route(problem: Problem, options: CollocationOptions) -> _Answer:
+    """The best over the orders in which waypoints may be passed."""
+    answers, refusals = [], []
+    for way in routes(problem):
+        try:
+            answers.append(_settled(_answer(way, options)))
+        except NotConvergedError as error:
+            refusals.append(error)
+    if not answers:
+        raise refusals[0]
+    return min(answers, key=lambda answer: answer.solution.objective)
+
+
+def _answer(problem: Problem, options: CollocationOptions) -> _Answer:
+    return _direct(problem, options) or _searched(_task(problem, options, SEARCHED), options)
+
+
+def _settled(answer: _Answer) -> _Answer:
+    """With the time shared out among the parts between waypoints as the objective wants it."""
+    for _ in range(SHARINGS if answer.task.mesh.marks else 0):
+        moved = rebalanced(answer.task, answer.solution.iterate)
+        if moved is None:
+            break
+        solution = moved[0].solve(moved[1], near=True)
+        better = solution.ok and solution.objective < answer.solution.objective
+        if not better:
+            break
+        iterations = answer.iterations + solution.iterations
+        answer = replace(answer, task=moved[0], solution=solution, iterations=iterations)
+    return answer
+
+
+def _task(problem: Problem, options: CollocationOptions, intervals: int) -> Task:
+    goal = objective(problem, options)
+    kind = _input_kind(problem, options, goal.smooth)
+    mesh = mesh_through(problem, intervals if options.intervals == "auto" else options.intervals)
     form = Form(
-        intervals=options.intervals,
+        intervals=len(mesh.widths),
         scheme_kind=options.scheme,
         degree=options.degree,
-        input=_input_kind(problem, options),
+        input=kind,
         chart=problem.limits.z2_margin is not None,
+        inner=bool(problem.obstacles),  # or links pass through a disc between two edges
+        obstacles=len(problem.obstacles),
+        edge=goal.edge,
     )
     settings = Settings(options.tolerance, options.max_iterations, solver=options.solver)
-    goal = objective(problem, options)
-    return task(problem, goal, form, uniform(options.intervals), options.rest, settings)
+    return task(problem, goal, form, mesh, options.rest, settings)
 
 
-def _input_kind(problem: Problem, options: CollocationOptions) -> InputKind:
-    smooth = options.rest or bool(np.any(np.isfinite(problem.limits.input_rate)))
+def _input_kind(problem: Problem, options: CollocationOptions, slopes: bool) -> InputKind:
+    """`slopes`: whether the objective reads the inputs' rates."""
+    smooth = slopes or options.rest or bool(np.any(np.isfinite(problem.limits.input_rate)))
     if options.input == "auto":
-        return "linear" if smooth else "constant"
-    if options.input in ("constant", "jumping") and smooth:
+        return "linear" if smooth or problem.duration is not None else "constant"
+    if options.input == "constant" and smooth:
         what = "rest = true" if options.rest else "the limit on input rates"
+        what = "an objective that reads the inputs' rates" if slopes else what
         raise InputError(
-            f"{problem.source}: method.collocation.input = '{options.input}' jumps between"
-            f" intervals, which contradicts {what}; use 'linear' or 'auto'"
+            f"{problem.source}: method.collocation.input = 'constant' jumps between intervals,"
+            f" which contradicts {what}; use 'linear' or 'auto'"
         )
     return options.input
 
@@ -92,10 +136,13 @@ def _one_way(problem: Problem) -> bool:
     return problem.travel is None or problem.travel in window
 
 
-def _direct(job: Task, options: CollocationOptions) -> _Answer | None:
-    """The straight line alone, where the motion can be one way in a given time."""
-    if job.problem.duration is None or options.start != "auto" or not _one_way(job.problem):
+def _direct(problem: Problem, options: CollocationOptions) -> _Answer | None:
+    """The straight line alone: where asked for, or the motion can be one way in a given time."""
+    if problem.duration is None or options.start not in ("auto", "straight"):
         return None
+    if options.start == "auto" and not _one_way(problem):
+        return None
+    job = _task(problem, options, DIRECT if options.input != "constant" else SEARCHED)
     quick = replace(job.settings, max_iterations=min(options.max_iterations, DIRECT_ITERATIONS))
     seed = seeds("straight")[0]
     start = guess(job.problem, job.made, job.mesh, seed)

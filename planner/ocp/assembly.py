@@ -32,7 +32,7 @@ class Program:
     """A nonlinear programme min f(x, p), with bounds on x and on g(x, p).
 
     Attributes:
-        problem: The expressions x, p, f, g; p = (three weights, K widths).
+        problem: The expressions x, p, f, g; p = (`Form.parameters` numbers, K widths).
         f: Function (x, p) to f.
         g: Function (x, p) to g.
         gradient: Function (x, p) to the gradient of f.
@@ -65,10 +65,10 @@ class _Assembly:
     def __init__(self, stage: Stage, layout: Layout, functions: IntervalFunctions) -> None:
         self.K, self.ny, self.nc = layout.intervals, layout.state, layout.control
         self.height, self.m = stage.height, layout.state + layout.control
-        self.functions = functions
-        self.x, self.p = ca.MX.sym("x", layout.size), ca.MX.sym("p", 3 + self.K)
+        self.functions, own = functions, stage.weights.numel()
+        self.x, self.p = ca.MX.sym("x", layout.size), ca.MX.sym("p", own + self.K)
         self.columns = ca.reshape(self.x[: self.K * self.m], self.m, self.K)
-        self.parameters = ca.vertcat(ca.repmat(self.p[:3], 1, self.K), self.p[3:].T)
+        self.parameters = ca.vertcat(ca.repmat(self.p[:own], 1, self.K), self.p[own:].T)
 
     def program(self) -> Program:
         cost, rows = self._mapped(self.functions.value)

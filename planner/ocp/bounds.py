@@ -26,20 +26,30 @@ class Tightening:
     Attributes:
         joint: Shape (K, N), in the coordinates' units.
         z2: Shape (K,).
+        discs: Of each disc and link, shape (K, D · L), metres.
     """
 
     joint: Array
     z2: Array
+    discs: Array
 
     @classmethod
-    def none(cls, intervals: int, size: int) -> Tightening:
-        """No change."""
-        return cls(np.zeros((intervals, size)), np.zeros(intervals))
+    def none(cls, intervals: int, size: int, pairs: int = 0) -> Tightening:
+        """No change, for N coordinates and as many pairs of disc and link."""
+        shapes = (intervals, size), (intervals,), (intervals, pairs)
+        return cls(*(np.zeros(shape) for shape in shapes))
+
+    def __bool__(self) -> bool:
+        return bool(np.any(self.joint) or np.any(self.z2) or np.any(self.discs))
+
+    def __add__(self, other: Tightening) -> Tightening:
+        return Tightening(self.joint + other.joint, self.z2 + other.z2, self.discs + other.discs)
 
     def everywhere(self) -> Tightening:
         """Each limit drawn in by its greatest amount, in all intervals."""
         joint = np.broadcast_to(np.max(self.joint, axis=0), self.joint.shape)
-        return Tightening(joint, np.full_like(self.z2, np.max(self.z2)))
+        discs = np.broadcast_to(np.max(self.discs, axis=0), self.discs.shape)
+        return Tightening(joint, np.full_like(self.z2, np.max(self.z2)), discs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +61,7 @@ class Bounds:
         upper: Of the unknowns.
         row_lower: Of the rows, shape (K · height,).
         row_upper: Of the rows.
-        parameters: Objective weights and mesh widths, shape (3 + K,).
+        parameters: Numbers of the form (`Form.parameters`) and mesh widths.
         widths: The mesh widths, shape (K,).
     """
 
@@ -81,15 +91,16 @@ def bounds(
     tightening: Tightening,
 ) -> Bounds:
     """Fill in a problem's numbers."""
-    lower, upper = _unknowns(problem, made, rest, tightening)
+    lower, upper = _unknowns(problem, made, mesh, rest, tightening)
     low, high = _rows(problem, made, tightening)
-    return Bounds(
-        lower, upper, low, high, np.concatenate([objective.weights, mesh.widths]), mesh.widths
-    )
+    discs = [[*disc.centre, disc.radius] for disc in problem.obstacles]
+    given = discs[: made.form.obstacles]
+    parameters = np.concatenate([objective.weights, *given, mesh.widths])
+    return Bounds(lower, upper, low, high, parameters, mesh.widths)
 
 
 def _unknowns(
-    problem: Problem, made: Transcription, rest: bool, tightening: Tightening
+    problem: Problem, made: Transcription, mesh: Mesh, rest: bool, tightening: Tightening
 ) -> tuple[Array, Array]:
     places = made.layout
     upper = np.full(places.size, np.inf)
@@ -103,6 +114,8 @@ def _unknowns(
     duration = np.nan if problem.duration is None else problem.duration
     fixed = [(places.nodes[0], problem.start), (places.nodes[-1], _goal(problem))]
     fixed += [(places.durations[:1], np.array([duration]))]
+    stops = zip(mesh.marks, problem.waypoints, strict=True)
+    fixed += [(places.nodes[k], point.q) for k, point in stops]
     fixed += [(places.inputs[[0, -1]].ravel(), np.zeros(4))] if rest else []
     for where, values in fixed:
         known = ~np.isnan(values)
@@ -132,6 +145,12 @@ def _rows(problem: Problem, made: Transcription, tightening: Tightening) -> tupl
         elif rows.kind == "z2":
             bounds = _chart(problem, tightening.z2, rows.tau)
             low[:, rows.positions], high[:, rows.positions] = bounds
+        elif rows.kind == "obstacle":
+            least = tightening.discs[:, [rows.index]] + np.zeros(len(rows.tau))
+            edge = rows.tau == 0.0
+            least[:, edge] = _at_nodes(tightening.discs[:, rows.index])[:-1, None]
+            least[0, edge] = -np.inf  # where the problem itself has been checked
+            low[:, rows.positions], high[:, rows.positions] = least, np.inf
     return low.ravel(), high.ravel()
 
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
 from planner.ocp.mesh import Mesh
 from planner.ocp.scheme import Kind, Scheme, scheme
 from planner.systems.base import Array
 
-InputKind = Literal["constant", "linear", "jumping"]
-_JUST_INSIDE = np.array([1e-9, 1 - 1e-9])
+InputKind = Literal["constant", "linear"]
+
+
+TERMS = 6
+"""Terms of the objective: duration, effort of each input, its smoothness, closeness to edges."""
 
 
 @dataclass(frozen=True)
@@ -23,11 +24,12 @@ class Form:
         intervals: Number K of mesh intervals.
         scheme_kind: Family of collocation points.
         degree: Collocation points an interval.
-        input: "constant" in each interval, "linear" and continuous, or "jumping": linear in each
-            interval, with jumps between them.
+        input: "constant" in each interval, or "linear" and continuous.
         rate_limits: Whether the input's slopes are constrained by rows; where they are unknowns
             themselves, as in `layout`, this makes no difference.
         chart: Whether z₂ is constrained.
+        obstacles: Number of discs that the links must clear.
+        edge: Whether closeness to the edge of the chart's domain is a term of the objective.
         inner: Whether limits on coordinates and z₂ hold at the collocation points too, not only at
             the mesh's edges.
         compiled: Whether the functions of one interval are compiled by a C compiler.
@@ -40,7 +42,14 @@ class Form:
     rate_limits: bool = False
     chart: bool = False
     inner: bool = False
+    obstacles: int = 0
+    edge: bool = False
     compiled: bool = False
+
+    @property
+    def parameters(self) -> int:
+        """Numbers an interval is given beside its width: weights, then centre and radius a disc."""
+        return TERMS + 3 * self.obstacles
 
     @property
     def scheme(self) -> Scheme:
@@ -49,16 +58,12 @@ class Form:
 
     @property
     def input_nodes(self) -> int:
-        """Number of input values over time: K constants, K + 1 corners, or 2 K ends."""
-        return {"constant": self.intervals, "linear": self.intervals + 1}.get(
-            self.input, 2 * self.intervals
-        )
+        """Number of input values over time: K constants, or K + 1 corners."""
+        return self.intervals + (self.input == "linear")
 
     def input_places(self, mesh: Mesh) -> Array:
         """Fractions of the duration at which `Iterate.inputs` are sampled from a curve.
 
-        Shape (K,) in the middles, (K+1,) at the edges, or (K, 2) just inside either end.
+        Shape (K,) in the middles, or (K+1,) at the edges.
         """
-        if self.input == "constant":
-            return mesh.edges[:-1] + mesh.widths / 2
-        return mesh.edges if self.input == "linear" else mesh.at(_JUST_INSIDE)
+        return mesh.edges if self.input == "linear" else mesh.edges[:-1] + mesh.widths / 2

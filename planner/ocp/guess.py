@@ -63,7 +63,7 @@ def seeds(kind: str) -> list[Seed]:
 def guess(problem: Problem, made: Transcription, mesh: Mesh, seed: Seed) -> Iterate:
     """The unknowns along a seed."""
     s = np.linspace(0.0, 1.0, SAMPLES)
-    q = _states(problem, seed, s)
+    q = _states(problem, mesh, seed, s)
     rates = np.gradient(q[:, :2], s, axis=0)
     rates[:, 0] /= _away_from_zero(problem.system.drive(q))
     duration = problem.duration or _duration(problem, rates)
@@ -87,17 +87,28 @@ def likely_travel(problem: Problem) -> float:
     return float(slopes @ moves) / size if size > 1e-12 else 0.0
 
 
-def _states(problem: Problem, seed: Seed, s: Array) -> Array:
+def _states(problem: Problem, mesh: Mesh, seed: Seed, s: Array) -> Array:
     travel = likely_travel(problem)
-    move = problem.goal - problem.start
-    move[0] = travel
-    q = problem.start + s[:, None] * move
+    q = through_waypoints(problem, mesh.knots, travel, s)
     q[:, 0] += max(1.0, abs(travel) / 2) * seed.path(s)
     q[:, 1] += seed.driven(s)
     limit = problem.limits.joint.copy()
     if problem.system.coordinates[1].unit == "rad":
         limit[1] = min(limit[1], LARGEST_GUESS_RAD)
     return np.clip(q, -limit, limit)
+
+
+def through_waypoints(problem: Problem, knots: Array, travel: float, s: Array) -> Array:
+    """Straight lines from start to goal by way of the waypoints, shape (S, N), at s (S,)."""
+    goal = problem.goal.copy()
+    goal[0] = problem.start[0] + travel
+    known = np.array([problem.start, *(w.q for w in problem.waypoints), goal])
+    return np.stack([_filled(s, knots, column) for column in known.T], axis=-1)
+
+
+def _filled(s: Array, knots: Array, values: Array) -> Array:
+    known = ~np.isnan(values)
+    return np.interp(s, knots[known], values[known])
 
 
 def _duration(problem: Problem, rates: Array) -> float:

@@ -16,7 +16,7 @@ Pattern = tuple[Index, Index]
 
 @dataclass(frozen=True, eq=False)
 class IntervalFunctions:
-    """Functions of (y, c) and the parameters (three weights, width), all dense columns.
+    """Functions of (y, c) and the parameters (`Form.parameters`, width), all dense columns.
 
     Attributes:
         value: To cost and rows, the first rows being minus the state it leads to.
@@ -67,7 +67,7 @@ def interval_functions(stage: Stage) -> IntervalFunctions:
 
 
 def _function(name: str, inputs: list[Any], outputs: list[Any]) -> Any:
-    return ca.Function(f"interval_{name}", inputs, ca.cse([ca.densify(out) for out in outputs]))
+    return ca.Function(f"interval_{name}", inputs, [ca.densify(out) for out in outputs])
 
 
 def _leading(pattern: Pattern, stage: Stage) -> Pattern:

@@ -5,8 +5,8 @@
 Stage by stage, as solvers want it that know the structure of optimal control: the state y at an
 edge of the mesh, then the control c of the interval that begins there. X are the coordinates; the
 duration T is a state that stays what it is, so that no unknown belongs to all stages. The input U
-is a constant; or the two ends of a line; or, where it must not jump, the slope of a line that
-starts at V, which is then part of the state. P are the collocation values of the lifted coordinates
+is a constant; or, where it must not jump, the slope of a line that starts at V, which is then part
+of the state. P are the collocation values of the lifted coordinates
 (see `order`): none for the manipulator.
 """
 
@@ -31,8 +31,7 @@ class Iterate:
         duration: T in seconds.
         nodes: States at the mesh's edges, shape (K+1, N).
         points: States at the collocation points, shape (K, d, N).
-        inputs: Shape (K, 2) if constant in each interval, (K+1, 2) at the edges if linear, and
-            (K, 2, 2) if jumping: interval, end, input.
+        inputs: Shape (K, 2) if constant in each interval, (K+1, 2) at the edges if linear.
     """
 
     duration: float
@@ -42,8 +41,6 @@ class Iterate:
 
     def input_ends(self) -> tuple[Array, Array]:
         """Inputs at the left and right end of each interval, shapes (K, 2)."""
-        if self.inputs.ndim == 3:
-            return self.inputs[:, 0], self.inputs[:, 1]
         if len(self.inputs) == len(self.points):
             return self.inputs, self.inputs
         return self.inputs[:-1], self.inputs[1:]
@@ -97,21 +94,17 @@ def layout(form: Form, size: int, lifted: tuple[int, ...]) -> Layout:
     K, d = form.intervals, form.degree
     linear = form.input == "linear"
     state = size + 1 + (2 if linear else 0)
-    values = 4 if form.input == "jumping" else 2
-    control = values + d * len(lifted)
+    control = 2 + d * len(lifted)
     edges = (state + control) * np.arange(K + 1)
     controls = edges[:-1, None] + state + np.arange(control)
-    inputs = controls[:, :values]
-    if form.input == "jumping":
-        inputs = inputs.reshape(K, 2, 2)
     return Layout(
         intervals=K,
         state=state,
         control=control,
         nodes=edges[:, None] + np.arange(size),
         durations=edges + size,
-        inputs=edges[:, None] + size + 1 + np.arange(2) if linear else inputs,
+        inputs=edges[:, None] + size + 1 + np.arange(2) if linear else controls[:, :2],
         slopes=controls[:, :2] if linear else np.empty((0, 2), dtype=np.int64),
-        points=controls[:, values:].reshape(K, d, len(lifted)),
+        points=controls[:, 2:].reshape(K, d, len(lifted)),
         lifted=lifted,
     )

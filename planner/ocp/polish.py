@@ -126,7 +126,7 @@ def _finer(task: Task, error: MeshError, accuracy: float) -> Mesh:
     covered = np.concatenate([[0.0], np.cumsum(density * widths)])
     edges = np.interp(np.linspace(0, covered[-1], count + 1), covered, task.mesh.edges)
     edges[0], edges[-1] = 0.0, 1.0
-    return Mesh(edges)
+    return task.mesh.snapped(edges)
 
 
 def _draw_in(task: Task, solution: Solution) -> Polished:
@@ -137,14 +137,14 @@ def _draw_in(task: Task, solution: Solution) -> Polished:
     tightening = task.tightening
     for _ in range(TIGHTENING_ROUNDS):
         over = _excess(task, solution)
-        if not (np.any(over.joint) or np.any(over.z2)):
+        if not over:
             break
         if not task.made.form.inner:
             built = task.build_time_s
             task = task.inside()
             task = replace(task, build_time_s=built + task.build_time_s)
         else:
-            tightening = Tightening(tightening.joint + over.joint, tightening.z2 + over.z2)
+            tightening = tightening + over
             if rounds > 0:
                 tightening = tightening.everywhere()
             task, rounds = replace(task, tightening=tightening), rounds + 1
@@ -160,6 +160,7 @@ def _draw_in(task: Task, solution: Solution) -> Polished:
             "rounds": rounds,
             "joint": float(np.max(tightening.joint)),
             "z2": float(np.max(tightening.z2)),
+            "obstacles": float(np.max(tightening.discs, initial=0.0)),
         }
     }
     error = mesh_error(task, solution)
@@ -173,22 +174,36 @@ def _excess(task: Task, solution: Solution) -> Tightening:
     """
     motion = task.motion(solution.iterate)
     plan = task.curve(solution.iterate).q(motion.fractions * solution.iterate.duration)
-    found = [_breaks(task.problem, states) for states in (plan, motion.states)]
+    found = [_breaks(task, states) for states in (plan, motion.states)]
     return Tightening(
-        np.maximum(*(each.joint for each in found)), np.maximum(*(each.z2 for each in found))
+        np.maximum(*(each.joint for each in found)),
+        np.maximum(*(each.z2 for each in found)),
+        np.maximum(*(each.discs for each in found)),
     )
 
 
-def _breaks(problem: Problem, states: Array) -> Tightening:
+def _breaks(task: Task, states: Array) -> Tightening:
+    problem = task.problem
     limit, count = problem.limits.joint, len(states)
     peak = np.stack([peaks(np.abs(states[:, :, i])) for i in range(len(limit))], axis=-1)
     joint = _over(peak - limit, limit)
     joint[:, 0] = 0.0
-    margin = problem.limits.z2_margin
-    if margin is None:
-        return Tightening(joint, np.zeros(count))
-    z2 = problem.z2_sign * chained_form(problem.system).z(states)[:, :, 1]
-    return Tightening(joint, _over(margin + peaks(-z2), np.array(max(margin, 1e-3))))
+    margin, z2 = problem.limits.z2_margin, np.zeros(count)
+    if margin is not None:
+        values = problem.z2_sign * chained_form(problem.system).z(states)[:, :, 1]
+        z2 = _over(margin + peaks(-values), np.array(max(margin, 1e-3)))
+    return Tightening(joint, z2, _into_discs(problem, states, task.made.form.obstacles))
+
+
+def _into_discs(problem: Problem, states: Array, count: int) -> Array:
+    """How far each link reaches into each disc in each interval, shape (K, D · L)."""
+    system: Any = problem.system
+    out = [np.zeros((len(states), 0))]
+    for disc in problem.obstacles[:count]:
+        clearances = disc.clearances(system.arm_points(states[..., 1:]))
+        deepest = [peaks(-clearances[..., i]) for i in range(clearances.shape[-1])]
+        out.append(_over(np.stack(deepest, axis=-1), np.array(disc.radius)))
+    return np.concatenate(out, axis=-1)
 
 
 def _over(excess: Array, scale: Array) -> Array:

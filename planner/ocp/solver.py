@@ -19,6 +19,9 @@ from planner.systems.base import Array, TriangularSystem
 ACCEPTED_RESIDUAL = 1e-7
 """Largest excess of a row over its bounds, in its own unit, that counts as solved."""
 
+FEASIBLE = 1e-5
+"""Residual up to which one solver's last iterate is a better start for the other than the first."""
+
 
 @dataclass(frozen=True, eq=False)
 class Solution:
@@ -56,6 +59,8 @@ def solve(made: Transcription, data: Bounds, start: Iterate, settings: Settings)
     for name in others:
         if solution.ok:
             break
+        if solution.residual <= FEASIBLE:
+            start, settings = solution.iterate, replace(settings, near=True)
         other = _solve(name, made, data, start, settings)
         solution = replace(
             other,

@@ -12,11 +12,14 @@ import casadi as ca
 import numpy as np
 
 from planner.chained import chained_form
-from planner.ocp.form import Form
+from planner.ocp.edges import edge_cost
+from planner.ocp.form import TERMS, Form
+from planner.ocp.obstacles import clearances, link_count
 from planner.ocp.order import Order
 from planner.systems.base import Array, Coordinate, TriangularSystem
+from planner.workspace import disc_label
 
-RowKind = Literal["motion", "defect", "joint", "z2"]
+RowKind = Literal["motion", "defect", "joint", "z2", "obstacle"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +29,7 @@ class Rows:
     Attributes:
         kind: Its family. motion: the next state is where this interval leads; defect: a lifted
             coordinate obeys its rate at the collocation points; joint: a coordinate keeps its
-            limit inside the interval; z2: z₂ keeps its margin.
+            limit inside the interval; z2: z₂ keeps its margin; obstacle: a link clears a disc.
         index: Coordinate or input it is about.
         label: What it demands, in words.
         unit: Unit of the rows' values.
@@ -57,7 +60,7 @@ class Stage:
         state: y at its left edge.
         control: c.
         width: Its share of the duration.
-        weights: Objective weights: of T, and of each input's square.
+        weights: The interval's numbers, see `Form.parameters`.
         cost: Its share of the objective.
         after: The state it leads to; the first rows are the next state minus this one.
         rows: The rows that follow them.
@@ -86,16 +89,13 @@ class _Symbols:
 
     def __init__(self, system: TriangularSystem, form: Form, lifted: tuple[int, ...]) -> None:
         self.X, self.T = ca.SX.sym("X", system.size), ca.SX.sym("T")
-        self.width, self.weights = ca.SX.sym("h"), ca.SX.sym("weights", 3)
+        self.width, self.weights = ca.SX.sym("h"), ca.SX.sym("weights", form.parameters)
         self.lifted = ca.SX.sym("P", len(lifted), form.degree)
         self.seconds = self.width * self.T
         first = ca.SX.sym("U", 2)
         state, control = [self.X, self.T], [first]
         self.u_left = self.u_right = first
-        if form.input == "jumping":
-            self.u_right = ca.SX.sym("V", 2)
-            control.append(self.u_right)
-        elif form.input == "linear":
+        if form.input == "linear":
             self.u_left = ca.SX.sym("V", 2)
             self.u_right = self.u_left + self.seconds * first
             state.append(self.u_left)
@@ -138,7 +138,9 @@ def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
         rows.add("defect", i, _motion_of(named), named.unit, 1.0, form.scheme.points, residuals)
     columns = [ca.vertcat(*column) for column in points]
     _limits(system, form, x, columns, rows)
-    cost = x.width * (x.weights[0] * x.T + x.T * ca.dot(x.weights[1:], _mean_square(x, form)))
+    cost = _cost(system, form, x, columns)
+    more = ca.vertcat(*rows.expressions[after.numel() :])
+    cost, after, more, inside = ca.cse([cost, after, more, ca.horzcat(*columns)])
     return Stage(
         state=x.state,
         control=x.control,
@@ -146,8 +148,8 @@ def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
         weights=x.weights,
         cost=cost,
         after=after,
-        rows=ca.vertcat(*rows.expressions[after.numel() :]),
-        points=ca.horzcat(*columns),
+        rows=more,
+        points=inside,
         labels=tuple(rows.labels),
     )
 
@@ -169,9 +171,9 @@ def _collocation(
             points[j][i] = x.lifted[row, j]
     rates: dict[int, list[Any]] = {}
     defects = {}
-    for i in order.sequence:
+    for i, rate in zip(order.sequence, _rates(system, order.sequence), strict=True):
         columns = [ca.vertcat(*column) for column in points]
-        rates[i] = [system.rates_expr(q, u)[i] for q, u in zip(columns, inputs, strict=True)]
+        rates[i] = [rate(q, u) for q, u in zip(columns, inputs, strict=True)]
         moved = [
             x.X[i] + x.seconds * sum(w * rate for w, rate in zip(weights, rates[i], strict=True))
             for weights in s.integration
@@ -182,6 +184,13 @@ def _collocation(
             for j in range(form.degree):
                 points[j][i] = moved[j]
     return points, rates, defects
+
+
+def _rates(system: TriangularSystem, coordinates: tuple[int, ...]) -> list[Any]:
+    """Functions (q, u) to the rate of each coordinate."""
+    q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
+    rates = system.rates_expr(q, u)
+    return [ca.Function("rate", [q, u], [rates[i]]) for i in coordinates]
 
 
 def _motion(
@@ -222,6 +231,29 @@ def _limits(
         places = [x.X, *points] if form.inner else [x.X]
         z2 = [chained_form(system).z_expr(q)[1] for q in places]
         rows.add("z2", 1, "z2 margin", "", 1.0, np.append(0.0, inside), z2)
+
+    for k in range(form.obstacles):
+        disc = x.weights[TERMS + 3 * k : TERMS + 3 * k + 3]
+        places = [x.X, *points] if form.inner else [x.X]
+        links = zip(*(clearances(system, q, disc) for q in places), strict=True)
+        for i, clear in enumerate(links, 1):
+            pair, label = k * link_count(system) + i - 1, disc_label(k + 1, i)
+            tau = np.append(0.0, inside)
+            rows.add("obstacle", pair, label, "m", 1.0, tau, list(clear))
+
+
+def _cost(system: TriangularSystem, form: Form, x: _Symbols, points: list[Any]) -> Any:
+    """The interval's share of the objective; `Form` and `Objective` say which terms there are."""
+    rate = ca.dot(x.weights[1:3], _mean_square(x, form))
+    if form.input == "linear":
+        slope = (x.u_right - x.u_left) / x.seconds
+        rate += ca.dot(x.weights[3:5], slope**2)
+    cost = x.width * x.T * (x.weights[0] + rate)
+    if form.edge:
+        nearness = [edge_cost(system, x.weights[5], q) for q in points]
+        means = zip(form.scheme.quadrature, nearness, strict=True)
+        cost += x.width * sum(w * each for w, each in means)
+    return cost
 
 
 def _motion_of(named: Coordinate) -> str:

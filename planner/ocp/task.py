@@ -11,6 +11,7 @@ from planner.ocp.form import Form
 from planner.ocp.layout import Iterate
 from planner.ocp.mesh import Mesh
 from planner.ocp.objective import Objective
+from planner.ocp.obstacles import link_count
 from planner.ocp.resimulation import Motion, resimulate
 from planner.ocp.solver import Solution, prepare, solve
 from planner.ocp.transcription import Transcription
@@ -82,7 +83,8 @@ def task(
 ) -> Task:
     """Prepare a task: the transcription is made now unless it was made before."""
     made, seconds = prepare(problem.system, form, settings)
-    none = Tightening.none(form.intervals, problem.system.size)
+    pairs = form.obstacles * link_count(problem.system)
+    none = Tightening.none(form.intervals, problem.system.size, pairs)
     return Task(problem, objective, made, mesh, rest, settings, none, seconds)
 
 

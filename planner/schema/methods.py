@@ -104,29 +104,43 @@ class SinusoidStepsOptions(LawOptions):
 class CollocationOptions(Table):
     """Options of direct collocation."""
 
-    intervals: Annotated[int, Field(ge=1, le=2000)] = Field(40, description="Mesh intervals.")
+    intervals: Annotated[int, Field(ge=1, le=2000)] | Literal["auto"] = Field(
+        "auto",
+        description="Mesh intervals to begin with. auto: 20 for a straight line's neighbourhood in"
+        " a given time with a linear input, else 40.",
+    )
     degree: Annotated[int, Field(ge=1, le=5)] = Field(
         3, description="Collocation points an interval."
     )
     scheme: Literal["radau", "legendre"] = Field(
-        "radau", description="Radau (order 2d-1) or Gauss-Legendre (order 2d) points."
+        "legendre", description="Gauss-Legendre (order 2d) or Radau (order 2d-1) points."
     )
-    input: Literal["auto", "constant", "linear", "jumping"] = Field(
+    input: Literal["auto", "linear", "constant"] = Field(
         "auto",
-        description="Input in an interval: constant; continuous and linear; or linear with jumps"
-        " between intervals. auto: linear when a rate limit or rest asks for continuity.",
+        description="Input in an interval: linear, and continuous over all; or constant. auto:"
+        " linear, but constant where the duration is free and neither rest nor a rate limit asks"
+        " for continuity, since the fastest motion switches between its limits.",
     )
     rest: bool = Field(False, description="Inputs zero at both ends.")
-    objective: Literal["auto", "effort", "time", "mixed"] = Field(
+    objective: Literal["auto", "effort", "smooth", "edge", "time", "mixed"] = Field(
         "auto",
         description="What is made least. effort: the integral of u1^2 + u2^2, for a fixed duration."
+        " smooth: that of the squared input rates, likewise. edge: closeness to the edge of the"
+        " chart's domain, the mean over time of the sum over its margins of exp(-margin/0.05), with"
+        " 1 % of weight on the effort, likewise."
         " time: the duration, with 1 % of weight on the effort relative to the input limits (which"
-        " must be given), so it comes within 2 % of the least. mixed: duration + effort_weight x"
-        " effort. auto: effort if the duration is fixed; else time if both inputs are limited; else"
-        " mixed.",
+        " must be given), so it comes within 2 % of the least. mixed: the duration and the others,"
+        " weighted. auto: effort if the duration is fixed; else time if both inputs are limited;"
+        " else mixed.",
     )
     effort_weight: Annotated[float, Field(gt=0)] = Field(
         1.0, description="Weight of the effort beside the duration in the objective 'mixed'."
+    )
+    smoothness_weight: Annotated[float, Field(ge=0)] = Field(
+        0.0, description="Weight of the squared input rates' integral in the objective 'mixed'."
+    )
+    edge_weight: Annotated[float, Field(ge=0)] = Field(
+        0.0, description="Weight of the closeness to the domain's edge in the objective 'mixed'."
     )
     start: Literal["auto", "straight", "bump", "reverse", "wander"] = Field(
         "auto",

@@ -75,7 +75,7 @@ def test_resimulated_by_scipy(paper: Problem, scheme: str) -> None:
 def test_every_scheme_and_degree_agree(paper: Problem, optimal: Plan) -> None:
     for scheme in ("radau", "legendre"):
         for degree in (2, 5):
-            other = plan(paper, scheme=scheme, degree=degree)
+            other = plan(paper, input="constant", scheme=scheme, degree=degree)
             assert other.objective == pytest.approx(optimal.objective, abs=2e-6)
             assert verify(other).ok
 
@@ -89,7 +89,7 @@ def test_second_solve_builds_nothing_and_gives_the_same(paper: Problem, optimal:
     np.testing.assert_array_equal(first.q(first.t), second.q(second.t))
     moved = {"start.theta_deg": [2, 3, 4], "goal.duration": 12.0, "limits.joint_deg": 70}
     assert plan(paper, moved).build_time_s == 0
-    assert first.objective == optimal.objective
+    assert first.objective < optimal.objective
 
 
 def test_plan_survives_its_file(paper: Problem, tmp_path: Any) -> None:
@@ -281,7 +281,8 @@ def test_coarse_mesh_is_refined_or_refused(paper: Problem) -> None:
 
 def test_every_named_start_finds_the_same_plan(paper: Problem, optimal: Plan) -> None:
     for start in ("straight", "bump", "reverse", "wander"):
-        assert plan(paper, start=start).objective == pytest.approx(optimal.objective, rel=1e-6)
+        found = plan(paper, start=start, input="constant")
+        assert found.objective == pytest.approx(optimal.objective, rel=1e-6)
 
 
 # -- options that contradict the problem -----------------------------------------------------------

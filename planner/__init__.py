@@ -8,6 +8,7 @@ True
 """
 
 from planner.certificate import certify
+from planner.budget import Budget, error_budget
 from planner.chained import ChainedForm, chained_form
 from planner.check import Analysis, check
 from planner.claims import Certificate, Claim
@@ -55,6 +56,7 @@ __all__ = [
     "METHODS",
     "Analysis",
     "BallGear",
+    "Budget",
     "Car",
     "Certificate",
     "ChainedForm",
@@ -92,6 +94,7 @@ __all__ = [
     "check",
     "compare",
     "controllability",
+    "error_budget",
     "explore",
     "export",
     "indicators",

@@ -66,17 +66,17 @@ def compare(
         KeyboardInterrupt: On Ctrl-C before anything is done.
     """
     numbers = sample_numbers(samples)
-    specs = _specs(problem, methods)
+    wanted = specs(problem, methods)
     machine = Machine.from_table(problem.machine) if machine is None else machine
     chosen = None if isinstance(samples, int) else tuple(numbers.tolist())
     run = _Run(problem, machine, numbers.tolist(), seed, feedback, methods == ALL)
     try:
-        for k, spec in enumerate(specs):
-            run.add(spec, partial(_part, progress, k, len(specs), spec.label))
+        for k, spec in enumerate(wanted):
+            run.add(spec, partial(_part, progress, k, len(wanted), spec.label))
     except KeyboardInterrupt:
         if not run.rows:
             raise
-    complete = run.done == len(specs)
+    complete = run.done == len(wanted)
     return Comparison(problem, tuple(run.rows), machine, len(numbers), seed, chosen, complete)
 
 
@@ -119,7 +119,7 @@ class _Run:
 
     def _planned(self, spec: Spec) -> Row:
         try:
-            return _planned(self._problem, spec)
+            return planned(self._problem, spec)
         except InputError as error:  # of all methods some may not fit the problem
             if not self._tolerant:
                 raise
@@ -158,7 +158,12 @@ class _Run:
         )
 
 
-def _specs(problem: Problem, methods: str | Sequence[str] | None) -> list[Spec]:
+def specs(problem: Problem, methods: str | Sequence[str] | None) -> list[Spec]:
+    """What `compare` runs.
+
+    Raises:
+        InputError: If a method is unknown or an option wrong.
+    """
     if methods is None:
         return parse_specs(problem, default_methods(problem))
     if methods == ALL:
@@ -183,8 +188,12 @@ def _part(
         progress(f"{doing} {label}", (k + share) / count)
 
 
-def _planned(problem: Problem, spec: Spec) -> Row:
-    """The row without its replay."""
+def planned(problem: Problem, spec: Spec) -> Row:
+    """A row without its replay: the plan, verified or refused, or why there is none.
+
+    Raises:
+        InputError: If the method does not fit the problem.
+    """
     try:
         plan, check = solve_and_check(problem, spec.method, **spec.options)
         why = "" if plan.verified else _outside(plan.domain.singular_times_s)

@@ -164,7 +164,7 @@ def replay(
         InputError: If the plan has no real inputs, the machine does not match the system, or an
             argument is out of range.
     """
-    _refuse_inexecutable(plan)
+    refuse_inexecutable(plan)
     closing = _feedback(feedback, plan)
     numbers = sample_numbers(samples)
     _check(seed, settle_s, record_s)
@@ -202,7 +202,12 @@ def _feedback(feedback: bool | Feedback, plan: Plan) -> Feedback | None:
     return None if feedback is False else feedback
 
 
-def _refuse_inexecutable(plan: Plan) -> None:
+def refuse_inexecutable(plan: Plan) -> None:
+    """Refuse a plan that has no real inputs.
+
+    Raises:
+        InputError: Naming when and where it leaves the chart's domain.
+    """
     if plan.executable:
         return
     domain = plan.domain

@@ -15,6 +15,7 @@ import typer
 
 from planner import __version__
 from planner.cli.animate import animate
+from planner.cli.budget import budget
 from planner.cli.check import check
 from planner.cli.compare import compare
 from planner.cli.export import export
@@ -71,6 +72,7 @@ for _command in (
     plan,
     check,
     compare,
+    budget,
     sensitivity,
     sweep,
     export,

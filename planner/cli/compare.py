@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from planner.budget import Budget
 from planner.cli.arguments import Changes, Json, ProblemPath, read_problem
+from planner.cli.budget import budgets, executable, print_budgets, save
 from planner.cli.output import Told, note, print_json, print_text, progress_bar, say
 from planner.compare import compare as run
 from planner.comparison import Comparison
@@ -17,6 +19,7 @@ from planner.report.differences import rich_differences
 from planner.report.provenance import worst_command
 
 INTERRUPTED = 130
+BUDGET_SAMPLES, BUDGET_BASE = 200, 128
 
 
 def compare(
@@ -47,6 +50,10 @@ def compare(
     feedback: Annotated[
         bool, typer.Option("--feedback", help="Replay every plan with feedback too.")
     ] = False,
+    budget: Annotated[
+        bool,
+        typer.Option("--budget", help="Also find which effect of the machine costs how much."),
+    ] = False,
     changes: Changes = None,
     out: Annotated[
         Path | None,
@@ -76,7 +83,7 @@ def compare(
       planner compare problems/paper.toml --out out/paper
       planner compare problems/paper.toml --out out/paper --report
       planner compare problems/paper.toml --methods polynomial,collocation --samples 200
-      planner compare problems/paper.toml --methods all --feedback
+      planner compare problems/paper.toml --methods all --feedback --budget
       planner compare problems/paper.toml --methods collocation:intervals=20,collocation
     """
     task = read_problem(problem, changes)
@@ -99,13 +106,19 @@ def compare(
         if found is None or found.complete:
             raise
     assert found is not None
+    shares = _budgets(found) if budget and found.complete else {}
     written = None if out is None else str(found.save(out, report=report))
+    if out is not None and shares:
+        save(shares, out / "budget", None)
     status = _status(found)
     if as_json:
-        extra = {"exit_status": status, "written": written}
+        extra: dict[str, Any] = {"exit_status": status, "written": written}
+        if budget:
+            extra["budgets"] = {label: each.to_dict() for label, each in shares.items()}
         print_json({"file": task.source, **found.to_dict(), **extra})
     else:
         _print(found)
+        print_budgets(shares)
     if not found.complete:
         say("interrupted: partial result; what is done is kept", "red")
     if written is not None:
@@ -117,6 +130,12 @@ def _status(found: Comparison) -> int:
     if not found.complete:
         return Told(INTERRUPTED)
     return 0 if any(row.solved for row in found.rows) else NoPlanError.exit_status
+
+
+def _budgets(found: Comparison) -> dict[str, Budget]:
+    plans = executable(found.rows)
+    with progress_bar() as progress:
+        return budgets(plans, found.machine, BUDGET_SAMPLES, BUDGET_BASE, found.seed, progress)
 
 
 def _print(found: Comparison) -> None:

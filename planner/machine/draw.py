@@ -84,18 +84,37 @@ def draw(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: int) -
 def _values(
     name: str, quantity: Quantity, joints: int, numbers: NDArray[np.int64], seed: int
 ) -> Array:
+    count = EFFECTS[name].count(joints)
+    if not quantity.varies:
+        return at_quantiles(name, quantity, joints, np.full((count, len(numbers)), 0.5))
+    stream = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_key(name),)))
+    uniform = stream.random((int(numbers.max()) + 1, count))[numbers].T
+    return at_quantiles(name, quantity, joints, uniform)
+
+
+def at_quantiles(name: str, quantity: Quantity, joints: int, uniform: Array) -> Array:
+    """Values of an effect at places in its distribution.
+
+    Args:
+        name: The effect.
+        quantity: Its mean and spread.
+        joints: Coordinates after the first, N−1.
+        uniform: Shares of the distribution that lie below, 0 … 1, shape (c, S), c being the number
+            of values of that effect (see `Draws`).
+
+    Returns:
+        The values, (c, S); the mean where nothing spreads.
+
+    Raises:
+        InputError: If a list of the quantity does not match the system's joints.
+    """
     effect = EFFECTS[name]
     for given in (quantity.value, quantity.spread):
         wrong = effect.mismatch(f"machine.{name}", given, joints)
         if wrong:
             raise InputError(wrong)
-    count = effect.count(joints)
-    mean = np.broadcast_to(np.array(quantity.value), count)
-    spread = np.broadcast_to(np.array(quantity.spread), count)
-    if not quantity.varies:
-        return np.repeat(mean[:, None], len(numbers), axis=1)
-    stream = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_key(name),)))
-    uniform = stream.random((int(numbers.max()) + 1, count))[numbers].T
+    mean = np.broadcast_to(np.array(quantity.value), len(uniform))
+    spread = np.broadcast_to(np.array(quantity.spread), len(uniform))
     return _truncated_normal(uniform, mean[:, None], spread[:, None], effect)
 
 
@@ -109,4 +128,4 @@ def _truncated_normal(uniform: Array, mean: Array, spread: Array, effect: Effect
     sigma = np.where(spread > 0, spread, 1.0)
     least, most = ndtr((low - mean) / sigma), ndtr((effect.high - mean) / sigma)
     drawn = mean + sigma * ndtri(least + uniform * (most - least))
-    return np.where(spread > 0, np.clip(drawn, low, effect.high), mean)
+    return np.asarray(np.where(spread > 0, np.clip(drawn, low, effect.high), mean))

@@ -111,16 +111,15 @@ def _write_figures(comparison: Comparison, place: Path) -> None:
     (place / "figures").mkdir()
     with mpl.rc_context({"svg.hashsalt": "planner"}):
         for name, figure in comparison.figures().items():
-            _lay_out(figure)
-            for kind in FIGURE_KINDS:
-                metadata = {"Date": None} if kind == "svg" else {}
-                target = place / "figures" / f"{name}.{kind}"
-                figure.savefig(target, dpi=120, metadata=metadata)
+            save_figure(figure, place / "figures" / name)
 
 
-def _lay_out(figure: Figure) -> None:
-    """Place everything once, for all kinds of file: drawing twice as often is what takes time."""
+def save_figure(figure: Figure, stem: Path) -> None:
+    """Write a figure in every kind of file, `stem` with each ending."""
     engine = figure.get_layout_engine()
-    if engine is not None:
+    if engine is not None:  # place everything once: drawing twice as often is what takes time
         engine.execute(figure)
         figure.set_layout_engine("none")
+    for kind in FIGURE_KINDS:
+        metadata = {"Date": None} if kind == "svg" else {}
+        figure.savefig(f"{stem}.{kind}", dpi=120, metadata=metadata)

@@ -1,0 +1,6 @@
+"""Which effect of the machine costs a plan how much of its error."""
+
+from planner.budget.budget import Budget, Cost, error_budget
+from planner.budget.sobol import Index
+
+__all__ = ["Budget", "Cost", "Index", "error_budget"]

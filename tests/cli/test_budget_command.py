@@ -1,0 +1,71 @@
+"""`planner budget`: tables, folder, JSON, plan files."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import planner
+
+PAPER = Path(__file__).parents[2] / "problems/paper.toml"
+SMALL = ("--samples", "6", "--base", "4", "--set", "machine.step_s=0.01")
+
+
+def test_folder_and_json_of_two_plans(run: Callable, tmp_path: Path) -> None:
+    out = tmp_path / "budget"
+    words = ("--methods", "polynomial:travel=middle,polynomial", *SMALL, "--seed", "2")
+    result = run("budget", PAPER, *words, "--out", out, "--json")
+    assert result.status == 0
+    labels = ["polynomial:travel=middle", "polynomial"]
+    assert list(result.json["budgets"]) == labels
+    names = {p.name for p in out.iterdir()} - {".planner"}
+    figures = {f"budget-{n}.{k}" for n in ("polynomial", "polynomial-travel=middle")
+               for k in ("png", "svg")}  # fmt: skip
+    assert names == {"budget.md", "budget.csv", "budget.json", *figures}
+    data = json.loads((out / "budget.json").read_text())
+    assert data["budgets"] == result.json["budgets"]
+    assert data["command"].endswith(f"--seed 2 --set machine.step_s=0.01 --out {out}")
+    text = (out / "budget.md").read_text()
+    assert all(f"## `{label}`" in text for label in labels)
+    assert "seed 2" in text
+    rows = (out / "budget.csv").read_text().splitlines()
+    assert len(rows) == 1 + sum(len(b["costs"]) for b in data["budgets"].values())
+
+
+def test_of_a_plan_file_with_another_machine(
+    run: Callable, tmp_path: Path, unlimited: planner.Problem
+) -> None:
+    quick = unlimited.changed({"goal.travel": 0.828, "goal.duration": 2.0})
+    planner.solve(quick, "polynomial").save(tmp_path / "plan.json")
+    changes = ("--set", "machine.preset=ideal", "--set", "machine.backlash_deg=3")
+    result = run("budget", tmp_path / "plan.json", *SMALL, *changes)
+    assert result.status == 0
+    assert max(len(line) for line in result.out.splitlines()) <= 100
+    lines = [line for line in result.out.splitlines() if line.startswith("backlash_deg")]
+    assert len(lines) == 1
+    refused = run("budget", tmp_path / "plan.json", "--methods", "polynomial")
+    assert refused.status == 2
+    assert "is a plan" in refused.err
+
+
+def test_without_a_plan_that_can_be_executed(run: Callable) -> None:
+    words = ("--set", "goal.travel=0.7854", "--set", "limits={}")
+    result = run("budget", PAPER, "--methods", "polynomial", *SMALL, *words)
+    assert result.status == 3
+    assert "leaves the chart's domain" in result.err
+    assert run("budget", PAPER, "--methods", "polynomial", "--base", "100").status == 2
+
+
+def test_compare_adds_budgets(
+    run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.modules["planner.report.folder"], "_write_figures", lambda *_: None)
+    words = ("--methods", "polynomial", "-n", "3", "--set", "machine.preset=ideal",
+             "--set", "machine.delay_s=0.1", "--set", "machine.step_s=0.01")  # fmt: skip
+    result = run("compare", PAPER, *words, "--budget", "--out", tmp_path / "run", "--json")
+    assert list(result.json["budgets"]) == ["polynomial"]
+    assert (tmp_path / "run/budget/budget.md").exists()

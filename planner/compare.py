@@ -144,8 +144,10 @@ class _Run:
             record_s=max(RECORD_S, row.plan.duration / 500),
             progress=tell,
         )
-        effort = row.effort if runs.effort is None else float(np.median(runs.effort))
-        row = replace(row, replay=runs, effort=effort)
+        row = replace(row, replay=runs)
+        if runs.effort is not None:
+            first, second = np.abs(runs.motor_rates).max(axis=(0, 1)).tolist()
+            row = replace(row, effort=float(np.median(runs.effort)), peak_u=(first, second))
         if not runs.angles:
             return row
         errors = runs.index_E_deg

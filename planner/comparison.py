@@ -53,7 +53,7 @@ class Row:
         build_time_s: Seconds it spent preparing.
         replay: The runs on the machines; None for what cannot be executed.
         feedback: Whether they were run with feedback; `effort` is then the median of what was
-            commanded.
+            commanded, `peak_u` the largest speeds of the motors on any machine.
     """
 
     label: str

@@ -269,6 +269,7 @@ def test_rows_with_feedback_stand_beside_those_without(
     assert closed.replay is not None
     assert closed.replay.effort is not None
     assert closed.effort == np.median(closed.replay.effort) == pytest.approx(2 * 0.1**2 * 1.0)
+    assert closed.peak_u == pytest.approx((0.1, 0.1), abs=0.005)
     assert closed.E_median_deg > free.E_median_deg
     assert list(result.plans) == ["polynomial"]
     assert "effort" in result.figures()

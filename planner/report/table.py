@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 CLOSED = (
     " Rows with feedback: the same plan with the tracker closing the loop; effort is the median of"
-    " what it commanded."
+    " what it commanded, |u1| and |u2| the largest motor speeds on any machine."
 )
 
 WIDTH, NAME = 100, 20

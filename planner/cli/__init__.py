@@ -63,7 +63,14 @@ def _top(
 ) -> None:
     """Plan motions of nonholonomic manipulators, and see which survive a real machine.
 
-    Exit status: 0 done; 2 bad input; 3 no plan exists or none was found; 1 a bug.
+    \b
+    Examples:
+      planner new                    writes problem.toml, commented
+      planner check problem.toml     is there a plan, and if not, why
+      planner compare problem.toml --out out/mine --report
+
+    Exit status: 0 done; 2 bad input; 3 no plan exists or none was found; 1 a bug; 130 Ctrl-C.
+    Your shell completes commands and names after: planner --install-completion
     """
 
 

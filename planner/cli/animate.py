@@ -29,7 +29,7 @@ def animate(
     ] = 1.0,
     as_json: Json = False,
 ) -> int:
-    """Write the motion of plans as a GIF or MP4, side by side on the same clock.
+    """Write plans as a film, GIF or MP4, on the same clock.
 
     An MP4 needs ffmpeg, on the path or by pip install 'planner[video]'.
 

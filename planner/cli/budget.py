@@ -61,7 +61,7 @@ def budget(
     ] = None,
     as_json: Json = False,
 ) -> int:
-    """Find which effect of the machine costs a plan how much of its error.
+    """Find what each effect of the machine costs a plan.
 
     Each effect alone, each switched off, and each one's share of the variance (Sobol indices; they
     need the extra `budget`). Refused plans that can be executed are looked at too.

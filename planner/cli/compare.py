@@ -73,7 +73,9 @@ def compare(
     ] = False,
     as_json: Json = False,
 ) -> int:
-    """Plan by several methods, replay every plan on the same emulated machines, print one table.
+    """Compare methods on the same emulated machines.
+
+    Plans by each of them, replays every plan and prints one table.
 
     Ends with status 0 if one method has a verified plan, else 3. The same seed gives the same
     machines. Ctrl-C keeps what is done, says so, and ends with status 130.

@@ -44,7 +44,7 @@ def export(
     ] = None,
     as_json: Json = False,
 ) -> int:
-    """Write a plan as CSV, JSON, ROS 2 JointTrajectory or MATLAB file.
+    """Write a plan as a CSV, JSON, ROS 2 or MATLAB file.
 
     PLAN is a file that `planner plan --out` wrote. A ROS 2 trajectory needs a plan that starts and
     ends at rest: plan it with --set method.collocation.rest=true.

@@ -58,7 +58,7 @@ def schema(
     ] = "problem",
     as_json: Annotated[bool, typer.Option("--json", help="Accepted; the output is JSON.")] = False,
 ) -> int:
-    """Print the JSON Schema of a problem, sweep or plan file, for editors and other programs.
+    """Print the JSON Schema of a problem, sweep or plan file.
 
     \b
     Examples:

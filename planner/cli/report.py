@@ -31,10 +31,11 @@ def report(
     ] = None,
     as_json: Json = False,
 ) -> int:
-    """Write a comparison as one page of HTML that opens from disk, without a network.
+    """Write a comparison as one HTML page.
 
-    It holds the table, the motion of two plans side by side, figures that show their values, the
-    distribution of the error, and the command that makes it again.
+    The page opens from disk, without a network. It holds the table, the motion of two plans side by
+    side, figures that show their values, the distribution of the error, and the command that makes
+    it again.
 
     \b
     Examples:

@@ -57,10 +57,11 @@ def sensitivity(
     ] = None,
     as_json: Json = False,
 ) -> int:
-    """Say how errors of inputs, timing, start, gears and machine reach the end of a plan.
+    """Say how errors reach the end of a plan.
 
-    Each response is that to an error of the size shown: one standard deviation of the table
-    [method.desensitised], or a usual size where that is zero.
+    Errors are those of inputs, timing, start, gears and machine. Each response is that to an error
+    of the size shown: one standard deviation of the table [method.desensitised], or a usual size
+    where that is zero.
 
     \b
     Examples:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import sys
 from collections.abc import Callable
@@ -140,6 +141,33 @@ def test_closed_streams_are_no_bug(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     assert main(["plan", str(tmp_path / "none.toml")]) == 2
     sys.stdout.close()
     sys.stderr.close()
+
+
+def test_ctrl_c_while_loading_is_no_traceback(monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    path = Path(__file__).parents[2] / "planner_start.py"
+    spec = importlib.util.spec_from_file_location("planner_start", path)
+    assert spec is not None
+    assert spec.loader is not None
+    planner_start = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(planner_start)
+
+    def interrupted(name: str, *_: Any) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("builtins.__import__", interrupted)
+        status = planner_start.main()
+    assert status == 130
+    assert capsys.readouterr().err == "planner: interrupted, nothing written\n"
+    monkeypatch.setattr(sys, "argv", ["planner", "--version"])
+    assert planner_start.main() == 0
+
+
+def test_the_list_of_commands_is_not_cut_short(run: Callable) -> None:
+    text = run("--help").out
+    listed = text[text.index("Commands:") :].splitlines()[1:]
+    assert len(listed) == len(COMMANDS)
+    assert [line for line in listed if line.endswith("...")] == []
 
 
 def test_export_command(run: Callable, tmp_path: Path) -> None:

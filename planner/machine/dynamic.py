@@ -82,12 +82,12 @@ class DynamicChain:
     @property
     def work_J(self) -> Array:
         """Work of the motors so far, (S,), J."""
-        return self._energy[0]
+        return np.asarray(self._energy[0])
 
     @property
     def lost_J(self) -> Array:
         """What friction, slip and damping took of it, (S,), J; rigid teeth that meet take more."""
-        return self._energy[1]
+        return np.asarray(self._energy[1])
 
     def step(self, speed: Array, travel: Array, h: float) -> None:
         """Advance by a step.

@@ -1,0 +1,105 @@
+"""What the parts of the paper's prototype can be, and why.
+
+The paper gives no data sheet: two servo motors, friction disks, bevel gears, timing belts and long
+shafts on a bench (its Figs 2 and 3). So every parameter has the range of parts of that kind, taken
+as the central 95 % of a log-normal distribution. What the paper does say then moves them within
+these ranges (`planner.calibration.fit`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Range:
+    """A parameter that is fitted.
+
+    Attributes:
+        name: Effect of the machine; its unit is that of the `[machine]` table.
+        low, high: Of its range.
+        source: Why.
+    """
+
+    name: str
+    low: float
+    high: float
+    source: str
+
+    @property
+    def centre(self) -> float:
+        """Geometric mean of the range."""
+        return float(np.sqrt(self.low * self.high))
+
+    @property
+    def width(self) -> float:
+        """Standard deviation of the logarithm."""
+        return float(np.log(self.high / self.low) / 4)
+
+
+FITTED = (
+    Range("servo_bandwidth_rad_s", 30, 150, "profile filters of small servo drives: 5 to 25 Hz"),
+    Range("motor_inertia_kgm2", 0.01, 0.04, "rotors of 10 to 40 g cm^2 (20 to 60 W) behind 1:100"),
+    Range("servo_gain_nms_per_rad", 2.5, 10, "loops of 20 to 80 Hz around 0.02 kg m^2"),
+    Range("servo_integral_time_s", 0.01, 0.04, "2 to 5 times the time constant of that loop"),
+    Range("torque_limit_nm", 1, 6, "continuous torque of planetary gearheads of 32 mm"),
+    Range("creep", 0.001, 0.01, "rolling radius of a loaded polymer tread: 0.1 to 1 % less"),
+    Range("creep_per_nm", 0.001, 0.02, "0.1 to 1 % of creepage at half of the torque that slips"),
+    Range(
+        "friction_capacity_nm", 0.5, 5, "mu N r: 0.15 to 0.4, 150 to 300 N, 20 to 40 mm of radius"
+    ),
+    Range("disk_inertia_kgm2", 5e-5, 5e-4, "two steel disks, 40 to 80 mm by 8 mm: m r^2/2"),
+    Range(
+        "gearhead_backlash_deg",
+        0.25,
+        1.0,
+        "planetary gearheads of 32 mm; preloaded ones have 0.15 to 0.5 (maxon GP 32 BZ)",
+    ),
+    Range(
+        "backlash_deg",
+        1.3,
+        5.2,
+        "0.1 to 0.4 mm between the teeth of bevel gears on 8 mm (0.7 to 2.9) and of belts on 10 mm",
+    ),
+    Range("axis_inertia_kgm2", 2e-6, 5e-5, "bevel gear, shaft and pulley: 40 to 200 g on 10 mm"),
+    Range(
+        "shaft_stiffness_nm_per_rad",
+        1.7,
+        7.5,
+        "G pi d^4/(32 L) of steel, 3 to 4 mm by 0.2 to 0.3 m (2.1 to 9.9), and a belt (10 to 30)",
+    ),
+    Range("shaft_damping_nms_per_rad", 0.005, 0.08, "1 to 10 % of critical: belt and bearings"),
+    Range(
+        "link_inertia_kgm2", 0.01, 0.1, "0.25 to 1.5 kg at 0.2 m: a link and the mechanism it bears"
+    ),
+    Range("base_friction_nm", 0.05, 0.5, "bearings and seals under the weight of the arm"),
+    Range("coulomb_friction_nm", 0.05, 0.5, "bearings, belt tension, disks of the next joint"),
+    Range("viscous_friction_nms_per_rad", 0.01, 0.2, "grease: a tenth to all of it at 1 rad/s"),
+)
+"""In the order of the signal path."""
+
+FIXED: dict[str, str] = {
+    "control_period_s": "a PC of 2010 commanding two drives over a bus",
+    "delay_s": "half a period; it shifts a motion and hardly changes it",
+    "velocity_resolution_rad_s": "one motor rpm behind 1:100",
+    "input_gain_error": "drives with encoders hold 0.1 to 0.5 % of speed; mean 0, drawn",
+    "input_bias_rad_s": "drift of a command's zero, some 0.03 deg/s at the output; mean 0, drawn",
+    "velocity_limit_rad_s": "3000 to 4000 rpm behind 1:100; the paper's motion needs a fifth",
+    "acceleration_limit_rad_s2": "a tenth of a second to that speed",
+    "gear_ratio_error": "radii of disks and contacts to 0.1 mm on 20 mm; mean 0, drawn",
+    "initial_play": "nobody knows where in its play a joint begins; mean 0, drawn",
+    "initial_angle_error_deg": "set by eye or against a stop before each run; mean 0, drawn",
+    "encoder_resolution_deg": "1024 lines, four edges a line; it acts on what is read, not on this",
+}
+"""What is not fitted, and why it is what it is: no statement of the paper depends on it."""
+
+SPREADS: dict[str, float] = {
+    "friction_capacity_nm": 0.1,
+    "gearhead_backlash_deg": 0.2,
+    "backlash_deg": 0.2,
+    "shaft_stiffness_nm_per_rad": 0.1,
+    "coulomb_friction_nm": 0.2,
+}
+"""From machine to machine, as a part of the value: tolerances of manufacture and assembly."""

@@ -16,6 +16,7 @@ import typer
 from planner import __version__
 from planner.cli.animate import animate
 from planner.cli.budget import budget
+from planner.cli.calibrate import calibrate
 from planner.cli.check import check
 from planner.cli.compare import compare
 from planner.cli.export import export
@@ -85,6 +86,7 @@ for _command in (
     export,
     animate,
     report,
+    calibrate,
     reproduce,
     methods,
     systems,

@@ -13,7 +13,7 @@ from planner.ocp.backends import Settings
 from planner.ocp.form import Form, InputKind
 from planner.ocp.guess import guess, seeds
 from planner.ocp.objective import objective
-from planner.ocp.polish import Polished, polish
+from planner.ocp.polish import Polished, clears, polish
 from planner.ocp.refusal import obstacle
 from planner.ocp.route import mesh_through, rebalanced, routes
 from planner.ocp.search import Found, Search, same_path, search
@@ -140,7 +140,7 @@ def _direct(problem: Problem, options: CollocationOptions) -> _Answer | None:
     """The straight line alone: where asked for, or the motion can be one way in a given time."""
     if problem.duration is None or options.start not in ("auto", "straight"):
         return None
-    if options.start == "auto" and not _one_way(problem):
+    if options.start == "auto" and (problem.obstacles or not _one_way(problem)):
         return None
     job = _task(problem, options, DIRECT if options.input != "constant" else SEARCHED)
     quick = replace(job.settings, max_iterations=min(options.max_iterations, DIRECT_ITERATIONS))
@@ -155,7 +155,8 @@ def _direct(problem: Problem, options: CollocationOptions) -> _Answer | None:
 
 def _searched(job: Task, options: CollocationOptions) -> _Answer:
     """Paths from several seeds, each then timed; the best of them."""
-    enough = options.starts if options.start == "auto" and not _one_way(job.problem) else 1
+    simple = _one_way(job.problem) and not job.problem.obstacles
+    enough = options.starts if options.start == "auto" and not simple else 1
     paths = search(job, seeds(options.start)[: options.attempts], enough)
     if not paths.found:
         raise _no_path(job, paths, options)
@@ -165,6 +166,10 @@ def _searched(job: Task, options: CollocationOptions) -> _Answer:
     for path, outcome in zip(paths.found, outcomes, strict=True):
         _note(log, path, outcome.solution)
     solved = [k for k, outcome in enumerate(outcomes) if outcome.solution.ok]
+    if solved and job.problem.obstacles:
+        solved = [k for k in solved if clears(job, outcomes[k].solution)]
+        if not solved:
+            raise _no_path(job, paths, options)
     if solved:
         k = min(solved, key=lambda k: outcomes[k].solution.objective)
         return _Answer(paths.found[k].seed, job, outcomes[k].solution, log, iterations)
@@ -253,10 +258,10 @@ def _too_short(job: Task, shortest: Polished, options: CollocationOptions) -> No
 
 
 def _no_path(job: Task, result: Search, options: CollocationOptions) -> NotConvergedError:
-    assert result.last is not None
+    last = result.last or result.found[0].solution
     found = obstacle(job)
     if found is None:
-        return _not_converged(job, result.last, options, f"{len(result.log)} starts")
+        return _not_converged(job, last, options, f"{len(result.log)} starts")
     return NotConvergedError(
         f"{job.problem.source}: no motion from start to goal was found from {len(result.log)}"
         f" starts; without {found.what} there is one, which breaks:",

@@ -167,6 +167,16 @@ def _draw_in(task: Task, solution: Solution) -> Polished:
     return Polished(task, solution, error.end, notes, seconds, iterations)
 
 
+def clears(task: Task, solution: Solution) -> bool:
+    """Whether no link passes through a disc between two places at which it must clear it.
+
+    What reaches less than half its radius into a disc can be drawn out of it.
+    """
+    radii = np.array([disc.radius for disc in task.problem.obstacles])
+    deep = _into_discs(task.problem, task.motion(solution.iterate).states, len(radii))
+    return bool(np.all(np.max(deep, axis=0).reshape(len(radii), -1) < radii[:, None] / 2))
+
+
 def _excess(task: Task, solution: Solution) -> Tightening:
     """By how much each interval breaks joint and z₂ limits, plus a little.
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from planner.errors import Violation
 from planner.ocp.guess import seeds
+from planner.ocp.mesh import Mesh
 from planner.ocp.search import needed_duration, search
 from planner.ocp.solver import Solution
 from planner.ocp.task import Task, stretched, task
@@ -17,6 +18,7 @@ from planner.problem import Problem
 
 RELAXED_SEEDS = 4
 CHART, JOINTS, TRAVEL = "the z2 margin", "the limits on the joints", "the travel"
+DISCS, POINTS = "the obstacles", "the waypoints"
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +52,12 @@ def obstacle(job: Task) -> Obstacle | None:
 
 def _relaxations(job: Task) -> Iterator[tuple[str, Task]]:
     problem = job.problem
+    if problem.obstacles:
+        form, free = replace(job.made.form, obstacles=0), replace(problem, obstacles=())
+        yield DISCS, task(free, job.objective, form, job.mesh, job.rest, job.settings)
+    if problem.waypoints:
+        free, mesh = replace(problem, waypoints=()), Mesh(job.mesh.edges)
+        yield POINTS, task(free, job.objective, job.made.form, mesh, job.rest, job.settings)
     if problem.limits.z2_margin is not None:
         form = replace(job.made.form, chart=False)
         limits = replace(problem.limits, z2_margin=None)
@@ -80,6 +88,11 @@ def _advice(job: Task, what: str, violations: list[Violation], solution: Solutio
         travel = float(solution.iterate.nodes[-1, 0] - solution.iterate.nodes[0, 0])
         name, unit = _named(job, 0)
         return f"another travel of {name}: a motion was found that travels {travel:.4g} {unit}"
+    if what in (DISCS, POINTS):
+        table = "obstacles" if what == DISCS else "waypoints"
+        missed = sorted({v.label.rsplit(" ", 1)[1] for v in violations if table[:-1] in v.label})
+        which = f"[[{table}]] {' and '.join(missed)}" if missed else f"[[{table}]]"
+        return f"move or leave out {which}: a motion was found without"
     if what == CHART:
         reached = [v.value for v in violations if v.label == "z2 margin"]
         if reached and reached[0] > 0:

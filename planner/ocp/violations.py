@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from planner.chained import chained_form
@@ -10,6 +12,9 @@ from planner.ocp.solver import ACCEPTED_RESIDUAL, Solution, excess
 from planner.ocp.stage import rate_unit
 from planner.ocp.task import Task
 from planner.systems.base import Array
+
+MISSED = 1e-3
+"""Distance between samples at which a waypoint counts as missed, in the coordinates' units."""
 
 
 def broken_rows(task: Task, solution: Solution) -> list[Violation]:
@@ -37,7 +42,12 @@ def broken_limits(task: Task, solution: Solution) -> list[Violation]:
 
     The iterate may solve another task: one without a limit, or one that takes more time.
     """
-    out = [*_inputs(task, solution), *_joints(task, solution), *_chart(task, solution)]
+    out = [
+        *_inputs(task, solution),
+        *_joints(task, solution),
+        *_chart(task, solution),
+        *_places(task, solution),
+    ]
     return sorted(out, key=lambda v: -v.scaled)
 
 
@@ -81,6 +91,34 @@ def _chart(task: Task, solution: Solution) -> list[Violation]:
         return []
     value, scale = float(values[k]), max(margin, 1e-3)
     return [Violation("z2 margin", float(times[k]), value, margin, "", (margin - value) / scale)]
+
+
+def _places(task: Task, solution: Solution) -> list[Violation]:
+    """Waypoints missed, and discs that links reach into."""
+    system: Any = task.problem.system
+    motion = task.motion(solution.iterate)
+    times = motion.fractions.ravel() * solution.iterate.duration
+    states = motion.states.reshape(len(times), -1)
+    out = []
+    for point in task.problem.waypoints:
+        away = point.distance(states)
+        if point.time_s is not None:
+            away = np.where(
+                np.arange(len(times)) == np.argmin(abs(times - point.time_s)), away, 9e9
+            )
+        k = int(np.argmin(away))
+        if away[k] > MISSED:
+            value = float(away[k])
+            out.append(Violation(point.label, float(times[k]), value, 0.0, "rad", value))
+    for disc in task.problem.obstacles:
+        clear = disc.clearances(system.arm_points(states[:, 1:]))
+        for link, values in enumerate(clear.T, 1):
+            k = int(np.argmin(values))
+            if values[k] < -ACCEPTED_RESIDUAL:
+                value = float(values[k])
+                scaled = -value / disc.radius
+                out.append(Violation(disc.label(link), float(times[k]), value, 0.0, "m", scaled))
+    return out
 
 
 def _worst(label: str, times: Array, values: Array, limit: float, unit: str) -> list[Violation]:

@@ -107,6 +107,7 @@ def _task(problem: Problem, options: CollocationOptions, intervals: int) -> Task
         input=kind,
         chart=problem.limits.z2_margin is not None,
         inner=bool(problem.obstacles),  # or links pass through a disc between two edges
+        compiled=options.compile,
         obstacles=len(problem.obstacles),
         edge=goal.edge,
     )

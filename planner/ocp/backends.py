@@ -13,6 +13,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
+from planner.ocp.assembly import Program
 from planner.ocp.bounds import Bounds
 from planner.ocp.transcription import Transcription
 from planner.systems.base import Array
@@ -133,7 +134,9 @@ class _Fatrop:
         }
         if settings.near:
             options |= {"mu_init": NEAR, "bound_push": NEAR, "bound_frac": NEAR}
-        functions = {"nlp_grad_f": made.program.gradient, "nlp_hess_l": made.program.hessian}
+        program = made.program
+        functions = {"nlp_grad_f": program.gradient, "nlp_hess_l": program.hessian}
+        functions["nlp_grad"] = _values(program)
         self._call = _nlpsol(made, "fatrop", functions, {"fatrop": options, **_stages(made)})
         self._memories: dict[bytes, tuple[Any, Callable[[], None]]] = {}
         self._lock = threading.Lock()
@@ -169,6 +172,16 @@ def _drawn_in(lower: Array, upper: Array) -> tuple[Array, Array]:
 
 def _relaxed(bound: Array) -> Array:
     return FATROP_RELAXES * np.maximum(1.0, np.where(np.isfinite(bound), np.abs(bound), 0.0))
+
+
+def _values(program: Program) -> Any:
+    """What CasADi calls at the end, for f and g: gradients of the Lagrangian it leaves unread."""
+    x, p = program.problem["x"], program.problem["p"]
+    scale, duals = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", program.problem["g"].numel())
+    unread = [ca.MX.zeros(x.numel()), ca.MX.zeros(p.numel())]
+    values = [program.problem["f"], program.problem["g"], *unread]
+    names = ["x", "p", "lam_f", "lam_g"], ["f", "g", "grad_gamma_x", "grad_gamma_p"]
+    return ca.Function("nlp_grad", [x, p, scale, duals], values, *names)
 
 
 def _stages(made: Transcription) -> dict[str, Any]:

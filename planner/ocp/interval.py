@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -41,6 +41,10 @@ class IntervalFunctions:
         """The functions by name."""
         names = ("value", "gradient", "jacobian", "hessian", "points")
         return {name: getattr(self, name) for name in names}
+
+    def replaced(self, functions: dict[str, Any]) -> IntervalFunctions:
+        """With other functions of those names."""
+        return replace(self, **functions)
 
 
 def interval_functions(stage: Stage) -> IntervalFunctions:

@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from planner.ocp.assembly import Program, assemble
+from planner.ocp.compiled import compiled
 from planner.ocp.form import Form
 from planner.ocp.interval import interval_functions
 from planner.ocp.layout import Iterate, Layout, layout
@@ -50,17 +51,22 @@ class Transcription:
 
 @lru_cache(maxsize=64)
 def transcription(system: TriangularSystem, form: Form) -> Transcription:
-    """Build the transcription, or return the one built before."""
+    """Build the transcription, or return the one built before.
+
+    Raises:
+        InputError: If it is to be compiled and cannot be.
+    """
     dependencies = order(system)
-    places, symbols = (
-        layout(form, system.size, dependencies.lifted),
-        stage(system, form, dependencies),
-    )
+    places = layout(form, system.size, dependencies.lifted)
+    symbols = stage(system, form, dependencies)
+    functions = interval_functions(symbols)
+    if form.compiled:
+        functions = compiled(functions)
     return Transcription(
         system=system,
         form=form,
         layout=places,
         labels=symbols.labels,
         height=symbols.height,
-        program=assemble(symbols, places, interval_functions(symbols)),
+        program=assemble(symbols, places, functions),
     )

@@ -169,6 +169,11 @@ class CollocationOptions(Table):
         " IPOPT where Fatrop fails; the other way round for systems whose rates depend on each"
         " other in a circle, such as trailers.",
     )
+    compile: bool = Field(
+        False,
+        description="Compile the functions of one mesh interval with the C compiler (cc, gcc, clang"
+        " or $CC): a second or two the first time, kept in the user's cache folder.",
+    )
     tolerance: Annotated[float, Field(gt=0, lt=1e-2)] = Field(1e-9, description="Solver tolerance.")
     max_iterations: Annotated[int, Field(ge=1)] = Field(
         500, description="Solver iterations a start."

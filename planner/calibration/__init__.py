@@ -14,7 +14,7 @@ from planner.calibration.identify import Data, identify
 from planner.calibration.page import page
 from planner.calibration.picture import picture
 from planner.calibration.ranges import FITTED, FIXED, SPREADS, Range
-from planner.calibration.statements import Motion, calibration_plan, move, nominal
+from planner.calibration.statements import STATEMENTS, Motion, calibration_plan, move, nominal
 from planner.files import folder
 from planner.machine import Machine
 from planner.plan import Plan
@@ -50,6 +50,23 @@ class Calibration:
     def settings(self) -> dict[str, Any]:
         """The fitted part of the prototype preset, as it stands in `planner.machine.presets`."""
         return {name: setting(name, value) for name, value in self.fit.parameters.items()}
+
+    def to_dict(self) -> dict[str, Any]:
+        """The preset's entries, the paper's statements, and what is identified; JSON-ready."""
+        statements = [
+            {"text": s.text, "target": s.target, "unit": s.unit, "found": float(value)}
+            for s, value in zip(STATEMENTS, self.fit.found, strict=True)
+        ]
+        identified = [
+            {
+                "data": d.name,
+                "rank": d.rank,
+                "singular_values": d.singular.tolist(),
+                "left": dict(zip(self.settings, d.left.tolist(), strict=True)),
+            }
+            for d in self.data
+        ]
+        return {"preset": self.settings, "statements": statements, "identified": identified}
 
 
 def setting(name: str, value: float) -> Any:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from planner.calibration import FITTED, write
+from planner.calibration import FITTED, Calibration, write
 from planner.calibration import calibrate as run
 from planner.calibration.statements import STATEMENTS
 from planner.cli.arguments import Json
@@ -39,26 +39,15 @@ def calibrate(
             progress("writing", 0.95)
             write(found, out)
     if as_json:
-        print_json(
-            {
-                "preset": found.settings,
-                "statements": [
-                    {"text": s.text, "target": s.target, "unit": s.unit, "found": float(value)}
-                    for s, value in zip(STATEMENTS, found.fit.found, strict=True)
-                ],
-                "identified": [
-                    {
-                        "data": d.name,
-                        "rank": d.rank,
-                        "singular_values": d.singular.tolist(),
-                        "left": dict(zip(found.settings, d.left.tolist(), strict=True)),
-                    }
-                    for d in found.data
-                ],
-                "written": str(out) if out else None,
-            }
-        )
+        print_json({**found.to_dict(), "written": str(out) if out else None})
         return 0
+    _show(found)
+    if out is not None:
+        note(f"written to {out}")
+    return 0
+
+
+def _show(found: Calibration) -> None:
     listing = table("parameter", ">low", ">high", ">preset", *(f">{d.name}" for d in found.data))
     for i, r in enumerate(FITTED):
         left = [f"{d.left[i]:.2f}" for d in found.data]
@@ -68,6 +57,3 @@ def calibrate(
     for s, value in zip(STATEMENTS, found.fit.found, strict=True):
         print_text(f"{s.text}: {value:.2f} {s.unit} (target {s.target:g})")
     print_text("last columns: part of the range that is left, knowing that; 1 = not identifiable")
-    if out is not None:
-        note(f"written to {out}")
-    return 0

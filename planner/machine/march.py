@@ -121,14 +121,36 @@ class March:
     ) -> _Arrived:
         """The state y + h f(new state), by the implicit Euler method."""
         at, rows = self.place, self.place.bodies
-        heavy = data.inertia / h
-        fed = heavy[rows.motors] * (reference - y[at.reference])
-        behind, twist = y[at.behind], y[at.twist]
-        spring = data.stiffness + data.damping / h
-        rough = np.where(data.coulomb > 0, STICK, 0.0)
+        fed = data.inertia[rows.motors] / h * (reference - y[at.reference])
+        stage = self._laws(data, gears, y, reference, fed, h)
+        v, pieces = stage.solve(pieces)
+        held, pressed = stage.torques(v)
+        limited, play = stage.relative(v)
+        new = np.empty_like(y)
+        new[at.v], new[at.reference], new[at.torque] = v, reference, pressed
+        loop = held[:2] - fed + data.gain / h * y[at.behind]
+        new[at.behind] = loop / (data.gain / h + data.integral)
+        new[at.twist] = (pressed + data.damping / h * y[at.twist]) / stage.stiff
+        new[at.gap] = np.clip(stage.ahead + h * play, -data.half_gap, data.half_gap)
+        new[at.q.start] = y[at.q.start] + h * self.k_g * v[rows.drivers[-1]]
+        new[at.q][1:] = y[at.q][1:] + h * v[rows.links]
+        wound = (new[at.twist] - y[at.twist]) / h
+        lost = np.sum(held[2:] * limited[2:], axis=0) + np.sum(data.damping * wound**2, axis=0)
+        lost += np.sum(data.viscous * v[rows.passive] ** 2, axis=0) + DRAG * np.sum(v**2, axis=0)
+        work = np.sum(held[:2] * v[rows.motors], axis=0)
+        return _Arrived(new, pieces, np.stack([work, lost]))
+
+    def _laws(
+        self, data: Masses, gears: _Gears, y: Array, reference: Array, fed: Array, h: float
+    ) -> Stage:
+        """The laws of a stage of length h from y; `fed` is the torque fed forward, (2, S), N m."""
+        at, rows = self.place, self.place.bodies
+        heavy, spring = data.inertia / h, data.stiffness + data.damping / h
         drag = heavy + DRAG
         drag[rows.passive] += data.viscous
-        stage = Stage(
+        driven = data.integral * y[at.behind] + fed
+        rough = np.where(data.coulomb > 0, STICK, 0.0)
+        return Stage(
             rows=rows,
             h=h,
             drag=drag,
@@ -136,29 +158,10 @@ class March:
             reference=reference,
             first=gears.first,
             second=gears.second,
-            offset=np.concatenate(
-                [data.integral * behind + fed, np.zeros((1 + 3 * rows.m, y.shape[1]))]
-            ),
+            offset=np.concatenate([driven, np.zeros((1 + 3 * rows.m, y.shape[1]))]),
             slope=np.concatenate([data.gain + data.integral * h, gears.slope, rough]),
             limit=np.concatenate([data.limit, gears.limit, data.coulomb]),
-            ahead=y[at.gap] + twist * data.stiffness / spring,
+            ahead=y[at.gap] + y[at.twist] * data.stiffness / spring,
             stiff=spring,
             half_gap=data.half_gap,
         )
-        v, pieces = stage.solve(pieces)
-        held, pressed = stage.torques(v)
-        limited, play = stage.relative(v)
-        new = np.empty_like(y)
-        new[at.v], new[at.reference] = v, reference
-        loop = held[:2] - fed + data.gain / h * behind
-        new[at.behind] = loop / (data.gain / h + data.integral)
-        new[at.torque] = pressed
-        new[at.twist] = (pressed + data.damping / h * twist) / spring
-        new[at.gap] = np.clip(stage.ahead + h * play, -data.half_gap, data.half_gap)
-        new[at.q.start] = y[at.q.start] + h * self.k_g * v[rows.drivers[-1]]
-        new[at.q][1:] = y[at.q][1:] + h * v[rows.links]
-        wound = (new[at.twist] - twist) / h
-        lost = np.sum(held[2:] * limited[2:], axis=0) + np.sum(data.damping * wound**2, axis=0)
-        lost += np.sum(data.viscous * v[rows.passive] ** 2, axis=0) + DRAG * np.sum(v**2, axis=0)
-        work = np.sum(held[:2] * v[rows.motors], axis=0)
-        return _Arrived(new, pieces, np.stack([work, lost]))

@@ -130,19 +130,18 @@ def masses(draws: Draws, k: Array) -> Masses:
     def rows(name: str, size: int, most: float = np.inf) -> Array:
         return np.minimum(np.broadcast_to(draws[name], (size, count)), most)
 
-    play = np.deg2rad(np.concatenate([rows("gearhead_backlash_deg", 2), rows("backlash_deg", m)]))
-    gears = np.full((2, count), RIGID)
-    shafts = rows("shaft_stiffness_nm_per_rad", m, RIGID)
-    stiff = np.concatenate([gears, shafts])
-    damping = np.concatenate([np.zeros((2, count)), rows("shaft_damping_nms_per_rad", m)])
+    play = np.concatenate([rows("gearhead_backlash_deg", 2), rows("backlash_deg", m)])
+    stiff = np.full((2 + m, count), RIGID)
+    stiff[2:] = rows("shaft_stiffness_nm_per_rad", m, RIGID)
+    damping = np.zeros((2 + m, count))
+    damping[2:] = rows("shaft_damping_nms_per_rad", m)
     gain = rows("servo_gain_nms_per_rad", 2, STICK)
     disk = k / k[0]
-    links = rows("link_inertia_kgm2", m + 1)
     bodies = [
         rows("motor_inertia_kgm2", 2),
         rows("axis_inertia_kgm2", m),
         np.zeros((1, count)),
-        links,
+        rows("link_inertia_kgm2", 1 + m),
         rows("disk_inertia_kgm2", m) * disk**2,
     ]
     return Masses(
@@ -152,7 +151,7 @@ def masses(draws: Draws, k: Array) -> Masses:
         limit=rows("torque_limit_nm", 2, UNBOUNDED),
         stiffness=stiff,
         damping=np.where(stiff < RIGID, damping, DEAD),
-        half_gap=play / 2,
+        half_gap=np.deg2rad(play) / 2,
         coulomb=np.concatenate([rows("base_friction_nm", 1), rows("coulomb_friction_nm", m)]),
         viscous=rows("viscous_friction_nms_per_rad", m),
         k=k,

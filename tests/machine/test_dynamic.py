@@ -112,6 +112,25 @@ def test_other_systems_are_the_same_in_both() -> None:
     assert np.array_equal(still.q, moving.q)
 
 
+def test_a_millisecond_is_a_short_step_for_the_prototype(smooth_plan: Plan) -> None:
+    ends = []
+    for step in (2e-3, 1e-3):
+        machine = Machine.prototype(step_s=step, fidelity="dynamic").nominal()
+        ends.append(replay(smooth_plan, machine, record_s=None).q[0, -1])
+    assert np.max(np.abs(ends[0] - ends[1])) < 1e-5
+
+
+def test_a_delay_shifts_the_motion(jumping: Plan) -> None:
+    machine = Machine.prototype(fidelity="dynamic", initial_play=0.5, step_s=2e-3).nominal()
+    machine = machine.without("initial_angle_error_deg")
+    soon, late = (
+        replay(jumping, machine.with_(delay_s=delay), settle_s=0.5, record_s=0.01).q[0]
+        for delay in (False, 0.1)
+    )
+    assert np.max(np.abs(soon[:-11] - late[10:-1])) < 1e-9
+    assert np.max(np.abs(soon - late)) > 0.01
+
+
 # -- mechanics in closed form --------------------------------------------------------------
 
 

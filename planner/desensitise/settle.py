@@ -10,8 +10,8 @@ import numpy as np
 from planner.chained import chained_form
 from planner.desensitise.seeds import packed
 from planner.desensitise.task import DrawnIn, Solution, Task
+from planner.ocp.look import peaks
 from planner.ocp.mesh import Mesh
-from planner.ocp.polish import peaks
 from planner.ocp.resimulation import resimulate
 from planner.systems.base import Array
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -47,17 +48,22 @@ def seeds(kind: str) -> list[Seed]:
     - reverse: q₁ first leaves the line, then returns late; q₂ goes out and back.
     - wander: smooth random loops, from fixed random seeds.
     """
-    known: dict[str, list[Seed]] = {
+    known = _known()
+    if kind != "auto":
+        return [*known[kind]]
+    straight, bump, reverse, wander = known.values()
+    first = [straight[0], bump[0], reverse[0], wander[0], wander[1], bump[1], reverse[1]]
+    return [*first, *wander[2:], *bump[2:], *reverse[2:]]
+
+
+@lru_cache(maxsize=1)
+def _known() -> dict[str, list[Seed]]:
+    return {
         "straight": [_straight()],
         "bump": [_bump(a, b) for a, b in ((1.0, 0.8), (-1.0, -0.8), (-1.0, 0.8), (1.0, -0.8))],
         "reverse": [_reverse(a, b) for a, b in ((-0.7, 0.8), (0.7, -0.8), (0.7, 0.8))],
         "wander": [_wander(k) for k in range(12)],
     }
-    if kind != "auto":
-        return known[kind]
-    straight, bump, reverse, wander = known.values()
-    first = [straight[0], bump[0], reverse[0], wander[0], wander[1], bump[1], reverse[1]]
-    return [*first, *wander[2:], *bump[2:], *reverse[2:]]
 
 
 def guess(problem: Problem, made: Transcription, mesh: Mesh, seed: Seed) -> Iterate:

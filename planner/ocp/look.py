@@ -1,0 +1,140 @@
+"""What an iterate does between its nodes: how far plan and true motion differ, what they break."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from planner.chained import chained_form
+from planner.ocp.bounds import Tightening
+from planner.ocp.resimulation import STEPS
+from planner.ocp.scheme import Kind, bernstein_values, scheme
+from planner.ocp.solver import Solution
+from planner.ocp.task import Task
+from planner.problem import Problem
+from planner.systems.base import Array
+
+INTERPOLANT = 10.0
+"""How much more the interpolant may differ inside the motion than at its end."""
+
+SLACK = 1e-7
+"""Distance from a limit, relative to it, that is kept where the limit is drawn in."""
+
+ROUNDING = 1e-9
+"""Excess over a limit, relative to it, that counts as none, as in certificates."""
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """Samples between the nodes, at the same times.
+
+    Attributes:
+        plan: Of the iterate's own interpolant, shape (K, M, N).
+        motion: Of the motion its input really makes, shape (K, M, N).
+    """
+
+    plan: Array
+    motion: Array
+
+
+def look(task: Task, solution: Solution) -> Look:
+    """Sample an iterate and the motion its input really makes."""
+    iterate, form = solution.iterate, task.made.form
+    values = np.concatenate([iterate.nodes[:-1, None], iterate.points], axis=1)
+    plan = _basis(form.scheme_kind, form.degree) @ values
+    return Look(np.asarray(plan), task.motion(iterate).states)
+
+
+@lru_cache(maxsize=16)
+def _basis(kind: Kind, degree: int) -> Array:
+    """Values at the left edge and the collocation points to samples in the interval, (M, d+1)."""
+    tau = np.arange(STEPS + 1) / STEPS
+    return np.asarray(bernstein_values(degree, tau) @ scheme(kind, degree).bernstein)
+
+
+@dataclass(frozen=True, eq=False)
+class MeshError:
+    """Difference of the true motion and the interpolant, the largest over coordinates.
+
+    Attributes:
+        end: At the end of the motion.
+        largest: At any time.
+        nodes: Its growth from edge to edge, shape (K,).
+        inside: Its growth from an edge to anywhere in the interval, shape (K,).
+    """
+
+    end: float
+    largest: float
+    nodes: Array
+    inside: Array
+
+    def fine(self, accuracy: float) -> bool:
+        """Whether no refinement is needed."""
+        return self.end <= accuracy and self.largest <= INTERPOLANT * accuracy
+
+
+def mesh_error(seen: Look) -> MeshError:
+    """Compare an iterate with the motion its input really makes."""
+    gap = seen.motion - seen.plan
+    growth = np.max(np.abs(gap - gap[:, :1]), axis=2)
+    return MeshError(
+        end=float(np.max(np.abs(gap[-1, -1]))),
+        largest=float(np.max(np.abs(gap))),
+        nodes=growth[:, -1],
+        inside=np.max(growth, axis=1),
+    )
+
+
+def excess(task: Task, seen: Look) -> Tightening:
+    """By how much each interval breaks limits on coordinates, z₂ and discs, plus a little.
+
+    The plan's q(t) and the motion its input really makes are both held to the limits.
+    """
+    problem, count = task.problem, len(seen.plan)
+    both = np.concatenate([seen.plan, seen.motion], axis=1)
+    limit = problem.limits.joint
+    joint = _over(_peak(np.abs(both), count) - limit, limit)
+    joint[:, 0] = 0.0
+    margin, z2 = problem.limits.z2_margin, np.zeros(count)
+    if margin is not None:
+        values = problem.z2_sign * chained_form(problem.system).z(both)[..., 1]
+        z2 = _over(margin + _peak(-values, count), np.array(max(margin, 1e-3)))
+    return Tightening(joint, z2, into_discs(problem, both, task.made.form.obstacles))
+
+
+def into_discs(problem: Problem, both: Array, count: int) -> Array:
+    """How far each link reaches into each disc in each interval, shape (K, D · L)."""
+    system: Any = problem.system
+    out = [np.zeros((len(both), 0))]
+    for disc in problem.obstacles[:count]:
+        clearances = disc.clearances(system.arm_points(both[..., 1:]))
+        out.append(_over(_peak(-clearances, len(both)), np.array(disc.radius)))
+    return np.concatenate(out, axis=-1)
+
+
+def _peak(both: Array, count: int) -> Array:
+    """Largest value in each interval (K, …) of samples (K, M or 2 M, …) of one or two curves."""
+    curves = both.shape[1] // (STEPS + 1)
+    halves = np.split(both, curves, axis=1)
+    found = peaks(np.concatenate(halves))
+    return np.asarray(np.max(found.reshape(curves, count, *both.shape[2:]), axis=0))
+
+
+def _over(excess: Array, scale: Array) -> Array:
+    """The excess and a tenth and a little, where there is any."""
+    with np.errstate(invalid="ignore"):
+        return np.where(excess > ROUNDING * scale, 1.1 * excess + SLACK * scale, 0.0)
+
+
+def peaks(values: Array) -> Array:
+    """Largest value in each interval (K, …) of samples (K, M, …), by parabolas through three."""
+    inner = values[:, 1:-1]
+    before, after = values[:, :-2], values[:, 2:]
+    slope, bend = (after - before) / 2, after - 2 * inner + before
+    top = (inner >= before) & (inner >= after) & (bend < 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        vertex = np.where(top, inner - slope**2 / (2 * bend), -np.inf)
+    return np.asarray(np.maximum(np.max(values, axis=1), np.max(vertex, axis=1, initial=-np.inf)))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.files import refuse_unwritable, write_bytes
-from planner.report.arm import arrangement, body, drawable
+from planner.report.arm import arrangement, body, draw_places, drawable
 from planner.report.style import Curve, Plans, curves, grid, heading
 from planner.report.style import times as fine_times
 from planner.report.video import Frame, find_ffmpeg, gif, mp4
@@ -165,6 +165,7 @@ def _scene(ax: Any, curve: Curve, times: Array) -> _Scene:
     plan = curve.plan
     points, close = body(plan.problem, plan.q(times)), fine_times(plan)
     path = body(plan.problem, plan.q(close))[:, -1]
+    draw_places(ax, plan.problem)
     for k in (0, -1):
         ax.plot(*points[k].T, "-o", color=GHOST, linewidth=2, markersize=3, zorder=1)
     ax.plot(*path.T, color=curve.colour, linewidth=0.8, alpha=0.4, zorder=2)

@@ -76,6 +76,28 @@ def body(problem: Problem, q: Array) -> Array:
     return np.asarray(place[..., None, :])
 
 
+def draw_places(ax: Any, problem: Problem) -> None:
+    """Obstacles as discs, and waypoints as dotted poses where every joint is given."""
+    from matplotlib.patches import Circle
+
+    for disc in problem.obstacles:
+        ax.add_patch(Circle(tuple(disc.centre), disc.radius, color="0.55", alpha=0.6, zorder=1))
+        ax.annotate(f"obstacle {disc.number}", disc.centre, fontsize=8, ha="center", va="center")
+    for point in problem.waypoints:
+        q = np.where(np.isnan(point.q), [0.0, *[np.nan] * (len(point.q) - 1)], point.q)
+        if np.all(np.isfinite(q)):
+            points = body(problem, q)
+            ax.plot(*points.T, "o:", color="black", linewidth=1, markersize=3, zorder=4)
+            name = f"waypoint {point.number}"
+            ax.annotate(name, points[-1], (6, 4), textcoords="offset points", fontsize=8, bbox=TAG)
+
+
+def waypoint_tips(problem: Problem) -> Array:
+    """Where waypoints that fix the whole pose put the tip, shape (m, 2)."""
+    tips = [body(problem, point.q)[-1] for point in problem.waypoints]
+    return np.array([tip for tip in tips if np.all(np.isfinite(tip))]).reshape(-1, 2)
+
+
 def arrangement(drawn: Sequence[Curve]) -> tuple[tuple[int, int], tuple[float, float]]:
     """Rows and columns, and the size of a panel (inches): wide motions one below the other."""
     seen = [body(c.plan.problem, c.plan.q(times(c.plan, 200))).reshape(-1, 2) for c in drawn]
@@ -87,6 +109,7 @@ def arrangement(drawn: Sequence[Curve]) -> tuple[tuple[int, int], tuple[float, f
 
 def _draw(ax: Any, curve: Curve, scale: Any, poses: int) -> None:
     plan = curve.plan
+    draw_places(ax, plan.problem)
     path = body(plan.problem, plan.q(times(plan)))[:, -1]
     ax.plot(*path.T, color=curve.colour, linestyle=curve.dashes, linewidth=1.6, zorder=3)
     for t in np.linspace(0, plan.duration, poses):

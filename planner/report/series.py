@@ -12,7 +12,7 @@ from planner.domain import worst_margin
 from planner.jsonable import jsonable
 from planner.plan import Plan
 from planner.problem import Problem
-from planner.report.arm import body, drawable
+from planner.report.arm import body, drawable, waypoint_tips
 from planner.report.inputs import view
 from planner.report.style import Curve, curves, shown, times
 from planner.report.words import places, subscripted
@@ -53,7 +53,11 @@ def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, A
     figures += _spreads(comparison, drawn, replays)
     problem = comparison.problem
     length = "link lengths" if hasattr(problem.system, "arm_points") else "m"
-    return dict(jsonable({"plans": plans, "figures": figures, "length": length}))
+    space = {
+        "discs": [[*disc.centre, disc.radius] for disc in problem.obstacles],
+        "tips": waypoint_tips(problem) if drawable(problem.system) else [],
+    }
+    return dict(jsonable({"plans": plans, "figures": figures, "length": length, "space": space}))
 
 
 Sampled = tuple[int, Plan, Array]
@@ -147,7 +151,12 @@ def _joints(
         panel["series"] += machine
         most = max(float(np.nanmax(np.abs(v))) for _, v in values)
         near = [limit] if np.isfinite(limit) and most > 0.75 * limit else []
-        panels.append({**panel, "limits": near, "ends": [None if x != x else x for x in ends]})
+        on_the_way = [
+            [w.time_s, float(shown(w.q[i : i + 1], unit)[0])]
+            for w in problem.waypoints
+            if w.time_s is not None and np.isfinite(w.q[i])
+        ]
+        panels.append({**panel, "limits": near, "ends": list(ends), "stops": on_the_way})
     return {"id": "joints", "panels": panels}
 
 

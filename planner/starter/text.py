@@ -17,6 +17,7 @@ from planner.errors import InputError
 from planner.machine import Machine
 from planner.methods import METHODS
 from planner.schema import FILES, MachineTable, MethodsTable, nearest
+from planner.schema.feedback import FeedbackTable
 from planner.spec import toml
 
 WIDTH = 100
@@ -48,6 +49,8 @@ def problem_text(kind: str = "manipulator") -> str:
         table: Any = field.annotation
         summary = METHODS[name].summary if name in METHODS else ""
         parts.append(f"[method.{name}]\n{_prose(summary)}{_keys(table, _defaults(table))}")
+    about = "The tracker that closes the loop: planner compare FILE --feedback."
+    parts.append(f"[feedback]\n{_prose(about)}{_keys(FeedbackTable, _defaults(FeedbackTable))}")
     preset = {**_defaults(MachineTable), **Machine.prototype().to_dict()}
     about = "The emulated machine. Each effect is a number, or { value = mean, spread = standard"
     about += " deviation } over machines, or false, which switches it off."

@@ -339,6 +339,34 @@ def test_a_path_outside_the_domain_is_marked(opened: Callable, tmp_path: Path) -
     assert page.locator("#fig-joints").is_hidden()
 
 
+def test_obstacles_and_waypoints_are_drawn(opened: Callable, tmp_path: Path) -> None:
+    found = quick_comparison()
+    plan = found[SOLVED].plan
+    assert plan is not None
+    tables = {
+        "obstacles": [{"centre_m": [0.8, 2.2], "radius_m": 0.3}],
+        "waypoints": [
+            {"theta_deg": np.rad2deg(plan.q(4.0)[1:]).tolist(), "time": 4.0},
+            {"theta_deg": [20.0, "free", "free"]},
+        ],
+    }
+    problem = found.problem.changed(tables)
+    row = replace(found[SOLVED], plan=replace(plan, problem=problem), replay=None)
+    target = replace(found, problem=problem, rows=(row,)).save(tmp_path / "x", report=True)
+    page = opened(target / "report.html")
+    disc = page.locator(".stage .disc").first
+    assert page.locator(".stage .disc").count() == 1
+    assert page.locator(".stage .stop").count() == 1
+    assert page.locator(f"{JOINTS} .stop").count() == 3
+    links = points_of(page.locator(".stage .ends").first.get_attribute("d"))
+    unit = np.linalg.norm(links[1] - links[0])
+    assert float(disc.get_attribute("r")) == pytest.approx(0.3 * unit, rel=0.01)
+    page.locator("#scrub").evaluate("(e) => { e.value = 4; e.dispatchEvent(new Event('input')); }")
+    tip = points_of(page.locator(".stage .body").get_attribute("d"))[-1]
+    mark = points_of(page.locator(".stage .stop").get_attribute("d").split("l")[0])[0] + [0, 6]
+    np.testing.assert_allclose(mark, tip, atol=0.6)
+
+
 def test_a_vehicle_has_its_page(opened: Callable, tmp_path: Path) -> None:
     problem = planner.load_problem(Path(__file__).parents[2] / "problems/unicycle.toml")
     plan = planner.solve(problem, "polynomial")

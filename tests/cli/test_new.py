@@ -16,6 +16,7 @@ from planner.schema import FILES
 from planner.starter import problem_text
 
 KEY = re.compile(r"^#(?=[a-zA-Z_0-9]+ = )", re.MULTILINE)
+PLACE = re.compile(r"(?ms)^#   (?=(\[\[|theta_deg|q =|time =|centre_m|radius_m))")
 METHOD = {"manipulator": "collocation"}
 
 
@@ -37,7 +38,7 @@ def test_a_new_file_solves_and_names_every_key(kind: str, run: Callable, tmp_pat
     sections = re.split(r"^\[", text, flags=re.MULTILINE)[1:]
     said = {part.partition("]")[0]: part for part in sections}
     for name, field in FILES[kind].model_fields.items():
-        if name in ("system", "start", "goal", "limits", "machine"):
+        if name in ("system", "start", "goal", "limits", "machine", "feedback"):
             for key in keys(field.annotation):
                 assert re.search(rf"(?m)^(# ?)?{key}( =|: not set)", said[name]), (name, key)
     for name, field in planner.schema.MethodsTable.model_fields.items():
@@ -58,6 +59,16 @@ def test_keys_without_their_mark_are_valid_and_mostly_change_nothing(
     assert full.methods == plain.methods
     machine = planner.Machine.from_table(full.machine).to_dict()
     assert machine == planner.Machine.from_table(plain.machine).to_dict()
+
+
+@pytest.mark.parametrize("kind", FILES)
+def test_places_on_the_way_are_valid_too(kind: str) -> None:
+    problem = planner.Problem.from_dict(tomllib.loads(PLACE.sub("", problem_text(kind))))
+    assert len(problem.waypoints) == 1
+    assert problem.waypoints[0].time_s is not None
+    assert len(problem.obstacles) == ("theta_deg" in problem_text(kind))
+    tables = {name for name in FILES[kind].model_fields if name not in ("title", "method")}
+    assert all(f"[{name}]" in problem_text(kind) for name in tables)
 
 
 def test_the_gear_of_a_new_file_is_one() -> None:

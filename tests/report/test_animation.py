@@ -150,6 +150,23 @@ def test_a_vehicle_drives(tmp_path: Path) -> None:
         assert film.n_frames == 6
 
 
+def test_obstacles_and_waypoints_are_in_the_picture(plan: planner.Plan) -> None:
+    from planner.report import plot_arm
+
+    tables = {
+        "obstacles": [{"centre_m": [0.8, 2.2], "radius_m": 0.3}],
+        "waypoints": [{"theta_deg": [20.0, 10.0, 5.0]}, {"theta_deg": [20.0, "free", 5.0]}],
+    }
+    shown = replace(plan, problem=plan.problem.changed(tables))
+    _, axes = plot_arm(shown)
+    (disc,) = axes[0, 0].patches
+    assert tuple(disc.center) == (0.8, 2.2)
+    assert disc.radius == 0.3
+    texts = [note.get_text() for note in axes[0, 0].texts]
+    assert texts.count("obstacle 1") == texts.count("waypoint 1") == 1
+    assert "waypoint 2" not in texts
+
+
 def test_animate_command(plan: planner.Plan, tmp_path: Path, capsys: Any) -> None:
     a, b = plan.save(tmp_path / "a.json"), plan.save(tmp_path / "b.refused.json")
     film = tmp_path / "x.gif"

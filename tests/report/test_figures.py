@@ -222,7 +222,7 @@ def test_a_plan_keeps_its_colour_in_all_figures(plans: dict[str, planner.Plan]) 
 
 def test_titles_and_legends_fit_into_the_figure() -> None:
     figures = quick_comparison().figures()
-    assert list(figures) == ["z", "joints", "inputs", "arm", "errors", "replay"]
+    assert list(figures) == ["z", "joints", "inputs", "arm", "errors", "effort", "replay"]
     for name, figure in figures.items():
         figure.draw_without_rendering()
         width, height = figure.get_size_inches() * figure.dpi

@@ -61,6 +61,8 @@ class TimeChart extends Chart {
       const cx = k ? this.x(this.x.high) : this.x(0);
       make("circle", { class: "end", cx, cy: this.y(value), r: 4 }, over);
     });
+    for (const [t, value] of panel.stops ?? [])
+      make("path", { class: "stop", d: diamond(this.x(t), this.y(value)) }, over);
     this.drawNotes();
   }
 

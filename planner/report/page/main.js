@@ -8,6 +8,7 @@
   const page = {
     plans: data.plans,
     length: data.length,
+    space: data.space,
     shown: data.plans.map(() => true),
     ghost: true,
     say: (text) => (live.textContent = text),

@@ -50,6 +50,7 @@ class Stage {
     }
     const words = { x: width - edge.right, y: bottom + 30, "text-anchor": "end", text: this.page.length };
     make("text", words, this.svg);
+    this.drawSpace(unit);
     const { colour, motion, path: way } = this.plan;
     for (const k of [0, motion.points.length - 1])
       make("path", { class: "ends", d: this.line(motion.points[k]) }, this.svg);
@@ -62,6 +63,15 @@ class Stage {
       make("circle", { class: "joint", r: k ? 4 : 5.5 }, this.svg),
     );
     this.machine = make("path", { class: `machine-body plan-${colour}` }, this.svg);
+  }
+
+  /** Obstacles and waypoints. */
+  drawSpace(unit) {
+    const { discs, tips } = this.page.space;
+    for (const [x, y, r] of discs)
+      make("circle", { class: "disc", cx: this.x(x), cy: this.y(y), r: r * unit }, this.svg);
+    for (const [x, y] of tips)
+      make("path", { class: "stop", d: diamond(this.x(x), this.y(y)) }, this.svg);
   }
 
   line(points) {
@@ -135,7 +145,10 @@ class Player {
 
   /** Corners of what all motions touch. */
   bounds(plans) {
-    const every = plans.flatMap((p) => [...p.path, ...p.motion.points.flat()]);
+    const { discs, tips } = this.page.space;
+    const corners = discs.flatMap(([x, y, r]) => [[x - r, y - r], [x + r, y + r]]);
+    const moved = plans.flatMap((p) => [...p.path, ...p.motion.points.flat()]);
+    const every = [...moved, ...corners, ...tips];
     const [xs, ys] = [0, 1].map((i) => range([every.map((q) => q[i])], 0.05));
     return { low: [xs[0], ys[0]], high: [xs[1], ys[1]] };
   }

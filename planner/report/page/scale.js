@@ -78,6 +78,11 @@ function path(xs, ys) {
   return out;
 }
 
+/** SVG path of a waypoint's mark. */
+function diamond(x, y, r = 6) {
+  return `M${x} ${y - r}l${r} ${r}l${-r} ${r}l${-r} ${-r}Z`;
+}
+
 /** A new element; `svg` elements by their name. */
 function make(name, attributes = {}, parent = null) {
   const vector = "svg g path line rect circle text polyline clipPath".split(" ").includes(name);

@@ -5,6 +5,7 @@
 #   make paper     the paper's figures and numbers, to results/paper
 #   make report    pictures of the report's page (needs Chromium), to results/report
 #   make explorer  pictures of the explorer in a browser (needs Chromium), to results/explorer
+#   make docs      the documentation, to out/docs/index.html; warnings are errors
 #   make test      what CI runs: lint, types, tests
 #   make check     lint and types only
 #   make format    put the code into the house format
@@ -33,6 +34,10 @@ report: $(VENV)/.dev
 
 explorer: $(VENV)/.dev
 	@PLANNER_SCREENSHOTS=results/explorer $(BIN)/python -m pytest -s tests/browser/test_explorer_page.py
+
+docs: $(VENV)/.docs
+	@$(BIN)/python -m sphinx -q -W --keep-going -b html docs out/docs
+	@echo "out/docs/index.html"
 
 test: check
 	@$(BIN)/python -m pytest $(PYTEST_FLAGS)
@@ -63,4 +68,8 @@ $(VENV)/.run: pyproject.toml setup.py planner/machine/kernel.c planner/machine/d
 
 $(VENV)/.dev: pyproject.toml setup.py planner/machine/kernel.c planner/machine/dynamic.c | $(VENV)/bin/python
 	@$(PIP) install --editable '.[dev]'
+	@touch $@ $(VENV)/.run
+
+$(VENV)/.docs: pyproject.toml | $(VENV)/bin/python
+	@$(PIP) install --editable '.[docs]'
 	@touch $@ $(VENV)/.run

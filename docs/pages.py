@@ -1,0 +1,204 @@
+"""The pages that are made from the program itself: commands, methods, problem file, machine."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import shutil
+from contextlib import redirect_stdout
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin
+from unittest import mock
+
+import typer
+from pydantic import BaseModel
+
+import planner
+from planner.cli import app, main
+from planner.schema import FILES, MachineTable
+from planner.schema.feedback import FeedbackTable
+from planner.schema.machine import EFFECTS
+from planner.schema.sweep import SweepFile
+
+ROOT = Path(__file__).parents[1]
+
+
+def write(docs: Path) -> None:
+    """Write every generated page, and copy the notebooks, where they differ from what is there."""
+    made = docs / "_generated"
+    made.mkdir(exist_ok=True)
+    for name, text in {
+        "commands.md": commands(),
+        "methods.md": methods(),
+        "problem-file.md": problem_file(),
+        "machine.md": machine(),
+        "sweep-file.md": sweep_file(),
+    }.items():
+        _put(made / name, text)
+    (docs / "notebooks").mkdir(exist_ok=True)
+    for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
+        _put(docs / "notebooks" / path.name, path.read_text(encoding="utf-8"))
+    shutil.copytree(ROOT / "problems", docs / "problems", dirs_exist_ok=True)
+    picture = docs / "_generated" / "explorer.png"
+    shutil.copyfile(ROOT / "results" / "explorer" / "refused.png", picture)
+
+
+def _put(path: Path, text: str) -> None:
+    """Leave the file alone when nothing changes, so that nothing is built anew."""
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
+        path.write_text(text, encoding="utf-8")
+
+
+def escaped(line: str) -> str:
+    """A docstring's line with bars, stars and trailing underscores outside of code escaped."""
+    parts = re.split(r"(``.*?``|`.*?`|:\w+:)", line)
+    for k in range(0, len(parts), 2):
+        parts[k] = re.sub(r"(?<!\\)([|*])", r"\\\1", parts[k])
+        parts[k] = re.sub(r"(\w)_(?=\W|$)", r"\1\\_", parts[k])
+    return "".join(parts)
+
+
+# -- commands ----------------------------------------------------------------------------------
+
+
+def commands() -> str:
+    """The help text of every command."""
+    parts = ["# Commands\n", "What `planner COMMAND --help` prints.\n"]
+    names = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    parts += [f"## planner {name}\n\n```text\n{_help(name)}\n```\n" for name in names]
+    return "\n".join(parts)
+
+
+def _help(name: str) -> str:
+    """What the command prints for --help, 92 columns wide."""
+    said = io.StringIO()
+    with redirect_stdout(said), mock.patch.dict(os.environ, COLUMNS="92", NO_COLOR="1"):
+        main([name, "--help"])
+    return said.getvalue().rstrip()
+
+
+# -- tables ------------------------------------------------------------------------------------
+
+
+def methods() -> str:
+    """Every method and its options."""
+    parts = ["# Methods and their options\n"]
+    parts.append(
+        "The tables `[method.NAME]` of a problem file, and the keywords of `planner.solve`.\n"
+    )
+    for method in planner.METHODS.values():
+        parts += [f"## {method.name}\n", method.summary + ".\n", table(method.options)]
+    return "\n".join(parts)
+
+
+def problem_file() -> str:
+    """Every key of a problem file, kind by kind."""
+    parts = ["# The problem file\n"]
+    parts.append(
+        "TOML. The tables `[system]`, `[start]`, `[goal]` and `[limits]` differ from kind to kind"
+        " of system; `[method.NAME]` and `[machine]` have pages of their own. `planner new` writes"
+        " a commented file to start from.\n"
+    )
+    parts += ["## feedback\n", "The same for all kinds.\n", *_described("feedback", FeedbackTable)]
+    for kind, model in FILES.items():
+        parts.append(f"## {kind}\n")
+        for name, field in model.model_fields.items():
+            if name not in ("title", "method", "machine", "feedback"):
+                parts += _tables(name, field.annotation, f" of {kind}")
+    return "\n".join(parts)
+
+
+def _tables(name: str, annotation: Any, whose: str) -> list[str]:
+    """The tables that a key may hold, each followed by those inside it."""
+    found = []
+    for model in _models(annotation):
+        several = get_origin(annotation) is list
+        found += _described(f"[{name}]" if several else name, model, whose)
+        for key, field in model.model_fields.items():
+            found += _tables(f"{name}.{field.alias or key}", field.annotation, whose)
+    return found
+
+
+def _described(name: str, model: type[BaseModel], whose: str = "") -> list[str]:
+    return [f"### [{name}]{whose}\n", table(model)]
+
+
+def sweep_file() -> str:
+    """Every key of a sweep file."""
+    return "# The sweep file\n\n" + table(SweepFile)
+
+
+def machine() -> str:
+    """Every effect of the emulated machine, with its value in the prototype."""
+    used = planner.Machine.prototype().to_dict()
+    parts = [
+        "# The emulated machine\n",
+        "The table `[machine]`, and the keywords of `Machine.prototype`.\n",
+    ]
+    rows = [
+        [f"`{name}`", effect.unit or "1", effect.per, _code(used[name]), _about(MachineTable, name)]
+        for name, effect in EFFECTS.items()
+    ]
+    parts.append(_table(["effect", "unit", "one a", "prototype", "what it is"], rows))
+    others = [name for name in MachineTable.model_fields if name not in EFFECTS]
+    parts += ["\n## Beside the effects\n", table(MachineTable, others)]
+    return "\n".join(parts)
+
+
+def table(model: type[BaseModel], names: list[str] | None = None) -> str:
+    """Keys of a table: what each is, and what it is when left out."""
+    rows = []
+    for name in names or list(model.model_fields):
+        field = model.model_fields[name]
+        default = "needed" if field.is_required() else _code(_default(field))
+        rows.append(
+            [f"`{field.alias or name}`", _type(field.annotation), default, _about(model, name)]
+        )
+    return _table(["key", "value", "when left out", "what it is"], rows)
+
+
+def _default(field: Any) -> Any:
+    value = field.get_default(call_default_factory=True)
+    return "" if isinstance(value, BaseModel) else value
+
+
+def _about(model: type[BaseModel], name: str) -> str:
+    return (model.model_fields[name].description or "").replace("|", "\\|").replace("*", "\\*")
+
+
+def _models(annotation: Any) -> list[type[BaseModel]]:
+    """The tables that an annotation speaks of."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation] if annotation.model_fields else []
+    return [model for part in get_args(annotation) for model in _models(part)]
+
+
+PLAIN = {float: "number", int: "whole number", str: "text", bool: "true or false", dict: "table"}
+
+
+def _type(annotation: Any) -> str:
+    """What may stand there, in words; empty where only its description says it."""
+    parts, origin = get_args(annotation), get_origin(annotation)
+    if origin is Literal:
+        return " or ".join(f"`{part}`" for part in parts)
+    if origin in (list, tuple):
+        return "list of " + (_type(parts[0]) or "values")
+    if parts and origin is not dict:
+        return " or ".join(dict.fromkeys(word for word in map(_type, parts) if word))
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return "table"
+    return PLAIN.get(origin or annotation, "")
+
+
+def _code(value: Any) -> str:
+    if value is None or value == "":
+        return ""
+    if value is False or value is True:
+        return f"`{str(value).lower()}`"
+    return f"`{value}`".replace("'", '"')
+
+
+def _table(head: list[str], rows: list[list[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"

@@ -7,8 +7,14 @@ from numpy.typing import NDArray
 
 from planner.feedback.design import Design
 from planner.feedback.estimate import Estimate
-from planner.feedback.forecast import Forecast
+from planner.feedback.forecast import Forecast, History
 from planner.systems.base import Array
+
+AHEAD = 5
+"""Periods in which a reversal must be worth crossing the play."""
+
+UNCERTAIN = 0.2
+"""How well the play of a gearhead is known: to this part of its mean."""
 
 
 class Control:
@@ -27,12 +33,11 @@ class Control:
         self.end_s = clock.begin + len(ref.feed) * clock.period + clock.latency * clock.tick
         self.fallbacks: NDArray[np.int64] = np.zeros(count, dtype=np.int64)
         self._k = 0
-        self._told = [np.repeat(u[:, None], count, axis=1) for u in ref.first]
+        self._history = History(clock.tick, ref.first, count)
         self._answer = design.programme.none(count)
         self._side = np.zeros((2, count))
-        forecast = Forecast(design.system, clock, design.play)
+        self._forecast = Forecast(design.system, design.play, clock.tick)
         start = np.repeat(ref.start[:, None], count, axis=1)
-        self._forecast = forecast
         self._estimate = Estimate(design.system, start, design.resolution)
 
     def __call__(self, t: float, measured: Array) -> Array:
@@ -43,49 +48,48 @@ class Control:
             measured: What the encoders read, (N, S); NaN where a reading is lost.
         """
         clock, k = self._clock, self._k
-        now = k * clock.period
-        estimate = self._estimate
+        now, estimate = k * clock.period - clock.shift, self._estimate
         if k:
             before = now - clock.period
-            q, self._side = self._forecast(estimate.q, self._side, before, now, self._tick)
+            q, self._side = self._forecast(estimate.q, self._side, before, now, self._history)
             estimate.predicted(q)
-        estimate.read(measured)
+        estimate.read(measured, learn=t > 0)
         if k < len(self._ref.feed):
             self._decide(k, now)
         self._k += 1
-        first = k * clock.ticks
-        return np.stack([self._tick(first + m) for m in range(clock.ticks)])
+        return self._history.ticks(k * clock.ticks, clock.ticks)
 
-    def _tick(self, index: int) -> Array:
-        return self._told[index] if index < len(self._told) else np.zeros_like(self._side)
-
-    def _decide(self, k: int, now: float) -> None:
-        """Append the commands of one period, from when they can act."""
+    def _decide(self, k: int, now: Array) -> None:
+        """Add the commands of one period, from when they can act."""
         clock, ref = self._clock, self._ref
-        q, side = self._forecast(self._estimate.q, self._side, now, now + clock.dead, self._tick)
+        told = np.full(2, k * clock.period + clock.wait)
+        q, side = self._forecast(self._estimate.q, self._side, now, told, self._history)
         w = self._answer.corrections[0]
         state = np.concatenate([q - ref.q[k][:, None], w, self._estimate.rate_error])
         self._answer = self._design.programme(k, state, self._answer)
         self.fallbacks += self._answer.fallback
         v = self._answer.corrections[0]
-        share = (np.arange(clock.ticks) + 0.5) / clock.ticks if self._design.ramp else None
-        added = v if share is None else w + share[:, None, None] * (v - w)
+        added = v[None]
+        if self._design.ramp:
+            share = (np.arange(clock.ticks)[:, None, None] + 0.5) / clock.ticks
+            added = w + share * (v - w)
         commands = self._limited(ref.feed[k][:, :, None] + added)
-        self._told += list(self._limited(commands + self._crossing(commands, side)))
+        self._history.append(self._limited(commands + self._crossing(k, commands, side)))
 
-    def _crossing(self, commands: Array, side: Array) -> Array:
+    def _crossing(self, k: int, commands: Array, side: Array) -> Array:
         """What must be added to reverse a motor through its play, (M, 2, S).
 
-        The crossing is spread over the period. A reversal that would turn less than the play is
-        uncertain is not begun: the motor stands until more is asked for.
+        The crossing is spread over the period. It is not begun for less travel than the play is
+        uncertain by: the motor stands until the next periods ask for more.
         """
         clock, half = self._clock, self._design.play / 2
         if not np.any(half):
             return np.zeros_like(commands)
-        wanted = clock.tick * commands.sum(axis=0)
-        way = np.sign(wanted)
+        way = np.sign(commands.sum(axis=0))
         gap = np.where(way == 0, 0.0, half - way * side)
-        worth = np.abs(wanted) > self._design.worth
+        feed = self._ref.feed[k : k + AHEAD].mean(axis=1)
+        soon = feed[:, :, None] + self._answer.corrections[: len(feed)]
+        worth = way * clock.period * soon.sum(axis=0) > UNCERTAIN * 2 * half
         added = np.where(worth, way * gap / clock.period, 0.0)
         stand = ~worth & (gap > half / 2)
         return np.where(stand, -commands, added)
@@ -97,7 +101,7 @@ class Control:
         if not np.any(np.isfinite(rate)):
             return commands
         most = rate * self._clock.tick
-        before = self._told[-1] if self._told else np.zeros_like(commands[0])
+        before = self._history.last
         out = []
         for u in commands:
             before = np.clip(u, before - most, before + most)

@@ -8,22 +8,25 @@ import numpy as np
 
 from planner.feedback.course import Course
 from planner.feedback.forecast import gearhead_play
+from planner.feedback.limits import input_limit, input_scale
 from planner.feedback.programme import Programme
-from planner.feedback.reference import Reference, reference
+from planner.feedback.reference import Reference, reference, resting
 from planner.feedback.regulator import Weights, regulator
 from planner.feedback.run_up import run_up
 from planner.feedback.timing import timing
 from planner.machine import Machine
-from planner.measures import peak_inputs
 from planner.plan import Plan
 from planner.schema.feedback import FeedbackTable
 from planner.systems.base import Array, TriangularSystem
 
-RUN_UP_WEIGHT = 0.0025
-"""Weight of an error during the run-up, as a part of that on the way."""
+ERRORS_DEG = {"path": (0.2, 0.1), "goal": (1.0, 0.05)}
+"""Errors on the way and at the end that weigh as much as one unit of correction, degrees."""
 
-WORTH = 0.02
-"""Part of a gearhead's play below which a reversal is not worth crossing it."""
+RUN_UP_ERROR_DEG = 5.0
+"""The error during the run-up that weighs as much as one unit of correction, degrees."""
+
+RESTING_WEIGHT = 1e4
+"""Weight of a correction where the drive rests, as a part of that elsewhere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,14 +37,12 @@ class Design:
         ref: The course on the tracker's clock.
         programme: The control steps.
         play: Whole play of each motor's gearhead, (2, 1), rad; zero when it is not crossed.
-        worth: Travel in a period below which no motor is reversed, (2, 1), rad.
         resolution: Of each reading, (N, 1).
     """
 
     ref: Reference
     programme: Programme
     play: Array
-    worth: Array
     resolution: Array
     system: TriangularSystem
 
@@ -59,45 +60,39 @@ def design(plan: Plan, machine: Machine, options: FeedbackTable) -> Design:
     """
     system = plan.problem.system
     course = Course(plan, run_up(plan, machine, options))
-    clock = timing(options, machine, course.lead_s)
-    span = plan.duration + options.overtime_s - clock.dead - clock.begin
+    clock = timing(options, system, machine, course.lead_s)
+    span = plan.duration + options.overtime_s - clock.wait - clock.shift[0] - clock.begin
     count = max(1, int(np.ceil(span / clock.period - 1e-9)))
-    ref = reference(course, clock, _input_limit(plan, machine), count, options.least_speed)
-    law = regulator(ref, _weights(plan, ref, options))
+    ref = reference(course, clock, input_limit(plan, machine), count, options.least_speed)
+    law = regulator(ref, _weights(plan, ref, input_scale(plan, machine), options))
     horizon = max(1, round(options.horizon_s / clock.period))
     play = gearhead_play(system, machine) * options.take_up_play
     return Design(
         ref=ref,
         programme=Programme(ref, law, horizon, options.max_iterations),
         play=play,
-        worth=WORTH * play,
         resolution=_resolution(system, machine),
         system=system,
     )
 
 
-def _input_limit(plan: Plan, machine: Machine) -> Array:
-    """Largest |u| that is commanded, (2,): the problem's limit, or the motors' if that is less."""
-    effect = machine.effects.get("velocity_limit_rad_s")
-    motors = np.broadcast_to(np.array(effect.value if effect else np.inf), 2)
-    return np.asarray(np.minimum(plan.problem.limits.input, motors))
-
-
-def _weights(plan: Plan, ref: Reference, options: FeedbackTable) -> Weights:
+def _weights(plan: Plan, ref: Reference, scale: Array, options: FeedbackTable) -> Weights:
     """The cost, from the options' units; a length in metres counts as an angle in radians."""
     tracked = np.ones(ref.q.shape[1])
     if plan.problem.system.coordinates[0].unit == "rad":
         tracked[0] = 0.0
-    goal = tracked / np.deg2rad(options.goal_error_deg) ** 2
-    path = np.repeat(tracked[None] / np.deg2rad(options.path_error_deg) ** 2, len(ref.feed), axis=0)
+    on_path, at_goal = ERRORS_DEG[options.aim]
+    goal = tracked / np.deg2rad(options.goal_error_deg or at_goal) ** 2
+    path = tracked / np.deg2rad(options.path_error_deg or on_path) ** 2
+    path = np.repeat(path[None], len(ref.feed), axis=0)
     begun = ref.s[:-1] >= 0
-    path[~begun] *= RUN_UP_WEIGHT
+    path[~begun] = tracked / np.deg2rad(RUN_UP_ERROR_DEG) ** 2
     if not begun[0]:
         path[np.argmax(begun)] += goal / ref.timing.period
-    peak = peak_inputs(plan.trajectory)
-    scale = np.where(np.isfinite(ref.limit), ref.limit, np.where(peak > 0, peak, 1.0))
     size, step = options.correction * scale, options.correction_step * scale
-    return Weights(path, goal, 1 / size**2, 1 / step**2)
+    sizes = np.repeat(1 / size[None] ** 2, len(ref.feed), axis=0)
+    sizes[resting(ref), 0] *= RESTING_WEIGHT
+    return Weights(path, goal, sizes, 1 / step**2)
 
 
 def _resolution(system: TriangularSystem, machine: Machine) -> Array:

@@ -1,9 +1,9 @@
 """The course on the tracker's clock: feedforward, linear model and limits of each control period.
 
-A command issued at time t acts as if at t + shift (shift: the machine's delay and the lag of its
-servos, both known). Period k runs from reading k; its commands are in force `latency` later. So
-its effect falls on [sₖ, sₖ₊₁), sₖ = tₖ + latency + shift, and there the motion deviates from the
-course by
+A motor's command issued at time t acts as if at t + shift (shift: the machine's delay and lags,
+which are known; each motor has its own). Reading k is taken at tₖ, and commands that follow from it
+are issued from tₖ + wait on. When all earlier ones are carried out, at sₖ = tₖ + wait + shift, the
+motion deviates from the course by δqₖ, and a period later by
 
     δqₖ₊₁ = Aₖ δqₖ + Bₖ vₖ₋₁→ₖ + Eₖ ε
 
@@ -18,6 +18,7 @@ from functools import lru_cache
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.chained import chained_form
 from planner.feedback.course import Course
@@ -25,6 +26,9 @@ from planner.feedback.timing import Timing
 from planner.problem import Problem
 from planner.systems.base import Array, TriangularSystem
 from planner.systems.pointwise import Pointwise
+
+RESTING = 1e-3
+"""Part of the limit within which the drive counts as resting: less than its resolution."""
 
 FINE = 8
 """Points at which the course's input is averaged over a tick."""
@@ -39,7 +43,7 @@ class Reference:
         limit: Largest |u| of the tracker's commands, (2,).
         rate: Largest |du/dt|, (2,); infinite where there is none.
         start: The course at the first reading, (N,).
-        s: When each period's effect begins, and the last one's ends, (K+1,), s.
+        s: When each period's effect on the path begins, and the last one's ends, (K+1,), s.
         q: The course then, (K+1, N).
         feed: Its mean input in each tick, within the limit, (K, M, 2).
         first: The same for the ticks before the first correction can act, (latency, 2).
@@ -86,16 +90,21 @@ def reference(
         least_speed: Least speed along the path, as a part of the course's.
     """
     problem = course.plan.problem
-    s = timing.begin + timing.dead + timing.period * np.arange(count + 1, dtype=np.float64)
+    issued = timing.begin + timing.wait + timing.period * np.arange(count + 1, dtype=np.float64)
+    s = issued + timing.shift[0]
     tick, ticks = timing.tick, timing.ticks
-    middle = s[:-1, None] + tick * (np.arange(ticks) + 0.5)
-    feed = np.clip(_mean_input(course, middle, tick), -limit, limit)
-    early = timing.begin + timing.shift + tick * (np.arange(timing.latency, dtype=float) + 0.5)
-    first = np.clip(_mean_input(course, early, tick), -limit, limit)
+    told = issued[:-1, None] + tick * (np.arange(ticks) + 0.5)
+    feed = np.clip(_mean_input(course, told, timing), -limit, limit)
+    early = timing.begin + tick * (np.arange(timing.latency, dtype=float) + 0.5)
+    first = np.clip(_mean_input(course, early, timing), -limit, limit)
     q = course.q(s)
+    q[:, 1] = course.q(issued + timing.shift[1])[:, 1]
+    middle = told + timing.shift[0]
     ramp = bool(np.any(np.isfinite(problem.limits.input_rate)))
     A, before, B, E = _model(problem.system, course.q(middle), course.u(middle), tick, ramp)
-    low, high = _bounds(feed, limit, least_speed)
+    low, high = _bounds(feed, limit, np.where(s[:-1] >= 0, least_speed, 0.0))
+    rests = _resting(s, feed)
+    high[rests, 0], low[rests, 0] = RESTING * limit[0], -RESTING * limit[0]
     rows, floor, ceiling = _state_limits(problem, q[1:], s[1:])
     rate, start = problem.limits.input_rate, course.q(np.array(timing.begin))
     return Reference(
@@ -119,9 +128,20 @@ def reference(
     )
 
 
-def _mean_input(course: Course, middle: Array, tick: float) -> Array:
-    part = tick * ((np.arange(FINE) + 0.5) / FINE - 0.5)
-    return np.asarray(course.u(middle[..., None] + part).mean(axis=-2))
+def resting(ref: Reference) -> NDArray[np.bool_]:
+    """Periods of the run-up in which the drive rests while θ₁ swings, (K,)."""
+    return _resting(ref.s, ref.feed)
+
+
+def _resting(s: Array, feed: Array) -> NDArray[np.bool_]:
+    return np.asarray((s[1:] <= 0) & np.all(feed[:, :, 0] == 0, axis=1))
+
+
+def _mean_input(course: Course, told: Array, timing: Timing) -> Array:
+    """The course's mean input (…, 2) in the ticks around `told` (…), each motor's when it acts."""
+    part = told[..., None] + timing.tick * ((np.arange(FINE) + 0.5) / FINE - 0.5)
+    means = [course.u(part + timing.shift[i])[..., i].mean(axis=-1) for i in range(2)]
+    return np.stack(means, axis=-1)
 
 
 @lru_cache(maxsize=32)
@@ -153,7 +173,7 @@ def _model(
     return A, before[..., :2], now[..., :2], (before + now)[..., 2:]
 
 
-def _bounds(feed: Array, limit: Array, least_speed: float) -> tuple[Array, Array]:
+def _bounds(feed: Array, limit: Array, least_speed: Array) -> tuple[Array, Array]:
     """Least and greatest corrections (K, 2).
 
     The drive of the path coordinate keeps the course's direction and the least speed; where the
@@ -162,9 +182,9 @@ def _bounds(feed: Array, limit: Array, least_speed: float) -> tuple[Array, Array
     low, high = -limit - feed.min(axis=1), limit - feed.max(axis=1)
     drive = feed[:, :, 0]
     least, most = drive.min(axis=1), drive.max(axis=1)
-    way = _direction(least, most)
-    low[:, 0] = np.where(way > 0, np.maximum(low[:, 0], -least_speed * least), low[:, 0])
-    high[:, 0] = np.where(way < 0, np.minimum(high[:, 0], -least_speed * most), high[:, 0])
+    way, spare = _direction(least, most), 1 - least_speed
+    low[:, 0] = np.where(way > 0, np.maximum(low[:, 0], -spare * least), low[:, 0])
+    high[:, 0] = np.where(way < 0, np.minimum(high[:, 0], -spare * most), high[:, 0])
     return low, high
 
 

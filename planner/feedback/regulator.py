@@ -26,7 +26,7 @@ class Weights:
     Attributes:
         path: Diagonal of Q for each period's start, (K, N).
         goal: Diagonal of G, (N,).
-        size: Diagonal of R, (2,).
+        size: Diagonal of R for each period, (K, 2).
         step: Diagonal of S, (2,).
     """
 
@@ -59,12 +59,12 @@ def regulator(ref: Reference, weights: Weights) -> Regulator:
     F, G = _augmented(ref)
     n = F.shape[-1]
     move = slice(size, size + 2)
-    R = np.diag(weights.size) * ref.timing.period
     S = np.diag(weights.step)
     cost = np.zeros((n, n))
     cost[range(size), range(size)] = weights.goal
     gain, root = np.empty((count, 2, n)), np.empty((count, 2, 2))
     for k in range(count - 1, -1, -1):
+        R = np.diag(weights.size[k]) * ref.timing.period
         curvature = R + S + G[k].T @ cost @ G[k]
         cross = G[k].T @ cost @ F[k]
         cross[:, move] -= S

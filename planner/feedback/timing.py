@@ -9,12 +9,14 @@ import numpy as np
 from planner.errors import InputError
 from planner.machine import Machine
 from planner.schema.feedback import FeedbackTable
+from planner.systems.base import Array, TriangularSystem
+from planner.systems.manipulator import Manipulator
 
 DEFAULT_TICK_S = 0.01
 """How long a command is held when the machine does not say, s."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Timing:
     """When the tracker reads and commands, and when that acts.
 
@@ -23,14 +25,15 @@ class Timing:
         tick: How long a command is held, s.
         ticks: Ticks a period, M.
         latency: Ticks from a reading to the first command that follows from it.
-        shift: From a command to its effect, s: the machine's mean delay and its servos' lag.
+        shift: From each motor's command to its effect, (2,), s: the machine's mean delay, the lag
+            of the servo and, for the drive, that of the joints' viscous friction.
     """
 
     begin: float
     tick: float
     ticks: int
     latency: int
-    shift: float
+    shift: Array
 
     @property
     def period(self) -> float:
@@ -38,12 +41,14 @@ class Timing:
         return self.tick * self.ticks
 
     @property
-    def dead(self) -> float:
-        """From a reading to the effect of what follows from it, s."""
-        return self.latency * self.tick + self.shift
+    def wait(self) -> float:
+        """From a reading to the first command that follows from it, s."""
+        return self.latency * self.tick
 
 
-def timing(options: FeedbackTable, machine: Machine, lead_s: float) -> Timing:
+def timing(
+    options: FeedbackTable, system: TriangularSystem, machine: Machine, lead_s: float
+) -> Timing:
     """The clock for a machine, which starts `lead_s` before the plan.
 
     Raises:
@@ -66,16 +71,23 @@ def timing(options: FeedbackTable, machine: Machine, lead_s: float) -> Timing:
             f" feedback.period_s = {options.period_s:g}"
         )
     begin = -options.period_s * int(np.ceil(lead_s / options.period_s - 1e-9))
-    return Timing(begin, tick, ticks, latency, _shift(machine))
+    return Timing(begin, tick, ticks, latency, _shift(system, machine))
 
 
-def _shift(machine: Machine) -> float:
-    """Mean delay, and the lag of the slower servo: 1/b, or 2ζ/b of a second-order loop, s."""
-    effects = machine.effects
-    delay = float(np.mean(effects["delay_s"].value)) if "delay_s" in effects else 0.0
-    if "servo_bandwidth_rad_s" not in effects:
-        return delay
-    lag = 1 / np.array(effects["servo_bandwidth_rad_s"].value)
-    if "servo_damping" in effects:
-        lag = lag * 2 * np.array(effects["servo_damping"].value)
-    return delay + float(np.max(lag))
+def _shift(system: TriangularSystem, machine: Machine) -> Array:
+    """Delay, lag 1/b of each servo (2ζ/b of second order), and the joints' lag d/k, (2,), s."""
+    out = np.full(2, float(np.mean(mean_of(machine, "delay_s"))))
+    lag = 1 / mean_of(machine, "servo_bandwidth_rad_s", np.inf)
+    if "servo_damping" in machine.effects:
+        lag = lag * 2 * mean_of(machine, "servo_damping")
+    out += lag
+    if isinstance(system, Manipulator):
+        stiffness = mean_of(machine, "shaft_stiffness_nm_per_rad", np.inf)
+        out[0] += float(np.mean(mean_of(machine, "viscous_friction_nms_per_rad") / stiffness))
+    return out
+
+
+def mean_of(machine: Machine, name: str, off: float = 0.0) -> Array:
+    """Mean of an effect, one number or one a motor or joint; `off` where there is none."""
+    effect = machine.effects.get(name)
+    return np.array([off] if effect is None else effect.value)

@@ -31,7 +31,7 @@ class Tracker:
 
     Args:
         options: The `[feedback]` table; defaults when left out.
-        changes: Keys of the table that replace it: `Tracker(run_up_s=0)`.
+        changes: Keys of the table that replace it: `Tracker(run_up=False)`.
 
     Raises:
         InputError: If a key is unknown or a value impossible.

@@ -21,25 +21,30 @@ class FeedbackTable(Table):
         " rounded up to the machine's control period.",
     )
     horizon_s: Annotated[float, Field(gt=0, le=60)] = Field(
-        2.0,
+        1.0,
         description="How far ahead limits are looked at, seconds. The cost looks to the end.",
     )
     overtime_s: Annotated[float, Field(ge=0, le=60)] = Field(
         0.3, description="How long it goes on correcting after the plan's end, seconds."
     )
-    run_up_s: Literal["auto"] | Annotated[float, Field(ge=0, le=60)] = Field(
+    run_up: Literal["auto"] | bool = Field(
         "auto",
-        description="Time before the plan's start in which the arm goes back and returns, so that"
-        " play and wind-up are taken up, seconds; 0 leaves it out. auto: 0 unless the machine has"
-        " passive joints with play.",
+        description="Whether the arm goes back and returns before the plan's start, so that play"
+        " and wind-up are taken up. auto: where the machine's passive joints have any and there are"
+        " at most two of them.",
     )
-    path_error_deg: Annotated[float, Field(gt=0)] = Field(
-        1.0,
+    aim: Literal["path", "goal"] = Field(
+        "path",
+        description="What matters most: the largest error at any time (path), or that at the end"
+        " (goal), for which theta1 leaves its path further. Sets the two weights below.",
+    )
+    path_error_deg: Annotated[float, Field(gt=0)] | None = Field(
+        None,
         description="Error on the way that weighs as much as one unit of correction, degrees (a"
-        " length in metres counts as an angle in radians).",
+        " length in metres counts as an angle in radians); 0.2 for the path, 1 for the goal.",
     )
-    goal_error_deg: Annotated[float, Field(gt=0)] = Field(
-        0.05, description="The same at the end, degrees."
+    goal_error_deg: Annotated[float, Field(gt=0)] | None = Field(
+        None, description="The same at the end, degrees; 0.1 for the path, 0.05 for the goal."
     )
     correction: Annotated[float, Field(gt=0)] = Field(
         0.2, description="Unit of correction, as a part of each input's limit (or of its peak)."

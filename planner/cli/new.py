@@ -36,7 +36,7 @@ def new(
 
     It names every key there is with its default, for all methods and the emulated machine.
 
-    \\b
+    \b
     Examples:
       planner new
       planner new lane-change.toml --system car

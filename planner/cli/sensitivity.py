@@ -12,6 +12,7 @@ from rich.table import Table
 from planner.cli.arguments import Changes, Json, read_problem
 from planner.cli.output import note, print_json, print_text, table, waiting
 from planner.cli.plan import number
+from planner.cli.trade_off import run_trade_off
 from planner.desensitise.spread import spreads
 from planner.differences import MachineSensitivity, machine_sensitivity
 from planner.errors import InputError
@@ -45,13 +46,27 @@ def sensitivity(
         bool, typer.Option(help="Also the parameters of the emulated machine.")
     ] = True,
     changes: Changes = None,
+    pareto: Annotated[
+        str | None,
+        typer.Option(
+            "--pareto",
+            metavar="effort|duration|peak",
+            help="Trace the curve of least sensitivity against this; needs a problem and --out.",
+            show_default=False,
+        ),
+    ] = None,
+    points: Annotated[int, typer.Option("--points", min=3, help="Points of the curve.")] = 10,
+    samples: Annotated[
+        int, typer.Option("--samples", "-n", min=1, help="Machines to replay each point on.")
+    ] = 200,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the machines.")] = 0,
     out: Annotated[
         Path | None,
         typer.Option(
             "--out",
             "-o",
             metavar="FOLDER",
-            help="Write matrix, heat maps, plan and data to this folder.",
+            help="Write plans, figures and data to this folder; a curve goes on from it.",
             show_default=False,
         ),
     ] = None,
@@ -61,14 +76,20 @@ def sensitivity(
 
     Errors are those of inputs, timing, start, gears and machine. Each response is that to an error
     of the size shown: one standard deviation of the table [method.desensitised], or a usual size
-    where that is zero.
+    where that is zero. With --pareto: plans of least sensitivity along a curve, each kept at once,
+    so that the same command goes on after Ctrl-C.
 
     \b
     Examples:
       planner sensitivity problems/paper.toml
       planner sensitivity problems/paper.toml --method desensitised --out out/sensitivity
       planner sensitivity plan.json --json
+      planner sensitivity problems/paper.toml --pareto effort --out out/trade-off
     """
+    if pareto is not None:
+        return run_trade_off(
+            source, pareto, points, (samples, seed), changes=changes, out=out, as_json=as_json
+        )
     if out is not None:
         refuse_unwritable_folder(out)
     with waiting("planning") as notice:

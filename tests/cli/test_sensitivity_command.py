@@ -70,3 +70,21 @@ def test_bad_input(run: Callable[..., Any], tmp_path: Path) -> None:
     (tmp_path / "full" / "mine").touch()
     refused = run("sensitivity", PAPER, "--out", tmp_path / "full")
     assert (refused.status, "holds files" in refused.err) == (2, True)
+
+
+def test_trade_off(run: Callable[..., Any], tmp_path: Path) -> None:
+    problem = tmp_path / "two.toml"
+    problem.write_text(
+        "[system]\nkind = 'manipulator'\njoints = 2\nK = [0.87]\nk_g = 0.67\n[start]\ntheta_deg = [0, 0]\n"
+        "[goal]\ntheta_deg = [20, 40]\nduration = 10.0\n[limits]\ninput_rad_s = [0.5, 0.5]\n"
+        "[method.desensitised]\nintervals = 16\n"
+    )
+    words = ("sensitivity", problem, "--pareto", "effort", "--points", "3", "-n", "5")
+    first = run(*words, "--out", tmp_path / "curve", "--json")
+    assert first.status == 0
+    assert first.json["points"][0]["machine"]["samples"] == 5
+    assert (tmp_path / "curve" / "trade-off.png").read_bytes().startswith(b"\x89PNG")
+    again = run(*words, "--out", tmp_path / "curve")
+    assert (again.status, "knee" in again.out) == (0, True)
+    assert run(*words).status == 2
+    assert run("sensitivity", problem, "--pareto", "money", "--out", tmp_path / "x").status == 2

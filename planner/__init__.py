@@ -30,6 +30,7 @@ from planner.export import Samples, export, load_samples
 from planner.indicators import Indicators, indicators
 from planner.machine import Machine
 from planner.methods import METHODS
+from planner.pareto import TradeOff, trade_off
 from planner.plan import Plan, load_plan
 from planner.problem import Limits, Problem, load_problem
 from planner.reachability import TravelWindow, travel_window
@@ -84,6 +85,7 @@ __all__ = [
     "SingularError",
     "Sweep",
     "Trailers",
+    "TradeOff",
     "TravelWindow",
     "TriangularSystem",
     "Unicycle",
@@ -108,6 +110,7 @@ __all__ = [
     "run_sweep",
     "sensitivity",
     "solve",
+    "trade_off",
     "travel_window",
     "verify",
 ]

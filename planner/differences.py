@@ -19,7 +19,8 @@ from planner.machine.draw import Draws, draw
 from planner.machine.machine import Machine
 from planner.machine.simulate import simulate_draws
 from planner.plan import Plan
-from planner.schema.machine import EFFECTS, Effect
+from planner.schema.effect import Effect
+from planner.schema.machine import EFFECTS
 from planner.systems.base import Array, TriangularSystem
 
 PART = 0.05

@@ -8,7 +8,8 @@ from planner.explorer.state import State
 from planner.machine import Machine
 from planner.problem import Problem
 from planner.schema import MachineTable
-from planner.schema.machine import EFFECTS, Effect
+from planner.schema.effect import Effect
+from planner.schema.machine import EFFECTS
 
 GROUP = "Machine"
 

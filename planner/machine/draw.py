@@ -18,7 +18,8 @@ from scipy.special import ndtr, ndtri
 
 from planner.errors import InputError
 from planner.machine.machine import Machine, Quantity
-from planner.schema.machine import EFFECTS, Effect
+from planner.schema.effect import Effect
+from planner.schema.machine import EFFECTS
 from planner.systems.base import Array
 
 POSITIVE_FLOOR = 0.1

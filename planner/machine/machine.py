@@ -10,7 +10,8 @@ from typing import Any
 from planner.errors import InputError
 from planner.machine.presets import PRESETS
 from planner.schema import MachineTable, nearest, parse
-from planner.schema.machine import EFFECTS, Spread
+from planner.schema.effect import Spread
+from planner.schema.machine import EFFECTS
 
 DEFAULT_STEP_S = 0.001
 

@@ -7,8 +7,8 @@
 True
 """
 
-from planner.certificate import certify
 from planner.budget import Budget, error_budget
+from planner.certificate import certify
 from planner.chained import ChainedForm, chained_form
 from planner.check import Analysis, check
 from planner.claims import Certificate, Claim
@@ -84,8 +84,8 @@ __all__ = [
     "Sensitivity",
     "SingularError",
     "Sweep",
-    "Trailers",
     "TradeOff",
+    "Trailers",
     "TravelWindow",
     "TriangularSystem",
     "Unicycle",

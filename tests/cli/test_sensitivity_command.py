@@ -75,7 +75,8 @@ def test_bad_input(run: Callable[..., Any], tmp_path: Path) -> None:
 def test_trade_off(run: Callable[..., Any], tmp_path: Path) -> None:
     problem = tmp_path / "two.toml"
     problem.write_text(
-        "[system]\nkind = 'manipulator'\njoints = 2\nK = [0.87]\nk_g = 0.67\n[start]\ntheta_deg = [0, 0]\n"
+        "[system]\nkind = 'manipulator'\njoints = 2\nK = [0.87]\nk_g = 0.67\n"
+        "[start]\ntheta_deg = [0, 0]\n"
         "[goal]\ntheta_deg = [20, 40]\nduration = 10.0\n[limits]\ninput_rad_s = [0.5, 0.5]\n"
         "[method.desensitised]\nintervals = 16\n"
     )

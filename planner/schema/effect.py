@@ -43,6 +43,7 @@ class Effect:
         high: Greatest value.
         positive: Whether zero is impossible.
         spreads: Whether it may differ from machine to machine.
+        dynamic: Whether it acts in dynamic fidelity alone.
     """
 
     unit: str
@@ -52,6 +53,7 @@ class Effect:
     high: float = math.inf
     positive: bool = False
     spreads: bool = True
+    dynamic: bool = False
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler

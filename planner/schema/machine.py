@@ -59,26 +59,29 @@ class MachineTable(Table):
     servo_damping: Annotated[
         Setting | None, Effect("", "motor", low=0, off=math.nan, positive=True)
     ] = Field(None, description="Damping ratio of a second-order velocity loop; off: first order.")
-    motor_inertia_kgm2: Annotated[Setting | None, Effect("kg m^2", "motor", low=0)] = Field(
+    motor_inertia_kgm2: Annotated[
+        Setting | None, Effect("kg m^2", "motor", low=0, dynamic=True)
+    ] = Field(
         None,
         description="Inertia of each motor with its gearhead, at the gearhead's output, kg m^2"
         " (dynamic).",
     )
     servo_gain_nms_per_rad: Annotated[
-        Setting | None, Effect("N m s/rad", "motor", low=0, off=math.inf, positive=True)
+        Setting | None,
+        Effect("N m s/rad", "motor", low=0, off=math.inf, positive=True, dynamic=True),
     ] = Field(
         None,
         description="Velocity loop: torque for each rad/s of lag behind the drive's own"
         " reference, at the gearhead's output, N m s/rad (dynamic); off: rigid.",
     )
     servo_integral_time_s: Annotated[
-        Setting | None, Effect("s", "motor", low=0, off=math.inf, positive=True)
+        Setting | None, Effect("s", "motor", low=0, off=math.inf, positive=True, dynamic=True)
     ] = Field(
         None,
         description="Velocity loop: integral time in seconds (dynamic); off: no integral action.",
     )
     torque_limit_nm: Annotated[
-        Setting | None, Effect("N m", "motor", low=0, off=math.inf, positive=True)
+        Setting | None, Effect("N m", "motor", low=0, off=math.inf, positive=True, dynamic=True)
     ] = Field(
         None, description="Largest torque of each motor at its gearhead's output, N m (dynamic)."
     )
@@ -96,7 +99,9 @@ class MachineTable(Table):
         description="Largest torque a contact transmits, mu N r of its driving disk, N m;"
         " beyond it slips.",
     )
-    disk_inertia_kgm2: Annotated[Setting | None, Effect("kg m^2", "passive", low=0)] = Field(
+    disk_inertia_kgm2: Annotated[
+        Setting | None, Effect("kg m^2", "passive", low=0, dynamic=True)
+    ] = Field(
         None,
         description="Inertia of the disks between two stages, about the axle of the first one's"
         " driving disk, kg m^2 (dynamic).",
@@ -117,7 +122,9 @@ class MachineTable(Table):
         description="Where in its play each of joints 2 ... n starts: 0 in the middle, 1 in contact"
         " for a motion upwards, -1 for one downwards.",
     )
-    axis_inertia_kgm2: Annotated[Setting | None, Effect("kg m^2", "passive", low=0)] = Field(
+    axis_inertia_kgm2: Annotated[
+        Setting | None, Effect("kg m^2", "passive", low=0, dynamic=True)
+    ] = Field(
         None,
         description="Inertia of the gears and pulleys that drive joints 2 ... n, before their"
         " play, at the joint, kg m^2 (dynamic).",
@@ -125,16 +132,18 @@ class MachineTable(Table):
     shaft_stiffness_nm_per_rad: Annotated[
         Setting | None, Effect("N m/rad", "passive", low=0, off=math.inf, positive=True)
     ] = Field(None, description="Torsional stiffness of the shaft into joints 2 ... n, N m/rad.")
-    shaft_damping_nms_per_rad: Annotated[Setting | None, Effect("N m s/rad", "passive", low=0)] = (
-        Field(None, description="Damping of the twist of those shafts, N m s/rad (dynamic).")
+    shaft_damping_nms_per_rad: Annotated[
+        Setting | None, Effect("N m s/rad", "passive", low=0, dynamic=True)
+    ] = Field(None, description="Damping of the twist of those shafts, N m s/rad (dynamic).")
+    link_inertia_kgm2: Annotated[Setting | None, Effect("kg m^2", "joint", low=0, dynamic=True)] = (
+        Field(
+            None,
+            description="Inertia of each link, with all that it carries, about its joint, kg m^2"
+            " (dynamic).",
+        )
     )
-    link_inertia_kgm2: Annotated[Setting | None, Effect("kg m^2", "joint", low=0)] = Field(
-        None,
-        description="Inertia of each link, with all that it carries, about its joint, kg m^2"
-        " (dynamic).",
-    )
-    base_friction_nm: Annotated[Setting | None, Effect("N m", "machine", low=0)] = Field(
-        None, description="Coulomb friction of joint 1, N m (dynamic)."
+    base_friction_nm: Annotated[Setting | None, Effect("N m", "machine", low=0, dynamic=True)] = (
+        Field(None, description="Coulomb friction of joint 1, N m (dynamic).")
     )
     coulomb_friction_nm: Annotated[Setting | None, Effect("N m", "passive", low=0)] = Field(
         None,

@@ -41,6 +41,17 @@ def test_every_effect_tells_its_unit() -> None:
         assert description.endswith((".", "(fraction).")), name
 
 
+def test_effects_of_one_fidelity_say_so() -> None:
+    for name, effect in EFFECTS.items():
+        description = MachineTable.model_fields[name].description or ""
+        assert effect.dynamic is ("(dynamic)" in description), name
+    assert Machine.prototype().fidelity == Machine.ideal().fidelity == "quasi-static"
+    moving = Machine.prototype(fidelity="dynamic")
+    assert moving != Machine.prototype()
+    assert Machine.from_table(moving.to_dict()) == moving
+    assert moving.without("creep").nominal().only("creep_per_nm").fidelity == "dynamic"
+
+
 def test_variations_leave_the_original_alone() -> None:
     machine = Machine.prototype()
     before = machine.to_dict()
@@ -72,6 +83,7 @@ def test_a_number_replaces_value_and_spread_and_false_switches_off() -> None:
     [
         Machine.prototype(),
         Machine.ideal(),
+        Machine.ideal(fidelity="dynamic", link_inertia_kgm2=[0.1, 0.05, 0.02]),
         Machine.ideal(step_s=0.0005, velocity_limit_rad_s=[1, 2]),
         Machine.prototype(backlash_deg={"value": [1, 2], "spread": [0.1, 0]}, creep=False),
     ],
@@ -122,6 +134,9 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"creep": 1.5}, ["'machine.creep' = 1.5", "must be <= 1"]),
     ({"creep": [0.1]}, ["is one number for the whole machine"]),
     ({"control_period_s": {"value": 0.01, "spread": 0.001}}, ["cannot have a spread"]),
+    ({"fidelity": "static"}, ["'machine.fidelity' = 'static'", "'quasi-static' or 'dynamic'"]),
+    ({"motor_inertia_kgm2": -1}, ["must be >= 0 kg m^2"]),
+    ({"link_inertia_kgm2": [0.1, 0.2]}, ["has 2 values, but needs one, or 3 for joints 1"]),
     ({"step_s": 0.1}, ["'machine.step_s' = 0.1", "at most 0.01"]),
     ({"preset": "prototyp"}, ["'machine.preset' = 'prototyp'", "'prototype' or 'ideal'"]),
 ]

@@ -15,12 +15,16 @@ from planner.schema import nearest, parse
 from planner.verify import Check, verify
 
 
-def solve(problem: Problem, method: str = "collocation", **options: Any) -> Plan:
+def solve(
+    problem: Problem, method: str = "collocation", *, warm: Plan | None = None, **options: Any
+) -> Plan:
     """Plan a motion and verify it.
 
     Args:
         problem: What to solve.
         method: A name of the registry, `planner.METHODS`.
+        warm: A plan of a neighbouring problem of the same system, by any method, from which
+            'collocation' starts instead of searching; the answer is the optimum next to it.
         **options: Override the problem's `[method.<name>]` table, key by key.
 
     Returns:
@@ -29,19 +33,27 @@ def solve(problem: Problem, method: str = "collocation", **options: Any) -> Plan
         `verified` False.
 
     Raises:
-        InputError: If the method or an option is unknown or has an impossible value.
+        InputError: If the method or an option is unknown or has an impossible value, or `warm`
+            belongs to another system or is given to a method that has no use for it.
         NoPlanError: If no plan is found, or the one found breaks a requirement; its subclasses say
             which, and it carries the last iterate and what that breaks.
     """
-    return solve_and_check(problem, method, **options)[0]
+    return solve_and_check(problem, method, warm=warm, **options)[0]
 
 
-def solve_and_check(problem: Problem, method: str, **options: Any) -> tuple[Plan, Check]:
+def solve_and_check(
+    problem: Problem, method: str, *, warm: Plan | None = None, **options: Any
+) -> tuple[Plan, Check]:
     """As `solve`, with what the verification found."""
     entry = find_method(method)
     table = merged_options(problem, entry, options)
     refuse_too_short(problem)
-    return judged(entry.plan(problem, table))
+    if warm is None:
+        return judged(entry.plan(problem, table))
+    if entry.replan is None:
+        able = ", ".join(f"'{m.name}'" for m in METHODS.values() if m.replan)
+        raise InputError(f"method '{method}' cannot start from a plan; warm is for {able}")
+    return judged(entry.replan(problem, table, warm))
 
 
 def judged(plan: Plan) -> tuple[Plan, Check]:
@@ -89,6 +101,11 @@ def _refusal(plan: Plan, check: Check) -> VerificationError:
 
 def _advice(plan: Plan, check: Check) -> str:
     broken = {v.label.rsplit(" ", 1)[0] for v in check.violations}
+    if any(v.label.startswith(("clearance", "distance from waypoint")) for v in check.violations):
+        return (
+            "the method 'collocation', which plans around obstacles and by way of waypoints; or"
+            " move what is in the way"
+        )
     if broken <= {"input", "rate of input"} and plan.trajectory.kind == "chained":
         factor = max(
             v.value / v.limit if v.label.startswith("input") else (v.value / v.limit) ** 0.5

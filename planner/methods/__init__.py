@@ -11,6 +11,7 @@ from planner.methods.convex import plan_convex
 from planner.methods.desensitised import plan_desensitised
 from planner.methods.piecewise import plan_piecewise
 from planner.methods.polynomial import plan_polynomial
+from planner.methods.replan import replan_collocation
 from planner.methods.sinusoid import plan_sinusoid
 from planner.methods.sinusoid_steps import plan_sinusoid_steps
 from planner.plan import Plan
@@ -35,6 +36,7 @@ class Method:
         summary: One line for listings.
         options: The table of its options.
         plan: From problem and options to a plan that is not verified yet.
+        replan: The same from a plan of a neighbouring problem, or None.
         refines: The method whose plan it starts from, or None. Where that finds none this finds
             none, so that `check` does not try it.
     """
@@ -43,6 +45,7 @@ class Method:
     summary: str
     options: type[Any]
     plan: Callable[[Problem, Any], Plan]
+    replan: Callable[[Problem, Any, Plan], Plan] | None = None
     refines: str | None = None
 
 
@@ -76,6 +79,7 @@ _ALL = (
         "optimal plans in the coordinates themselves, within all limits, by direct collocation",
         CollocationOptions,
         plan_collocation,
+        replan_collocation,
     ),
     Method(
         "convex",

@@ -114,12 +114,13 @@ def _draw_in(task: Task, solution: Solution, seen: Look) -> Polished:
             break
         solution, seen = better, look(task, better)
     notes = {
+        "limits_inside": task.made.form.inner,
         "limits_drawn_in": {
             "rounds": rounds,
             "joint": float(np.max(tightening.joint)),
             "z2": float(np.max(tightening.z2)),
             "obstacles": float(np.max(tightening.discs, initial=0.0)),
-        }
+        },
     }
     return Polished(task, solution, mesh_error(seen).end, notes, seconds, iterations)
 

@@ -1,0 +1,99 @@
+"""Collocation once more, for a neighbouring problem: the plan at hand is the first guess."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.methods.collocation import NAME, _Answer, _plan, _task, plan_collocation
+from planner.ocp.layout import Iterate
+from planner.ocp.mesh import Mesh
+from planner.ocp.polish import polish
+from planner.ocp.task import Task
+from planner.plan import Plan
+from planner.problem import Problem
+from planner.schema.methods import CollocationOptions
+from planner.systems.base import Array
+
+INTERVALS = 40
+"""Mesh intervals where the plan at hand has no mesh of its own."""
+
+
+def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan) -> Plan:
+    """As `plan_collocation`, from a plan of another problem of the same system.
+
+    The plan may come from any method and any start, goal, duration and limits; the nearer it is,
+    the sooner this is done. The answer is the optimum next to it: no other starts are tried unless
+    it leads nowhere. A plan of collocation also passes on its mesh.
+
+    Raises:
+        InputError: If the plan belongs to another system or cannot be executed.
+        NotConvergedError: As for `plan_collocation`.
+    """
+    began = time.perf_counter()
+    _refuse(problem, warm)
+    answer = _next_to(problem, options, warm)
+    if answer is None:
+        return plan_collocation(problem, options)
+    done = polish(answer.task, answer.solution, options.accuracy, options.refinements)
+    return _plan(done, answer, options, began)
+
+
+def _refuse(problem: Problem, warm: Plan) -> None:
+    if warm.problem.system != problem.system:
+        raise InputError(
+            f"{problem.source}: warm is a plan of another system ({warm.problem.source}); a start"
+            " must belong to the same one"
+        )
+    if not warm.executable:
+        raise InputError(
+            f"{problem.source}: warm is a path that leaves the chart's domain ({warm.status});"
+            " it has no coordinates to start from"
+        )
+
+
+def _next_to(problem: Problem, options: CollocationOptions, warm: Plan) -> _Answer | None:
+    job = _prepared(problem, options, warm)
+    start = _resampled(job, warm)
+    solution = job.solve(start, near=True)
+    if not solution.ok:
+        solution = job.solve(start)
+    if not solution.ok:
+        return None
+    log = [{"start": "warm", "status": solution.status, "objective": solution.objective}]
+    return _Answer("warm", job, solution, log, solution.iterations)
+
+
+def _prepared(problem: Problem, options: CollocationOptions, warm: Plan) -> Task:
+    """On the plan's own mesh where it has one and the problem or options ask for no other."""
+    own = warm.method == NAME and options.intervals == "auto" and not problem.waypoints
+    if not own:
+        return _task(problem, options, INTERVALS)
+    mesh = Mesh(warm.t / warm.duration)
+    job = _task(problem, options, len(mesh.widths))
+    if warm.notes.get("limits_inside", False):
+        job = job.inside()
+    return job.on(mesh)
+
+
+def _resampled(job: Task, warm: Plan) -> Iterate:
+    """The plan's motion on the task's mesh, its ends moved to start and goal, and all with them."""
+    problem, mesh, T = job.problem, job.mesh, warm.duration
+    duration = problem.duration or T
+    first = problem.start - warm.q(0.0)
+    last = np.nan_to_num(problem.goal - warm.q(T))
+    if problem.travel is not None:
+        last[0] = problem.start[0] + problem.travel - warm.q(T)[0]
+
+    def states(s: Array) -> Array:
+        share = s[..., None]
+        return np.asarray(warm.q(s * T) + (1 - share) * first + share * last)
+
+    return Iterate(
+        duration=duration,
+        nodes=states(mesh.edges),
+        points=states(mesh.at(job.made.form.scheme.points)),
+        inputs=warm.u(job.made.form.input_places(mesh) * T) * (T / duration),
+    )

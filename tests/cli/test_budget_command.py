@@ -12,28 +12,30 @@ import pytest
 import planner
 
 PAPER = Path(__file__).parents[2] / "problems/paper.toml"
+IDEAL = ("--set", "machine.preset=ideal", "--set", "machine.backlash_deg=3",
+         "--set", "machine.delay_s={ value = 0.01, spread = 0.002 }", "--set", "limits={}",
+         "--set", "goal.duration=4.0")  # fmt: skip
 SMALL = ("--samples", "6", "--base", "4", "--set", "machine.step_s=0.01")
 
 
-def test_folder_and_json_of_two_plans(run: Callable, tmp_path: Path) -> None:
+def test_folder_and_json(run: Callable, tmp_path: Path) -> None:
     out = tmp_path / "budget"
-    words = ("--methods", "polynomial:travel=middle,polynomial", *SMALL, "--seed", "2")
+    words = ("--methods", "polynomial:travel=middle", *SMALL, "--seed", "2", *IDEAL)
     result = run("budget", PAPER, *words, "--out", out, "--json")
     assert result.status == 0
-    labels = ["polynomial:travel=middle", "polynomial"]
-    assert list(result.json["budgets"]) == labels
-    names = {p.name for p in out.iterdir()} - {".planner"}
-    figures = {f"budget-{n}.{k}" for n in ("polynomial", "polynomial-travel=middle")
-               for k in ("png", "svg")}  # fmt: skip
-    assert names == {"budget.md", "budget.csv", "budget.json", *figures}
-    data = json.loads((out / "budget.json").read_text())
+    label, data = "polynomial:travel=middle", json.loads((out / "budget.json").read_text())
     assert data["budgets"] == result.json["budgets"]
-    assert data["command"].endswith(f"--seed 2 --set machine.step_s=0.01 --out {out}")
+    assert list(data["budgets"]) == [label]
+    assert "--base 4 --seed 2 --set machine.step_s=0.01 --set " in data["command"]
+    assert data["command"].endswith(f" --out {out}")
+    names = {p.name for p in out.iterdir()} - {".planner"}
+    figures = {f"budget-polynomial-travel=middle.{kind}" for kind in ("png", "svg")}
+    assert names == {"budget.md", "budget.csv", "budget.json", *figures}
     text = (out / "budget.md").read_text()
-    assert all(f"## `{label}`" in text for label in labels)
+    assert f"## `{label}`" in text
     assert "seed 2" in text
     rows = (out / "budget.csv").read_text().splitlines()
-    assert len(rows) == 1 + sum(len(b["costs"]) for b in data["budgets"].values())
+    assert len(rows) == 1 + len(data["budgets"][label]["costs"]) == 1 + 2
 
 
 def test_of_a_plan_file_with_another_machine(

@@ -40,6 +40,8 @@ class Claim:
         unit = f" {self.unit}" if self.unit else ""
         if self.status == "proven":
             return f"{self.label}: proven, margin {self.guaranteed:.4g}{unit} or more"
+        if self.status == "violated" and not self.required:
+            return f"{self.label}: left{when}, which the problem allows"
         if self.status == "violated":
             return f"{self.label}: violated by {-self.attained:.4g}{unit}{when}"
         return f"{self.label}: not proven{when}: {self.why}"

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from planner.certificate import places
 from planner.certificate import requirements as need
 from planner.certificate.cells import polynomials
 from planner.certificate.evaluate import UnboundedError
@@ -68,7 +69,12 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int]:
             wanted += ask(problem, motion, required)
         except UnboundedError as error:
             claims.append(undecided(label, "", f"nothing bounds {error}", required))
-    claims += [_on_clock(c, trajectory) for c in need.decide(wanted, cells)]
+    found = [
+        *need.decide(wanted, cells),
+        *places.obstacles(problem, motion),
+        *places.waypoints(problem, motion, lambda t: _own_time(trajectory, t)),
+    ]
+    claims += [_on_clock(c, trajectory) for c in found]
     claims += need.goal(problem, motion)
     return claims, _motion_error(path, motion), len(cells.piece)
 
@@ -100,6 +106,13 @@ def _innermost(trajectory: Trajectory) -> Trajectory:
     while isinstance(trajectory, RetimedTrajectory):
         trajectory = trajectory.path
     return trajectory
+
+
+def _own_time(trajectory: Trajectory, time: float) -> float:
+    """The innermost path's own time at a time of the plan."""
+    while isinstance(trajectory, RetimedTrajectory):
+        time, trajectory = float(trajectory.place(time)), trajectory.path
+    return time
 
 
 def _on_clock(claim: Claim, trajectory: Trajectory) -> Claim:

@@ -189,6 +189,9 @@ def unknown(problem: Problem, why: str, in_chart: bool) -> list[Claim]:
     ]
     labels += [("z2 margin", "", np.inf if limits.z2_margin is None else 0.0)]
     labels += [("chart domain", "", 0.0 if in_chart else np.inf)]
+    labels += [(point.label, "", 0.0) for point in problem.waypoints]
+    links = range(1, 1 + len(getattr(system, "link_lengths", ())))
+    labels += [(disc.label(i), "m", 0.0) for disc in problem.obstacles for i in links]
     return [undecided(label, unit, why) for label, unit, limit in labels if np.isfinite(limit)]
 
 

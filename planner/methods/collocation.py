@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError, NotConvergedError
+from planner.methods.collocation_seeds import NAMES, planned_seeds
 from planner.ocp.backends import Settings
 from planner.ocp.form import Form, InputKind
-from planner.ocp.guess import guess, seeds
+from planner.ocp.guess import Seed, guess, seeds
 from planner.ocp.objective import objective
 from planner.ocp.polish import Polished, clears, polish
 from planner.ocp.refusal import obstacle
@@ -158,7 +159,7 @@ def _searched(job: Task, options: CollocationOptions) -> _Answer:
     """Paths from several seeds, each then timed; the best of them."""
     simple = _one_way(job.problem) and not job.problem.obstacles
     enough = options.starts if options.start == "auto" and not simple else 1
-    paths = search(job, seeds(options.start)[: options.attempts], enough)
+    paths = search(job, _seeds(job.problem, options.start)[: options.attempts], enough)
     if not paths.found:
         raise _no_path(job, paths, options)
     outcomes = [timed(job, path.solution.iterate) for path in paths.found]
@@ -179,6 +180,15 @@ def _searched(job: Task, options: CollocationOptions) -> _Answer:
     if quick is None or not quick.ok:
         raise _not_converged(job, outcomes[k].solution, options, "the paths found")
     return _hurried(job, quick, _Answer(paths.found[k].seed, job, quick, log, iterations), options)
+
+
+def _seeds(problem: Problem, start: str) -> list[Seed]:
+    """First guesses in the order in which they are tried: a line, others' plans, the rest."""
+    planned = planned_seeds(problem, start) if start in ("auto", *NAMES) else []
+    if start in NAMES and planned:
+        return planned
+    first, *others = seeds("auto" if start in NAMES else start)
+    return [first, *planned, *others]
 
 
 def _hurried(job: Task, quick: Solution, answer: _Answer, options: CollocationOptions) -> _Answer:

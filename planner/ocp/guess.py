@@ -33,11 +33,13 @@ class Seed:
         name: For reports.
         path: Excursion of q₁ over s in [0, 1], in its unit for distances near one.
         driven: Excursion of q₂.
+        states: In their place a whole path: from s (S,) to q (S, N), or None if there is none.
     """
 
     name: str
     path: Excursion
     driven: Excursion
+    states: Callable[[Array], Array | None] | None = None
 
 
 def seeds(kind: str) -> list[Seed]:
@@ -94,6 +96,8 @@ def likely_travel(problem: Problem) -> float:
 
 
 def _states(problem: Problem, mesh: Mesh, seed: Seed, s: Array) -> Array:
+    if seed.states is not None and (path := seed.states(s)) is not None:
+        return path
     travel = likely_travel(problem)
     q = through_waypoints(problem, mesh.knots, travel, s)
     q[:, 0] += max(1.0, abs(travel) / 2) * seed.path(s)

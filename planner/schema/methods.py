@@ -142,9 +142,10 @@ class CollocationOptions(Table):
     edge_weight: Annotated[float, Field(ge=0)] = Field(
         0.0, description="Weight of the closeness to the domain's edge in the objective 'mixed'."
     )
-    start: Literal["auto", "straight", "bump", "reverse", "wander"] = Field(
+    start: Literal["auto", "straight", "polynomial", "convex", "bump", "reverse", "wander"] = Field(
         "auto",
-        description="First guess. straight: a line; bump: the path coordinate goes out and back;"
+        description="First guess. straight: a line; polynomial, convex: those methods' plans, where"
+        " one way suffices (else as auto); bump: the path coordinate goes out and back;"
         " reverse: it leaves the line and returns late; wander: smooth random loops from fixed"
         " seeds. auto: the line where one way suffices; else several of each, and the best kept.",
     )

@@ -102,7 +102,7 @@ def test_rates_and_jumps(arc: planner.Plan) -> None:
     assert certificate["rate of input u2"].status == "proven"
 
 
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(st.integers(0, 10**6))
 def test_certified_margins_are_no_greater_than_true_ones(seed: int) -> None:
     """Against DOP853 to 1e-12, at 20001 times."""

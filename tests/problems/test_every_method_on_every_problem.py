@@ -26,6 +26,7 @@ EXPECTED = {
     "crossing": (CHART, CHART, CHART, CHART, SOLVED, CHART),
     "custom": (SOLVED, SOLVED, LIMIT, LIMIT, SOLVED, SOLVED),
     "four-joint": (CHART, CHART, CHART, CHART, SOLVED, OPEN),
+    "obstacle": (LIMIT, LIMIT, LIMIT, LIMIT, SOLVED, LIMIT),
     "paper": (LIMIT, LIMIT, SOLVED, LIMIT, SOLVED, SOLVED),
     "paper-fig4": (CHART, CHART, LIMIT, LIMIT, SOLVED, NONE),
     "paper-fig5": (CHART, CHART, LIMIT, LIMIT, SOLVED, NONE),
@@ -33,6 +34,7 @@ EXPECTED = {
     "trailers": (SOLVED, SOLVED, LIMIT, LIMIT, SOLVED, SOLVED),
     "unicycle": (SOLVED, SOLVED, LIMIT, LIMIT, SOLVED, SOLVED),
     "unreachable": (NONE, NONE, NONE, NONE, NONE, NONE),
+    "waypoint": (LIMIT, LIMIT, LIMIT, LIMIT, SOLVED, LIMIT),
 }
 
 

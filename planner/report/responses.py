@@ -49,8 +49,8 @@ def plot_sensitivity(
     _box_passive(ax, found, kept)
     total, floor = found.total_deg(spread), found.floor_deg(spread)
     text = (
-        f"{found.plan.method}: total {total:.3g} deg, of it irreducible (dots) {floor:.3g} deg;"
-        f" passive block (boxes) {found.passive_block_deg(spread):.3g} deg"
+        f"{found.plan.method}: total {total:.4g} deg, of it irreducible (dots) {floor:.4g};"
+        f" passive block (boxes) {found.passive_block_deg(spread):.3g}"
     )
     heading(figure, text, ours=ours)
     return figure, ax

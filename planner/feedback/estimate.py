@@ -12,6 +12,7 @@ finds it. A reading that does not fit says that the joint is in its play: ε is 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.systems.base import Array, TriangularSystem
 
@@ -23,6 +24,9 @@ CORRELATED = 4.0
 
 UNMODELLED = float(np.deg2rad(0.003))
 """Standard deviation of what moves a joint besides, rad a period."""
+
+EXACT = 1e-9
+"""Standard deviation of a reading without resolution, in the coordinate's unit."""
 
 FITTING = 3.0
 """Standard deviations within which a reading fits."""
@@ -47,7 +51,7 @@ class Estimate:
         shape = (system.size - 2, q.shape[1])
         self.rate_error = np.zeros(shape)
         self._half = resolution / 2
-        self._noise = CORRELATED * resolution[2:] ** 2 / 12
+        self._noise = CORRELATED * resolution[2:] ** 2 / 12 + EXACT**2
         self._var_q = np.repeat(self._noise, q.shape[1], axis=1)
         self._cov, self._var_e = np.zeros(shape), np.full(shape, RATE_SPREAD**2)
         self._fitted = np.zeros(shape, dtype=bool)
@@ -66,7 +70,7 @@ class Estimate:
         inside = np.clip(self.q, measured - self._half, measured + self._half)
         self.q = np.where(np.isnan(measured), self.q, inside)
 
-    def _filter(self, surprise: Array, lost: Array, learn: bool) -> None:
+    def _filter(self, surprise: Array, lost: NDArray[np.bool_], learn: bool) -> None:
         """Correct angle and ε by the difference (N−2, S) between reading and forecast."""
         total = self._var_q + self._noise
         fits = np.abs(surprise) <= FITTING * np.sqrt(total)

@@ -61,9 +61,9 @@ def run_up(plan: Plan, machine: Machine, options: FeedbackTable) -> RunUp | None
     first = _first_motion(plan)
     if not lost.any() or first[0] == 0:
         return None
+    if options.run_up == "auto" and (system.n > 3 or _turns(plan)):
+        return None
     if system.n > 3:
-        if options.run_up == "auto":
-            return None
         raise InputError(
             f"feedback.run_up = true: one drive cannot bring {system.n - 1} passive joints home one"
             " by one; it is made for arms of two or three joints"
@@ -84,6 +84,13 @@ def _first_motion(plan: Plan) -> Array:
     u = plan.u(np.linspace(0.0, plan.duration, 501))
     moving = np.abs(u) > 1e-6 * np.max(np.abs(u))
     return np.sign(u[np.argmax(moving, axis=0), [0, 1]])
+
+
+def _turns(plan: Plan) -> bool:
+    """Whether the drive turns back on its way, and so loses the play again."""
+    drive = plan.u(np.linspace(0.0, plan.duration, 501))[:, 0]
+    least = -1e-6 * np.max(np.abs(drive))
+    return bool(np.min(drive) < least and np.max(drive) > -least)
 
 
 class _Approach:

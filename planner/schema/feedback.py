@@ -30,8 +30,8 @@ class FeedbackTable(Table):
     run_up: Literal["auto"] | bool = Field(
         "auto",
         description="Whether the arm goes back and returns before the plan's start, so that play"
-        " and wind-up are taken up. auto: where the machine's passive joints have any and there are"
-        " at most two of them.",
+        " and wind-up are taken up. auto: where the machine's passive joints have any, there are at"
+        " most two of them, and the plan's drive keeps one direction.",
     )
     aim: Literal["path", "goal"] = Field(
         "path",

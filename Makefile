@@ -5,6 +5,7 @@
 #   make paper     the paper's figures and numbers, to results/paper
 #   make report    pictures of the report's page (needs Chromium), to results/report
 #   make explorer  pictures of the explorer in a browser (needs Chromium), to results/explorer
+#   make notebook  Jupyter with the notebooks, the explorer in the first of them
 #   make docs      the documentation, to out/docs/index.html; warnings are errors
 #   make test      what CI runs: lint, types, tests
 #   make check     lint and types only
@@ -34,6 +35,9 @@ report: $(VENV)/.dev
 
 explorer: $(VENV)/.dev
 	@PLANNER_SCREENSHOTS=results/explorer $(BIN)/python -m pytest -s tests/browser/test_explorer_page.py
+
+notebook: $(VENV)/.notebook
+	@$(BIN)/python -m jupyterlab --notebook-dir=notebooks quick-tour.ipynb
 
 docs: $(VENV)/.docs
 	@$(BIN)/python -m sphinx -q -W --keep-going -b html docs out/docs
@@ -72,4 +76,8 @@ $(VENV)/.dev: pyproject.toml setup.py planner/machine/kernel.c planner/machine/d
 
 $(VENV)/.docs: pyproject.toml | $(VENV)/bin/python
 	@$(PIP) install --editable '.[docs]'
+	@touch $@ $(VENV)/.run
+
+$(VENV)/.notebook: pyproject.toml | $(VENV)/bin/python
+	@$(PIP) install --editable '.[notebook,tables]'
 	@touch $@ $(VENV)/.run

@@ -247,8 +247,8 @@ def _reason(problem: Problem, error: NoPlanError) -> str:
 
 
 def _broken(violation: Violation) -> str:
-    unit = f" {violation.unit}" if violation.unit else ""
-    return f"{violation.label} reaches {violation.value:.3g}{unit}, allowed {violation.limit:.3g}"
+    value, limit, unit = violation.shown(3)
+    return f"{violation.label} reaches {value}{unit}, allowed {limit}"
 
 
 def _outside(times: Sequence[float]) -> str:

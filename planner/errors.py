@@ -6,6 +6,7 @@ no plan can be returned for it (`NoPlanError`). Both carry what is needed to und
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -37,8 +38,21 @@ class Violation:
 
     def __str__(self) -> str:
         when = "" if self.time_s is None else f" at t = {self.time_s:.4g} s"
-        unit = f" {self.unit}" if self.unit else ""
-        return f"{self.label} reaches {self.value:.4g}{unit}{when}, allowed {self.limit:.4g}{unit}"
+        value, limit, unit = self.shown(4)
+        return f"{self.label} reaches {value}{unit}{when}, allowed {limit}{unit}"
+
+    def shown(self, digits: int) -> tuple[str, str, str]:
+        """Value, limit and unit as text; angles in degrees, as problem files give them.
+
+        Args:
+            digits: Significant digits; more are taken where value and limit would read the same.
+        """
+        angle = self.unit == "rad"
+        value, limit = (math.degrees(v) if angle else v for v in (self.value, self.limit))
+        while f"{value:.{digits}g}" == f"{limit:.{digits}g}" and value != limit and digits < 12:
+            digits += 1
+        unit = " deg" if angle else f" {self.unit}" if self.unit else ""
+        return f"{value:.{digits}g}", f"{limit:.{digits}g}", unit
 
 
 class PlannerError(Exception):

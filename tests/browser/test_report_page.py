@@ -134,16 +134,11 @@ def test_the_whole_page_is_within_reach_of_the_tab_key(opened: Callable) -> None
         "[...document.querySelectorAll('button, select, input, summary, [tabindex]')]"
         ".filter((e) => e.checkVisibility()).length"
     )
-    seen = set()
-    for _ in range(wanted + 5):
+    page.evaluate("() => { window.seen = new Set(); }")
+    page.evaluate("() => addEventListener('focusin', (e) => { window.seen.add(e.target); })")
+    for _ in range(wanted + 2):
         page.keyboard.press("Tab")
-        seen.add(
-            page.evaluate("""() => {
-            const all = [...document.querySelectorAll('*')];
-            return all.indexOf(document.activeElement);
-        }""")
-        )
-    assert len(seen) >= wanted
+    assert page.evaluate("window.seen.size") >= wanted
 
 
 def test_every_control_has_a_name(opened: Callable) -> None:
@@ -181,10 +176,10 @@ def test_scrubbing_shows_the_arm_of_that_time(opened: Callable) -> None:
     page.locator("#scrub").focus()
     page.keyboard.press("End")
     assert clock(page) == 10.0
-    for _ in range(80):
+    for _ in range(20):
         page.keyboard.press("ArrowLeft")
     t = clock(page)
-    assert t == pytest.approx(6.0, abs=0.01)
+    assert t == pytest.approx(9.0, abs=0.01)
     assert page.locator("#scrub").get_attribute("aria-valuetext") == f"{t:.2f} s"
     plan = quick_comparison()[SOLVED].plan
     assert plan is not None
@@ -256,25 +251,25 @@ def luminance(colour: str) -> float:
 def test_contrast_in_both_schemes(opened: Callable, scheme: str) -> None:
     page = opened(color_scheme=scheme)
 
-    def colour(where: str, what: str = "color") -> float:
-        return luminance(page.evaluate(
-            "([w, c]) => getComputedStyle(document.querySelector(w))[c]", [where, what]
-        ))  # fmt: skip
-
-    paper = colour("body", "backgroundColor")
+    colours = page.evaluate("""() => {
+        const of = (e, what = 'color') => getComputedStyle(document.querySelector(e))[what];
+        const out = {
+            paper: of('body', 'backgroundColor'), body: of('body'), note: of('.note'),
+            refused: of('.badge.refused'), solved: of('.badge.solved'),
+            axis: of('svg text', 'fill'),
+        };
+        for (let k = 0; k < 9; k++) {
+            document.querySelector('.swatch').className = `swatch plan-${k}`;
+            out[`plan ${k}`] = of('.swatch');
+        }
+        return out;
+    }""")
+    light = {name: luminance(colour) for name, colour in colours.items()}
+    paper = light.pop("paper")
     assert (paper < 0.05) == (scheme == "dark")
-
-    def contrast(other: float) -> float:
-        high, low = max(paper, other), min(paper, other)
-        return (high + 0.05) / (low + 0.05)
-
-    assert contrast(colour("body")) > 7
-    assert contrast(colour(".note")) > 4.5
-    assert contrast(colour(".badge.refused")) > 4.5
-    assert contrast(colour("svg text", "fill")) > 4.5
-    for k in range(9):
-        page.evaluate(f"document.querySelector('.swatch').className = 'swatch plan-{k}'")
-        assert contrast(colour(".swatch")) > 3, k
+    for name, other in light.items():
+        contrast = (max(paper, other) + 0.05) / (min(paper, other) + 0.05)
+        assert contrast > (7 if name == "body" else 3 if name.startswith("plan") else 4.5), name
 
 
 def test_readable_on_a_phone(opened: Callable) -> None:

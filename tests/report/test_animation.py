@@ -47,12 +47,12 @@ def test_a_gif_shows_two_plans_on_one_clock(
         {"one": plan, "other": slow},
         tmp_path / "x.gif",
         fps=3,
-        speed=2.0,
+        speed=3.0,
         progress=lambda *at: told.append(at),
     )
     film = Image.open(path)
     longest = max(plan.duration, slow.duration)
-    count = int(np.ceil(longest / 2 * 3)) + 1
+    count = int(np.ceil(longest / 3 * 3)) + 1
     assert film.n_frames == count
     assert told == [(k + 1, count) for k in range(count)]
     durations = []
@@ -65,7 +65,7 @@ def test_a_gif_shows_two_plans_on_one_clock(
     assert durations == [330] * (count - 1) + [330 * 4]
     for side, one in enumerate((plan, slow)):
         moving = [a[side] != b[side] for a, b in pairwise(arms)]
-        arrived = int(np.ceil(one.duration / 2 * 3))
+        arrived = int(np.ceil(one.duration / 3 * 3))
         assert all(moving[: arrived - 2]), "the arm moves until it arrives"
         assert not any(moving[arrived:]), "and stays there"
     film.close()

@@ -37,7 +37,7 @@ class Replay:
         t: Recorded times, shape (R,), s; the last one is `settle_s` after the plan's end.
         q: True coordinates, shape (S, R, N), in the coordinates' units.
         motor_rates: Speeds of both motors, shape (S, R, 2), rad/s.
-        saturated_s: How long each motor was asked for more than its velocity limit, (S, 2), s.
+        saturated_s: How long each motor was asked for more than its limit of speed or torque, (S, 2), s.
         terminal_error: True end minus plan's end, shape (S, N), in the coordinates' units.
         deviation: Largest |true − plan| over time of the coordinates after the first, (S, N−1).
         effort: ∫ u₁² + u₂² dt of what a controller commanded, (S,); None in open loop.

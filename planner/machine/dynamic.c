@@ -248,14 +248,14 @@ static void solve(const Rows *r, const Stage *s, double *pieces, double *v)
 
 /* -- the step ------------------------------------------------------------------------------ */
 
-static void gears(const Rows *r, const Masses *p, const double *y, const double *gaining, double h,
-                  Gears *g)
+static void gears(const Rows *r, const Masses *p, const double *y, const double *gained, double h,
+                  double lead, Gears *g)
 {
     int m = r->m;
     for (int j = 0; j < m; j++) {
         double c = cos(y[r->q + 1 + j] + h / 2 * y[r->links + j]);
         double first = c * p->kept, second = p->k[j] * c * c * p->kept * p->kept;
-        double disk = fabs(y[driver(r, j)] + h / 2 * gaining[j]);
+        double disk = fabs(y[driver(r, j)] + lead * gained[j]);
         double both = larger(fabs(first * second), UPRIGHT);
         double share = p->creep * disk / p->disk[j], limit = p->capacity * p->disk[j];
         g->first[j] = first;
@@ -338,14 +338,14 @@ static void stage(const Rows *r, const Masses *p, const Gears *g, const double *
 }
 
 static void step(const Rows *r, const Masses *p, const double *mean, const double *swing, double h,
-                 double gamma, double k_g, double *y, double *pieces, double *gaining,
+                 double lead, double gamma, double k_g, double *y, double *pieces, double *gained,
                  double *energy)
 {
     int laws = r->limited + r->plays;
     double one[STATE], two[STATE], early[LAWS], late[LAWS], power[2][2], reference[2];
     size_t size = (size_t)laws * sizeof(double);
     Gears g;
-    gears(r, p, y, gaining, h, &g);
+    gears(r, p, y, gained, h, lead, &g);
     for (int i = 0; i < 2; i++)
         reference[i] = mean[i] + (gamma - 0.5) * swing[i];
     memcpy(early, pieces, size);
@@ -369,7 +369,7 @@ static void step(const Rows *r, const Masses *p, const double *mean, const doubl
         weight[0] = weight[1] = h / 2;
     }
     for (int j = 0; j < r->m; j++)
-        gaining[j] = (two[driver(r, j)] - y[driver(r, j)]) / h;
+        gained[j] = two[driver(r, j)] - y[driver(r, j)];
     for (int i = 0; i < 2; i++)
         energy[i] += weight[0] * power[0][i] + weight[1] * power[1][i];
     memcpy(y, two, (size_t)r->count * sizeof(double));
@@ -412,28 +412,29 @@ static Masses masses_of(const Rows *r, const double *at, int64_t samples)
 
 /* Advance all samples by a step. Arrays are (rows, samples), those of y as many as given. Returns -1
  * if there are too many joints, or Python counts the rows of the state differently. */
-EXPORT int planner_dynamic_step(int64_t m, int64_t rows, int64_t samples, double h, double gamma, double k_g,
-                                const double *masses, const double *mean, const double *swing,
-                                double *y, double *pieces, double *gaining, double *energy)
+EXPORT int planner_dynamic_march(int64_t m, int64_t rows, int64_t samples, double h, double lead,
+                                 double gamma, double k_g, const double *masses,
+                                 const double *mean, const double *swing, double *y,
+                                 double *pieces, double *gained, double *energy)
 {
     if (m > JOINTS || rows != rows_of((int)m).count)
         return -1;
     Rows r = rows_of((int)m);
     int laws = r.limited + r.plays;
     for (int64_t k = 0; k < samples; k++) {
-        double own[STATE], own_pieces[LAWS], own_gaining[JOINTS], own_energy[2];
+        double own[STATE], own_pieces[LAWS], own_gained[JOINTS], own_energy[2];
         double own_mean[2], own_swing[2];
         Masses p = masses_of(&r, masses + k, samples);
         take(y + k, own, r.count, samples);
         take(pieces + k, own_pieces, laws, samples);
-        take(gaining + k, own_gaining, r.m, samples);
+        take(gained + k, own_gained, r.m, samples);
         take(energy + k, own_energy, 2, samples);
         take(mean + k, own_mean, 2, samples);
         take(swing + k, own_swing, 2, samples);
-        step(&r, &p, own_mean, own_swing, h, gamma, k_g, own, own_pieces, own_gaining, own_energy);
+        step(&r, &p, own_mean, own_swing, h, lead, gamma, k_g, own, own_pieces, own_gained, own_energy);
         put(own, y + k, r.count, samples);
         put(own_pieces, pieces + k, laws, samples);
-        put(own_gaining, gaining + k, r.m, samples);
+        put(own_gained, gained + k, r.m, samples);
         put(own_energy, energy + k, 2, samples);
     }
     return 0;

@@ -37,6 +37,9 @@ class DynamicChain:
         system: The manipulator as the planner knows it.
         draws: The machines.
         q: Coordinates at the start, (N, S); everything is at rest then.
+
+    Attributes:
+        limited_s: Seconds so far at each motor's torque limit, (2, S).
     """
 
     def __init__(self, system: Manipulator, draws: Draws, q: Array) -> None:
@@ -47,10 +50,11 @@ class DynamicChain:
         y[self._at.q] = q
         y[self._at.gap][2:] = draws["initial_play"] * self._masses.half_gap[2:]
         self._y, self._shape = y, (2, draws.count)
-        pieces, gaining = np.zeros((5 + 4 * len(k), draws.count)), np.zeros_like(k)
+        pieces, gained = np.zeros((5 + 4 * len(k), draws.count)), np.zeros_like(k)
         self._energy = np.zeros(self._shape)
-        self._march = March(self._masses, self._at, system.k_g, y, pieces, gaining, self._energy)
-        self._compiled = _compiled(self._march)
+        self._march = March(self._masses, self._at, system.k_g, y, pieces, gained, self._energy)
+        self._compiled, self._last = _compiled(self._march), np.inf
+        self.limited_s = np.zeros(self._shape)
 
     @property
     def q(self) -> Array:
@@ -99,34 +103,36 @@ class DynamicChain:
         """
         mean = np.ascontiguousarray(np.broadcast_to(travel[-1] / h, self._shape))
         swing = np.ascontiguousarray(np.broadcast_to(speed[-1] - speed[0], self._shape))
+        lead, self._last = min(1.0, h / self._last) / 2, h
         step = self._compiled or self._march.step
-        step(mean, swing, h)
+        step(mean, swing, h, lead)
+        self.limited_s += h * (self._march.pieces[:2] != 0)
 
 
 class _Compiled:
     """`March.step` in compiled code."""
 
     def __init__(self, function: Any, march: March) -> None:
-        function.argtypes = [ctypes.c_int64] * 3 + [ctypes.c_double] * 3 + [ctypes.c_void_p] * 7
+        function.argtypes = [ctypes.c_int64] * 3 + [ctypes.c_double] * 4 + [ctypes.c_void_p] * 7
         own = [getattr(march.data, f.name) for f in fields(Masses)]
-        kept = (np.concatenate(own), march.y, march.pieces, march.gaining, march.energy)
+        kept = (np.concatenate(own), march.y, march.pieces, march.gained, march.energy)
         self._function, self._k_g, self._arrays = function, march.k_g, kept
-        self._size = (len(march.gaining), len(march.y))
+        self._size = (len(march.gained), len(march.y))
         self._masses, *self._state = (array.ctypes.data for array in kept)
 
     def fits(self) -> bool:
         """Whether the compiled code has room for the joints, and the same rows."""
-        return not self._function(*self._size, 0, 1.0, GAMMA, 1.0, *[None] * 7)
+        return not self._function(*self._size, 0, 1.0, 0.5, GAMMA, 1.0, *[None] * 7)
 
-    def __call__(self, mean: Array, swing: Array, h: float) -> None:
+    def __call__(self, mean: Array, swing: Array, h: float, lead: float) -> None:
         """See `March.step`."""
         inputs = (self._masses, mean.ctypes.data, swing.ctypes.data)
         size = (*self._size, mean.shape[1])
-        self._function(*size, h, GAMMA, self._k_g, *inputs, *self._state)
+        self._function(*size, h, lead, GAMMA, self._k_g, *inputs, *self._state)
 
 
 def _compiled(march: March) -> _Compiled | None:
     """None where there is no compiled code that fits."""
-    function = getattr(compiled.library(), "planner_dynamic_step", None)
+    function = getattr(compiled.library(), "planner_dynamic_march", None)
     found = _Compiled(function, march) if function is not None else None
     return found if found is not None and found.fits() else None

@@ -59,7 +59,7 @@ class March:
         k_g: Drive constant of the disk, as the planner knows it.
         y: State, (rows, S).
         pieces: Of all laws at the end of the last step, (5+4m, S); see `Stage`.
-        gaining: Change of the disks' speeds over the last step, (m, S), rad/s^2.
+        gained: Change of the disks' speeds over the last step, (m, S), rad/s.
         energy: Work of the motors so far, and what friction, slip and damping took, (2, S), J.
     """
 
@@ -68,24 +68,25 @@ class March:
     k_g: float
     y: Array
     pieces: Array
-    gaining: Array
+    gained: Array
     energy: Array
 
-    def step(self, mean: Array, swing: Array, h: float) -> None:
+    def step(self, mean: Array, swing: Array, h: float, lead: float) -> None:
         """Advance in place; the reference changes linearly.
 
         Args:
             mean: Mean of the reference, (2, S), rad/s.
             swing: Its change over the step, (2, S), rad/s.
             h: Length of the step, s.
+            lead: Half of it over the length of the last step, at most one half.
         """
-        data, gears, y = self.data, self._gears(h), self.y
+        data, gears, y = self.data, self._gears(h, lead), self.y
         early = mean + (GAMMA - 0.5) * swing
         one = self._stage(data, gears, y, early, GAMMA * h, self.pieces)
         ahead = y + (1 - GAMMA) / GAMMA * (one.y - y)
         two = self._stage(data, gears, ahead, mean + swing / 2, GAMMA * h, one.pieces)
         new, pieces = two.y, two.pieces
-        gained = h * ((1 - GAMMA) * one.power + GAMMA * two.power)
+        energy = h * ((1 - GAMMA) * one.power + GAMMA * two.power)
         switched = np.any((one.pieces != self.pieces) | (two.pieces != self.pieces), axis=0)
         some = np.flatnonzero(switched)
         if some.size:
@@ -96,19 +97,19 @@ class March:
             two = self._stage(data, gears, one.y, mean + swing / 4, h / 2, one.pieces)
             new[:, some], pieces = two.y, pieces.copy()
             pieces[:, some] = two.pieces
-            gained[:, some] = h / 2 * (one.power + two.power)
+            energy[:, some] = h / 2 * (one.power + two.power)
         drivers = self.place.bodies.drivers
-        self.gaining[:] = (new[drivers] - y[drivers]) / h
+        self.gained[:] = new[drivers] - y[drivers]
         self.y[:], self.pieces[:] = new, pieces
-        self.energy[:] += gained
+        self.energy[:] += energy
 
-    def _gears(self, h: float) -> _Gears:
+    def _gears(self, h: float, lead: float) -> _Gears:
         """Ratios at the middle of the step, and the contacts that go with them."""
         data, rows, y = self.data, self.place.bodies, self.y
         angles = y[self.place.q][1:-1] + h / 2 * y[rows.links][:-1]
         c = np.cos(angles)
         first, second = c * data.kept, data.k * c * c * data.kept * data.kept
-        disk = np.abs(y[rows.drivers] + h / 2 * self.gaining)
+        disk = np.abs(y[rows.drivers] + lead * self.gained)
         both = np.maximum(np.abs(first * second), UPRIGHT)
         share = data.creep * disk / data.disk
         slip = np.concatenate([share * first * first, 2 * share * both * both])

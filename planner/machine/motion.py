@@ -110,7 +110,8 @@ class Stepwise:
     @property
     def saturated_s(self) -> Array:
         """See `Motion`."""
-        return np.asarray(self._servos.saturated_s.T)
+        limited = self._plant.limited_s if isinstance(self._plant, DynamicChain) else 0.0
+        return np.asarray((self._servos.saturated_s + limited).T)
 
     def advance(self, last: int, tell: Steps | None = None) -> None:
         """See `Motion`."""

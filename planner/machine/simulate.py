@@ -42,7 +42,8 @@ class Recording:
         speed: Speeds of the motors then, (S, R, 2); after a jump, where there is one.
         deviation: Largest |q − plan| of each coordinate after the first over all steps from the
             plan's start, (S, N−1).
-        saturated_s: Seconds each motor was asked for more than its velocity limit, (S, 2).
+        saturated_s: Seconds each motor was asked for more than its limit of speed or torque,
+            (S, 2).
         effort: ∫ u₁² + u₂² dt of what a controller commanded, (S,); None in open loop.
         fallbacks: How often a controller commanded something cruder than it should, (S,).
     """

@@ -120,6 +120,18 @@ def test_a_millisecond_is_a_short_step_for_the_prototype(smooth_plan: Plan) -> N
     assert np.max(np.abs(ends[0] - ends[1])) < 1e-5
 
 
+def test_steps_of_any_length_follow_each_other() -> None:
+    """A very short step with a jump in it, as where a jump lies close to the grid."""
+    ends = []
+    for short in ([], [1e-9]):
+        plant = chain(creep_per_nm=0.05, coulomb_friction_nm=0.1)
+        for k, h in enumerate([1e-3] * 50 + short + [1e-3] * 50):
+            u = np.array([0.1 if k < 50 else 1.0, 0.1])
+            plant.step(np.tile(u[None, :, None], (2, 1, 1)), h * u[None, :, None], h)
+        ends.append(plant.q[:, 0].copy())
+    assert ends[0] == pytest.approx(ends[1], abs=2e-5)
+
+
 def test_a_delay_shifts_the_motion(jumping: Plan) -> None:
     machine = Machine.prototype(fidelity="dynamic", initial_play=0.5, step_s=2e-3).nominal()
     machine = machine.without("initial_angle_error_deg")
@@ -146,6 +158,7 @@ def test_a_torque_limit_sets_the_acceleration() -> None:
     rates = drive(plant, 100, constant(1.0, 1.0), 0.1, lambda: plant.motor_rates[:, 0].copy())
     t = np.arange(1, 101) * 1e-3
     assert rates[:, 0] == pytest.approx(0.1 / 0.02 * t, rel=0.02)
+    assert plant.limited_s[:, 0] == pytest.approx(0.1)
     assert rates[10:, 1] == pytest.approx(0.1 / (0.02 + 0.03) * t[10:], rel=0.02)
 
 

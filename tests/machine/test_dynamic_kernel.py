@@ -64,7 +64,7 @@ def test_code_that_counts_otherwise_is_not_used(
     assert chain(17)._compiled is not None
     assert chain(18)._compiled is None  # it has room for 16 passive joints
     plant = chain(3)
-    compiled_step = dynamic._Compiled(library.planner_dynamic_step, plant._march)
+    compiled_step = dynamic._Compiled(library.planner_dynamic_march, plant._march)
     compiled_step._size = (2, len(plant._y) + 1)
     assert not compiled_step.fits()
 

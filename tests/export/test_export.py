@@ -86,7 +86,7 @@ def kinds(law: planner.Plan, rest: planner.Plan) -> dict[str, planner.Plan]:
     return {
         "chained": law,
         "state": rest,
-        "retimed": planner.retime(law, {"input_rad_s": 20.0}),
+        "retimed": planner.retime(rest, {"input_rad_s": 0.4}),
     }
 
 

@@ -67,11 +67,16 @@ def _changes(problem: Problem) -> list[dict[str, Any]]:
     duration: dict[str, Any] = {"goal.duration": "free"}
     travel = problem.travel_change(None)
     timed = problem.duration is not None and bool(np.any(np.isfinite(problem.limits.input)))
+    if any(point.time_s is not None for point in problem.waypoints):
+        timed = False  # their times would lose their meaning
     out = [duration] * timed + [travel] * (problem.travel is not None)
     if len(out) == 2:
         out.append({**duration, **travel})
     if problem.limits.z2_margin:
         out.append({"limits.z2_margin": 0.0})
+    for key in ("waypoints", "obstacles"):
+        if getattr(problem, key):
+            out.append({key: []})
     return out
 
 

@@ -113,6 +113,7 @@ def _table(problem: Problem, summary: dict[str, Any]) -> Table:
         ("largest error at the goal", _worst_error(problem, summary["terminal_error"])),
         ("chart", _chart(summary)),
         ("largest z2", number(summary["z2_max"])),
+        *_start(summary["notes"]),
         *_optimality(summary["notes"]),
         *_certificate(summary),
         (
@@ -150,6 +151,13 @@ def _chart(summary: dict[str, Any]) -> str:
         return f"inside its domain, {margin}"
     times = ", ".join(number(t) for t in summary["singular_times_s"][:6])
     return f"leaves its domain or touches the edge at t = {times} s, {margin}"
+
+
+def _start(notes: dict[str, Any]) -> list[tuple[str, str]]:
+    if "start" not in notes:
+        return []
+    tried = len(notes.get("tried", ()))
+    return [("first guess", notes["start"] + (f", the best of {tried}" if tried > 1 else ""))]
 
 
 def _optimality(notes: dict[str, Any]) -> list[tuple[str, str]]:

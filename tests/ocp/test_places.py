@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import planner
+import planner.remedy
 from planner.ocp.mesh import through
 from planner.ocp.obstacles import clearances
 from planner.ocp.route import routes
@@ -203,3 +204,16 @@ def test_other_systems_name_the_coordinates_of_a_waypoint() -> None:
         car.changed({"waypoints": [{"q": {"hading": 0.1}}]})
     with pytest.raises(planner.InputError, match="obstacles"):
         car.changed({"obstacles": [DISC]})
+
+
+def test_check_tries_to_do_without(paper: planner.Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And leaves the duration alone where a waypoint's time depends on it."""
+
+    def attempt(problem: planner.Problem, name: str) -> dict[str, object]:
+        return {"verified": not problem.waypoints}
+
+    monkeypatch.setattr(planner.remedy, "attempt", attempt)
+    problem = paper.changed({"waypoints": [{"theta_deg": [60, -60, 0], "time": 1.0}]})
+    remedy = planner.remedy.find_remedy(problem, ["collocation"], lambda doing: None)
+    assert remedy is not None
+    assert remedy.changes == {"waypoints": []}

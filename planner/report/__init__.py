@@ -12,6 +12,8 @@ from planner.report.inputs import plot_inputs
 from planner.report.joints import plot_joints
 from planner.report.load import load_comparison
 from planner.report.replays import plot_replays
+from planner.report.responses import plot_machine_sensitivity, plot_responses, plot_sensitivity
+from planner.report.trade_off import plot_trade_off
 from planner.report.z import plot_z
 
 __all__ = [
@@ -21,7 +23,11 @@ __all__ = [
     "plot_errors",
     "plot_inputs",
     "plot_joints",
+    "plot_machine_sensitivity",
     "plot_replays",
+    "plot_responses",
+    "plot_sensitivity",
+    "plot_trade_off",
     "plot_z",
     "write_report",
 ]

@@ -1,4 +1,4 @@
-"""The manipulator in motion, compiled: `kernel.c`, which gives what `Stepwise` gives, sooner.
+"""The manipulator in motion, compiled: `kernel.c` and `dynamic.c` do what `Stepwise` does, sooner.
 
 The kernel is an optional extension: where no compiler was at hand when the package was installed,
 `library` returns None and replays run in NumPy. Measured (`make bench`, results/benchmarks), it
@@ -22,18 +22,24 @@ from numpy.typing import NDArray
 from planner.machine.command import Orders
 from planner.machine.draw import Draws
 from planner.machine.grid import Steps, lengths
+from planner.machine.march import GAMMA, begin
+from planner.machine.masses import Place
 from planner.systems.base import Array
 from planner.systems.manipulator import Manipulator
 
-VERSION = 2
+VERSION = 3
 """Of the structures below; a kernel of another version is not used."""
 
 SAMPLES, STEPS = 32, 2000
 """How much one call does: short enough to share the work among threads and to heed Ctrl-C."""
 
 FLAGS = ("lagging", "second", "limited", "ramped", "geared_1", "geared_2", "lagged", "soft",
-         "damped", "creeping", "loaded")  # fmt: skip
-ARRAYS = ("parameters", "length", "running", "desired", "row", "state", "q", "speed")
+         "damped", "creeping", "loaded", "dynamic", "coordinates")  # fmt: skip
+ARRAYS = ("parameters", "length", "running", "desired", "row", "state", "q", "speed", "masses",
+          "moving")  # fmt: skip
+
+MOST_PASSIVE = 16
+"""Passive joints that `dynamic.c` has room for."""
 
 
 class _Model(ctypes.Structure):
@@ -43,7 +49,9 @@ class _Model(ctypes.Structure):
         *((name, ctypes.c_int64) for name in ("samples", "joints", "points", "steps", "rows")),
         *((name, ctypes.c_int64) for name in FLAGS),
         ("k_g", ctypes.c_double),
+        ("gamma", ctypes.c_double),
         *((name, ctypes.c_void_p) for name in ARRAYS),
+        ("heavy", ctypes.c_int64),
     ]
 
 
@@ -94,11 +102,18 @@ def threads() -> int:
 
 
 class Compiled:
-    """A `Motion` of manipulators in the compiled kernel; arguments as those of `Stepwise`."""
+    """A `Motion` of manipulators in the compiled kernel.
+
+    Args:
+        system: The manipulator.
+        fidelity: Of it: "quasi-static" or "dynamic".
+        draws, orders, desired, rows, start: As of `Stepwise`.
+    """
 
     def __init__(
         self,
         system: Manipulator,
+        fidelity: str,
         draws: Draws,
         orders: Orders,
         desired: Array,
@@ -128,11 +143,13 @@ class Compiled:
             "state": self._state,
             "q": self.q,
             "speed": self.speed,
+            **(_moving(system, draws, start) if fidelity == "dynamic" else _STILL),
         }
         points = orders.block(0, 1).shape[1]
         self._model = _Model(
             samples=draws.count, joints=n, points=points, steps=steps, rows=len(rows),
-            k_g=system.k_g, **_flags(draws, parameters),
+            k_g=system.k_g, gamma=GAMMA, heavy=self._arrays["masses"].shape[1],
+            **_flags(draws, parameters), **_rows(fidelity, n),
             **{name: array.ctypes.data for name, array in self._arrays.items()},
         )  # fmt: skip
 
@@ -218,7 +235,7 @@ def _flags(draws: Draws, own: dict[str, Array]) -> dict[str, int]:
         "creeping": draws.on("creep"),
         "loaded": draws.on("friction_capacity_nm") or draws.on("creep_per_nm"),
     }
-    return {name: int(flags[name]) for name in FLAGS}
+    return {name: int(flags[name]) for name in flags}
 
 
 def _state(draws: Draws, start: Array, gap: Array) -> Array:
@@ -230,6 +247,23 @@ def _state(draws: Draws, start: Array, gap: Array) -> Array:
     state[:, 8], state[:, 9 : 9 + n] = start[0], theta
     state[:, 9 + n : 9 + 2 * n], state[:, 9 + 3 * n :] = axis, gap.T
     return state
+
+
+_STILL = {"masses": np.empty((0, 0)), "moving": np.empty((0, 0))}
+
+
+def _moving(system: Manipulator, draws: Draws, start: Array) -> dict[str, Array]:
+    """Parameters and state of the dynamic manipulator, (S, …), in the order of `Moving`."""
+    march = begin(system, draws, start)
+    last = np.full((1, draws.count), np.inf)
+    state = [march.y, march.pieces, march.gained, march.energy, last]
+    return {"masses": march.table.T.copy(), "moving": np.concatenate(state).T.copy()}
+
+
+def _rows(fidelity: str, n: int) -> dict[str, int]:
+    place = Place(n - 1)
+    dynamic = fidelity == "dynamic"
+    return {"dynamic": place.count * dynamic, "coordinates": place.q.start}
 
 
 def _strides(block: Array) -> Iterable[int]:

@@ -17,15 +17,13 @@ Stepped by `dynamic.c` where it is compiled, else by `march`, with the same numb
 from __future__ import annotations
 
 import ctypes
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
 from planner.machine import compiled
 from planner.machine.draw import Draws
-from planner.machine.march import GAMMA, March
-from planner.machine.masses import Masses, Place, masses
+from planner.machine.march import GAMMA, March, begin
 from planner.systems.base import Array
 from planner.systems.manipulator import Manipulator
 
@@ -43,16 +41,9 @@ class DynamicChain:
     """
 
     def __init__(self, system: Manipulator, draws: Draws, q: Array) -> None:
-        k = system.k_g * system.K[:, None] * (1 + draws["gear_ratio_error"])
-        k = np.array(np.broadcast_to(k, (len(k), draws.count)))
-        self._masses, self._at = masses(draws, k), Place(len(k))
-        y = np.zeros((self._at.count, draws.count))
-        y[self._at.q] = q
-        y[self._at.gap][2:] = draws["initial_play"] * self._masses.half_gap[2:]
-        self._y, self._shape = y, (2, draws.count)
-        pieces, gained = np.zeros((5 + 4 * len(k), draws.count)), np.zeros_like(k)
-        self._energy = np.zeros(self._shape)
-        self._march = March(self._masses, self._at, system.k_g, y, pieces, gained, self._energy)
+        self._march = march = begin(system, draws, q)
+        self._at, self._masses, self._y = march.place, march.data, march.y
+        self._shape, self._energy = (2, draws.count), march.energy
         self._compiled, self._last = _compiled(self._march), np.inf
         self.limited_s = np.zeros(self._shape)
 
@@ -114,8 +105,7 @@ class _Compiled:
 
     def __init__(self, function: Any, march: March) -> None:
         function.argtypes = [ctypes.c_int64] * 3 + [ctypes.c_double] * 4 + [ctypes.c_void_p] * 7
-        own = [getattr(march.data, f.name) for f in fields(Masses)]
-        kept = (np.concatenate(own), march.y, march.pieces, march.gained, march.energy)
+        kept = (march.table, march.y, march.pieces, march.gained, march.energy)
         self._function, self._k_g, self._arrays = function, march.k_g, kept
         self._size = (len(march.gained), len(march.y))
         self._masses, *self._state = (array.ctypes.data for array in kept)

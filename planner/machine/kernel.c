@@ -21,7 +21,7 @@
 #define INLINE static inline __attribute__((always_inline))
 #endif
 
-#define VERSION 2 /* of the structures below; compiled.py has the same */
+#define VERSION 3 /* of the structures below; compiled.py has the same */
 #define KEPT 8    /* lengths of steps whose exponentials are kept */
 #define MOTORS 2
 #define POINTS 3 /* at most, of a step */
@@ -34,7 +34,8 @@ typedef struct {
     int64_t lagging, second, limited, ramped;      /* servos */
     int64_t geared[MOTORS], lagged, soft, damped;  /* play */
     int64_t creeping, loaded;                      /* friction */
-    double k_g;
+    int64_t dynamic, coordinates;                  /* rows of a dynamic state, 0: quasi-static; */
+    double k_g, gamma;                             /* where its coordinates begin */
     const double *parameters; /* (samples, see `own`) */
     const double *length;     /* (steps) */
     const uint8_t *running;   /* (steps) */
@@ -43,7 +44,16 @@ typedef struct {
     double *state;            /* (samples, see `held`) */
     double *q;                /* (samples, rows, joints + 1) */
     double *speed;            /* (samples, rows, 2) */
+    const double *masses;     /* (samples, `heavy`), see dynamic.c */
+    double *moving;           /* (samples, see `moving`) */
+    int64_t heavy;
 } Model;
+
+/* Of dynamic.c. */
+int planner_dynamic_march(int64_t m, int64_t rows, int64_t samples, double h, double lead,
+                          double gamma, double k_g, const double *masses, const double *mean,
+                          const double *swing, double *y, double *pieces, double *gained,
+                          double *energy);
 
 /* Commands of steps first ... last - 1: strides in numbers, 0 where all are alike. */
 typedef struct {
@@ -387,6 +397,46 @@ INLINE void chain(const Model *m, const Own *o, const Held *x, const Factors *f,
     turn(m, o, x, f, last + 1, ways[points - 2]);
 }
 
+/* -- with inertia -------------------------------------------------------------------------- */
+
+/* One sample's dynamic state, in the order of compiled.py: `March` of march.py, and the length of
+ * the last step. */
+typedef struct {
+    double *y, *pieces, *gained, *energy, *last;
+} Moving;
+
+INLINE Moving moving(const Model *m, int64_t sample)
+{
+    int64_t passive = m->joints - 1, laws = 5 + 4 * passive;
+    double *y = m->moving + sample * (m->dynamic + laws + passive + 3);
+    double *pieces = y + m->dynamic, *gained = pieces + laws, *energy = gained + passive;
+    Moving out = {y, pieces, gained, energy, energy + 2};
+    return out;
+}
+
+/* One step of the dynamic manipulator; the servos say what its motors aim at. */
+INLINE void dynamic(const Model *m, const Held *x, int64_t sample, double h,
+                    double speed[MOTORS][POINTS], double ways[MOTORS][POINTS - 1])
+{
+    Moving y = moving(m, sample);
+    int64_t points = m->points;
+    double mean[MOTORS], swing[MOTORS];
+    for (int i = 0; i < MOTORS; i++) {
+        mean[i] = ways[i][points - 2] / h;
+        swing[i] = speed[i][points - 1] - speed[i][0];
+    }
+    double lead = h < *y.last ? h / *y.last / 2 : 0.5;
+    *y.last = h;
+    planner_dynamic_march(m->joints - 1, m->dynamic, 1, h, lead, m->gamma, m->k_g,
+                          m->masses + sample * m->heavy, mean, swing, y.y, y.pieces, y.gained,
+                          y.energy);
+    for (int i = 0; i < MOTORS; i++)
+        x->saturated[i] += y.pieces[i] != 0 ? h : 0.0;
+    *x->first = y.y[m->coordinates];
+    for (int64_t i = 0; i < m->joints; i++)
+        x->theta[i] = y.y[m->coordinates + 1 + i];
+}
+
 /* -- the loop ------------------------------------------------------------------------------ */
 
 INLINE void record(const Model *m, const Held *x, int64_t sample, int64_t k, const double *speed)
@@ -433,14 +483,18 @@ INLINE void run(const Model *m, const Commands *u, int64_t sample, int64_t first
                   speed[i], ways[i]);
         double begins[MOTORS] = {speed[0][0], speed[1][0]};
         double ends[MOTORS] = {speed[0][points - 1], speed[1][points - 1]};
-        record(m, &x, sample, k, begins);
-        chain(m, &o, &x, kept_ + slot, h, speed[0], ways[0][points - 2], ways[1], c);
+        const double *motors = m->dynamic ? moving(m, sample).y : NULL;
+        record(m, &x, sample, k, motors ? motors : begins);
+        if (motors)
+            dynamic(m, &x, sample, h, speed, ways);
+        else
+            chain(m, &o, &x, kept_ + slot, h, speed[0], ways[0][points - 2], ways[1], c);
         for (int64_t i = 0; i < m->joints; i++) {
             double gap = fabs(x.theta[i] - m->desired[(k + 1) * m->joints + i]);
             x.gap[i] = gap > x.gap[i] ? gap : x.gap[i];
         }
         if (k + 1 == m->steps)
-            record(m, &x, sample, m->steps, ends);
+            record(m, &x, sample, m->steps, motors ? motors : ends);
     }
 }
 

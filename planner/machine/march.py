@@ -13,9 +13,11 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.machine.draw import Draws
 from planner.machine.implicit import Stage
-from planner.machine.masses import STICK, Masses, Place
+from planner.machine.masses import STICK, Masses, Place, masses
 from planner.systems.base import Array
+from planner.systems.manipulator import Manipulator
 
 GAMMA = 1 - 1 / np.sqrt(2)
 """Length of a stage of SDIRK2 as a part of the step."""
@@ -70,6 +72,11 @@ class March:
     pieces: Array
     gained: Array
     energy: Array
+
+    @property
+    def table(self) -> Array:
+        """All parameters in the order of `Masses`, (rows, S), for compiled code."""
+        return np.concatenate([getattr(self.data, f.name) for f in fields(Masses)])
 
     def step(self, mean: Array, swing: Array, h: float, lead: float) -> None:
         """Advance in place; the reference changes linearly.
@@ -166,3 +173,15 @@ class March:
             stiff=spring,
             half_gap=data.half_gap,
         )
+
+
+def begin(system: Manipulator, draws: Draws, q: Array) -> March:
+    """Machines at rest at coordinates q (N, S), joints where they start in their play."""
+    k = system.k_g * system.K[:, None] * (1 + draws["gear_ratio_error"])
+    k = np.array(np.broadcast_to(k, (len(k), draws.count)))
+    data, place = masses(draws, k), Place(len(k))
+    y = np.zeros((place.count, draws.count))
+    y[place.q] = q
+    y[place.gap][2:] = draws["initial_play"] * data.half_gap[2:]
+    pieces, gained = np.zeros((5 + 4 * len(k), draws.count)), np.zeros_like(k)
+    return March(data, place, system.k_g, y, pieces, gained, np.zeros((2, draws.count)))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.machine.command import Command, Orders
-from planner.machine.compiled import Compiled, library
+from planner.machine.compiled import MOST_PASSIVE, Compiled, library
 from planner.machine.draw import Draws, draw
 from planner.machine.fed import Fed
 from planner.machine.grid import merged
@@ -165,9 +165,9 @@ def _motion(plan: Plan, machine: Machine, draws: Draws, orders: Orders, times: A
     start, rows = _start(plan, draws), np.searchsorted(orders.t, times)
     desired = plan.q(orders.t)[:, 1:, None]
     desired[orders.t < times[0]] = np.nan  # no deviation is counted before the plan's start
-    still = machine.fidelity == "quasi-static"
-    if still and isinstance(system, Manipulator) and library() is not None:
-        return Compiled(system, draws, orders, desired, rows, start)
+    few = machine.fidelity == "quasi-static" or system.size - 2 <= MOST_PASSIVE
+    if isinstance(system, Manipulator) and few and library() is not None:
+        return Compiled(system, machine.fidelity, draws, orders, desired, rows, start)
     return Stepwise(plan, machine, draws, orders, desired, rows, start)
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import ctypes
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from planner.machine.implicit import Stage
 from planner.replay import replay
 from planner.systems.base import Array
 
-SOURCE = Path(compiled.__file__).with_name("dynamic.c")
+SOURCES = [str(Path(compiled.__file__).with_name(f"{n}.c")) for n in ("kernel", "dynamic")]
 
 
 @pytest.fixture(scope="module")
@@ -29,9 +29,11 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Any:
         pytest.skip("no C compiler")
     target = tmp_path_factory.mktemp("dynamic") / "dynamic.so"
     flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC"]
-    words = [compiler, *flags, "-ffp-contract=off", str(SOURCE), "-o", str(target), "-lm"]
+    words = [compiler, *flags, "-ffp-contract=off", *SOURCES, "-o", str(target), "-lm"]
     subprocess.run(words, check=True)
-    return ctypes.CDLL(str(target))
+    found = compiled.opened(target)
+    assert found is not None
+    return found
 
 
 def jumps(t: float) -> Array:
@@ -69,15 +71,37 @@ def test_code_that_counts_otherwise_is_not_used(
     assert not compiled_step.fits()
 
 
-def test_replays_use_it_and_go_on_without_it(library: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    u = inputs(([0.3], [0.5, 0.1]), breaks=[0.0, 0.5])
-    plan = plan_from(arm_problem([10, 20, 15], end=0.5), u, pieces=10)
-    machine = Machine.prototype(fidelity="dynamic", step_s=0.01)
-    ends = []
-    for which in (library, None):
-        monkeypatch.setattr(compiled, "library", lambda which=which: which)
-        ends.append(replay(plan, machine, samples=2, record_s=None).q)
-    assert ends[0] == pytest.approx(ends[1], abs=1e-9)
+WHOLE: dict[str, dict[str, Any]] = {
+    "as it is": {},
+    "second order, many delays": {
+        "servo_damping": 0.7,
+        "delay_s": {"value": 0.005, "spread": 0.002},
+    },
+    "little torque": {"torque_limit_nm": 0.2, "friction_capacity_nm": 0.1},
+    "continuous": {"control_period_s": False},
+}
+
+
+@pytest.mark.parametrize("name", WHOLE)
+@pytest.mark.parametrize("n", [2, 3])
+def test_whole_replays_are_the_same(
+    library: Any, monkeypatch: pytest.MonkeyPatch, name: str, n: int
+) -> None:
+    """In the compiled loop, with compiled steps in Python's, and in NumPy alone."""
+    u = inputs(([1.2], [0.5, 0.1]), ([-0.8], [0.3]), breaks=[0.0, 0.3, 0.6])
+    plan = plan_from(arm_problem(list(range(10, 10 + n)), end=0.6), u, pieces=10)
+    machine = Machine.prototype(fidelity="dynamic", step_s=0.005, **WHOLE[name])
+    loop, runs = sys.modules["planner.machine.simulate"], []
+    for whole, step in ((library, library), (None, library), (None, None)):
+        monkeypatch.setattr(loop, "library", lambda whole=whole: whole)
+        monkeypatch.setattr(compiled, "library", lambda step=step: step)
+        runs.append(replay(plan, machine, samples=3, seed=1, settle_s=0.1))
+    assert len(set(runs[0].q[:, -1, 2])) == 3
+    for other in runs[1:]:
+        for part in ("q", "motor_rates", "saturated_s", "deviation"):
+            assert getattr(runs[0], part) == pytest.approx(getattr(other, part), abs=1e-9)
+    if name == "little torque":
+        assert np.all(runs[0].saturated_s > 0.05)
 
 
 # -- the solver ----------------------------------------------------------------------------

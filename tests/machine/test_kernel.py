@@ -16,7 +16,7 @@ from planner.machine import Machine, compiled
 from planner.plan import Plan
 from planner.replay import Replay, replay
 
-SOURCE = Path(compiled.__file__).with_name("kernel.c")
+SOURCES = [str(Path(compiled.__file__).with_name(f"{n}.c")) for n in ("kernel", "dynamic")]
 JUMPS = inputs(
     ([1.2], [0.5, 0.1]), ([-0.8], [0.3]), ([1.0], [-0.4, 0.2]), breaks=[0.0, 0.5, 1.2, 2]
 )
@@ -51,7 +51,7 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Any:
         pytest.skip("no C compiler")
     target = tmp_path_factory.mktemp("kernel") / "kernel.so"
     flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC"]
-    words = [compiler, *flags, "-ffp-contract=off", str(SOURCE), "-o", str(target), "-lm"]
+    words = [compiler, *flags, "-ffp-contract=off", *SOURCES, "-o", str(target), "-lm"]
     subprocess.run(words, check=True)
     found = compiled.opened(target)
     assert found is not None

@@ -65,15 +65,14 @@ def _control(
         words = list(get_args(annotation))
         return Control(GROUP, label, "choice", key, whole, shown=whole, choices=words)
     number = whole if isinstance(whole, int | float) else _noted(plan, name)
-    if isinstance(whole, list) or (default is None and name not in RANGES):
+    plain = isinstance(default, int | float)
+    if isinstance(whole, list) or not (plain or name in RANGES):
         return None
-    off: dict[str, Any] = {}
-    if not isinstance(default, int | float):
-        off = {"on": whole != default, "off": default, "off_word": default or "auto"}
-    low, high = RANGES.get(name) or span(float(default))
+    off = {} if plain else {"on": whole != default, "off": default, "off_word": default or "auto"}
+    log = name not in RANGES and default > 0
+    low, high = RANGES.get(name) or (span(float(default)) if log else (0.0, 1.0))
     integer = isinstance(low, int)
     shown = low if number is None else number
-    log = name not in RANGES
     return Control(
         GROUP, label, "slider", key, whole, (), shown, low, high, log=log, integer=integer, **off
     )

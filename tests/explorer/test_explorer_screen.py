@@ -121,7 +121,8 @@ def test_the_machine_can_be_changed_effect_by_effect() -> None:
     assert stiffer is not None
     assert stiffer["lines"][0]["y"][-1] < 0.8 * error["lines"][0]["y"][-1]
     shown.change([("machine.backlash_deg:value", 4.0)])
-    assert shown.state.value("machine.backlash_deg") == {"value": 4.0, "spread": 0.8}
+    spread = planner.Machine.prototype().effects["backlash_deg"].spread[0]
+    assert shown.state.value("machine.backlash_deg") == {"value": 4.0, "spread": spread}
     shown.change([("samples", 0)])
     assert shown.errors() is None
 

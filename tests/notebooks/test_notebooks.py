@@ -25,6 +25,7 @@ def test_the_notebooks_promised_are_there() -> None:
         "quick-tour",
         "paper",
         "polynomial-against-optimal",
+        "tuning-sensitivity",
         "own-mechanism",
         "sweeps",
     } <= set(NAMES)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,10 @@ from planner.machine.loop import Feedback, measured
 from planner.machine.simulate import Progress
 from planner.plan import Plan
 from planner.systems.base import Array
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 SETTLE_S = 0.5
 """Default time after the plan's end with zero command, seconds."""
@@ -37,7 +41,8 @@ class Replay:
         t: Recorded times, shape (R,), s; the last one is `settle_s` after the plan's end.
         q: True coordinates, shape (S, R, N), in the coordinates' units.
         motor_rates: Speeds of both motors, shape (S, R, 2), rad/s.
-        saturated_s: How long each motor was asked for more than its limit of speed or torque, (S, 2), s.
+        saturated_s: How long each motor was asked for more than its limit of speed or torque,
+            shape (S, 2), s.
         terminal_error: True end minus plan's end, shape (S, N), in the coordinates' units.
         deviation: Largest |true − plan| over time of the coordinates after the first, (S, N−1).
         effort: ∫ u₁² + u₂² dt of what a controller commanded, (S,); None in open loop.
@@ -110,6 +115,20 @@ class Replay:
     def worst(self) -> int:
         """Number of the sample with the largest E; `replay(…, samples=[worst])` gives it again."""
         return int(self.numbers[np.argmax(self.index_E_deg)])
+
+    # Views are made of replays; these only make them easy to reach, and import them when asked.
+
+    def to_frame(self) -> pandas.DataFrame:
+        """One row a machine, errors and settings; see `planner.export.views.replay_frame`."""
+        from planner.export.views import replay_frame
+
+        return replay_frame(self)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Motions by sample, time and name; see `planner.export.views.replay_dataset`."""
+        from planner.export.views import replay_dataset
+
+        return replay_dataset(self)
 
     def summary(self) -> dict[str, Any]:
         """The figures of a comparison table, JSON-ready, in degrees and seconds.

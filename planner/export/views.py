@@ -1,12 +1,17 @@
-"""A plan as a pandas frame or an xarray dataset."""
+"""Plans and replays as pandas frames and xarray datasets."""
 
 from __future__ import annotations
 
+import importlib
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from planner.errors import InputError
 from planner.export.samples import RATE_HZ, sample
 from planner.plan import Plan
+from planner.replay import Replay
+from planner.systems.base import Array
 
 if TYPE_CHECKING:
     import pandas
@@ -19,12 +24,10 @@ def to_frame(plan: Plan, rate_hz: float = RATE_HZ) -> pandas.DataFrame:
     Raises:
         InputError: If pandas is not installed or the rate is wrong.
     """
-    try:
-        import pandas
-    except ImportError:
-        raise InputError(_LACKING.format("pandas")) from None
     samples = sample(plan, rate_hz)
-    frame = pandas.DataFrame(samples.table, columns=list(samples.columns)).set_index("t_s")
+    frame = (
+        _imported("pandas").DataFrame(samples.table, columns=list(samples.columns)).set_index("t_s")
+    )
     frame.attrs = _facts(plan)
     return frame
 
@@ -38,13 +41,9 @@ def to_xarray(plan: Plan, rate_hz: float = RATE_HZ) -> xarray.Dataset:
     Raises:
         InputError: If xarray is not installed or the rate is wrong.
     """
-    try:
-        import xarray
-    except ImportError:
-        raise InputError(_LACKING.format("xarray")) from None
     samples, system = sample(plan, rate_hz), plan.problem.system
     chained = [f"z{i + 1}" for i in range(system.size)]
-    return xarray.Dataset(
+    dataset: xarray.Dataset = _imported("xarray").Dataset(
         {
             "q": (("time", "coordinate"), samples.q),
             "u": (("time", "input"), samples.u),
@@ -62,9 +61,66 @@ def to_xarray(plan: Plan, rate_hz: float = RATE_HZ) -> xarray.Dataset:
         },
         attrs=_facts(plan),
     )
+    return dataset
 
 
-_LACKING = "this view needs {}; install it with: pip install 'planner[tables]'"
+def replay_frame(replay: Replay) -> pandas.DataFrame:
+    """One row a machine: its errors, and every setting of it that differs from machine to machine.
+
+    Index: number of the sample. Columns: E_deg (eq. 29), terminal_E_deg, terminal_NAME_deg for each
+    angle, then settings by name, with _1, _2 ... where there is one a motor or joint.
+
+    Raises:
+        InputError: If pandas is not installed.
+    """
+    columns: dict[str, Array] = {}
+    if replay.angles:
+        columns |= {"E_deg": replay.index_E_deg, "terminal_E_deg": replay.terminal_E_deg}
+    coordinates = replay.plan.problem.system.coordinates
+    for i, error in zip(replay.angles, replay.terminal_error_deg.T, strict=True):
+        columns[f"terminal_{coordinates[i].name}_deg"] = error
+    for name, values in replay.draws.values.items():
+        for k, row in enumerate(values, start=1):
+            if np.ptp(row) > 0:
+                columns[name if len(values) == 1 else f"{name}_{k}"] = row
+    pandas = _imported("pandas")
+    frame = pandas.DataFrame(columns, index=pandas.Index(replay.numbers, name="sample"))
+    frame.attrs = {**_facts(replay.plan), "seed": replay.seed}
+    return frame
+
+
+def replay_dataset(replay: Replay) -> xarray.Dataset:
+    """True motions and motor speeds of every machine: q and motor_rates over sample and time.
+
+    Raises:
+        InputError: If xarray is not installed.
+    """
+    system = replay.plan.problem.system
+    dataset: xarray.Dataset = _imported("xarray").Dataset(
+        {
+            "q": (("sample", "time", "coordinate"), replay.q),
+            "motor_rates": (("sample", "time", "input"), replay.motor_rates),
+            "terminal_error": (("sample", "coordinate"), replay.terminal_error),
+        },
+        coords={
+            "sample": replay.numbers,
+            "time": ("time", replay.t, {"units": "s"}),
+            "coordinate": [c.name for c in system.coordinates],
+            "input": [c.name for c in system.inputs],
+            "unit_of_q": ("coordinate", [c.unit for c in system.coordinates]),
+        },
+        attrs={**_facts(replay.plan), "seed": replay.seed},
+    )
+    return dataset
+
+
+def _imported(name: str) -> Any:
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise InputError(
+            f"this view needs {name}; install it with: pip install 'planner[tables]'"
+        ) from None
 
 
 def _facts(plan: Plan) -> dict[str, Any]:

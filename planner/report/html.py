@@ -130,7 +130,7 @@ def _differences(pairs: Sequence[Mapping[str, Any]]) -> str:
             f"{low}° to {high}°",
             f"{100 * pair['first_better']:.0f} %",
             "< 0.001" if p < 1e-3 else f"{p:.2g}",
-            "they differ" if pair["significant"] else "may be chance",
+            "differ" if pair["significant"] else "not shown to differ",
         )
         tds = "".join(
             f'<td data-head="{head}">{html.escape(cell).replace("-", "−")}</td>'

@@ -46,6 +46,7 @@ OURS, HAND, SCIPY = "compiled, 1 thread", "C by hand", "solve_ivp"
 CORES = len(os.sched_getaffinity(0))
 K_G, K2, K3 = 0.668811, 0.870125, 0.711625
 MACHINE = planner.Machine.prototype()
+BANDWIDTH = MACHINE.effects["servo_bandwidth_rad_s"].value[0]
 
 
 def plan_of() -> planner.Plan:
@@ -84,7 +85,7 @@ class ByHand:
         gap = np.abs(self.q[:, 0, 1:] * 0)
         self.call(
             count, len(self._running), rows,
-            *(ctypes.c_double(x) for x in (self._h, 60.0, 3.0, 30.0, K_G)),
+            *(ctypes.c_double(x) for x in (self._h, BANDWIDTH, 3.0, 30.0, K_G)),
             *(a.ctypes.data_as(ctypes.c_void_p) for a in (
                 self._parameters, self._commands, self._running, self._desired, self._row,
                 self._start, self.q, self.speed, gap)),
@@ -148,7 +149,7 @@ def by_scipy(hand: ByHand, sample: int) -> Array:
 
 def _rates(x: list[float], p: list[float], r1: float, r2: float) -> list[float]:
     w1, w2, m, disk, a1, t1, a2, t2, a3, t3, _ = x
-    accelerations = [min(max(60.0 * (r - w), -30.0), 30.0) for r, w in ((r1, w1), (r2, w2))]
+    accelerations = [min(max(BANDWIDTH * (r - w), -30.0), 30.0) for r, w in ((r1, w1), (r2, w2))]
     c1, c2, sign = cos(t1), cos(t2), copysign(1.0, w1) if w1 else 0.0
     u = _passed_on(m - disk, p[9], w1)
     free2, free3 = _beyond(a2 - t2, p[12]), _beyond(a3 - t3, p[13])

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.budget.sobol import Index, between_machines, check, on_or_off
+from planner.budget.sobol import Index, between_machines, check, on_or_off, per_sample, switched
 from planner.errors import InputError
 from planner.jsonable import jsonable
 from planner.machine import Draws, Machine
@@ -21,6 +21,7 @@ from planner.machine.draw import draw
 from planner.machine.simulate import simulate_draws
 from planner.plan import Plan
 from planner.replay import SETTLE_S, refuse_inexecutable, sample_numbers
+from planner.schema.machine import EFFECTS
 from planner.significance import percentile_interval
 from planner.systems.base import Array
 
@@ -35,6 +36,9 @@ Interval = tuple[float, float]
 
 SCREENED = 16
 """Machines on which an effect must change something to be looked at further."""
+
+IDLE_DEG = 1e-6
+"""What counts as something, degrees."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +78,8 @@ class Budget:
         E_interval_deg: Its 95 % interval.
         none_deg: E with no effect at all, degrees.
         costs: Of the effects that matter, those that save most first.
-        idle: Effects that are on and changed nothing on the first machines.
+        idle: Effects that are on, can act in the machine's fidelity, and changed nothing on the
+            first machines.
     """
 
     plan: Plan
@@ -169,14 +174,14 @@ class _Run:
 
     def budget(self) -> Budget:
         """All of it."""
-        whole = self._errors(self._machine)
-        none = self._errors(self._machine.only())
-        active, idle = self._screened(whole, none)
-        alone, without = {}, {}
-        for k, name in enumerate(active):
-            self._tell(f"{name} alone and off", 0.1 + 0.3 * k / len(active))
-            alone[name] = self._errors(self._machine.only(name))
-            without[name] = self._errors(self._machine.without(name))
+        names = frozenset(self._machine.effects)
+        active, idle = self._screened(names)
+        self._tell("effects alone and off", 0.1)
+        changes = [names, frozenset[str](), *(names - {k} for k in active)]
+        changes += [frozenset({k}) for k in active]
+        none, whole, *rest = self._variants(changes, self._samples)
+        alone = dict(zip(active, rest[: len(active)], strict=True))
+        without = dict(zip(active, rest[len(active) :], strict=True))
         between, switch = self._indices(active)
         costs = [
             _cost(name, alone[name], whole - without[name], between.get(name), switch[name])
@@ -196,17 +201,47 @@ class _Run:
             idle=tuple(idle),
         )
 
-    def _screened(self, whole: Array, none: Array) -> tuple[list[str], list[str]]:
+    def _screened(self, names: frozenset[str]) -> tuple[list[str], list[str]]:
         """Effects that change something on the first few machines, and those that do not."""
         self._tell("looking for effects without influence", 0.0)
-        few, names = min(self._samples, SCREENED), list(self._machine.effects)
+        static = self._machine.fidelity == "quasi-static"
+        every = [k for k, e in EFFECTS.items() if k in names and not (static and e.dynamic)]
+        changes = [names, frozenset[str](), *(names - {k} for k in every)]
+        changes += [frozenset({k}) for k in every]
+        none, whole, *rest = self._variants(changes, min(self._samples, SCREENED))
+        alone, without = rest[: len(every)], rest[len(every) :]
         idle = [
             name
-            for name in names
-            if np.array_equal(self._errors(self._machine.without(name), few), whole[:few])
-            and np.array_equal(self._errors(self._machine.only(name), few), none[:few])
+            for name, a, w in zip(every, alone, without, strict=True)
+            if max(np.max(np.abs(a - none)), np.max(np.abs(w - whole))) < IDLE_DEG
         ]
-        return [name for name in names if name not in idle], idle
+        return [name for name in every if name not in idle], idle
+
+    def _variants(self, changes: Sequence[frozenset[str]], count: int) -> list[Array]:
+        """E of the first samples, (S,), with each of these sets of effects off.
+
+        Those that may share a simulation do; machines that are all alike are simulated once.
+        """
+        effects = self._machine.effects
+        sizes = [
+            count if any(q.varies for name, q in effects.items() if name not in off) else 1
+            for off in changes
+        ]
+        groups: dict[frozenset[str], list[int]] = {}
+        for k, off in enumerate(changes):
+            shared = frozenset(name for name in off if not per_sample(name))
+            groups.setdefault(shared, []).append(k)
+        out: list[Array] = [np.empty(0)] * len(changes)
+        for shared, members in groups.items():
+            there = self._machine.without(*sorted(shared))
+            numbers = np.concatenate([np.arange(sizes[k]) for k in members])
+            draws = draw(there, self._joints, numbers, self._seed)
+            where = np.repeat(members, [sizes[k] for k in members])
+            flags = {name: np.array([name in changes[k] for k in where]) for name in effects}
+            errors = self._given(there, switched(draws, flags))
+            for k in members:
+                out[k] = np.broadcast_to(errors[where == k], count)
+        return out
 
     def _indices(self, active: Sequence[str]) -> tuple[dict[str, Index], dict[str, Index]]:
         rest = (self._joints, self._given, self._base, self._seed)
@@ -216,14 +251,6 @@ class _Run:
         switch = on_or_off(self._machine, active, *rest)
         self._tell("done", 1.0)
         return between, switch
-
-    def _errors(self, machine: Machine, count: int | None = None) -> Array:
-        """E of the first samples, (S,); machines that are all alike are simulated once."""
-        count = self._samples if count is None else count
-        vary = any(quantity.varies for quantity in machine.effects.values())
-        numbers = np.arange(count if vary else 1)
-        E = self._given(machine, draw(machine, self._joints, numbers, self._seed))
-        return np.asarray(np.broadcast_to(E, count))
 
     def _given(self, machine: Machine, draws: Draws) -> Array:
         run = simulate_draws(self._plan, machine, draws, settle_s=SETTLE_S, record_s=None)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.machine import Draws, Machine
-from planner.machine.draw import at_quantiles
+from planner.machine.draw import at_quantiles, draw
 from planner.schema.machine import EFFECTS
 from planner.systems.base import Array
 
@@ -29,6 +29,10 @@ CONFIDENCE = 0.95
 
 LARGE = 1e6
 """What stands for infinity (a rigid shaft, no limit): so many times the effect's value, or one."""
+
+TOGETHER = ("delay_s", "servo_bandwidth_rad_s", "acceleration_limit_rad_s2")
+"""Off for all samples of a simulation or for none: with one delay for all, the grid of time holds
+every jump of the command, and without lag and ramp the command is integrated to higher order."""
 
 INSIDE = 1e-9
 """Quantiles are kept so far from 0 and 1."""
@@ -95,8 +99,8 @@ def on_or_off(
         out = np.empty(len(next(iter(off.values()))))
         for shared, rows in _patterns(off):
             there = nominal.without(*shared)
-            draws = _switched(there, joints, {k: flags[rows] for k, flags in off.items()})
-            out[rows] = errors(there, draws)
+            draws = draw(there, joints, np.arange(len(rows)), seed)
+            out[rows] = errors(there, switched(draws, {k: f[rows] for k, f in off.items()}))
         return out
 
     return indices(dict.fromkeys(names, 1), evaluate, base, seed)
@@ -156,35 +160,38 @@ def indices(
 
 def _patterns(off: Mapping[str, Array]) -> list[tuple[list[str], NDArray[np.int64]]]:
     """Samples by what they must share: effects off for all of a simulation, and their places."""
-    shared = [name for name in off if not _per_sample(name)]
-    flags = np.stack([off[name] for name in shared]) if shared else np.zeros((0, 1), dtype=bool)
-    if not shared:
-        return [([], np.arange(len(next(iter(off.values())))))]
+    shared = [name for name in off if not per_sample(name)]
+    count = len(next(iter(off.values())))
+    flags = np.stack([off[name] for name in shared]) if shared else np.zeros((1, count), dtype=bool)
     kinds, which = np.unique(flags, axis=1, return_inverse=True)
     which = which.ravel()
     return [
-        ([n for n, is_off in zip(shared, kind, strict=True) if is_off], np.flatnonzero(which == k))
+        ([n for n, is_off in zip(shared, kind, strict=False) if is_off], np.flatnonzero(which == k))
         for k, kind in enumerate(kinds.T)
     ]
 
 
-def _per_sample(name: str) -> bool:
+def per_sample(name: str) -> bool:
     """Whether samples of one simulation may have an effect on or off each for itself."""
-    return EFFECTS[name].spreads and not np.isnan(EFFECTS[name].off)
+    effect = EFFECTS[name]
+    return effect.spreads and not np.isnan(effect.off) and name not in TOGETHER
 
 
-def _switched(machine: Machine, joints: int, off: Mapping[str, Array]) -> Draws:
-    """Single machines with effects at their mean, or at the value that stands for off, (S,)."""
-    count = len(next(iter(off.values())))
+def switched(draws: Draws, off: Mapping[str, Array]) -> Draws:
+    """Single machines with effects off that samples may have each for itself.
+
+    Args:
+        draws: The machines with all their effects, S of them.
+        off: Where each effect is off, (S,); the value that stands for off takes the place of its
+            own. What samples must share is left as it is.
+    """
     values = {}
-    for name, quantity in machine.effects.items():
+    for name, own in draws.values.items():
         effect = EFFECTS[name]
-        mean = np.broadcast_to(np.array(quantity.value), effect.count(joints))[:, None]
-        neutral = LARGE * np.maximum(mean, 1.0) if np.isinf(effect.off) else effect.off
-        none = np.zeros(count, dtype=bool)
-        flags = off.get(name, none) if _per_sample(name) else none
-        values[name] = np.where(flags, neutral, mean)
-    return Draws(np.arange(count), values)
+        neutral = LARGE * np.maximum(own, 1.0) if np.isinf(effect.off) else effect.off
+        flags = off.get(name) if per_sample(name) else None
+        values[name] = own if flags is None else np.where(flags, neutral, own)
+    return Draws(draws.numbers, values)
 
 
 def _salib() -> tuple[Any, Any]:

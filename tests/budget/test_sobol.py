@@ -13,6 +13,7 @@ from planner.budget import sobol
 from planner.budget.sobol import Index, indices
 from planner.errors import InputError
 from planner.machine import Draws, Machine
+from planner.machine.draw import draw
 from planner.schema.machine import EFFECTS
 from planner.systems.base import Array
 
@@ -94,11 +95,13 @@ def test_every_effect_has_a_value_that_stands_for_off() -> None:
     machine = Machine.prototype()
     names = list(machine.effects)
     flags = {name: np.array([True, False]) for name in names}
-    draws = sobol._switched(machine.nominal(), 3, flags)
+    before = draw(machine.nominal(), 3, np.arange(2), 0)
+    draws = sobol.switched(before, flags)
     for name in names:
         off, on = draws[name][:, 0], draws[name][:, 1]
         assert np.all(np.isfinite(draws[name]))
-        if not EFFECTS[name].spreads:
+        assert np.array_equal(on, before[name][:, 1])
+        if not sobol.per_sample(name):
             assert np.array_equal(on, off)
         elif np.isinf(EFFECTS[name].off):
             assert np.all(off >= 1e6)

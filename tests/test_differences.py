@@ -36,7 +36,8 @@ def test_smooth_parameters_agree_with_the_exact_derivatives(
 
 
 def test_prototype_matches_replays_of_two_machines(plan: planner.Plan) -> None:
-    machine = planner.Machine.prototype()
+    backlash = {"value": 4.0, "spread": 0.8}
+    machine = planner.Machine.prototype(backlash_deg=backlash)
     found = machine_sensitivity(plan, machine)
     entry = next(e for e in found.entries if e.name == "backlash_deg theta3")
     assert (entry.low, entry.high, entry.spread) == (pytest.approx(3.2), pytest.approx(4.8), 0.8)

@@ -83,12 +83,12 @@ class Programme:
         self.horizon = min(horizon, len(ref.feed))
         rated = bool(np.any(np.isfinite(ref.rate)))
         self._kinds = [2, 2 if rated else 0, ref.rows.shape[1]]
-        self._steps: dict[int, Step] = {}
         lower = np.kron(np.tril(np.ones((self.horizon, self.horizon))), np.ones((1, 2))) > 0
         mask = np.concatenate([np.repeat(lower, kind, axis=0) for kind in self._kinds])
         self._driven = self.horizon * (self._kinds[0] + self._kinds[1])
         self._inner = Solver(mask[: self._driven], iterations)
         self._whole = Solver(mask, iterations)
+        self._steps = [self._assembled(k) for k in range(len(ref.feed))]
 
     @property
     def solved(self) -> int:
@@ -108,7 +108,7 @@ class Programme:
             state: ξ, (n, S).
             last: What was decided one period ago.
         """
-        step, size = self.step(k), 2 * self.horizon
+        step, size = self._steps[k], 2 * self.horizon
         values = step.M @ state
         low, high = step.low[:, None], step.high[:, None]
         bound = np.any((values < low - ROUNDING) | (values > high + ROUNDING), axis=0)
@@ -124,12 +124,6 @@ class Programme:
                 v[:, i] += step.T[:size] @ found
         v = np.clip(v, low[:size], high[:size])
         return Answer(v.reshape(self.horizon, 2, -1), c, fell)
-
-    def step(self, k: int) -> Step:
-        """The programme of instant k."""
-        if k not in self._steps:
-            self._steps[k] = self._assembled(k)
-        return self._steps[k]
 
     def _assembled(self, k: int) -> Step:
         """Roll the regulator out from instant k; after the course's end nothing moves."""

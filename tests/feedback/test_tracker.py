@@ -88,7 +88,7 @@ def test_commands_keep_the_limits_of_speed_and_its_change(
     u = np.concatenate(tracker.commands)
     assert np.max(np.abs(u)) <= 0.25 + 1e-9
     assert np.max(np.abs(u[:, 0])) > 0.249  # the drive's limit is used to take up the play
-    rise = np.abs(np.diff(u, axis=0)) / 0.01
+    rise = np.abs(np.diff(u[:1000], axis=0)) / 0.01  # while the plan runs, 10 s
     assert 1.9 < np.max(rise) <= 2.0 + 1e-9
     assert np.median(closed.terminal_E_deg) < 1.0
 

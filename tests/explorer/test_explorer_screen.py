@@ -21,6 +21,8 @@ ROOT = Path(__file__).parents[2]
 
 
 def screen(name: str, method: str = "polynomial", samples: int = 2, **changes: Any) -> Screen:
+    if name == "paper":  # a fixed travel is planned at once
+        changes = {"goal.travel": 0.82, **changes}
     problem = planner.load_problem(ROOT / "problems" / f"{name}.toml", changes)
     return Screen(State.of(problem, method, samples))
 
@@ -43,7 +45,7 @@ def test_a_slider_moves_the_plan_and_the_picture() -> None:
 
 
 def test_a_free_slider_shows_what_the_method_chose() -> None:
-    shown = screen("paper")
+    shown = screen("paper", **{"goal.travel": "free"})
     control = shown.controls["goal.travel"]
     assert not control.on
     assert shown.outcome.plan is not None
@@ -81,8 +83,7 @@ def test_an_impossible_setting_is_said_and_can_be_taken_back() -> None:
     assert "theta1 = 30 deg lies outside its limit of 10 deg" in shown.words()["text"]
     assert shown.picture()["panels"] == []
     shown.change([("limits.joint_deg", 80.0)])
-    shown.judge()
-    assert shown.words()["kind"] != "bad input"
+    assert shown.words()["kind"] == "not judged yet"
 
 
 def test_the_verdict_waits_for_the_judge() -> None:
@@ -131,7 +132,7 @@ def test_the_machine_can_be_changed_effect_by_effect() -> None:
 def test_code_and_problem_file_give_the_plan_on_the_screen(name: str, tmp_path: Path) -> None:
     shown = screen(name, samples=0)
     travel = shown.controls[shown.outcome.problem.travel_key]  # type: ignore[union-attr]
-    end = 0.82 if name == "paper" else travel.shown * 1.01
+    end = 0.825 if name == "paper" else travel.shown * 1.01
     shown.change([(travel.name, end), ("goal.duration", 30.0)])
     assert shown.outcome.plan is not None
     times = np.linspace(0, 30, 50)
@@ -153,7 +154,7 @@ def test_code_and_problem_file_give_the_plan_on_the_screen(name: str, tmp_path: 
 
 def test_a_problem_without_a_file_is_written_out_in_the_code() -> None:
     problem = planner.load_problem(ROOT / "problems" / "paper.toml")
-    problem = planner.Problem.from_dict(problem.to_dict(), "no file")
+    problem = planner.Problem.from_dict(problem.with_travel(0.82).to_dict(), "no file")
     state = State.of(problem, "polynomial", 0).with_value("limits.joint_deg", None)
     names: dict[str, Any] = {}
     exec(Screen(state).texts()["code"].split("plan =")[0], names)
@@ -178,7 +179,7 @@ def test_every_option_control_writes_what_the_method_takes(method: str) -> None:
 
 def test_reset_goes_back_to_the_problem() -> None:
     shown = screen("paper")
-    shown.change([("goal.travel", 0.82)])
+    shown.change([("goal.travel", 0.81)])
     shown.reset()
     assert "goal.travel" not in shown.state.told()
 

@@ -34,6 +34,13 @@ def rest(paper: planner.Problem) -> planner.Plan:
     return planner.solve(paper, "collocation", rest=True)
 
 
+@pytest.fixture(scope="module")
+def retimed() -> planner.Plan:
+    plan = planner.solve(planner.load_problem(ROOT / "problems/unicycle.toml"), "polynomial")
+    limits = {"acceleration_m_s2": 2.0, "turn_acceleration_rad_s2": 2.0}
+    return planner.retime(plan, limits, rest=True, intervals=30)
+
+
 def test_samples_are_even_and_end_on_the_end(law: planner.Plan) -> None:
     samples = sample(law, 7.3)
     assert len(samples.t) == 74
@@ -82,14 +89,6 @@ def test_json_is_the_plan_itself(law: planner.Plan, tmp_path: Path) -> None:
     np.testing.assert_array_equal(back.u(3.21), law.u(3.21))
 
 
-def kinds(law: planner.Plan, rest: planner.Plan) -> dict[str, planner.Plan]:
-    return {
-        "chained": law,
-        "state": rest,
-        "retimed": planner.retime(rest, {"input_rad_s": 0.4}),
-    }
-
-
 def cut(value: Any) -> Any:
     """The same form with short lists: the schema says nothing about how long they are."""
     if isinstance(value, dict):
@@ -98,12 +97,12 @@ def cut(value: Any) -> Any:
 
 
 def test_schema_of_plans_accepts_every_kind_and_no_slip(
-    law: planner.Plan, rest: planner.Plan, tmp_path: Path
+    law: planner.Plan, rest: planner.Plan, retimed: planner.Plan, tmp_path: Path
 ) -> None:
     schema = plan_schema(json_schema())
     jsonschema.Draft202012Validator.check_schema(schema)
     validator = jsonschema.Draft202012Validator(schema)
-    for plan in kinds(law, rest).values():
+    for plan in (law, rest, retimed):
         text = plan.save(tmp_path / "x.json").read_text()
         assert "NaN" not in text
         data = json.loads(text) | {"trajectory": cut(json.loads(text)["trajectory"])}
@@ -156,6 +155,13 @@ def test_ros_trajectory_reads_as_yaml_and_follows_the_rules(
     assert message == joint_trajectory(rest, 33, ["disk", "joint1"])
     end = message["points"][-1]["time_from_start"]
     assert end["sec"] + 1e-9 * end["nanosec"] == pytest.approx(rest.duration, abs=1e-9)
+
+
+def test_another_timing_brings_a_law_to_rest(retimed: planner.Plan) -> None:
+    message = joint_trajectory(retimed, 50)
+    follows_the_rules(message)
+    assert message["joint_names"] == ["speed", "turn_rate"]
+    assert message["points"][-1]["positions"][0] > np.hypot(2.0, 1.0)
 
 
 def test_ros_positions_velocities_and_accelerations_belong_together(rest: planner.Plan) -> None:

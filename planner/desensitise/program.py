@@ -7,6 +7,7 @@ for a system, a mesh size and a choice of constraints.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from planner.chained import chained_form
 from planner.desensitise.augmented import Augmented
 from planner.ocp.form import Form
+from planner.ocp.obstacles import clearances
 
 ROUND = 1e-6
 """Rounds off the square root of a variance that is zero, in its unit (deg, or that of z₂)."""
@@ -32,10 +34,12 @@ class Shape:
     Attributes:
         form: Mesh size, scheme, input, and whether input rates and z₂ have limits.
         joints: Coordinates whose limits are kept with a back-off; empty without back-off.
+        obstacles: Number of discs that the links clear.
     """
 
     form: Form
     joints: tuple[int, ...] = ()
+    obstacles: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +59,8 @@ class Program:
         points: At the collocation points, shape (K, d, M).
         inputs: Of the inputs, shape (K or K+1, 2).
         size: Number of unknowns.
-        kinds: For each row its kind: "motion", "rate u1", …, "z2", "joint+ i", "joint- i",
-            "effort"; shape (rows,).
+        kinds: For each row its kind: "motion", "rate i", "z2", "joint+ i", "joint- i",
+            "obstacle disc.link", "effort"; shape (rows,).
     """
 
     made: Augmented
@@ -80,6 +84,10 @@ class _Numbers:
     sigma: Any
     gamma: Any
     sign: Any
+    discs: Any
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter((self.q0, self.sigma, self.gamma, self.sign, self.discs))
 
 
 @lru_cache(maxsize=32)
@@ -91,18 +99,19 @@ def program(made: Augmented, shape: Shape) -> Program:
     X = ca.MX.sym("X", M, K * d)
     q0, sigma, weights = ca.MX.sym("q0", N), ca.MX.sym("sigma", P), ca.MX.sym("weights", 5)
     gamma, sign, edges = ca.MX.sym("gamma"), ca.MX.sym("sign"), ca.MX.sym("edges", K + 1)
+    discs = ca.MX.sym("discs", 3 * shape.obstacles)
     stage, kinds = _stage(made, shape)
     left = ca.horzcat(x0, X[:, d - 1 : K * d - 1 : d]) if K > 1 else x0
     right = U[:, 1:] if form.input == "linear" else U
     own = [left, ca.reshape(X, M * d, K), U[:, :K], right, edges[:-1].T, edges[1:].T]
-    shared = [ca.repmat(s, 1, K) for s in (T, q0, sigma, gamma, sign)]
+    shared = [ca.repmat(s, 1, K) for s in (T, q0, sigma, gamma, sign, discs)]
     rows, effort, path = stage.map(K)(*own, *shared)
     used, spread = ca.sum2(effort), ca.sum2(path)
     W = made.response(X[:, -1], T, sigma, q0)
     passive, terminal = ca.sumsqr(W[2:, _passive(made)]), ca.sumsqr(W[1:, :])
     cost = ca.dot(weights, ca.vertcat(passive, terminal, spread, used, T))
     x = ca.vertcat(T, x0, ca.vec(X), ca.vec(U))
-    p = ca.vertcat(q0, sigma, weights, gamma, sign, edges)
+    p = ca.vertcat(q0, sigma, weights, gamma, sign, discs, edges)
     g = ca.vertcat(ca.vec(rows), used)
     at = 1 + M + np.arange(M * K * d).reshape(K, d, M)
     states = np.concatenate([1 + np.arange(M)[None], at[:, -1]])
@@ -167,7 +176,13 @@ def _stage(made: Augmented, shape: Shape) -> tuple[Any, list[str]]:
     left, P = ca.SX.sym("left", M), ca.SX.sym("P", M, d)
     u = [ca.SX.sym("u", 2), ca.SX.sym("v", 2)]
     begin, end, T = ca.SX.sym("begin"), ca.SX.sym("end"), ca.SX.sym("T")
-    n = _Numbers(ca.SX.sym("q0", N), ca.SX.sym("sigma", len(made.names)), *_pair())
+    n = _Numbers(
+        ca.SX.sym("q0", N),
+        ca.SX.sym("sigma", len(made.names)),
+        ca.SX.sym("gamma"),
+        ca.SX.sym("sign"),
+        ca.SX.sym("discs", 3 * shape.obstacles),
+    )
     width, linear = end - begin, form.input == "linear"
     values, rows, path = ca.horzcat(left, P), [], 0
     kinds: list[str] = []
@@ -186,13 +201,9 @@ def _stage(made: Augmented, shape: Shape) -> tuple[Any, list[str]]:
         rows.append((u[1] - u[0]) / (T * width))
         kinds += [f"rate {i}" for i in range(2)]
     square = (ca.sumsqr(u[0]) + ca.dot(*u) + ca.sumsqr(u[1])) / 3 if linear else ca.sumsqr(u[0])
-    arguments = [left, ca.vec(P), *u, begin, end, T, n.q0, n.sigma, n.gamma, n.sign]
+    arguments = [left, ca.vec(P), *u, begin, end, T, *n]
     out = [ca.vertcat(*rows), T * width * square, path]
     return ca.Function("stage", arguments, out), kinds
-
-
-def _pair() -> tuple[Any, Any]:
-    return ca.SX.sym("gamma"), ca.SX.sym("sign")
 
 
 def _limits(made: Augmented, shape: Shape, x: Any, W: Any, n: _Numbers) -> list[tuple[str, Any]]:
@@ -208,4 +219,7 @@ def _limits(made: Augmented, shape: Shape, x: Any, W: Any, n: _Numbers) -> list[
     for i in shape.joints:
         room = n.gamma * (np.pi / 180) * ca.sqrt(ca.sumsqr(W[i, :]) + ROUND**2)
         out += [(f"joint+ {i}", x[i] + room), (f"joint- {i}", x[i] - room)]
+    for k in range(shape.obstacles):
+        clear = clearances(made.system, x, n.discs[3 * k : 3 * k + 3])
+        out += [(f"obstacle {k}.{link}", room) for link, room in enumerate(clear, 1)]
     return out

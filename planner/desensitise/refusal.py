@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from planner.desensitise.bounds import row_bounds
 from planner.desensitise.task import ACCEPTED_RESIDUAL, Solution, Task
 from planner.errors import Violation
 
 
 def broken(task: Task, solution: Solution) -> list[Violation]:
     """Rows out of their bounds, the worst of each kind, worst first by relative excess."""
-    low, high = task.row_bounds
+    low, high = row_bounds(task)
     values = np.asarray(task.program.rows(solution.vector, task.parameters)).ravel()
     over = np.nan_to_num(np.maximum(low - values, values - high), nan=np.inf)
     kinds = task.program.kinds
@@ -38,6 +39,9 @@ def _words(task: Task, kind: str) -> tuple[str, str]:
     if word.startswith("joint"):
         coordinate = system.coordinates[int(index)]
         return f"joint {coordinate.name}{backed}", coordinate.unit
+    if word == "obstacle":
+        disc, link = (int(k) for k in index.split("."))
+        return task.problem.obstacles[disc].label(link), "m"
     if word == "rate":
         return f"rate of input {system.inputs[int(index)].name}", ""
     return {"motion": "motion", "z2": f"z2 margin{backed}", "effort": "effort"}[word], ""

@@ -77,7 +77,10 @@ def _drawn_in(task: Task, solution: Solution) -> DrawnIn | None:
     """Limits drawn in further by what is broken between the nodes; None where nothing is."""
     limits, size = task.problem.limits, task.problem.system.size
     joint, z2 = np.array(task.drawn.joint or np.zeros(size)), task.drawn.z2
-    before, states = (joint.copy(), z2), np.concatenate(_states(task, solution))
+    before, states = (
+        (joint.copy(), z2, task.drawn.obstacle),
+        np.concatenate(_states(task, solution)),
+    )
     for i in task.problem.system.limited:
         over = float(np.max(peaks(np.abs(states[:, :, i])))) - limits.joint[i]
         if over > SLACK * limits.joint[i]:
@@ -87,8 +90,14 @@ def _drawn_in(task: Task, solution: Solution) -> DrawnIn | None:
         over, scale = limits.z2_margin + float(np.max(peaks(-z))), max(limits.z2_margin, 1e-3)
         if over > SLACK * scale:
             z2 += 1.1 * over + SLACK * scale
-    same = np.array_equal(joint, before[0]) and z2 == before[1]
-    return None if same else DrawnIn(tuple(joint.tolist()), z2)
+    obstacle = task.drawn.obstacle
+    for disc in task.problem.obstacles:
+        clear = disc.clearances(task.problem.system.arm_points(states[..., 1:]))  # type: ignore[attr-defined]
+        over = float(np.max([np.max(peaks(-clear[..., i])) for i in range(clear.shape[-1])]))
+        if over > SLACK * disc.radius:
+            obstacle += 1.1 * over + SLACK * disc.radius
+    same = np.array_equal(joint, before[0]) and (z2, obstacle) == before[1:]
+    return None if same else DrawnIn(tuple(joint.tolist()), z2, obstacle)
 
 
 def _halved(mesh: Mesh) -> Mesh:

@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from planner.desensitise.bounds import row_bounds, unknown_bounds
 from planner.desensitise.program import Program, program
 from planner.interrupts import heed_interrupts
 from planner.ocp.curve import curve
@@ -19,7 +20,6 @@ from planner.problem import Problem
 from planner.systems.base import Array
 from planner.trajectory import StateTrajectory
 
-SHORTEST_S = 1e-3
 ACCEPTED_RESIDUAL = 1e-7
 """Largest excess of a row over its bounds that counts as solved."""
 
@@ -28,9 +28,6 @@ BARRIER = 0.01
 
 NEAR = 1e-4
 """Barrier and distance to the bounds to begin with when the start is near the answer."""
-
-MOST_DRAWN_IN = 0.1
-"""Largest share of a joint limit by which it is drawn in between the nodes."""
 
 _SETTLED = ("Solve_Succeeded", "Solved_To_Acceptable_Level", "Maximum_Iterations_Exceeded")
 """A motion that keeps every row is a plan, also where its last digits of optimality are missing."""
@@ -60,10 +57,12 @@ class DrawnIn:
     Attributes:
         joint: One a coordinate, in its unit.
         z2: Of the z₂ margin.
+        obstacle: Added to every link's clearance from every disc, metres.
     """
 
     joint: tuple[float, ...]
     z2: float = 0.0
+    obstacle: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +131,8 @@ class Task:
     def parameters(self) -> Array:
         """Numbers of the programme."""
         sign = self.problem.z2_sign if self.program.shape.form.chart else 1.0
-        tail = [self.backoff, sign]
+        discs = [[*disc.centre, disc.radius] for disc in self.problem.obstacles]
+        tail = [self.backoff, sign, *(value for disc in discs for value in disc)]
         return np.concatenate(
             [self.problem.start, self.sigma, self.weights.array, tail, self.mesh.edges]
         )
@@ -160,8 +160,8 @@ class Task:
 
     def solve(self, start: Array, near: bool = False) -> Solution:
         """Solve from a vector of unknowns, which may be near the answer."""
-        lower, upper = self._unknowns()
-        low, high = self.row_bounds
+        lower, upper = unknown_bounds(self)
+        low, high = row_bounds(self)
         call = _solver(self.program, self.tolerance, self.max_iterations, near)
         with heed_interrupts():
             found = call(
@@ -176,8 +176,8 @@ class Task:
         rows = np.asarray(self.program.rows(vector, self.parameters)).ravel()
         excess = np.max(np.maximum(low - rows, rows - high), initial=0.0)
         sound = bool(np.all(np.isfinite(rows))) and excess <= ACCEPTED_RESIDUAL
-        found_measures = self.program.measures(vector, self.parameters)
-        passive, total, _, used = np.asarray(found_measures, dtype=float).ravel()
+        measures = np.asarray(self.program.measures(vector, self.parameters), dtype=float)
+        passive, total, _, used = measures.ravel()
         return Solution(
             vector=vector,
             cost=float(found["f"]),
@@ -188,59 +188,6 @@ class Task:
             status=stats["return_status"],
             iterations=int(stats["iter_count"]),
         )
-
-    # -- bounds --------------------------------------------------------------------------------
-
-    def _unknowns(self) -> tuple[Array, Array]:
-        p, problem, N = self.program, self.problem, self.problem.system.size
-        upper = np.full(p.size, np.inf)
-        upper[p.inputs] = problem.limits.input
-        limited = np.isin(np.arange(N), problem.system.limited)
-        joint = np.where(limited, problem.limits.joint, np.inf)
-        upper[p.points[:, :, :N]] = joint - self._joint_drawn_in()
-        lower = -upper
-        lower[0] = SHORTEST_S
-        if self.direction:
-            (lower if self.direction > 0 else upper)[p.inputs[:, 0]] = 0.0
-        goal = problem.goal.copy()
-        goal[0] = np.nan if problem.travel is None else problem.start[0] + problem.travel
-        first = np.asarray(p.made.initial(self.sigma), dtype=float).ravel()
-        fixed = [(p.states[0], np.concatenate([problem.start, first]))]
-        fixed += [(p.states[-1, :N], goal)]
-        fixed += [(np.zeros(1, int), np.array([problem.duration or np.nan]))]
-        fixed += [(p.inputs[[0, -1]].ravel(), np.zeros(4))] if self.rest else []
-        for where, values in fixed:
-            known = ~np.isnan(values)
-            lower[where[known]] = upper[where[known]] = values[known]
-        return lower, upper
-
-    def _joint_drawn_in(self) -> Array:
-        joint = self.problem.limits.joint
-        drawn = np.array(self.drawn.joint or np.zeros(len(joint)))
-        return np.asarray(np.minimum(drawn, MOST_DRAWN_IN * joint))
-
-    @property
-    def row_bounds(self) -> tuple[Array, Array]:
-        """Bounds of the rows."""
-        kinds, limits = self.program.kinds, self.problem.limits
-        low, high = np.zeros(len(kinds)), np.zeros(len(kinds))
-        low[-1], high[-1] = -np.inf, self.effort_limit
-        for i in range(2):
-            rows = kinds == f"rate {i}"
-            low[rows], high[rows] = -limits.input_rate[i], limits.input_rate[i]
-        rows = np.flatnonzero(kinds == "z2")
-        low[rows], high[rows] = (limits.z2_margin or 0.0) + self.drawn.z2, np.inf
-        if len(rows) and not self.backoff:
-            low[rows[-1]] = -np.inf  # the goal itself, which the problem's check has judged
-        for i in self.program.shape.joints:
-            limit = limits.joint[i] - self._joint_drawn_in()[i]
-            for rows, bound, other in (
-                (kinds == f"joint+ {i}", high, low),
-                (kinds == f"joint- {i}", low, high),
-            ):
-                bound[rows] = limit if bound is high else -limit
-                other[rows] = -np.inf if bound is high else np.inf
-        return low, high
 
 
 @lru_cache(maxsize=64)

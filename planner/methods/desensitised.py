@@ -59,6 +59,7 @@ def plan_desensitised(
         NotConvergedError: If no motion is found.
     """
     began = time.perf_counter()
+    _refuse_waypoints(problem)
     if not options.reversal:
         _refuse_one_way(problem)
     task = _task(problem, options)
@@ -84,7 +85,9 @@ def _task(problem: Problem, options: DesensitisedOptions) -> Task:
     limited = tuple(i for i in problem.system.limited if np.isfinite(problem.limits.joint[i]))
     return Task(
         problem=problem,
-        program=program(made, Shape(form, limited if options.backoff > 0 else ())),
+        program=program(
+            made, Shape(form, limited if options.backoff > 0 else (), len(problem.obstacles))
+        ),
         mesh=uniform(options.intervals),
         spread=spread,
         weights=Weights(
@@ -214,6 +217,14 @@ def _not_converged(
         violations=broken(task, solution),
         advice=", or ".join(ways),
     )
+
+
+def _refuse_waypoints(problem: Problem) -> None:
+    if problem.waypoints:
+        raise NotConvergedError(
+            f"{problem.source}: desensitised plans do not pass waypoints",
+            advice="the method 'collocation', which does; or leave out the waypoints",
+        )
 
 
 def _refuse_one_way(problem: Problem) -> None:

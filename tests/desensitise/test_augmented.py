@@ -91,7 +91,7 @@ def test_jacobian_is_the_derivative_of_the_rows() -> None:
     made = augmented(planner.Manipulator([0.870125, 0.711625]), PAPER_ERRORS)
     for kind in ("constant", "linear"):
         form = Form(intervals=3, input=kind, rate_limits=kind == "linear", chart=True)  # type: ignore[arg-type]
-        p = program(made, Shape(form, joints=(1, 3)))
+        p = program(made, Shape(form, joints=(1, 3), obstacles=1))
         rng = np.random.default_rng(0)
         x, size = rng.uniform(0.1, 0.9, p.size), p.problem["p"].numel()
         numbers = np.concatenate([rng.uniform(0.1, 0.9, size - 4), uniform(3).edges])

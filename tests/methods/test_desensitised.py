@@ -112,6 +112,26 @@ def test_other_problems(name: str) -> None:
     assert sensitivity(plan).total_deg() <= sensitivity(easy).total_deg() + 1e-6
 
 
+def test_obstacles_are_cleared() -> None:
+    problem = planner.load_problem(PROBLEMS / "obstacle.toml")
+    free = problem.changed({"obstacles": []})
+    options = {"starts": 1, "intervals": 24}
+    disc = problem.obstacles[0]
+
+    def room(plan: planner.Plan) -> float:
+        q = plan.q(np.linspace(0, plan.duration, 2001))
+        return float(np.min(disc.clearances(problem.system.arm_points(q[:, 1:]))))  # type: ignore[attr-defined]
+
+    assert room(planner.solve(free, "desensitised", **options)) < -0.05  # type: ignore[arg-type]
+    assert room(planner.solve(problem, "desensitised", **options)) >= -1e-6  # type: ignore[arg-type]
+
+
+def test_waypoints_are_refused_with_the_way_out() -> None:
+    problem = planner.load_problem(PROBLEMS / "waypoint.toml")
+    with pytest.raises(planner.NotConvergedError, match="do not pass waypoints"):
+        planner.solve(problem, "desensitised")
+
+
 def test_one_way_where_it_cannot_be() -> None:
     problem = planner.load_problem(PROBLEMS / "parking.toml")
     with pytest.raises(planner.InfeasibleError, match="no one-way motion exists") as refusal:

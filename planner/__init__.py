@@ -7,49 +7,84 @@
 True
 """
 
-from planner.budget import Budget, error_budget
-from planner.certificate import certify
-from planner.chained import ChainedForm, chained_form
-from planner.check import Analysis, check
-from planner.claims import Certificate, Claim
-from planner.compare import Comparison, compare
-from planner.controllability import Controllability, controllability
-from planner.differences import MachineSensitivity, machine_sensitivity
-from planner.errors import (
-    InfeasibleError,
-    InputError,
-    NoPlanError,
-    NotConvergedError,
-    PlannerError,
-    SingularError,
-    VerificationError,
-    Violation,
-)
-from planner.explorer import explore
-from planner.export import Samples, export, load_samples
-from planner.indicators import Indicators, indicators
-from planner.machine import Machine
-from planner.methods import METHODS
-from planner.pareto import TradeOff, trade_off
-from planner.plan import Plan, load_plan
-from planner.problem import Limits, Problem, load_problem
-from planner.reachability import TravelWindow, travel_window
-from planner.replay import Replay, replay
-from planner.retime import retime
-from planner.sensitivity import Sensitivity, sensitivity
-from planner.solve import solve
-from planner.sweep import Sweep, load_sweep, run_sweep
-from planner.systems import (
-    BallGear,
-    Car,
-    CustomSystem,
-    Gear,
-    Manipulator,
-    Trailers,
-    TriangularSystem,
-    Unicycle,
-)
-from planner.verify import Check, verify
+from typing import TYPE_CHECKING
+
+from planner.lazy import import_when_used
+
+if TYPE_CHECKING:  # a new public name goes here, into the table below and into __all__
+    from planner.budget import Budget, error_budget
+    from planner.certificate import certify
+    from planner.chained import ChainedForm, chained_form
+    from planner.check import Analysis, check
+    from planner.claims import Certificate, Claim
+    from planner.compare import Comparison, compare
+    from planner.controllability import Controllability, controllability
+    from planner.differences import MachineSensitivity, machine_sensitivity
+    from planner.errors import (
+        InfeasibleError,
+        InputError,
+        NoPlanError,
+        NotConvergedError,
+        PlannerError,
+        SingularError,
+        VerificationError,
+        Violation,
+    )
+    from planner.explorer import explore
+    from planner.export import Samples, export, load_samples
+    from planner.indicators import Indicators, indicators
+    from planner.machine import Machine
+    from planner.methods import METHODS
+    from planner.pareto import TradeOff, trade_off
+    from planner.plan import Plan, load_plan
+    from planner.problem import Limits, Problem, load_problem
+    from planner.reachability import TravelWindow, travel_window
+    from planner.replay import Replay, replay
+    from planner.retime import retime
+    from planner.sensitivity import Sensitivity, sensitivity
+    from planner.solve import solve
+    from planner.sweep import Sweep, load_sweep, run_sweep
+    from planner.systems import (
+        BallGear,
+        Car,
+        CustomSystem,
+        Gear,
+        Manipulator,
+        Trailers,
+        TriangularSystem,
+        Unicycle,
+    )
+    from planner.verify import Check, verify
+
+_HOMES = {
+    "budget": "Budget error_budget",
+    "certificate": "certify",
+    "chained": "ChainedForm chained_form",
+    "check": "Analysis check",
+    "claims": "Certificate Claim",
+    "compare": "Comparison compare",
+    "controllability": "Controllability controllability",
+    "differences": "MachineSensitivity machine_sensitivity",
+    "errors": "InfeasibleError InputError NoPlanError NotConvergedError "
+    "PlannerError SingularError VerificationError Violation",
+    "explorer": "explore",
+    "export": "Samples export load_samples",
+    "indicators": "Indicators indicators",
+    "machine": "Machine",
+    "methods": "METHODS",
+    "pareto": "TradeOff trade_off",
+    "plan": "Plan load_plan",
+    "problem": "Limits Problem load_problem",
+    "reachability": "TravelWindow travel_window",
+    "replay": "Replay replay",
+    "retime": "retime",
+    "sensitivity": "Sensitivity sensitivity",
+    "solve": "solve",
+    "sweep": "Sweep load_sweep run_sweep",
+    "systems": "BallGear Car CustomSystem Gear Manipulator Trailers TriangularSystem Unicycle",
+    "verify": "Check verify",
+}
+import_when_used(__name__, _HOMES)
 
 __version__ = "0.1.0"
 

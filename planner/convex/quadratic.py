@@ -12,7 +12,6 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
-import osqp
 import scipy.sparse as sp
 from scipy.optimize import nnls
 
@@ -174,6 +173,8 @@ def _by_active_set(
 
 
 def _by_osqp(G: Array, h: Array, radius: float, guess: Array | None) -> Optimum | Farkas | None:
+    import osqp  # a tenth of a second, which only this needs
+
     solver = osqp.OSQP()
     size = G.shape[1]
     solver.setup(

@@ -4,16 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
-from planner.methods.collocation import plan_collocation
-from planner.methods.convex import plan_convex
-from planner.methods.desensitised import plan_desensitised
-from planner.methods.piecewise import plan_piecewise
-from planner.methods.polynomial import plan_polynomial
-from planner.methods.replan import replan_collocation
-from planner.methods.sinusoid import plan_sinusoid
-from planner.methods.sinusoid_steps import plan_sinusoid_steps
 from planner.plan import Plan
 from planner.problem import Problem
 from planner.schema.desensitised import DesensitisedOptions
@@ -49,49 +42,59 @@ class Method:
     refines: str | None = None
 
 
+def _later(module: str, name: str) -> Callable[..., Plan]:
+    """A method's function, whose module (and with it, say, OSQP) is imported when it is called."""
+
+    def call(*arguments: Any) -> Plan:
+        plan: Plan = getattr(import_module(f"{__name__}.{module}"), name)(*arguments)
+        return plan
+
+    return call
+
+
 _ALL = (
     Method(
         "polynomial",
         "the paper's law: v1 constant, v2 polynomial, with constraint points",
         PolynomialOptions,
-        plan_polynomial,
+        _later("polynomial", "plan_polynomial"),
     ),
     Method(
         "piecewise",
         "multirate: v1 constant, v2 piecewise constant",
         PiecewiseOptions,
-        plan_piecewise,
+        _later("piecewise", "plan_piecewise"),
     ),
     Method(
         "sinusoid",
         "one period of v1 = a0 + a1 sin wt, v2 = sum of bj cos jwt",
         SinusoidOptions,
-        plan_sinusoid,
+        _later("sinusoid", "plan_sinusoid"),
     ),
     Method(
         "sinusoid_steps",
         "z1, z2 first, then one further coordinate by each period of sinusoids",
         SinusoidStepsOptions,
-        plan_sinusoid_steps,
+        _later("sinusoid_steps", "plan_sinusoid_steps"),
     ),
     Method(
         "collocation",
         "optimal plans in the coordinates themselves, within all limits, by direct collocation",
         CollocationOptions,
-        plan_collocation,
-        replan_collocation,
+        _later("collocation", "plan_collocation"),
+        _later("replan", "replan_collocation"),
     ),
     Method(
         "convex",
         "optimal in the chart: v1 constant, v2 on pieces; global with a gap, or a certificate",
         ConvexOptions,
-        plan_convex,
+        _later("convex", "plan_convex"),
     ),
     Method(
         "desensitised",
         "least response to errors of inputs, start and constants, weighed against effort",
         DesensitisedOptions,
-        plan_desensitised,
+        _later("desensitised", "plan_desensitised"),
         refines="collocation",
     ),
 )

@@ -1,0 +1,55 @@
+"""Public names are imported when they are first used, and mean what the type checker is told."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import planner
+
+SOURCE = Path(planner.__file__).read_text(encoding="utf-8")
+
+
+def test_table_imports_and_all_agree() -> None:
+    (block,) = (node for node in ast.parse(SOURCE).body if isinstance(node, ast.If))
+    told = {
+        alias.name: node.module
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert told == planner._homes
+    assert sorted(told) == sorted(planner.__all__)
+
+
+@pytest.mark.parametrize("name", planner.__all__)
+def test_every_name_is_there_and_is_no_module(name: str) -> None:
+    assert not isinstance(getattr(planner, name), ModuleType)
+
+
+def test_unknown_names() -> None:
+    with pytest.raises(AttributeError, match="'planner' has no attribute 'nonsense'"):
+        planner.nonsense  # type: ignore[attr-defined]  # noqa: B018
+    assert {"solve", "Machine", "verify"} <= set(dir(planner))
+
+
+def test_names_of_modules_mean_the_objects_in_every_order() -> None:
+    code = """
+import sys, planner
+assert not {"planner.solve", "casadi", "numpy", "osqp"} & set(sys.modules)
+assert planner.solve(planner.load_problem(sys.argv[1]), "collocation").verified
+assert not {"osqp", "matplotlib", "typer", "planner.machine"} & set(sys.modules)
+import planner.sensitivity, planner.check
+from planner.verify import Check
+assert callable(planner.sensitivity) and callable(planner.check) and callable(planner.verify)
+from planner import solve, compare
+assert callable(solve) and callable(compare)
+assert planner.systems.Manipulator is planner.Manipulator
+"""
+    paper = Path(__file__).parents[1] / "problems" / "paper.toml"
+    subprocess.run([sys.executable, "-c", code, str(paper)], check=True)

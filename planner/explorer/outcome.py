@@ -5,14 +5,14 @@ The path alone is quick; the other two steps follow once the sliders rest.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 from planner.duration import refuse_too_short
 from planner.errors import InputError, NoPlanError, PlannerError
+from planner.explorer.ranges import travel_range
 from planner.explorer.state import State
-from planner.methods import METHODS, Method
+from planner.methods import Method
 from planner.plan import Plan
 from planner.problem import Problem
 from planner.replay import RECORD_S, Replay, replay
@@ -88,17 +88,20 @@ def errors(outcome: Outcome) -> Replay | None:
 
 def _for_study(problem: Problem, method: Method, options: Any) -> Plan | None:
     """A path that the method would take if the reason of the refusal did not count."""
-    for changes in _STUDIES.get(method.name, ({},)):
+    if "allow_singular" in method.options.model_fields:
+        options = options.model_copy(update={"allow_singular": True})
+    tasks = [problem] if problem.travel is not None else [problem, _somewhere(problem)]
+    for task in tasks:
         try:
-            return method.plan(problem, options.model_copy(update=changes))
-        except (NoPlanError, InputError) as error:
-            if isinstance(error, NoPlanError) and error.plan is not None:
+            return method.plan(task, options)
+        except NoPlanError as error:
+            if error.plan is not None:
                 return error.plan
+        except InputError:
+            pass
     return None
 
 
-_STUDIES: Mapping[str, tuple[dict[str, Any], ...]] = {
-    name: ({"allow_singular": True},)
-    for name, method in METHODS.items()
-    if "allow_singular" in method.options.model_fields
-}
+def _somewhere(problem: Problem) -> Problem:
+    """The problem with the travel in the middle of its slider, where a law finds none itself."""
+    return problem.with_travel(travel_range(problem)[2])

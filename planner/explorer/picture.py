@@ -27,7 +27,8 @@ def panels(outcome: Outcome) -> list[dict[str, Any]]:
     """The panels that a path alone fills, in the order of the screen.
 
     Each has `id`, `title`, `kind` ("time" or "plane") and, over time, `t` with `lines` (`name`,
-    `y`), `bands` (`low`, `high`), `limits`, `marks` and `points`; in the plane `poses` and `path`.
+    `y`), `bands` (`low`, `high`), `limits`, `marks` and `points`; in the plane `poses`, `path` and
+    `discs`.
     Numbers that do not exist are None.
     """
     plan = outcome.plan
@@ -157,6 +158,7 @@ def _plane(plan: Plan, q: Array) -> dict[str, Any]:
         "title": "the arm" if hasattr(plan.problem.system, "arm_points") else "the path",
         "poses": [pose.tolist() for pose in poses if np.isfinite(pose).all()],
         "path": [short(path[:, 0]), short(path[:, 1])],
+        "discs": [[*o.centre.tolist(), o.radius] for o in plan.problem.obstacles],
     }
 
 

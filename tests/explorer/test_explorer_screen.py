@@ -76,6 +76,13 @@ def test_what_is_proven_impossible_is_drawn_all_the_same() -> None:
     assert panel(shown, "inputs")["lines"][0]["y"]
 
 
+def test_a_law_without_any_travel_is_drawn_at_some_travel() -> None:
+    shown = screen("four-joint")
+    assert shown.words()["kind"] == "singular"
+    assert panel(shown, "z2")["lines"][0]["y"]
+    assert panel(screen("obstacle", "collocation"), "plane")["discs"]
+
+
 def test_an_impossible_setting_is_said_and_can_be_taken_back() -> None:
     shown = screen("paper")
     shown.change([("limits.joint_deg", 10.0)])

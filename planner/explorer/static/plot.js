@@ -206,8 +206,10 @@ function overTime(canvas, panel, faded) {
 
 // Equal scales, so that angles look as they are; poses from early (dark) to late (bright).
 function inPlane(canvas, panel, faded) {
-  const xs = extent([panel.path[0], ...panel.poses.map((p) => p.map((v) => v[0]))]);
-  const ys = extent([panel.path[1], ...panel.poses.map((p) => p.map((v) => v[1]))]);
+  const discs = panel.discs || [];
+  const rims = (axis) => discs.flatMap((d) => [d[axis] - d[2], d[axis] + d[2]]);
+  const xs = extent([panel.path[0], rims(0), ...panel.poses.map((p) => p.map((v) => v[0]))]);
+  const ys = extent([panel.path[1], rims(1), ...panel.poses.map((p) => p.map((v) => v[1]))]);
   const wide = (canvas.clientWidth || 380) - EDGE.left - EDGE.right;
   const high = (canvas.clientHeight || 220) - EDGE.top - EDGE.bottom;
   const unit = Math.max((xs[1] - xs[0]) / wide, (ys[1] - ys[0]) / high);
@@ -220,6 +222,12 @@ function inPlane(canvas, panel, faded) {
   const { pen } = f;
   pen.globalAlpha = faded;
   inside(f, () => {
+    pen.fillStyle = f.ink("--px-soft", "#666");
+    for (const [x, y, radius] of discs) {
+      pen.beginPath();
+      pen.arc(f.X(x), f.Y(y), f.X(x + radius) - f.X(x), 0, 7);
+      pen.fill();
+    }
     panel.poses.forEach((pose, k) => {
       const late = k / Math.max(1, panel.poses.length - 1);
       pen.strokeStyle = pen.fillStyle = `hsl(${265 - 205 * late}, 65%, ${38 + 12 * late}%)`;

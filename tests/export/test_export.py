@@ -38,7 +38,7 @@ def rest(paper: planner.Problem) -> planner.Plan:
 def retimed() -> planner.Plan:
     plan = planner.solve(planner.load_problem(ROOT / "problems/unicycle.toml"), "polynomial")
     limits = {"acceleration_m_s2": 2.0, "turn_acceleration_rad_s2": 2.0}
-    return planner.retime(plan, limits, rest=True, intervals=30)
+    return planner.retime(plan, limits, rest=True, intervals=10)
 
 
 def test_samples_are_even_and_end_on_the_end(law: planner.Plan) -> None:

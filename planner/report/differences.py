@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 HEAD = ("plan", "against", "difference (deg)", "from", "to", "better on", "p (Holm)", "verdict")
 
+TINY_DEG = 1e-9
+"""What is smaller is rounding."""
+
 
 def rich_differences(comparison: Comparison) -> Table | None:
     """The best plan against every other, for a terminal; None with fewer than two plans."""
@@ -115,6 +118,8 @@ def _cells(d: Difference) -> list[str]:
 
 
 def _number(value: float) -> str:
+    if abs(value) < TINY_DEG:
+        return "0"
     return f"{value:+.3g}" if np.isfinite(value) else "-"
 
 

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from planner.comparison import Comparison
 
 
+CLOSED = "the same plan with feedback"
+
+
 def plot_efforts(comparison: Comparison, *, ax: Any = None) -> tuple[Figure, Any]:
     """Effort of each plan against its error on the machines.
 
@@ -37,20 +40,33 @@ def plot_efforts(comparison: Comparison, *, ax: Any = None) -> tuple[Figure, Any
         raise InputError("no plan was replayed, so there are no errors to draw")
     colour = colours([row.spec for row in comparison.rows if not row.feedback])
     ours = ax is None
-    figure, axes = grid(1, 1, ax, size=(6.4, 4.0))
+    figure, axes = grid(1, 1, ax, size=(6.4, 4.6))
     ax = axes[0, 0]
     for row in rows:
         _draw(ax, row, colour[row.spec])
     _join(ax, rows, colour)
-    efforts = [row.effort for row in rows]
-    if max(efforts) > 10 * min(efforts):
-        ax.set_xscale("log")
-    ax.set_ylim(bottom=0)
+    _scale(ax.xaxis, [row.effort for row in rows])
+    _scale(ax.yaxis, [row.E_median_deg for row in rows])
     ax.set_xlabel("effort: integral of u1^2 + u2^2 dt")
-    ax.set_ylabel("error index E (deg), median and 95th percentile")
+    ax.set_ylabel("error index E (deg): median to 95 %")
     ax.set_title(f"Effort against error on {comparison.samples} emulated machines", fontsize=11)
-    legend(figure, ax, ax.get_legend_handles_labels()[0], ours=ours, abreast=2)
+    handles = ax.get_legend_handles_labels()[0]
+    if any(row.feedback for row in rows):
+        handles += ax.plot([], [], "o", color="#444444", markerfacecolor="white", label=CLOSED)
+    legend(figure, ax, handles, ours=ours, abreast=2)
     return figure, ax
+
+
+def _scale(axis: Any, values: list[float]) -> None:
+    """Logarithmic where values differ by more than ten times, with plain numbers on it."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    if max(values) <= 10 * min(values):
+        return
+    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _draw(ax: Any, row: Row, colour: str) -> None:
@@ -63,7 +79,7 @@ def _draw(ax: Any, row: Row, colour: str) -> None:
         "o",
         color=colour,
         markerfacecolor="white" if row.feedback else colour,
-        label=row.label if row.solved else f"{row.label} (refused)",
+        label=None if row.feedback else row.label if row.solved else f"{row.label} (refused)",
         linestyle="none",
     )
     ax.plot([row.effort], [row.E_p95_deg], "_", color=colour, markersize=9)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
+logging.getLogger("traitlets").setLevel(logging.WARNING)  # no word on every notebook that is run
 
 import pages  # noqa: E402
 

@@ -32,7 +32,8 @@ def minimum(function: Function, times: Array, refine: int = 3) -> tuple[float, f
 
     Args:
         function: Vectorised, times (m,) to values (m,); NaN values are passed over.
-        times: Increasing samples; the lowest `refine` dips among them are polished.
+        times: Increasing samples; the `refine` dips among them whose parabola through three
+            samples goes lowest are polished.
 
     Returns:
         (value, time); (nan, nan) if every value is NaN.
@@ -43,8 +44,10 @@ def minimum(function: Function, times: Array, refine: int = 3) -> tuple[float, f
     filled = np.where(np.isnan(values), np.inf, values)
     best = int(np.argmin(filled))
     found = (float(filled[best]), float(times[best]))
-    for k in _dips(filled)[:refine]:
-        candidate = _polish(function, times, k)
+    dips = np.array(_dips(filled), dtype=int)
+    likely = np.argsort(_bottoms(filled, times, dips), kind="stable")
+    for k in dips[likely[:refine]]:
+        candidate = _polish(function, times, int(k))
         found = min(found, candidate)
     return found
 
@@ -101,6 +104,20 @@ def _dips(values: Array) -> list[int]:
         is_dip = (middle <= values[:-2]) & (middle <= values[2:]) & np.isfinite(middle)
     indices = np.flatnonzero(is_dip) + 1
     return [int(k) for k in indices[np.argsort(values[indices], kind="stable")]]
+
+
+def _bottoms(values: Array, times: Array, dips: NDArray[np.int_]) -> Array:
+    """Lowest value of the parabola through each dip and its neighbours; the dip's own value where
+    a neighbour is not finite.
+    """
+    t = times[dips[:, None] + [-1, 0, 1]] - times[dips, None]
+    f = values[dips[:, None] + [-1, 0, 1]]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        left, right = (f[:, 0] - f[:, 1]) / t[:, 0], (f[:, 2] - f[:, 1]) / t[:, 2]
+        bend = (right - left) / (t[:, 2] - t[:, 0])
+        slope = right - bend * t[:, 2]
+        lowest = f[:, 1] - slope**2 / (4 * bend)
+    return np.asarray(np.where(np.isfinite(lowest) & (bend > 0), lowest, f[:, 1]))
 
 
 def _polish(function: Function, times: Array, k: int) -> tuple[float, float]:

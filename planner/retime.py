@@ -16,6 +16,7 @@ from scipy.interpolate import BPoly
 
 from planner.arclength import arc_length
 from planner.certificate import certify
+from planner.claims import Certificate
 from planner.errors import InputError, SingularError, VerificationError
 from planner.measures import peak_inputs, peak_rates
 from planner.plan import Plan
@@ -25,6 +26,11 @@ from planner.timing import cut, fastest
 from planner.verify import verify
 
 Moving = NDArray[np.bool_]
+
+
+BLIND = 1e-3
+"""Excess over a limit, relative to it, that samples may have missed; a greater one is for `verify`
+to refuse."""
 
 
 def retime(
@@ -73,6 +79,10 @@ def retime(
     else:
         trajectory, notes = _without_rates(plan, problem.limits, moving), {}
     trajectory = _within(trajectory, problem.limits)
+    found = certify(replace(plan, problem=problem, trajectory=trajectory))
+    factor = _over(problem, found)
+    if factor > 1:
+        trajectory = trajectory.slowed(factor)
     notes = {"retimed_from_s": plan.duration, **notes, **plan.notes}
     return _verified(
         replace(
@@ -82,7 +92,7 @@ def retime(
             objective=trajectory.duration,
             objective_name="time: the least for this path, in seconds",
             verified=False,
-            certificate=None,
+            certificate=None if factor > 1 else found,
             notes=notes,
         )
     )
@@ -116,6 +126,20 @@ def _within(trajectory: RetimedTrajectory, limits: Limits) -> RetimedTrajectory:
     return trajectory.slowed(factor) if factor > 1 else trajectory
 
 
+def _over(problem: Problem, certificate: Certificate) -> float:
+    """How much slower a motion must be for what is above a limit where samples were blind."""
+    limits, factor = problem.limits, 1.0
+    for i, named in enumerate(problem.system.inputs):
+        for label, limit, power in (
+            (f"input {named.name}", limits.input[i], 1.0),
+            (f"rate of input {named.name}", limits.input_rate[i], 0.5),
+        ):
+            excess = -certificate[label].attained / limit if np.isfinite(limit) else 0.0
+            if 0 < excess < BLIND:
+                factor = max(factor, (1 + excess) ** power * (1 + 1e-9))
+    return factor
+
+
 def _refuse_unlimited(problem: Problem, moving: Moving, rest: bool) -> None:
     limits = problem.limits
     for i in np.flatnonzero(moving):
@@ -136,7 +160,7 @@ def _refuse_unlimited(problem: Problem, moving: Moving, rest: bool) -> None:
 def _verified(plan: Plan) -> Plan:
     check = verify(plan)
     if check.ok:
-        return replace(plan, verified=True, certificate=certify(plan))
+        return replace(plan, verified=True, certificate=plan.certificate or certify(plan))
     raise VerificationError(
         f"{plan.problem.source}: the retimed {plan.method} plan breaks"
         f" {len(check.violations)} requirement(s)",

@@ -43,3 +43,16 @@ def test_short_excursion_between_two_samples_is_not_missed(sign: int) -> None:
 def test_nan_counts_as_outside() -> None:
     found = zeros(lambda t: np.where(t > 0.5, np.nan, 1.0), np.linspace(0, 1, 10))
     np.testing.assert_allclose(found, [0.5], atol=1e-9)
+
+
+def test_the_lowest_dip_is_found_though_others_were_sampled_better() -> None:
+    """Five dips at samples, and between two samples one that is deeper by 1e-6."""
+    times = np.linspace(0, 10, 1001)
+    centres, depths = np.array([1, 2, 3, 4, 5, 7.005]), np.array([1, 1, 1, 1, 1, 1 + 1e-6])
+
+    def dips(t: np.ndarray) -> np.ndarray:
+        return np.asarray(np.min((t[..., None] - centres) ** 2 - depths, axis=-1))
+
+    value, when = minimum(dips, times)
+    assert value == pytest.approx(-1 - 1e-6, abs=1e-9)
+    assert when == pytest.approx(7.005, abs=1e-4)

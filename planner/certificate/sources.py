@@ -28,7 +28,6 @@ NOISE = 1e-3
 
 FEWEST_CELLS = 16
 MOST_CELLS = 1500
-MOST_HALVINGS = 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +38,14 @@ class Source:
         trajectory: Whose they are.
         inputs: From cells to models of u₁ and u₂.
         slopes: From cells to models of du₁/dt and du₂/dt.
+        halvings: Times a cell may be halved. Near a singularity halving reaches what can be
+            bounded; near a standstill of a retimed path it only narrows what cannot.
     """
 
     trajectory: Trajectory
     inputs: Callable[[Cells], list[Model]]
     slopes: Callable[[Cells], list[Model]]
+    halvings: int = 24
 
 
 def source_of(trajectory: Trajectory) -> Source:
@@ -100,7 +102,7 @@ def _retimed(trajectory: RetimedTrajectory) -> Source:
 
     if isinstance(path, RetimedTrajectory):
         raise UnboundedError("a path that is retimed twice")
-    return Source(trajectory, paced, rated)
+    return Source(trajectory, paced, rated, halvings=8)
 
 
 def _feedback_of(path: Trajectory) -> tuple[Evaluator, Evaluator]:
@@ -148,14 +150,14 @@ def resolve(source: Source) -> tuple[Cells, list[Model], Array]:
     before = np.full(len(open_.piece), np.inf)
     kept: list[tuple[Cells, list[Model], Array]] = []
     total = 0
-    for step in range(MOST_HALVINGS + 1):
+    for step in range(source.halvings + 1):
         u = source.inputs(open_)
         q = source.trajectory.q(open_.times(series.nodes()))
         badness = np.where(np.isfinite(q).all(axis=(1, 2)), _badness(source, u, q), np.inf)
         hopeless = ~np.isfinite(q).all(axis=(1, 2))
         noise = (badness < NOISE) & (badness > 0.5 * before)
         done = (badness <= FINE) | noise | hopeless
-        if step == MOST_HALVINGS or total + 2 * np.sum(~done) > MOST_CELLS:
+        if step == source.halvings or total + 2 * np.sum(~done) > MOST_CELLS:
             done[:] = True
         kept.append((open_.only(done), [m.only(done) for m in u], q[done]))
         total += int(np.sum(done))

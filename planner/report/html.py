@@ -19,7 +19,7 @@ from planner.report.series import page_data
 from planner.report.table import CLOSED, columns, number
 from planner.report.words import answers, facts, places, question, subscripted, verdict
 
-SCRIPTS = ("scale.js", "chart.js", "kinds.js", "motion.js", "main.js")
+SCRIPTS = ("scale.js", "chart.js", "kinds.js", "points.js", "motion.js", "main.js")
 """Read in this order into one script."""
 
 

@@ -9,8 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from planner.errors import InputError, NoPlanError
-from planner.methods.convex import plan_convex
-from planner.methods.polynomial import plan_polynomial
+from planner.methods import METHODS
 from planner.ocp.guess import Seed
 from planner.plan import Plan
 from planner.problem import Problem
@@ -57,8 +56,8 @@ def _path(name: str, problem: Problem) -> Plan | None:
     easy = replace(problem, limits=limits, duration=problem.duration or 10.0)
     try:
         if name == "polynomial":
-            return plan_polynomial(easy, PolynomialOptions())
-        return plan_convex(easy, ConvexOptions(pieces=PIECES, scan=SCAN))
+            return METHODS["polynomial"].plan(easy, PolynomialOptions())
+        return METHODS["convex"].plan(easy, ConvexOptions(pieces=PIECES, scan=SCAN))
     except NoPlanError as error:
         usable = error.plan is not None and error.plan.executable
         return error.plan if usable else None

@@ -15,14 +15,19 @@ GROUP = "Machine"
 
 
 def machine_controls(state: State, problem: Problem) -> list[Control]:
-    """The number of machines, then one control for each effect that the machine started with."""
+    """The number of machines, then one control for each effect that the machine started with.
+
+    Effects that act in dynamic fidelity alone are left out in the quasi-static one.
+    """
     count = Control(
         GROUP, "machines", "slider", "samples", state.samples, shown=state.samples, high=200,
         integer=True, help="samples of the machine that the plan is replayed on; 0: none",
     )  # fmt: skip
     first = Machine.from_table(state.base.machine)
     now = Machine.from_table(problem.machine)
-    effects = [name for name in EFFECTS if name in first.effects or name in now.effects]
+    used = {**first.effects, **now.effects}
+    static = now.fidelity == "quasi-static"
+    effects = [k for k, e in EFFECTS.items() if k in used and not (static and e.dynamic)]
     return [count, *(_effect(name, first, now) for name in effects)]
 
 

@@ -135,6 +135,8 @@ def test_the_explorer_follows_sliders_pointer_and_buttons(page: Any, tmp_path: P
 
     page.locator("[data-control=method]").select_option("collocation")
     page.wait_for_selector(".px[data-kind=verified]")
+    follows = "document.querySelector('.px-texts textarea').value.includes('--method collocation')"
+    page.wait_for_function(follows)
     collocation = milliseconds(page, range(380, 420, 8))
     page.wait_for_selector(".px[data-kind=verified]")
     picture(page, "verified", tmp_path)

@@ -16,6 +16,7 @@ function render({ model, el }) {
 
   const canvases = new Map();
   let panels = [], frames = new Map();
+  let stale = false;
   let waiting = new Map(), busy = null, number = 0, resting = 0, dragged = null;
 
   const controlsPlace = element("div");
@@ -66,14 +67,18 @@ function render({ model, el }) {
     root.dataset.open = waiting.size + (reply.todo ? reply.todo.length : 0);
     root.dataset.stage = done.kind;
     root.dataset.number = done.number;
+    if (done.kind === "change" || done.kind === "reset") stale = texts.childElementCount > 0;
     if (waiting.size) pump();
-    else if (done.kind !== "texts") next(reply);
+    else next(reply);
   }
 
   // What is still open once the sliders rest: the errors, then the verdict.
   function next(reply) {
     clearTimeout(resting);
-    if (!reply.todo || !reply.todo.length) return;
+    if (!reply.todo || !reply.todo.length) {
+      if (stale) ask("texts"); // the text that is open follows the picture
+      return;
+    }
     resting = setTimeout(() => ask(reply.todo[0]), dragged ? 120 : 0);
   }
 
@@ -168,6 +173,13 @@ function render({ model, el }) {
   }
 
   function showTexts(reply) {
+    stale = false;
+    const open = texts.querySelector("textarea");
+    if (open) {
+      open.value = reply[texts.dataset.wanted];
+      open.rows = Math.min(30, open.value.split("\n").length);
+      return;
+    }
     const area = element("textarea");
     area.readOnly = true;
     area.value = reply[texts.dataset.wanted];
@@ -181,7 +193,6 @@ function render({ model, el }) {
       copy.textContent = "Copied";
     };
     texts.replaceChildren(copy, area);
-    if (reply.todo && reply.todo.length) next(reply);
   }
 
   const listen = (reply) => answered(reply);

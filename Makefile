@@ -3,6 +3,7 @@
 #   make compare   the paper's problem, polynomial against optimal, on the emulated machine
 #   make suite     every method on every problem, to results/suite
 #   make paper     the paper's figures and numbers, to results/paper
+#   make robustness  the tracker on good and bad machines, to results/feedback (some minutes)
 #   make report    pictures of the report's page (needs Chromium), to results/report
 #   make explorer  pictures of the explorer in a browser (needs Chromium), to results/explorer
 #   make notebook  Jupyter with the notebooks, the explorer in the first of them
@@ -19,7 +20,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
 .DEFAULT_GOAL := compare
-.PHONY: compare suite paper report explorer test check lint format clean
+.PHONY: compare suite paper robustness report explorer test check lint format clean
 
 compare: $(VENV)/.run
 	@$(BIN)/planner compare problems/paper.toml --out out/compare
@@ -29,6 +30,9 @@ suite: $(VENV)/.run
 
 paper: $(VENV)/.run
 	@$(BIN)/planner reproduce --out results/paper
+
+robustness: $(VENV)/.run
+	@$(BIN)/python tests/benchmarks/robustness.py
 
 report: $(VENV)/.dev
 	@$(BIN)/python tests/browser/pictures.py

@@ -32,7 +32,8 @@ if TYPE_CHECKING:  # a new public name goes here, into the table below and into 
     )
     from planner.explorer import explore
     from planner.export import Samples, export, load_samples
-    from planner.indicators import Indicators, indicators
+    from planner.feedback import Tracker
+from planner.indicators import Indicators, indicators
     from planner.machine import Machine
     from planner.methods import METHODS
     from planner.pareto import TradeOff, trade_off
@@ -120,6 +121,7 @@ __all__ = [
     "SingularError",
     "Sweep",
     "TradeOff",
+    "Tracker",
     "Trailers",
     "TravelWindow",
     "TriangularSystem",

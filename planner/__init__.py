@@ -33,7 +33,7 @@ if TYPE_CHECKING:  # a new public name goes here, into the table below and into 
     from planner.explorer import explore
     from planner.export import Samples, export, load_samples
     from planner.feedback import Tracker
-from planner.indicators import Indicators, indicators
+    from planner.indicators import Indicators, indicators
     from planner.machine import Machine
     from planner.methods import METHODS
     from planner.pareto import TradeOff, trade_off
@@ -70,6 +70,7 @@ _HOMES = {
     "PlannerError SingularError VerificationError Violation",
     "explorer": "explore",
     "export": "Samples export load_samples",
+    "feedback": "Tracker",
     "indicators": "Indicators indicators",
     "machine": "Machine",
     "methods": "METHODS",
@@ -120,8 +121,8 @@ __all__ = [
     "Sensitivity",
     "SingularError",
     "Sweep",
-    "TradeOff",
     "Tracker",
+    "TradeOff",
     "Trailers",
     "TravelWindow",
     "TriangularSystem",

@@ -13,7 +13,7 @@ from planner.measures import effort, peak_inputs
 from planner.pareto import TradeOff, trade_off
 from planner.pareto.knee import knee
 
-SETTINGS = {"samples": 20, "intervals": 16}
+SETTINGS = {"samples": 20, "intervals": 12}
 
 
 @pytest.fixture(scope="module")
@@ -85,11 +85,14 @@ def test_an_interrupted_curve_keeps_its_points(
             signal.raise_signal(signal.SIGINT)
 
     with pytest.raises(KeyboardInterrupt):
-        trade_off(two_joints, "effort", 4, tmp_path / "e", progress=stop, **SETTINGS)  # type: ignore[arg-type]
+        trade_off(two_joints, "effort", 3, tmp_path / "e", progress=stop, **SETTINGS)  # type: ignore[arg-type]
     kept = json.loads((tmp_path / "e" / "trade-off.json").read_text())["points"]
     assert list(kept) == ["00", "01"]
-    done = trade_off(two_joints, "effort", 4, tmp_path / "e", **SETTINGS)  # type: ignore[arg-type]
-    np.testing.assert_allclose(done.response_deg, curve.response_deg, rtol=1e-3)
+    done = trade_off(two_joints, "effort", 3, tmp_path / "e", **SETTINGS)  # type: ignore[arg-type]
+    assert done.cost[0] == pytest.approx(kept["00"]["effort"], rel=1e-9)
+    assert done.cost[0] == pytest.approx(curve.cost[0], rel=1e-4)
+    again = json.loads((tmp_path / "e" / "trade-off.json").read_text())["points"]
+    assert [entry["swept"] for entry in again.values()] == [2, 2, 2]
 
 
 def test_another_curve_in_the_folder_is_refused(

@@ -134,7 +134,8 @@ class Replay:
         """The figures of a comparison table, JSON-ready, in degrees and seconds.
 
         Median and 95th percentile of E and of the terminal error, over samples; the median of each
-        angle's terminal error; and the longest time any sample's motors were saturated.
+        angle's terminal error; the longest time any sample's motors were saturated; and how many
+        steps of a controller fell back, over all samples.
         """
         end = self.terminal_E_deg
         return {
@@ -147,6 +148,7 @@ class Replay:
             "terminal_error_median_deg": np.median(self.terminal_error_deg, axis=0).tolist(),
             "largest_error_median_deg": np.median(self.largest_error_deg, axis=0).tolist(),
             "saturated_s": self.saturated_s.max(axis=0).tolist(),
+            "fallbacks": int(self.fallbacks.sum()),
         }
 
 

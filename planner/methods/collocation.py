@@ -13,8 +13,9 @@ from planner.methods.collocation_seeds import NAMES, planned_seeds
 from planner.ocp.backends import Settings
 from planner.ocp.form import Form, InputKind
 from planner.ocp.guess import Seed, guess, seeds
+from planner.ocp.look import clears
 from planner.ocp.objective import objective
-from planner.ocp.polish import Polished, clears, polish
+from planner.ocp.polish import Polished, polish
 from planner.ocp.refusal import obstacle
 from planner.ocp.route import mesh_through, rebalanced, routes
 from planner.ocp.search import Found, Search, same_path, search
@@ -168,12 +169,11 @@ def _searched(job: Task, options: CollocationOptions) -> _Answer:
     for path, outcome in zip(paths.found, outcomes, strict=True):
         _note(log, path, outcome.solution)
     solved = [k for k, outcome in enumerate(outcomes) if outcome.solution.ok]
-    if solved and job.problem.obstacles:
-        solved = [k for k in solved if clears(job, outcomes[k].solution)]
-        if not solved:
-            raise _no_path(job, paths, options)
+    clear = [k for k in solved if clears(job, outcomes[k].solution)]
+    if solved and not clear:
+        raise _no_path(job, paths, options)
     if solved:
-        k = min(solved, key=lambda k: outcomes[k].solution.objective)
+        k = min(clear, key=lambda k: outcomes[k].solution.objective)
         return _Answer(paths.found[k].seed, job, outcomes[k].solution, log, iterations)
     k = int(np.argmin([outcome.shortest_s for outcome in outcomes]))
     quick = outcomes[k].quick

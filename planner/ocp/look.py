@@ -138,3 +138,15 @@ def peaks(values: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         vertex = np.where(top, inner - slope**2 / (2 * bend), -np.inf)
     return np.asarray(np.maximum(np.max(values, axis=1), np.max(vertex, axis=1, initial=-np.inf)))
+
+
+def clears(task: Task, solution: Solution) -> bool:
+    """Whether no link passes through a disc between two places at which it must clear it.
+
+    What reaches less than half its radius into a disc can be drawn out of it.
+    """
+    if not task.problem.obstacles:
+        return True
+    radii = np.array([disc.radius for disc in task.problem.obstacles])
+    deep = into_discs(task.problem, task.motion(solution.iterate).states, len(radii))
+    return bool(np.all(np.max(deep, axis=0).reshape(len(radii), -1) < radii[:, None] / 2))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.ocp.look import INTERPOLANT, Look, MeshError, excess, into_discs, look, mesh_error
+from planner.ocp.look import INTERPOLANT, Look, MeshError, excess, look, mesh_error
 from planner.ocp.mesh import Mesh
 from planner.ocp.solver import Solution
 from planner.ocp.task import Task, transferred
@@ -123,13 +123,3 @@ def _draw_in(task: Task, solution: Solution, seen: Look) -> Polished:
         },
     }
     return Polished(task, solution, mesh_error(seen).end, notes, seconds, iterations)
-
-
-def clears(task: Task, solution: Solution) -> bool:
-    """Whether no link passes through a disc between two places at which it must clear it.
-
-    What reaches less than half its radius into a disc can be drawn out of it.
-    """
-    radii = np.array([disc.radius for disc in task.problem.obstacles])
-    deep = into_discs(task.problem, task.motion(solution.iterate).states, len(radii))
-    return bool(np.all(np.max(deep, axis=0).reshape(len(radii), -1) < radii[:, None] / 2))

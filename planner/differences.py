@@ -43,6 +43,9 @@ ALONE = ("control_period_s", "delay_s")
 
 SETTLE_S = 0.5
 RECORDS = 200
+ALONG = 5
+"""Every so many of the recorded times are written out."""
+
 SILENT_DEG = 1e-9
 """Change of an angle, over the step, below which a parameter counts as without effect."""
 
@@ -135,6 +138,7 @@ class MachineSensitivity:
             "angles": list(self.angles),
             "nominal_error_deg": self.nominal_error_deg.tolist(),
             "total_deg": self.total_deg,
+            "t_s": self.t[::ALONG].tolist(),
             "parameters": [
                 {
                     "effect": e.effect,
@@ -148,6 +152,7 @@ class MachineSensitivity:
                     "reference": e.reference,
                     "response_deg": dict(zip(self.angles, e.contribution, strict=True)),
                     "without_effect": e.silent,
+                    "along_deg_per_unit": e.along[::ALONG].tolist(),
                 }
                 for e in self.entries
             ],

@@ -155,6 +155,7 @@ class Sensitivity:
             "along": {
                 "t_s": self.t[at].tolist(),
                 "standard_deviation_deg": dict(zip(angles, along.T.tolist(), strict=True)),
+                "matrix": self.along[at].tolist(),
             },
         }
 

@@ -8,21 +8,24 @@ from typing import Any, Literal
 
 import numpy as np
 
-from planner.chained import chained_form
-from planner.desensitise.augmented import DEGREES, augmented
+from planner.desensitise.augmented import augmented
 from planner.desensitise.program import Shape, program
-from planner.desensitise.refusal import broken
+from planner.desensitise.refusal import (
+    broken,
+    refuse_no_room,
+    refuse_one_way,
+    refuse_waypoints,
+)
 from planner.desensitise.seeds import guess, seeds
 from planner.desensitise.settle import Settled, settle
 from planner.desensitise.spread import spreads
 from planner.desensitise.task import Solution, Task, Weights, prepared
-from planner.errors import InfeasibleError, InputError, NotConvergedError
+from planner.errors import InputError, NotConvergedError
 from planner.methods.collocation import plan_collocation
 from planner.ocp.form import Form
 from planner.ocp.mesh import uniform
 from planner.plan import Plan
 from planner.problem import Problem
-from planner.reachability import travel_window
 from planner.schema.desensitised import DesensitisedOptions
 from planner.schema.methods import CollocationOptions
 
@@ -59,11 +62,11 @@ def plan_desensitised(
         NotConvergedError: If no motion is found.
     """
     began = time.perf_counter()
-    _refuse_waypoints(problem)
+    refuse_waypoints(problem)
     if not options.reversal:
-        _refuse_one_way(problem)
+        refuse_one_way(problem)
     task = _task(problem, options)
-    _refuse_no_room(task)
+    refuse_no_room(task)
     build = prepared(task)
     easy = near or plan_collocation(problem, _easy(options))
     if not options.reversal:
@@ -217,58 +220,3 @@ def _not_converged(
         violations=broken(task, solution),
         advice=", or ".join(ways),
     )
-
-
-def _refuse_waypoints(problem: Problem) -> None:
-    if problem.waypoints:
-        raise NotConvergedError(
-            f"{problem.source}: desensitised plans do not pass waypoints",
-            advice="the method 'collocation', which does; or leave out the waypoints",
-        )
-
-
-def _refuse_one_way(problem: Problem) -> None:
-    window = travel_window(problem)
-    if window is None:
-        return
-    if window.empty:
-        reason = window.reason
-    elif problem.travel is not None and problem.travel not in window:
-        reason = (
-            f"one-way motions travel between {window.low:.5g} and {window.high:.5g} rad, not"
-            f" {problem.travel:.5g}"
-        )
-    else:
-        return
-    raise InfeasibleError(
-        f"{problem.source}: no one-way motion exists: {reason}",
-        advice="method.desensitised.reversal = true",
-    )
-
-
-def _refuse_no_room(task: Task) -> None:
-    """At the start the spread is the design's own: where it does not fit, no path helps."""
-    if not task.backoff:
-        return
-    problem, N = task.problem, task.problem.system.size
-    q0, sigma = problem.start, task.sigma
-    x = np.concatenate([q0, np.asarray(task.program.made.initial(sigma)).ravel()])
-    W = np.asarray(task.program.made.response(x, 0.0, sigma, q0)) / DEGREES
-    rooms = [
-        (problem.system.coordinates[i].name, problem.limits.joint[i] - abs(q0[i]), W[i])
-        for i in problem.system.limited
-    ]
-    if problem.limits.z2_margin is not None:
-        form, h = chained_form(problem.system), 1e-6
-        slope = np.array([form.z(q0 + h * e)[1] - form.z(q0 - h * e)[1] for e in np.eye(N)])
-        z2 = problem.z2_sign * form.z(q0)[1]
-        rooms.append(("z2", float(z2) - problem.limits.z2_margin, slope / (2 * h) @ W))
-    for name, room, response in rooms:
-        needed = task.backoff * float(np.linalg.norm(response))
-        if needed > room:
-            raise InfeasibleError(
-                f"{problem.source}: method.desensitised.backoff = {task.backoff:g} needs"
-                f" {needed:.4g} of room to the limit on {name} and the start has {room:.4g}",
-                advice=f"method.desensitised.backoff = {task.backoff * room / needed * 0.99:.3g}"
-                f" or less, or a wider limit on {name}",
-            )

@@ -37,6 +37,9 @@ def test_json_of_a_saved_plan_matches_the_library(run: Callable[..., Any], tmp_p
     effects = {p["effect"] for p in data["machine"]["parameters"]}
     assert {"backlash_deg", "delay_s", "control_period_s", "gear_ratio_error"} <= effects
     assert data["along"]["t_s"][0] == 0
+    np.testing.assert_allclose(data["along"]["matrix"][-1], found.terminal)
+    play = next(p for p in data["machine"]["parameters"] if p["effect"] == "backlash_deg")
+    assert np.shape(play["along_deg_per_unit"]) == (len(data["machine"]["t_s"]), 3)
 
 
 def test_folder(run: Callable[..., Any], tmp_path: Path) -> None:

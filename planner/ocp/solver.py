@@ -19,6 +19,9 @@ from planner.systems.base import Array, TriangularSystem
 ACCEPTED_RESIDUAL = 1e-7
 """Largest excess of a row over its bounds, in its own unit, that counts as solved."""
 
+FATROP_COORDINATES = 5
+"""Largest number of coordinates for which Fatrop is tried first."""
+
 FEASIBLE = 1e-5
 """Residual up to which one solver's last iterate is a better start for the other than the first."""
 
@@ -73,12 +76,14 @@ def solve(made: Transcription, data: Bounds, start: Iterate, settings: Settings)
 def names(made: Transcription, settings: Settings) -> tuple[SolverName, ...]:
     """The solvers to try, in this order.
 
-    Fatrop is several times faster, but where collocation values stay unknowns its dense stages cost
-    more than they gain.
+    Fatrop is several times faster. But where collocation values stay unknowns its dense stages cost
+    more than they gain; and it eliminates the goal backwards through the inputs of the last few
+    intervals, which for chains of more than four joints leaves no digit.
     """
     if settings.solver != "auto":
         return (settings.solver,)
-    return ("ipopt", "fatrop") if made.layout.lifted else ("fatrop", "ipopt")
+    slow = made.layout.lifted or made.system.size > FATROP_COORDINATES
+    return ("ipopt", "fatrop") if slow else ("fatrop", "ipopt")
 
 
 def _solve(

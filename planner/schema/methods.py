@@ -167,8 +167,8 @@ class CollocationOptions(Table):
     solver: Literal["auto", "fatrop", "ipopt"] = Field(
         "auto",
         description="Who solves the nonlinear programme. auto: Fatrop, which knows the stages, and"
-        " IPOPT where Fatrop fails; the other way round for systems whose rates depend on each"
-        " other in a circle, such as trailers.",
+        " IPOPT where Fatrop fails; the other way round for more than four joints and for systems"
+        " whose rates depend on each other in a circle, such as trailers.",
     )
     compile: bool = Field(
         False,

@@ -1,0 +1,110 @@
+"""Two solvers behind one option: the same optimum, and each the other's fallback."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import planner
+from planner.methods.collocation import plan_collocation
+from planner.ocp import solver as module
+from planner.ocp.backends import Answer, Settings
+from planner.ocp.form import Form
+from planner.ocp.solver import names
+from planner.ocp.transcription import transcription
+from planner.problem import Problem
+from planner.schema.methods import CollocationOptions
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "options"),
+    [
+        ("paper", {}, {}),
+        ("paper", {"limits.input_rad_s": [0.5, 0.12]}, {}),
+        ("paper", {"limits.input_rate_rad_s2": 0.1}, {"rest": True}),
+        ("paper", {"goal.duration": "free"}, {"start": "straight"}),
+        ("crossing", {}, {"start": "straight"}),
+        ("trailers", {}, {"start": "straight"}),
+    ],
+)
+def test_solvers_agree(name: str, changes: Any, options: Any) -> None:
+    problem = planner.load_problem(PROBLEMS / f"{name}.toml", changes)
+    found = {}
+    for solver in ("fatrop", "ipopt"):
+        plan = plan_collocation(problem, CollocationOptions(solver=solver, **options))
+        found[solver] = plan.objective
+        assert planner.verify(plan).ok
+    assert found["fatrop"] == pytest.approx(found["ipopt"], rel=1e-6)
+
+
+def test_who_is_first(paper: Problem) -> None:
+    def order(name: str) -> tuple[str, ...]:
+        system = planner.load_problem(PROBLEMS / f"{name}.toml").system
+        return names(transcription(system, Form(3)), Settings())
+
+    assert order("paper") == ("fatrop", "ipopt")
+    assert order("trailers") == ("ipopt", "fatrop")
+
+
+class _Broken:
+    """A solver that stops at its start, or at a point next to the answer."""
+
+    def __init__(self, near: Any = None) -> None:
+        self.calls = 0
+        self.near = near
+
+    def __call__(self, start: Any, data: Any) -> Answer:
+        self.calls += 1
+        return Answer(start if self.near is None else self.near, False, "Broken", 7)
+
+
+@pytest.mark.parametrize("first", ["fatrop", "ipopt"])
+def test_the_other_takes_over(paper: Problem, monkeypatch: pytest.MonkeyPatch, first: Any) -> None:
+    reference = plan_collocation(paper, CollocationOptions())
+    inner, broken = module.backend, _Broken()
+
+    def backend(made: Any, settings: Settings) -> Any:
+        return broken if settings.solver == first else inner(made, settings)
+
+    order = ("fatrop", "ipopt") if first == "fatrop" else ("ipopt", "fatrop")
+    monkeypatch.setattr(module, "backend", backend)
+    monkeypatch.setattr(module, "names", lambda *_: order)
+    module.solver.cache_clear()
+    plan = plan_collocation(paper, CollocationOptions())
+    module.solver.cache_clear()
+    assert broken.calls == 1
+    assert plan.iterations > 7
+    assert plan.objective == pytest.approx(reference.objective, rel=1e-6)
+
+
+def test_a_solver_named_is_the_only_one(paper: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    broken = _Broken()
+    monkeypatch.setattr(module, "backend", lambda *_: broken)
+    module.solver.cache_clear()
+    options = CollocationOptions(solver="fatrop", start="straight", attempts=1)
+    with pytest.raises(planner.NotConvergedError, match="Broken"):
+        plan_collocation(paper.changed({"limits": {"input_rad_s": 0.5}}), options)
+    module.solver.cache_clear()
+
+
+def test_fatrop_keeps_its_options_when_bounds_come_and_go(paper: Problem) -> None:
+    """CasADi's interface forgets them in one memory; ours has one for each pattern of bounds."""
+    options = CollocationOptions(solver="fatrop", start="straight")
+    objectives = []
+    for travel in ("free", 0.83, "free", 0.83):
+        plan = plan_collocation(paper.changed({"goal.travel": travel}), options)
+        objectives.append((plan.objective, plan.iterations))
+    assert objectives[:2] == objectives[2:]
+
+
+def test_bounds_hold_exactly(paper: Problem) -> None:
+    """Fatrop relaxes bounds a little; they are drawn in by as much before."""
+    limited = paper.changed({"limits.input_rad_s": [0.5, 0.12]})
+    plan = plan_collocation(limited, CollocationOptions(solver="fatrop"))
+    assert np.max(np.abs(plan.u(plan.t)[:, 1])) <= 0.12
+    assert np.max(np.abs(plan.u(plan.t)[:, 1])) > 0.12 * (1 - 1e-6)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from planner.plan import Plan
 from planner.replay import Replay, replay
 from planner.systems.base import Array
 
+PROBLEMS = Path(__file__).parents[2] / "problems"
 SAMPLES = 12
 
 
@@ -114,7 +116,7 @@ def test_lost_readings_cost_little(smooth: Plan, machine: Machine) -> None:
 
 
 def test_a_vehicle_needs_no_run_up(machine: Machine) -> None:
-    problem = planner.load_problem("problems/unicycle.toml")
+    problem = planner.load_problem(PROBLEMS / "unicycle.toml")
     plan = planner.solve(problem, "polynomial")
     opened = replay(plan, machine, 6, record_s=None)
     tracker = Watched()
@@ -156,7 +158,7 @@ def test_a_clock_that_does_not_fit_the_machine_is_refused(smooth: Plan, machine:
 
 
 def test_a_run_up_of_four_joints_is_refused(machine: Machine) -> None:
-    problem = planner.load_problem("problems/four-joint.toml").changed(
+    problem = planner.load_problem(PROBLEMS / "four-joint.toml").changed(
         {"limits": {"joint_deg": 80}}
     )
     plan = planner.solve(problem, "collocation", intervals=20)

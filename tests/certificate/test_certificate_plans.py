@@ -11,6 +11,7 @@ from scipy.interpolate import BPoly
 
 import planner
 from planner.certificate.certify import STANDSTILL
+from planner.cli import main
 from planner.retimed import RetimedTrajectory
 from planner.trajectory import ChainedTrajectory, StateTrajectory
 
@@ -126,3 +127,15 @@ def test_a_certificate_is_saved_and_read_back(optimal: planner.Plan, tmp_path: P
     again = planner.claims.certificate_from_dict(json.loads(stored))
     assert str(again) == str(certificate)
     assert again.claims[0] == certificate.claims[0]
+
+
+def test_the_command_shows_and_gives_it(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["plan", str(PROBLEMS / "paper.toml")]
+    assert main(words) == 0
+    lines = [x for x in capsys.readouterr().out.splitlines() if x.startswith("certificate")]
+    assert len(lines) == 1
+    assert "all 9 requirements proven between the nodes" in lines[0]
+    assert main([*words, "--json"]) == 0
+    given = json.loads(capsys.readouterr().out)["certificate"]
+    assert given["ok"] is True
+    assert {c["status"] for c in given["claims"]} == {"proven"}

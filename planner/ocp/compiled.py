@@ -24,7 +24,8 @@ from planner.errors import InputError
 from planner.files import write_bytes
 from planner.ocp.interval import IntervalFunctions
 
-FLAGS = ("-O2", "-fPIC", "-shared")
+FLAGS = ("-O1", "-fPIC", "-shared")
+"""-O2 takes twice as long to compile and gives nothing faster."""
 KEY = "method.collocation.compile = true"
 
 

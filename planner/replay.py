@@ -220,7 +220,11 @@ def replay(
 def _feedback(feedback: bool | Feedback, plan: Plan) -> Feedback | None:
     if feedback is True:
         return Tracker(plan.problem.feedback)
-    return None if feedback is False else feedback
+    if feedback is False:
+        return None
+    if not callable(getattr(feedback, "start", None)):
+        raise InputError(f"feedback = {feedback!r}: must be True, False, or a planner.Tracker")
+    return feedback
 
 
 def refuse_inexecutable(plan: Plan) -> None:

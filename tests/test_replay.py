@@ -119,6 +119,7 @@ def test_a_path_outside_the_chart_is_refused_with_its_times(unlimited: planner.P
 
 
 BAD: list[tuple[dict[str, Any], str]] = [
+    ({"feedback": "yes"}, "feedback = 'yes'"),
     ({"samples": 0}, "samples = 0"),
     ({"samples": -3}, "samples = -3"),
     ({"samples": True}, "samples = True"),

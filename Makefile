@@ -2,6 +2,7 @@
 #
 #   make compare   the paper's problem, polynomial against optimal, on the emulated machine
 #   make suite     every method on every problem, to results/suite
+#   make bench     speed of collocation beside scripts by hand, to results/benchmarks
 #   make paper     the paper's figures and numbers, to results/paper
 #   make robustness  the tracker on good and bad machines, to results/feedback (some minutes)
 #   make report    pictures of the report's page (needs Chromium), to results/report
@@ -20,13 +21,16 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
 .DEFAULT_GOAL := compare
-.PHONY: compare suite paper robustness report explorer test check lint format clean
+.PHONY: compare suite bench paper robustness report explorer test check lint format clean
 
 compare: $(VENV)/.run
 	@$(BIN)/planner compare problems/paper.toml --out out/compare
 
 suite: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/suite.py
+
+bench: $(VENV)/.run
+	@$(BIN)/python tests/benchmarks/collocation.py
 
 paper: $(VENV)/.run
 	@$(BIN)/planner reproduce --out results/paper

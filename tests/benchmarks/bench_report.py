@@ -1,0 +1,182 @@
+"""The page, picture and numbers of the collocation benchmark."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import subprocess
+import sys
+import time
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("agg")
+import matplotlib.pyplot as plt
+from bench_cases import PROBLEMS, cases
+
+from planner.files import folder
+
+FRESH = """
+import time
+began = time.perf_counter()
+import planner
+imported = time.perf_counter()
+plan = planner.solve(planner.load_problem({path!r}), "collocation")
+assert plan.verified
+print(imported - began, time.perf_counter() - began)
+"""
+HEAD = """# Speed of collocation
+
+Made by
+
+    make bench
+
+on {machine}. While it ran the computer had other work: load {load} on {cores} cores. So
+read ratios; they are medians over rounds in which all contestants took turns.
+
+Times are of one solve from scratch: the solver's call for the scripts
+(tests/benchmarks/rivals.py), the whole way from problem to plan for `planner`, its check between
+nodes included, its independent verification not. The scripts use 40 intervals, constant inputs, a
+tolerance of 1e-9 and the straight line that `planner` starts from (`start = "straight"`); `planner`
+chooses its mesh (20 intervals, linear inputs). "warm" is a neighbouring problem from the plan at
+hand. The error is that of the motion which the inputs really make, integrated by SciPy, at the
+goal.
+"""
+
+
+def fresh_process() -> dict[str, float]:
+    """From import to a verified plan of the paper's problem in a process of its own, best of 5."""
+    code = FRESH.format(path=str(PROBLEMS / "paper.toml"))
+    runs, walls = [], []
+    for _ in range(5):
+        began = time.perf_counter()
+        said = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        )
+        walls.append(time.perf_counter() - began)
+        runs.append([float(word) for word in said.stdout.split()])
+    best = min(runs, key=lambda run: run[1])
+    return {"import_s": best[0], "verified_s": best[1], "process_s": min(walls)}
+
+
+def machine() -> str:
+    """Processor, cores and versions; nothing that names the computer."""
+    model = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        lines = [line for line in info.read_text().splitlines() if line.startswith("model name")]
+        model = lines[0].split(":")[1].strip() if lines else model
+    versions = ", ".join(f"{name} {version(name)}" for name in ("casadi", "numpy", "scipy", "osqp"))
+    system = f"{platform.system()} {platform.machine()}"
+    return (
+        f"{model}, {os.cpu_count()} cores, {system}, Python {platform.python_version()}, {versions}"
+    )
+
+
+def write(out: Path, found: dict[str, Any]) -> None:
+    """Write README.md, speed.png and numbers.json."""
+    found = {"machine": machine(), "load": round(os.getloadavg()[1], 1), **found}
+    with folder(out) as place:
+        (place / "numbers.json").write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+        (place / "README.md").write_text(_page(found), encoding="utf-8")
+        _picture(found, place / "speed.png")
+
+
+def _page(found: dict[str, Any]) -> str:
+    head = HEAD.format(machine=found["machine"], load=found["load"], cores=os.cpu_count())
+    parts = [head, "![times of all contestants and scaling](speed.png)\n"]
+    for case in cases():
+        parts.append(f"## {case.what[0].upper()}{case.what[1:]} ({case.name})\n")
+        parts.append(_table(found["contests"][case.name]))
+    parts.append(_targets(found))
+    return "\n".join(parts)
+
+
+def _table(rows: dict[str, dict[str, Any]]) -> str:
+    head = ["", "least ms", "median ms", "iterations", "objective", "error at goal, rad", "build s"]
+    lines = [head, ["---"] * len(head)]
+    for name, row in rows.items():
+        lines.append(
+            [
+                name,
+                f"{1e3 * row['least_s']:.1f}",
+                f"{1e3 * row['median_s']:.1f}",
+                str(row["iterations"]),
+                f"{row['objective']:.6f}",
+                f"{row['goal_error_rad']:.1e}",
+                f"{row['build_s']:.2f}",
+            ]
+        )
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+
+
+def _targets(found: dict[str, Any]) -> str:
+    """What was aimed at, and what was found."""
+    head = ["", *(case.name for case in cases())]
+    rows = [
+        ("times faster than plain Radau + IPOPT (aim: 5)", "planner", "plain Radau + IPOPT", False),
+        ("time over bare Fatrop (aim: 1.3)", "planner", "bare Fatrop", True),
+        (
+            "compiled: over bare Fatrop, compiled (aim: 1.3)",
+            "planner, compile",
+            "bare Fatrop, compiled",
+            True,
+        ),
+        ("warm over cold (aim: 0.5)", "planner, warm", "planner", True),
+        ("compiled: warm over cold (aim: 0.5)", "planner, compile, warm", "planner, compile", True),
+    ]
+    lines = [head, ["---"] * len(head)]
+    for label, ours, rival, over in rows:
+        cells = []
+        for case in cases():
+            ratio = (
+                found["contests"][case.name].get(ours, {}).get("times_faster_than", {}).get(rival)
+            )
+            cells.append("" if ratio is None else f"{1 / ratio if over else ratio:.2f}")
+        lines.append([label, *cells])
+    table = "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    fresh, convex = found["fresh"], found["convex"]
+    return f"""## Aims
+
+{table}
+
+- From import to a verified plan in a fresh process: {fresh["verified_s"]:.2f} s (aim: 1 s), of
+  which {fresh["import_s"]:.2f} s for the import.
+- Convex plan {1e3 * convex["plan_s"]:.1f} ms, OSQP's own time on its last programme
+  {1e3 * convex["osqp_s"]:.1f} ms: {convex["plan_s"] / convex["osqp_s"]:.1f} times (aim: 2).
+- Time an iteration grows with the number of intervals to the power
+  {found["intervals"]["exponent"]:.2f} (aim: 1), and from 3 to 10 joints with the number of states
+  to the power {found["joints"]["exponent"]:.2f} (aim: less than 2).
+"""
+
+
+def _picture(found: dict[str, Any], path: Path) -> None:
+    figure, axes = plt.subplots(
+        1, 3, figsize=(13, 4.2), width_ratios=[2, 1, 1], layout="constrained"
+    )
+    names = [*dict.fromkeys(name for rows in found["contests"].values() for name in rows)]
+    width = 0.8 / len(names)
+    colours = plt.get_cmap("tab10").colors
+    for i, name in enumerate(names):
+        for k, rows in enumerate(found["contests"].values()):
+            if name in rows and rows[name]["objective"] == rows[name]["objective"]:
+                label = name if k == 0 else None
+                at = k + (i - len(names) / 2) * width
+                axes[0].bar(at, 1e3 * rows[name]["least_s"], width, color=colours[i], label=label)
+    axes[0].set_yscale("log")
+    axes[0].set_ylabel("least time, ms")
+    axes[0].set_xticks(range(len(found["contests"])), list(found["contests"]))
+    axes[0].legend(fontsize=7, ncols=2)
+    for axis, key, label in ((axes[1], "intervals", "intervals"), (axes[2], "joints", "states")):
+        rows = found[key]["rows"]
+        sizes = [int(size) for size in rows]
+        axis.loglog(sizes, [1e3 * row["per_iteration_s"] for row in rows.values()], "o-")
+        axis.set_xlabel(label)
+        axis.set_ylabel("time an iteration, ms")
+        axis.set_title(f"power {found[key]['exponent']:.2f}")
+    figure.savefig(path, dpi=150)
+    plt.close(figure)

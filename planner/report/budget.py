@@ -39,6 +39,9 @@ HEAD = (
 TERMINAL = (0, 1, 2, 3, 4, 6, 8)
 """Columns for which a terminal has room."""
 
+TINY_DEG = 1e-4
+"""What is smaller is shown as 0: it is that of the integration."""
+
 EXPLAINED = (
     "alone: median error index E (eq. 29) with this effect and no other; saves: median over the"
     " machines of what E falls by when this effect alone is switched off, with its 95 % interval;"
@@ -188,12 +191,12 @@ def _reach(costs: tuple[Cost, ...], kind: str) -> Any:
 
 
 def _cells(cost: Cost) -> list[str]:
-    low, high = (f"{x:+.2g}" if np.isfinite(x) else "-" for x in cost.saves_interval_deg)
+    low, high = (_degrees(x, "+.2g") for x in cost.saves_interval_deg)
     between = cost.between
     return [
         cost.name,
-        number(cost.alone_deg),
-        f"{cost.saves_deg:+.3g}",
+        _degrees(cost.alone_deg, ".3g"),
+        _degrees(cost.saves_deg, "+.3g"),
         low,
         high,
         _share(between.first, between.first_half) if between else "-",
@@ -203,13 +206,19 @@ def _cells(cost: Cost) -> list[str]:
     ]
 
 
+def _degrees(value: float, style: str) -> str:
+    if abs(value) < TINY_DEG:
+        return "0"
+    return format(value, style) if np.isfinite(value) else "-"
+
+
 def _share(value: float, half: float) -> str:
     return f"{value:.2f} +- {half:.2f}"
 
 
 def _total(budget: Budget) -> str:
     low, high = (number(x) for x in budget.E_interval_deg)
-    none = number(budget.none_deg) if budget.none_deg > 1e-6 else "0"
+    none = _degrees(budget.none_deg, ".3g")
     return f"median E {number(budget.E_deg)} deg ({low} to {high}), {none} without any effect"
 
 

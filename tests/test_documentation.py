@@ -7,9 +7,10 @@ import shlex
 from pathlib import Path
 
 import pytest
+from typer.main import get_command
 
 import planner
-from planner.cli import main
+from planner.cli import app, main
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -45,3 +46,14 @@ def test_a_quoted_message_is_what_the_command_prints(
     pattern = ".*".join(re.escape(part.strip()) for part in squeezed("\n".join(said)).split("..."))
     assert re.fullmatch(pattern, printed), printed
     assert status == (3 if "no plan (" in block else 2)
+
+
+@pytest.mark.parametrize("name", list(get_command(app).commands))  # type: ignore[attr-defined]
+def test_the_examples_of_a_command_stand_on_lines_of_their_own(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main([name, "--help"])
+    said = capsys.readouterr().out
+    assert "\\b" not in said
+    examples = re.findall(r"^ +Examples?:$", said, flags=re.M)
+    assert len(examples) == said.count("Example")

@@ -33,7 +33,7 @@ def animate(
 
     An MP4 needs ffmpeg, on the path or by pip install 'planner[video]'.
 
-    \\b
+    \b
     Examples:
       planner animate plan.json --out plan.gif
       planner animate polynomial.json collocation.json --speed 2 --out both.mp4

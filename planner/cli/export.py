@@ -49,7 +49,7 @@ def export(
     PLAN is a file that `planner plan --out` wrote. A ROS 2 trajectory needs a plan that starts and
     ends at rest: plan it with --set method.collocation.rest=true.
 
-    \\b
+    \b
     Examples:
       planner export plan.json --out plan.csv
       planner export plan.json --format mat --out plan.mat

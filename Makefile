@@ -31,6 +31,8 @@ suite: $(VENV)/.run
 
 bench: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/collocation.py
+	@$(BIN)/python tests/benchmarks/replay.py --out results/benchmarks
+	@$(BIN)/python tests/benchmarks/sweep.py --out results/benchmarks
 
 paper: $(VENV)/.run
 	@$(BIN)/planner reproduce --out results/paper

@@ -77,10 +77,15 @@ def test_what_is_proven_impossible_is_drawn_all_the_same() -> None:
 
 
 def test_a_law_without_any_travel_is_drawn_at_some_travel() -> None:
-    shown = screen("four-joint")
+    everywhere = {"goal.travel": "free", "method.polynomial.points": [[5.0, -0.02]]}
+    shown = screen("paper", **everywhere)
     assert shown.words()["kind"] == "singular"
     assert panel(shown, "z2")["lines"][0]["y"]
-    assert panel(screen("obstacle", "collocation"), "plane")["discs"]
+
+
+def test_obstacles_are_drawn() -> None:
+    shown = screen("obstacle", **{"goal.travel": 0.82})
+    assert panel(shown, "plane")["discs"] == [[2.2, 1.75, 0.3]]
 
 
 def test_an_impossible_setting_is_said_and_can_be_taken_back() -> None:

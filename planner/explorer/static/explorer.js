@@ -17,7 +17,8 @@ function render({ model, el }) {
   const canvases = new Map();
   let panels = [], frames = new Map();
   let stale = false;
-  let waiting = new Map(), busy = null, number = 0, resting = 0, dragged = null;
+  let waiting = new Map(), busy = null, resting = 0, dragged = null;
+  let number = Math.floor(1e9 * Math.random()); // another view of the same widget counts elsewhere
 
   const controlsPlace = element("div");
   const fill = makeControls(controlsPlace, (name, value) => set(name, value));

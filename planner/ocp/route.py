@@ -16,7 +16,7 @@ import numpy as np
 
 from planner.ocp.guess import through_waypoints
 from planner.ocp.layout import Iterate
-from planner.ocp.mesh import Mesh, through
+from planner.ocp.mesh import Mesh, through, uniform
 from planner.ocp.task import Task, task
 from planner.problem import Problem
 from planner.systems.base import Array
@@ -39,6 +39,8 @@ def routes(problem: Problem) -> list[Problem]:
 
 def mesh_through(problem: Problem, intervals: int) -> Mesh:
     """About as many intervals, even between the waypoints, with an edge at each in their order."""
+    if not problem.waypoints:
+        return uniform(intervals)
     return through(intervals, _fractions(problem, problem.waypoints))
 
 

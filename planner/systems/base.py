@@ -36,6 +36,7 @@ class TriangularSystem(ABC):
     """
 
     kind: ClassVar[str]
+    _hash: int | None = None
 
     @property
     @abstractmethod
@@ -143,4 +144,6 @@ class TriangularSystem(ABC):
         return isinstance(other, TriangularSystem) and self.to_dict() == other.to_dict()
 
     def __hash__(self) -> int:
-        return hash(repr(self.to_dict()))
+        if self._hash is None:
+            self._hash = hash(repr(self.to_dict()))
+        return self._hash

@@ -12,7 +12,8 @@ from scipy.integrate import solve_ivp
 
 from planner.machine.chain import Chain
 from planner.machine.direct import Direct
-from planner.machine.simulate import plant
+from planner.machine.machine import Machine
+from planner.machine.motion import plant
 from planner.systems.base import Array
 
 
@@ -26,7 +27,8 @@ def test_against_an_adaptive_integrator(name: str) -> None:
     q = np.linspace(0.2, 0.4, system.size)
     start = np.stack([q, q + 0.05], axis=1)
     plan = SimpleNamespace(problem=SimpleNamespace(system=system))
-    moved = plant(plan, draws_of(system.size - 1, samples=2), start)  # type: ignore[arg-type]
+    draws = draws_of(system.size - 1, samples=2)
+    moved = plant(plan, Machine.ideal(), draws, start)  # type: ignore[arg-type]
     assert isinstance(moved, Chain if name.startswith("manipulator") else Direct)
     h = 0.01
     for k in range(50):

@@ -87,7 +87,7 @@ class Control:
             return np.zeros_like(commands)
         way = np.sign(commands.sum(axis=0))
         gap = np.where(way == 0, 0.0, half - way * side)
-        feed = self._ref.feed[k : k + AHEAD].mean(axis=1)
+        feed = self._ref.feed[k : k + min(AHEAD, self._design.programme.horizon)].mean(axis=1)
         soon = feed[:, :, None] + self._answer.corrections[: len(feed)]
         worth = way * clock.period * soon.sum(axis=0) > UNCERTAIN * 2 * half
         added = np.where(worth, way * gap / clock.period, 0.0)

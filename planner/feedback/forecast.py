@@ -48,6 +48,8 @@ class History:
 
     def travel(self, times: Array) -> Array:
         """How far each motor has been told to turn until its own time (2,), (2, S)."""
+        if not self._values:
+            return self._travel[0]
         position = np.clip(times / self._tick, 0.0, len(self._values))
         whole = np.minimum(np.floor(position + 1e-9).astype(int), len(self._values) - 1)
         out = [

@@ -25,7 +25,9 @@ class FeedbackTable(Table):
         description="How far ahead limits are looked at, seconds. The cost looks to the end.",
     )
     overtime_s: Annotated[float, Field(ge=0, le=60)] = Field(
-        0.3, description="How long it goes on correcting after the plan's end, seconds."
+        0.3,
+        description="How long it goes on correcting after the plan's end, seconds; no longer than a"
+        " replay's settle time, or the rest is cut off.",
     )
     run_up: Literal["auto"] | bool = Field(
         "auto",

@@ -133,6 +133,22 @@ def test_a_long_latency_is_predicted_through(smooth: Plan, machine: Machine) -> 
     assert np.median(closed.terminal_E_deg) < np.median(opened.terminal_E_deg) / 10
 
 
+@pytest.mark.parametrize(
+    "clock",
+    [
+        {"period_s": 0.25, "horizon_s": 0.5},
+        {"period_s": 0.033, "latency_s": 0},
+        {"period_s": 1.0, "latency_s": 1.0},
+    ],
+    ids=str,
+)
+def test_other_clocks_work_too(smooth: Plan, machine: Machine, clock: dict[str, Any]) -> None:
+    tracker = Tracker(run_up=False, **clock)
+    closed = replay(smooth, machine, 3, seed=3, feedback=tracker, record_s=None)
+    assert np.median(closed.terminal_E_deg) < 2.0  # 5 in open loop
+    assert closed.fallbacks.sum() == 0
+
+
 BAD: list[tuple[dict[str, Any], str]] = [
     ({"period_s": 0.0}, "period_s"),
     ({"horizont_s": 1.0}, "horizon_s"),

@@ -29,7 +29,7 @@ from planner.reachability import travel_window
 from planner.schema.methods import CollocationOptions
 
 NAME = "collocation"
-DIRECT, SEARCHED = 20, 40
+DIRECT, SEARCHED = 14, 40
 """Mesh intervals near a straight line in a given time, and for what may wind more than once."""
 
 SHARINGS = 6

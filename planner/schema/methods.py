@@ -106,7 +106,7 @@ class CollocationOptions(Table):
 
     intervals: Annotated[int, Field(ge=1, le=2000)] | Literal["auto"] = Field(
         "auto",
-        description="Mesh intervals to begin with. auto: 20 for a straight line's neighbourhood in"
+        description="Mesh intervals to begin with. auto: 14 for a straight line's neighbourhood in"
         " a given time with a linear input, else 40.",
     )
     degree: Annotated[int, Field(ge=1, le=5)] = Field(

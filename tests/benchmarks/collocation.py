@@ -84,7 +84,7 @@ def contest(case: Case, rounds: int, compiled: bool) -> dict[str, Any]:
     """All contestants on one case: times, iterations, objective, error at the goal."""
     makers: dict[str, Callable[[], Call]] = {
         RADAU: lambda: radau_ipopt(case.arm),
-        RADAU_OURS: lambda: radau_ipopt(case.arm, intervals=20, linear=True),
+        RADAU_OURS: lambda: radau_ipopt(case.arm, intervals=14, linear=True),
         SHOOTING: lambda: shooting_fatrop(case.arm),
         OURS: lambda: ours(case, compile=False),
         WARM: lambda: ours_warm(case, compile=False),

@@ -56,7 +56,7 @@ def test_it_stays_on_the_same_way_round(paper: Problem) -> None:
 
 def test_a_plan_of_another_method_will_do(paper: Problem, found: Plan) -> None:
     polynomial = planner.solve(paper.changed({"limits": {}, "goal.travel": 0.8235}), "polynomial")
-    warm = planner.solve(paper, "collocation", warm=polynomial, intervals=20)
+    warm = planner.solve(paper, "collocation", warm=polynomial, intervals=14)
     assert warm.notes["start"] == "warm"
     assert warm.objective == pytest.approx(found.objective, rel=1e-6)
 

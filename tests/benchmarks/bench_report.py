@@ -35,7 +35,8 @@ Made by
 
     make bench
 
-on {machine}. While it ran the computer had other work: load {load} on {cores} cores. So
+on {machine}.
+While it ran the computer had other work: load {load} on {cores} cores. So
 read ratios; they are medians over rounds in which all contestants took turns.
 
 Times are of one solve from scratch: the solver's call for the scripts
@@ -136,7 +137,7 @@ def _targets(found: dict[str, Any]) -> str:
             ratio = (
                 found["contests"][case.name].get(ours, {}).get("times_faster_than", {}).get(rival)
             )
-            cells.append("" if ratio is None else f"{1 / ratio if over else ratio:.2f}")
+            cells.append("not run" if ratio is None else f"{1 / ratio if over else ratio:.2f}")
         lines.append([label, *cells])
     table = "\n".join("| " + " | ".join(line) + " |" for line in lines)
     fresh, convex = found["fresh"], found["convex"]

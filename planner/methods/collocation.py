@@ -9,31 +9,39 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError, NotConvergedError
+from planner.methods.collocation_refusals import NAME, no_path, not_converged, too_short
 from planner.methods.collocation_seeds import NAMES, planned_seeds
 from planner.ocp.backends import Settings
+from planner.ocp.bridged import crossings
 from planner.ocp.form import Form, InputKind
 from planner.ocp.guess import Seed, guess, seeds
 from planner.ocp.look import clears
 from planner.ocp.objective import objective
 from planner.ocp.polish import Polished, polish
-from planner.ocp.refusal import obstacle
 from planner.ocp.route import mesh_through, rebalanced, routes
 from planner.ocp.search import Found, Search, same_path, search
 from planner.ocp.solver import Solution
 from planner.ocp.task import Task, stretched, task
 from planner.ocp.timing import HASTE, hasty, timed
-from planner.ocp.violations import broken_limits, broken_rows
 from planner.plan import Plan
 from planner.problem import Problem
 from planner.reachability import travel_window
 from planner.schema.methods import CollocationOptions
 
-NAME = "collocation"
 DIRECT, SEARCHED = 14, 40
 """Mesh intervals near a straight line in a given time, and for what may wind more than once."""
 
 SHARINGS = 6
 """Times that the duration is shared out anew among the parts between waypoints."""
+
+GUESSES, LONG_CHAIN_GUESSES = 6, 2
+"""Guesses tried before random paths are, up to four joints and beyond."""
+
+BRIDGES = 6
+"""Random paths tried."""
+
+RESOLVED = 1e-4
+"""Difference at the end, rad, between a motion and its interpolant up to which it is believed."""
 
 DIRECT_ITERATIONS = 100
 """Iterations granted to the straight line when the motion can be one way; it needs about 15."""
@@ -160,9 +168,9 @@ def _searched(job: Task, options: CollocationOptions) -> _Answer:
     """Paths from several seeds, each then timed; the best of them."""
     simple = _one_way(job.problem) and not job.problem.obstacles
     enough = options.starts if options.start == "auto" and not simple else 1
-    paths = search(job, _seeds(job.problem, options.start)[: options.attempts], enough)
+    paths = search(job, _seeds(job.problem, options.start)[: _guesses(job, options)], enough)
     if not paths.found:
-        raise _no_path(job, paths, options)
+        return _bridged(job, paths, None, options)
     outcomes = [timed(job, path.solution.iterate) for path in paths.found]
     log = [*paths.log]
     iterations = paths.iterations + sum(outcome.iterations for outcome in outcomes)
@@ -171,14 +179,14 @@ def _searched(job: Task, options: CollocationOptions) -> _Answer:
     solved = [k for k, outcome in enumerate(outcomes) if outcome.solution.ok]
     clear = [k for k in solved if clears(job, outcomes[k].solution)]
     if solved and not clear:
-        raise _no_path(job, paths, options)
+        raise no_path(job, paths, options)
     if solved:
         k = min(clear, key=lambda k: outcomes[k].solution.objective)
         return _Answer(paths.found[k].seed, job, outcomes[k].solution, log, iterations)
     k = int(np.argmin([outcome.shortest_s for outcome in outcomes]))
     quick = outcomes[k].quick
     if quick is None or not quick.ok:
-        raise _not_converged(job, outcomes[k].solution, options, "the paths found")
+        return _bridged(job, paths, outcomes[k].solution, options)
     return _hurried(job, quick, _Answer(paths.found[k].seed, job, quick, log, iterations), options)
 
 
@@ -191,18 +199,55 @@ def _seeds(problem: Problem, start: str) -> list[Seed]:
     return [first, *planned, *others]
 
 
+def _guesses(job: Task, options: CollocationOptions) -> int:
+    """Guesses worth trying: for long chains few lead anywhere, and each takes long to fail."""
+    if options.start != "auto" or not _bridgeable(job.problem):
+        return options.attempts
+    return min(options.attempts, GUESSES if job.problem.system.size <= 5 else LONG_CHAIN_GUESSES)
+
+
+def _bridgeable(problem: Problem) -> bool:
+    """Whether random paths are of use; they know nothing of z2, discs and waypoints."""
+    return not (problem.obstacles or problem.waypoints) and problem.limits.z2_margin is None
+
+
+def _bridged(
+    job: Task, paths: Search, last: Solution | None, options: CollocationOptions
+) -> _Answer:
+    """Where no guess leads to a motion: from random motions of both ends."""
+    log, shortest = [*paths.log], None
+    wanted = options.start == "auto" and _bridgeable(job.problem)
+    for found in crossings(job, BRIDGES) if wanted else ():
+        solution, iterations = found.timed.solution, paths.iterations + found.iterations
+        objective = solution.objective if solution.ok else None
+        log.append({"start": found.name, "status": solution.status, "objective": objective})
+        if solution.ok:
+            return _Answer(found.name, found.task, solution, log, iterations)
+        if shortest is None or found.timed.shortest_s < shortest.timed.shortest_s:
+            shortest = found
+    quick = shortest.timed.quick if shortest else None
+    if shortest is None or quick is None or not quick.ok:
+        if last is not None:
+            raise not_converged(job, last, options, "the paths found")
+        raise no_path(job, paths, options)
+    answer = _Answer(shortest.name, shortest.task, quick, log, paths.iterations)
+    return _hurried(shortest.task, quick, answer, options)
+
+
 def _hurried(job: Task, quick: Solution, answer: _Answer, options: CollocationOptions) -> _Answer:
     """The fastest motion on a mesh fine enough to believe it: the answer's start, or a refusal."""
     free = hasty(job)
     done = polish(free, quick, options.accuracy, options.refinements)
     wanted = job.problem.duration
     assert wanted is not None
+    if done.error > RESOLVED:
+        raise not_converged(job, quick, options, "the paths found")
     if done.solution.iterate.duration * HASTE > wanted:
-        raise _too_short(job, done, options)
+        raise too_short(job, done, options)
     finer = job.on(done.task.mesh)
     solution = finer.solve(stretched(done.solution.iterate, wanted))
     if not solution.ok:
-        raise _too_short(job, done, options)
+        raise too_short(job, done, options)
     return replace(answer, task=finer, solution=solution)
 
 
@@ -234,67 +279,3 @@ def _plan(done: Polished, answer: _Answer, options: CollocationOptions, began: f
             **done.notes,
         },
     )
-
-
-def _iterate_plan(job: Task, solution: Solution, options: CollocationOptions) -> Plan:
-    """A last iterate, for study."""
-    return Plan(
-        problem=job.problem,
-        method=NAME,
-        options=options.model_dump(),
-        trajectory=job.curve(solution.iterate),
-        status=NotConvergedError.status,
-        objective=solution.objective,
-        objective_name=job.objective.name,
-        iterations=solution.iterations,
-        notes={"solver_status": solution.status, "largest_residual": solution.residual},
-    )
-
-
-def _too_short(job: Task, shortest: Polished, options: CollocationOptions) -> NotConvergedError:
-    """The fastest motion found, squeezed into the duration asked for, shows what that breaks."""
-    wanted, found = job.problem.duration, shortest.solution.iterate.duration
-    assert wanted is not None
-    task = job.on(shortest.task.mesh)
-    iterate = stretched(shortest.solution.iterate, wanted)
-    squeezed = replace(shortest.solution, iterate=iterate)
-    return NotConvergedError(
-        f"{job.problem.source}: goal.duration = {wanted:g} s is too short: the fastest motion found"
-        f" takes {found:.4g} s. Squeezed into {wanted:g} s it breaks:",
-        plan=_iterate_plan(task, squeezed, options),
-        violations=broken_limits(task, squeezed),
-        advice=f"goal.duration = {_rounded_up(found)} or more (a motion of {found:.4g} s was"
-        " found); or wider limits on the inputs",
-    )
-
-
-def _no_path(job: Task, result: Search, options: CollocationOptions) -> NotConvergedError:
-    last = result.last or result.found[0].solution
-    found = obstacle(job)
-    if found is None:
-        return _not_converged(job, last, options, f"{len(result.log)} starts")
-    return NotConvergedError(
-        f"{job.problem.source}: no motion from start to goal was found from {len(result.log)}"
-        f" starts; without {found.what} there is one, which breaks:",
-        plan=_iterate_plan(job, found.solution, options),
-        violations=found.violations,
-        advice=found.advice,
-    )
-
-
-def _not_converged(
-    job: Task, solution: Solution, options: CollocationOptions, tried: str
-) -> NotConvergedError:
-    return NotConvergedError(
-        f"{job.problem.source}: the solver found no motion from {tried} (it says"
-        f" {solution.status} after {solution.iterations} iterations)",
-        plan=_iterate_plan(job, solution, options),
-        violations=broken_rows(job, solution),
-        advice="more method.collocation.intervals, more attempts, or goal.travel and goal.duration"
-        ' "free"',
-    )
-
-
-def _rounded_up(value: float) -> str:
-    digits = 3 - int(np.ceil(np.log10(value)))
-    return f"{np.ceil(value * 10.0**digits) / 10.0**digits:g}"

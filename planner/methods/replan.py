@@ -7,7 +7,8 @@ import time
 import numpy as np
 
 from planner.errors import InputError
-from planner.methods.collocation import NAME, _Answer, _plan, _task, plan_collocation
+from planner.methods.collocation import _Answer, _plan, _task, plan_collocation
+from planner.methods.collocation_refusals import NAME
 from planner.ocp.layout import Iterate
 from planner.ocp.mesh import Mesh
 from planner.ocp.polish import polish

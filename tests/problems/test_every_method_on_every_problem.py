@@ -40,7 +40,7 @@ EXPECTED = {
 
 def test_the_table_is_complete() -> None:
     assert {path.stem for path in PROBLEMS.glob("*.toml")} == set(EXPECTED)
-    # a method that refines another's plan finds one where that does: tests/methods/test_desensitised
+    # what refines another plan finds one where that does: tests/methods/test_desensitised
     assert set(METHODS) == {name for name, m in planner.METHODS.items() if m.refines is None}
 
 

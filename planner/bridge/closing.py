@@ -1,0 +1,222 @@
+"""Gaps closed: at each step the nearest motion whose gaps are a little smaller."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from planner.bridge.piece import ends, piece
+from planner.interrupts import heed_interrupts
+from planner.systems.base import Array, TriangularSystem
+
+FIRST_SHARE = 0.25
+LEAST_SHARE = 4e-3
+QUICK = 25
+"""Iterations after which a step counts as hard, and the next is no longer."""
+
+ITERATIONS = 40
+MOST_STEPS = 40
+RESIDUAL = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Pieces one after the other.
+
+    Attributes:
+        q: Coordinates before each piece and at the end, shape (K+1, N).
+        u: Integrals of the inputs over each piece, shape (K, 2).
+        gap: Jumps of the coordinates after each piece, shape (K, N).
+    """
+
+    q: Array
+    u: Array
+    gap: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Ends:
+    """What a closed chain must keep.
+
+    Attributes:
+        start: Shape (N,).
+        goal: Shape (N,), NaN where free.
+        limit: Largest |q|, shape (N,).
+    """
+
+    start: Array
+    goal: Array
+    limit: Array
+
+
+def finer(system: TriangularSystem, chain: Chain, limited: list[int], turn: float) -> Chain:
+    """The chain cut so that no limited coordinate turns by more than `turn` in a piece.
+
+    What the longer pieces got wrong becomes gaps.
+    """
+    turns = np.max(np.abs(np.diff(chain.q, axis=0)[:, limited]), axis=1)
+    parts = np.maximum(1, np.ceil(turns / turn)).astype(int)
+    piece_of = np.repeat(np.arange(len(parts)), parts)
+    share = np.concatenate([np.arange(n) / n for n in parts])[:, None]
+    before = ends(system, chain.q[:-1][piece_of], chain.u[piece_of] * share)
+    u = chain.u[piece_of] / parts[piece_of, None]
+    q = np.vstack([before, chain.q[-1:]])
+    return Chain(q, u, q[1:] - ends(system, q[:-1], u))
+
+
+def closed(system: TriangularSystem, chain: Chain, ends: Ends) -> tuple[Chain | None, int]:
+    """The chain without its gaps, or None where the continuation is stuck; and iterations made."""
+    nearest = _nearest(system, len(chain.u))
+    share, step, iterations = 0.0, FIRST_SHARE, 0
+    whole = chain.gap
+    for _ in range(MOST_STEPS):
+        aim = min(1.0, share + step)
+        found, made = nearest(chain, (1.0 - aim) * whole, ends)
+        iterations += made
+        if found is None:
+            step /= 3
+            if step < LEAST_SHARE:
+                break
+            continue
+        chain, share = found, aim
+        if share == 1.0:
+            return chain, iterations
+        step *= 2.0 if made < QUICK else 1.0
+    return None, iterations
+
+
+class _Nearest:
+    """The chain nearest to another, with given gaps, within limits, by IPOPT.
+
+    The unknowns are (q₀, u₀, q₁, u₁, …, q_K); the derivatives are those of one piece, repeated.
+    """
+
+    def __init__(self, system: TriangularSystem, count: int) -> None:
+        self._size, self._count = system.size, count
+        self._solver = ca.nlpsol("nearest", "ipopt", *_programme(system, count))
+
+    def __call__(self, chain: Chain, gap: Array, ends: Ends) -> tuple[Chain | None, int]:
+        lower, upper = self._bounds(ends)
+        at = self._pack(chain.q, chain.u)
+        with heed_interrupts():
+            found = self._solver(
+                x0=np.clip(at, lower, upper),
+                p=at,
+                lbx=lower,
+                ubx=upper,
+                lbg=gap.ravel(),
+                ubg=gap.ravel(),
+            )
+        made = int(self._solver.stats()["iter_count"])
+        excess = float(np.max(np.abs(np.asarray(found["g"]).ravel() - gap.ravel())))
+        if not excess <= RESIDUAL:
+            return None, made
+        q, u = self._unpack(np.asarray(found["x"]).ravel())
+        return Chain(q, u, gap), made
+
+    def _pack(self, q: Array, u: Array) -> Array:
+        return np.concatenate([np.concatenate([q[:-1], u], axis=1).ravel(), q[-1]])
+
+    def _unpack(self, vector: Array) -> tuple[Array, Array]:
+        body = vector[: -self._size].reshape(self._count, self._size + 2)
+        return np.vstack([body[:, : self._size], vector[-self._size :]]), body[:, self._size :]
+
+    def _bounds(self, ends: Ends) -> tuple[Array, Array]:
+        upper = np.repeat(ends.limit[None], self._count + 1, axis=0)
+        lower = -upper
+        lower[0] = upper[0] = ends.start
+        known = ~np.isnan(ends.goal)
+        lower[-1, known] = upper[-1, known] = ends.goal[known]
+        free = np.full((self._count, 2), np.inf)
+        return self._pack(lower, -free), self._pack(upper, free)
+
+
+@lru_cache(maxsize=8)
+def _nearest(system: TriangularSystem, count: int) -> _Nearest:
+    return _Nearest(system, count)
+
+
+def _programme(system: TriangularSystem, count: int) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The problem and the solver's options, with the derivatives."""
+    size = system.size
+    w, near = (ca.MX.sym(name, count * (size + 2) + size) for name in ("w", "near"))
+    columns = ca.reshape(w[:-size], size + 2, count)
+    q, u = columns[:size, :], columns[size:, :]
+    after = ca.horzcat(q[:, 1:], w[-size:])
+    one = piece(system)
+    f, g = ca.sumsqr(w - near), ca.vec(after - one.end.map(count)(q, u))
+    scale, dual = ca.MX.sym("scale"), ca.MX.sym("dual", size * count)
+    curved = one.curvature.map(count)(q, u, ca.reshape(dual, size, count))
+    by_q, by_u = one.slopes.map(count)(q, u)
+    jacobian = _jacobian(size, count, by_q, by_u)
+    hessian = _hessian(size, count, scale, curved)
+    names = ["x", "p"]
+    derivatives = {
+        "jac_g": ca.Function("nlp_jac_g", [w, near], [g, jacobian], names, ["g", "jac_g_x"]),
+        "hess_lag": ca.Function(
+            "nlp_hess_l",
+            [w, near, scale, dual],
+            [hessian],
+            [*names, "lam_f", "lam_g"],
+            ["hess_gamma_x_x"],
+        ),
+    }
+    return {"x": w, "p": near, "f": f, "g": g}, {**_QUIET, **derivatives}
+
+
+def _jacobian(size: int, count: int, by_q: Any, by_u: Any) -> Any:
+    """Rows of piece k: minus its slopes at (q_k, u_k), and one at q_(k+1)."""
+    blocks = ca.vertcat(ca.reshape(by_q, size * size, count), ca.reshape(by_u, size * 2, count))
+    entries = ca.vertcat(ca.vec(-blocks), ca.MX(ca.DM.ones(size * count)))
+    k, column, row = np.meshgrid(
+        np.arange(count), np.arange(size + 2), np.arange(size), indexing="ij"
+    )
+    rows, columns = (size * k + row).ravel(), ((size + 2) * k + column).ravel()
+    following = (size + 2) * (np.arange(size * count) // size + 1) + np.arange(size * count) % size
+    rows = np.concatenate([rows, np.arange(size * count)])
+    columns = np.concatenate([columns, following])
+    return _sparse(size * count, (size + 2) * count + size, rows, columns, entries)
+
+
+def _hessian(size: int, count: int, scale: Any, curved: Any) -> Any:
+    """Upper triangle: blocks of the pieces, and the distance's on the diagonal."""
+    m = size + 2
+    row, column = np.triu_indices(m)
+    inside = (row + m * column).tolist()
+    blocks = ca.vec(ca.reshape(curved, m * m, count)[inside, :])
+    diagonal = np.tile(np.where(row == column, 2.0, 0.0), count)
+    entries = ca.vertcat(scale * ca.DM(diagonal) - blocks, scale * ca.DM(np.full(size, 2.0)))
+    offsets = m * np.arange(count)[:, None]
+    last = m * count + np.arange(size)
+    rows = np.concatenate([(offsets + row).ravel(), last])
+    columns = np.concatenate([(offsets + column).ravel(), last])
+    return _sparse(m * count + size, m * count + size, rows, columns, entries)
+
+
+def _sparse(height: int, width: int, rows: Any, columns: Any, entries: Any) -> Any:
+    order = np.lexsort((rows, columns))
+    pattern = ca.Sparsity.triplet(height, width, rows[order].tolist(), columns[order].tolist())
+    return ca.MX(pattern, entries[order.tolist()])
+
+
+_QUIET: dict[str, Any] = {
+    "print_time": False,
+    "show_eval_warnings": False,
+    "calc_lam_p": False,
+    "ipopt": {
+        "print_level": 0,
+        "sb": "yes",
+        "max_iter": ITERATIONS,
+        "tol": 1e-3,
+        "constr_viol_tol": RESIDUAL / 10,
+        "acceptable_iter": 0,
+        "bound_relax_factor": 0.0,
+        "mu_init": 1e-3,
+        "bound_push": 1e-4,
+        "bound_frac": 1e-4,
+    },
+}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import platform
@@ -18,7 +19,7 @@ matplotlib.use("agg")
 import matplotlib.pyplot as plt
 from bench_cases import PROBLEMS, cases
 
-from planner.files import folder
+from planner.files import write_bytes, write_text
 
 FRESH = """
 import time
@@ -81,10 +82,11 @@ def machine() -> str:
 def write(out: Path, found: dict[str, Any]) -> None:
     """Write README.md, speed.png and numbers.json."""
     found = {"machine": machine(), "load": round(os.getloadavg()[1], 1), **found}
-    with folder(out) as place:
-        (place / "numbers.json").write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-        (place / "README.md").write_text(_page(found), encoding="utf-8")
-        _picture(found, place / "speed.png")
+    picture = io.BytesIO()
+    _picture(found, picture)
+    write_text(out / "numbers.json", json.dumps(found, indent=1) + "\n")
+    write_text(out / "README.md", _page(found))
+    write_bytes(out / "speed.png", picture.getvalue())
 
 
 def _page(found: dict[str, Any]) -> str:
@@ -155,7 +157,7 @@ def _targets(found: dict[str, Any]) -> str:
 """
 
 
-def _picture(found: dict[str, Any], path: Path) -> None:
+def _picture(found: dict[str, Any], path: io.BytesIO) -> None:
     figure, axes = plt.subplots(
         1, 3, figsize=(13, 4.2), width_ratios=[2, 1, 1], layout="constrained"
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 from pathlib import Path
 
 import pytest
@@ -13,6 +15,13 @@ ROOT = Path(__file__).parents[1]
 
 settings.register_profile("planner", deadline=None, derandomize=True, max_examples=40)
 settings.load_profile("planner")
+
+
+@pytest.fixture(autouse=True)
+def _own_ctrl_c() -> None:
+    """Each test starts with Python's own SIGINT: notebook clients and browsers leave theirs."""
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")

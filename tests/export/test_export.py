@@ -174,10 +174,11 @@ def test_ros_positions_velocities_and_accelerations_belong_together(rest: planne
     for i in range(2):
         between = CubicHermiteSpline(t, position[:, i], velocity[:, i])
         middle = (t[1:] + t[:-1]) / 2
-        np.testing.assert_allclose(between(middle, 1), rest.u(middle)[:, i], atol=2e-5)
         mean = np.diff(velocity[:, i]) / np.diff(t)
         inside = [k for k in range(len(mean)) if not np.any((rest.t > t[k]) & (rest.t < t[k + 1]))]
-        assert len(inside) > 500
+        assert len(inside) > 500  # the others hold a corner of the input
+        wanted = rest.u(middle)[inside, i]
+        np.testing.assert_allclose(between(middle, 1)[inside], wanted, atol=2e-5)
         np.testing.assert_allclose(acceleration[:-1][inside, i], mean[inside], atol=1e-6)
     total = sum(
         quad(lambda s: rest.u(s)[0], a, b)[0] for a, b in zip(rest.t, rest.t[1:], strict=False)

@@ -55,10 +55,7 @@ class End:
 
 def chart_ends_report(problem: Problem) -> tuple[End, End]:
     """The start and the goal."""
-    goal = problem.goal.copy()
-    if problem.travel is not None:
-        goal[0] = problem.start[0] + problem.travel
-    return _end("start", problem, problem.start), _end("goal", problem, goal)
+    return _end("start", problem, problem.start), _end("goal", problem, problem.target)
 
 
 def _end(name: str, problem: Problem, q: Array) -> End:

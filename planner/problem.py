@@ -147,6 +147,14 @@ class Problem:
         return next(iter(self.travel_change(None)))
 
     @property
+    def target(self) -> Array:
+        """q(T), shape (N,): the goal, with the path coordinate where the travel is given."""
+        out = self.goal.copy()
+        if self.travel is not None:
+            out[0] = self.start[0] + self.travel
+        return out
+
+    @property
     def branch(self) -> Array:
         """The chart's branch at the start, shape (N,)."""
         return self.system.branch(self.start)

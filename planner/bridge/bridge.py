@@ -45,7 +45,7 @@ def bridges(problem: Problem, attempts: int, seed: int = 0) -> Iterator[Bridge]:
     Limits on inputs are left to the timing, z₂ is not looked at.
     """
     space = room(problem)
-    ends = Ends(problem.start, _goal(problem), np.maximum(problem.limits.joint, 0.0))
+    ends = Ends(problem.start, problem.target, problem.limits.joint)
     iterations = 0
     for number in range(attempts):
         if number % PAIRS == 0:
@@ -71,13 +71,11 @@ def _closed(problem: Problem, chain: Chain, ends: Ends) -> tuple[Chain | None, i
 def _met(
     problem: Problem, space: Room, rng: np.random.Generator
 ) -> tuple[Walks, Walks, list[Pair]]:
-    system, travel = problem.system, problem.travel
-    goal = np.where(np.isnan(problem.goal), 0.0, problem.goal)
-    if travel is not None:
-        goal[0] = problem.start[0] + travel
+    system = problem.system
+    goal = np.nan_to_num(problem.target)
     forth = walks(system, problem.start, space, WALKS, PIECES, rng)
     back = walks(system, goal, space, WALKS, PIECES, rng)
-    return forth, back, pairs(system, forth, back, travel is not None, PAIRS)
+    return forth, back, pairs(system, forth, back, problem.travel is not None, PAIRS)
 
 
 def _joined(forth: Walks, back: Walks, pair: Pair) -> Chain:
@@ -89,9 +87,3 @@ def _joined(forth: Walks, back: Walks, pair: Pair) -> Chain:
     gap[len(forth.u)] = last[0] - first[-1]
     gap[:, 1] = 0.0
     return Chain(np.concatenate([first, last]), u, gap)
-
-
-def _goal(problem: Problem) -> Array:
-    goal = problem.goal.copy()
-    goal[0] = np.nan if problem.travel is None else problem.start[0] + problem.travel
-    return goal

@@ -46,21 +46,15 @@ def piece(system: TriangularSystem) -> Piece:
     )
 
 
-@lru_cache(maxsize=16)
-def _mapped(system: TriangularSystem, count: int) -> Piece:
-    one = piece(system)
-    return Piece(one.end.map(count), one.slopes.map(count), one.curvature.map(count))
-
-
 def ends(system: TriangularSystem, q: Array, u: Array) -> Array:
     """Where pieces lead, shape (M, N), from q (M, N) under u (M, 2)."""
-    return np.asarray(_mapped(system, len(q)).end(q.T, u.T)).T
+    return np.asarray(piece(system).end.map(len(q))(q.T, u.T)).T
 
 
 def slopes(system: TriangularSystem, q: Array, u: Array) -> tuple[Array, Array]:
     """Derivatives of `ends`, shapes (M, N, N) and (M, N, 2)."""
     count, size = q.shape
-    by_q, by_u = _mapped(system, count).slopes(q.T, u.T)
+    by_q, by_u = piece(system).slopes.map(count)(q.T, u.T)
     return (
         np.asarray(by_q).reshape(size, count, size).swapaxes(0, 1),
         np.asarray(by_u).reshape(size, count, 2).swapaxes(0, 1),

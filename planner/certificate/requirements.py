@@ -163,8 +163,7 @@ def domain(problem: Problem, motion: Motion, required: bool) -> list[Requirement
 
 def goal(problem: Problem, motion: Motion) -> list[Claim]:
     """The end of the true motion at the goal, within `verify`'s tolerance."""
-    target = problem.goal.copy()
-    target[0] = np.nan if problem.travel is None else problem.start[0] + problem.travel
+    target = problem.target
     time, out = float(motion.cells.times(np.array([1.0]))[-1, 0]), []
     for i, c in enumerate(problem.system.coordinates):
         if np.isnan(target[i]):

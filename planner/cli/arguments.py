@@ -47,6 +47,16 @@ MethodNames = Annotated[
         show_default=False,
     ),
 ]
+PlannedMethods = Annotated[
+    str | None,
+    typer.Option(
+        "--methods",
+        metavar="A,B,C",
+        help="Methods, each with options if wanted, as in polynomial:travel=middle; or all.",
+        show_default=False,
+    ),
+]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the machines.")]
 
 RADIAN_LIKE_DEG = 1.6
 """Angles all below this many degrees look like radians (a quarter turn is 1.57)."""

@@ -11,7 +11,14 @@ from typing import Annotated
 import typer
 
 from planner.budget import Budget, error_budget
-from planner.cli.arguments import Changes, Json, parse_changes, read_problem
+from planner.cli.arguments import (
+    Changes,
+    Json,
+    PlannedMethods,
+    Seed,
+    parse_changes,
+    read_problem,
+)
 from planner.cli.output import note, print_json, print_text, progress_bar, say
 from planner.compare import planned, specs
 from planner.comparison import Row
@@ -32,22 +39,14 @@ def budget(
             show_default=False,
         ),
     ],
-    methods: Annotated[
-        str | None,
-        typer.Option(
-            "--methods",
-            metavar="A,B,C",
-            help="Methods to plan by, each with options if wanted; or all.",
-            show_default=False,
-        ),
-    ] = None,
+    methods: PlannedMethods = None,
     samples: Annotated[
         int, typer.Option("--samples", "-n", min=1, help="Machines for each median.")
     ] = 200,
     base: Annotated[
         int, typer.Option("--base", min=2, help="Base samples of the Sobol indices, a power of 2.")
     ] = 256,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the machines.")] = 0,
+    seed: Seed = 0,
     changes: Changes = None,
     out: Annotated[
         Path | None,

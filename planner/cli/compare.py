@@ -8,7 +8,14 @@ from typing import Annotated, Any
 import typer
 
 from planner.budget import Budget
-from planner.cli.arguments import Changes, Json, ProblemPath, read_problem
+from planner.cli.arguments import (
+    Changes,
+    Json,
+    PlannedMethods,
+    ProblemPath,
+    Seed,
+    read_problem,
+)
 from planner.cli.budget import budgets, executable, print_budgets, save
 from planner.cli.output import Told, note, print_json, print_text, progress_bar, say
 from planner.compare import compare as run
@@ -24,19 +31,11 @@ BUDGET_SAMPLES, BUDGET_BASE = 200, 128
 
 def compare(
     problem: ProblemPath,
-    methods: Annotated[
-        str | None,
-        typer.Option(
-            "--methods",
-            metavar="A,B,C",
-            help="Methods, each with options if wanted, as in polynomial:travel=middle; or all.",
-            show_default=False,
-        ),
-    ] = None,
+    methods: PlannedMethods = None,
     samples: Annotated[
         int, typer.Option("--samples", "-n", min=1, help="Machines to replay each plan on.")
     ] = 1000,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the machines.")] = 0,
+    seed: Seed = 0,
     sample: Annotated[
         list[int] | None,
         typer.Option(

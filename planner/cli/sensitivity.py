@@ -9,7 +9,7 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from planner.cli.arguments import Changes, Json, read_problem
+from planner.cli.arguments import Changes, Json, Seed, read_problem
 from planner.cli.output import note, print_json, print_text, table, waiting
 from planner.cli.plan import number
 from planner.cli.trade_off import run_trade_off
@@ -59,7 +59,7 @@ def sensitivity(
     samples: Annotated[
         int, typer.Option("--samples", "-n", min=1, help="Machines to replay each point on.")
     ] = 200,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the machines.")] = 0,
+    seed: Seed = 0,
     out: Annotated[
         Path | None,
         typer.Option(

@@ -29,11 +29,9 @@ def unknown_bounds(task: Task) -> tuple[Array, Array]:
     lower[0] = SHORTEST_S
     if task.direction:
         (lower if task.direction > 0 else upper)[p.inputs[:, 0]] = 0.0
-    goal = problem.goal.copy()
-    goal[0] = np.nan if problem.travel is None else problem.start[0] + problem.travel
     first = np.asarray(p.made.initial(task.sigma), dtype=float).ravel()
     fixed = [(p.states[0], np.concatenate([problem.start, first]))]
-    fixed += [(p.states[-1, :N], goal)]
+    fixed += [(p.states[-1, :N], problem.target)]
     fixed += [(np.zeros(1, int), np.array([problem.duration or np.nan]))]
     fixed += [(p.inputs[[0, -1]].ravel(), np.zeros(4))] if task.rest else []
     for where, values in fixed:

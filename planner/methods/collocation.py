@@ -48,7 +48,17 @@ DIRECT_ITERATIONS = 100
 
 
 @dataclass(frozen=True, eq=False)
-class _Answer:
+class Answer:
+    """A solution, the task it belongs to, and how it was come by.
+
+    Attributes:
+        start: Name of the start it grew from.
+        task: What it solves.
+        solution: The answer.
+        log: One entry a start, JSON-ready.
+        iterations: Iterations of the solver, over all starts.
+    """
+
     start: str
     task: Task
     solution: Solution
@@ -71,10 +81,10 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
     began = time.perf_counter()
     answer = _best_route(problem, options)
     done = polish(answer.task, answer.solution, options.accuracy, options.refinements)
-    return replace(_plan(done, answer, options, began), problem=problem)
+    return replace(finished(done, answer, options, began), problem=problem)
 
 
-def _best_route(problem: Problem, options: CollocationOptions) -> _Answer:
+def _best_route(problem: Problem, options: CollocationOptions) -> Answer:
     """The best over the orders in which waypoints may be passed."""
     answers, refusals = [], []
     for way in routes(problem):
@@ -87,11 +97,13 @@ def _best_route(problem: Problem, options: CollocationOptions) -> _Answer:
     return min(answers, key=lambda answer: answer.solution.objective)
 
 
-def _answer(problem: Problem, options: CollocationOptions) -> _Answer:
-    return _direct(problem, options) or _searched(_task(problem, options, SEARCHED), options)
+def _answer(problem: Problem, options: CollocationOptions) -> Answer:
+    return _direct(problem, options) or _searched(
+        collocation_task(problem, options, SEARCHED), options
+    )
 
 
-def _settled(answer: _Answer) -> _Answer:
+def _settled(answer: Answer) -> Answer:
     """With the time shared out among the parts between waypoints as the objective wants it."""
     for _ in range(SHARINGS if answer.task.mesh.marks else 0):
         moved = rebalanced(answer.task, answer.solution.iterate)
@@ -106,7 +118,8 @@ def _settled(answer: _Answer) -> _Answer:
     return answer
 
 
-def _task(problem: Problem, options: CollocationOptions, intervals: int) -> Task:
+def collocation_task(problem: Problem, options: CollocationOptions, intervals: int) -> Task:
+    """The problem on a mesh of about so many intervals; waypoints lie on edges."""
     goal = objective(problem, options)
     kind = _input_kind(problem, options, goal.smooth)
     mesh = mesh_through(problem, intervals if options.intervals == "auto" else options.intervals)
@@ -147,13 +160,13 @@ def _one_way(problem: Problem) -> bool:
     return problem.travel is None or problem.travel in window
 
 
-def _direct(problem: Problem, options: CollocationOptions) -> _Answer | None:
+def _direct(problem: Problem, options: CollocationOptions) -> Answer | None:
     """The straight line alone: where asked for, or the motion can be one way in a given time."""
     if problem.duration is None or options.start not in ("auto", "straight"):
         return None
     if options.start == "auto" and (problem.obstacles or not _one_way(problem)):
         return None
-    job = _task(problem, options, DIRECT if options.input != "constant" else SEARCHED)
+    job = collocation_task(problem, options, DIRECT if options.input != "constant" else SEARCHED)
     quick = replace(job.settings, max_iterations=min(options.max_iterations, DIRECT_ITERATIONS))
     seed = seeds("straight")[0]
     start = guess(job.problem, job.made, job.mesh, seed)
@@ -161,10 +174,10 @@ def _direct(problem: Problem, options: CollocationOptions) -> _Answer | None:
     if not solution.ok:
         return None
     log = [{"start": seed.name, "status": solution.status, "objective": solution.objective}]
-    return _Answer(seed.name, job, solution, log, solution.iterations)
+    return Answer(seed.name, job, solution, log, solution.iterations)
 
 
-def _searched(job: Task, options: CollocationOptions) -> _Answer:
+def _searched(job: Task, options: CollocationOptions) -> Answer:
     """Paths from several seeds, each then timed; the best of them."""
     simple = _one_way(job.problem) and not job.problem.obstacles
     enough = options.starts if options.start == "auto" and not simple else 1
@@ -182,12 +195,12 @@ def _searched(job: Task, options: CollocationOptions) -> _Answer:
         raise no_path(job, paths, options)
     if solved:
         k = min(clear, key=lambda k: outcomes[k].solution.objective)
-        return _Answer(paths.found[k].seed, job, outcomes[k].solution, log, iterations)
+        return Answer(paths.found[k].seed, job, outcomes[k].solution, log, iterations)
     k = int(np.argmin([outcome.shortest_s for outcome in outcomes]))
     quick = outcomes[k].quick
     if quick is None or not quick.ok:
         return _bridged(job, paths, outcomes[k].solution, options)
-    return _hurried(job, quick, _Answer(paths.found[k].seed, job, quick, log, iterations), options)
+    return _hurried(job, quick, Answer(paths.found[k].seed, job, quick, log, iterations), options)
 
 
 def _seeds(problem: Problem, start: str) -> list[Seed]:
@@ -213,7 +226,7 @@ def _bridgeable(problem: Problem) -> bool:
 
 def _bridged(
     job: Task, paths: Search, last: Solution | None, options: CollocationOptions
-) -> _Answer:
+) -> Answer:
     """Where no guess leads to a motion: from random motions of both ends."""
     log, shortest = [*paths.log], None
     wanted = options.start == "auto" and _bridgeable(job.problem)
@@ -222,7 +235,7 @@ def _bridged(
         objective = solution.objective if solution.ok else None
         log.append({"start": found.name, "status": solution.status, "objective": objective})
         if solution.ok:
-            return _Answer(found.name, found.task, solution, log, iterations)
+            return Answer(found.name, found.task, solution, log, iterations)
         if shortest is None or found.timed.shortest_s < shortest.timed.shortest_s:
             shortest = found
     quick = shortest.timed.quick if shortest else None
@@ -230,11 +243,11 @@ def _bridged(
         if last is not None:
             raise not_converged(job, last, options, "the paths found")
         raise no_path(job, paths, options)
-    answer = _Answer(shortest.name, shortest.task, quick, log, paths.iterations)
+    answer = Answer(shortest.name, shortest.task, quick, log, paths.iterations)
     return _hurried(shortest.task, quick, answer, options)
 
 
-def _hurried(job: Task, quick: Solution, answer: _Answer, options: CollocationOptions) -> _Answer:
+def _hurried(job: Task, quick: Solution, answer: Answer, options: CollocationOptions) -> Answer:
     """The fastest motion on a mesh fine enough to believe it: the answer's start, or a refusal."""
     free = hasty(job)
     done = polish(free, quick, options.accuracy, options.refinements)
@@ -258,7 +271,8 @@ def _note(log: list[dict[str, Any]], path: Found, solution: Solution) -> None:
             entry["objective"] = solution.objective if solution.ok else None
 
 
-def _plan(done: Polished, answer: _Answer, options: CollocationOptions, began: float) -> Plan:
+def finished(done: Polished, answer: Answer, options: CollocationOptions, began: float) -> Plan:
+    """The plan of an answer polished, with how it was come by; `began` by the clock of `time`."""
     job, solution = done.task, done.solution
     wall = time.perf_counter() - began
     return Plan(

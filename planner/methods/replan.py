@@ -7,7 +7,13 @@ import time
 import numpy as np
 
 from planner.errors import InputError
-from planner.methods.collocation import _Answer, _plan, _task, plan_collocation
+from planner.methods.collocation import (
+    SEARCHED,
+    Answer,
+    collocation_task,
+    finished,
+    plan_collocation,
+)
 from planner.methods.collocation_refusals import NAME
 from planner.ocp.layout import Iterate
 from planner.ocp.mesh import Mesh
@@ -17,9 +23,6 @@ from planner.plan import Plan
 from planner.problem import Problem
 from planner.schema.methods import CollocationOptions
 from planner.systems.base import Array
-
-INTERVALS = 40
-"""Mesh intervals where the plan at hand has no mesh of its own."""
 
 
 def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan) -> Plan:
@@ -39,7 +42,7 @@ def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan
     if answer is None:
         return plan_collocation(problem, options)
     done = polish(answer.task, answer.solution, options.accuracy, options.refinements)
-    return _plan(done, answer, options, began)
+    return finished(done, answer, options, began)
 
 
 def _refuse(problem: Problem, warm: Plan) -> None:
@@ -55,7 +58,7 @@ def _refuse(problem: Problem, warm: Plan) -> None:
         )
 
 
-def _next_to(problem: Problem, options: CollocationOptions, warm: Plan) -> _Answer | None:
+def _next_to(problem: Problem, options: CollocationOptions, warm: Plan) -> Answer | None:
     job = _prepared(problem, options, warm)
     start = _resampled(job, warm)
     solution = job.solve(start, near=True)
@@ -64,16 +67,16 @@ def _next_to(problem: Problem, options: CollocationOptions, warm: Plan) -> _Answ
     if not solution.ok:
         return None
     log = [{"start": "warm", "status": solution.status, "objective": solution.objective}]
-    return _Answer("warm", job, solution, log, solution.iterations)
+    return Answer("warm", job, solution, log, solution.iterations)
 
 
 def _prepared(problem: Problem, options: CollocationOptions, warm: Plan) -> Task:
     """On the plan's own mesh where it has one and the problem or options ask for no other."""
     own = warm.method == NAME and options.intervals == "auto" and not problem.waypoints
     if not own:
-        return _task(problem, options, INTERVALS)
+        return collocation_task(problem, options, SEARCHED)
     mesh = Mesh(warm.t / warm.duration)
-    job = _task(problem, options, len(mesh.widths))
+    job = collocation_task(problem, options, len(mesh.widths))
     if warm.notes.get("limits_inside", False):
         job = job.inside()
     return job.on(mesh)
@@ -84,9 +87,7 @@ def _resampled(job: Task, warm: Plan) -> Iterate:
     problem, mesh, T = job.problem, job.mesh, warm.duration
     duration = problem.duration or T
     first = problem.start - warm.q(0.0)
-    last = np.nan_to_num(problem.goal - warm.q(T))
-    if problem.travel is not None:
-        last[0] = problem.start[0] + problem.travel - warm.q(T)[0]
+    last = np.nan_to_num(problem.target - warm.q(T))
 
     def states(s: Array) -> Array:
         share = s[..., None]

@@ -112,7 +112,7 @@ def _unknowns(
     lower = -upper
     lower[places.durations[0]] = SHORTEST_S
     duration = np.nan if problem.duration is None else problem.duration
-    fixed = [(places.nodes[0], problem.start), (places.nodes[-1], _goal(problem))]
+    fixed = [(places.nodes[0], problem.start), (places.nodes[-1], problem.target)]
     fixed += [(places.durations[:1], np.array([duration]))]
     stops = zip(mesh.marks, problem.waypoints, strict=True)
     fixed += [(places.nodes[k], point.q) for k, point in stops]
@@ -121,12 +121,6 @@ def _unknowns(
         known = ~np.isnan(values)
         lower[where[known]] = upper[where[known]] = values[known]
     return lower, upper
-
-
-def _goal(problem: Problem) -> Array:
-    goal = problem.goal.copy()
-    goal[0] = np.nan if problem.travel is None else problem.start[0] + problem.travel
-    return goal
 
 
 def _at_nodes(tightening: Array) -> Array:

@@ -1,12 +1,20 @@
-"""The plan that the prototype is calibrated on."""
+"""The plan that the prototype is calibrated on; the compiled code as its source is now."""
 
 from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
 
 import pytest
 from handmade import arm_problem, smooth_plan_of
 
+from planner.machine import compiled
 from planner.plan import Plan
 from planner.problem import Problem
+
+SOURCES = [str(Path(compiled.__file__).with_name(f"{n}.c")) for n in ("kernel", "dynamic")]
 
 
 @pytest.fixture(scope="session")
@@ -19,3 +27,18 @@ def arm() -> Problem:
 def smooth_plan(arm: Problem) -> Plan:
     """A smooth polynomial plan from (1, 1, 1) to (30, 30, 30) degrees in 10 s, |u| < 0.25 rad/s."""
     return smooth_plan_of(arm)
+
+
+@pytest.fixture(scope="session")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The compiled code as its source is now, whatever was installed."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        pytest.skip("no C compiler")
+    target = tmp_path_factory.mktemp("kernel") / "kernel.so"
+    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC"]
+    words = [compiler, *flags, "-ffp-contract=off", *SOURCES, "-o", str(target), "-lm"]
+    subprocess.run(words, check=True)
+    found = compiled.opened(target)
+    assert found is not None
+    return found

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
 import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,23 +14,6 @@ from planner.machine import Machine, compiled, dynamic
 from planner.machine.implicit import Stage
 from planner.replay import replay
 from planner.systems.base import Array
-
-SOURCES = [str(Path(compiled.__file__).with_name(f"{n}.c")) for n in ("kernel", "dynamic")]
-
-
-@pytest.fixture(scope="module")
-def library(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """The code as its source is now, whatever was installed."""
-    compiler = shutil.which("cc")
-    if compiler is None:
-        pytest.skip("no C compiler")
-    target = tmp_path_factory.mktemp("dynamic") / "dynamic.so"
-    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC"]
-    words = [compiler, *flags, "-ffp-contract=off", *SOURCES, "-o", str(target), "-lm"]
-    subprocess.run(words, check=True)
-    found = compiled.opened(target)
-    assert found is not None
-    return found
 
 
 def jumps(t: float) -> Array:

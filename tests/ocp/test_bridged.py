@@ -23,7 +23,7 @@ PROBLEM = planner.Problem.from_dict(
 
 
 def test_a_crossing_is_a_motion_within_the_limits() -> None:
-    job = collocation._task(PROBLEM, CollocationOptions(), 40)
+    job = collocation.collocation_task(PROBLEM, CollocationOptions(), 40)
     found = next(islice(crossings(job, 3), 1))
     solution = found.timed.solution
     assert solution.ok

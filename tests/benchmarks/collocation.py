@@ -58,6 +58,7 @@ def main() -> int:
     parser.add_argument("--compile", default="paper", help="cases whose bare Fatrop is compiled")
     parser.add_argument("--out", type=Path, default=OUT)
     arguments = parser.parse_args()
+    arguments.out.mkdir(parents=True, exist_ok=True)
     console = Console(stderr=True)
     with Progress(console=console, transient=True) as progress:
         step = progress.add_task("collocation", total=len(cases()) + 4)

@@ -4,6 +4,7 @@
 #   make suite     every method on every problem, to results/suite
 #   make bench     speed of collocation beside scripts by hand, to results/benchmarks
 #   make paper     the paper's figures and numbers, to results/paper
+#   make stress    thousands of random pairs, to results/stress (hours; continues where it ended)
 #   make robustness  the tracker on good and bad machines, to results/feedback (some minutes)
 #   make report    pictures of the report's page (needs Chromium), to results/report
 #   make explorer  pictures of the explorer in a browser (needs Chromium), to results/explorer
@@ -21,7 +22,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
 .DEFAULT_GOAL := compare
-.PHONY: compare suite bench paper robustness report explorer test check lint format clean
+.PHONY: compare suite bench stress paper robustness report explorer test check lint format clean
 
 compare: $(VENV)/.run
 	@$(BIN)/planner compare problems/paper.toml --out out/compare
@@ -33,6 +34,9 @@ bench: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/collocation.py
 	@$(BIN)/python tests/benchmarks/replay.py --out results/benchmarks
 	@$(BIN)/python tests/benchmarks/sweep.py --out results/benchmarks
+
+stress: $(VENV)/.run
+	@$(BIN)/python tests/benchmarks/stress.py
 
 paper: $(VENV)/.run
 	@$(BIN)/planner reproduce --out results/paper

@@ -180,8 +180,9 @@ def _direct(problem: Problem, options: CollocationOptions) -> Answer | None:
 def _searched(job: Task, options: CollocationOptions) -> Answer:
     """Paths from several seeds, each then timed; the best of them."""
     simple = _one_way(job.problem) and not job.problem.obstacles
-    enough = options.starts if options.start == "auto" and not simple else 1
-    paths = search(job, _seeds(job.problem, options.start)[: _guesses(job, options)], enough)
+    several = options.start == "wander" or (options.start == "auto" and not simple)
+    enough = options.starts if several else 1
+    paths = search(job, _seeds(job.problem, options)[: _guesses(job, options)], enough)
     if not paths.found:
         return _bridged(job, paths, None, options)
     outcomes = [timed(job, path.solution.iterate) for path in paths.found]
@@ -203,12 +204,13 @@ def _searched(job: Task, options: CollocationOptions) -> Answer:
     return _hurried(job, quick, Answer(paths.found[k].seed, job, quick, log, iterations), options)
 
 
-def _seeds(problem: Problem, start: str) -> list[Seed]:
+def _seeds(problem: Problem, options: CollocationOptions) -> list[Seed]:
     """First guesses in the order in which they are tried: a line, others' plans, the rest."""
+    start = options.start
     planned = planned_seeds(problem, start) if start in ("auto", *NAMES) else []
     if start in NAMES and planned:
         return planned
-    first, *others = seeds("auto" if start in NAMES else start)
+    first, *others = seeds("auto" if start in NAMES else start, options.attempts)
     return [first, *planned, *others]
 
 

@@ -42,15 +42,17 @@ class Seed:
     states: Callable[[Array], Array | None] | None = None
 
 
-def seeds(kind: str) -> list[Seed]:
+def seeds(kind: str, count: int = 12) -> list[Seed]:
     """Seeds of one kind, or for "auto" all of them in the order in which they are tried.
 
     - straight: a line, with a slight excursion of q₂.
     - bump: q₁ goes out and back, q₂ makes its excursion on the way back.
     - reverse: q₁ first leaves the line, then returns late; q₂ goes out and back.
-    - wander: smooth random loops, from fixed random seeds.
+    - wander: smooth random loops, from `count` fixed random seeds.
     """
     known = _known()
+    if kind == "wander":
+        return [_wander(k) for k in range(count)]
     if kind != "auto":
         return [*known[kind]]
     straight, bump, reverse, wander = known.values()

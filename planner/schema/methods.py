@@ -150,7 +150,9 @@ class CollocationOptions(Table):
         " seeds. auto: the line where one way suffices; else several of each, and the best kept.",
     )
     starts: Annotated[int, Field(ge=1)] = Field(
-        3, description="Starts that must converge before the best is taken (start = 'auto')."
+        3,
+        description="Starts that must converge before the best is taken (start = 'auto' or"
+        " 'wander').",
     )
     attempts: Annotated[int, Field(ge=1)] = Field(
         12,

@@ -95,7 +95,8 @@ def bounds(
     low, high = _rows(problem, made, tightening)
     discs = [[*disc.centre, disc.radius] for disc in problem.obstacles]
     given = discs[: made.form.obstacles]
-    parameters = np.concatenate([objective.weights, *given, mesh.widths])
+    known = [] if made.form.free_duration else [problem.duration]
+    parameters = np.concatenate([objective.weights, *given, known, mesh.widths])
     return Bounds(lower, upper, low, high, parameters, mesh.widths)
 
 
@@ -110,10 +111,10 @@ def _unknowns(
     upper[places.points] = joint[:, None, list(places.lifted)]
     upper[places.nodes] = -_at_nodes(-joint)
     lower = -upper
-    lower[places.durations[0]] = SHORTEST_S
+    lower[places.durations[:1]] = SHORTEST_S
     duration = np.nan if problem.duration is None else problem.duration
     fixed = [(places.nodes[0], problem.start), (places.nodes[-1], problem.target)]
-    fixed += [(places.durations[:1], np.array([duration]))]
+    fixed += [(places.durations[:1], np.array([duration])[: len(places.durations)])]
     stops = zip(mesh.marks, problem.waypoints, strict=True)
     fixed += [(places.nodes[k], point.q) for k, point in stops]
     fixed += [(places.inputs[[0, -1]].ravel(), np.zeros(4))] if rest else []

@@ -25,6 +25,7 @@ class Form:
         scheme_kind: Family of collocation points.
         degree: Collocation points an interval.
         input: "constant" in each interval, or "linear" and continuous.
+        free_duration: Whether the duration is an unknown; else it is a parameter.
         rate_limits: Whether the input's slopes are constrained by rows; where they are unknowns
             themselves, as in `layout`, this makes no difference.
         chart: Whether z₂ is constrained.
@@ -39,6 +40,7 @@ class Form:
     scheme_kind: Kind = "radau"
     degree: int = 3
     input: InputKind = "constant"
+    free_duration: bool = True
     rate_limits: bool = False
     chart: bool = False
     inner: bool = False
@@ -48,8 +50,11 @@ class Form:
 
     @property
     def parameters(self) -> int:
-        """Numbers an interval is given beside its width: weights, then centre and radius a disc."""
-        return TERMS + 3 * self.obstacles
+        """Numbers an interval is given beside its width.
+
+        The objective's weights, centre and radius of each disc, the duration if it is known.
+        """
+        return TERMS + 3 * self.obstacles + (not self.free_duration)
 
     @property
     def scheme(self) -> Scheme:

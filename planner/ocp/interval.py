@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from planner.ocp.chain import Chain
 from planner.ocp.layout import Index
 from planner.ocp.stage import Stage
 
@@ -52,26 +53,26 @@ def interval_functions(stage: Stage) -> IntervalFunctions:
     unknowns = ca.vertcat(stage.state, stage.control)
     inputs = [unknowns, ca.vertcat(stage.weights, stage.width)]
     rows = ca.vertcat(-stage.after, stage.rows)
+    scale, duals = ca.SX.sym("scale"), ca.SX.sym("duals", stage.height)
+    chain = Chain(unknowns, stage.inside, stage.meaning)
+    gradient, hessian = chain.second(scale * stage.cost + ca.dot(duals, rows))
     identity = ca.DM.eye(stage.state.numel())
     beside = ca.DM(identity.size1(), stage.control.numel())
-    jacobian = ca.vertcat(ca.horzcat(identity, beside), ca.jacobian(rows, unknowns))
-    scale, duals = ca.SX.sym("scale"), ca.SX.sym("duals", stage.height)
-    lagrangian = scale * stage.cost + ca.dot(duals, rows)
-    hessian, gradient = ca.hessian(lagrangian, unknowns)
-    cost_gradient = ca.gradient(stage.cost, unknowns)
+    jacobian = ca.vertcat(ca.horzcat(identity, beside), chain.jacobian(rows))
     return IntervalFunctions(
-        value=_function("value", inputs, [stage.cost, rows]),
-        gradient=_function("gradient", inputs, [cost_gradient]),
-        jacobian=_function("jacobian", inputs, [rows, jacobian.nz[:]]),
-        hessian=_function("hessian", [*inputs, scale, duals], [gradient, hessian.nz[:]]),
-        points=_function("points", inputs, [ca.vec(stage.points)]),
+        value=_function(chain, "value", inputs, [stage.cost, rows]),
+        gradient=_function(chain, "gradient", inputs, [chain.jacobian(stage.cost).T]),
+        jacobian=_function(chain, "jacobian", inputs, [rows, jacobian.nz[:]]),
+        hessian=_function(chain, "hessian", [*inputs, scale, duals], [gradient, hessian.nz[:]]),
+        points=_function(chain, "points", inputs, [ca.vec(stage.points)]),
         jacobian_pattern=_leading(_pattern(jacobian), stage),
         hessian_pattern=_pattern(hessian),
     )
 
 
-def _function(name: str, inputs: list[Any], outputs: list[Any]) -> Any:
-    return ca.Function(f"interval_{name}", inputs, [ca.densify(out) for out in outputs])
+def _function(chain: Chain, name: str, inputs: list[Any], outputs: list[Any]) -> Any:
+    outputs = ca.cse([ca.densify(out) for out in chain.closed(outputs)])
+    return ca.Function(f"interval_{name}", inputs, outputs)
 
 
 def _leading(pattern: Pattern, stage: Stage) -> Pattern:

@@ -1,13 +1,13 @@
 """Where each quantity sits in the solver's vector of unknowns.
 
-    w = (y₀, c₀, y₁, c₁, …, y_K)        y = (X, T, [V])        c = (U, P)
+    w = (y₀, c₀, y₁, c₁, …, y_K)        y = (X, [T], [V])        c = (U, P)
 
 Stage by stage, as solvers want it that know the structure of optimal control: the state y at an
-edge of the mesh, then the control c of the interval that begins there. X are the coordinates; the
-duration T is a state that stays what it is, so that no unknown belongs to all stages. The input U
-is a constant; or, where it must not jump, the slope of a line that starts at V, which is then part
-of the state. P are the collocation values of the lifted coordinates
-(see `order`): none for the manipulator.
+edge of the mesh, then the control c of the interval that begins there. X are the coordinates. The
+duration T, if free, is a state that stays what it is, so that no unknown belongs to all stages.
+The input U is a constant; or, where it must not jump, the slope of a line that starts at V, which
+is then part of the state. P are the collocation values of the lifted coordinates (see `order`):
+none for the manipulator.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Layout:
         state: Entries of y.
         control: Entries of c.
         nodes: Positions of X, shape (K+1, N).
-        durations: Positions of T, shape (K+1,).
+        durations: Positions of T, shape (K+1,), or (0,) if it is known.
         inputs: Positions of inputs, in the shape of `Iterate.inputs`.
         slopes: Positions of the slopes of a linear input, shape (K, 2), else (0, 2).
         points: Positions of P, shape (K, d, L).
@@ -93,7 +93,8 @@ def layout(form: Form, size: int, lifted: tuple[int, ...]) -> Layout:
     """The layout for a system of `size` coordinates, some of them lifted."""
     K, d = form.intervals, form.degree
     linear = form.input == "linear"
-    state = size + 1 + (2 if linear else 0)
+    corners = size + form.free_duration
+    state = corners + (2 if linear else 0)
     control = 2 + d * len(lifted)
     edges = (state + control) * np.arange(K + 1)
     controls = edges[:-1, None] + state + np.arange(control)
@@ -102,8 +103,8 @@ def layout(form: Form, size: int, lifted: tuple[int, ...]) -> Layout:
         state=state,
         control=control,
         nodes=edges[:, None] + np.arange(size),
-        durations=edges + size,
-        inputs=edges[:, None] + size + 1 + np.arange(2) if linear else controls[:, :2],
+        durations=edges + size if form.free_duration else np.empty(0, dtype=np.int64),
+        inputs=edges[:, None] + corners + np.arange(2) if linear else controls[:, :2],
         slopes=controls[:, :2] if linear else np.empty((0, 2), dtype=np.int64),
         points=controls[:, 2:].reshape(K, d, len(lifted)),
         lifted=lifted,

@@ -61,7 +61,9 @@ class Stage:
         control: c.
         width: Its share of the duration.
         weights: The interval's numbers, see `Form.parameters`.
-        cost: Its share of the objective.
+        inside: Inputs, coordinates and their rates at the collocation points, as own symbols.
+        meaning: What each of them is, from state, control and those before it.
+        cost: Its share of the objective; it and all below also in terms of `inside`.
         after: The state it leads to; the first rows are the next state minus this one.
         rows: The rows that follow them.
         points: Coordinates at the collocation points, N × d.
@@ -72,6 +74,8 @@ class Stage:
     control: Any
     width: Any
     weights: Any
+    inside: Any
+    meaning: Any
     cost: Any
     after: Any
     rows: Any
@@ -88,12 +92,15 @@ class _Symbols:
     """The interval's unknowns by name; u(τ) is linear from u_left to u_right."""
 
     def __init__(self, system: TriangularSystem, form: Form, lifted: tuple[int, ...]) -> None:
-        self.X, self.T = ca.SX.sym("X", system.size), ca.SX.sym("T")
-        self.width, self.weights = ca.SX.sym("h"), ca.SX.sym("weights", form.parameters)
+        self.X, self.width = ca.SX.sym("X", system.size), ca.SX.sym("h")
+        self.weights = ca.SX.sym("weights", form.parameters)
+        self.T = ca.SX.sym("T") if form.free_duration else self.weights[-1]
         self.lifted = ca.SX.sym("P", len(lifted), form.degree)
         self.seconds = self.width * self.T
         first = ca.SX.sym("U", 2)
-        state, control = [self.X, self.T], [first]
+        state, control = [self.X], [first]
+        if form.free_duration:
+            state.append(self.T)
         self.u_left = self.u_right = first
         if form.input == "linear":
             self.u_left = ca.SX.sym("V", 2)
@@ -131,7 +138,7 @@ class _RowList:
 def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
     """Write down one interval of a transcription."""
     x, rows = _Symbols(system, form, order.lifted), _RowList()
-    points, rates, defects = _collocation(system, form, order, x)
+    points, rates, defects, inside = _collocation(system, form, order, x)
     after = _motion(system, form, x, rates, rows)
     for i, residuals in defects.items():
         named = system.coordinates[i]
@@ -139,51 +146,53 @@ def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
     columns = [ca.vertcat(*column) for column in points]
     _limits(system, form, x, columns, rows)
     cost = _cost(system, form, x, columns)
-    more = ca.vertcat(*rows.expressions[after.numel() :])
-    cost, after, more, inside = ca.cse([cost, after, more, ca.horzcat(*columns)])
     return Stage(
         state=x.state,
         control=x.control,
         width=x.width,
         weights=x.weights,
+        inside=ca.vertcat(*(symbol for symbol, _ in inside)),
+        meaning=ca.vertcat(*(meaning for _, meaning in inside)),
         cost=cost,
         after=after,
-        rows=more,
-        points=inside,
+        rows=ca.vertcat(*rows.expressions[after.numel() :]),
+        points=ca.horzcat(*columns),
         labels=tuple(rows.labels),
     )
 
 
 def _collocation(
     system: TriangularSystem, form: Form, order: Order, x: _Symbols
-) -> tuple[list[list[Any]], dict[int, list[Any]], dict[int, list[Any]]]:
+) -> tuple[list[list[Any]], dict[int, list[Any]], dict[int, list[Any]], list[tuple[Any, Any]]]:
     """Values and rates at the collocation points, one coordinate after the other.
 
     Returns:
-        Values, first index the point; rates of each coordinate at the points; and for each lifted
-        coordinate its values minus what its rates make of them, which must vanish.
+        Values, first index the point; rates of each coordinate at the points; for each lifted
+        coordinate its values minus what its rates make of them, which must vanish; and the inputs,
+        rates and other values as symbols, each with its meaning.
     """
-    s = form.scheme
-    inputs = [x.input_at(float(tau)) for tau in s.points]
-    points = [[x.X[i] for i in range(system.size)] for _ in s.points]
+    s, places = form.scheme, range(form.degree)
+    inputs = [ca.SX.sym(f"u{j}", 2) for j in places]
+    inside = [(u, x.input_at(float(tau))) for u, tau in zip(inputs, s.points, strict=True)]
+    points = [[ca.SX.sym(f"q{i}_{j}") for i in range(system.size)] for j in places]
     for row, i in enumerate(order.lifted):
-        for j in range(form.degree):
+        for j in places:
             points[j][i] = x.lifted[row, j]
     rates: dict[int, list[Any]] = {}
     defects = {}
     for i, rate in zip(order.sequence, _rates(system, order.sequence), strict=True):
         columns = [ca.vertcat(*column) for column in points]
-        rates[i] = [rate(q, u) for q, u in zip(columns, inputs, strict=True)]
+        rates[i] = [ca.SX.sym(f"r{i}_{j}") for j in places]
+        inside += [(rates[i][j], rate(columns[j], inputs[j])) for j in places]
         moved = [
             x.X[i] + x.seconds * sum(w * rate for w, rate in zip(weights, rates[i], strict=True))
             for weights in s.integration
         ]
         if i in order.lifted:
-            defects[i] = [points[j][i] - moved[j] for j in range(form.degree)]
+            defects[i] = [points[j][i] - moved[j] for j in places]
         else:
-            for j in range(form.degree):
-                points[j][i] = moved[j]
-    return points, rates, defects
+            inside += [(points[j][i], moved[j]) for j in places]
+    return points, rates, defects, inside
 
 
 def _rates(system: TriangularSystem, coordinates: tuple[int, ...]) -> list[Any]:
@@ -207,8 +216,9 @@ def _motion(
         mean = sum(w * rate for w, rate in zip(weights, rates[i], strict=True))
         after.append(x.X[i] + x.seconds * mean)
         rows.add("motion", i, _motion_of(named), named.unit, 1.0, end, [after[-1]])
-    after.append(x.T)
-    rows.add("motion", 0, "one duration for all", "s", 1.0, end, [x.T])
+    if form.free_duration:
+        after.append(x.T)
+        rows.add("motion", 0, "one duration for all", "s", 1.0, end, [x.T])
     if form.input == "linear":
         for i, named in enumerate(system.inputs):
             after.append(x.u_right[i])

@@ -67,6 +67,11 @@ class Task:
         form = replace(self.made.form, intervals=len(mesh.widths))
         return task(self.problem, self.objective, form, mesh, self.rest, self.settings)
 
+    def asking(self, problem: Problem, objective: Objective) -> Task:
+        """The same mesh and limits drawn in for another problem of the same system."""
+        made = self.made.form, self.mesh, self.rest, self.settings
+        return replace(task(problem, objective, *made), tightening=self.tightening)
+
     def inside(self) -> Task:
         """The same task with limits kept at the collocation points too."""
         form = replace(self.made.form, inner=True)
@@ -81,7 +86,11 @@ def task(
     rest: bool,
     settings: Settings,
 ) -> Task:
-    """Prepare a task: the transcription is made now unless it was made before."""
+    """Prepare a task: the transcription is made now unless it was made before.
+
+    Whether the duration is an unknown of the form is for the problem to say.
+    """
+    form = replace(form, free_duration=problem.duration is None)
     made, seconds = prepare(problem.system, form, settings)
     pairs = form.obstacles * link_count(problem.system)
     none = Tightening.none(form.intervals, problem.system.size, pairs)

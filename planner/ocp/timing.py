@@ -58,7 +58,7 @@ def timed(task: Task, path: Iterate) -> Timed:
 def hasty(task: Task) -> Task:
     """The task with a free duration, to be made least."""
     free = replace(task.problem, duration=None)
-    return replace(task, problem=free, objective=fastest(free))
+    return task.asking(free, fastest(free))
 
 
 def _single(solution: Solution) -> Timed:

@@ -39,10 +39,10 @@ class Transcription:
 
     def iterate(self, vector: Array, parameters: Array) -> Iterate:
         """The unknowns by name, with the collocation values that follow from them."""
-        at = self.layout
+        at, known = self.layout, parameters[self.form.parameters - 1]
         points = np.asarray(self.program.points(vector, parameters)).T
         return Iterate(
-            duration=float(vector[at.durations[0]]),
+            duration=float(vector[at.durations[0]] if self.form.free_duration else known),
             nodes=vector[at.nodes],
             points=points.reshape(at.intervals, self.form.degree, self.system.size),
             inputs=vector[at.inputs],

@@ -12,6 +12,9 @@ from planner.systems.base import Array
 
 Function = Callable[[Array], Array]
 
+MOST_STEPS = 4000
+"""Brent's method may take the square of bisection's steps where a zero is flat or a jump."""
+
 
 def sample_times(breaks: Array, count: int = 2000) -> Array:
     """About `count` times over the pieces between `breaks`, crowded towards each piece's ends.
@@ -86,7 +89,7 @@ def _root(function: Function, a: float, b: float) -> float:
         return float(a)
     if scalar(a) * scalar(b) > 0:  # an exact zero at one end counts as outside
         return float(b)
-    return float(brentq(scalar, a, b, xtol=1e-13, rtol=1e-14))
+    return float(brentq(scalar, a, b, xtol=1e-13, rtol=1e-14, maxiter=MOST_STEPS))
 
 
 def _changes(inside: NDArray[np.bool_]) -> list[int]:

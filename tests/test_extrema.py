@@ -56,3 +56,8 @@ def test_the_lowest_dip_is_found_though_others_were_sampled_better() -> None:
     value, when = minimum(dips, times)
     assert value == pytest.approx(-1 - 1e-6, abs=1e-9)
     assert when == pytest.approx(7.005, abs=1e-4)
+
+
+def test_flat_zeros_are_found_on_long_spans() -> None:
+    found = zeros(lambda t: (t - 30.3) ** 9, np.linspace(0.0, 80.0, 3))
+    assert found == pytest.approx([30.3], abs=1e-6)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 
 class Chain:
@@ -17,21 +20,19 @@ class Chain:
 
     Args:
         unknowns: w, a column.
-        inside: v, a column of symbols.
-        meaning: F, each entry in terms of w and of those v before its own.
+        inside: v, as columns of symbols.
+        meaning: F, as columns, each in terms of w and of the columns of v before it.
     """
 
-    def __init__(self, unknowns: Any, inside: Any, meaning: Any) -> None:
-        self.w, self.v, self.F = unknowns, inside, meaning
-        self.by_w, self.by_v = ca.jacobian(self.F, self.w), ca.jacobian(self.F, self.v)
-        rows: list[Any] = []
-        for i in range(self.v.numel()):
-            rows.append(self.by_w[i, :] + sum(self.by_v[i, j] * rows[j] for j in self._before(i)))
+    def __init__(self, unknowns: Any, inside: Sequence[Any], meaning: Sequence[Any]) -> None:
+        self.w, self.v, self.F = unknowns, ca.vertcat(*inside), ca.vertcat(*meaning)
+        self.by_v = ca.jacobian(self.F, self.v)
+        self.ends = np.cumsum([0, *(column.numel() for column in inside)]).tolist()
+        rows = ca.vertsplit(ca.jacobian(self.F, self.w), self.ends)
+        for k, (first, last) in enumerate(pairwise(self.ends)):
+            if k > 0:
+                rows[k] += self.by_v[first:last, :first] @ ca.vertcat(*rows[:k])
         self.Z = ca.vertcat(*rows)
-
-    def _before(self, i: int) -> list[int]:
-        """Those that v_i reads."""
-        return list(self.by_v[i, :].sparsity().get_triplet()[1])
 
     def jacobian(self, of: Any) -> Any:
         """First derivatives by w, as a matrix with a row for each entry of a column."""
@@ -49,11 +50,10 @@ class Chain:
         return gradient, hessian
 
     def _growth(self, of: Any) -> Any:
-        out = ca.vertsplit(ca.gradient(of, self.v))
-        for i in reversed(range(len(out))):
-            for j in self._before(i):
-                out[j] += out[i] * self.by_v[i, j]
-        return ca.vertcat(*out)
+        out = ca.vertsplit(ca.gradient(of, self.v), self.ends)
+        for k, (first, last) in reversed(list(enumerate(pairwise(self.ends[:-1])))):
+            out[k] += self.by_v[last:, first:last].T @ ca.vertcat(*out[k + 1 :])
+        return ca.densify(ca.vertcat(*out))
 
     def closed(self, outputs: list[Any]) -> list[Any]:
         """Expressions with v put in."""

@@ -61,8 +61,9 @@ class Stage:
         control: c.
         width: Its share of the duration.
         weights: The interval's numbers, see `Form.parameters`.
-        inside: Inputs, coordinates and their rates at the collocation points, as own symbols.
-        meaning: What each of them is, from state, control and those before it.
+        inside: Inputs, coordinates and their rates at the collocation points, as columns of
+            symbols of their own.
+        meaning: What each column is, from state, control and columns before it.
         cost: Its share of the objective; it and all below also in terms of `inside`.
         after: The state it leads to; the first rows are the next state minus this one.
         rows: The rows that follow them.
@@ -74,8 +75,8 @@ class Stage:
     control: Any
     width: Any
     weights: Any
-    inside: Any
-    meaning: Any
+    inside: tuple[Any, ...]
+    meaning: tuple[Any, ...]
     cost: Any
     after: Any
     rows: Any
@@ -151,8 +152,8 @@ def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
         control=x.control,
         width=x.width,
         weights=x.weights,
-        inside=ca.vertcat(*(symbol for symbol, _ in inside)),
-        meaning=ca.vertcat(*(meaning for _, meaning in inside)),
+        inside=tuple(symbols for symbols, _ in inside),
+        meaning=tuple(meaning for _, meaning in inside),
         cost=cost,
         after=after,
         rows=ca.vertcat(*rows.expressions[after.numel() :]),
@@ -173,7 +174,8 @@ def _collocation(
     """
     s, places = form.scheme, range(form.degree)
     inputs = [ca.SX.sym(f"u{j}", 2) for j in places]
-    inside = [(u, x.input_at(float(tau))) for u, tau in zip(inputs, s.points, strict=True)]
+    wanted = [x.input_at(tau) for tau in s.points.tolist()]
+    inside = [(ca.vertcat(*inputs), ca.vertcat(*wanted))]
     points = [[ca.SX.sym(f"q{i}_{j}") for i in range(system.size)] for j in places]
     for row, i in enumerate(order.lifted):
         for j in places:
@@ -182,16 +184,15 @@ def _collocation(
     defects = {}
     for i, rate in zip(order.sequence, _rates(system, order.sequence), strict=True):
         columns = [ca.vertcat(*column) for column in points]
-        rates[i] = [ca.SX.sym(f"r{i}_{j}") for j in places]
-        inside += [(rates[i][j], rate(columns[j], inputs[j])) for j in places]
-        moved = [
-            x.X[i] + x.seconds * sum(w * rate for w, rate in zip(weights, rates[i], strict=True))
-            for weights in s.integration
-        ]
+        r = ca.SX.sym(f"r{i}", form.degree)
+        meant = [rate(q, u) for q, u in zip(columns, inputs, strict=True)]
+        inside.append((r, ca.vertcat(*meant)))
+        moved = x.X[i] + x.seconds * (ca.DM(s.integration) @ r)
+        rates[i] = ca.vertsplit(r)
         if i in order.lifted:
             defects[i] = [points[j][i] - moved[j] for j in places]
         else:
-            inside += [(points[j][i], moved[j]) for j in places]
+            inside.append((ca.vertcat(*(points[j][i] for j in places)), moved))
     return points, rates, defects, inside
 
 
@@ -210,11 +211,10 @@ def _motion(
     rows: _RowList,
 ) -> Any:
     """The state at the right edge."""
-    weights, end = form.scheme.quadrature, np.ones(1)
+    weights, end = ca.DM(form.scheme.quadrature), np.ones(1)
     after = []
     for i, named in enumerate(system.coordinates):
-        mean = sum(w * rate for w, rate in zip(weights, rates[i], strict=True))
-        after.append(x.X[i] + x.seconds * mean)
+        after.append(x.X[i] + x.seconds * ca.dot(weights, ca.vertcat(*rates[i])))
         rows.add("motion", i, _motion_of(named), named.unit, 1.0, end, [after[-1]])
     if form.free_duration:
         after.append(x.T)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import io
 import signal
+import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from types import FrameType
-from typing import Any
+from typing import Any, TextIO, cast
 
 
 @contextmanager
@@ -41,19 +42,65 @@ def heed_interrupts() -> Iterator[None]:
         raise KeyboardInterrupt
 
 
+HANDOVER_S = 0.05
+"""Time for the main thread to take a signal before OSQP takes signals again."""
+
+_osqp_alone = threading.RLock()
+"""OSQP puts back the handler of Ctrl-C that it found: where two threads solve at once, the first to
+end brings back the second's own, which stays for good, and the process never hears Ctrl-C again."""
+
+
 def osqp_result(solver: Any) -> Any:
     """Run a set-up OSQP solver, and return its result whatever that is.
 
     While it runs OSQP takes Ctrl-C for itself, says so on standard output and returns as if it had
-    failed; a caller would then try the next solver instead of stopping.
+    failed; a caller would then try the next solver, or count it as late, instead of stopping.
+    Here whoever would have had Ctrl-C without OSQP gets it; if that does not raise, as in a thread
+    beside the main one, OSQP goes on from where it was.
 
     Raises:
-        KeyboardInterrupt: If Ctrl-C was pressed.
+        KeyboardInterrupt: If Ctrl-C was pressed, and Python's own handler is in place.
     """
     from osqp import SolverStatus
 
-    with redirect_stdout(io.StringIO()):
-        result = solver.solve(raise_error=False)
-    if result.info.status_val == SolverStatus.OSQP_SIGINT:
-        raise KeyboardInterrupt
-    return result
+    with _osqp_alone:
+        while True:
+            with _without_notice():
+                result = solver.solve(raise_error=False)
+            if result.info.status_val != SolverStatus.OSQP_SIGINT:
+                return result
+            _pass_on()
+
+
+def _pass_on() -> None:
+    """Give Ctrl-C to the main thread, which may be asleep; only while OSQP does not run."""
+    main = threading.main_thread()
+    if threading.current_thread() is main or sys.platform == "win32":
+        signal.raise_signal(signal.SIGINT)
+        return
+    assert main.ident is not None
+    signal.pthread_kill(main.ident, signal.SIGINT)
+    time.sleep(HANDOVER_S)
+
+
+@contextmanager
+def _without_notice() -> Iterator[None]:
+    """Keep OSQP's line from standard output, which belongs to the main thread."""
+    if threading.current_thread() is not threading.main_thread() or sys.stdout is None:
+        yield
+        return
+    with redirect_stdout(cast(TextIO, _Unsaid(sys.stdout))):
+        yield
+
+
+class _Unsaid:
+    """A stream without OSQP's notice of Ctrl-C; what other threads print goes through."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        return len(text) if text == "Solver interrupted\n" else self._stream.write(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
 import threading
@@ -15,6 +16,7 @@ import pytest
 import scipy.sparse as sp
 
 from planner.convex.quadratic import Optimum, solve_quadratic
+from planner.feedback.solver import Solver
 from planner.interrupts import heed_interrupts, osqp_result
 
 
@@ -79,27 +81,87 @@ def test_other_threads_may_use_it() -> None:
     assert done == [True]
 
 
-def test_osqp_swallows_what_we_heed(capfd: pytest.CaptureFixture[str]) -> None:
+def long_osqp() -> osqp.OSQP:
+    """A programme that OSQP needs far longer for than the test lasts."""
+    return programme(300, eps_abs=0.0, eps_rel=1e-300, max_iter=10**8)
+
+
+def programme(size: int, **options: float) -> osqp.OSQP:
     rng = np.random.default_rng(0)
     solver = osqp.OSQP()
     solver.setup(
-        sp.eye(300, format="csc"),
-        rng.normal(size=300),
-        sp.csc_matrix(rng.normal(size=(900, 300))),
-        np.full(900, -np.inf),
-        rng.uniform(-0.1, 1, 900),
+        sp.eye(size, format="csc"),
+        rng.normal(size=size),
+        sp.csc_matrix(rng.normal(size=(3 * size, size))),
+        np.full(3 * size, -np.inf),
+        rng.uniform(-0.1, 1, 3 * size),
         verbose=False,
-        eps_abs=0.0,
-        eps_rel=1e-300,
-        max_iter=10**8,
         scaling=0,
+        **options,
     )
+    return solver
+
+
+def test_osqp_swallows_what_we_heed(capfd: pytest.CaptureFixture[str]) -> None:
+    solver = long_osqp()
     press_ctrl_c(0.3)
     began = time.perf_counter()
     with pytest.raises(KeyboardInterrupt):
         osqp_result(solver)
     assert time.perf_counter() - began < 20
     assert capfd.readouterr().out == ""
+
+
+def test_other_threads_print_while_osqp_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    solver = long_osqp()
+    threading.Timer(0.1, print, ["from elsewhere"]).start()
+    press_ctrl_c(0.4)
+    with pytest.raises(KeyboardInterrupt):
+        osqp_result(solver)
+    assert capsys.readouterr().out == "from elsewhere\n"
+
+
+def test_osqp_in_a_thread_leaves_ctrl_c_to_the_main_one() -> None:
+    solver, done = programme(300, eps_abs=0.0, eps_rel=1e-300, max_iter=10**8, time_limit=0.4), []
+    thread = threading.Thread(target=lambda: done.append(osqp_result(solver).info.status_val))
+    thread.start()
+    press_ctrl_c(0.1)
+    with pytest.raises(KeyboardInterrupt):
+        time.sleep(20)
+    thread.join(20)
+    assert done
+    assert done[0] != osqp.SolverStatus.OSQP_SIGINT
+
+
+def test_osqp_in_two_threads_leaves_the_process_able_to_hear() -> None:
+    before = handler_of_the_system()
+    work = [threading.Thread(target=_often, args=(20 + k,)) for k in range(2)]
+    for thread in work:
+        thread.start()
+    for thread in work:
+        thread.join()
+    assert handler_of_the_system() == before
+
+
+def _often(size: int) -> None:
+    solver = programme(size)
+    for _ in range(300):
+        osqp_result(solver)
+
+
+def handler_of_the_system() -> bytes:
+    """What a process really does on Ctrl-C, whatever Python believes: C's struct sigaction."""
+    action = ctypes.create_string_buffer(1024)
+    assert ctypes.CDLL(None).sigaction(signal.SIGINT, None, action) == 0
+    return action.raw[: ctypes.sizeof(ctypes.c_void_p)]
+
+
+def test_a_tracker_stops_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And does not count OSQP as late."""
+    monkeypatch.setattr(osqp.OSQP, "solve", _interrupted)
+    solver = Solver(np.ones((2, 2), dtype=bool), 100)
+    with pytest.raises(KeyboardInterrupt):
+        solver(np.eye(2), np.array([1.0, 1.0]), np.array([2.0, 2.0]), np.zeros(2))
 
 
 def test_the_convex_programme_stops_at_once(monkeypatch: pytest.MonkeyPatch) -> None:

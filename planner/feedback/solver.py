@@ -10,6 +10,7 @@ import osqp
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from planner.interrupts import osqp_result
 from planner.systems.base import Array
 
 TOLERANCE = 1e-5
@@ -86,7 +87,7 @@ class Solver:
             self._loaded = T
         self._osqp.update(l=low / self._length, u=high / self._length)
         self._osqp.warm_start(x=guess)
-        result = self._osqp.solve(raise_error=False)
+        result = osqp_result(self._osqp)
         self.solved += 1
         status, iterations = result.info.status_val, result.info.iter
         if status == SOLVED:

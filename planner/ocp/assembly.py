@@ -40,7 +40,7 @@ class Program:
         jacobian: Function (x, p) to g and its Jacobian.
         hessian: Function (x, p, lam_f, lam_g) to gradient and Hessian of lam_f f + lam_g g.
         triangle: The same, to the Hessian's upper triangle alone.
-        points: Function (x, p) to the coordinates at the collocation points, N d × K.
+        outcome: Function (x, p) to a column: f, g, and the coordinates at the collocation points.
     """
 
     problem: dict[str, Any]
@@ -51,7 +51,7 @@ class Program:
     jacobian: Any
     hessian: Any
     triangle: Any
-    points: Any
+    outcome: Any
 
 
 def assemble(stage: Stage, layout: Layout, functions: IntervalFunctions) -> Program:
@@ -85,12 +85,16 @@ class _Assembly:
             jacobian=self._jacobian(),
             hessian=self._hessian(),
             triangle=self._triangle(),
-            points=ca.Function("points", self._xp, self._mapped(self.functions.points)),
+            outcome=ca.Function("outcome", self._xp, [self._outcome(f, g)]),
         )
 
     @property
     def _xp(self) -> list[Any]:
         return [self.x, self.p]
+
+    def _outcome(self, f: Any, g: Any) -> Any:
+        (points,) = self._mapped(self.functions.points)
+        return ca.vertcat(f, g, ca.vec(points))
 
     def _mapped(self, function: Any, *more: Any) -> list[Any]:
         out = function.map(self.K)(self.columns, self.parameters, *more)

@@ -91,8 +91,9 @@ def bounds(
     tightening: Tightening,
 ) -> Bounds:
     """Fill in a problem's numbers."""
-    lower, upper = _unknowns(problem, made, mesh, rest, tightening)
-    low, high = _rows(problem, made, tightening)
+    joint = _joint(problem, made, tightening)
+    lower, upper = _unknowns(problem, made, mesh, rest, joint)
+    low, high = _rows(problem, made, tightening, joint)
     discs = [[*disc.centre, disc.radius] for disc in problem.obstacles]
     given = discs[: made.form.obstacles]
     known = [] if made.form.free_duration else [problem.duration]
@@ -101,13 +102,13 @@ def bounds(
 
 
 def _unknowns(
-    problem: Problem, made: Transcription, mesh: Mesh, rest: bool, tightening: Tightening
+    problem: Problem, made: Transcription, mesh: Mesh, rest: bool, joint: Array
 ) -> tuple[Array, Array]:
+    """Bounds of the unknowns; `joint` are the limits on coordinates in each interval, (K, N)."""
     places = made.layout
     upper = np.full(places.size, np.inf)
     upper[places.inputs] = problem.limits.input
     upper[places.slopes] = problem.limits.input_rate
-    joint = _joint(problem, made, tightening)
     upper[places.points] = joint[:, None, list(places.lifted)]
     upper[places.nodes] = -_at_nodes(-joint)
     lower = -upper
@@ -130,12 +131,14 @@ def _at_nodes(tightening: Array) -> Array:
     return np.asarray(np.maximum(ends[:-1], ends[1:]))
 
 
-def _rows(problem: Problem, made: Transcription, tightening: Tightening) -> tuple[Array, Array]:
+def _rows(
+    problem: Problem, made: Transcription, tightening: Tightening, joint: Array
+) -> tuple[Array, Array]:
     shape = (made.form.intervals, made.height)
     low, high = np.zeros(shape), np.zeros(shape)
     for rows in made.labels:
         if rows.kind == "joint":
-            high[:, rows.positions] = _joint(problem, made, tightening)[:, [rows.index]]
+            high[:, rows.positions] = joint[:, [rows.index]]
             low[:, rows.positions] = -high[:, rows.positions]
         elif rows.kind == "z2":
             bounds = _chart(problem, tightening.z2, rows.tau)
@@ -161,6 +164,7 @@ def _chart(problem: Problem, tightening: Array, tau: Array) -> tuple[Array, Arra
 
 def _joint(problem: Problem, made: Transcription, tightening: Tightening) -> Array:
     """Limits on coordinates in each interval, shape (K, N); infinite where there is none."""
-    limited = np.isin(np.arange(made.system.size), made.system.limited)
-    joint = np.where(limited, problem.limits.joint, np.inf)
+    limited = list(made.system.limited)
+    joint = np.full(made.system.size, np.inf)
+    joint[limited] = problem.limits.joint[limited]
     return np.asarray(joint - np.minimum(tightening.joint, MOST_DRAWN_IN * joint))

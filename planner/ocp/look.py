@@ -34,18 +34,21 @@ class Look:
     Attributes:
         plan: Of the iterate's own interpolant, shape (K, M, N).
         motion: Of the motion its input really makes, shape (K, M, N).
+        error: How far they differ.
     """
 
     plan: Array
     motion: Array
+    error: MeshError
 
 
 def look(task: Task, solution: Solution) -> Look:
     """Sample an iterate and the motion its input really makes."""
     iterate, form = solution.iterate, task.made.form
     values = np.concatenate([iterate.nodes[:-1, None], iterate.points], axis=1)
-    plan = _basis(form.scheme_kind, form.degree) @ values
-    return Look(np.asarray(plan), task.motion(iterate).states)
+    plan = np.asarray(_basis(form.scheme_kind, form.degree) @ values)
+    motion = task.motion(iterate).states
+    return Look(plan, motion, _mesh_error(motion - plan))
 
 
 @lru_cache(maxsize=16)
@@ -76,9 +79,7 @@ class MeshError:
         return self.end <= accuracy and self.largest <= INTERPOLANT * accuracy
 
 
-def mesh_error(seen: Look) -> MeshError:
-    """Compare an iterate with the motion its input really makes."""
-    gap = seen.motion - seen.plan
+def _mesh_error(gap: Array) -> MeshError:
     growth = np.max(np.abs(gap - gap[:, :1]), axis=2)
     return MeshError(
         end=float(np.max(np.abs(gap[-1, -1]))),
@@ -93,38 +94,42 @@ def excess(task: Task, seen: Look) -> Tightening:
 
     The plan's q(t) and the motion its input really makes are both held to the limits.
     """
-    problem, count = task.problem, len(seen.plan)
-    both = np.concatenate([seen.plan, seen.motion], axis=1)
+    problem = task.problem
+    both = np.stack([seen.plan, seen.motion])
     limit = problem.limits.joint
-    joint = _over(_peak(np.abs(both), count) - limit, limit)
+    joint = _over(np.abs(both), limit, limit)
     joint[:, 0] = 0.0
-    margin, z2 = problem.limits.z2_margin, np.zeros(count)
+    margin, z2 = problem.limits.z2_margin, np.zeros(len(seen.plan))
     if margin is not None:
         values = problem.z2_sign * chained_form(problem.system).z(both)[..., 1]
-        z2 = _over(margin + _peak(-values, count), np.array(max(margin, 1e-3)))
+        z2 = _over(-values, np.array(-margin), np.array(max(margin, 1e-3)))
     return Tightening(joint, z2, into_discs(problem, both, task.made.form.obstacles))
 
 
-def into_discs(problem: Problem, both: Array, count: int) -> Array:
-    """How far each link reaches into each disc in each interval, shape (K, D · L)."""
+def into_discs(problem: Problem, curves: Array, count: int) -> Array:
+    """How far each link reaches into each disc in each interval, shape (K, D · L).
+
+    The curves' samples have the shape (C, K, M, N).
+    """
     system: Any = problem.system
-    out = [np.zeros((len(both), 0))]
+    out = [np.zeros((curves.shape[1], 0))]
     for disc in problem.obstacles[:count]:
-        clearances = disc.clearances(system.arm_points(both[..., 1:]))
-        out.append(_over(_peak(-clearances, len(both)), np.array(disc.radius)))
+        clearances = disc.clearances(system.arm_points(curves[..., 1:]))
+        out.append(_over(-clearances, np.array(0.0), np.array(disc.radius)))
     return np.concatenate(out, axis=-1)
 
 
-def _peak(both: Array, count: int) -> Array:
-    """Largest value in each interval (K, …) of samples (K, M or 2 M, …) of one or two curves."""
-    curves = both.shape[1] // (STEPS + 1)
-    halves = np.split(both, curves, axis=1)
-    found = peaks(np.concatenate(halves))
-    return np.asarray(np.max(found.reshape(curves, count, *both.shape[2:]), axis=0))
+def _over(curves: Array, limit: Array, scale: Array) -> Array:
+    """How far curves pass a limit in each interval (K, …), and a tenth and a little, or zero.
 
-
-def _over(excess: Array, scale: Array) -> Array:
-    """The excess and a tenth and a little, where there is any."""
+    The curves' samples have the shape (C, K, M, …). No parabola through three of them rises above
+    them by more than a quarter of the greatest step, which most often says it all.
+    """
+    steps = np.max(np.abs(np.diff(curves, axis=2)), axis=(0, 1, 2))
+    if np.all(np.max(curves, axis=(0, 1, 2)) + steps / 4 <= limit):
+        return np.zeros((curves.shape[1], *curves.shape[3:]))
+    flat = curves.reshape(-1, *curves.shape[2:])
+    excess = np.max(peaks(flat).reshape(curves.shape[:2] + curves.shape[3:]), axis=0) - limit
     with np.errstate(invalid="ignore"):
         return np.where(excess > ROUNDING * scale, 1.1 * excess + SLACK * scale, 0.0)
 
@@ -148,5 +153,5 @@ def clears(task: Task, solution: Solution) -> bool:
     if not task.problem.obstacles:
         return True
     radii = np.array([disc.radius for disc in task.problem.obstacles])
-    deep = into_discs(task.problem, task.motion(solution.iterate).states, len(radii))
+    deep = into_discs(task.problem, task.motion(solution.iterate).states[None], len(radii))
     return bool(np.all(np.max(deep, axis=0).reshape(len(radii), -1) < radii[:, None] / 2))

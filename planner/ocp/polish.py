@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.ocp.look import INTERPOLANT, Look, MeshError, excess, look, mesh_error
+from planner.ocp.look import INTERPOLANT, Look, MeshError, excess, look
 from planner.ocp.mesh import Mesh
 from planner.ocp.solver import Solution
 from planner.ocp.task import Task, transferred
@@ -46,10 +46,9 @@ def polish(task: Task, solution: Solution, accuracy: float, refinements: int) ->
     meshes = [len(task.mesh.widths)]
     seen = look(task, solution)
     for _ in range(refinements):
-        error = mesh_error(seen)
-        if error.fine(accuracy):
+        if seen.error.fine(accuracy):
             break
-        finer = task.on(_finer(task, error, accuracy))
+        finer = task.on(_finer(task, seen.error, accuracy))
         better = finer.solve(transferred(task, solution.iterate, finer), near=True)
         seconds, iterations = seconds + better.seconds, iterations + better.iterations
         build += finer.build_time_s
@@ -122,4 +121,4 @@ def _draw_in(task: Task, solution: Solution, seen: Look) -> Polished:
             "obstacles": float(np.max(tightening.discs, initial=0.0)),
         },
     }
-    return Polished(task, solution, mesh_error(seen).end, notes, seconds, iterations)
+    return Polished(task, solution, seen.error.end, notes, seconds, iterations)

@@ -16,6 +16,7 @@ import numpy as np
 from planner.ocp.layout import Iterate
 from planner.ocp.mesh import Mesh
 from planner.systems.base import Array, TriangularSystem
+from planner.systems.pointwise import evaluated
 
 STEPS = 12
 """Steps an interval."""
@@ -45,14 +46,11 @@ def resimulate(system: TriangularSystem, mesh: Mesh, iterate: Iterate, start: Ar
     left, right = iterate.input_ends()
     tau = np.arange(2 * STEPS + 1) / (2 * STEPS)
     u = left[:, None] + tau[:, None] * (right - left)[:, None]
-    first, middle, last = (
-        u[:, at].reshape(-1, 2).T for at in (slice(0, -1, 2), slice(1, None, 2), slice(2, None, 2))
-    )
-    steps = np.repeat(mesh.widths * iterate.duration / STEPS, STEPS)[None]
-    run = _runner(system, K * STEPS)
-    after = np.asarray(run(start, steps, first, middle, last)).T.reshape(K, STEPS, -1)
-    before = np.concatenate([start[None], after[:-1, -1]])
-    states = np.concatenate([before[:, None], after], axis=1)
+    steps = np.repeat(mesh.widths * iterate.duration / STEPS, STEPS)
+    given = start, steps, u[:, :-1:2], u[:, 1::2], u[:, 2::2]
+    states = np.empty((K, STEPS + 1, system.size))
+    states[:, 1:] = evaluated(_runner(system, K * STEPS), given, np.empty((K, STEPS, system.size)))
+    states[0, 0], states[1:, 0] = start, states[:-1, -1]
     return Motion(mesh.at(tau[::2]), states)
 
 

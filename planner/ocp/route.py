@@ -33,6 +33,8 @@ def routes(problem: Problem) -> list[Problem]:
     """The problem with its waypoints in each order worth trying, the shortest by straight lines
     first; itself where there is no choice.
     """
+    if len(problem.waypoints) < 2:
+        return [problem]
     orders = sorted(_orders(problem), key=lambda order: _length(problem, order))
     return [replace(problem, waypoints=order) for order in orders[:MOST_ORDERS]]
 

@@ -97,14 +97,14 @@ def _solve(
         answer = call(packed, data)
     seconds = time.perf_counter() - began
     vector = np.clip(answer.vector, data.lower, data.upper)
-    rows = np.asarray(made.program.g(vector, data.parameters)).ravel()
+    objective, rows, iterate = made.outcome(vector, data.parameters)
     residual = float(np.max(excess(rows, data.row_lower, data.row_upper), initial=0.0))
     return Solution(
         solver=name,
         vector=vector,
-        iterate=made.iterate(vector, data.parameters),
+        iterate=iterate,
         rows=rows,
-        objective=float(made.program.f(vector, data.parameters)),
+        objective=objective,
         residual=residual,
         ok=answer.finished and residual <= ACCEPTED_RESIDUAL,
         status=answer.status,

@@ -15,6 +15,7 @@ from planner.ocp.layout import Iterate, Layout, layout
 from planner.ocp.order import order
 from planner.ocp.stage import Rows, stage
 from planner.systems.base import Array, TriangularSystem
+from planner.systems.pointwise import evaluated
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,16 +38,24 @@ class Transcription:
     height: int
     program: Program
 
-    def iterate(self, vector: Array, parameters: Array) -> Iterate:
-        """The unknowns by name, with the collocation values that follow from them."""
+    def outcome(self, vector: Array, parameters: Array) -> tuple[float, Array, Iterate]:
+        """What the unknowns lead to.
+
+        Returns:
+            The objective, the values of all rows, and the unknowns by name, with the collocation
+            values that follow from them.
+        """
         at, known = self.layout, parameters[self.form.parameters - 1]
-        points = np.asarray(self.program.points(vector, parameters)).T
-        return Iterate(
+        column = self.program.outcome
+        found = evaluated(column, (vector, parameters), np.empty(column.nnz_out()))
+        rows, points = np.split(found[1:], [at.intervals * self.height])
+        iterate = Iterate(
             duration=float(vector[at.durations[0]] if self.form.free_duration else known),
             nodes=vector[at.nodes],
             points=points.reshape(at.intervals, self.form.degree, self.system.size),
             inputs=vector[at.inputs],
         )
+        return float(found[0]), rows, iterate
 
 
 @lru_cache(maxsize=64)

@@ -2,14 +2,29 @@
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from planner.systems.base import Array
+
+
+def evaluated(function: Any, arguments: Iterable[Array], out: Array) -> Array:
+    """`out`, filled with a CasADi function's first value; matrices by columns, as it stores them.
+
+    The arrays' own memory is handed over; neither their shapes nor their sizes are checked.
+    """
+    buffer, evaluate = function.buffer()
+    held = [np.ascontiguousarray(a, dtype=float) for a in arguments]
+    for i, array in enumerate(held):
+        buffer.set_arg(i, array.reshape(-1).data)
+    buffer.set_res(0, out.reshape(-1).data)
+    evaluate()
+    return out
 
 
 class Pointwise:
@@ -38,16 +53,11 @@ class Pointwise:
             Array (…, r) of a column of r, or (…, r, c) of a matrix.
         """
         lead = arguments[0].shape[:-1]
-        count = int(np.prod(lead))
+        count = math.prod(lead)
         rows, columns = self.shape
         out = np.empty((count, columns, rows))
         if count:
-            buffer, evaluate = self._for(count).buffer()
-            held = [np.ascontiguousarray(a, dtype=float) for a in arguments]
-            for i, array in enumerate(held):
-                buffer.set_arg(i, array.reshape(-1).data)
-            buffer.set_res(0, out.reshape(-1).data)
-            evaluate()
+            evaluated(self._for(count), arguments, out)
         if columns == 1:
             return out.reshape(*lead, rows)
         return np.ascontiguousarray(out.swapaxes(-1, -2)).reshape(*lead, rows, columns)

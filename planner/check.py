@@ -55,6 +55,9 @@ class Analysis:
     outcomes: tuple[dict[str, Any], ...]
     remedy: Remedy | None
 
+    def __repr__(self) -> str:
+        return f"Analysis({self.problem.name!r}: {self.verdict})"
+
     @property
     def has_plan(self) -> bool:
         """Whether at least one method has a verified plan."""

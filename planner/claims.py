@@ -8,6 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from planner.html_table import html_table
+
 Status = Literal["proven", "undecided", "violated"]
 
 
@@ -34,6 +36,9 @@ class Claim:
     unit: str
     required: bool = True
     why: str = ""
+
+    def __repr__(self) -> str:
+        return f"Claim({self})"
 
     def __str__(self) -> str:
         when = "" if self.time_s is None else f" at t = {self.time_s:.6g} s"
@@ -80,6 +85,22 @@ class Certificate:
             if claim.label == label:
                 return claim
         raise KeyError(f"no claim '{label}'; there are: {', '.join(c.label for c in self.claims)}")
+
+    def __repr__(self) -> str:
+        return f"Certificate({self})"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: one row a claim."""
+        rows = [
+            (
+                claim.label,
+                claim.status if claim.required else f"{claim.status} (not asked for)",
+                f"{claim.guaranteed:.4g} {claim.unit}".strip(),
+                "" if claim.time_s is None else f"{claim.time_s:.4g}",
+            )
+            for claim in self.claims
+        ]
+        return html_table(("requirement", "status", "margin", "least at (s)"), rows, str(self))
 
     def __str__(self) -> str:
         required = [c for c in self.claims if c.required]

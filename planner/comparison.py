@@ -77,6 +77,11 @@ class Row:
     replay: Replay | None = None
     feedback: bool = False
 
+    def __repr__(self) -> str:
+        state = "solved" if self.solved else f"refused, {self.why}"
+        error = f", E {self.E_median_deg:.3g} deg" if np.isfinite(self.E_median_deg) else ""
+        return f"Row({self.label}: {state}{error})"
+
     @property
     def spec(self) -> str:
         """The method and its options: the label without what it says about feedback."""
@@ -119,6 +124,12 @@ class Comparison:
     seed: int
     chosen: tuple[int, ...] | None = None
     complete: bool = True
+
+    def __repr__(self) -> str:
+        rows = "".join(f"\n  {row!r}" for row in self.rows)
+        partial = "" if self.complete else ", interrupted"
+        machines = f"{self.samples} machine{'s' if self.samples > 1 else ''}, seed {self.seed}"
+        return f"Comparison({self.problem.name!r}, {machines}{partial}:{rows})"
 
     def __getitem__(self, label: str) -> Row:
         for row in self.rows:
@@ -177,6 +188,12 @@ class Comparison:
         from planner.report.table import rich_table
 
         return rich_table(self)
+
+    def _repr_html_(self) -> str:
+        """The table, as a notebook shows it."""
+        from planner.report.table import html
+
+        return html(self)
 
     def markdown(self) -> str:
         """The table as Markdown text."""

@@ -122,6 +122,12 @@ class MachineSensitivity:
     entries: tuple[MachineEntry, ...]
     omitted: Mapping[str, str]
 
+    def __repr__(self) -> str:
+        return (
+            f"MachineSensitivity({self.plan.method} plan, {len(self.entries)} parameters: one"
+            f" spread of each {self.total_deg:.4g} deg at the end)"
+        )
+
     @property
     def matrix(self) -> Array:
         """Degrees of each angle at the end for one unit of each parameter, shape (n, P)."""

@@ -57,6 +57,13 @@ class Sensitivity:
     parameters: tuple[str, ...]
     units: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        return (
+            f"Sensitivity({self.plan.method} plan, {len(self.parameters)} parameters: at the end"
+            f" {self.total_deg():.4g} deg, of it irreducible {self.floor_deg():.4g}, passive block"
+            f" {self.passive_block_deg():.4g})"
+        )
+
     @property
     def terminal(self) -> Array:
         """S(T), shape (N, P)."""

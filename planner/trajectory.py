@@ -33,6 +33,10 @@ class Trajectory(ABC):
     def __init_subclass__(cls) -> None:
         Trajectory.kinds[cls.kind] = cls
 
+    def __repr__(self) -> str:
+        pieces = len(self.breaks) - 1
+        return f"{type(self).__name__}({self.system.kind}, {pieces} pieces, {self.duration:.4g} s)"
+
     @property
     @abstractmethod
     def breaks(self) -> Array:
@@ -89,7 +93,7 @@ class Trajectory(ABC):
         return np.asarray((times >= 0) & (times <= self.duration), dtype=float)[..., None]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ChainedTrajectory(Trajectory):
     """A curve given in chained coordinates.
 
@@ -155,7 +159,7 @@ class ChainedTrajectory(Trajectory):
         return cls(system, curve_from_dict(data["z"]), curve_from_dict(data["v"]), branch)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class StateTrajectory(Trajectory):
     """A curve given in coordinates and inputs.
 

@@ -17,6 +17,7 @@ from scipy.integrate import solve_ivp
 from planner.chained import chained_form
 from planner.errors import Violation
 from planner.extrema import maximum, minimum, sample_times
+from planner.html_table import html_table
 from planner.measures import peak_inputs, peak_rates
 from planner.places import Motion, clearances, passes
 from planner.plan import Plan
@@ -58,6 +59,16 @@ class Check:
             worst = np.max(np.abs(self.terminal_error), initial=0.0)
             return f"Check(ok, largest error at the goal {worst:.2g})"
         return "Check(broken: " + "; ".join(map(str, self.violations)) + ")"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: one row a requirement."""
+        broken = {violation.label: str(violation) for violation in self.violations}
+        rows = [
+            (label, broken.get(label, "kept"), f"{margin:.4g}")
+            for label, margin in self.margins.items()
+        ]
+        above = "verified" if self.ok else f"{len(broken)} of {len(rows)} requirements broken"
+        return html_table(("requirement", "verdict", "margin (negative: broken)"), rows, above)
 
 
 @dataclass(frozen=True)

@@ -93,6 +93,11 @@ class Budget:
     costs: tuple[Cost, ...]
     idle: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        first = ", ".join(f"{cost.name} {cost.saves_deg:.3g}" for cost in self.costs[:3])
+        saved = f"; switched off saves: {first} deg" if first else ""
+        return f"Budget({self.plan.method} plan, E {self.E_deg:.3g} deg in the median{saved})"
+
     def __getitem__(self, name: str) -> Cost:
         for cost in self.costs:
             if cost.name == name:

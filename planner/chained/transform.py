@@ -43,6 +43,9 @@ class ChainedForm:
         if compiled := _compiled(system, links, q, feedback):
             self._state, self._inputs = compiled
 
+    def __repr__(self) -> str:
+        return f"ChainedForm({self.system!r})"
+
     def z_expr(self, q: Any) -> Any:
         """Chained coordinates as a CasADi expression in q (N)."""
         return self._z.function(q)

@@ -51,6 +51,12 @@ class TradeOff:
     machine: Machine
     folder: Path | None
 
+    def __repr__(self) -> str:
+        knee = f", knee at {self.cost[self.knee_index]:.3g}" if self.points else ""
+        return (
+            f"TradeOff({self.problem.name!r} against {self.kind}, {len(self.points)} points{knee})"
+        )
+
     @property
     def cost(self) -> Array:
         """What is spent at each point, shape (m,): effort, seconds, or part of the input limits."""

@@ -6,10 +6,12 @@ import csv
 import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from planner.html_table import html_table
 from planner.report.provenance import command, worst_command
 
 if TYPE_CHECKING:
@@ -138,6 +140,15 @@ def markdown(comparison: Comparison) -> str:
         heading += "\n**Partial: interrupted before all methods were done.**\n"
     after = ["", _explained(comparison), "", *_worst(comparison), again]
     return "\n".join([heading, *lines, *after])
+
+
+def html(comparison: Comparison) -> str:
+    """What a notebook shows: the table of the terminal."""
+    shown = columns(comparison)
+    titles = [column.title + (f" ({column.unit})" if column.unit else "") for column in shown]
+    rows = [(row.label, verdict(row), *(c.text(row) for c in shown)) for row in comparison.rows]
+    table = html_table(("method", "solved", *titles), rows, comparison.problem.name)
+    return f"{table}<p><small>{escape(_explained(comparison))}</small></p>"
 
 
 def _worst(comparison: Comparison) -> list[str]:

@@ -38,6 +38,11 @@ class TriangularSystem(ABC):
     kind: ClassVar[str]
     _hash: int | None = None
 
+    def __repr__(self) -> str:
+        names = ", ".join(c.name for c in self.coordinates)
+        inputs = ", ".join(c.name for c in self.inputs)
+        return f"{type(self).__name__}({names}; inputs {inputs})"
+
     @property
     @abstractmethod
     def coordinates(self) -> tuple[Coordinate, ...]:

@@ -1,0 +1,128 @@
+"""What a notebook prints: one or a few lines a value, and tables where there are rows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from html.parser import HTMLParser
+from typing import Any
+
+import numpy as np
+import pytest
+
+import planner
+from planner.html_table import html_table
+from planner.pareto.curve import TradeOff
+from planner.schema.methods import DesensitisedOptions
+
+LONGEST = 500
+"""Characters that are still read, not scrolled past."""
+
+
+@pytest.fixture(scope="module")
+def plan() -> planner.Plan:
+    return planner.solve(planner.load_problem("problems/paper.toml"), "collocation")
+
+
+@pytest.fixture(scope="module")
+def comparison(plan: planner.Plan) -> planner.Comparison:
+    return planner.compare(plan.problem, ["polynomial", "collocation"], samples=2)
+
+
+def values(plan: planner.Plan) -> list[Any]:
+    problem, machine = plan.problem, planner.Machine.prototype()
+    return [
+        problem,
+        problem.system,
+        plan,
+        plan.trajectory,
+        plan.certificate,
+        plan.domain,
+        planner.verify(plan),
+        planner.replay(plan, machine, samples=2),
+        machine,
+        planner.chained_form(problem.system),
+        planner.sensitivity(plan),
+        planner.machine_sensitivity(plan, machine),
+        planner.check(problem, ["polynomial"]),
+        TradeOff(problem, "effort", (), DesensitisedOptions(), machine, None),
+    ]
+
+
+def test_no_value_prints_its_arrays(plan: planner.Plan, comparison: planner.Comparison) -> None:
+    for value in [*values(plan), comparison, comparison.rows[0]]:
+        text = repr(value)
+        assert len(text) < LONGEST, f"{type(value).__name__}: {len(text)} characters"
+        assert type(value).__name__ in text
+        assert " object at 0x" not in text
+        assert "array(" not in text
+
+
+@pytest.mark.parametrize("name", ["unicycle", "trailers", "custom", "ball-gear"])
+def test_every_system_prints(name: str) -> None:
+    plan = planner.solve(planner.load_problem(f"problems/{name}.toml"), "polynomial")
+    for value in (plan.problem.system, plan.trajectory, planner.sensitivity(plan)):
+        assert len(repr(value)) < LONGEST
+
+
+def test_the_comparison_says_who_solved_and_who_did_not(comparison: planner.Comparison) -> None:
+    refused, solved = repr(comparison).splitlines()[1:]
+    assert "polynomial: refused, input u2 reaches 0.582 rad/s, allowed 0.5, E " in refused
+    assert "collocation: solved, E " in solved
+    assert "interrupted" not in repr(comparison)
+    assert "interrupted" in repr(replace(comparison, complete=False))
+
+
+def test_sensitivity_prints_its_numbers(plan: planner.Plan) -> None:
+    found = planner.sensitivity(plan)
+    assert f"{found.floor_deg():.4g}" in repr(found)
+
+
+class _Cells(HTMLParser):
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.rows: list[list[str]] = []
+        self._inside = False
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: Any) -> None:
+        if tag == "tr":
+            self.rows.append([])
+        elif tag in ("td", "th"):
+            self.rows[-1].append("")
+            self._inside = True
+
+    def handle_endtag(self, tag: str) -> None:
+        self._inside = self._inside and tag not in ("td", "th")
+
+    def handle_data(self, data: str) -> None:
+        if self._inside:
+            self.rows[-1][-1] += data
+
+
+def test_tables_escape_what_they_show() -> None:
+    shown = html_table(("a<b", "c"), [("<script>", "1 & 2")], "x < y")
+    assert "<script>" not in shown
+    assert _Cells(shown).rows == [["a<b", "c"], ["<script>", "1 & 2"]]
+
+
+def test_a_comparison_is_a_table(comparison: planner.Comparison) -> None:
+    head, *rows = _Cells(comparison._repr_html_()).rows
+    assert head[:3] == ["method", "solved", "travel (rad)"]
+    assert [row[0] for row in rows] == ["polynomial", "collocation"]
+    column = head.index("E 50 % (deg)")
+    assert float(rows[1][column]) == pytest.approx(comparison.rows[1].E_median_deg, rel=0.01)
+
+
+def test_a_check_is_a_table_that_names_what_is_broken(comparison: planner.Comparison) -> None:
+    broken = planner.verify(comparison.rows[0].plan)
+    rows = {row[0]: row for row in _Cells(broken._repr_html_()).rows}
+    assert rows["input u2"][1].startswith("input u2 reaches 0.58")
+    assert float(rows["input u2"][2]) == pytest.approx(broken.margins["input u2"], rel=1e-3)
+    assert rows["input u1"][1] == "kept"
+
+
+def test_a_certificate_is_a_table(plan: planner.Plan) -> None:
+    assert plan.certificate is not None
+    rows = _Cells(plan.certificate._repr_html_()).rows
+    assert len(rows) == 1 + len(plan.certificate.claims)
+    assert all(np.isfinite(float(row[2].split()[0])) for row in rows[1:])

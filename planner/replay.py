@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.feedback.tracker import Tracker
 from planner.machine import Draws, Machine, simulate
 from planner.machine.loop import Feedback, measured
 from planner.machine.simulate import Progress
@@ -219,6 +218,8 @@ def replay(
 
 def _feedback(feedback: bool | Feedback, plan: Plan) -> Feedback | None:
     if feedback is True:
+        from planner.feedback.tracker import Tracker  # with OSQP, which only this needs
+
         return Tracker(plan.problem.feedback)
     if feedback is False:
         return None

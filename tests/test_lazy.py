@@ -11,25 +11,31 @@ from types import ModuleType
 import pytest
 
 import planner
+import planner.report
+import planner.sweep
 
-SOURCE = Path(planner.__file__).read_text(encoding="utf-8")
+LAZY = [planner, planner.report, planner.sweep]
+NAMES = [(package, name) for package in LAZY for name in package.__all__]
 
 
-def test_table_imports_and_all_agree() -> None:
-    (block,) = (node for node in ast.parse(SOURCE).body if isinstance(node, ast.If))
+@pytest.mark.parametrize("package", LAZY, ids=lambda package: package.__name__)
+def test_table_imports_and_all_agree(package: ModuleType) -> None:
+    assert package.__file__
+    tree = ast.parse(Path(package.__file__).read_text(encoding="utf-8"))
+    (block,) = (node for node in tree.body if isinstance(node, ast.If))
     told = {
         alias.name: node.module
         for node in block.body
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
     }
-    assert told == planner._homes
-    assert sorted(told) == sorted(planner.__all__)
+    assert told == package._homes
+    assert sorted(told) == sorted(package.__all__)
 
 
-@pytest.mark.parametrize("name", planner.__all__)
-def test_every_name_is_there_and_is_no_module(name: str) -> None:
-    assert not isinstance(getattr(planner, name), ModuleType)
+@pytest.mark.parametrize(("package", "name"), NAMES, ids=[f"{p.__name__}.{n}" for p, n in NAMES])
+def test_every_name_is_there_and_is_no_module(package: ModuleType, name: str) -> None:
+    assert not isinstance(getattr(package, name), ModuleType)
 
 
 def test_unknown_names() -> None:
@@ -53,3 +59,12 @@ assert planner.systems.Manipulator is planner.Manipulator
 """
     paper = Path(__file__).parents[1] / "problems" / "paper.toml"
     subprocess.run([sys.executable, "-c", code, str(paper)], check=True)
+
+
+def test_what_a_process_of_a_sweep_does_without() -> None:
+    code = """
+import sys, planner.sweep.worker
+heavy = {"scipy.stats", "osqp", "matplotlib", "sqlite3", "pandas", "planner.pareto"}
+assert not heavy & set(sys.modules), heavy & set(sys.modules)
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)

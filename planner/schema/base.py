@@ -18,7 +18,13 @@ Model = TypeVar("Model", bound=BaseModel)
 class Table(BaseModel):
     """A table of a problem file."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(
+        extra="forbid",
+        strict=True,
+        frozen=True,
+        allow_inf_nan=False,
+        defer_build=True,  # until a table is used: most problems use a few of them
+    )
 
 
 def parse(model: type[Model], data: Any, source: str, at: Sequence[str] = ()) -> Model:

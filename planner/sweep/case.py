@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,9 +26,11 @@ from planner.schema import MachineTable, parse, parse_file
 from planner.solve import find_method, solve_and_check
 from planner.spec import Spec
 from planner.sweep.canonical import canonical, digest
-from planner.sweep.description import Sweep
-from planner.sweep.points import Point
 from planner.verify import Check, verify
+
+if TYPE_CHECKING:
+    from planner.sweep.description import Sweep
+    from planner.sweep.points import Point
 
 RESULTS: Mapping[str, str] = {
     "status": "TEXT NOT NULL",

@@ -53,7 +53,7 @@ class Control:
             before = now - clock.period
             q, self._side = self._forecast(estimate.q, self._side, before, now, self._history)
             estimate.predicted(q)
-        estimate.read(measured, learn=t > 0)
+        estimate.read(measured)
         if k < len(self._ref.feed):
             self._decide(k, now)
         self._k += 1

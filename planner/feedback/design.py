@@ -19,9 +19,6 @@ from planner.plan import Plan
 from planner.schema.feedback import FeedbackTable
 from planner.systems.base import Array, TriangularSystem
 
-ERRORS_DEG = {"path": (0.2, 0.1), "goal": (1.0, 0.05)}
-"""Errors on the way and at the end that weigh as much as one unit of correction, degrees."""
-
 RUN_UP_ERROR_DEG = 5.0
 """The error during the run-up that weighs as much as one unit of correction, degrees."""
 
@@ -81,9 +78,8 @@ def _weights(plan: Plan, ref: Reference, scale: Array, options: FeedbackTable) -
     tracked = np.ones(ref.q.shape[1])
     if plan.problem.system.coordinates[0].unit == "rad":
         tracked[0] = 0.0
-    on_path, at_goal = ERRORS_DEG[options.aim]
-    goal = tracked / np.deg2rad(options.goal_error_deg or at_goal) ** 2
-    path = tracked / np.deg2rad(options.path_error_deg or on_path) ** 2
+    goal = tracked / np.deg2rad(options.goal_error_deg) ** 2
+    path = tracked / np.deg2rad(options.path_error_deg) ** 2
     path = np.repeat(path[None], len(ref.feed), axis=0)
     begun = ref.s[:-1] >= 0
     path[~begun] = tracked / np.deg2rad(RUN_UP_ERROR_DEG) ** 2

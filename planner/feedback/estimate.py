@@ -19,7 +19,7 @@ from planner.systems.base import Array, TriangularSystem
 RATE_SPREAD = 0.01
 """Standard deviation expected of ε."""
 
-CORRELATED = 4.0
+CORRELATED = 2.0
 """By how much the variance of rounding is taken larger: slow joints stay in one step for long."""
 
 UNMODELLED = float(np.deg2rad(0.003))
@@ -64,17 +64,17 @@ class Estimate:
         self._var_q = self._var_q + moved * (2 * self._cov + moved * self._var_e) + UNMODELLED**2
         self._cov = self._cov + moved * self._var_e
 
-    def read(self, measured: Array, learn: bool = True) -> None:
-        """Take in a reading (N, S), NaN where it is lost; without learning, ε stays as it is."""
-        self._filter(measured[2:] - self.q[2:], np.isnan(measured[2:]), learn)
+    def read(self, measured: Array) -> None:
+        """Take in a reading (N, S), NaN where it is lost."""
+        self._filter(measured[2:] - self.q[2:], np.isnan(measured[2:]))
         inside = np.clip(self.q, measured - self._half, measured + self._half)
         self.q = np.where(np.isnan(measured), self.q, inside)
 
-    def _filter(self, surprise: Array, lost: NDArray[np.bool_], learn: bool) -> None:
+    def _filter(self, surprise: Array, lost: NDArray[np.bool_]) -> None:
         """Correct angle and ε by the difference (N−2, S) between reading and forecast."""
         total = self._var_q + self._noise
         fits = np.abs(surprise) <= FITTING * np.sqrt(total)
-        both = fits & self._fitted & learn
+        both = fits & self._fitted
         gain_q, gain_e = self._var_q / total, self._cov / total
         self.q[2:] += np.where(fits & ~lost, gain_q * surprise, 0.0)
         self.rate_error = self.rate_error + np.where(both, gain_e * surprise, 0.0)

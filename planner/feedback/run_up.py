@@ -35,8 +35,8 @@ STEP_S = 0.02
 MIDDLE_DEG, SMALL_DEG, LARGE_DEG = 32.0, 8.0, 74.0
 """|θ₁| on the way back, and in both stages forward, degrees."""
 
-BEHIND_DEG = 7.0
-"""How far the last joint goes back, degrees."""
+BEHIND_DEG = 11.0
+"""How far the last joint goes back, degrees: room for more play than the mean, and for learning."""
 
 APPROACH_DEG, APPROACH_S, REST_S = 1.5, 0.8, 0.4
 """From how far away θ₁ approaches its start, degrees, in what time, and the rest after it, s."""

@@ -16,6 +16,9 @@ from planner.systems.base import Array
 TOLERANCE = 1e-5
 """OSQP's absolute and relative tolerance, on unit rows and c."""
 
+STEP = 1.0
+"""OSQP's first step size rho, the same for every programme."""
+
 SOLVED, INFEASIBLE = 1, (3, 4)
 """OSQP's status of a solution within tolerance, and those that say there is none."""
 
@@ -38,6 +41,9 @@ class Outcome:
 class Solver:
     """Set up once; rows are updated in place.
 
+    An answer depends on its programme and guess alone, not on those solved before: a replay is the
+    same again, and a sample the same whichever others run with it.
+
     Args:
         mask: Which entries of T can differ from zero, (m, p).
         iterations: After how many an answer is late.
@@ -49,6 +55,7 @@ class Solver:
     def __init__(self, mask: NDArray[np.bool_], iterations: int) -> None:
         columns, rows = np.nonzero(mask.T)
         self._entries, self._length = (rows, columns), np.ones(len(mask))
+        self._rested: Array = np.zeros(len(mask))
         self._loaded: Any = None
         self.solved = 0
         self._osqp = osqp.OSQP()
@@ -62,7 +69,7 @@ class Solver:
             free,
             verbose=False,
             scaling=0,
-            rho=1.0,
+            rho=STEP,
             adaptive_rho_interval=50,
             check_termination=10,
             eps_abs=TOLERANCE,
@@ -86,8 +93,10 @@ class Solver:
             self._osqp.update(Ax=(T / self._length[:, None])[self._entries])
             self._loaded = T
         self._osqp.update(l=low / self._length, u=high / self._length)
-        self._osqp.warm_start(x=guess)
+        self._osqp.warm_start(x=guess, y=self._rested)
         result = osqp_result(self._osqp)
+        if result.info.rho_updates:
+            self._osqp.update_settings(rho=STEP)
         self.solved += 1
         status, iterations = result.info.status_val, result.info.iter
         if status == SOLVED:

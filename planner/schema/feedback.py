@@ -35,18 +35,15 @@ class FeedbackTable(Table):
         " and wind-up are taken up. auto: where the machine's passive joints have any, there are at"
         " most two of them, and the plan's drive keeps one direction.",
     )
-    aim: Literal["path", "goal"] = Field(
-        "path",
-        description="What matters most: the largest error at any time (path), or that at the end"
-        " (goal), for which theta1 leaves its path further. Sets the two weights below.",
-    )
-    path_error_deg: Annotated[float, Field(gt=0)] | None = Field(
-        None,
+    path_error_deg: Annotated[float, Field(gt=0)] = Field(
+        0.1,
         description="Error on the way that weighs as much as one unit of correction, degrees (a"
-        " length in metres counts as an angle in radians); 0.2 for the path, 1 for the goal.",
+        " length in metres counts as an angle in radians).",
     )
-    goal_error_deg: Annotated[float, Field(gt=0)] | None = Field(
-        None, description="The same at the end, degrees; 0.1 for the path, 0.05 for the goal."
+    goal_error_deg: Annotated[float, Field(gt=0)] = Field(
+        0.02,
+        description="The same at the end, degrees: the smaller, the further theta1 leaves its path"
+        " so that all joints arrive.",
     )
     correction: Annotated[float, Field(gt=0)] = Field(
         0.2, description="Unit of correction, as a part of each input's limit (or of its peak)."

@@ -20,7 +20,7 @@ from planner.replay import Replay, replay
 from planner.systems.base import Array
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
-SAMPLES = 12
+SAMPLES = 40
 
 
 class Watched(Tracker):
@@ -61,23 +61,39 @@ def test_it_follows_the_path_twenty_times_closer(closed: Replay, opened: Replay)
     assert closed.fallbacks.sum() == 0
 
 
-def test_aimed_at_the_goal_it_ends_within_a_tenth_of_a_degree(
-    smooth: Plan, machine: Machine, opened: Replay
-) -> None:
-    closed = replay(smooth, machine, SAMPLES, seed=3, feedback=Tracker(aim="goal"), record_s=None)
+def test_it_ends_within_a_tenth_of_a_degree(closed: Replay, opened: Replay) -> None:
     assert np.percentile(closed.terminal_E_deg, 95) < 0.1
     assert np.percentile(opened.terminal_E_deg, 95) > 2.0
+
+
+def test_the_weights_trade_the_way_for_the_end(
+    smooth: Plan, machine: Machine, closed: Replay
+) -> None:
+    tracker = Tracker(path_error_deg=0.3, goal_error_deg=0.01)
+    other = replay(smooth, machine, SAMPLES, seed=3, feedback=tracker, record_s=None)
+    assert np.median(other.terminal_E_deg) < np.median(closed.terminal_E_deg)
+    assert other.percentile(50) > closed.percentile(50)
 
 
 def test_without_a_run_up_the_end_is_as_good_but_not_the_way(
     smooth: Plan, machine: Machine
 ) -> None:
-    tracker = Tracker(aim="goal", run_up=False)
+    tracker = Tracker(path_error_deg=1.0, run_up=False)
     closed = replay(smooth, machine, SAMPLES, seed=3, feedback=tracker, record_s=None)
     assert np.median(closed.terminal_E_deg) < 0.1
     assert closed.percentile(50) > 1.5
-    again = replay(smooth, machine, SAMPLES, seed=3, feedback=tracker, record_s=None)
-    assert np.array_equal(closed.q, again.q)
+
+
+def test_a_run_is_the_same_again_and_a_sample_whichever_others_run_with_it(
+    smooth: Plan, machine: Machine
+) -> None:
+    """Machines beyond what the commands' limits allow, so that OSQP is asked often."""
+    tracker = Tracker(path_error_deg=1.0, run_up=False)
+    closed = replay(smooth, machine, SAMPLES, seed=3, feedback=tracker, record_s=None)
+    assert tracker.design(smooth, machine).programme.solved > 300
+    some = np.argsort(closed.index_E_deg)[-5:]
+    again = replay(smooth, machine, some.tolist(), seed=3, feedback=tracker, record_s=None)
+    assert np.array_equal(again.q, closed.q[some])
 
 
 def test_commands_keep_the_limits_of_speed_and_its_change(
@@ -110,7 +126,7 @@ def test_lost_readings_cost_little(smooth: Plan, machine: Machine) -> None:
         lost = rng.random(measured.shape[1]) < 0.05
         return np.where(lost, np.nan, measured)
 
-    tracker = Watched(lose, aim="goal")
+    tracker = Watched(lose)
     closed = replay(smooth, machine, 6, seed=3, feedback=tracker, record_s=None)
     assert np.percentile(closed.terminal_E_deg, 95) < 0.3
 
@@ -152,7 +168,7 @@ def test_other_clocks_work_too(smooth: Plan, machine: Machine, clock: dict[str, 
 BAD: list[tuple[dict[str, Any], str]] = [
     ({"period_s": 0.0}, "period_s"),
     ({"horizont_s": 1.0}, "horizon_s"),
-    ({"aim": "middle"}, "aim"),
+    ({"path_error_deg": 0.0}, "path_error_deg"),
     ({"run_up": 3}, "run_up"),
     ({"goal_error_deg": -1.0}, "goal_error_deg"),
 ]
@@ -183,9 +199,9 @@ def test_a_run_up_of_four_joints_is_refused(machine: Machine) -> None:
 
 
 def test_the_problem_file_holds_the_options(paper: planner.Problem) -> None:
-    table = {"aim": "goal", "run_up": False, "horizon_s": 0.5}
+    table = {"goal_error_deg": 0.05, "run_up": False, "horizon_s": 0.5}
     problem = paper.changed({"feedback": table})
-    assert problem.feedback.aim == "goal"
+    assert problem.feedback.goal_error_deg == 0.05
     assert problem.to_dict()["feedback"] == table
     with pytest.raises(InputError, match=r"feedback\.horizon_s"):
         paper.changed({"feedback.horizon_s": -1.0})

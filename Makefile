@@ -22,7 +22,8 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
 .DEFAULT_GOAL := compare
-.PHONY: compare suite bench stress paper robustness report explorer test check lint format clean
+.PHONY: compare suite bench stress paper robustness report explorer notebook docs test check lint \
+  format clean
 
 compare: $(VENV)/.run
 	@$(BIN)/planner compare problems/paper.toml --out out/compare
@@ -54,6 +55,7 @@ notebook: $(VENV)/.notebook
 	@$(BIN)/python -m jupyterlab --notebook-dir=notebooks quick-tour.ipynb
 
 docs: $(VENV)/.docs
+	@test "$$PLANNER_DOCS_NOTEBOOKS" = off || test -d out/docs-cache || echo "running the notebooks (once)"
 	@$(BIN)/python -m sphinx -q -W --keep-going -b html docs out/docs
 	@echo "out/docs/index.html"
 

@@ -202,7 +202,9 @@ def _read(path: str | Path) -> dict[str, Any]:
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from None
     except ValueError as error:
-        raise InputError(f"{path} is not JSON: {error}") from None
+        raise InputError(
+            f"{path} is not JSON: {error}; `planner plan PROBLEM --out FILE` writes a plan file"
+        ) from None
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise InputError(f"{path} is not a plan file (its 'format' is not '{FORMAT}')")
     if data.get("version") != VERSION:

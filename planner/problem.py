@@ -189,6 +189,8 @@ def load_problem(path: str | Path, changes: Mapping[str, Any] | None = None) -> 
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
+        if text.lstrip().startswith("{"):
+            raise InputError(f"{path} is JSON, such as a plan; a problem file is TOML") from None
         raise InputError(f"{path} is not valid TOML: {error}") from None
     if not data:
         raise InputError(f"{path} is empty; a problem needs [system], [start] and [goal]")

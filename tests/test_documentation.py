@@ -31,6 +31,18 @@ def test_every_public_name_is_in_the_reference() -> None:
     assert shown == set(planner.__all__)
 
 
+def test_no_folder_keeps_make_from_its_work() -> None:
+    text = (ROOT / "Makefile").read_text(encoding="utf-8").replace("\\\n", " ")
+    targets = {
+        name
+        for line in re.findall(r"^([a-z][a-z ]*):(?!=)", text, flags=re.M)
+        for name in line.split()
+    }
+    told = set(re.findall(r"^#   make (\w+)", text, flags=re.M))
+    assert told <= targets
+    assert targets == set(" ".join(re.findall(r"^\.PHONY:(.*)$", text, flags=re.M)).split())
+
+
 REFUSALS = blocks("troubleshooting.md", "console")
 
 

@@ -5,6 +5,7 @@ Exit status: 0 done; 2 bad input; 3 no plan; 1 a bug; 130 interrupted.
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import traceback
@@ -34,6 +35,8 @@ from planner.errors import PlannerError
 __all__ = ["app", "main"]
 
 INTERRUPTED = 130
+FULL = (errno.ENOSPC, errno.EDQUOT)
+"""Numbers of the errors that a full disk gives."""
 
 # Typer brings its own copy of click in some versions; this is the base of usage errors in all.
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]
@@ -128,6 +131,7 @@ def _run(words: list[str]) -> int:
     try:
         command = typer.main.get_command(app)
         status = command.main(words, prog_name="planner", standalone_mode=False)
+        sys.stdout.flush()
         if status == INTERRUPTED and not isinstance(status, Told):
             raise KeyboardInterrupt
         return int(status or 0)
@@ -145,6 +149,9 @@ def _run(words: list[str]) -> int:
             raise ReaderGoneError from None
         raise
     except Exception as error:
+        if isinstance(error, OSError) and error.errno in FULL:
+            where = error.filename or "standard output"
+            return _refuse(as_json, 2, "bad_input", f"cannot write {where}: {error.strerror}")
         return _bug(as_json, words, error)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,7 +18,7 @@ from planner.cli.arguments import (
     read_problem,
 )
 from planner.cli.budget import budgets, executable, print_budgets, save
-from planner.cli.output import Told, note, print_json, print_text, progress_bar, say
+from planner.cli.output import Told, note, print_json, print_text, progress_bar, say, waiting
 from planner.compare import compare as run
 from planner.comparison import Comparison
 from planner.errors import InputError, NoPlanError
@@ -107,24 +108,32 @@ def compare(
         if found is None or found.complete:
             raise
     assert found is not None
+    if not found.complete:
+        say("interrupted: partial result; what is done is kept", "red")
     shares = _budgets(found) if budget and found.complete else {}
-    written = None if out is None else str(found.save(out, report=report))
-    if out is not None and shares:
-        save(shares, out / "budget", None)
+    if not as_json:  # before the figures, which take a while
+        _print(found)
+        print_budgets(shares)
+    written = None if out is None else _save(found, shares, out, report)
     status = _status(found)
     if as_json:
         extra: dict[str, Any] = {"exit_status": status, "written": written}
         if budget:
             extra["budgets"] = {label: each.to_dict() for label, each in shares.items()}
         print_json({"file": task.source, **found.to_dict(), **extra})
-    else:
-        _print(found)
-        print_budgets(shares)
-    if not found.complete:
-        say("interrupted: partial result; what is done is kept", "red")
     if written is not None:
-        note(f"written to {written}" + (f"; open {out}/report.html" if report else ""))
+        look = f"open {out}/report.html" if report else f"pictures in {out}/figures"
+        note(f"written to {written}; {look}")
     return status
+
+
+def _save(found: Comparison, shares: dict[str, Budget], out: Path, report: bool) -> str:
+    # After Ctrl-C `waiting` would end the command before what is done is written.
+    with waiting("drawing figures") if found.complete else nullcontext():
+        written = str(found.save(out, report=report))
+        if shares:
+            save(shares, out / "budget", None)
+    return written
 
 
 def _status(found: Comparison) -> int:

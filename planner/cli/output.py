@@ -50,7 +50,7 @@ def print_text(*parts: str | Text | Table) -> None:
         InputError: As for `print_json`.
     """
     console = _console(stderr=False)
-    with console.capture() as capture:
+    with _told_where_it_fails(), console.capture() as capture:
         for part in parts:
             console.print(part, highlight=False, markup=False, soft_wrap=isinstance(part, str))
     _write("\n".join(line.rstrip() for line in capture.get().splitlines()) + "\n")
@@ -219,9 +219,16 @@ def _console(stderr: bool) -> Console:
 
 
 def _write(text: str) -> None:
-    try:
+    with _told_where_it_fails():
         sys.stdout.write(text)
         sys.stdout.flush()
+
+
+@contextmanager
+def _told_where_it_fails() -> Iterator[None]:
+    """What becomes of errors of standard output; Rich writes to it even where it captures."""
+    try:
+        yield
     except BrokenPipeError:
         raise ReaderGoneError from None
     except OSError as error:

@@ -57,6 +57,7 @@ class Database:
 
     def __init__(self, path: str | Path, create: bool = False) -> None:
         self.path = Path(path)
+        new = not self.path.exists()
         if create:
             refuse_unwritable(path)
         elif not self.path.is_file():
@@ -68,6 +69,8 @@ class Database:
                 self._prepare(create)
         except BaseException:
             self.db.close()
+            if new and self.path.exists() and not self.path.stat().st_size:
+                self.path.unlink()  # nothing of it could be written: a full disk
             raise
 
     def __enter__(self) -> Self:

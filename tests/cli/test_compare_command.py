@@ -30,7 +30,7 @@ def test_compare_as_json_and_folder(run: Callable, tmp_path: Path) -> None:
     assert [row["label"] for row in data["rows"]] == ["polynomial"]
     assert data["exit_status"] == 0
     assert data["rows"][0]["solved"] is True
-    assert result.err == f"written to {out}\n"
+    assert result.err == f"written to {out}; pictures in {out}/figures\n"
     assert {"table.md", "comparison.json", "figures", "plans"} <= {p.name for p in out.iterdir()}
     assert planner.load_plan(out / "plans/polynomial.json").verified
 
@@ -52,7 +52,7 @@ def test_same_seed_same_numbers(run: Callable) -> None:
     assert rows[0] != rows[2]
 
 
-def test_a_disk_that_fills_leaves_no_folder(
+def test_a_disk_that_fills_leaves_the_table_on_the_screen_and_no_folder(
     run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: Any) -> None:
@@ -61,7 +61,7 @@ def test_a_disk_that_fills_leaves_no_folder(
     monkeypatch.setattr(os, "replace", full)
     result = run(*WORDS, "--out", tmp_path / "new/run")
     assert result.status == 2
-    assert result.out == ""
+    assert "no: input u2 reaches" in result.out
     assert "No space left on device" in result.err
     assert list(tmp_path.iterdir()) == []
 

@@ -184,5 +184,8 @@ def test_export_command(run: Callable, tmp_path: Path) -> None:
     assert not (tmp_path / "x.yaml").exists()
     assert "rate_hz = 0" in run("export", plan, "--out", tmp_path / "y.csv", "--rate", "0").err
     assert "joint names" in run("export", plan, "-o", tmp_path / "y.csv", "--joints", "a,b").err
-    assert "paper.toml is not JSON" in run("export", PAPER, "-o", tmp_path / "y.csv").err
+    mistaken = run("export", PAPER, "-o", tmp_path / "y.csv").err
+    assert "paper.toml is not JSON" in mistaken
+    assert "`planner plan PROBLEM --out FILE` writes a plan file" in mistaken
+    assert "is JSON, such as a plan; a problem file is TOML" in run("plan", plan).err
     assert not (tmp_path / "y.csv").exists()

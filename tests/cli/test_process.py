@@ -70,11 +70,10 @@ def test_a_reader_that_leaves_is_no_error() -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="needs the device /dev/full")
-def test_a_full_disk_behind_standard_output_is_told() -> None:
+@pytest.mark.parametrize("words", [["methods", "--json"], ["methods"], ["--version"], ["--help"]])
+def test_a_full_disk_behind_standard_output_is_told(words: list[str]) -> None:
     with open("/dev/full", "w", encoding="utf-8") as full:
-        done = subprocess.run(
-            [*PLANNER, "methods", "--json"], stdout=full, stderr=subprocess.PIPE, check=False
-        )
+        done = subprocess.run([*PLANNER, *words], stdout=full, stderr=subprocess.PIPE, check=False)
     assert done.returncode == 2
     assert b"cannot write standard output: No space left on device" in done.stderr
     assert b"Traceback" not in done.stderr

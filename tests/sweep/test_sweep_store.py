@@ -88,6 +88,18 @@ def test_a_commit_is_seen_by_other_readers_at_once(tables: Tables, tmp_path: Pat
     assert seen == list(range(11))
 
 
+def test_a_full_disk_leaves_no_empty_database(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any) -> None:
+        raise sqlite3.OperationalError("database or disk is full")
+
+    monkeypatch.setattr(Store, "_prepare", full)
+    with pytest.raises(planner.InputError, match="database or disk is full"):
+        Store(tmp_path / "new.sqlite", create=True)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_full_disk_is_told_and_loses_nothing(
     tables: Tables, db: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -43,8 +43,8 @@ BRIDGES = 6
 RESOLVED = 1e-4
 """Difference at the end, rad, between a motion and its interpolant up to which it is believed."""
 
-DIRECT_ITERATIONS = 100
-"""Iterations granted to the straight line when the motion can be one way; it needs about 15."""
+DIRECT_ITERATIONS = 50
+"""Iterations granted to the straight line when the motion can be one way; most need about 10."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,12 +21,16 @@ from planner.systems.base import Array
 SolverName = Literal["fatrop", "ipopt"]
 
 NEAR = 1e-4
-"""Barrier and distance to the bounds to begin with when the start is near the answer."""
+"""Distance to the bounds to begin with when the start is near the answer."""
+
+FATROP_BARRIER, FATROP_BARRIER_NEAR, IPOPT_BARRIER_NEAR = 1e-4, 1e-5, 1e-6
+"""Barriers to begin with. Among discs Fatrop keeps its own, 0.1: a path that first stays clear of
+them finds better ways between them."""
 
 FATROP_ITERATIONS = 100
 """Where Fatrop solves a problem at all it needs tens of iterations."""
 
-FATROP_TOLERANCE = 1e-8
+FATROP_TOLERANCE = 1e-7
 """Below this rounding keeps Fatrop from finishing where limits are active. Rows are as exact as
 ever; the objective is within 1e-7 of that of a sharper tolerance."""
 
@@ -95,7 +99,9 @@ class _Ipopt:
         }
         if settings.near:
             pushes = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
-            options |= {"mu_init": NEAR, **dict.fromkeys(pushes, NEAR)}
+            options |= {"mu_init": IPOPT_BARRIER_NEAR, **dict.fromkeys(pushes, NEAR)}
+        else:
+            options["mu_strategy"] = "adaptive"
         program = made.program
         functions = {"nlp_grad_f": program.value_gradient, "nlp_hess_l": program.triangle}
         self._call = _nlpsol(made, "ipopt", functions, {"no_nlp_grad": True, "ipopt": options})
@@ -133,7 +139,9 @@ class _Fatrop:
             "max_iter": min(settings.max_iterations, FATROP_ITERATIONS),
         }
         if settings.near:
-            options |= {"mu_init": NEAR, "bound_push": NEAR, "bound_frac": NEAR}
+            options |= {"mu_init": FATROP_BARRIER_NEAR, "bound_push": NEAR, "bound_frac": NEAR}
+        elif not made.form.obstacles:
+            options["mu_init"] = FATROP_BARRIER
         program = made.program
         functions = {"nlp_grad_f": program.gradient, "nlp_hess_l": program.hessian}
         functions["nlp_grad"] = _values(program)

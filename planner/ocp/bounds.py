@@ -45,11 +45,10 @@ class Tightening:
     def __add__(self, other: Tightening) -> Tightening:
         return Tightening(self.joint + other.joint, self.z2 + other.z2, self.discs + other.discs)
 
-    def everywhere(self) -> Tightening:
-        """Each limit drawn in by its greatest amount, in all intervals."""
-        joint = np.broadcast_to(np.max(self.joint, axis=0), self.joint.shape)
-        discs = np.broadcast_to(np.max(self.discs, axis=0), self.discs.shape)
-        return Tightening(joint, np.full_like(self.z2, np.max(self.z2)), discs)
+    def everywhere(self, share: float) -> Tightening:
+        """Each limit drawn in by at least a share of its greatest amount, in all intervals."""
+        amounts = self.joint, self.z2, self.discs
+        return Tightening(*(np.maximum(each, share * np.max(each, axis=0)) for each in amounts))
 
 
 @dataclass(frozen=True, eq=False)

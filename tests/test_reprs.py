@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import planner
+from planner.export.samples import sample
 from planner.html_table import html_table
 from planner.pareto.curve import TradeOff
 from planner.schema.methods import DesensitisedOptions
@@ -44,6 +45,7 @@ def values(plan: planner.Plan) -> list[Any]:
         planner.sensitivity(plan),
         planner.machine_sensitivity(plan, machine),
         planner.check(problem, ["polynomial"]),
+        sample(plan),
         TradeOff(problem, "effort", (), DesensitisedOptions(), machine, None),
     ]
 

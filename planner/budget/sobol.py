@@ -194,6 +194,15 @@ def switched(draws: Draws, off: Mapping[str, Array]) -> Draws:
     return Draws(draws.numbers, values)
 
 
+def refuse_without_salib() -> None:
+    """Refuse what needs SALib where it is missing, before the work that comes first.
+
+    Raises:
+        InputError: If it is missing.
+    """
+    _salib()
+
+
 def _salib() -> tuple[Any, Any]:
     try:
         from SALib.analyze import sobol as analysis

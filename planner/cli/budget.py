@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from planner.budget import Budget, error_budget
+from planner.budget import Budget, error_budget, refuse_without_salib
 from planner.cli.arguments import (
     Changes,
     Json,
@@ -70,6 +70,7 @@ def budget(
       planner budget problems/paper.toml --methods polynomial,collocation --out out/budget
       planner budget plan.json --samples 500 --base 512
     """
+    refuse_without_salib()
     if out is not None:
         refuse_unwritable_folder(out)
     with progress_bar() as progress:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from planner.budget import Budget
+from planner.budget import Budget, refuse_without_salib
 from planner.cli.arguments import (
     Changes,
     Json,
@@ -52,7 +52,10 @@ def compare(
     ] = False,
     budget: Annotated[
         bool,
-        typer.Option("--budget", help="Also find which effect of the machine costs how much."),
+        typer.Option(
+            "--budget",
+            help="Also find which effect of the machine costs how much (extra `budget`).",
+        ),
     ] = False,
     changes: Changes = None,
     out: Annotated[
@@ -89,10 +92,7 @@ def compare(
       planner compare problems/paper.toml --methods collocation:intervals=20,collocation
     """
     task = read_problem(problem, changes)
-    if report and out is None:
-        raise InputError("--report needs a folder to go into: --out FOLDER")
-    if out is not None:
-        refuse_unwritable_folder(out)
+    _refuse_in_time(out, budget, report)
     found: Comparison | None = None
     try:
         with progress_bar() as progress:
@@ -125,6 +125,16 @@ def compare(
         look = f"open {out}/report.html" if report else f"pictures in {out}/figures"
         note(f"written to {written}; {look}")
     return status
+
+
+def _refuse_in_time(out: Path | None, budget: bool, report: bool) -> None:
+    """Refuse what would fail after the work."""
+    if report and out is None:
+        raise InputError("--report needs a folder to go into: --out FOLDER")
+    if budget:
+        refuse_without_salib()
+    if out is not None:
+        refuse_unwritable_folder(out)
 
 
 def _save(found: Comparison, shares: dict[str, Budget], out: Path, report: bool) -> str:

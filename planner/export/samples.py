@@ -42,6 +42,9 @@ class Samples:
     z: Array
     v: Array
 
+    def __repr__(self) -> str:
+        return f"Samples({len(self.t)} instants to {self.t[-1]:.4g} s: {', '.join(self.columns)})"
+
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of all columns: t_s, those of q and u, z1 … zN, v1, v2."""

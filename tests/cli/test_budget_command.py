@@ -71,3 +71,17 @@ def test_compare_adds_budgets(
     result = run("compare", PAPER, *words, "--budget", "--out", tmp_path / "run", "--json")
     assert list(result.json["budgets"]) == ["polynomial"]
     assert (tmp_path / "run/budget/budget.md").exists()
+
+
+@pytest.mark.parametrize("command", [("budget",), ("compare", "--budget")])
+def test_without_salib_it_ends_before_the_work(
+    command: tuple[str, ...], run: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def worked(*_: object, **__: object) -> None:
+        raise AssertionError("planned before it looked")
+
+    monkeypatch.setitem(sys.modules, "SALib", None)
+    monkeypatch.setattr(sys.modules["planner.compare"], "solve_and_check", worked)
+    result = run(command[0], PAPER, *command[1:])
+    assert result.status == 2
+    assert result.err.endswith("pip install 'planner[budget]'\n")

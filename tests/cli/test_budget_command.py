@@ -80,7 +80,7 @@ def test_without_salib_it_ends_before_the_work(
     def worked(*_: object, **__: object) -> None:
         raise AssertionError("planned before it looked")
 
-    monkeypatch.setitem(sys.modules, "SALib", None)
+    monkeypatch.setitem(sys.modules, "SALib.analyze", None)
     monkeypatch.setattr(sys.modules["planner.compare"], "solve_and_check", worked)
     result = run(command[0], PAPER, *command[1:])
     assert result.status == 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -72,5 +73,5 @@ def _left(ax: Any, data: Sequence[Data]) -> None:
             dark = part < 0.5
             ax.text(j, i, f"{part:.2f}", ha="center", va="center", color="w" if dark else "k")
     ax.set_yticks(range(len(FITTED)), [r.name for r in FITTED], fontsize=8)
-    ax.set_xticks(range(len(data)), [d.name.replace(", ", ",\n") for d in data], fontsize=8)
+    ax.set_xticks(range(len(data)), [fill(d.name, 16) for d in data], fontsize=8)
     ax.set_title("part of each range that is left (1: not identifiable)", fontsize=10)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from planner.comparison import FEEDBACK
 from planner.errors import InputError
 from planner.report.style import colours, grid, legend
 from planner.systems.base import Array
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
 def plot_errors(errors: Mapping[str, ArrayLike | None], *, ax: Any = None) -> tuple[Figure, Any]:
     """Share of machines with an error below each value; median and 95th percentile as dots.
+
+    Plans with feedback are dotted, in the colour of the plan without.
 
     Args:
         errors: For each plan its error index E on every sampled machine, shape (samples,), degrees;
@@ -61,8 +64,10 @@ def _distribution(ax: Any, label: str, error: Array, colour: str) -> None:
     share = np.arange(1, len(error) + 1) / len(error)
     median, high = np.percentile(error, [50, 95])
     text = f"{label}: median {median:.3g}, 95 % {high:.3g} deg"
-    ax.step(error, share, where="post", color=colour, linewidth=1.8, label=text)
-    ax.plot([median, high], [0.5, 0.95], "o", color=colour, markersize=5)
+    closed = label.endswith(FEEDBACK)
+    style, fill = (":", "white") if closed else ("-", colour)
+    ax.step(error, share, style, where="post", color=colour, linewidth=1.8, label=text)
+    ax.plot([median, high], [0.5, 0.95], "o", color=colour, markerfacecolor=fill, markersize=5)
 
 
 def _decades(errors: list[Array]) -> float:

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 OVERSHOOT = 1.6
 """The view reaches this many times the limit; what goes beyond is named with its peak."""
 
+FAR = 5.0
+"""Without a limit peaks are cut off only where they reach so many times what is usual."""
+
 
 def plot_inputs(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
     """u₁ and u₂ over time with their limits as lines, all plans in each of two panels.
@@ -104,6 +107,8 @@ def view(values: Sequence[tuple[Curve, Array, Array]], limit: float) -> tuple[fl
     # Times crowd towards the ends of pieces, so that a quantile over them would follow the peaks.
     usual = max(float(np.quantile(np.abs(np.interp(_even(t), t, u)), 0.9)) for _, t, u in values)
     bound = OVERSHOOT * max(limit if np.isfinite(limit) else 0.0, 1.5 * usual)
+    if not np.isfinite(limit) and most < FAR * usual:
+        bound = 1.08 * most
     bound = min(bound, 1.08 * max(most, 1.02 * limit if np.isfinite(limit) else 0.0))
     bound = max(bound, 1e-9)
     one_sided = float(np.min(every)) > -0.02 * bound and not np.isfinite(limit)

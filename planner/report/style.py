@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from planner.comparison import FEEDBACK
 from planner.errors import InputError
 from planner.extrema import sample_times
 from planner.plan import Plan
@@ -109,8 +110,10 @@ def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
 
 
 def colours(labels: Sequence[str]) -> dict[str, str]:
-    """One colour a label, by its place in the list."""
-    return {label: COLOURS[k % len(COLOURS)] for k, label in enumerate(labels)}
+    """One colour a plan, by its place in the list; with feedback it keeps its colour."""
+    plans = list(dict.fromkeys(label.removesuffix(FEEDBACK) for label in labels))
+    place = {label: plans.index(label.removesuffix(FEEDBACK)) for label in labels}
+    return {label: COLOURS[k % len(COLOURS)] for label, k in place.items()}
 
 
 def times(plan: Plan, count: int = 1500) -> Array:

@@ -159,6 +159,7 @@ def test_inputs_without_limits_have_no_limit_lines(unlimited: planner.Problem) -
         assert not any(line.get_linestyle() == ":" for line in ax.lines)
         t = np.linspace(0.5, plan.duration, 100)
         assert np.max(np.abs(plan.u(t)[:, i])) < ax.get_ylim()[1]
+        assert not ax.texts, "a peak of three times the usual is shown, not named"
 
 
 def test_arm_shows_poses_from_start_to_goal(plans: dict[str, planner.Plan]) -> None:
@@ -197,6 +198,16 @@ def test_errors_are_a_distribution_with_its_percentiles() -> None:
     assert "deg" in ax.get_xlabel()
     _, ax = plot_errors({"one": one})
     assert ax.get_xscale() == "linear"
+
+
+def test_feedback_keeps_its_plans_colour() -> None:
+    """As in all other figures of a comparison, where plans with feedback have no curve."""
+    one = np.linspace(1, 2, 101)
+    _, ax = plot_errors({"a": one, "a + feedback": 0.1 * one, "b": one, "b + feedback": None})
+    first, second = lines(ax, COLOURS[0]), lines(ax, COLOURS[1])
+    assert [line.get_linestyle() for line in first] == ["-", "None", ":", "None"]
+    assert len(second) == 2
+    assert not lines(ax, COLOURS[2])
 
 
 def test_replays_show_the_sample_of_median_error() -> None:

@@ -9,7 +9,15 @@ from functools import partial
 import numpy as np
 
 from planner.comparison import FEEDBACK, Comparison, Row
-from planner.errors import InputError, NoPlanError, SingularError, VerificationError, Violation
+from planner.errors import (
+    InputError,
+    NoPlanError,
+    SingularError,
+    UntrackableError,
+    VerificationError,
+    Violation,
+)
+from planner.feedback.run_up import hindrance
 from planner.machine import Machine
 from planner.measures import effort, peak_inputs
 from planner.methods import METHODS
@@ -112,8 +120,7 @@ class _Run:
         half = 0.75 if self._feedback else 1.0
         self.rows[-1] = self._replayed(row, part, 0.5, half)
         if self._feedback and self.rows[-1].replay is not None:
-            closed = replace(row, label=row.label + FEEDBACK, feedback=True)
-            self.rows.append(self._replayed(closed, part, half, 1.0))
+            self.rows.append(self._closed(row, partial(self._replayed, part=part, begin=half)))
         part("done", 1.0)
         self.done += 1
 
@@ -126,7 +133,17 @@ class _Run:
             why = str(error).splitlines()[0].removeprefix(f"{self._problem.source}: ")
             return Row(spec.label, spec.method, False, why)
 
-    def _replayed(self, row: Row, part: Progress, begin: float, end: float) -> Row:
+    def _closed(self, row: Row, replayed: Callable[[Row], Row]) -> Row:
+        """The row with feedback of a plan, or why feedback cannot follow it."""
+        assert row.plan is not None
+        label, hindered = row.label + FEEDBACK, hindrance(row.plan, self._machine)
+        try:
+            return replayed(replace(row, label=label, feedback=True, note=hindered))
+        except UntrackableError as error:
+            closed = replace(row, label=label, feedback=True, solved=False, why=error.why)
+            return replace(closed, effort=np.nan, peak_u=(np.nan, np.nan))
+
+    def _replayed(self, row: Row, part: Progress, begin: float, end: float = 1.0) -> Row:
         if row.plan is None or not row.plan.executable:
             return row
         doing = "replaying with feedback" if row.feedback else "replaying"

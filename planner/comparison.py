@@ -54,6 +54,7 @@ class Row:
         replay: The runs on the machines; None for what cannot be executed.
         feedback: Whether they were run with feedback; `effort` is then the median of what was
             commanded, `peak_u` the largest speeds of the motors on any machine.
+        note: Why feedback gains little, where it does; else empty.
     """
 
     label: str
@@ -76,6 +77,7 @@ class Row:
     build_time_s: float = np.nan
     replay: Replay | None = None
     feedback: bool = False
+    note: str = ""
 
     def __repr__(self) -> str:
         state = "solved" if self.solved else f"refused, {self.why}"

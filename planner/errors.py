@@ -67,6 +67,18 @@ class InputError(PlannerError, ValueError):
     exit_status = 2
 
 
+class UntrackableError(InputError):
+    """A plan that feedback cannot follow: the motors would have to be faster than they may.
+
+    Attributes:
+        why: Which one and how fast, in few words.
+    """
+
+    def __init__(self, message: str, *, why: str) -> None:
+        self.why = why
+        super().__init__(message)
+
+
 class NoPlanError(PlannerError):
     """No plan exists, or none was found, or the one found failed its verification.
 

@@ -275,6 +275,23 @@ def test_rows_with_feedback_stand_beside_those_without(
     assert "effort" in result.figures()
 
 
+def test_a_plan_that_feedback_cannot_follow_is_refused_with_the_reason(
+    quick: planner.Problem,
+) -> None:
+    problem = quick.changed({"goal.duration": 10.0, "machine.velocity_limit_rad_s": 0.05})
+    result = compare_function(problem, ["polynomial"], samples=2, feedback=True)
+    free, closed = result.rows
+    assert free.replay is not None
+    assert closed.replay is None
+    assert not closed.solved
+    assert closed.why.endswith("rad/s, allowed 0.05")
+    assert np.isnan(closed.effort)
+    assert {"effort", "inputs"} <= set(result.figures())
+    assert free.plan is not None
+    with pytest.raises(planner.InputError, match=r"u2 asks for \S+ rad/s.*allows 0\.05.*retime"):
+        planner.replay(free.plan, feedback=True)
+
+
 class _Held:
     """Feedback that only ever says 0.1 rad/s."""
 

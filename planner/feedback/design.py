@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.feedback.course import Course
 from planner.feedback.forecast import gearhead_play
-from planner.feedback.limits import input_limit, input_scale
+from planner.feedback.limits import input_limit, input_scale, refuse_beyond
 from planner.feedback.programme import Programme
 from planner.feedback.reference import Reference, reference, resting
 from planner.feedback.regulator import Weights, regulator
@@ -54,7 +54,9 @@ def design(plan: Plan, machine: Machine, options: FeedbackTable) -> Design:
 
     Raises:
         InputError: If the options do not fit the machine.
+        UntrackableError: If the plan's inputs are far beyond what may be commanded.
     """
+    refuse_beyond(plan, machine)
     system = plan.problem.system
     course = Course(plan, run_up(plan, machine, options))
     clock = timing(options, system, machine, course.lead_s)

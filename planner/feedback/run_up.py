@@ -61,7 +61,7 @@ def run_up(plan: Plan, machine: Machine, options: FeedbackTable) -> RunUp | None
     first = _first_motion(plan)
     if not lost.any() or first[0] == 0:
         return None
-    if options.run_up == "auto" and (system.n > 3 or _turns(plan)):
+    if options.run_up == "auto" and hindrance(plan, machine):
         return None
     if system.n > 3:
         raise InputError(
@@ -70,6 +70,18 @@ def run_up(plan: Plan, machine: Machine, options: FeedbackTable) -> RunUp | None
         )
     speed = np.array([DRIVE, SWING]) * input_scale(plan, machine)
     return _Approach(plan, system, lost, gearhead_play(system, machine), first, speed).solved()
+
+
+def hindrance(plan: Plan, machine: Machine) -> str:
+    """Why play cannot be taken up before the start, in words; empty where it can or is none."""
+    system = plan.problem.system
+    if not isinstance(system, Manipulator) or not lost_motion(system, machine).any():
+        return ""
+    if system.n > 3:
+        return f"one drive cannot take up the play of {system.n - 1} joints before the start"
+    if _turns(plan):
+        return "the drive turns back on its way, which costs the play of every joint again"
+    return ""
 
 
 def lost_motion(system: Manipulator, machine: Machine) -> Array:

@@ -49,6 +49,7 @@ class Tracker:
 
         Raises:
             InputError: If the options do not fit the machine.
+            UntrackableError: If the plan's inputs are far beyond what may be commanded.
         """
         return Control(self.design(plan, machine), len(numbers))
 

@@ -201,4 +201,5 @@ def _explained(comparison: Comparison) -> str:
         f" {comparison.seed}, the same machines for every plan; refused plans that can be executed"
         " are replayed for study."
         + (CLOSED if any(row.feedback for row in comparison.rows) else "")
+        + "".join(f" {row.label}: {row.note}." for row in comparison.rows if row.note)
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -11,12 +13,14 @@ from planner.feedback.design import Design, design
 from planner.feedback.estimate import Estimate
 from planner.feedback.forecast import Forecast, History
 from planner.feedback.reference import _direction
-from planner.feedback.run_up import lost_motion
+from planner.feedback.run_up import hindrance, lost_motion
 from planner.machine import Machine
 from planner.plan import Plan
 from planner.schema import FeedbackTable
 from planner.systems import Manipulator
 from planner.systems.base import Array
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
 
 
 def moved(plan: Plan, task: Design, k: int, dq: Array, v: Array) -> Array:
@@ -158,3 +162,12 @@ def test_a_run_up_is_made_only_where_it_helps(smooth: Plan, machine: Machine) ->
     for other in (Machine.ideal(), machine.without("backlash_deg", "coulomb_friction_nm")):
         assert design(smooth, other, FeedbackTable()).ref.timing.begin == 0
     assert design(smooth, machine, FeedbackTable(run_up=False)).ref.timing.begin == 0
+
+
+def test_why_play_cannot_be_taken_up_first(smooth: Plan, machine: Machine) -> None:
+    problem = planner.load_problem(PROBLEMS / "paper-fig4.toml")
+    turning = planner.solve(problem, "collocation", intervals=20)
+    assert "turns back" in hindrance(turning, machine)
+    assert design(turning, machine, FeedbackTable()).ref.timing.begin == 0.0
+    assert hindrance(smooth, machine) == hindrance(turning, Machine.ideal()) == ""
+    assert design(smooth, machine, FeedbackTable()).ref.timing.begin < -10.0

@@ -241,6 +241,42 @@ def test_shares_and_points_are_those_of_the_replays(opened: Callable) -> None:
     assert f"median of E {row.E_median_deg:.3g} deg" in words
 
 
+CROWD = {
+    "polynomial:travel=middle": (4.578, 17.8),
+    "polynomial:travel=middle:points=[]": (2.24, 24.2),
+    "polynomial:travel=early": (0.3758, 5.65),
+    "collocation:degree=2": (0.3358, 5.72),
+    "collocation:degree=3": (2.08, 0.3),
+    "convex": (2.06, 0.17),
+}
+
+
+@pytest.mark.parametrize("width", [360, 1100])
+def test_names_of_points_meet_neither_points_nor_each_other(
+    width: int, opened: Callable, tmp_path: Path
+) -> None:
+    comparison = quick_comparison()
+    rows = tuple(
+        replace(comparison[SOLVED], label=label, effort=effort, E_median_deg=E, E_p95_deg=1.2 * E)
+        for label, (effort, E) in CROWD.items()
+    )
+    place = replace(comparison, rows=rows).save(tmp_path / "crowd", report=True)
+    page = opened(place / "report.html", width=width, height=800)
+    drawn = page.locator("#fig-trade svg")
+    names = [name.bounding_box() for name in drawn.locator("text.name").all()]
+    dots = [dot.bounding_box() for dot in drawn.locator("circle").all()]
+    assert len(names) == len(dots) == len(CROWD)
+    for k, name in enumerate(names):
+        assert name["x"] + name["width"] <= page.viewport_size["width"]
+        for other in [*dots, *names[:k]]:
+            apart = [
+                min(name[axis] + name[size], other[axis] + other[size])
+                - max(name[axis], other[axis])
+                for axis, size in (("x", "width"), ("y", "height"))
+            ]
+            assert min(apart) < 3, "their boxes, which are larger than their letters, cover"
+
+
 def luminance(colour: str) -> float:
     parts = np.array([float(x) for x in re.findall(r"[\d.]+", colour)[:3]]) / 255
     linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)

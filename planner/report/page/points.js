@@ -35,28 +35,31 @@ class PointsChart extends Chart {
     this.drawNames();
   }
 
-  /** The plans' names beside their points, moved apart where they would meet. */
+  /** The plans' names beside their points, where they meet neither points nor each other. */
   drawNames() {
     const list = this.places.filter((p) => this.shown(p)).sort((a, b) => this.y(a.y) - this.y(b.y));
-    const ends = { start: -Infinity, end: -Infinity };
+    const taken = list.map((p) => around(this.x(p.x), this.y(p.y), 8, 8));
     for (const point of list) {
-      const text = this.page.plans[point.plan].label;
-      const wide = 7 * text.length + 14;
-      const [px, py] = [this.x(point.x), this.y(point.y)];
-      const beside = (p, way) => p !== point && Math.abs(this.y(p.y) - py) < 14 && way(this.x(p.x) - px);
-      const fits = {
-        start: px + wide < this.size.width && !list.some((p) => beside(p, (d) => d >= 0 && d < wide)),
-        end: px - wide > EDGE.left && !list.some((p) => beside(p, (d) => d <= 0 && -d < wide)),
-      };
-      const anchor = fits.start || !fits.end ? "start" : "end";
-      const clear = fits[anchor] ? py + 4 : py + 22;
-      const y = Math.max(clear, ends[anchor] + 14);
-      ends[anchor] = y;
-      const x = px + (anchor === "start" ? 11 : -11);
-      const inside = anchor === "start" ? Math.min(x, this.size.width - wide + 12) : x;
-      const style = { class: `name plan-${this.page.plans[point.plan].colour}`, "text-anchor": anchor };
-      make("text", { x: inside, y, text, ...style }, this.over);
+      const { label, colour } = this.page.plans[point.plan];
+      const name = make("text", { class: `name plan-${colour}`, text: label }, this.over);
+      const wide = name.getComputedTextLength() || 7 * label.length;
+      const place = this.placeName(this.x(point.x), this.y(point.y), wide, taken);
+      taken.push(place);
+      name.setAttribute("x", place.left + 1);
+      name.setAttribute("y", place.bottom - 3);
     }
+  }
+
+  /** The box of a name: right, left, below or above its point, as near as there is room. */
+  placeName(px, py, wide, taken) {
+    const half = wide / 2 + 1;
+    const middle = Math.max(EDGE.left + half, Math.min(px, this.size.width - half));
+    const sides = [around(px + 10 + half, py, half, 7), around(px - 10 - half, py, half, 7)];
+    const steps = [16, 30, 44, 58].flatMap((d) => [around(middle, py + d, half, 7), around(middle, py - d, half, 7)]);
+    const fits = (box) =>
+      box.left >= EDGE.left && box.right <= this.size.width && box.top >= 0 && box.bottom <= this.size.bottom;
+    const free = (box) => !taken.some((other) => meet(box, other));
+    return [...sides, ...steps].find((box) => fits(box) && free(box)) ?? steps[0];
   }
 
   nearest(px, py) {
@@ -95,4 +98,13 @@ class PointsChart extends Chart {
       px: this.x(point.x),
     };
   }
+}
+
+/** A box about its middle. */
+function around(x, y, half, high) {
+  return { left: x - half, right: x + half, top: y - high, bottom: y + high };
+}
+
+function meet(a, b) {
+  return a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
 }

@@ -152,10 +152,11 @@ def _plane(plan: Plan, q: Array) -> dict[str, Any]:
     at = np.linspace(0, plan.duration, POSES)
     poses = body(plan.problem, plan.q(at))
     path = body(plan.problem, q)[:, -1]
+    arm = hasattr(plan.problem.system, "arm_points")
     return {
         "id": "plane",
         "kind": "plane",
-        "title": "the arm" if hasattr(plan.problem.system, "arm_points") else "the path",
+        "title": "the arm (link lengths)" if arm else "the path (m)",
         "poses": [pose.tolist() for pose in poses if np.isfinite(pose).all()],
         "path": [short(path[:, 0]), short(path[:, 1])],
         "discs": [[*o.centre.tolist(), o.radius] for o in plan.problem.obstacles],

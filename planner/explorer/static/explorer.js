@@ -178,13 +178,13 @@ function render({ model, el }) {
     const open = texts.querySelector("textarea");
     if (open) {
       open.value = reply[texts.dataset.wanted];
-      open.rows = Math.min(30, open.value.split("\n").length);
+      open.rows = Math.min(18, open.value.split("\n").length);
       return;
     }
     const area = element("textarea");
     area.readOnly = true;
     area.value = reply[texts.dataset.wanted];
-    area.rows = Math.min(30, area.value.split("\n").length);
+    area.rows = Math.min(18, area.value.split("\n").length);
     const copy = element("button", "", "Copy");
     copy.type = "button";
     copy.onclick = () => {

@@ -2,6 +2,8 @@
 
 const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"];
 const EDGE = { left: 52, right: 10, top: 24, bottom: 24 };
+const MARK = "#B00020";
+const NAMES = 15; // a row of names between title and curves
 
 function ticks(low, high, count) {
   const raw = (high - low) / count;
@@ -31,9 +33,9 @@ function extent(lists) {
 }
 
 // The frame's mapping from data to pixels, kept for the pointer.
-function frame(canvas, x, y) {
+function frame(canvas, x, y, top = EDGE.top) {
   const ratio = window.devicePixelRatio || 1;
-  const w = canvas.clientWidth || 380, h = canvas.clientHeight || 220;
+  const w = canvas.clientWidth || 380, h = canvas.clientHeight || 236;
   if (canvas.width !== Math.round(w * ratio) || canvas.height !== Math.round(h * ratio)) {
     canvas.width = Math.round(w * ratio);
     canvas.height = Math.round(h * ratio);
@@ -42,11 +44,11 @@ function frame(canvas, x, y) {
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   pen.clearRect(0, 0, w, h);
   const a = (w - EDGE.left - EDGE.right) / (x[1] - x[0]);
-  const b = (h - EDGE.top - EDGE.bottom) / (y[1] - y[0]);
+  const b = (h - top - EDGE.bottom) / (y[1] - y[0]);
   const style = getComputedStyle(canvas);
   const ink = (name, otherwise) => style.getPropertyValue(name).trim() || otherwise;
   return {
-    pen, w, h, x, y, ink,
+    pen, w, h, x, y, top, ink,
     X: (v) => EDGE.left + a * (v - x[0]),
     Y: (v) => h - EDGE.bottom - b * (v - y[0]),
     dataX: (px) => x[0] + (px - EDGE.left) / a,
@@ -67,7 +69,7 @@ function axes(f, title, note, below) {
       pen.beginPath();
       if (axis === "x") {
         const px = f.X(v);
-        pen.moveTo(px, EDGE.top);
+        pen.moveTo(px, f.top);
         pen.lineTo(px, h - EDGE.bottom);
         pen.textAlign = "center";
         pen.fillText(worded(v, step), px, h - 8);
@@ -97,7 +99,7 @@ function axes(f, title, note, below) {
 function inside(f, draw) {
   f.pen.save();
   f.pen.beginPath();
-  f.pen.rect(EDGE.left, EDGE.top, f.w - EDGE.left - EDGE.right, f.h - EDGE.top - EDGE.bottom);
+  f.pen.rect(EDGE.left, f.top, f.w - EDGE.left - EDGE.right, f.h - f.top - EDGE.bottom);
   f.pen.clip();
   draw(f.pen);
   f.pen.restore();
@@ -129,28 +131,36 @@ function band(f, t, low, high) {
   f.pen.fill();
 }
 
-function names(f, panel, faded) {
-  const entries = panel.lines.map((line, k) => [line.name, COLOURS[k % COLOURS.length], false]);
-  for (const b of panel.bands || []) entries.push([b.name, f.ink("--px-band", "#DCEBF5"), true]);
-  if (entries.length < 2) return;
+// What the curves, bands and marks of a panel are called, and where that is written.
+function places(canvas, panel) {
+  const entries = panel.lines.map((line, k) => ({ name: line.name, colour: COLOURS[k % COLOURS.length], kind: "line" }));
+  for (const b of panel.bands || []) entries.push({ name: b.name, kind: "band" });
+  if ((panel.marks || []).length) entries.push({ name: "edge crossed", colour: MARK, kind: "mark" });
+  if (entries.length < 2) return [];
+  const pen = canvas.getContext("2d");
+  pen.font = "11px system-ui, sans-serif";
+  let x = 6, row = 0;
+  for (const entry of entries) {
+    const wide = pen.measureText(entry.name).width + 28;
+    if (x > 6 && x + wide > (canvas.clientWidth || 380)) [x, row] = [6, row + 1];
+    Object.assign(entry, { x, row });
+    x += wide;
+  }
+  return entries;
+}
+
+function names(f, entries, faded) {
   f.pen.font = "11px system-ui, sans-serif";
   f.pen.textAlign = "left";
-  const widths = entries.map(([name]) => f.pen.measureText(name).width + 26);
-  const wide = Math.max(...widths);
-  let px = EDGE.left + 6, py = f.h - EDGE.bottom - 8;
-  f.pen.globalAlpha = 0.75;
-  f.pen.fillStyle = f.ink("--px-paper", "#fff");
-  const total = widths.reduce((a, b) => a + b, 0);
-  const rows = total < f.w - EDGE.left - 20 ? 1 : entries.length;
-  f.pen.fillRect(px - 3, py - 12 - 14 * (rows - 1), rows === 1 ? total : wide, 15 * rows);
   f.pen.globalAlpha = faded;
-  entries.forEach(([name, colour, filled], k) => {
-    const at = rows === 1 ? [px + widths.slice(0, k).reduce((a, b) => a + b, 0), py] : [px, py - 14 * (rows - 1 - k)];
-    f.pen.fillStyle = colour;
-    f.pen.fillRect(at[0], at[1] - (filled ? 9 : 5), 14, filled ? 10 : 3);
+  for (const { name, colour, kind, x, row } of entries) {
+    const y = EDGE.top + NAMES * row + 6;
+    f.pen.fillStyle = colour || f.ink("--px-band", "#DCEBF5");
+    if (kind === "mark") f.pen.fillText("\u00d7", x + 4, y);
+    else f.pen.fillRect(x, y - (kind === "band" ? 9 : 5), 14, kind === "band" ? 10 : 3);
     f.pen.fillStyle = f.ink("--px-ink", "#222");
-    f.pen.fillText(name, at[0] + 18, at[1]);
-  });
+    f.pen.fillText(name, x + 18, y);
+  }
   f.pen.globalAlpha = 1;
 }
 
@@ -161,7 +171,9 @@ function overTime(canvas, panel, faded) {
   if (panel.id === "z2" || panel.id === "error") for (const b of bands) shown.push(b.low, b.high);
   if (panel.zero) shown.push([0]);
   if (panel.points) shown.push(panel.points.map((p) => p.at[1]));
-  const f = frame(canvas, [t[0], t[t.length - 1]], panel.range || extent(shown));
+  const entries = places(canvas, panel);
+  const rows = entries.length ? 1 + entries[entries.length - 1].row : 0;
+  const f = frame(canvas, [t[0], t[t.length - 1]], panel.range || extent(shown), EDGE.top + NAMES * rows);
   axes(f, panel.title, panel.note, "time (s)");
   const { pen } = f;
   pen.globalAlpha = faded;
@@ -181,7 +193,7 @@ function overTime(canvas, panel, faded) {
       curve(f, t, line.y);
     });
     pen.setLineDash([]);
-    pen.strokeStyle = "#B00020";
+    pen.strokeStyle = MARK;
     for (const [x, y] of panel.marks || []) {
       pen.beginPath();
       for (const s of [-1, 1]) {
@@ -200,7 +212,7 @@ function overTime(canvas, panel, faded) {
     }
   });
   pen.globalAlpha = 1;
-  names(f, panel, faded);
+  names(f, entries, faded);
   return f;
 }
 
@@ -211,7 +223,7 @@ function inPlane(canvas, panel, faded) {
   const xs = extent([panel.path[0], rims(0), ...panel.poses.map((p) => p.map((v) => v[0]))]);
   const ys = extent([panel.path[1], rims(1), ...panel.poses.map((p) => p.map((v) => v[1]))]);
   const wide = (canvas.clientWidth || 380) - EDGE.left - EDGE.right;
-  const high = (canvas.clientHeight || 220) - EDGE.top - EDGE.bottom;
+  const high = (canvas.clientHeight || 236) - EDGE.top - EDGE.bottom;
   const unit = Math.max((xs[1] - xs[0]) / wide, (ys[1] - ys[0]) / high);
   const widen = ([low, high], size) => {
     const extra = (size * unit - (high - low)) / 2;

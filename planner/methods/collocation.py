@@ -11,7 +11,7 @@ import numpy as np
 from planner.errors import InputError, NotConvergedError
 from planner.methods.collocation_refusals import NAME, no_path, not_converged, too_short
 from planner.methods.collocation_seeds import NAMES, planned_seeds
-from planner.ocp.backends import Settings
+from planner.ocp.backends import SHORT_CHAIN, Settings
 from planner.ocp.bridged import crossings
 from planner.ocp.form import Form, InputKind
 from planner.ocp.guess import Seed, guess, seeds
@@ -28,8 +28,9 @@ from planner.problem import Problem
 from planner.reachability import travel_window
 from planner.schema.methods import CollocationOptions
 
-DIRECT, SEARCHED = 14, 40
-"""Mesh intervals near a straight line in a given time, and for what may wind more than once."""
+DIRECT, DIRECT_LONG, SEARCHED = 14, 20, 40
+"""Mesh intervals near a straight line in a given time, up to four joints and beyond, and for what
+may wind more than once."""
 
 SHARINGS = 6
 """Times that the duration is shared out anew among the parts between waypoints."""
@@ -166,7 +167,11 @@ def _direct(problem: Problem, options: CollocationOptions) -> Answer | None:
         return None
     if options.start == "auto" and (problem.obstacles or not _one_way(problem)):
         return None
-    job = collocation_task(problem, options, DIRECT if options.input != "constant" else SEARCHED)
+    long = problem.system.size > SHORT_CHAIN
+    intervals = DIRECT_LONG if long else DIRECT
+    job = collocation_task(problem, options, intervals if options.input != "constant" else SEARCHED)
+    if long:
+        return _by_path(job)
     quick = replace(job.settings, max_iterations=min(options.max_iterations, DIRECT_ITERATIONS))
     seed = seeds("straight")[0]
     start = guess(job.problem, job.made, job.mesh, seed)
@@ -175,6 +180,19 @@ def _direct(problem: Problem, options: CollocationOptions) -> Answer | None:
         return None
     log = [{"start": seed.name, "status": solution.status, "objective": solution.objective}]
     return Answer(seed.name, job, solution, log, solution.iterations)
+
+
+def _by_path(job: Task) -> Answer | None:
+    """A long chain's straight line: as in a search first its path, then its timing."""
+    paths = search(job, seeds("straight")[:1], 1)
+    if not paths.found:
+        return None
+    outcome, log = timed(job, paths.found[0].solution.iterate), [*paths.log]
+    _note(log, paths.found[0], outcome.solution)
+    iterations = paths.iterations + outcome.iterations
+    if not outcome.solution.ok or not clears(job, outcome.solution):
+        return None
+    return Answer(paths.found[0].seed, job, outcome.solution, log, iterations)
 
 
 def _searched(job: Task, options: CollocationOptions) -> Answer:

@@ -24,8 +24,10 @@ NEAR = 1e-4
 """Distance to the bounds to begin with when the start is near the answer."""
 
 FATROP_BARRIER, FATROP_BARRIER_NEAR, IPOPT_BARRIER_NEAR = 1e-4, 1e-5, 1e-6
-"""Barriers to begin with. Among discs Fatrop keeps its own, 0.1: a path that first stays clear of
-them finds better ways between them."""
+"""Barriers to begin with where that is not the solver's own, 0.1; see `_brisk`."""
+
+SHORT_CHAIN = 5
+"""Largest number of coordinates of a short chain."""
 
 FATROP_ITERATIONS = 100
 """Where Fatrop solves a problem at all it needs tens of iterations."""
@@ -100,7 +102,7 @@ class _Ipopt:
         if settings.near:
             pushes = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
             options |= {"mu_init": IPOPT_BARRIER_NEAR, **dict.fromkeys(pushes, NEAR)}
-        else:
+        elif _brisk(made):
             options["mu_strategy"] = "adaptive"
         program = made.program
         functions = {"nlp_grad_f": program.value_gradient, "nlp_hess_l": program.triangle}
@@ -140,7 +142,7 @@ class _Fatrop:
         }
         if settings.near:
             options |= {"mu_init": FATROP_BARRIER_NEAR, "bound_push": NEAR, "bound_frac": NEAR}
-        elif not made.form.obstacles:
+        elif _brisk(made):
             options["mu_init"] = FATROP_BARRIER
         program = made.program
         functions = {"nlp_grad_f": program.gradient, "nlp_hess_l": program.hessian}
@@ -169,6 +171,15 @@ class _Fatrop:
         if pattern not in self._memories:
             self._memories[pattern] = self._call.buffer()
         return self._memories[pattern]
+
+
+def _brisk(made: Transcription) -> bool:
+    """Whether to begin with a small barrier, or one that adapts, which saves iterations.
+
+    Long chains and ways between discs have many optima, and a large barrier that is lowered step by
+    step leads to better ones.
+    """
+    return made.system.size <= SHORT_CHAIN and not made.form.obstacles
 
 
 def _drawn_in(lower: Array, upper: Array) -> tuple[Array, Array]:

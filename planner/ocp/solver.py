@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from planner.interrupts import heed_interrupts
-from planner.ocp.backends import Backend, Settings, SolverName, backend
+from planner.ocp.backends import SHORT_CHAIN, Backend, Settings, SolverName, backend
 from planner.ocp.bounds import Bounds
 from planner.ocp.form import Form
 from planner.ocp.layout import Iterate
@@ -18,9 +18,6 @@ from planner.systems.base import Array, TriangularSystem
 
 ACCEPTED_RESIDUAL = 1e-7
 """Largest excess of a row over its bounds, in its own unit, that counts as solved."""
-
-FATROP_COORDINATES = 5
-"""Largest number of coordinates for which Fatrop is tried first."""
 
 FEASIBLE = 1e-5
 """Residual up to which one solver's last iterate is a better start for the other than the first."""
@@ -82,7 +79,7 @@ def names(made: Transcription, settings: Settings) -> tuple[SolverName, ...]:
     """
     if settings.solver != "auto":
         return (settings.solver,)
-    slow = made.layout.lifted or made.system.size > FATROP_COORDINATES
+    slow = made.layout.lifted or made.system.size > SHORT_CHAIN
     return ("ipopt", "fatrop") if slow else ("fatrop", "ipopt")
 
 

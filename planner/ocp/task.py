@@ -16,6 +16,7 @@ from planner.ocp.resimulation import Motion, resimulate
 from planner.ocp.solver import Solution, prepare, solve
 from planner.ocp.transcription import Transcription
 from planner.problem import Problem
+from planner.systems.base import Array
 from planner.trajectory import StateTrajectory
 
 
@@ -53,6 +54,14 @@ class Task:
     def solve(self, start: Iterate, near: bool = False) -> Solution:
         """Solve from a start, which may be near the answer."""
         return solve(self.made, self.bounds, start, replace(self.settings, near=near))
+
+    def rows(self, iterate: Iterate) -> Array:
+        """Values of all rows at an iterate, which may take another time than the problem gives."""
+        problem, made = self.problem, self.made
+        if problem.duration is not None:
+            problem = replace(problem, duration=iterate.duration)
+        data = replace(self, problem=problem).bounds
+        return made.outcome(made.layout.pack(iterate, data.widths), data.parameters)[1]
 
     def curve(self, iterate: Iterate) -> StateTrajectory:
         """The motion an iterate describes."""

@@ -18,11 +18,15 @@ MISSED = 1e-3
 
 
 def broken_rows(task: Task, solution: Solution) -> list[Violation]:
-    """Labelled rows out of bounds, one violation a label at its worst time, worst first."""
+    """Labelled rows out of bounds, one violation a label at its worst time, worst first.
+
+    The iterate may solve another task, which asks for less time.
+    """
     data, made = task.bounds, task.made
     shape = (made.form.intervals, made.height)
-    over = excess(solution.rows, data.row_lower, data.row_upper).reshape(shape)
-    values, low = solution.rows.reshape(shape), data.row_lower.reshape(shape)
+    values = task.rows(solution.iterate)
+    over = excess(values, data.row_lower, data.row_upper).reshape(shape)
+    values, low = values.reshape(shape), data.row_lower.reshape(shape)
     high = data.row_upper.reshape(shape)
     out = []
     for rows in made.labels:

@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 import planner
 from planner.errors import InputError, NotConvergedError
 from planner.measures import effort, peak_inputs, peak_rates
+from planner.methods import collocation as module
 from planner.methods.collocation import plan_collocation
 from planner.ocp.solver import solver
 from planner.ocp.transcription import transcription
@@ -198,6 +199,18 @@ def test_too_short_names_the_input_and_a_duration_that_works(paper: Problem) -> 
     assert error.advice is not None
     advised = float(error.advice.split("goal.duration = ")[1].split()[0])
     assert plan(paper, {"goal.duration": advised}).status == "solved"
+
+
+def test_the_fastest_motion_is_not_named_where_it_cannot_be_believed(
+    paper: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It obeys every row of its own problem, whose duration is an unknown."""
+    monkeypatch.setattr(module, "RESOLVED", 0.0)
+    with pytest.raises(NotConvergedError, match="the solver found no motion") as caught:
+        plan(paper, {"goal.duration": 2.5})
+    assert not caught.value.violations
+    assert caught.value.plan is not None
+    assert caught.value.plan.duration > 2.5
 
 
 HARD = {"attempts": 2, "max_iterations": 150}

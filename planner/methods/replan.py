@@ -89,13 +89,14 @@ def _resampled(job: Task, warm: Plan) -> Iterate:
     first = problem.start - warm.q(0.0)
     last = np.nan_to_num(problem.target - warm.q(T))
 
-    def states(s: Array) -> Array:
-        share = s[..., None]
-        return np.asarray(warm.q(s * T) + (1 - share) * first + share * last)
-
+    inside = mesh.at(job.made.form.scheme.points)
+    s = np.append(mesh.edges, inside)
+    share = s[:, None]
+    states = warm.q(s * T) + (1 - share) * first + share * last
+    nodes, points = np.split(states, [len(mesh.edges)])
     return Iterate(
         duration=duration,
-        nodes=states(mesh.edges),
-        points=states(mesh.at(job.made.form.scheme.points)),
+        nodes=nodes,
+        points=points.reshape(*inside.shape, -1),
         inputs=warm.u(job.made.form.input_places(mesh) * T) * (T / duration),
     )

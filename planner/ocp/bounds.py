@@ -153,9 +153,11 @@ def _rows(
 
 def _chart(problem: Problem, tightening: Array, tau: Array) -> tuple[Array, Array]:
     """Bounds of z₂; none at the motion's start, where the problem itself has been checked."""
-    least = np.repeat((problem.limits.z2_margin or 0.0) + tightening[:, None], len(tau), axis=1)
+    least = np.empty((len(tightening), len(tau)))
+    least[:] = tightening[:, None]
     edge = tau == 0.0
-    least[:, edge] += (_at_nodes(tightening)[:-1] - tightening)[:, None]
+    least[:, edge] = _at_nodes(tightening)[:-1, None]
+    least += problem.limits.z2_margin or 0.0
     least[0, edge] = -np.inf
     none = np.full_like(least, np.inf)
     return (least, none) if problem.z2_sign > 0 else (-none, -least)

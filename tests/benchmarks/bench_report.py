@@ -18,6 +18,7 @@ import matplotlib
 matplotlib.use("agg")
 import matplotlib.pyplot as plt
 from bench_cases import PROBLEMS, cases
+from matplotlib.ticker import FormatStrFormatter
 
 from planner.files import write_bytes, write_text
 
@@ -30,6 +31,7 @@ plan = planner.solve(planner.load_problem({path!r}), "collocation")
 assert plan.verified
 print(imported - began, time.perf_counter() - began, time.process_time())
 """
+PLAIN = FormatStrFormatter("%g")
 HEAD = """# Speed of collocation
 
 Made by
@@ -44,9 +46,9 @@ Times are of one solve from scratch: the solver's call for the scripts
 (tests/benchmarks/rivals.py), the whole way from problem to plan for `planner`, its check between
 nodes included, its independent verification not. The scripts use 40 intervals, constant inputs, a
 tolerance of 1e-9 and the straight line that `planner` starts from (`start = "straight"`); `planner`
-chooses its mesh (14 intervals, linear inputs). "warm" is a neighbouring problem from the plan at
-hand. The error is that of the motion which the inputs really make, integrated by SciPy, at the
-goal.
+chooses its mesh (14 intervals, for six joints 20; linear inputs). "warm" is a neighbouring problem
+from the plan at hand. The error is that of the motion which the inputs really make, integrated by
+SciPy, at the goal.
 """
 
 
@@ -159,7 +161,7 @@ def _targets(found: dict[str, Any]) -> str:
 
 def _picture(found: dict[str, Any], path: io.BytesIO) -> None:
     figure, axes = plt.subplots(
-        1, 3, figsize=(13, 4.2), width_ratios=[2, 1, 1], layout="constrained"
+        1, 3, figsize=(13, 4.8), width_ratios=[2, 1, 1], layout="constrained"
     )
     names = [*dict.fromkeys(name for rows in found["contests"].values() for name in rows)]
     width = 0.8 / len(names)
@@ -173,13 +175,17 @@ def _picture(found: dict[str, Any], path: io.BytesIO) -> None:
     axes[0].set_yscale("log")
     axes[0].set_ylabel("least time, ms")
     axes[0].set_xticks(range(len(found["contests"])), list(found["contests"]))
-    axes[0].legend(fontsize=7, ncols=2)
+    axes[0].yaxis.set_major_formatter(PLAIN)
+    figure.legend(fontsize=8, ncols=4, loc="outside lower left")
     for axis, key, label in ((axes[1], "intervals", "intervals"), (axes[2], "joints", "states")):
         rows = found[key]["rows"]
         sizes = [int(size) for size in rows]
         axis.loglog(sizes, [1e3 * row["per_iteration_s"] for row in rows.values()], "o-")
         axis.set_xlabel(label)
         axis.set_ylabel("time an iteration, ms")
-        axis.set_title(f"power {found[key]['exponent']:.2f}")
+        axis.set_xticks(sizes, [str(size) for size in sizes])
+        axis.yaxis.set_minor_formatter(PLAIN)
+        axis.yaxis.set_major_formatter(PLAIN)
+        axis.set_title(f"time grows as {label}^{found[key]['exponent']:.2f}")
     figure.savefig(path, dpi=150)
     plt.close(figure)

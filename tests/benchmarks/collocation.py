@@ -28,10 +28,10 @@ from scipy.integrate import solve_ivp
 from scipy.stats import linregress
 
 import planner
-from planner.methods.collocation import plan_collocation
+from planner.methods.collocation import DIRECT, DIRECT_LONG, plan_collocation
 from planner.methods.convex import plan_convex
 from planner.methods.replan import replan_collocation
-from planner.ocp.backends import Settings
+from planner.ocp.backends import SHORT_CHAIN, Settings
 from planner.ocp.form import Form
 from planner.ocp.mesh import uniform
 from planner.ocp.objective import objective
@@ -85,7 +85,7 @@ def contest(case: Case, rounds: int, compiled: bool) -> dict[str, Any]:
     """All contestants on one case: times, iterations, objective, error at the goal."""
     makers: dict[str, Callable[[], Call]] = {
         RADAU: lambda: radau_ipopt(case.arm),
-        RADAU_OURS: lambda: radau_ipopt(case.arm, intervals=14, linear=True),
+        RADAU_OURS: lambda: radau_ipopt(case.arm, intervals=direct(case), linear=True),
         SHOOTING: lambda: shooting_fatrop(case.arm),
         OURS: lambda: ours(case, compile=False),
         WARM: lambda: ours_warm(case, compile=False),
@@ -109,6 +109,11 @@ def contest(case: Case, rounds: int, compiled: bool) -> dict[str, Any]:
             last = call()
             seconds[name].append(last.seconds)
     return {name: _row(case, name, calls[name](), seconds, build[name]) for name in calls}
+
+
+def direct(case: Case) -> int:
+    """Intervals that `planner` begins with."""
+    return DIRECT if case.problem.system.size <= SHORT_CHAIN else DIRECT_LONG
 
 
 def _row(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
 import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
+from functools import cache
 from types import FrameType
 from typing import Any, TextIO, cast
 
@@ -54,7 +56,8 @@ def osqp_result(solver: Any) -> Any:
     """Run a set-up OSQP solver, and return its result whatever that is.
 
     While it runs OSQP takes Ctrl-C for itself, says so on standard output and returns as if it had
-    failed; a caller would then try the next solver, or count it as late, instead of stopping.
+    failed; a caller would then try the next solver, or count it as late, instead of stopping. In
+    its last iteration it takes it and says nothing at all.
     Here whoever would have had Ctrl-C without OSQP gets it; if that does not raise, as in a thread
     beside the main one, OSQP goes on from where it was.
 
@@ -67,9 +70,23 @@ def osqp_result(solver: Any) -> Any:
         while True:
             with _without_notice():
                 result = solver.solve(raise_error=False)
-            if result.info.status_val != SolverStatus.OSQP_SIGINT:
+            stopped = result.info.status_val == SolverStatus.OSQP_SIGINT
+            if stopped or _osqp_mark()():
+                _pass_on()
+            if not stopped:
                 return result
-            _pass_on()
+
+
+@cache
+def _osqp_mark() -> Callable[[], int]:
+    """OSQP's own mark of a Ctrl-C since its last solve began, where its library shows that."""
+    try:
+        from osqp import ext_builtin
+
+        mark: Callable[[], int] = ctypes.CDLL(ext_builtin.__file__).osqp_is_interrupted
+    except (ImportError, OSError, AttributeError):
+        return lambda: 0
+    return mark
 
 
 def _pass_on() -> None:

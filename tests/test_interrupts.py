@@ -112,6 +112,22 @@ def test_osqp_swallows_what_we_heed(capfd: pytest.CaptureFixture[str]) -> None:
     assert capfd.readouterr().out == ""
 
 
+def test_no_ctrl_c_is_lost_in_the_last_iteration() -> None:
+    """Where OSQP takes it and returns as if nothing had been: one in ten of such short solves."""
+    solver = programme(40, check_termination=10)
+    osqp_result(solver)  # from here on each is over after ten iterations
+    for _ in range(60):
+        with pytest.raises(KeyboardInterrupt):
+            _solve_until_interrupted(solver)
+
+
+def _solve_until_interrupted(solver: osqp.OSQP) -> None:
+    press_ctrl_c(0.005)
+    end = time.perf_counter() + 10
+    while time.perf_counter() < end:
+        osqp_result(solver)
+
+
 def test_other_threads_print_while_osqp_runs(capsys: pytest.CaptureFixture[str]) -> None:
     solver = long_osqp()
     threading.Timer(0.1, print, ["from elsewhere"]).start()

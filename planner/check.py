@@ -14,7 +14,7 @@ from planner.ends import End, chart_ends_report
 from planner.errors import InputError, NoPlanError
 from planner.methods import METHODS
 from planner.nonholonomy import Nonholonomy, nonholonomy
-from planner.problem import Problem
+from planner.problem import Problem, expect_problem
 from planner.reachability import TravelWindow, travel_window
 from planner.remedy import Progress, Remedy, attempt, find_remedy
 from planner.solve import find_method, solve
@@ -116,6 +116,7 @@ def check(
     Raises:
         InputError: If a method is unknown.
     """
+    expect_problem(problem)
     say = progress or (lambda _: None)
     own = [name for name, method in METHODS.items() if method.refines is None]
     names = own if methods is None else [find_method(m).name for m in methods]

@@ -22,7 +22,7 @@ from planner.machine import Machine
 from planner.measures import effort, peak_inputs
 from planner.methods import METHODS
 from planner.plan import Plan
-from planner.problem import Problem
+from planner.problem import Problem, expect_problem
 from planner.replay import RECORD_S, sample_numbers
 from planner.replay import replay as run_replay
 from planner.significance import percentile_interval
@@ -73,6 +73,7 @@ def compare(
         InputError: If a method, an option, or a number is wrong.
         KeyboardInterrupt: On Ctrl-C before anything is done.
     """
+    expect_problem(problem)
     numbers = sample_numbers(samples)
     wanted = specs(problem, methods)
     machine = Machine.from_table(problem.machine) if machine is None else machine

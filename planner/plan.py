@@ -154,6 +154,19 @@ class Plan:
         return to_xarray(self, rate_hz)
 
 
+def expect_plan(value: object) -> None:
+    """Refuse what is no plan, such as the name of its file.
+
+    Raises:
+        InputError: If it is none; the message says how to get one.
+    """
+    if not isinstance(value, Plan):
+        raise InputError(
+            f"{value!r:.60} is not a Plan; planner.solve(problem, method) makes one and"
+            " planner.load_plan(path) reads one"
+        )
+
+
 def load_plan(path: str | Path) -> Plan:
     """Read a plan that `Plan.save` wrote.
 

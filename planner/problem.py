@@ -170,6 +170,16 @@ class Problem:
     __hash__ = None  # type: ignore[assignment]
 
 
+def expect_problem(value: object) -> None:
+    """Refuse what is no problem, such as the name of its file.
+
+    Raises:
+        InputError: If it is none; the message says how to get one.
+    """
+    if not isinstance(value, Problem):
+        raise InputError(f"{value!r:.60} is not a Problem; planner.load_problem(path) reads one")
+
+
 def load_problem(path: str | Path, changes: Mapping[str, Any] | None = None) -> Problem:
     """Read a problem file.
 

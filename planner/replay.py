@@ -13,7 +13,7 @@ from planner.errors import InputError
 from planner.machine import Draws, Machine, simulate
 from planner.machine.loop import Feedback, measured
 from planner.machine.simulate import Progress
-from planner.plan import Plan
+from planner.plan import Plan, expect_plan
 from planner.systems.base import Array
 
 if TYPE_CHECKING:
@@ -234,6 +234,7 @@ def refuse_inexecutable(plan: Plan) -> None:
     Raises:
         InputError: Naming when and where it leaves the chart's domain.
     """
+    expect_plan(plan)
     if plan.executable:
         return
     domain = plan.domain

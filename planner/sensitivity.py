@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.extrema import sample_times
 from planner.linearised import linearised, parameters
-from planner.plan import Plan
+from planner.plan import Plan, expect_plan
 from planner.systems.ballgear import BallGear
 from planner.systems.base import Array, TriangularSystem
 from planner.systems.manipulator import Manipulator
@@ -195,6 +195,7 @@ def sensitivity(plan: Plan, samples: int = 2000) -> Sensitivity:
     Raises:
         InputError: If the plan cannot be executed.
     """
+    expect_plan(plan)
     if not plan.executable:
         raise InputError(
             f"the {plan.method} plan leaves the chart's domain, so it has no inputs to perturb"

@@ -10,7 +10,7 @@ from planner.duration import refuse_too_short
 from planner.errors import InputError, VerificationError
 from planner.methods import METHODS, Method
 from planner.plan import Plan
-from planner.problem import Problem
+from planner.problem import Problem, expect_problem
 from planner.schema import nearest, parse
 from planner.verify import Check, verify
 
@@ -33,8 +33,9 @@ def solve(
         `verified` False.
 
     Raises:
-        InputError: If the method or an option is unknown or has an impossible value, or `warm`
-            belongs to another system or is given to a method that has no use for it.
+        InputError: If the method or an option is unknown or has an impossible value, the problem is
+            no `Problem`, or `warm` belongs to another system or is given to a method that has no
+            use for it.
         NoPlanError: If no plan is found, or the one found breaks a requirement; its subclasses say
             which, and it carries the last iterate and what that breaks.
     """
@@ -45,6 +46,7 @@ def solve_and_check(
     problem: Problem, method: str, *, warm: Plan | None = None, **options: Any
 ) -> tuple[Plan, Check]:
     """As `solve`, with what the verification found."""
+    expect_problem(problem)
     entry = find_method(method)
     table = merged_options(problem, entry, options)
     refuse_too_short(problem)

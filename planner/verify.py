@@ -20,7 +20,7 @@ from planner.extrema import maximum, minimum, sample_times
 from planner.html_table import html_table
 from planner.measures import peak_inputs, peak_rates
 from planner.places import Motion, clearances, passes
-from planner.plan import Plan
+from planner.plan import Plan, expect_plan
 from planner.systems.base import Array
 
 GOAL_TOLERANCE = 2e-5
@@ -102,6 +102,7 @@ def verify(plan: Plan) -> Check:
     Returns:
         The findings; `ok` is False for a plan that cannot be executed.
     """
+    expect_plan(plan)
     if not plan.executable:
         return _not_executable(plan)
     motion, times = integrate(plan)

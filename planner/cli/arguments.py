@@ -38,11 +38,21 @@ Changes = Annotated[
 Json = Annotated[
     bool, typer.Option("--json", help="Print one JSON object on standard output, nothing else.")
 ]
+
+
+def complete_methods(incomplete: str) -> list[tuple[str, str]]:
+    """Lists that go on from what is typed: the names after its last comma."""
+    before, comma, _ = incomplete.rpartition(",")
+    kept = f"{before}{comma}"
+    return [(kept + m.name, m.summary) for m in METHODS.values() if m.name not in before.split(",")]
+
+
 MethodNames = Annotated[
     str | None,
     typer.Option(
         "--methods",
         metavar="A,B,C",
+        autocompletion=complete_methods,
         help="Methods to try; those that need no other's plan when left out.",
         show_default=False,
     ),
@@ -52,6 +62,7 @@ PlannedMethods = Annotated[
     typer.Option(
         "--methods",
         metavar="A,B,C",
+        autocompletion=complete_methods,
         help="Methods, each with options if wanted, as in polynomial:travel=middle; or all.",
         show_default=False,
     ),

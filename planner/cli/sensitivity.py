@@ -51,6 +51,7 @@ def sensitivity(
         typer.Option(
             "--pareto",
             metavar="effort|duration|peak",
+            autocompletion=lambda: ["effort", "duration", "peak"],
             help="Trace the curve of least sensitivity against this; needs a problem and --out.",
             show_default=False,
         ),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from planner.errors import InputError
-from planner.problem import Problem
+from planner.problem import Problem, expect_problem
 
 if TYPE_CHECKING:
     from planner.explorer.widget import Explorer
@@ -35,6 +35,7 @@ def explore(problem: Problem, method: str = "polynomial", samples: int = 20) -> 
     """
     from planner.solve import find_method
 
+    expect_problem(problem)
     find_method(method)
     if isinstance(samples, bool) or not isinstance(samples, int) or samples < 0:
         raise InputError(f"samples = {samples}: must be a whole number, at least 0")

@@ -14,7 +14,7 @@ from planner.errors import InputError
 from planner.export.ros import joint_trajectory, yaml_text
 from planner.export.samples import RATE_HZ, Samples, sample
 from planner.files import refuse_unwritable, write_bytes, write_text
-from planner.plan import Plan
+from planner.plan import Plan, expect_plan
 from planner.schema import nearest
 
 FORMATS = {
@@ -50,6 +50,7 @@ def export(
         InputError: If the format is unknown, the plan is not fit for it, or the file cannot be
             written.
     """
+    expect_plan(plan)
     name = find_format(path, format)
     refuse_unwritable(path)
     if joint_names is not None and name != "ros2":

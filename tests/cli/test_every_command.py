@@ -99,6 +99,9 @@ def completed(run: Callable, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> Ca
         ("planner export x.json --format r", ["ros2"]),
         ("planner new --system tr", ["trailers"]),
         ("planner schema p", ["problem", "plan"]),
+        ("planner compare x.toml --methods pie", ["piecewise"]),
+        ("planner check x.toml --methods convex,pol", ["convex,polynomial"]),
+        ("planner sensitivity x.toml --pareto e", ["effort"]),
     ],
 )
 def test_completion_offers_commands_and_values(

@@ -71,8 +71,8 @@ class _Assembly:
         self.parameters = ca.vertcat(ca.repmat(self.p[:own], 1, self.K), self.p[own:].T)
 
     def program(self) -> Program:
-        cost, rows = self._mapped(self.functions.value)
-        f, g = ca.sum2(cost), self._rows(rows)
+        f = ca.sum2(*self._mapped(self.functions.cost))
+        g = self._rows(*self._mapped(self.functions.rows))
         gradient, names = self._gradient(), ["x", "p"]
         return Program(
             problem={"x": self.x, "p": self.p, "f": f, "g": g},

@@ -20,7 +20,8 @@ class IntervalFunctions:
     """Functions of (y, c) and the parameters (`Form.parameters`, width), all dense columns.
 
     Attributes:
-        value: To cost and rows, the first rows being minus the state it leads to.
+        cost: To the cost.
+        rows: To the rows, the first being minus the state it leads to.
         gradient: To the gradient of the cost.
         jacobian: To rows, and the nonzeros of (identity; Jacobian of the rows) by columns.
         hessian: With lam_f and lam_g to gradient of the Lagrangian and nonzeros of its Hessian.
@@ -30,7 +31,8 @@ class IntervalFunctions:
         hessian_pattern: Rows and columns, both triangles.
     """
 
-    value: Any
+    cost: Any
+    rows: Any
     gradient: Any
     jacobian: Any
     hessian: Any
@@ -40,7 +42,7 @@ class IntervalFunctions:
 
     def named(self) -> dict[str, Any]:
         """The functions by name."""
-        names = ("value", "gradient", "jacobian", "hessian", "points")
+        names = ("cost", "rows", "gradient", "jacobian", "hessian", "points")
         return {name: getattr(self, name) for name in names}
 
     def replaced(self, functions: dict[str, Any]) -> IntervalFunctions:
@@ -60,7 +62,8 @@ def interval_functions(stage: Stage) -> IntervalFunctions:
     beside = ca.DM(identity.size1(), stage.control.numel())
     jacobian = ca.vertcat(ca.horzcat(identity, beside), chain.jacobian(rows))
     return IntervalFunctions(
-        value=_function(chain, "value", inputs, [stage.cost, rows]),
+        cost=_function(chain, "cost", inputs, [stage.cost]),
+        rows=_function(chain, "rows", inputs, [rows]),
         gradient=_function(chain, "gradient", inputs, [chain.jacobian(stage.cost).T]),
         jacobian=_function(chain, "jacobian", inputs, [rows, jacobian.nz[:]]),
         hessian=_function(chain, "hessian", [*inputs, scale, duals], [gradient, hessian.nz[:]]),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -76,7 +76,8 @@ def budget(
     with progress_bar() as progress:
         plans = _plans(subject, methods, changes, partial(_part, progress, 0.0, 0.3))
         machine = _machine(next(iter(plans.values())), changes)
-        found = budgets(plans, machine, samples, base, seed, partial(_part, progress, 0.3, 1.0))
+        told = partial(_part, progress, 0.3, 1.0)
+        found = dict(budgets(plans, machine, samples, base, seed, told))
     words = ["planner", "budget", str(subject), *(["--methods", methods] if methods else [])]
     words += ["--samples", str(samples), "--base", str(base), "--seed", str(seed)]
     for change in changes or []:
@@ -99,18 +100,17 @@ def budgets(
     base: int,
     seed: int,
     progress: Progress,
-) -> dict[str, Budget]:
-    """The budget of each plan, by label."""
-    out: dict[str, Budget] = {}
+) -> Iterator[tuple[str, Budget]]:
+    """Labels of plans and their budgets, each as soon as it is done."""
     for k, (label, plan) in enumerate(plans.items()):
 
         def tell(doing: str, share: float, k: int = k, label: str = label) -> None:
             progress(f"{label}: {doing}", (k + share) / len(plans))
 
-        out[label] = error_budget(
-            plan, machine, samples=samples, base=base, seed=seed, progress=tell
+        yield (
+            label,
+            error_budget(plan, machine, samples=samples, base=base, seed=seed, progress=tell),
         )
-    return out
 
 
 def executable(rows: Sequence[Row]) -> dict[str, Plan]:

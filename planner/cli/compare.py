@@ -18,7 +18,16 @@ from planner.cli.arguments import (
     read_problem,
 )
 from planner.cli.budget import budgets, executable, print_budgets, save
-from planner.cli.output import Told, note, print_json, print_text, progress_bar, say, waiting
+from planner.cli.output import (
+    Told,
+    interrupted,
+    note,
+    print_json,
+    print_text,
+    progress_bar,
+    say,
+    waiting,
+)
 from planner.compare import compare as run
 from planner.comparison import Comparison
 from planner.errors import InputError, NoPlanError
@@ -105,19 +114,23 @@ def compare(
                 progress=progress,
             )
     except KeyboardInterrupt:
-        if found is None or found.complete:
+        if found is None:
             raise
     assert found is not None
-    if not found.complete:
-        say("interrupted: partial result; what is done is kept", "red")
-    shares = _budgets(found) if budget and found.complete else {}
-    if not as_json:  # before the figures, which take a while
+    if not as_json:  # before budgets and figures, which take a while
         _print(found)
+    shares: dict[str, Budget] = {}
+    complete = found.complete and not interrupted() and (not budget or _fill(shares, found))
+    if not complete:
+        say("interrupted: partial result; what is done is kept", "red")
+    if not as_json:
         print_budgets(shares)
-    written = None if out is None else _save(found, shares, out, report)
-    status = _status(found)
+    # After Ctrl-C `waiting` would end the command before what is done is written.
+    with waiting("drawing figures") if out and complete else nullcontext():
+        written = None if out is None else _save(found, shares, out, report)
+    status = _status(found) if complete else Told(INTERRUPTED)
     if as_json:
-        extra: dict[str, Any] = {"exit_status": status, "written": written}
+        extra: dict[str, Any] = {"complete": complete, "exit_status": status, "written": written}
         if budget:
             extra["budgets"] = {label: each.to_dict() for label, each in shares.items()}
         print_json({"file": task.source, **found.to_dict(), **extra})
@@ -138,24 +151,28 @@ def _refuse_in_time(out: Path | None, budget: bool, report: bool) -> None:
 
 
 def _save(found: Comparison, shares: dict[str, Budget], out: Path, report: bool) -> str:
-    # After Ctrl-C `waiting` would end the command before what is done is written.
-    with waiting("drawing figures") if found.complete else nullcontext():
-        written = str(found.save(out, report=report))
-        if shares:
-            save(shares, out / "budget", None)
+    written = str(found.save(out, report=report))
+    if shares:
+        save(shares, out / "budget", None)
     return written
 
 
 def _status(found: Comparison) -> int:
-    if not found.complete:
-        return Told(INTERRUPTED)
     return 0 if any(row.solved for row in found.rows) else NoPlanError.exit_status
 
 
-def _budgets(found: Comparison) -> dict[str, Budget]:
+def _fill(shares: dict[str, Budget], found: Comparison) -> bool:
+    """Add the budget of each plan; whether that went on to the end, without Ctrl-C."""
     plans = executable(found.rows)
-    with progress_bar() as progress:
-        return budgets(plans, found.machine, BUDGET_SAMPLES, BUDGET_BASE, found.seed, progress)
+    try:
+        with progress_bar() as progress:
+            # What is done before Ctrl-C stays: pairs go in one by one.
+            shares.update(
+                budgets(plans, found.machine, BUDGET_SAMPLES, BUDGET_BASE, found.seed, progress)
+            )
+    except KeyboardInterrupt:
+        return False
+    return True
 
 
 def _print(found: Comparison) -> None:

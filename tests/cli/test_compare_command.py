@@ -101,6 +101,29 @@ def test_ctrl_c_keeps_what_is_done_and_says_so(
     assert "Partial: interrupted" in (tmp_path / "run/table.md").read_text()
 
 
+def test_ctrl_c_in_the_budgets_keeps_the_comparison(
+    run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Any] = []
+
+    def pressed(*words: Any, **options: Any) -> Any:
+        if asked:
+            signal.raise_signal(signal.SIGINT)
+        asked.append(words)
+        return planner.error_budget(*words, **{**options, "samples": 3, "base": 2})
+
+    monkeypatch.setattr(sys.modules["planner.cli.budget"], "error_budget", pressed)
+    monkeypatch.setattr(sys.modules["planner.report.folder"], "_write_figures", lambda *_: None)
+    words = ("compare", PAPER, "--methods", "polynomial,polynomial:travel=middle", *QUICK)
+    result = run(*words, "--budget", "--out", tmp_path / "run", "--json")
+    assert result.status == result.json["exit_status"] == 130
+    assert len(result.json["rows"]) == 2
+    assert list(result.json["budgets"]) == ["polynomial"]
+    assert result.json["complete"] is False
+    assert "interrupted: partial result" in result.err
+    assert {"table.md", "budget"} <= {p.name for p in (tmp_path / "run").iterdir()}
+
+
 def test_the_command_of_the_worst_machine_replays_it(run: Callable) -> None:
     row = run(*WORDS, "--json").json["rows"][0]
     words = shlex.split(row["worst_command"])

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.report.table import WIDTH
 from planner.significance import Difference
 
 if TYPE_CHECKING:
@@ -19,6 +18,9 @@ if TYPE_CHECKING:
     from planner.comparison import Comparison
 
 HEAD = ("plan", "against", "difference (deg)", "from", "to", "better on", "p (Holm)", "verdict")
+
+NAME = 36
+"""Widest name of a plan, in characters; longer ones are broken."""
 
 TINY_DEG = 1e-9
 """What is smaller is rounding."""
@@ -44,10 +46,16 @@ def rich_differences(comparison: Comparison) -> Table | None:
         caption="difference: median over the machines of E minus the other plan's E, with its 95 %"
         " interval; p: Wilcoxon's signed-rank test, corrected for all pairs.",
         caption_justify="left",
-        width=WIDTH,
     )
-    for k, head in enumerate(HEAD[1:]):
-        table.add_column(head, justify="left" if k in (0, 6) else "right", overflow="fold")
+    for head in HEAD[1:]:
+        words = head in ("against", "verdict")
+        table.add_column(
+            head.replace(" (", "\n(").replace(" on", "\non"),
+            justify="left" if words else "right",
+            no_wrap=not words,
+            overflow="fold",
+            max_width=NAME if head == "against" else None,
+        )
     for d in found:
         table.add_row(*_cells(d)[1:])
     return table

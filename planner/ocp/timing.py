@@ -47,12 +47,21 @@ def timed(task: Task, path: Iterate) -> Timed:
     if wanted is None:
         return _single(task.solve(stretched(path, 1.1 * needed) if needed > 0 else path))
     if needed <= wanted:
-        return _single(task.solve(stretched(path, wanted)))
+        return _leisurely(task, stretched(path, wanted))
     quick = hasty(task).solve(stretched(path, 1.1 * needed))
     if not quick.ok or quick.iterate.duration * HASTE > wanted:
         return Timed(replace(quick, ok=False), quick, quick.iterations)
     solution = task.solve(stretched(quick.iterate, wanted))
     return Timed(solution, quick, quick.iterations + solution.iterations)
+
+
+def _leisurely(task: Task, motion: Iterate) -> Timed:
+    """From a motion within the limits; the path of least effort is that of any duration."""
+    near = task.solve(motion, near=task.objective.kind == "effort")
+    if near.ok:
+        return _single(near)
+    last = task.solve(motion)
+    return Timed(last, None, near.iterations + last.iterations)
 
 
 def hasty(task: Task) -> Task:

@@ -17,7 +17,7 @@ from planner.files import folder, write_text
 from planner.report.folder import save_figure
 from planner.report.provenance import versions
 from planner.report.style import COLOURS, grid, legend
-from planner.report.table import WIDTH, number
+from planner.report.table import number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -66,10 +66,10 @@ def rich_table(budget: Budget) -> Table:
         pad_edge=False,
         caption=f"{EXPLAINED} {_idle(budget)}",
         caption_justify="left",
-        width=WIDTH,
     )
     for k in TERMINAL:
-        table.add_column(HEAD[k].replace(" (", "\n("), justify="right" if k else "left")
+        head = HEAD[k].replace(" (", "\n(").replace(", ", ",\n")
+        table.add_column(head, justify="right" if k else "left", no_wrap=k > 0, overflow="fold")
     for cost in budget.costs:
         cells = _cells(cost)
         table.add_row(*(cells[k] for k in TERMINAL))

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
+
 import numpy as np
 import pytest
+from rich.console import Console
 
 import planner
 from planner.budget import Budget, error_budget
@@ -110,3 +113,16 @@ def test_refusals(plan: planner.Plan, unlimited: planner.Problem) -> None:
     singular = planner.solve(outside, "polynomial", allow_singular=True)
     with pytest.raises(planner.InputError, match="cannot be replayed"):
         error_budget(singular)
+
+
+@pytest.mark.parametrize("width", [80, 200])
+def test_the_table_fits_a_terminal(width: int, whole: Budget) -> None:
+    console = Console(width=width, file=io.StringIO(), record=True)
+    console.print(whole.table())
+    text = console.export_text()
+    assert max(len(line.rstrip()) for line in text.splitlines()) <= 100
+    names = "".join(line.split(" ")[0] for line in text.splitlines())
+    for cost in whole.costs:
+        assert cost.name in names, "names are broken, not cut"
+    for word in ("switch,", "total", "95 % interval."):
+        assert word in " ".join(text.split())

@@ -122,5 +122,10 @@ def _base(table: SweepFile, source: str, given: Problem | None) -> Problem:
         return given.changed(table.changes)
     if isinstance(table.problem, str):
         path = os.path.normpath(Path(source).parent / table.problem)
+        if not os.path.exists(path):
+            raise InputError(
+                f"{source}: 'problem' = {table.problem!r}: there is no file {path}; the name is"
+                " relative to the sweep file"
+            )
         return load_problem(path, table.changes)
     return Problem.from_dict(table.problem, f"{source} [problem]").changed(table.changes)

@@ -92,7 +92,10 @@ SAMPLE = {"count": 4, "goal.travel": {"uniform": [0.8, 0.82]}}
         ({"methods": ["polynomail"]}, "did you mean 'polynomial'"),
         ({"methods": ["polynomial", "polynomial"]}, "named twice"),
         ({"methods": ["polynomial:point=1"]}, "did you mean 'points'"),
-        ({"problem": "nowhere.toml"}, "cannot read nowhere.toml"),
+        (
+            {"problem": "nowhere.toml"},
+            "there is no file nowhere.toml; the name is relative to the sweep",
+        ),
         ({"problem": {}}, "missing key 'system.kind'"),
         ({"grid": {}}, "nothing varies"),
         (

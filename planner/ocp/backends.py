@@ -142,6 +142,8 @@ class _Fatrop:
         }
         if settings.near:
             options |= {"mu_init": FATROP_BARRIER_NEAR, "bound_push": NEAR, "bound_frac": NEAR}
+            if made.form.inner:  # limits bite there: a barrier that falls too fast costs more steps
+                options["mu_superlinear_decrease_power"] = 1.2
         elif _brisk(made):
             options["mu_init"] = FATROP_BARRIER
         program = made.program

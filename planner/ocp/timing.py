@@ -56,8 +56,12 @@ def timed(task: Task, path: Iterate) -> Timed:
 
 
 def _leisurely(task: Task, motion: Iterate) -> Timed:
-    """From a motion within the limits; the path of least effort is that of any duration."""
-    near = task.solve(motion, near=task.objective.kind == "effort")
+    """From a motion within the limits: the path of least effort is that of any duration.
+
+    Among discs, where there are many such paths, a start from farther off may find a shorter one.
+    """
+    found = task.objective.kind == "effort" and not task.problem.obstacles
+    near = task.solve(motion, near=found)
     if near.ok:
         return _single(near)
     last = task.solve(motion)

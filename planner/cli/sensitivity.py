@@ -185,5 +185,5 @@ def _machine_sums(found: MachineSensitivity) -> str:
     return (
         f"Nominal machine: errors {', '.join(nominal)} deg; one spread of each parameter: total"
         f" {number(found.total_deg)} deg{more}."
-        f" {silent} parameters have no effect here, {len(found.omitted)} are off."
+        f" Without effect here: {silent} parameters; switched off: {len(found.omitted)}."
     )

@@ -144,8 +144,9 @@ def _box_passive(ax: Any, found: Sensitivity, kept: Sequence[int]) -> None:
 
 def entry_name(entry: MachineEntry) -> str:
     """A machine's parameter in words, without the unit that its key ends in."""
-    words = re.sub(r"_(deg|nm|s|rad_s2?|nm_per_rad|nms_per_rad|kgm2)$", "", entry.effect)
-    return f"{words.replace('_', ' ')} {entry.element}".strip()
+    unit = r"(?<!_per)_(deg|nm|s|rad_s2?|nm_per_rad|nms_per_rad|kgm2)$"
+    words = re.sub(unit, "", entry.effect).replace("_nm", "_torque").replace("_", " ")
+    return f"{words} {entry.element}".strip()
 
 
 def _named(parameter: str) -> str:

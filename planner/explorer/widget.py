@@ -36,6 +36,9 @@ class Explorer(anywidget.AnyWidget):
         self._errors_s = 0.0
         self.on_msg(self._asked)
 
+    def __repr__(self) -> str:
+        return f"Explorer({self._screen.state.base.name!r}: sliders, where Jupyter is running)"
+
     @property
     def problem(self) -> Problem:
         """The problem on the screen.

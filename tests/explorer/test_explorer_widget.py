@@ -32,6 +32,7 @@ def test_each_question_has_one_answer_with_its_number(sent: tuple[Any, list[Any]
     assert "0.8286" in messages[3]["code"]
     assert widget.plan.duration == 40.0
     assert widget.problem.travel == 0.8286
+    assert repr(widget).startswith("Explorer(\"the paper's example")
 
 
 def test_a_message_about_a_control_that_is_gone_is_answered(sent: tuple[Any, list[Any]]) -> None:

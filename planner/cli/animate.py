@@ -18,7 +18,7 @@ from planner.report.animation import check_film
 def animate(
     plans: Annotated[
         list[Path],
-        typer.Argument(metavar="PLAN...", help="Plan files (JSON) of `planner plan --out`."),
+        typer.Argument(metavar="PLAN", help="Plan files (JSON) of `planner plan --out`."),
     ],
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="FILE", help="The film: FILE.gif or FILE.mp4.")

@@ -51,7 +51,7 @@ def schema(
     of: Annotated[
         str,
         typer.Argument(
-            metavar="[problem|sweep|plan]",
+            metavar="problem|sweep|plan",
             help="Of what file.",
             autocompletion=lambda: list(_SCHEMAS),
         ),

@@ -16,7 +16,7 @@ from planner.starter import problem_text
 
 
 def new(
-    file: Annotated[Path, typer.Argument(metavar="[FILE]", help="The file to write.")] = Path(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write.")] = Path(
         "problem.toml"
     ),
     system: Annotated[

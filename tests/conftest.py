@@ -19,7 +19,11 @@ settings.load_profile("planner")
 
 @pytest.fixture(autouse=True)
 def _own_ctrl_c() -> None:
-    """Each test starts with Python's own SIGINT: notebook clients and browsers leave theirs."""
+    """Each test starts with Python's own SIGINT.
+
+    A suite in the background of a script begins with Ctrl-C ignored, in all its processes, and
+    whatever waits for one would hang.
+    """
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.default_int_handler)
 

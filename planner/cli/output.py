@@ -189,17 +189,22 @@ def interrupted() -> bool:
 
 @contextmanager
 def watch_interrupts() -> Iterator[None]:
-    """Remember Ctrl-C, even where compiled code swallows the exception."""
+    """Remember Ctrl-C, even where compiled code swallows the exception.
+
+    Where it is ignored it stays so: a script's jobs in the background begin like that, and Ctrl-C
+    is for what runs before them.
+    """
 
     def remember(number: int, frame: FrameType | None) -> None:
         _interrupts.append(number)
         raise KeyboardInterrupt
 
     _interrupts.clear()
-    if threading.current_thread() is not threading.main_thread():
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or before == signal.SIG_IGN:
         yield
         return
-    before = signal.signal(signal.SIGINT, remember)
+    signal.signal(signal.SIGINT, remember)
     try:
         yield
     finally:

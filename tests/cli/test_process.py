@@ -60,6 +60,18 @@ def test_ctrl_c_ends_quietly_and_writes_nothing(command: str, name: str, tmp_pat
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_job_in_the_background_of_a_script_leaves_ctrl_c_alone() -> None:
+    script = LONG_JOB.format(command="check", name="analyse").replace("sleep(60)", "sleep(1)")
+    script = f"import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)\n{script}"
+    with started([sys.executable, "-c", script, "check", str(PROBLEMS / "paper.toml")]) as job:
+        assert job.stderr is not None
+        assert job.stderr.readline() == "running\n"
+        job.send_signal(signal.SIGINT)
+        _, stderr = job.communicate(timeout=30)
+    assert "interrupted" not in stderr
+    assert job.returncode == 1  # the job that stands in has no result to show
+
+
 def test_a_reader_that_leaves_is_no_error() -> None:
     with started([*PLANNER, "schema"]) as job:
         assert job.stdout is not None

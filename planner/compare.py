@@ -261,7 +261,9 @@ def _reason(problem: Problem, error: NoPlanError) -> str:
     if isinstance(error, VerificationError) and error.violations:
         more = len(error.violations) - 1
         return _broken(error.violations[0]) + (f", and {more} more" if more else "")
-    return error.reason.splitlines()[0].removeprefix(f"{problem.source}: ")
+    first = error.reason.splitlines()[0].removeprefix(f"{problem.source}: ")
+    # A sentence that introduces a list says nothing without it.
+    return first.rpartition(". ")[0] if first.endswith(":") and ". " in first else first
 
 
 def _broken(violation: Violation) -> str:

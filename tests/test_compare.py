@@ -330,3 +330,14 @@ def test_ctrl_c_before_anything_is_done_is_as_usual(quick: planner.Problem) -> N
 
     with pytest.raises(KeyboardInterrupt):
         compare_function(quick, ["polynomial"], samples=2, progress=press)
+
+
+def test_a_reason_that_ends_in_a_list_stops_before_it(
+    unlimited: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(problem: planner.Problem, options: object) -> planner.Plan:
+        raise planner.NotConvergedError("it takes 10.98 s. In 10 s it breaks:\n  - input u1")
+
+    monkeypatch.setitem(METHODS, "polynomial", replace(METHODS["polynomial"], plan=refuse))
+    row = compare_function(unlimited, ["polynomial"], samples=2).rows[0]
+    assert row.why == "it takes 10.98 s"

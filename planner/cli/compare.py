@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated, Any
@@ -137,6 +138,10 @@ def compare(
     if written is not None:
         look = f"open {out}/report.html" if report else f"pictures in {out}/figures"
         note(f"written to {written}; {look}")
+    if status == NoPlanError.exit_status:
+        sets = [word for change in changes or [] for word in ("--set", change)]
+        asked = shlex.join(["planner", "check", task.source, *sets])
+        note(f"no method has a plan; what would help: {asked}")
     return status
 
 

@@ -40,7 +40,8 @@ def test_compare_without_a_plan_tells_why_and_ends_with_3(run: Callable) -> None
     assert result.status == 3
     assert "polynomial" in result.out
     assert "input u2" in result.out
-    assert result.err == ""
+    advice = "no method has a plan; what would help: planner check "
+    assert result.err == f"{advice}{PAPER} --set goal.travel=0.82 --set goal.duration=2.5\n"
 
 
 def test_same_seed_same_numbers(run: Callable) -> None:

@@ -65,10 +65,11 @@ def processors() -> float:
 def main() -> None:
     """Measure, print, and write if asked."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cases", type=int, default=24, help="real cases")
+    parser.add_argument("--cases", type=int, default=96, help="real cases")
     parser.add_argument("--empty", type=int, default=1000, help="cases that cost nothing")
     parser.add_argument("--out", type=Path, help="folder for sweep.md")
     arguments = parser.parse_args()
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # else every process compiles what it imports
     base = {"problem": str(ROOT / "problems/paper.toml"), "methods": ["polynomial"]}
     lines = [*overhead(base, arguments.empty), *efficiency(base, arguments.cases)]
     print("\n".join(lines))

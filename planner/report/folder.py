@@ -42,7 +42,7 @@ def save(comparison: Comparison, path: str | Path, *, report: bool = False) -> P
     """
     with folder(path) as place:
         data = comparison.to_dict()
-        data["command"] = command(comparison, str(path))
+        data["command"] = command(comparison, str(path), report=report)
         write_text(place / "table.md", markdown(comparison))
         write_text(place / "table.csv", csv_text(comparison))
         if comparison.differences:

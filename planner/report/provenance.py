@@ -31,10 +31,15 @@ def versions() -> dict[str, str]:
     }
 
 
-def command(comparison: Comparison, out: str | None = None) -> str | None:
+def command(comparison: Comparison, out: str | None = None, *, report: bool = False) -> str | None:
     """The command line that repeats a comparison.
 
     Whatever the problem or the machine changes against the problem's file becomes a `--set`.
+
+    Args:
+        comparison: What to repeat.
+        out: The folder to name.
+        report: Whether that folder holds a page.
 
     Returns:
         The command, or None if no command gives this problem (its file is gone, or lacks what
@@ -54,7 +59,7 @@ def command(comparison: Comparison, out: str | None = None) -> str | None:
     for key, value in settings.items():
         words += ["--set", f"{key}={toml(value)}"]
     if out is not None:
-        words += ["--out", out]
+        words += ["--out", out, *["--report"] * report]
     return shlex.join(words)
 
 

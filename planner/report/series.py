@@ -25,6 +25,9 @@ POINTS = 500
 PICTURES = 240
 """Pictures of a motion; the page moves evenly between them."""
 
+TINY = 1e-12
+"""What is smaller is rounding, and would be read as a number with an exponent."""
+
 Panel = dict[str, Any]
 
 
@@ -232,6 +235,8 @@ def _rounded(values: Array) -> list[Any]:
 def _short(value: Any) -> Any:
     if isinstance(value, list):
         return [_short(v) for v in value]
+    if abs(value) < TINY:
+        return 0.0
     return float(f"{value:.5g}") if np.isfinite(value) else None
 
 

@@ -73,7 +73,7 @@ def test_the_page_says_what_was_asked_and_what_came_out(opened: Callable, folder
     assert "5 drawn from “prototype”" in text
     command = page.locator("#command").text_content()
     assert command.startswith("planner compare ")
-    assert command.endswith(f"--out {folder}")
+    assert command.endswith(f"--out {folder} --report")
     assert f"casadi\n{planner.report.provenance.versions()['casadi']}" in text
     rows = page.locator("main table").first.locator("tbody tr")
     assert rows.count() == 3
@@ -410,10 +410,14 @@ def test_a_vehicle_has_its_page(opened: Callable, tmp_path: Path) -> None:
     assert page.locator("#fig-errors").is_hidden()
 
 
-def test_a_folder_without_methods_that_found_anything(opened: Callable, tmp_path: Path) -> None:
+def test_a_folder_without_methods_that_found_anything(new_page: Callable, tmp_path: Path) -> None:
     found = quick_comparison()
     row = Row("convex", "convex", False, "no travel has a plan")
     none = Comparison(found.problem, (row,), found.machine, 5, 1)
     page_file = none.save(tmp_path / "x", report=True) / "report.html"
     assert "no travel has a plan" in page_file.read_text()
+    page = new_page()
+    page.goto(page_file.as_uri())
+    for part in ("#figures", "#motion", ".skip"):
+        page.locator(part).wait_for(state="hidden")
     assert write_report(tmp_path / "x", tmp_path / "y.html").read_text() == page_file.read_text()

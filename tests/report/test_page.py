@@ -88,6 +88,7 @@ def test_curves_of_the_page_are_those_of_the_plans(saved: Path) -> None:
     assert figures["inputs"][1]["limits"] == [0.6]
     assert figures["inputs"][1]["notes"][0]["value"] == pytest.approx(83, abs=0.5)
     assert [panel["title"] for panel in figures["z"]] == ["z₂", "z₂", "z₃", "z₄"]
+    assert figures["z"][0]["band"]["high"][0] == 0, "rounding, -1e-34, is shown as what it is"
 
 
 def test_feedback_has_its_machine_and_no_second_plan(tmp_path: Path) -> None:

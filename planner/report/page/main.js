@@ -52,6 +52,11 @@
     }
   }
 
+  if (!data.figures.length) {
+    document.getElementById("figures").hidden = true;
+    document.querySelector(".skip").hidden = true;
+  }
+
   const player = new Player(document.getElementById("motion"), page);
 
   function draw() {

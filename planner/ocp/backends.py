@@ -15,6 +15,7 @@ import numpy as np
 
 from planner.ocp.assembly import Program
 from planner.ocp.bounds import Bounds
+from planner.ocp.form import TERMS
 from planner.ocp.transcription import Transcription
 from planner.systems.base import Array
 
@@ -25,6 +26,14 @@ NEAR = 1e-4
 
 FATROP_BARRIER, FATROP_BARRIER_NEAR, IPOPT_BARRIER_NEAR = 1e-4, 1e-5, 1e-6
 """Barriers to begin with where that is not the solver's own, 0.1; see `_brisk`."""
+
+FATROP_WEIGHT_NEAR = 1e3
+"""Factor of the objective for Fatrop when the start is near the answer. Its bound multipliers all
+begin at one, which beside a small objective takes iterations to forget. Far from the answer a large
+objective gets in the way of the rows."""
+
+FATROP_ROWS = 1e-8
+"""Tolerance of the rows for Fatrop, whatever the objective's factor."""
 
 SHORT_CHAIN = 5
 """Largest number of coordinates of a short chain."""
@@ -135,15 +144,16 @@ class _Fatrop:
     """
 
     def __init__(self, made: Transcription, settings: Settings) -> None:
+        self._weight = FATROP_WEIGHT_NEAR if settings.near else 1.0
         options: dict[str, Any] = {
             "print_level": 0,
-            "tol": max(settings.tolerance, FATROP_TOLERANCE),
+            "tol": max(settings.tolerance, FATROP_TOLERANCE) * self._weight,
+            "constr_viol_tol": FATROP_ROWS,
             "max_iter": min(settings.max_iterations, FATROP_ITERATIONS),
         }
         if settings.near:
-            options |= {"mu_init": FATROP_BARRIER_NEAR, "bound_push": NEAR, "bound_frac": NEAR}
-            if made.form.inner:  # limits bite there: a barrier that falls too fast costs more steps
-                options["mu_superlinear_decrease_power"] = 1.2
+            barrier = FATROP_BARRIER_NEAR * self._weight
+            options |= {"mu_init": barrier, "bound_push": NEAR, "bound_frac": NEAR}
         elif _brisk(made):
             options["mu_init"] = FATROP_BARRIER
         program = made.program
@@ -155,7 +165,9 @@ class _Fatrop:
 
     def __call__(self, start: Array, data: Bounds) -> Answer:
         bounds = _drawn_in(data.lower, data.upper), _drawn_in(data.row_lower, data.row_upper)
-        given = (start, data.parameters, *bounds[0], *bounds[1])
+        weighted = data.parameters.copy()
+        weighted[:TERMS] *= self._weight
+        given = (start, weighted, *bounds[0], *bounds[1])
         vector = np.empty(len(start))
         with self._lock:
             buffer, evaluate = self._memory(data)

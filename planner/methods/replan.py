@@ -22,7 +22,6 @@ from planner.ocp.task import Task
 from planner.plan import Plan
 from planner.problem import Problem
 from planner.schema.methods import CollocationOptions
-from planner.systems.base import Array
 
 
 def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan) -> Plan:

@@ -265,7 +265,11 @@ FILES: list[tuple[str, Callable[[Path], Path], str]] = [
     ("binary", lambda d: write(d / "b.toml", b"\x80\xff\x00PNG"), r"b\.toml is not a text file"),
     ("zeros", lambda d: write(d / "z.toml", b"\x00" * 100), r"z\.toml is not valid TOML.*line 1"),
     ("prose", lambda d: write(d / "p.toml", b"dear planner"), r"p\.toml is not valid TOML.*line 1"),
-    ("json", lambda d: write(d / "p.json", b'{"system": 1}'), r"p\.json is not valid TOML"),
+    (
+        "json",
+        lambda d: write(d / "p.json", b'{"system": 1}'),
+        r"p\.json is JSON, such as a plan; a problem file is TOML",
+    ),
     (
         "key twice",
         lambda d: write(d / "t.toml", b"title = 'a'\ntitle = 'b'"),

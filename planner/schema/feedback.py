@@ -49,7 +49,9 @@ class FeedbackTable(Table):
         0.2, description="Unit of correction, as a part of each input's limit (or of its peak)."
     )
     correction_step: Annotated[float, Field(gt=0)] = Field(
-        0.4, description="Unit of its change from one period to the next, likewise."
+        0.05,
+        description="Unit of its change from one period to the next, likewise: the smaller, the"
+        " less the joints' shafts are made to swing.",
     )
     least_speed: Annotated[float, Field(ge=0, le=1)] = Field(
         0.5,

@@ -107,7 +107,7 @@ def test_without_active_limits_it_is_the_regulator(
 def test_with_active_limits_it_is_the_whole_programme(
     smooth: Plan, machine: Machine, plain: Design, k: int
 ) -> None:
-    state = error(plain, [3.0, -4.0, -4.0])
+    state = error(plain, [9.0, -12.0, -12.0])
     law = regulator(
         plain.ref,
         _weights(smooth, plain.ref, input_scale(smooth, machine), FeedbackTable(run_up=False)),
@@ -178,7 +178,7 @@ def test_when_the_solver_is_late_the_last_decision_goes_on(
     options = FeedbackTable(run_up=False)
     law = regulator(plain.ref, _weights(smooth, plain.ref, input_scale(smooth, machine), options))
     hasty = Programme(plain.ref, law, 10, iterations=10)
-    state = error(plain, [3.0, -4.0, -4.0])
+    state = error(plain, [9.0, -12.0, -12.0])
     last = plain.programme(49, error(plain, [0.1, 0.1, 0.1]), plain.programme.none(1))
     answer = hasty(50, state, last)
     assert answer.fallback.tolist() == [True]

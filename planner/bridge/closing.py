@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
-from planner.bridge.piece import ends, piece
+from planner.bridge.piece import ends as ends_of
+from planner.bridge.piece import piece
 from planner.interrupts import heed_interrupts
 from planner.systems.base import Array, TriangularSystem
 
@@ -19,8 +21,11 @@ QUICK = 25
 """Iterations after which a step counts as hard, and the next is no longer."""
 
 ITERATIONS = 40
-MOST_STEPS = 40
+PATIENCE = 200
+"""Iterations in all after which a continuation is given up: others are quicker than a hard one."""
+
 RESIDUAL = 1e-6
+CORRECTIONS, QUARTERS = 2, 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,20 +65,34 @@ def finer(system: TriangularSystem, chain: Chain, limited: list[int], turn: floa
     """
     turns = np.max(np.abs(np.diff(chain.q, axis=0)[:, limited]), axis=1)
     parts = np.maximum(1, np.ceil(turns / turn)).astype(int)
+    return divided(system, chain, parts)
+
+
+def divided(system: TriangularSystem, chain: Chain, parts: NDArray[np.int64]) -> Chain:
+    """The chain with its pieces cut into so many equal parts each, shape (K,)."""
     piece_of = np.repeat(np.arange(len(parts)), parts)
     share = np.concatenate([np.arange(n) / n for n in parts])[:, None]
-    before = ends(system, chain.q[:-1][piece_of], chain.u[piece_of] * share)
+    before = ends_of(system, chain.q[:-1][piece_of], chain.u[piece_of] * share)
     u = chain.u[piece_of] / parts[piece_of, None]
     q = np.vstack([before, chain.q[-1:]])
-    return Chain(q, u, q[1:] - ends(system, q[:-1], u))
+    return Chain(q, u, q[1:] - ends_of(system, q[:-1], u))
 
 
-def closed(system: TriangularSystem, chain: Chain, ends: Ends) -> tuple[Chain | None, int]:
-    """The chain without its gaps, or None where the continuation is stuck; and iterations made."""
+def closed(
+    system: TriangularSystem, chain: Chain, ends: Ends, first: float = FIRST_SHARE
+) -> tuple[Chain | None, int]:
+    """The chain without its gaps, or None where the continuation is stuck; and iterations made.
+
+    Args:
+        system: What moves.
+        chain: With gaps.
+        ends: What the answer keeps.
+        first: Share of the gaps to close at once, to begin with.
+    """
     nearest = _nearest(system, len(chain.u))
-    share, step, iterations = 0.0, FIRST_SHARE, 0
+    share, step, iterations = 0.0, first, 0
     whole = chain.gap
-    for _ in range(MOST_STEPS):
+    while iterations < PATIENCE:
         aim = min(1.0, share + step)
         found, made = nearest(chain, (1.0 - aim) * whole, ends)
         iterations += made
@@ -87,6 +106,27 @@ def closed(system: TriangularSystem, chain: Chain, ends: Ends) -> tuple[Chain | 
             return chain, iterations
         step *= 2.0 if made < QUICK else 1.0
     return None, iterations
+
+
+def exact(system: TriangularSystem, chain: Chain, ends: Ends) -> tuple[Chain | None, int]:
+    """The nearest chain that is a motion to more digits than one piece's Runge-Kutta steps have."""
+    iterations = 0
+    for _ in range(CORRECTIONS):
+        error = _finely(system, chain) - ends_of(system, chain.q[:-1], chain.u)
+        found, made = _nearest(system, len(chain.u))(chain, error, ends)
+        iterations += made
+        if found is None:
+            return None, iterations
+        chain = found
+    return replace(chain, gap=chain.q[1:] - _finely(system, chain)), iterations
+
+
+def _finely(system: TriangularSystem, chain: Chain) -> Array:
+    """Where the pieces lead, shape (K, N), in steps a quarter as long."""
+    q = chain.q[:-1]
+    for _ in range(QUARTERS):
+        q = ends_of(system, q, chain.u / QUARTERS)
+    return q
 
 
 class _Nearest:
@@ -212,7 +252,7 @@ _QUIET: dict[str, Any] = {
         "sb": "yes",
         "max_iter": ITERATIONS,
         "tol": 1e-3,
-        "constr_viol_tol": RESIDUAL / 10,
+        "constr_viol_tol": 1e-10,
         "acceptable_iter": 0,
         "bound_relax_factor": 0.0,
         "mu_init": 1e-3,

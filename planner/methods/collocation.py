@@ -38,7 +38,7 @@ SHARINGS = 6
 GUESSES, LONG_CHAIN_GUESSES = 6, 2
 """Guesses tried before random paths are, up to four joints and beyond."""
 
-BRIDGES = 6
+BRIDGES = 4
 """Random paths tried."""
 
 RESOLVED = 1e-4
@@ -250,7 +250,7 @@ def _bridged(
     """Where no guess leads to a motion: from random motions of both ends."""
     log, shortest = [*paths.log], None
     wanted = options.start == "auto" and _bridgeable(job.problem)
-    for found in crossings(job, BRIDGES) if wanted else ():
+    for found in crossings(job, BRIDGES, options.accuracy) if wanted else ():
         solution, iterations = found.timed.solution, paths.iterations + found.iterations
         objective = solution.objective if solution.ok else None
         log.append({"start": found.name, "status": solution.status, "objective": objective})

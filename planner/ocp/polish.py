@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from planner.ocp.held import can_hold, chain_of, held
 from planner.ocp.look import INTERPOLANT, Look, MeshError, excess, look
 from planner.ocp.mesh import Mesh
 from planner.ocp.solver import Solution
@@ -16,6 +17,7 @@ EVENNESS = 0.35
 """Least density of a refined mesh, relative to its greatest."""
 
 LARGEST_MESH = 2000
+LONG, LONG_ITERATIONS = 300, 120
 TIGHTENING_ROUNDS = 6
 
 ELSEWHERE = 0.01
@@ -53,12 +55,13 @@ def polish(task: Task, solution: Solution, accuracy: float, refinements: int) ->
         if seen.error.fine(accuracy):
             break
         finer = task.on(_finer(task, seen.error, accuracy))
-        better = finer.solve(transferred(task, solution.iterate, finer), near=True)
+        better = _patiently(finer).solve(transferred(task, solution.iterate, finer), near=True)
         seconds, iterations = seconds + better.seconds, iterations + better.iterations
         build += finer.build_time_s
-        if not better.ok:
+        kept = None if better.ok else _held(task, solution, accuracy)
+        if not better.ok and kept is None:
             break
-        task, solution = finer, better
+        task, solution = kept or (finer, better)
         meshes.append(len(task.mesh.widths))
         seen = look(task, solution)
     drawn = _draw_in(replace(task, build_time_s=build), solution, seen)
@@ -69,6 +72,19 @@ def polish(task: Task, solution: Solution, accuracy: float, refinements: int) ->
         seconds=drawn.seconds + seconds,
         iterations=drawn.iterations + iterations,
     )
+
+
+def _patiently(task: Task) -> Task:
+    """The task with a limit on iterations where each takes long; a near start needs few."""
+    if len(task.mesh.widths) <= LONG:
+        return task
+    most = min(task.settings.max_iterations, LONG_ITERATIONS)
+    return replace(task, settings=replace(task.settings, max_iterations=most))
+
+
+def _held(task: Task, solution: Solution, accuracy: float) -> tuple[Task, Solution] | None:
+    """The path as it is, where no solver gets from it to the best of a finer mesh."""
+    return held(task, chain_of(task, solution), accuracy) if can_hold(task) else None
 
 
 def _finer(task: Task, error: MeshError, accuracy: float) -> Mesh:

@@ -28,7 +28,7 @@ class Solution:
     """Where the solver stopped.
 
     Attributes:
-        solver: Who it was.
+        solver: Who it was, or None for an iterate taken as it is.
         vector: The unknowns, shape (size,).
         iterate: The same by name.
         rows: Values of all rows there, evaluated anew.
@@ -40,7 +40,7 @@ class Solution:
         seconds: How long it took.
     """
 
-    solver: SolverName
+    solver: SolverName | None
     vector: Array
     iterate: Iterate
     rows: Array
@@ -107,6 +107,26 @@ def _solve(
         status=answer.status,
         iterations=answer.iterations,
         seconds=seconds,
+    )
+
+
+def judged(made: Transcription, data: Bounds, iterate: Iterate) -> Solution:
+    """An iterate that no solver has touched, as a solution; ok if it keeps rows and bounds."""
+    vector = made.layout.pack(iterate, data.widths)
+    objective, rows, iterate = made.outcome(vector, data.parameters)
+    over = excess(rows, data.row_lower, data.row_upper), excess(vector, data.lower, data.upper)
+    residual = float(np.max(np.concatenate(over)))
+    return Solution(
+        solver=None,
+        vector=vector,
+        iterate=iterate,
+        rows=rows,
+        objective=objective,
+        residual=residual,
+        ok=residual <= FEASIBLE,
+        status="a motion, not the best",
+        iterations=0,
+        seconds=0.0,
     )
 
 

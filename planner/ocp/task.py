@@ -13,7 +13,7 @@ from planner.ocp.mesh import Mesh
 from planner.ocp.objective import Objective
 from planner.ocp.obstacles import link_count
 from planner.ocp.resimulation import Motion, resimulate
-from planner.ocp.solver import Solution, prepare, solve
+from planner.ocp.solver import Solution, judged, prepare, solve
 from planner.ocp.transcription import Transcription
 from planner.problem import Problem
 from planner.systems.base import Array
@@ -62,6 +62,10 @@ class Task:
             problem = replace(problem, duration=iterate.duration)
         data = replace(self, problem=problem).bounds
         return made.outcome(made.layout.pack(iterate, data.widths), data.parameters)[1]
+
+    def judged(self, iterate: Iterate) -> Solution:
+        """An iterate as it is, by the task's rows."""
+        return judged(self.made, self.bounds, iterate)
 
     def curve(self, iterate: Iterate) -> StateTrajectory:
         """The motion an iterate describes."""

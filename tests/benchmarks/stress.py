@@ -92,6 +92,7 @@ def run(joints: int, rows: list[Pair], method: str, given: argparse.Namespace) -
             sweep,
             given.db,
             workers=given.workers,
+            retry=["bug"],
             progress=lambda text, share: bar.update(step, completed=share),
         )
     return list(read(given.db)[1])

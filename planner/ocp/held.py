@@ -1,0 +1,116 @@
+"""A path kept as it is: made exact and run as fast as the limits allow, but no shorter.
+
+Where a path is too long for a solver to make it the best of its kind, it is a motion all the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from planner.bridge.closing import Chain, Ends, closed, exact, finer
+from planner.bridge.piece import ends
+from planner.ocp.layout import Iterate
+from planner.ocp.look import look
+from planner.ocp.mesh import Mesh
+from planner.ocp.search import needed_duration
+from planner.ocp.solver import Solution
+from planner.ocp.task import Task, stretched, task
+from planner.systems.base import Array
+
+TURNS = (0.13, 0.1, 0.07)
+"""Most that a limited coordinate turns in an interval, rad; smaller where that is too coarse."""
+
+COARSE = 0.3
+"""The same for the pieces of a solution whose mesh was too coarse."""
+
+DRAWN_IN = 1e-4
+"""Share of the joint limits that is kept free, for what lies between the nodes."""
+
+
+def can_hold(job: Task) -> bool:
+    """Whether a task asks no more of a path than limits on joints and inputs."""
+    problem = job.problem
+    smooth = job.rest or job.objective.smooth or np.any(np.isfinite(problem.limits.input_rate))
+    places = problem.waypoints or problem.obstacles or problem.limits.z2_margin is not None
+    return not (smooth or places)
+
+
+def held(job: Task, chain: Chain, accuracy: float) -> tuple[Task, Solution] | None:
+    """The task on the path's own mesh, and the path as its solution; None where it is none.
+
+    Args:
+        job: What is asked for, see `can_hold`.
+        chain: The path; small gaps are mended.
+        accuracy: As for `polish`.
+    """
+    problem, system = job.problem, job.problem.system
+    own = np.fmax(np.abs(problem.start), np.abs(problem.target))
+    limit = np.fmax((1 - DRAWN_IN) * problem.limits.joint, own)
+    for turn in TURNS:
+        places = Ends(problem.start, problem.target, limit)
+        cut = finer(system, chain, list(system.limited), turn)
+        found, _ = closed(system, cut, places, first=1.0)
+        found, _ = exact(system, found, places) if found is not None else (None, 0)
+        if found is None:
+            return None
+        chain = found
+        own_job, path = follow(job, chain)
+        needed = needed_duration(problem, own_job.mesh, path)
+        wanted = problem.duration or needed
+        if needed > wanted * (1 + 1e-9):
+            return None
+        solution = own_job.judged(stretched(path, wanted))
+        if not solution.ok:
+            continue
+        if look(own_job, solution).error.fine(accuracy):
+            return own_job, solution
+    return None
+
+
+def chain_of(job: Task, solution: Solution) -> Chain:
+    """A solution's path in pieces of constant input; what they get wrong are small gaps."""
+    iterate, limited = solution.iterate, list(job.problem.system.limited)
+    turns = np.max(np.abs(np.diff(iterate.nodes, axis=0)[:, limited]), axis=1)
+    parts = np.maximum(1, np.ceil(turns / COARSE)).astype(int)
+    interval = np.repeat(np.arange(len(parts)), parts)
+    share = np.concatenate([np.arange(n) / n for n in parts])
+    width = job.mesh.widths[interval]
+    edges = np.append(job.mesh.edges[:-1][interval] + share * width, 1.0)
+    left, right = (end[interval] for end in iterate.input_ends())
+    middle = left + (right - left) * (share + 0.5 / parts[interval])[:, None]
+    u = middle * np.diff(edges)[:, None] * iterate.duration
+    q = job.curve(iterate).q(edges * iterate.duration)
+    return Chain(q, u, q[1:] - ends(job.problem.system, q[:-1], u))
+
+
+def follow(job: Task, chain: Chain) -> tuple[Task, Iterate]:
+    """The job on the path's mesh, and the path at the speed the limits allow."""
+    limit = job.problem.limits.input
+    box = np.where(np.isfinite(limit), limit, 1.0)
+    seconds = np.max(np.abs(chain.u) / box, axis=1)
+    kept = seconds > 1e-9 * np.sum(seconds)
+    seconds = seconds[kept]
+    nodes = np.vstack([chain.q[:-1][kept], chain.q[-1:]])
+    edges = np.append(0.0, np.cumsum(seconds))
+    own = _stepwise(job).on(Mesh(edges / edges[-1]))
+    return own, _iterate(own, nodes, chain.u[kept] / seconds[:, None], float(edges[-1]))
+
+
+def _stepwise(job: Task) -> Task:
+    """The job with constant inputs in each interval, as the path has them, where they may jump."""
+    if not can_hold(job) or job.made.form.input == "constant":
+        return job
+    form = replace(job.made.form, input="constant")
+    return task(job.problem, job.objective, form, job.mesh, job.rest, job.settings)
+
+
+def _iterate(own: Task, nodes: Array, rates: Array, duration: float) -> Iterate:
+    tau = own.made.form.scheme.points
+    points = nodes[:-1, None] + tau[:, None] * np.diff(nodes, axis=0)[:, None]
+    inputs = rates
+    if own.made.form.input == "linear":
+        padded = np.vstack([rates[:1], rates, rates[-1:]])
+        inputs = (padded[:-1] + padded[1:]) / 2
+    return Iterate(duration=duration, nodes=nodes, points=points, inputs=inputs)

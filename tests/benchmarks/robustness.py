@@ -211,6 +211,8 @@ class Study:
                 rows.append(run(label, machine, tamper=shifted(joint, 0.2)))
             rows.append(run(f"{start}: one reading in twenty lost", machine, tamper=lost(0.05)))
             rows.append(run(f"{start}: all three (joint 3)", spread(machine, 2), tamper=worst))
+        swinging = Machine.prototype(fidelity="dynamic")
+        rows.append(run("encoders 0.088 deg: joints that swing (dynamic)", swinging))
         return rows
 
     def sweeps(self, samples: int) -> Figure:

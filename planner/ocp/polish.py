@@ -58,10 +58,14 @@ def polish(task: Task, solution: Solution, accuracy: float, refinements: int) ->
         better = _patiently(finer).solve(transferred(task, solution.iterate, finer), near=True)
         seconds, iterations = seconds + better.seconds, iterations + better.iterations
         build += finer.build_time_s
-        kept = None if better.ok else _held(task, solution, accuracy)
-        if not better.ok and kept is None:
+        if not better.ok:
             break
-        task, solution = kept or (finer, better)
+        task, solution = finer, better
+        meshes.append(len(task.mesh.widths))
+        seen = look(task, solution)
+    coarse = refinements > 0 and not seen.error.fine(accuracy)
+    if coarse and (kept := _held(task, solution, accuracy)):
+        task, solution = kept
         meshes.append(len(task.mesh.widths))
         seen = look(task, solution)
     drawn = _draw_in(replace(task, build_time_s=build), solution, seen)

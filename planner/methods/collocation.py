@@ -35,7 +35,7 @@ may wind more than once."""
 SHARINGS = 6
 """Times that the duration is shared out anew among the parts between waypoints."""
 
-GUESSES, LONG_CHAIN_GUESSES = 6, 2
+GUESSES, LONG_CHAIN_GUESSES = 16, 2
 """Guesses tried before random paths are, up to four joints and beyond."""
 
 BRIDGES = 4
@@ -197,10 +197,10 @@ def _by_path(job: Task) -> Answer | None:
 
 def _searched(job: Task, options: CollocationOptions) -> Answer:
     """Paths from several seeds, each then timed; the best of them."""
-    simple = _one_way(job.problem) and not job.problem.obstacles
-    several = options.start == "wander" or (options.start == "auto" and not simple)
-    enough = options.starts if several else 1
-    paths = search(job, _seeds(job.problem, options)[: _guesses(job, options)], enough)
+    enough = options.starts if options.start in ("auto", "wander") else 1
+    simple = options.start == "auto" and not job.problem.obstacles
+    guesses = _seeds(job.problem, options)[: _guesses(job, options)]
+    paths = search(job, guesses, enough, simple)
     if not paths.found:
         return _bridged(job, paths, None, options)
     outcomes = [timed(job, path.solution.iterate) for path in paths.found]

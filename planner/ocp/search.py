@@ -24,6 +24,9 @@ from planner.problem import Problem
 
 INFEASIBLE = "Infeasible_Problem_Detected"
 
+STANDSTILL = 1e-6
+"""Share of the greatest input that counts as none."""
+
 
 @dataclass(frozen=True, eq=False)
 class Found:
@@ -52,9 +55,10 @@ class Search:
     iterations: int
 
 
-def search(task: Task, seeds: Sequence[Seed], enough: int) -> Search:
+def search(task: Task, seeds: Sequence[Seed], enough: int, simple: bool = False) -> Search:
     """Solve the task's path problem from one seed after the other until enough have converged.
 
+    With `simple`, a path whose drive never turns back is enough by itself.
     Two thirds of the seeds in a row found infeasible end the search too. A path whose links pass
     through a disc between two nodes may come clear once it is timed, but counts half.
     """
@@ -70,7 +74,8 @@ def search(task: Task, seeds: Sequence[Seed], enough: int) -> Search:
         hopeless = 3 * (k + 1) >= 2 * len(seeds) and all(
             entry["status"] == INFEASIBLE for entry in result.log
         )
-        if hopeless or clear >= enough or len(result.found) >= 2 * enough:
+        found = simple and solution.ok and one_way(solution.iterate)
+        if hopeless or found or clear >= enough or len(result.found) >= 2 * enough:
             break
     return replace(result, found=_distinct(result.found))
 
@@ -94,6 +99,13 @@ def needed_duration(problem: Problem, mesh: Mesh, iterate: Iterate) -> float:
     slopes = np.max(np.abs(right - left) / widths, axis=0)
     factors = [*(peaks / problem.limits.input), *np.sqrt(slopes / problem.limits.input_rate)]
     return iterate.duration * float(max(factors))
+
+
+def one_way(iterate: Iterate) -> bool:
+    """Whether the drive never turns back."""
+    drive = iterate.inputs[:, 0]
+    slack = STANDSTILL * np.max(np.abs(drive))
+    return bool(np.all(drive >= -slack) or np.all(drive <= slack))
 
 
 def _with(result: Search, seed: Seed, solution: Solution) -> Search:

@@ -150,14 +150,14 @@ class CollocationOptions(Table):
         " seeds. auto: the line where one way suffices; else several of each, and the best kept.",
     )
     starts: Annotated[int, Field(ge=1)] = Field(
-        3,
+        10,
         description="Starts that must converge before the best is taken (start = 'auto' or"
-        " 'wander').",
+        " 'wander'). With 'auto' a path whose drive never turns back is enough by itself.",
     )
     attempts: Annotated[int, Field(ge=1)] = Field(
-        12,
-        description="Starts tried at most before giving up. With start = 'auto' arms without"
-        " waypoints, obstacles and z2 margin try 6 (2 beyond four joints) and then random paths.",
+        16,
+        description="Starts tried at most before giving up. With start = 'auto' chains of more than"
+        " four joints without waypoints, obstacles and z2 margin try 2, and then random paths.",
     )
     accuracy: Annotated[float, Field(gt=0, lt=1e-2)] = Field(
         5e-6,

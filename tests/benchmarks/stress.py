@@ -2,7 +2,7 @@
 
     python tests/benchmarks/stress.py [--cases N] [--joints 2,3,4,5,6] [--seed S] [--out FOLDER]
 
-Five families for each number of joints, N pairs each, with the duration free, joint limits of 80
+Five families for each number of joints, N pairs each (5:20 means five joints, 20 pairs), with the duration free, joint limits of 80
 degrees and inputs up to 0.5 rad/s:
 
 - one-way: the goal is where a random motion leads whose drive never turns back;
@@ -60,14 +60,14 @@ def main() -> int:
     given = parser.parse_args()
     given.db.parent.mkdir(parents=True, exist_ok=True)
     found = []
-    for joints in (int(word) for word in given.joints.split(",")):
+    for joints, cases in counted(given.joints, given.cases):
         labelled = [
             (family, pair)
             for family in FAMILIES
-            for pair in pairs(family, joints, given.cases, given.seed)
+            for pair in pairs(family, joints, cases, given.seed)
         ]
         planned = run(joints, [pair for _, pair in labelled], METHOD, given)
-        sampled = [k for k in range(len(labelled)) if k % given.cases < given.sample]
+        sampled = [k for k in range(len(labelled)) if k % cases < given.sample]
         again = run(joints, [labelled[k][1] for k in sampled], RANDOM, given)
         best = dict(zip(sampled, again, strict=True))
         found += [
@@ -75,10 +75,17 @@ def main() -> int:
             for k, (family, _) in enumerate(labelled)
         ]
     given.out.mkdir(parents=True, exist_ok=True)
-    write_text(given.out / "README.md", page(found, given.cases, given.seed))
+    write_text(given.out / "README.md", page(found, given.seed))
     failed = [row for row in found if not row["solved"]]
     print(f"{len(found)} cases, {len(failed)} without a plan; {given.out / 'README.md'}")
     return 0
+
+
+def counted(text: str, cases: int) -> Iterator[tuple[int, int]]:
+    """Numbers of joints and of pairs a family, from `2,3,5:20`."""
+    for word in text.split(","):
+        joints, _, own = word.partition(":")
+        yield int(joints), int(own or cases)
 
 
 def run(joints: int, rows: list[Pair], method: str, given: argparse.Namespace) -> list[Record]:

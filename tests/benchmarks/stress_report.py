@@ -14,8 +14,8 @@ WITHIN = 1.02
 
 HEAD = """# Random pairs of start and goal
 
-{count} pairs: five families for each number of joints, {cases} pairs each (seed {seed}),
-duration free, joint limits of 80 degrees, inputs up to 0.5 rad/s, proportions of the prototype.
+{count} pairs: five families for each number of joints (seed {seed}), duration free, joint limits of
+80 degrees, inputs up to 0.5 rad/s, proportions of the prototype.
 Method: collocation with its defaults. "Solved" is a verified plan; "certificate" a refusal with a
 proof that there is none; "failed" everything else. Times are of the whole case, verification
 included, with as many cases side by side as there are cores. Made by
@@ -25,9 +25,9 @@ included, with as many cases side by side as there are cores. Made by
 """
 
 
-def page(found: Sequence[Record], cases: int, seed: int) -> str:
+def page(found: Sequence[Record], seed: int) -> str:
     """The tables, as Markdown."""
-    head = HEAD.format(count=len(found), cases=cases, seed=seed)
+    head = HEAD.format(count=len(found), seed=seed)
     return head + _outcomes(found) + _against_random(found) + _failures(found)
 
 

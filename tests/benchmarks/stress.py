@@ -2,8 +2,8 @@
 
     python tests/benchmarks/stress.py [--cases N] [--joints 2,3,4,5,6] [--seed S] [--out FOLDER]
 
-Five families for each number of joints, N pairs each (5:20 means five joints, 20 pairs), with the duration free, joint limits of 80
-degrees and inputs up to 0.5 rad/s:
+Five families for each number of joints, N pairs each (5:20 means five joints, 20 pairs), with the
+duration free, joint limits of 80 degrees and inputs up to 0.5 rad/s:
 
 - one-way: the goal is where a random motion leads whose drive never turns back;
 - positive: start and goal anywhere in 1 ... 75 degrees;

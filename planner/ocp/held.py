@@ -17,6 +17,7 @@ from planner.ocp.mesh import Mesh
 from planner.ocp.search import needed_duration
 from planner.ocp.solver import Solution
 from planner.ocp.task import Task, stretched, task
+from planner.problem import Problem
 from planner.systems.base import Array
 
 TURNS = (0.13, 0.1, 0.07)
@@ -45,28 +46,38 @@ def held(job: Task, chain: Chain, accuracy: float) -> tuple[Task, Solution] | No
         chain: The path; small gaps are mended.
         accuracy: As for `polish`.
     """
-    problem, system = job.problem, job.problem.system
-    own = np.fmax(np.abs(problem.start), np.abs(problem.target))
-    limit = np.fmax((1 - DRAWN_IN) * problem.limits.joint, own)
+    system = job.problem.system
+    places = _places(job.problem)
     for turn in TURNS:
-        places = Ends(problem.start, problem.target, limit)
         cut = finer(system, chain, list(system.limited), turn)
-        found, _ = closed(system, cut, places, first=1.0)
-        found, _ = exact(system, found, places) if found is not None else (None, 0)
+        whole, _ = closed(system, cut, places, first=1.0)
+        found, _ = exact(system, whole, places) if whole is not None else (None, 0)
         if found is None:
             return None
         chain = found
-        own_job, path = follow(job, chain)
-        needed = needed_duration(problem, own_job.mesh, path)
-        wanted = problem.duration or needed
-        if needed > wanted * (1 + 1e-9):
+        own, path = follow(job, chain)
+        wanted = _duration(own, path)
+        if wanted is None:
             return None
-        solution = own_job.judged(stretched(path, wanted))
-        if not solution.ok:
-            continue
-        if look(own_job, solution).error.fine(accuracy):
-            return own_job, solution
+        solution = own.judged(stretched(path, wanted))
+        if solution.ok and look(own, solution).error.fine(accuracy):
+            return own, solution
     return None
+
+
+def _places(problem: Problem) -> Ends:
+    """Start, goal, and the limits drawn in, but not so far that start and goal lie outside."""
+    given = np.fmax(np.abs(problem.start), np.abs(problem.target))
+    limit = np.fmax((1 - DRAWN_IN) * problem.limits.joint, given)
+    return Ends(problem.start, problem.target, limit)
+
+
+def _duration(job: Task, path: Iterate) -> float | None:
+    """The duration asked for, or the least that the limits allow; None if the one is too short."""
+    wanted, needed = job.problem.duration, needed_duration(job.problem, job.mesh, path)
+    if wanted is None:
+        return needed or path.duration
+    return wanted if needed <= wanted * (1 + 1e-9) else None
 
 
 def chain_of(job: Task, solution: Solution) -> Chain:

@@ -197,6 +197,7 @@ def _by_path(job: Task) -> Answer | None:
 
 def _searched(job: Task, options: CollocationOptions) -> Answer:
     """Paths from several seeds, each then timed; the best of them."""
+    job = _by_ipopt(job)
     enough = options.starts if options.start in ("auto", "wander") else 1
     simple = options.start == "auto" and not job.problem.obstacles
     guesses = _seeds(job.problem, options)[: _guesses(job, options)]
@@ -220,6 +221,16 @@ def _searched(job: Task, options: CollocationOptions) -> Answer:
     if quick is None or not quick.ok:
         return _bridged(job, paths, outcomes[k].solution, options)
     return _hurried(job, quick, Answer(paths.found[k].seed, job, quick, log, iterations), options)
+
+
+def _by_ipopt(job: Task) -> Task:
+    """Searches meet iterates near which the goal cannot be reached, where Fatrop may never return.
+
+    It is hardly faster there, and finds no path that IPOPT does not.
+    """
+    if job.settings.solver != "auto":
+        return job
+    return replace(job, settings=replace(job.settings, solver="ipopt"))
 
 
 def _seeds(problem: Problem, options: CollocationOptions) -> list[Seed]:

@@ -45,6 +45,11 @@ FATROP_TOLERANCE = 1e-7
 """Below this rounding keeps Fatrop from finishing where limits are active. Rows are as exact as
 ever; the objective is within 1e-7 of that of a sharper tolerance."""
 
+FATROP_PIVOT = 1e-3
+"""Least pivot by which Fatrop resolves the goal's equations for an interval's inputs; what has none
+is left to the intervals before. With much smaller ones no digit may be left, and Fatrop (1.1.8)
+then raises its regularisation for ever."""
+
 FATROP_RELAXES = 1e-8
 """By how much, relative to a bound or to one, Fatrop lets its iterates pass bounds."""
 

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import pytest
+
 import planner
+from planner.ocp import solver
+from planner.ocp.backends import SolverName
 
 
 def _problem(start: list[float], goal: list[float]) -> planner.Problem:
@@ -37,3 +43,19 @@ def test_where_the_drive_turns_back_more_starts_are_tried() -> None:
 def test_a_search_among_random_starts_does_not_end_early() -> None:
     plan = planner.solve(ONE_WAY, "collocation", start="wander", starts=5, attempts=5)
     assert len(plan.notes["tried"]) == 5
+
+
+def test_a_search_leaves_fatrop_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+    solve = solver._solve
+
+    def noted(name: SolverName, *others: Any) -> solver.Solution:
+        asked.append(name)
+        return solve(name, *others)
+
+    monkeypatch.setattr(solver, "_solve", noted)
+    planner.solve(TURNS, "collocation", starts=2)
+    assert set(asked) == {"ipopt"}
+    asked.clear()
+    planner.solve(TURNS, "collocation", starts=2, solver="fatrop")
+    assert set(asked) == {"fatrop"}

@@ -224,11 +224,11 @@ def _searched(job: Task, options: CollocationOptions) -> Answer:
 
 
 def _by_ipopt(job: Task) -> Task:
-    """Searches meet iterates near which the goal cannot be reached, where Fatrop may never return.
+    """With a free duration, searches meet iterates from which Fatrop may never return.
 
     It is hardly faster there, and finds no path that IPOPT does not.
     """
-    if job.settings.solver != "auto":
+    if job.settings.solver != "auto" or job.problem.duration is not None or job.problem.obstacles:
         return job
     return replace(job, settings=replace(job.settings, solver="ipopt"))
 

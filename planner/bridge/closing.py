@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -14,6 +14,8 @@ from planner.bridge.piece import ends as ends_of
 from planner.bridge.piece import piece
 from planner.interrupts import heed_interrupts
 from planner.systems.base import Array, TriangularSystem
+
+Index = NDArray[np.int64]
 
 FIRST_SHARE = 0.25
 LEAST_SHARE = 4e-3
@@ -63,19 +65,23 @@ def finer(system: TriangularSystem, chain: Chain, limited: list[int], turn: floa
 
     What the longer pieces got wrong becomes gaps.
     """
-    turns = np.max(np.abs(np.diff(chain.q, axis=0)[:, limited]), axis=1)
-    parts = np.maximum(1, np.ceil(turns / turn)).astype(int)
-    return divided(system, chain, parts)
-
-
-def divided(system: TriangularSystem, chain: Chain, parts: NDArray[np.int64]) -> Chain:
-    """The chain with its pieces cut into so many equal parts each, shape (K,)."""
-    piece_of = np.repeat(np.arange(len(parts)), parts)
-    share = np.concatenate([np.arange(n) / n for n in parts])[:, None]
-    before = ends_of(system, chain.q[:-1][piece_of], chain.u[piece_of] * share)
-    u = chain.u[piece_of] / parts[piece_of, None]
+    parts, piece, share = cuts(chain.q, limited, turn)
+    before = ends_of(system, chain.q[:-1][piece], chain.u[piece] * share[:, None])
+    u = chain.u[piece] / parts[piece, None]
     q = np.vstack([before, chain.q[-1:]])
     return Chain(q, u, q[1:] - ends_of(system, q[:-1], u))
+
+
+def cuts(q: Array, limited: list[int], turn: float) -> tuple[Index, Index, Array]:
+    """How to cut pieces between q (K+1, N) so that no limited coordinate turns by more in a part.
+
+    Returns:
+        Parts of each piece, shape (K,); for each part its piece and the share of it that is before.
+    """
+    turns = np.max(np.abs(np.diff(q, axis=0)[:, limited]), axis=1)
+    parts = np.maximum(1, np.ceil(turns / turn)).astype(int)
+    share = np.concatenate([np.arange(n) / n for n in parts])
+    return parts, np.repeat(np.arange(len(parts)), parts), share
 
 
 def closed(
@@ -108,17 +114,15 @@ def closed(
     return None, iterations
 
 
-def exact(system: TriangularSystem, chain: Chain, ends: Ends) -> tuple[Chain | None, int]:
+def exact(system: TriangularSystem, chain: Chain, ends: Ends) -> Chain | None:
     """The nearest chain that is a motion to more digits than one piece's Runge-Kutta steps have."""
-    iterations = 0
     for _ in range(CORRECTIONS):
         error = _finely(system, chain) - ends_of(system, chain.q[:-1], chain.u)
-        found, made = _nearest(system, len(chain.u))(chain, error, ends)
-        iterations += made
+        found, _ = _nearest(system, len(chain.u))(chain, error, ends)
         if found is None:
-            return None, iterations
+            return None
         chain = found
-    return replace(chain, gap=chain.q[1:] - _finely(system, chain)), iterations
+    return chain
 
 
 def _finely(system: TriangularSystem, chain: Chain) -> Array:

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.bridge.closing import Chain, Ends, closed, exact, finer
+from planner.bridge.closing import Chain, Ends, closed, cuts, exact, finer
 from planner.bridge.piece import ends
 from planner.ocp.layout import Iterate
 from planner.ocp.look import look
@@ -51,7 +51,7 @@ def held(job: Task, chain: Chain, accuracy: float) -> tuple[Task, Solution] | No
     for turn in TURNS:
         cut = finer(system, chain, list(system.limited), turn)
         whole, _ = closed(system, cut, places, first=1.0)
-        found, _ = exact(system, whole, places) if whole is not None else (None, 0)
+        found = exact(system, whole, places) if whole is not None else None
         if found is None:
             return None
         chain = found
@@ -83,10 +83,7 @@ def _duration(job: Task, path: Iterate) -> float | None:
 def chain_of(job: Task, solution: Solution) -> Chain:
     """A solution's path in pieces of constant input; what they get wrong are small gaps."""
     iterate, limited = solution.iterate, list(job.problem.system.limited)
-    turns = np.max(np.abs(np.diff(iterate.nodes, axis=0)[:, limited]), axis=1)
-    parts = np.maximum(1, np.ceil(turns / COARSE)).astype(int)
-    interval = np.repeat(np.arange(len(parts)), parts)
-    share = np.concatenate([np.arange(n) / n for n in parts])
+    parts, interval, share = cuts(iterate.nodes, limited, COARSE)
     width = job.mesh.widths[interval]
     edges = np.append(job.mesh.edges[:-1][interval] + share * width, 1.0)
     left, right = (end[interval] for end in iterate.input_ends())

@@ -199,6 +199,6 @@ def test_an_exact_chain_is_a_motion_to_many_digits() -> None:
     rough = next(islice(bridges(HARD, 2), 1)).chain
     places = Ends(HARD.start, HARD.target, HARD.limits.joint)
     short = finer(HARD.system, rough, [1, 2, 3], 0.2)
-    chain, _ = exact(HARD.system, short, places)
+    chain = exact(HARD.system, short, places)
     assert chain is not None
     _check_way(HARD, chain, tolerance=1e-6)

@@ -9,12 +9,12 @@ import numpy as np
 from planner.errors import InputError
 from planner.methods.collocation import (
     SEARCHED,
-    Answer,
     collocation_task,
     finished,
     plan_collocation,
 )
 from planner.methods.collocation_refusals import NAME
+from planner.methods.collocation_search import Answer
 from planner.ocp.layout import Iterate
 from planner.ocp.mesh import Mesh
 from planner.ocp.polish import polish

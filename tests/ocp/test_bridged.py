@@ -10,7 +10,8 @@ import pytest
 
 import planner
 from planner.bridge import bridges, leg
-from planner.methods import collocation
+from planner.methods import collocation_search as searching
+from planner.methods.collocation import collocation_task
 from planner.ocp import bridged
 from planner.ocp.bridged import crossings
 from planner.ocp.held import can_hold, held
@@ -38,7 +39,7 @@ PROBLEM = planner.Problem.from_dict(
 
 
 def test_a_crossing_is_a_motion_within_the_limits() -> None:
-    job = collocation.collocation_task(PROBLEM, CollocationOptions(), 40)
+    job = collocation_task(PROBLEM, CollocationOptions(), 40)
     found = next(islice(crossings(job, 2, 5e-6), 1))
     solution = found.timed.solution
     assert solution.ok
@@ -48,14 +49,14 @@ def test_a_crossing_is_a_motion_within_the_limits() -> None:
 
 
 def test_a_plan_grows_from_random_paths_where_guesses_fail(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(collocation, "_guesses", lambda job, options: 0)
+    monkeypatch.setattr(searching, "_guesses", lambda job, options: 0)
     plan = planner.solve(PROBLEM, "collocation")
     assert plan.notes["start"].startswith("bridge")
     assert planner.verify(plan).ok
 
 
 def test_a_path_too_long_for_the_solver_is_kept_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(collocation, "_guesses", lambda job, options: 0)
+    monkeypatch.setattr(searching, "_guesses", lambda job, options: 0)
     monkeypatch.setattr(bridged, "LONG", 10)
     plan = planner.solve(PROBLEM, "collocation")
     assert plan.notes["tried"][-1]["status"] == "a motion, not the best"
@@ -78,22 +79,22 @@ def test_a_mesh_too_fine_for_the_solver_leaves_the_path_as_it_is(
 
 
 def test_a_path_is_not_kept_where_more_is_asked_than_limits() -> None:
-    job = collocation.collocation_task(PROBLEM, CollocationOptions(), 40)
+    job = collocation_task(PROBLEM, CollocationOptions(), 40)
     assert can_hold(job)
-    assert not can_hold(collocation.collocation_task(PROBLEM, CollocationOptions(rest=True), 40))
+    assert not can_hold(collocation_task(PROBLEM, CollocationOptions(rest=True), 40))
     for limit in ({"z2_margin": 0.01}, {"input_rate": np.ones(2)}):
         asked = replace(PROBLEM, limits=replace(PROBLEM.limits, **limit))
-        assert not can_hold(collocation.collocation_task(asked, CollocationOptions(), 40))
+        assert not can_hold(collocation_task(asked, CollocationOptions(), 40))
 
 
 def test_a_path_too_slow_for_the_duration_is_not_kept() -> None:
-    job = collocation.collocation_task(PROBLEM, CollocationOptions(), 40)
+    job = collocation_task(PROBLEM, CollocationOptions(), 40)
     chain = next(islice(bridges(PROBLEM, 2), 1)).chain
     found = held(job, chain, 5e-6)
     assert found is not None
     shortest = found[1].iterate.duration
     for wanted, fits in ((0.9 * shortest, False), (1.5 * shortest, True)):
-        timed = collocation.collocation_task(
+        timed = collocation_task(
             PROBLEM.changed({"goal.duration": wanted}), CollocationOptions(), 40
         )
         assert (held(timed, chain, 5e-6) is not None) == fits

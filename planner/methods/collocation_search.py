@@ -1,0 +1,169 @@
+"""Collocation's search: paths from several starts, each then timed, and the best of them kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from planner.methods.collocation_refusals import no_path, not_converged, too_short
+from planner.methods.collocation_seeds import NAMES, planned_seeds
+from planner.ocp.bridged import crossings
+from planner.ocp.guess import Seed, seeds
+from planner.ocp.look import clears
+from planner.ocp.polish import polish
+from planner.ocp.search import Found, Search, same_path, search
+from planner.ocp.solver import Solution
+from planner.ocp.task import Task, stretched
+from planner.ocp.timing import HASTE, hasty, timed
+from planner.problem import Problem
+from planner.schema.methods import CollocationOptions
+
+GUESSES, LONG_CHAIN_GUESSES = 16, 2
+"""Guesses tried before random paths are, up to four joints and beyond."""
+
+BRIDGES = 4
+"""Random paths tried."""
+
+RESOLVED = 1e-4
+"""Difference at the end, rad, between a motion and its interpolant up to which it is believed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """A solution, the task it belongs to, and how it was come by.
+
+    Attributes:
+        start: Name of the start it grew from.
+        task: What it solves.
+        solution: The answer.
+        log: One entry a start, JSON-ready.
+        iterations: Iterations of the solver, over all starts.
+    """
+
+    start: str
+    task: Task
+    solution: Solution
+    log: list[dict[str, Any]]
+    iterations: int
+
+
+def searched(job: Task, options: CollocationOptions) -> Answer:
+    """Paths from several seeds, each then timed; the best of them."""
+    job = _by_ipopt(job)
+    enough = options.starts if options.start in ("auto", "wander") else 1
+    simple = options.start == "auto" and not job.problem.obstacles
+    guesses = _seeds(job.problem, options)[: _guesses(job, options)]
+    paths = search(job, guesses, enough, simple)
+    if not paths.found:
+        return _bridged(job, paths, None, options)
+    outcomes = [timed(job, path.solution.iterate) for path in paths.found]
+    log = [*paths.log]
+    iterations = paths.iterations + sum(outcome.iterations for outcome in outcomes)
+    for path, outcome in zip(paths.found, outcomes, strict=True):
+        _note(log, path, outcome.solution)
+    solved = [k for k, outcome in enumerate(outcomes) if outcome.solution.ok]
+    clear = [k for k in solved if clears(job, outcomes[k].solution)]
+    if solved and not clear:
+        raise no_path(job, paths, options)
+    if solved:
+        k = min(clear, key=lambda k: outcomes[k].solution.objective)
+        return Answer(paths.found[k].seed, job, outcomes[k].solution, log, iterations)
+    k = int(np.argmin([outcome.shortest_s for outcome in outcomes]))
+    quick = outcomes[k].quick
+    if quick is None or not quick.ok:
+        return _bridged(job, paths, outcomes[k].solution, options)
+    return _hurried(job, quick, Answer(paths.found[k].seed, job, quick, log, iterations), options)
+
+
+def by_path(job: Task) -> Answer | None:
+    """A long chain's straight line: as in a search first its path, then its timing."""
+    paths = search(job, seeds("straight")[:1], 1)
+    if not paths.found:
+        return None
+    outcome, log = timed(job, paths.found[0].solution.iterate), [*paths.log]
+    _note(log, paths.found[0], outcome.solution)
+    iterations = paths.iterations + outcome.iterations
+    if not outcome.solution.ok or not clears(job, outcome.solution):
+        return None
+    return Answer(paths.found[0].seed, job, outcome.solution, log, iterations)
+
+
+def _by_ipopt(job: Task) -> Task:
+    """With a free duration, searches meet iterates from which Fatrop may never return.
+
+    It is hardly faster there, and finds no path that IPOPT does not.
+    """
+    if job.settings.solver != "auto" or job.problem.duration is not None or job.problem.obstacles:
+        return job
+    return replace(job, settings=replace(job.settings, solver="ipopt"))
+
+
+def _seeds(problem: Problem, options: CollocationOptions) -> list[Seed]:
+    """First guesses in the order in which they are tried: a line, others' plans, the rest."""
+    start = options.start
+    planned = planned_seeds(problem, start) if start in ("auto", *NAMES) else []
+    if start in NAMES and planned:
+        return planned
+    first, *others = seeds("auto" if start in NAMES else start, options.attempts)
+    return [first, *planned, *others]
+
+
+def _guesses(job: Task, options: CollocationOptions) -> int:
+    """Guesses worth trying: for long chains few lead anywhere, and each takes long to fail."""
+    if options.start != "auto" or not _bridgeable(job.problem):
+        return options.attempts
+    return min(options.attempts, GUESSES if job.problem.system.size <= 5 else LONG_CHAIN_GUESSES)
+
+
+def _bridgeable(problem: Problem) -> bool:
+    """Whether random paths are of use; they know nothing of z2, discs and waypoints."""
+    return not (problem.obstacles or problem.waypoints) and problem.limits.z2_margin is None
+
+
+def _bridged(
+    job: Task, paths: Search, last: Solution | None, options: CollocationOptions
+) -> Answer:
+    """Where no guess leads to a motion: from random motions of both ends."""
+    log, shortest = [*paths.log], None
+    wanted = options.start == "auto" and _bridgeable(job.problem)
+    for found in crossings(job, BRIDGES, options.accuracy) if wanted else ():
+        solution, iterations = found.timed.solution, paths.iterations + found.iterations
+        objective = solution.objective if solution.ok else None
+        log.append({"start": found.name, "status": solution.status, "objective": objective})
+        if solution.ok:
+            return Answer(found.name, found.task, solution, log, iterations)
+        if shortest is None or found.timed.shortest_s < shortest.timed.shortest_s:
+            shortest = found
+    quick = shortest.timed.quick if shortest else None
+    if shortest is None or quick is None or not quick.ok:
+        if last is not None:
+            raise not_converged(job, last, options, "the paths found")
+        raise no_path(job, paths, options)
+    answer = Answer(shortest.name, shortest.task, quick, log, paths.iterations)
+    return _hurried(shortest.task, quick, answer, options)
+
+
+def _hurried(job: Task, quick: Solution, answer: Answer, options: CollocationOptions) -> Answer:
+    """The fastest motion on a mesh fine enough to believe it: the answer's start, or a refusal."""
+    free = hasty(job)
+    done = polish(free, quick, options.accuracy, options.refinements)
+    wanted = job.problem.duration
+    assert wanted is not None
+    if done.error > RESOLVED:
+        raise not_converged(job, quick, options, "the paths found")
+    if done.solution.iterate.duration * HASTE > wanted:
+        raise too_short(job, done, options)
+    finer = job.on(done.task.mesh)
+    solution = finer.solve(stretched(done.solution.iterate, wanted))
+    if not solution.ok:
+        raise too_short(job, done, options)
+    return replace(answer, task=finer, solution=solution)
+
+
+def _note(log: list[dict[str, Any]], path: Found, solution: Solution) -> None:
+    """Enter the outcome for every start that led to this path."""
+    for entry in log:
+        if entry["path_effort"] is not None and same_path(entry["path_effort"], path):
+            entry["objective"] = solution.objective if solution.ok else None

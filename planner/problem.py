@@ -6,6 +6,7 @@ import copy
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -159,7 +160,7 @@ class Problem:
         """The chart's branch at the start, shape (N,)."""
         return self.system.branch(self.start)
 
-    @property
+    @cached_property
     def z2_sign(self) -> float:
         """Sign of z₂ at the start."""
         return float(np.sign(chained_form(self.system).z(self.start)[1]))

@@ -13,6 +13,7 @@ from planner.methods.collocation_search import Answer, by_path, searched
 from planner.ocp.backends import SHORT_CHAIN, Settings
 from planner.ocp.form import Form, InputKind
 from planner.ocp.guess import guess, seeds
+from planner.ocp.mesh import Mesh
 from planner.ocp.objective import objective
 from planner.ocp.polish import Polished, polish
 from planner.ocp.route import mesh_through, rebalanced, routes
@@ -85,11 +86,12 @@ def _settled(answer: Answer) -> Answer:
     return answer
 
 
-def collocation_task(problem: Problem, options: CollocationOptions, intervals: int) -> Task:
-    """The problem on a mesh of about so many intervals; waypoints lie on edges."""
+def collocation_task(problem: Problem, options: CollocationOptions, mesh: Mesh | int) -> Task:
+    """The problem on a mesh, or on one of about so many intervals; waypoints lie on edges."""
     goal = objective(problem, options)
     kind = _input_kind(problem, options, goal.smooth)
-    mesh = mesh_through(problem, intervals if options.intervals == "auto" else options.intervals)
+    if isinstance(mesh, int):
+        mesh = mesh_through(problem, mesh if options.intervals == "auto" else options.intervals)
     form = Form(
         intervals=len(mesh.widths),
         scheme_kind=options.scheme,

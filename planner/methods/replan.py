@@ -74,25 +74,20 @@ def _prepared(problem: Problem, options: CollocationOptions, warm: Plan) -> Task
     own = warm.method == NAME and options.intervals == "auto" and not problem.waypoints
     if not own:
         return collocation_task(problem, options, SEARCHED)
-    mesh = Mesh(warm.t / warm.duration)
-    job = collocation_task(problem, options, len(mesh.widths))
-    if warm.notes.get("limits_inside", False):
-        job = job.inside()
-    return job.on(mesh)
+    job = collocation_task(problem, options, Mesh(warm.t / warm.duration))
+    return job.inside() if warm.notes.get("limits_inside", False) else job
 
 
 def _resampled(job: Task, warm: Plan) -> Iterate:
     """The plan's motion on the task's mesh, its ends moved to start and goal, and all with them."""
     problem, mesh, T = job.problem, job.mesh, warm.duration
     duration = problem.duration or T
-    first = problem.start - warm.q(0.0)
-    last = np.nan_to_num(problem.target - warm.q(T))
-
     inside = mesh.at(job.made.form.scheme.points)
     s = np.append(mesh.edges, inside)
-    share = s[:, None]
-    states = warm.q(s * T) + (1 - share) * first + share * last
-    nodes, points = np.split(states, [len(mesh.edges)])
+    states, last = warm.q(s * T), len(mesh.edges) - 1
+    first, final = problem.start - states[0], np.nan_to_num(problem.target - states[last])
+    moved = states + first + s[:, None] * (final - first)
+    nodes, points = np.split(moved, [last + 1])
     return Iterate(
         duration=duration,
         nodes=nodes,

@@ -19,7 +19,7 @@ from planner.ocp.form import TERMS
 from planner.ocp.transcription import Transcription
 from planner.systems.base import Array
 
-SolverName = Literal["fatrop", "ipopt"]
+SolverName = Literal["fatrop", "ipopt", "newton"]
 
 NEAR = 1e-4
 """Distance to the bounds to begin with when the start is near the answer."""
@@ -68,7 +68,7 @@ class Settings:
     tolerance: float = 1e-9
     max_iterations: int = 500
     near: bool = False
-    solver: Literal["auto", "fatrop", "ipopt"] = "auto"
+    solver: Literal["auto", "fatrop", "ipopt", "newton"] = "auto"
 
 
 @dataclass(frozen=True, eq=False)

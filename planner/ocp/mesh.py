@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -22,7 +23,7 @@ class Mesh:
     edges: Array
     marks: tuple[int, ...] = ()
 
-    @property
+    @cached_property
     def widths(self) -> Array:
         """Interval widths, shape (K,)."""
         return np.diff(self.edges)

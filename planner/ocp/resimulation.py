@@ -43,20 +43,32 @@ class Motion:
 def resimulate(system: TriangularSystem, mesh: Mesh, iterate: Iterate, start: Array) -> Motion:
     """Integrate an iterate's input from `start` (N,)."""
     K = len(mesh.widths)
-    left, right = iterate.input_ends()
-    tau = np.arange(2 * STEPS + 1) / (2 * STEPS)
-    u = left[:, None] + tau[:, None] * (right - left)[:, None]
-    steps = np.repeat(mesh.widths * iterate.duration / STEPS, STEPS)
-    given = start, steps, u[:, :-1:2], u[:, 1::2], u[:, 2::2]
+    given = start, mesh.widths * iterate.duration, *iterate.input_ends()
     states = np.empty((K, STEPS + 1, system.size))
-    states[:, 1:] = evaluated(_runner(system, K * STEPS), given, np.empty((K, STEPS, system.size)))
+    states[:, 1:] = evaluated(_runner(system, K), given, np.empty((K, STEPS, system.size)))
     states[0, 0], states[1:, 0] = start, states[:-1, -1]
-    return Motion(mesh.at(tau[::2]), states)
+    return Motion(mesh.at(np.arange(STEPS + 1) / STEPS), states)
 
 
 @lru_cache(maxsize=32)
-def _runner(system: TriangularSystem, count: int) -> Any:
-    return _step(system).mapaccum("resimulate", count)
+def _runner(system: TriangularSystem, intervals: int) -> Any:
+    """From the start, the intervals' seconds and the inputs at their ends to all samples."""
+    whole = _interval(system).mapaccum(intervals)
+    inputs = [ca.MX.sym(name, whole.sparsity_in(k)) for k, name in enumerate("qsab")]
+    return ca.Function("resimulate", inputs, whole(*inputs)[1:])
+
+
+@lru_cache(maxsize=32)
+def _interval(system: TriangularSystem) -> Any:
+    """To the end of one interval, and all samples, step by step."""
+    q, seconds, a, b = (
+        ca.SX.sym(name, size) for name, size in zip("qsab", (system.size, 1, 2, 2), strict=True)
+    )
+    h, samples = seconds / STEPS, [q]
+    for k in range(STEPS):
+        u = [a + (2 * k + j) / (2 * STEPS) * (b - a) for j in range(3)]
+        samples.append(_step(system)(samples[-1], h, *u))
+    return ca.Function("interval", [q, seconds, a, b], [samples[-1], ca.horzcat(*samples[1:])])
 
 
 @lru_cache(maxsize=32)

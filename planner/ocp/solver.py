@@ -13,6 +13,7 @@ from planner.ocp.backends import SHORT_CHAIN, Backend, Settings, SolverName, bac
 from planner.ocp.bounds import Bounds
 from planner.ocp.form import Form
 from planner.ocp.layout import Iterate
+from planner.ocp.newton import Newton
 from planner.ocp.transcription import Transcription, transcription
 from planner.systems.base import Array, TriangularSystem
 
@@ -80,7 +81,8 @@ def names(made: Transcription, settings: Settings) -> tuple[SolverName, ...]:
     if settings.solver != "auto":
         return (settings.solver,)
     slow = made.layout.lifted or made.system.size > SHORT_CHAIN
-    return ("ipopt", "fatrop") if slow else ("fatrop", "ipopt")
+    both: tuple[SolverName, ...] = ("ipopt", "fatrop") if slow else ("fatrop", "ipopt")
+    return ("newton", *both) if settings.near else both
 
 
 def _solve(
@@ -154,7 +156,8 @@ def prepare(
 @lru_cache(maxsize=64)
 def solver(system: TriangularSystem, form: Form, settings: Settings) -> Backend:
     """The solver of a transcription, made once for each settings (which name one solver)."""
-    return backend(transcription(system, form), settings)
+    made = transcription(system, form)
+    return Newton(made, settings) if settings.solver == "newton" else backend(made, settings)
 
 
 def _made() -> int:

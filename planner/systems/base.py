@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -36,7 +37,6 @@ class TriangularSystem(ABC):
     """
 
     kind: ClassVar[str]
-    _hash: int | None = None
 
     def __repr__(self) -> str:
         names = ", ".join(c.name for c in self.coordinates)
@@ -53,7 +53,7 @@ class TriangularSystem(ABC):
     def inputs(self) -> tuple[Coordinate, Coordinate]:
         """The two inputs u₁, u₂ with their units."""
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Number of coordinates N."""
         return len(self.coordinates)
@@ -146,9 +146,11 @@ class TriangularSystem(ABC):
         """The `[system]` table of a problem file that gives this system back."""
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, TriangularSystem) and self.to_dict() == other.to_dict()
+        return isinstance(other, TriangularSystem) and self._text == other._text
 
     def __hash__(self) -> int:
-        if self._hash is None:
-            self._hash = hash(repr(self.to_dict()))
-        return self._hash
+        return hash(self._text)
+
+    @cached_property
+    def _text(self) -> str:
+        return repr(self.to_dict())

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 import planner
 from planner.errors import InputError, NotConvergedError
 from planner.measures import effort, peak_inputs, peak_rates
-from planner.methods import collocation as module
+from planner.methods import collocation_search as module
 from planner.methods.collocation import plan_collocation
 from planner.ocp.solver import solver
 from planner.ocp.transcription import transcription

@@ -18,6 +18,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "degree": (1, 5),
     "starts": (1, 6),
     "attempts": (1, 24),
+    "variations": (0, 80),
     "pieces": (10, 200),
     "slots": (1, 20),
     "amplitude": (-1.5, 1.5),

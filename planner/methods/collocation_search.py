@@ -11,9 +11,10 @@ from planner.methods.collocation_refusals import no_path, not_converged, too_sho
 from planner.methods.collocation_seeds import NAMES, planned_seeds
 from planner.ocp.bridged import crossings
 from planner.ocp.guess import Seed, seeds
+from planner.ocp.improve import FINEST, Improved, finer, improved
 from planner.ocp.look import clears
 from planner.ocp.polish import polish
-from planner.ocp.search import Found, Search, same_path, search
+from planner.ocp.search import Found, Search, one_way, same_path, search
 from planner.ocp.solver import Solution
 from planner.ocp.task import Task, stretched
 from planner.ocp.timing import HASTE, hasty, timed
@@ -25,6 +26,10 @@ GUESSES, LONG_CHAIN_GUESSES = 16, 2
 
 BRIDGES = 4
 """Random paths tried."""
+
+FEW, BRIEF = 3, 120
+"""Starts that are enough where each takes long, since variations of the best lead further; and
+iterations granted once a motion is known."""
 
 RESOLVED = 1e-4
 """Difference at the end, rad, between a motion and its interpolant up to which it is believed."""
@@ -55,9 +60,13 @@ def searched(job: Task, options: CollocationOptions) -> Answer:
     enough = options.starts if options.start in ("auto", "wander") else 1
     simple = options.start == "auto" and not job.problem.obstacles
     guesses = _seeds(job.problem, options)[: _guesses(job, options)]
-    paths = search(job, guesses, enough, simple)
+    paths = search(job, guesses, 1 if _variable(job, options) else enough, simple)
     if not paths.found:
         return _bridged(job, paths, None, options)
+    if _variable(job, options):
+        if answer := _varied(job, paths, guesses, options):
+            return answer
+        paths = search(job, guesses, enough, simple)
     outcomes = [timed(job, path.solution.iterate) for path in paths.found]
     log = [*paths.log]
     iterations = paths.iterations + sum(outcome.iterations for outcome in outcomes)
@@ -75,6 +84,62 @@ def searched(job: Task, options: CollocationOptions) -> Answer:
     if quick is None or not quick.ok:
         return _bridged(job, paths, outcomes[k].solution, options)
     return _hurried(job, quick, Answer(paths.found[k].seed, job, quick, log, iterations), options)
+
+
+def _variable(job: Task, options: CollocationOptions) -> bool:
+    """Whether a motion found is bettered by variations."""
+    free = job.problem.duration is None and _bridgeable(job.problem)
+    return options.start == "auto" and options.variations > 0 and free
+
+
+def _varied(
+    job: Task, first: Search, guesses: list[Seed], options: CollocationOptions
+) -> Answer | None:
+    """The best of a few starts and of its variations; None if the first path leads nowhere.
+
+    Starts after the first are tried on a finer mesh where that path needs one.
+    """
+    best = _best(job, first)
+    if best is None or one_way(best.solution.iterate):
+        return best
+    finest = FINEST if options.intervals == "auto" else 0
+    near = finer(Improved(best.start, job, best.solution, best.log, best.iterations), finest)
+    best = replace(best, task=near.task, solution=near.solution, iterations=near.iterations)
+    brief = min(options.max_iterations, BRIEF)
+    job = replace(near.task, settings=replace(near.task.settings, max_iterations=brief))
+    if options.starts > 1:
+        others = search(job, guesses[len(first.log) :], options.starts - 1, True, FEW - 1)
+        best = _better(best, _best(job, others), others)
+    if one_way(best.solution.iterate):
+        return best
+    found = improved(best.start, job, best.solution, options.variations, finest)
+    task = replace(found.task, settings=near.task.settings)
+    log, iterations = best.log + found.log, best.iterations + found.iterations
+    return Answer(found.name, task, found.solution, log, iterations)
+
+
+def _best(job: Task, paths: Search) -> Answer | None:
+    """The best motion along these paths."""
+    outcomes = [timed(job, path.solution.iterate) for path in paths.found]
+    log = [*paths.log]
+    for path, outcome in zip(paths.found, outcomes, strict=True):
+        _note(log, path, outcome.solution)
+    iterations = paths.iterations + sum(outcome.iterations for outcome in outcomes)
+    solved = [k for k, outcome in enumerate(outcomes) if outcome.solution.ok]
+    if not solved:
+        return None
+    k = min(solved, key=lambda k: outcomes[k].solution.objective)
+    return Answer(paths.found[k].seed, job, outcomes[k].solution, log, iterations)
+
+
+def _better(best: Answer, other: Answer | None, paths: Search) -> Answer:
+    """The better one, with what both took."""
+    more, log = (other.iterations, other.log) if other else (paths.iterations, paths.log)
+    if other is not None and other.solution.objective < best.solution.objective:
+        chosen = other
+    else:
+        chosen = best
+    return replace(chosen, log=best.log + log, iterations=best.iterations + more)
 
 
 def by_path(job: Task) -> Answer | None:

@@ -24,6 +24,9 @@ from planner.problem import Problem
 
 INFEASIBLE = "Infeasible_Problem_Detected"
 
+LONG_SEARCH = 300
+"""Iterations over all seeds from which on a search counts as long."""
+
 STANDSTILL = 1e-6
 """Share of the greatest input that counts as none."""
 
@@ -55,10 +58,13 @@ class Search:
     iterations: int
 
 
-def search(task: Task, seeds: Sequence[Seed], enough: int, simple: bool = False) -> Search:
+def search(
+    task: Task, seeds: Sequence[Seed], enough: int, simple: bool = False, few: int | None = None
+) -> Search:
     """Solve the task's path problem from one seed after the other until enough have converged.
 
-    With `simple`, a path whose drive never turns back is enough by itself.
+    With `simple`, a path whose drive never turns back is enough by itself. Where paths take long,
+    `few` of them are enough.
     Two thirds of the seeds in a row found infeasible end the search too. A path whose links pass
     through a disc between two nodes may come clear once it is timed, but counts half.
     """
@@ -75,7 +81,8 @@ def search(task: Task, seeds: Sequence[Seed], enough: int, simple: bool = False)
             entry["status"] == INFEASIBLE for entry in result.log
         )
         found = simple and solution.ok and one_way(solution.iterate)
-        if hopeless or found or clear >= enough or len(result.found) >= 2 * enough:
+        tired = few is not None and clear >= few and result.iterations > LONG_SEARCH
+        if hopeless or found or tired or clear >= enough or len(result.found) >= 2 * enough:
             break
     return replace(result, found=_distinct(result.found))
 

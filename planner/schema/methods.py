@@ -152,7 +152,14 @@ class CollocationOptions(Table):
     starts: Annotated[int, Field(ge=1)] = Field(
         10,
         description="Starts that must converge before the best is taken (start = 'auto' or"
-        " 'wander'). With 'auto' a path whose drive never turns back is enough by itself.",
+        " 'wander'). With 'auto' a path whose drive never turns back is enough by itself, and 3 are"
+        " where they take long and variations follow.",
+    )
+    variations: Annotated[int, Field(ge=0)] = Field(
+        40,
+        description="Variations of the best motion found that are tried to better it, at most"
+        " (start = 'auto', the duration free, no waypoints, obstacles and z2 margin); fewer where"
+        " they help no more.",
     )
     attempts: Annotated[int, Field(ge=1)] = Field(
         16,

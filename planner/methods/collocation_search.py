@@ -56,7 +56,6 @@ class Answer:
 
 def searched(job: Task, options: CollocationOptions) -> Answer:
     """Paths from several seeds, each then timed; the best of them."""
-    job = _by_ipopt(job)
     enough = options.starts if options.start in ("auto", "wander") else 1
     simple = options.start == "auto" and not job.problem.obstacles
     guesses = _seeds(job.problem, options)[: _guesses(job, options)]
@@ -153,16 +152,6 @@ def by_path(job: Task) -> Answer | None:
     if not outcome.solution.ok or not clears(job, outcome.solution):
         return None
     return Answer(paths.found[0].seed, job, outcome.solution, log, iterations)
-
-
-def _by_ipopt(job: Task) -> Task:
-    """With a free duration, searches meet iterates from which Fatrop may never return.
-
-    It is hardly faster there, and finds no path that IPOPT does not.
-    """
-    if job.settings.solver != "auto" or job.problem.duration is not None or job.problem.obstacles:
-        return job
-    return replace(job, settings=replace(job.settings, solver="ipopt"))
 
 
 def _seeds(problem: Problem, options: CollocationOptions) -> list[Seed]:

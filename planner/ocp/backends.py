@@ -45,11 +45,6 @@ FATROP_TOLERANCE = 1e-7
 """Below this rounding keeps Fatrop from finishing where limits are active. Rows are as exact as
 ever; the objective is within 1e-7 of that of a sharper tolerance."""
 
-FATROP_PIVOT = 1e-3
-"""Least pivot by which Fatrop resolves the goal's equations for an interval's inputs; what has none
-is left to the intervals before. With much smaller ones no digit may be left, and Fatrop (1.1.8)
-then raises its regularisation for ever."""
-
 FATROP_RELAXES = 1e-8
 """By how much, relative to a bound or to one, Fatrop lets its iterates pass bounds."""
 
@@ -116,7 +111,7 @@ class _Ipopt:
         if settings.near:
             pushes = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
             options |= {"mu_init": IPOPT_BARRIER_NEAR, **dict.fromkeys(pushes, NEAR)}
-        elif _brisk(made):
+        elif _brisk(made) and not made.form.chart:  # along z2 = 0 it leads to long ways round
             options["mu_strategy"] = "adaptive"
         program = made.program
         functions = {"nlp_grad_f": program.value_gradient, "nlp_hess_l": program.triangle}

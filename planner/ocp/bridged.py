@@ -15,8 +15,8 @@ from planner.ocp.timing import Timed, timed
 PATIENCE = 400
 """Iterations granted at least: the paths are long, and the start is already a motion."""
 
-LONG = 300
-"""Intervals from which on a path is kept as it is."""
+MOST_SOLVED = 300
+"""Intervals beyond which a path is kept as it is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ def crossings(job: Task, attempts: int, accuracy: float) -> Iterator[Crossing]:
     for bridge in bridges(job.problem, attempts):
         own, path = follow(job, bridge.chain)
         outcome = None
-        if len(own.mesh.widths) <= LONG or not can_hold(job):
+        if len(own.mesh.widths) <= MOST_SOLVED or not can_hold(job):
             outcome = _timed(own, path)
         if (outcome is None or not outcome.solution.ok) and can_hold(job):
             kept = held(job, bridge.chain, accuracy)

@@ -17,7 +17,9 @@ EVENNESS = 0.35
 """Least density of a refined mesh, relative to its greatest."""
 
 LARGEST_MESH = 2000
-LONG, LONG_ITERATIONS = 300, 120
+MANY, MOST_ITERATIONS = 300, 120
+"""Intervals beyond which each iteration takes long, and those granted there."""
+
 TIGHTENING_ROUNDS = 6
 
 ELSEWHERE = 0.01
@@ -80,9 +82,9 @@ def polish(task: Task, solution: Solution, accuracy: float, refinements: int) ->
 
 def _patiently(task: Task) -> Task:
     """The task with a limit on iterations where each takes long; a near start needs few."""
-    if len(task.mesh.widths) <= LONG:
+    if len(task.mesh.widths) <= MANY:
         return task
-    most = min(task.settings.max_iterations, LONG_ITERATIONS)
+    most = min(task.settings.max_iterations, MOST_ITERATIONS)
     return replace(task, settings=replace(task.settings, max_iterations=most))
 
 

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from planner.interrupts import heed_interrupts
-from planner.ocp.backends import SHORT_CHAIN, Backend, Settings, SolverName, backend
+from planner.ocp.backends import SHORT_CHAIN, Answer, Backend, Settings, SolverName, backend
 from planner.ocp.bounds import Bounds
 from planner.ocp.form import Form
 from planner.ocp.layout import Iterate
@@ -34,7 +34,7 @@ class Solution:
         iterate: The same by name.
         rows: Values of all rows there, evaluated anew.
         objective: Value of the objective.
-        residual: Largest excess of a row over its bounds, computed from `rows`.
+        residual: Largest excess of a row or unknown over its bounds, computed from `rows`.
         ok: Whether the solver finished and the residual is small enough.
         status: What the solver says of itself.
         iterations: How many it made.
@@ -74,61 +74,67 @@ def solve(made: Transcription, data: Bounds, start: Iterate, settings: Settings)
 def names(made: Transcription, settings: Settings) -> tuple[SolverName, ...]:
     """The solvers to try, in this order.
 
-    Fatrop is several times faster. But where collocation values stay unknowns its dense stages cost
-    more than they gain; and it eliminates the goal backwards through the inputs of the last few
-    intervals, which for chains of more than four joints leaves no digit.
+    Fatrop is several times faster than IPOPT. But where collocation values stay unknowns its dense
+    stages cost more than they gain; and it eliminates the goal backwards through the inputs of the
+    last few intervals, which for chains of more than four joints leaves no digit. With a free
+    duration its iterates may be such that it (1.1.8) never returns, and is hardly faster; discs,
+    among which IPOPT finds ways less often, are worth that risk.
     """
     if settings.solver != "auto":
         return (settings.solver,)
     slow = made.layout.lifted or made.system.size > SHORT_CHAIN
-    both: tuple[SolverName, ...] = ("ipopt", "fatrop") if slow else ("fatrop", "ipopt")
-    return ("newton", *both) if settings.near else both
+    order: tuple[SolverName, ...] = ("ipopt", "fatrop") if slow else ("fatrop", "ipopt")
+    if made.form.free_duration and not made.form.obstacles:
+        order = ("ipopt",)
+    return ("newton", *order) if settings.near else order
 
 
 def _solve(
     name: SolverName, made: Transcription, data: Bounds, start: Iterate, settings: Settings
 ) -> Solution:
-    """One solver's answer. Its word is not taken for it: rows are evaluated anew."""
+    """One solver's answer."""
     call = solver(made.system, made.form, replace(settings, solver=name))
     packed = np.clip(made.layout.pack(start, data.widths), data.lower, data.upper)
     began = time.perf_counter()
     with heed_interrupts():
         answer = call(packed, data)
     seconds = time.perf_counter() - began
-    vector = np.clip(answer.vector, data.lower, data.upper)
-    objective, rows, iterate = made.outcome(vector, data.parameters)
-    residual = float(np.max(excess(rows, data.row_lower, data.row_upper), initial=0.0))
-    return Solution(
-        solver=name,
-        vector=vector,
-        iterate=iterate,
-        rows=rows,
-        objective=objective,
-        residual=residual,
-        ok=answer.finished and residual <= ACCEPTED_RESIDUAL,
-        status=answer.status,
-        iterations=answer.iterations,
-        seconds=seconds,
-    )
+    inside = replace(answer, vector=np.clip(answer.vector, data.lower, data.upper))
+    return _checked(made, data, inside, ACCEPTED_RESIDUAL, name, seconds)
 
 
 def judged(made: Transcription, data: Bounds, iterate: Iterate) -> Solution:
     """An iterate that no solver has touched, as a solution; ok if it keeps rows and bounds."""
-    vector = made.layout.pack(iterate, data.widths)
-    objective, rows, iterate = made.outcome(vector, data.parameters)
-    over = excess(rows, data.row_lower, data.row_upper), excess(vector, data.lower, data.upper)
+    answer = Answer(made.layout.pack(iterate, data.widths), True, "a motion, not the best", 0)
+    return _checked(made, data, answer, FEASIBLE)
+
+
+def _checked(
+    made: Transcription,
+    data: Bounds,
+    answer: Answer,
+    accepted: float,
+    name: SolverName | None = None,
+    seconds: float = 0.0,
+) -> Solution:
+    """An answer, whose word is not taken for it: rows are evaluated anew."""
+    objective, rows, iterate = made.outcome(answer.vector, data.parameters)
+    over = (
+        excess(rows, data.row_lower, data.row_upper),
+        excess(answer.vector, data.lower, data.upper),
+    )
     residual = float(np.max(np.concatenate(over)))
     return Solution(
-        solver=None,
-        vector=vector,
+        solver=name,
+        vector=answer.vector,
         iterate=iterate,
         rows=rows,
         objective=objective,
         residual=residual,
-        ok=residual <= FEASIBLE,
-        status="a motion, not the best",
-        iterations=0,
-        seconds=0.0,
+        ok=answer.finished and residual <= accepted,
+        status=answer.status,
+        iterations=answer.iterations,
+        seconds=seconds,
     )
 
 

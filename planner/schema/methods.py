@@ -179,8 +179,9 @@ class CollocationOptions(Table):
         "auto",
         description="Who solves the nonlinear programme. auto: Fatrop, which knows the stages, and"
         " IPOPT where Fatrop fails; the other way round for more than four joints and for systems"
-        " whose rates depend on each other in a circle, such as trailers. IPOPT alone where a free"
-        " duration is searched for: there Fatrop (1.1.8) has been seen never to return.",
+        " whose rates depend on each other in a circle, such as trailers. IPOPT alone where the"
+        " duration is free and nothing is in the way: there Fatrop (1.1.8) has been seen never to"
+        " return. Starts near the answer first by Newton's method.",
     )
     compile: bool = Field(
         False,

@@ -57,7 +57,7 @@ def test_a_plan_grows_from_random_paths_where_guesses_fail(monkeypatch: pytest.M
 
 def test_a_path_too_long_for_the_solver_is_kept_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(searching, "_guesses", lambda job, options: 0)
-    monkeypatch.setattr(bridged, "LONG", 10)
+    monkeypatch.setattr(bridged, "MOST_SOLVED", 10)
     plan = planner.solve(PROBLEM, "collocation")
     assert plan.notes["tried"][-1]["status"] == "a motion, not the best"
     assert planner.verify(plan).ok

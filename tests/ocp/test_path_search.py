@@ -55,7 +55,8 @@ def test_a_search_leaves_fatrop_alone(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(solver, "_solve", noted)
     planner.solve(TURNS, "collocation", starts=2)
-    assert set(asked) == {"ipopt"}
+    assert "ipopt" in asked
+    assert "fatrop" not in asked
     asked.clear()
     planner.solve(TURNS, "collocation", starts=2, solver="fatrop")
     assert set(asked) == {"fatrop"}

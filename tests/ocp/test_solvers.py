@@ -43,11 +43,18 @@ def test_solvers_agree(name: str, changes: Any, options: Any) -> None:
 
 
 def test_who_is_first(paper: Problem) -> None:
-    def order(name: str) -> tuple[str, ...]:
+    def order(name: str, free: bool = False, discs: int = 0, **settings: Any) -> tuple[str, ...]:
         system = planner.load_problem(PROBLEMS / f"{name}.toml").system
-        return names(transcription(system, Form(3)), Settings())
+        form = Form(3, free_duration=free, obstacles=discs)
+        return names(transcription(system, form), Settings(**settings))
 
     assert order("paper") == ("fatrop", "ipopt")
+    assert order("paper", near=True) == ("newton", "fatrop", "ipopt")
+    assert order("paper", free=True) == ("ipopt",)
+    assert order("paper", free=True, near=True) == ("newton", "ipopt")
+    assert order("paper", free=True, discs=1) == ("fatrop", "ipopt")
+    assert order("paper", free=True, solver="fatrop") == ("fatrop",)
+    assert order("paper", near=True, solver="ipopt") == ("ipopt",)
     assert order("trailers") == ("ipopt", "fatrop")
 
 

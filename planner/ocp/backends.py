@@ -27,10 +27,10 @@ NEAR = 1e-4
 FATROP_BARRIER, FATROP_BARRIER_NEAR, IPOPT_BARRIER_NEAR = 1e-4, 1e-5, 1e-6
 """Barriers to begin with where that is not the solver's own, 0.1; see `_brisk`."""
 
-FATROP_WEIGHT_NEAR = 1e3
-"""Factor of the objective for Fatrop when the start is near the answer. Its bound multipliers all
-begin at one, which beside a small objective takes iterations to forget. Far from the answer a large
-objective gets in the way of the rows."""
+FATROP_WEIGHT, FATROP_WEIGHT_NEAR = 1e2, 1e3
+"""Factors of the objective for Fatrop. Its bound multipliers all begin at one, which beside a small
+objective takes iterations to forget; a larger one gets in the way of the rows, far from the answer.
+"""
 
 FATROP_ROWS = 1e-8
 """Tolerance of the rows for Fatrop, whatever the objective's factor."""
@@ -144,7 +144,9 @@ class _Fatrop:
     """
 
     def __init__(self, made: Transcription, settings: Settings) -> None:
-        self._weight = FATROP_WEIGHT_NEAR if settings.near else 1.0
+        self._weight = FATROP_WEIGHT if _brisk(made) else 1.0
+        if settings.near:
+            self._weight = FATROP_WEIGHT_NEAR
         options: dict[str, Any] = {
             "print_level": 0,
             "tol": max(settings.tolerance, FATROP_TOLERANCE) * self._weight,

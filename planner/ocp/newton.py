@@ -18,6 +18,7 @@ Source: Nocedal and Wright, Numerical Optimization, 2nd ed., sections 17.3 and 1
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -48,10 +49,7 @@ class Newton:
 
     def __init__(self, made: Transcription, settings: Settings) -> None:
         self._rows, self._tolerance = made.program.g, settings.tolerance
-        symbols = _Symbols(made.program)
-        self._first, self._more = symbols.first(), symbols.more()
-        row, column = (np.array(each) for each in symbols.pattern.get_triplet())
-        self._band = row - column, column
+        self._functions = _Functions(made.program)
 
     def __call__(self, start: Array, data: Bounds) -> Answer:
         """Answer, or give the start back."""
@@ -59,9 +57,10 @@ class Newton:
         values, duals = np.append(start, _value(self._rows, start, p)), np.zeros(m)
         held = _held(data, values)
         broken, taken, finished = held.broken(values), 0, False
-        for steps, count in ((self._first, 1), *[(self._more, 2)] * ROUNDS):
+        for count in (1, *[2] * ROUNDS):
             if not broken <= TOUCHING:
                 break
+            steps = self._functions.first if count == 1 else self._functions.more
             found = _value(steps, values[:n], p, held.weights, held.target[n:], duals)
             values, duals, slope, matrix = np.split(found, [n + m, n + 2 * m, 2 * (n + m)])
             broken, taken = held.broken(values), taken + count
@@ -81,7 +80,7 @@ class Newton:
 
     def _least(self, matrix: Array, size: int) -> bool:
         """Whether the last step's matrix is positive definite."""
-        below, column = self._band
+        below, column = self._functions.band
         band = np.zeros((int(np.max(below)) + 1, size))
         band[below, column] = matrix
         return not dpbtrf(band, lower=1)[1]
@@ -134,8 +133,11 @@ def _held(data: Bounds, values: Array) -> _Held:
     return _Held(lower, upper, every, side, target, weights)
 
 
-class _Symbols:
-    """The functions of `Newton`, of unknowns x, parameters p, weights and what else they need."""
+class _Functions:
+    """Steps, made when they are first wanted.
+
+    All are of unknowns, parameters, weights, targets of the rows and duals.
+    """
 
     def __init__(self, program: Program) -> None:
         self.program = program
@@ -145,8 +147,8 @@ class _Symbols:
         self.duals = ca.MX.sym("duals", m)
         self.fixed, self.weighed = ca.vertsplit(weights, [0, n, n + m])
         self.inputs = [self.x, self.p, weights, self.target, self.duals]
-        self.pattern = ca.tril(self._step(self.x, self.duals)[2]).sparsity()
 
+    @cached_property
     def first(self) -> Any:
         """To unknowns, rows and duals after one step from the duals that fit the slope best."""
         rows, J = self.program.jacobian(self.x, self.p)
@@ -157,13 +159,17 @@ class _Symbols:
         rows = self.program.g(x, self.p)
         return ca.Function("first", self.inputs, [ca.vertcat(x, rows, duals)])
 
+    @cached_property
     def more(self) -> Any:
         """To unknowns, rows, duals, the Lagrangian's slope and the matrix after two steps."""
         x, duals, _ = self._step(self.x, self.duals)
         x, duals, matrix = self._step(x, duals)
         rows, J = self.program.jacobian(x, self.p)
         slope = self.program.gradient(x, self.p) + J.T @ duals
-        found = ca.vertcat(x, rows, duals, slope, ca.tril(matrix).nz[:])
+        lower = ca.tril(matrix)
+        row, column = (np.array(each) for each in lower.sparsity().get_triplet())
+        self.band = row - column, column
+        found = ca.vertcat(x, rows, duals, slope, lower.nz[:])
         return ca.Function("more", self.inputs, [found])
 
     def _step(self, x: Any, duals: Any) -> tuple[Any, Any, Any]:

@@ -86,8 +86,13 @@ def _settled(answer: Answer) -> Answer:
     return answer
 
 
-def collocation_task(problem: Problem, options: CollocationOptions, mesh: Mesh | int) -> Task:
-    """The problem on a mesh, or on one of about so many intervals; waypoints lie on edges."""
+def collocation_task(
+    problem: Problem, options: CollocationOptions, mesh: Mesh | int, direct: bool = False
+) -> Task:
+    """The problem on a mesh, or on one of about so many intervals; waypoints lie on edges.
+
+    A direct one is to be solved from a straight line, soon or not at all.
+    """
     goal = objective(problem, options)
     kind = _input_kind(problem, options, goal.smooth)
     if isinstance(mesh, int):
@@ -104,6 +109,9 @@ def collocation_task(problem: Problem, options: CollocationOptions, mesh: Mesh |
         edge=goal.edge,
     )
     settings = Settings(options.tolerance, options.max_iterations, solver=options.solver)
+    if direct:
+        few = min(options.max_iterations, DIRECT_ITERATIONS)
+        settings = replace(settings, max_iterations=few, direct=True)
     return task(problem, goal, form, mesh, options.rest, settings)
 
 
@@ -137,15 +145,16 @@ def _direct(problem: Problem, options: CollocationOptions) -> Answer | None:
         return None
     long = problem.system.size > SHORT_CHAIN
     intervals = DIRECT_LONG if long else DIRECT
-    job = collocation_task(problem, options, intervals if options.input != "constant" else SEARCHED)
+    intervals = intervals if options.input != "constant" else SEARCHED
+    job = collocation_task(problem, options, intervals, direct=not long)
     if long:
         return by_path(job)
-    quick = replace(job.settings, max_iterations=min(options.max_iterations, DIRECT_ITERATIONS))
     seed = seeds("straight")[0]
-    start = guess(job.problem, job.made, job.mesh, seed)
-    solution = replace(job, settings=quick).solve(start)
+    solution = job.solve(guess(job.problem, job.made, job.mesh, seed))
     if not solution.ok:
         return None
+    later = replace(job.settings, max_iterations=options.max_iterations, direct=False)
+    job = replace(job, settings=later)
     log = [{"start": seed.name, "status": solution.status, "objective": solution.objective}]
     return Answer(seed.name, job, solution, log, solution.iterations)
 

@@ -27,9 +27,10 @@ NEAR = 1e-4
 FATROP_BARRIER, FATROP_BARRIER_NEAR, IPOPT_BARRIER_NEAR = 1e-4, 1e-5, 1e-6
 """Barriers to begin with where that is not the solver's own, 0.1; see `_brisk`."""
 
-FATROP_WEIGHT, FATROP_WEIGHT_NEAR = 1e2, 1e3
+FATROP_WEIGHT_DIRECT, FATROP_WEIGHT_NEAR = 1e2, 1e3
 """Factors of the objective for Fatrop. Its bound multipliers all begin at one, which beside a small
-objective takes iterations to forget; a larger one gets in the way of the rows, far from the answer.
+objective takes iterations to forget: a third of them from a straight line. Far from the answer a
+large objective gets in the way of the rows.
 """
 
 FATROP_ROWS = 1e-8
@@ -57,12 +58,14 @@ class Settings:
         tolerance: Of optimality and of the rows.
         max_iterations: Iterations before it gives up.
         near: Whether the start is close to the answer, as from a coarser mesh or looser limits.
+        direct: Whether the start is a straight line, and the answer hardly more.
         solver: Who solves; "auto" lets the other try where the first fails.
     """
 
     tolerance: float = 1e-9
     max_iterations: int = 500
     near: bool = False
+    direct: bool = False
     solver: Literal["auto", "fatrop", "ipopt", "newton"] = "auto"
 
 
@@ -144,7 +147,7 @@ class _Fatrop:
     """
 
     def __init__(self, made: Transcription, settings: Settings) -> None:
-        self._weight = FATROP_WEIGHT if _brisk(made) else 1.0
+        self._weight = FATROP_WEIGHT_DIRECT if settings.direct else 1.0
         if settings.near:
             self._weight = FATROP_WEIGHT_NEAR
         options: dict[str, Any] = {

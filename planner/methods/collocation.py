@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from planner.errors import InputError, NotConvergedError
+from planner.methods.collocation_answer import Answer
 from planner.methods.collocation_refusals import NAME
-from planner.methods.collocation_search import Answer, by_path, searched
+from planner.methods.collocation_search import by_path, searched
 from planner.ocp.backends import SHORT_CHAIN, Settings
 from planner.ocp.form import Form, InputKind
 from planner.ocp.guess import guess, seeds

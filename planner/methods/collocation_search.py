@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
+from planner.methods.collocation_answer import Answer, noted
 from planner.methods.collocation_refusals import no_path, not_converged, too_short
 from planner.methods.collocation_seeds import NAMES, planned_seeds
+from planner.methods.collocation_varied import varied
 from planner.ocp.bridged import crossings
 from planner.ocp.guess import Seed, seeds
-from planner.ocp.improve import FINEST, Improved, finer, improved
 from planner.ocp.look import clears
 from planner.ocp.polish import polish
-from planner.ocp.search import Found, Search, one_way, same_path, search
+from planner.ocp.search import Search, search
 from planner.ocp.solver import Solution
 from planner.ocp.task import Task, stretched
 from planner.ocp.timing import HASTE, hasty, timed
@@ -27,31 +27,8 @@ GUESSES, LONG_CHAIN_GUESSES = 16, 2
 BRIDGES = 4
 """Random paths tried."""
 
-FEW, BRIEF = 3, 120
-"""Starts that are enough where each takes long, since variations of the best lead further; and
-iterations granted once a motion is known."""
-
 RESOLVED = 1e-4
 """Difference at the end, rad, between a motion and its interpolant up to which it is believed."""
-
-
-@dataclass(frozen=True, eq=False)
-class Answer:
-    """A solution, the task it belongs to, and how it was come by.
-
-    Attributes:
-        start: Name of the start it grew from.
-        task: What it solves.
-        solution: The answer.
-        log: One entry a start, JSON-ready.
-        iterations: Iterations of the solver, over all starts.
-    """
-
-    start: str
-    task: Task
-    solution: Solution
-    log: list[dict[str, Any]]
-    iterations: int
 
 
 def searched(job: Task, options: CollocationOptions) -> Answer:
@@ -63,14 +40,14 @@ def searched(job: Task, options: CollocationOptions) -> Answer:
     if not paths.found:
         return _bridged(job, paths, None, options)
     if _variable(job, options):
-        if answer := _varied(job, paths, guesses, options):
+        if answer := varied(job, paths, _others(job, paths, options), options):
             return answer
         paths = search(job, guesses, enough, simple)
     outcomes = [timed(job, path.solution.iterate) for path in paths.found]
     log = [*paths.log]
     iterations = paths.iterations + sum(outcome.iterations for outcome in outcomes)
     for path, outcome in zip(paths.found, outcomes, strict=True):
-        _note(log, path, outcome.solution)
+        noted(log, path, outcome.solution)
     solved = [k for k, outcome in enumerate(outcomes) if outcome.solution.ok]
     clear = [k for k in solved if clears(job, outcomes[k].solution)]
     if solved and not clear:
@@ -91,54 +68,12 @@ def _variable(job: Task, options: CollocationOptions) -> bool:
     return options.start == "auto" and options.variations > 0 and free
 
 
-def _varied(
-    job: Task, first: Search, guesses: list[Seed], options: CollocationOptions
-) -> Answer | None:
-    """The best of a few starts and of its variations; None if the first path leads nowhere.
-
-    Starts after the first are tried on a finer mesh where that path needs one.
-    """
-    best = _best(job, first)
-    if best is None or one_way(best.solution.iterate):
-        return best
-    finest = FINEST if options.intervals == "auto" else 0
-    near = finer(Improved(best.start, job, best.solution, best.log, best.iterations), finest)
-    best = replace(best, task=near.task, solution=near.solution, iterations=near.iterations)
-    brief = min(options.max_iterations, BRIEF)
-    job = replace(near.task, settings=replace(near.task.settings, max_iterations=brief))
-    if options.starts > 1:
-        others = search(job, guesses[len(first.log) :], options.starts - 1, True, FEW - 1)
-        best = _better(best, _best(job, others), others)
-    if one_way(best.solution.iterate):
-        return best
-    found = improved(best.start, job, best.solution, options.variations, finest)
-    task = replace(found.task, settings=near.task.settings)
-    log, iterations = best.log + found.log, best.iterations + found.iterations
-    return Answer(found.name, task, found.solution, log, iterations)
-
-
-def _best(job: Task, paths: Search) -> Answer | None:
-    """The best motion along these paths."""
-    outcomes = [timed(job, path.solution.iterate) for path in paths.found]
-    log = [*paths.log]
-    for path, outcome in zip(paths.found, outcomes, strict=True):
-        _note(log, path, outcome.solution)
-    iterations = paths.iterations + sum(outcome.iterations for outcome in outcomes)
-    solved = [k for k, outcome in enumerate(outcomes) if outcome.solution.ok]
-    if not solved:
-        return None
-    k = min(solved, key=lambda k: outcomes[k].solution.objective)
-    return Answer(paths.found[k].seed, job, outcomes[k].solution, log, iterations)
-
-
-def _better(best: Answer, other: Answer | None, paths: Search) -> Answer:
-    """The better one, with what both took."""
-    more, log = (other.iterations, other.log) if other else (paths.iterations, paths.log)
-    if other is not None and other.solution.objective < best.solution.objective:
-        chosen = other
-    else:
-        chosen = best
-    return replace(chosen, log=best.log + log, iterations=best.iterations + more)
+def _others(job: Task, first: Search, options: CollocationOptions) -> list[Seed]:
+    """Guesses after the first that led to a path: twice as many as until then, or few if long."""
+    tried = {entry["start"] for entry in first.log}
+    others = [seed for seed in _seeds(job.problem, options) if seed.name not in tried]
+    most = _guesses(job, options)
+    return others[: (2 * most if most > LONG_CHAIN_GUESSES else most) - len(tried)]
 
 
 def by_path(job: Task) -> Answer | None:
@@ -147,7 +82,7 @@ def by_path(job: Task) -> Answer | None:
     if not paths.found:
         return None
     outcome, log = timed(job, paths.found[0].solution.iterate), [*paths.log]
-    _note(log, paths.found[0], outcome.solution)
+    noted(log, paths.found[0], outcome.solution)
     iterations = paths.iterations + outcome.iterations
     if not outcome.solution.ok or not clears(job, outcome.solution):
         return None
@@ -168,7 +103,10 @@ def _guesses(job: Task, options: CollocationOptions) -> int:
     """Guesses worth trying: for long chains few lead anywhere, and each takes long to fail."""
     if options.start != "auto" or not _bridgeable(job.problem):
         return options.attempts
-    return min(options.attempts, GUESSES if job.problem.system.size <= 5 else LONG_CHAIN_GUESSES)
+    return min(
+        options.attempts,
+        GUESSES if job.problem.system.size <= 5 else LONG_CHAIN_GUESSES,
+    )
 
 
 def _bridgeable(problem: Problem) -> bool:
@@ -214,10 +152,3 @@ def _hurried(job: Task, quick: Solution, answer: Answer, options: CollocationOpt
     if not solution.ok:
         raise too_short(job, done, options)
     return replace(answer, task=finer, solution=solution)
-
-
-def _note(log: list[dict[str, Any]], path: Found, solution: Solution) -> None:
-    """Enter the outcome for every start that led to this path."""
-    for entry in log:
-        if entry["path_effort"] is not None and same_path(entry["path_effort"], path):
-            entry["objective"] = solution.objective if solution.ok else None

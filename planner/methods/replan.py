@@ -13,8 +13,8 @@ from planner.methods.collocation import (
     finished,
     plan_collocation,
 )
+from planner.methods.collocation_answer import Answer
 from planner.methods.collocation_refusals import NAME
-from planner.methods.collocation_search import Answer
 from planner.ocp.layout import Iterate
 from planner.ocp.mesh import Mesh
 from planner.ocp.polish import polish

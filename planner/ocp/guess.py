@@ -23,6 +23,7 @@ from planner.systems.base import Array
 Excursion = Callable[[Array], Array]
 SAMPLES = 1001
 LARGEST_GUESS_RAD = 1.3
+WANDERS = 28
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ def _known() -> dict[str, list[Seed]]:
         "straight": [_straight()],
         "bump": [_bump(a, b) for a, b in ((1.0, 0.8), (-1.0, -0.8), (-1.0, 0.8), (1.0, -0.8))],
         "reverse": [_reverse(a, b) for a, b in ((-0.7, 0.8), (0.7, -0.8), (0.7, 0.8))],
-        "wander": [_wander(k) for k in range(12)],
+        "wander": [_wander(k) for k in range(WANDERS)],
     }
 
 

@@ -34,15 +34,15 @@ SMALLEST, LARGEST = 0.2, 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Improved:
-    """The best motion found.
+class Motion:
+    """A motion and how it was come by.
 
     Attributes:
-        name: Of the variation that led there, or that of the motion itself.
+        name: Of the start or the variation that led there.
         task: What it solves.
         solution: It.
         log: One entry a variation, JSON-ready.
-        iterations: Iterations of the solver.
+        iterations: Iterations of the solver, over all of them.
     """
 
     name: str
@@ -52,11 +52,13 @@ class Improved:
     iterations: int
 
 
-def improved(name: str, job: Task, solution: Solution, tries: int, finest: int) -> Improved:
-    """The best of a motion and of at most so many variations, on up to `finest` intervals."""
+def improved(best: Motion, tries: int, finest: int) -> Motion:
+    """The best of a motion and of at most so many variations, on up to `finest` intervals.
+
+    What is varied is the best so far.
+    """
     rng = np.random.default_rng(0)
-    best = Improved(name, job, solution, [], 0)
-    size, idle = 1.0, 0
+    name, size, idle = best.name, 1.0, 0
     for k in range(tries):
         step = f"variation {k + 1} of {name}"
         found = _varied(best, step, size, rng)
@@ -74,7 +76,7 @@ def improved(name: str, job: Task, solution: Solution, tries: int, finest: int) 
     return best
 
 
-def finer(best: Improved, finest: int) -> Improved:
+def finer(best: Motion, finest: int) -> Motion:
     """The motion on twice as many intervals, where that is worth it."""
     intervals = 2 * len(best.task.mesh.widths)
     if intervals > finest:
@@ -88,7 +90,7 @@ def finer(best: Improved, finest: int) -> Improved:
     return replace(best, task=task, solution=solution)
 
 
-def _varied(best: Improved, name: str, size: float, rng: np.random.Generator) -> Solution:
+def _varied(best: Motion, name: str, size: float, rng: np.random.Generator) -> Solution:
     job, iterate = best.task, best.solution.iterate
     motion = job.curve(iterate)
     seed = variation(name, job.problem, lambda s: motion.q(s * iterate.duration), size, rng)
@@ -102,7 +104,7 @@ def _factor(gain: float) -> float:
     return 1 / STEP if gain < -POOR else 1.0
 
 
-def _noted(best: Improved, name: str, found: Solution) -> Improved:
+def _noted(best: Motion, name: str, found: Solution) -> Motion:
     entry = {
         "start": name,
         "status": found.status,

@@ -7,7 +7,7 @@ that is feasible after stretching.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,9 +23,6 @@ from planner.ocp.task import Task
 from planner.problem import Problem
 
 INFEASIBLE = "Infeasible_Problem_Detected"
-
-LONG_SEARCH = 300
-"""Iterations over all seeds from which on a search counts as long."""
 
 STANDSTILL = 1e-6
 """Share of the greatest input that counts as none."""
@@ -59,32 +56,38 @@ class Search:
 
 
 def search(
-    task: Task, seeds: Sequence[Seed], enough: int, simple: bool = False, few: int | None = None
+    task: Task,
+    seeds: Sequence[Seed],
+    enough: int,
+    simple: bool = False,
+    sated: Callable[[Search], bool] = lambda result: False,
 ) -> Search:
     """Solve the task's path problem from one seed after the other until enough have converged.
 
-    With `simple`, a path whose drive never turns back is enough by itself. Where paths take long,
-    `few` of them are enough.
+    With `simple`, a path whose drive never turns back is enough by itself; so is any result that
+    is `sated`.
     Two thirds of the seeds in a row found infeasible end the search too. A path whose links pass
     through a disc between two nodes may come clear once it is timed, but counts half.
     """
-    path_task = replace(
-        task, problem=unhurried(task.problem), objective=shortest_path(task.objective)
-    )
+    free = path_task(task)
     result, clear = Search([], None, [], 0.0, 0), 0
     for k, seed in enumerate(seeds):
-        start = guess(path_task.problem, task.made, task.mesh, seed)
-        solution = path_task.solve(start)
-        clear += solution.ok and clears(path_task, solution)
+        start = guess(free.problem, task.made, task.mesh, seed)
+        solution = free.solve(start)
+        clear += solution.ok and clears(free, solution)
         result = _with(result, seed, solution)
         hopeless = 3 * (k + 1) >= 2 * len(seeds) and all(
             entry["status"] == INFEASIBLE for entry in result.log
         )
         found = simple and solution.ok and one_way(solution.iterate)
-        tired = few is not None and clear >= few and result.iterations > LONG_SEARCH
-        if hopeless or found or tired or clear >= enough or len(result.found) >= 2 * enough:
+        if hopeless or found or sated(result) or clear >= enough or len(result.found) >= 2 * enough:
             break
     return replace(result, found=_distinct(result.found))
+
+
+def path_task(task: Task) -> Task:
+    """The path problem of a task: least effort, without limits on inputs."""
+    return replace(task, problem=unhurried(task.problem), objective=shortest_path(task.objective))
 
 
 def unhurried(problem: Problem) -> Problem:

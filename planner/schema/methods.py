@@ -152,8 +152,9 @@ class CollocationOptions(Table):
     starts: Annotated[int, Field(ge=1)] = Field(
         10,
         description="Starts that must converge before the best is taken (start = 'auto' or"
-        " 'wander'). With 'auto' a path whose drive never turns back is enough by itself, and 3 are"
-        " where they take long and variations follow.",
+        " 'wander'). With 'auto' a path whose drive never turns back is enough by itself. Where"
+        " variations follow it is twice as many, or fewer when the shortest keeps coming back or"
+        " they take long.",
     )
     variations: Annotated[int, Field(ge=0)] = Field(
         40,

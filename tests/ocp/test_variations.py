@@ -8,7 +8,7 @@ import pytest
 import planner
 from planner.methods.collocation import collocation_task
 from planner.ocp.guess import seeds
-from planner.ocp.improve import Improved, finer
+from planner.ocp.improve import Motion, finer
 from planner.ocp.search import search
 from planner.ocp.timing import timed
 from planner.ocp.variation import variation
@@ -66,10 +66,10 @@ def test_none_are_tried_where_the_drive_never_turns_back(paper: planner.Problem)
     assert [entry["start"] for entry in plan.notes["tried"]] == ["straight"]
 
 
-def _motion(problem: planner.Problem) -> Improved:
+def _motion(problem: planner.Problem) -> Motion:
     job = collocation_task(problem, CollocationOptions(), 40)
     paths = search(job, seeds("straight"), 1)
-    return Improved("straight", job, timed(job, paths.found[0].solution.iterate).solution, [], 0)
+    return Motion("straight", job, timed(job, paths.found[0].solution.iterate).solution, [], 0)
 
 
 def test_a_long_motion_gets_a_finer_mesh_as_far_as_allowed() -> None:

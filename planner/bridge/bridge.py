@@ -1,4 +1,4 @@
-"""Paths from start to goal, one random attempt after the other."""
+"""Paths from start to goal: random motions from both, and the gap between two of them closed."""
 
 from __future__ import annotations
 
@@ -8,16 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.bridge.closing import Chain, Ends, closed, finer
-from planner.bridge.leg import Ground, leg
-from planner.bridge.legs import by_legs
-from planner.bridge.walks import room
+from planner.bridge.pairing import Pair, pairs
+from planner.bridge.walks import Walks, room, walks
 from planner.problem import Problem
 
-DIRECT = 2
-"""Attempts in one go before the way is cut into legs."""
+WALKS = 400
+PIECES = 60
+PAIRS = 2
+"""Pairs tried of one set of walks."""
 
 HOPELESS = 2.0
-"""Cost of the best pair (see `Pair`) from which on no attempt in one go is worth its time."""
+"""Cost of a pair (see `Pair`) from which on it is not worth its time."""
 
 TURN = 0.6
 """Most that a limited coordinate turns in a piece of the answer, rad."""
@@ -41,24 +42,45 @@ class Bridge:
 def bridges(problem: Problem, attempts: int, seed: int = 0) -> Iterator[Bridge]:
     """Paths within the joint limits, as they are found in `attempts` attempts.
 
-    First in one go, from start to goal; then leg by leg. Limits on inputs are left to the timing,
-    z₂ is not looked at.
+    Limits on inputs are left to the timing, z₂ is not looked at.
     """
-    system, space = problem.system, room(problem)
-    start, goal, limit = problem.start, problem.target, problem.limits.joint
+    system, ends = problem.system, Ends(problem.start, problem.target, problem.limits.joint)
     iterations = 0
     for number in range(attempts):
-        rng = np.random.default_rng((seed, number))
-        ground = Ground(system, space, limit, rng)
-        if number < DIRECT:
-            name, (chain, made) = f"bridge {number + 1}", leg(ground, start, goal, HOPELESS)
-        else:
-            name, (chain, made) = f"legs {number + 1 - DIRECT}", by_legs(ground, start, goal)
+        chain, made = _long_pieces(problem, ends, np.random.default_rng((seed, number)))
         iterations += made
         if chain is None:
             continue
-        cut = finer(system, chain, list(system.limited), TURN)
-        fine, made = closed(system, cut, Ends(start, goal, limit))
+        fine, made = closed(system, finer(system, chain, list(system.limited), TURN), ends)
         iterations += made
         if fine is not None:
-            yield Bridge(name, fine, iterations)
+            yield Bridge(f"bridge {number + 1}", fine, iterations)
+
+
+def _long_pieces(
+    problem: Problem, ends: Ends, rng: np.random.Generator
+) -> tuple[Chain | None, int]:
+    """A path of one set of walks, or None; and iterations made."""
+    system, space = problem.system, room(problem)
+    forth = walks(system, ends.start, space, WALKS, PIECES, rng)
+    back = walks(system, np.nan_to_num(ends.goal), space, WALKS, PIECES, rng)
+    iterations = 0
+    for pair in pairs(system, forth, back, not np.isnan(ends.goal[0]), PAIRS):
+        if pair.cost > HOPELESS:
+            break
+        chain, made = closed(system, _joined(forth, back, pair), ends)
+        iterations += made
+        if chain is not None:
+            return chain, iterations
+    return None, iterations
+
+
+def _joined(forth: Walks, back: Walks, pair: Pair) -> Chain:
+    """Forth, then the second coordinate turned alone, then the other way back."""
+    first, last = forth.q[:, pair.forth], back.q[::-1, pair.back].copy()
+    turn = np.array([[0.0, last[0, 1] - first[-1, 1]]])
+    u = np.concatenate([forth.u[:, pair.forth], turn, -back.u[::-1, pair.back]])
+    gap = np.zeros((len(u), first.shape[1]))
+    gap[len(forth.u)] = last[0] - first[-1]
+    gap[:, 1] = 0.0
+    return Chain(np.concatenate([first, last]), u, gap)

@@ -20,7 +20,10 @@ from planner.ocp.task import Task, stretched, task
 from planner.problem import Problem
 from planner.systems.base import Array
 
-TURNS = (0.13, 0.1, 0.07)
+DEGREE = 5
+"""Collocation points in an interval of a path kept: few wide intervals are exact enough."""
+
+TURNS = (0.5, 0.3, 0.2)
 """Most that a limited coordinate turns in an interval, rad; smaller where that is too coarse."""
 
 COARSE = 0.3
@@ -55,7 +58,7 @@ def held(job: Task, chain: Chain, accuracy: float) -> tuple[Task, Solution] | No
         if found is None:
             return None
         chain = found
-        own, path = follow(job, chain)
+        own, path = follow(job, chain, DEGREE)
         wanted = _duration(own, path)
         if wanted is None:
             return None
@@ -93,8 +96,11 @@ def chain_of(job: Task, solution: Solution) -> Chain:
     return Chain(q, u, q[1:] - ends(job.problem.system, q[:-1], u))
 
 
-def follow(job: Task, chain: Chain) -> tuple[Task, Iterate]:
-    """The job on the path's mesh, and the path at the speed the limits allow."""
+def follow(job: Task, chain: Chain, degree: int = 0) -> tuple[Task, Iterate]:
+    """The job on the path's mesh, and the path at the speed the limits allow.
+
+    With as many collocation points in each interval at least as `degree` says.
+    """
     limit = job.problem.limits.input
     box = np.where(np.isfinite(limit), limit, 1.0)
     seconds = np.max(np.abs(chain.u) / box, axis=1)
@@ -102,16 +108,19 @@ def follow(job: Task, chain: Chain) -> tuple[Task, Iterate]:
     seconds = seconds[kept]
     nodes = np.vstack([chain.q[:-1][kept], chain.q[-1:]])
     edges = np.append(0.0, np.cumsum(seconds))
-    own = _stepwise(job).on(Mesh(edges / edges[-1]))
+    own = _stepwise(job, degree).on(Mesh(edges / edges[-1]))
     return own, _iterate(own, nodes, chain.u[kept] / seconds[:, None], float(edges[-1]))
 
 
-def _stepwise(job: Task) -> Task:
+def _stepwise(job: Task, degree: int) -> Task:
     """The job with constant inputs in each interval, as the path has them, where they may jump."""
-    if not can_hold(job) or job.made.form.input == "constant":
+    form = job.made.form
+    wanted = replace(form, degree=max(form.degree, degree))
+    if can_hold(job):
+        wanted = replace(wanted, input="constant")
+    if wanted == form:
         return job
-    form = replace(job.made.form, input="constant")
-    return task(job.problem, job.objective, form, job.mesh, job.rest, job.settings)
+    return task(job.problem, job.objective, wanted, job.mesh, job.rest, job.settings)
 
 
 def _iterate(own: Task, nodes: Array, rates: Array, duration: float) -> Iterate:

@@ -115,6 +115,16 @@ class Manipulator(TriangularSystem):
         K = [gear.k(i) / value for i in range(2, n + 1)]
         return cls(K, value, link_lengths, said)
 
+    def shorter(self) -> Manipulator:
+        """The arm of joints 2 … n.
+
+        With joint 1 at rest its rates are cosθ₁ times slower in this arm, but for θ̇₂ (n ≥ 3).
+
+        Raises:
+            InputError: If this arm has 2 joints.
+        """
+        return Manipulator(self.K[1:].tolist(), self.k_g, self.link_lengths[1:].tolist())
+
     # -- names ---------------------------------------------------------------------------------
 
     @property

@@ -10,10 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import planner
-from planner.bridge import bridges, leg, legs
+from planner.bridge import bridge, bridges
 from planner.bridge.closing import Chain, Ends, _programme, closed, exact, finer
-from planner.bridge.leg import Ground
-from planner.bridge.legs import by_legs
 from planner.bridge.pairing import pairs
 from planner.bridge.piece import ends, slopes
 from planner.bridge.walks import room, walks
@@ -24,8 +22,8 @@ LIMIT_DEG = 80.0
 @pytest.fixture(autouse=True)
 def _few_walks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Three joints do not need as many as long chains do."""
-    monkeypatch.setattr(leg, "WALKS", 100)
-    monkeypatch.setattr(leg, "PIECES", 30)
+    monkeypatch.setattr(bridge, "WALKS", 100)
+    monkeypatch.setattr(bridge, "PIECES", 30)
 
 
 def _problem(start: list[float], goal: list[float], travel: object = "free") -> planner.Problem:
@@ -157,42 +155,6 @@ def test_the_same_seed_gives_the_same_path() -> None:
     first, second = (next(islice(bridges(HARD, 2, seed=7), 1)).chain for _ in range(2))
     assert np.array_equal(first.q, second.q)
     assert not np.array_equal(first.q, next(islice(bridges(HARD, 2, seed=8), 1)).chain.q)
-
-
-@pytest.mark.parametrize("travel", [0.0, "free"])
-def test_legs_lead_from_start_to_goal(travel: object) -> None:
-    problem = _problem([10.0, -20.0, 30.0], [-40.0, 50.0, -10.0], travel)
-    ground = Ground(problem.system, room(problem), problem.limits.joint, np.random.default_rng(0))
-    chain, iterations = by_legs(ground, problem.start, problem.target)
-    assert chain is not None
-    assert iterations > 0
-    ends = Ends(problem.start, problem.target, problem.limits.joint)
-    fine, _ = closed(problem.system, finer(problem.system, chain, [1, 2, 3], 0.6), ends)
-    assert fine is not None
-    _check_way(problem, fine)
-
-
-def test_a_leg_that_cannot_be_afforded_is_cut_in_half(monkeypatch: pytest.MonkeyPatch) -> None:
-    tried: list[np.ndarray] = []
-
-    def only_short(
-        ground: Ground, start: np.ndarray, goal: np.ndarray, affordable: float
-    ) -> tuple[Chain | None, int]:
-        tried.append(goal)
-        if np.max(np.abs(goal - start)[-2:]) > 0.5:
-            return None, 1
-        both = np.stack([start, np.where(np.isnan(goal), start, goal)])
-        return Chain(both, np.zeros((1, 2)), np.zeros((1, len(start)))), 1
-
-    monkeypatch.setattr(legs, "leg", only_short)
-    problem = _problem([10.0, -60.0, 60.0], [-40.0, 50.0, -10.0])
-    ground = Ground(problem.system, room(problem), problem.limits.joint, np.random.default_rng(0))
-    chain, iterations = by_legs(ground, problem.start, problem.target)
-    assert chain is not None
-    assert iterations == len(tried) > 5
-    assert np.max(np.abs(np.diff(chain.q[:, 2:], axis=0))) <= 0.5
-    monkeypatch.setattr(legs, "leg", lambda *_: (None, 1))
-    assert by_legs(ground, problem.start, problem.target)[0] is None
 
 
 def test_an_exact_chain_is_a_motion_to_many_digits() -> None:

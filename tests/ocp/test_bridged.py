@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import planner
-from planner.bridge import bridges, leg
+from planner.bridge import bridge, bridges
+from planner.bridge.piece import ends
 from planner.methods import collocation_search as searching
 from planner.methods.collocation import collocation_task
 from planner.ocp import bridged
 from planner.ocp.bridged import crossings
 from planner.ocp.held import can_hold, held
+from planner.ocp.ladder import climbed
 from planner.ocp.layout import Iterate
 from planner.ocp.solver import Solution
 from planner.ocp.task import Task
@@ -24,8 +27,8 @@ from planner.schema.methods import CollocationOptions
 @pytest.fixture(autouse=True)
 def _few_walks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Three joints do not need as many as long chains do."""
-    monkeypatch.setattr(leg, "WALKS", 100)
-    monkeypatch.setattr(leg, "PIECES", 30)
+    monkeypatch.setattr(bridge, "WALKS", 100)
+    monkeypatch.setattr(bridge, "PIECES", 30)
 
 
 PROBLEM = planner.Problem.from_dict(
@@ -48,11 +51,41 @@ def test_a_crossing_is_a_motion_within_the_limits() -> None:
     assert solution.iterate.nodes[-1] == pytest.approx([0.0, *np.deg2rad([-40.0, 50.0, -10.0])])
 
 
-def test_a_plan_grows_from_random_paths_where_guesses_fail(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_plan_grows_from_a_shorter_arm_where_guesses_fail(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(searching, "_guesses", lambda job, options: 0)
+    plan = planner.solve(PROBLEM, "collocation", variations=0)
+    assert plan.notes["start"] == "lifted from 2 joints"
+    assert planner.verify(plan).ok
+
+
+def test_a_plan_grows_from_random_paths_where_no_shorter_arm_helps(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(searching, "_guesses", lambda job, options: 0)
+    monkeypatch.setattr(bridged, "climbed", lambda job: None)
     plan = planner.solve(PROBLEM, "collocation")
     assert plan.notes["start"].startswith("bridge")
     assert planner.verify(plan).ok
+
+
+def test_long_arms_climb_by_several_joints() -> None:
+    arm = {"kind": "manipulator", "joints": 5, "K": [0.87, 0.71, 0.58, 0.48], "k_g": 0.67}
+    start, goal = [30.0, -40.0, 20.0, -30.0, 10.0], [-40.0, 50.0, -20.0, 30.0, -15.0]
+    problem = PROBLEM.changed({"system": arm, "start.theta_deg": start, "goal.theta_deg": goal})
+    found = climbed(collocation_task(problem, CollocationOptions(), 40))
+    assert found is not None
+    assert found.name in ("lifted from 4 joints", "lifted from 3 joints")
+    q, u = found.chain.q, found.chain.u
+    assert q[[0, -1]] == pytest.approx(np.stack([problem.start, problem.target]), abs=1e-9)
+    assert np.max(np.abs(q[:, 1:])) <= np.deg2rad(80.0) + 1e-9
+    assert ends(problem.system, q[:-1], u) == pytest.approx(q[1:], abs=2e-6)
+
+
+def test_what_is_no_arm_has_no_shorter_one() -> None:
+    car = planner.load_problem(Path(__file__).parents[2] / "problems" / "car.toml")
+    assert climbed(collocation_task(car, CollocationOptions(), 40)) is None
 
 
 def test_a_path_too_long_for_the_solver_is_kept_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:

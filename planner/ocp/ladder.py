@@ -23,8 +23,8 @@ from planner.problem import Problem
 from planner.systems.base import Array
 from planner.systems.manipulator import Manipulator
 
-GUESSES, ITERATIONS = 6, 250
-"""Guesses for the arm of the last joints, and iterations granted to each."""
+GUESSES, ITERATIONS, ENOUGH = 16, 300, 6
+"""Guesses for the arm of the last joints, iterations granted to each, and paths that are enough."""
 
 VARIATIONS = 20
 """Variations of its path: each turn of it costs the arms above many."""
@@ -97,7 +97,7 @@ def _searched(job: Task) -> tuple[Chain, int, int] | None:
     """The path a few guesses lead to, and variations of it; as `_by_shorter`."""
     settings = replace(job.settings, max_iterations=ITERATIONS)
     job = path_task(replace(job, settings=settings))
-    paths = search(job, seeds("auto")[:GUESSES], 1)
+    paths = search(job, seeds("auto")[:GUESSES], ENOUGH, simple=True)
     if not paths.found:
         return None
     first = paths.found[0]

@@ -20,14 +20,14 @@ Method: collocation with its defaults. "Solved" is a verified plan; "certificate
 proof that there is none; "failed" everything else. Times are of the whole case, verification
 included, with as many cases side by side as there are cores. Made by
 
-    make stress
+    python tests/benchmarks/stress.py {options}
 
 """
 
 
-def page(found: Sequence[Record], seed: int) -> str:
-    """The tables, as Markdown."""
-    head = HEAD.format(count=len(found), seed=seed)
+def page(found: Sequence[Record], seed: int, options: str) -> str:
+    """The tables, as Markdown; `options` are what the campaign was asked for."""
+    head = HEAD.format(count=len(found), seed=seed, options=options)
     return head + _outcomes(found) + _against_random(found) + _failures(found)
 
 

@@ -165,7 +165,8 @@ class CollocationOptions(Table):
     attempts: Annotated[int, Field(ge=1)] = Field(
         16,
         description="Starts tried at most before giving up. With start = 'auto' chains of more than"
-        " four joints without waypoints, obstacles and z2 margin try 2, and then random paths.",
+        " four joints without waypoints, obstacles and z2 margin try 2, and then paths by way of"
+        " shorter arms, and random ones. Where variations follow, up to twice as many are tried.",
     )
     accuracy: Annotated[float, Field(gt=0, lt=1e-2)] = Field(
         5e-6,

@@ -27,7 +27,9 @@ PATIENCE = 200
 """Iterations in all after which a continuation is given up: others are quicker than a hard one."""
 
 RESIDUAL = 1e-6
-CORRECTIONS, QUARTERS = 2, 4
+CORRECTIONS, PARTS = 2, 8
+"""Times that an exact chain is corrected, and parts in which each of its pieces is integrated: more
+than whoever judges it takes, or two equal errors would pass for none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,10 +128,10 @@ def exact(system: TriangularSystem, chain: Chain, ends: Ends) -> Chain | None:
 
 
 def _finely(system: TriangularSystem, chain: Chain) -> Array:
-    """Where the pieces lead, shape (K, N), in steps a quarter as long."""
+    """Where the pieces lead, shape (K, N), in steps as short as parts of them."""
     q = chain.q[:-1]
-    for _ in range(QUARTERS):
-        q = ends_of(system, q, chain.u / QUARTERS)
+    for _ in range(PARTS):
+        q = ends_of(system, q, chain.u / PARTS)
     return q
 
 

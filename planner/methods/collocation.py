@@ -10,7 +10,7 @@ import numpy as np
 from planner.errors import InputError, NotConvergedError
 from planner.methods.collocation_answer import Answer
 from planner.methods.collocation_refusals import NAME
-from planner.methods.collocation_search import by_path, searched
+from planner.methods.collocation_search import RESOLVED, by_path, elsewhere, searched
 from planner.ocp.backends import SHORT_CHAIN, Settings
 from planner.ocp.form import Form, InputKind
 from planner.ocp.guess import guess, seeds
@@ -49,8 +49,14 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
     """
     began = time.perf_counter()
     answer = _best_route(problem, options)
-    done = polish(answer.task, answer.solution, options.accuracy, options.refinements)
+    done = _polished(answer, options)
+    if done.error > RESOLVED and (other := elsewhere(problem, answer, options)):
+        answer, done = other, _polished(other, options)
     return replace(finished(done, answer, options, began), problem=problem)
+
+
+def _polished(answer: Answer, options: CollocationOptions) -> Polished:
+    return polish(answer.task, answer.solution, options.accuracy, options.refinements)
 
 
 def _best_route(problem: Problem, options: CollocationOptions) -> Answer:

@@ -137,6 +137,14 @@ def _bridged(
     return _hurried(shortest.task, quick, answer, options)
 
 
+def elsewhere(problem: Problem, answer: Answer, options: CollocationOptions) -> Answer | None:
+    """Another answer, where one turned out to be no motion however fine the mesh; None if none."""
+    if options.start != "auto" or options.refinements == 0 or not _bridgeable(problem):
+        return None
+    paths = Search([], None, answer.log, 0.0, answer.iterations)
+    return _bridged(answer.task, paths, answer.solution, options)
+
+
 def _hurried(job: Task, quick: Solution, answer: Answer, options: CollocationOptions) -> Answer:
     """The fastest motion on a mesh fine enough to believe it: the answer's start, or a refusal."""
     free = hasty(job)

@@ -68,7 +68,7 @@ def _as_it_is(job: Task, bridge: Bridge, accuracy: float) -> tuple[Task, Timed] 
     kept = held(hasty(job), bridge.chain, accuracy) if job.problem.duration else None
     if kept is None:
         return None
-    own = job.on(kept[0].mesh)
+    own = kept[0].asking(job.problem, job.objective)
     return own, Timed(replace(kept[1], ok=False), kept[1], 0)
 
 

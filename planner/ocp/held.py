@@ -23,7 +23,7 @@ from planner.systems.base import Array
 DEGREE = 5
 """Collocation points in an interval of a path kept: few wide intervals are exact enough."""
 
-TURNS = (0.5, 0.3, 0.2)
+TURNS = (0.4, 0.25, 0.15)
 """Most that a limited coordinate turns in an interval, rad; smaller where that is too coarse."""
 
 COARSE = 0.3

@@ -8,10 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import planner
 from planner.bridge import bridge, bridges
 from planner.bridge.piece import ends
+from planner.errors import NotConvergedError
+from planner.methods import collocation
 from planner.methods import collocation_search as searching
 from planner.methods.collocation import collocation_task
 from planner.ocp import bridged
@@ -19,6 +22,7 @@ from planner.ocp.bridged import crossings
 from planner.ocp.held import can_hold, held
 from planner.ocp.ladder import climbed
 from planner.ocp.layout import Iterate
+from planner.ocp.look import look
 from planner.ocp.solver import Solution
 from planner.ocp.task import Task
 from planner.schema.methods import CollocationOptions
@@ -68,6 +72,45 @@ def test_a_plan_grows_from_random_paths_where_no_shorter_arm_helps(
     plan = planner.solve(PROBLEM, "collocation")
     assert plan.notes["start"].startswith("bridge")
     assert planner.verify(plan).ok
+
+
+def test_a_motion_that_turns_out_to_be_none_gives_way_to_a_path(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plain = planner.solve(PROBLEM, "collocation", variations=0)
+    monkeypatch.setattr(collocation, "RESOLVED", -1.0)
+    plan = planner.solve(PROBLEM, "collocation", variations=0)
+    assert not plain.notes["start"].startswith("lifted")
+    assert plan.notes["start"] == "lifted from 2 joints"
+    assert plan.notes["tried"][: len(plain.notes["tried"])] == plain.notes["tried"]
+    assert planner.verify(plan).ok
+    as_given = planner.solve(PROBLEM, "collocation", start="straight", intervals=60)
+    assert as_given.notes["start"] == "straight"
+
+
+def test_a_kept_path_errs_less_than_its_own_steps_show() -> None:
+    """Were it made exact in the very steps by which it is judged, any error would pass for none."""
+    job = collocation_task(PROBLEM, CollocationOptions(), 40)
+    chain = next(islice(bridges(PROBLEM, 2), 1)).chain
+    found = held(job, chain, 5e-6)
+    assert found is not None
+    own, solution = found
+    times, q = own.mesh.edges * solution.iterate.duration, PROBLEM.start
+    fine = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+    for k, u in enumerate(solution.iterate.inputs):
+        span = times[k], times[k + 1]
+        q = solve_ivp(lambda _, y, u=u: PROBLEM.system.rates(y, u), span, q, **fine).y[:, -1]
+    true = np.max(np.abs(q - solution.iterate.nodes[-1]))
+    assert true < look(own, solution).error.end < 5e-6
+
+
+def test_the_fastest_of_a_kept_path_is_told_where_the_duration_is_too_short(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(searching, "_guesses", lambda job, options: 0)
+    monkeypatch.setattr(bridged, "MOST_SOLVED", 10)
+    with pytest.raises(NotConvergedError, match="fastest motion found takes"):
+        planner.solve(PROBLEM.changed({"goal.duration": 8.0}), "collocation")
 
 
 def test_long_arms_climb_by_several_joints() -> None:

@@ -35,14 +35,17 @@ def lifted(system: Manipulator, path: Chain, ends: Ends, gap: float) -> Chain:
         system: The arm, n ≥ 3.
         path: Of `system.shorter()`.
         ends: Of the arm.
-        gap: Largest gap, rad, that is left; where it is larger, stretches are cut in half.
+        gap: Largest gap, rad, that is left, and four times what limits may be broken by; where
+            either is larger, stretches are cut in half.
     """
     known = np.append(0.0, np.cumsum(np.sum(np.abs(path.u), axis=1)))
     edges = np.linspace(0.0, known[-1], 1 + max(1, int(np.ceil(known[-1] / LONGEST))))
     for _ in range(HALVINGS):
         chain, stretch = _along(system, path, ends, edges)
+        missed = np.max(np.abs(chain.gap), axis=1)
+        over = np.max(np.abs(chain.q[1:] - chain.gap) - ends.limit, axis=1)
         wide = np.zeros(len(edges) - 1, dtype=bool)
-        np.logical_or.at(wide, stretch, np.max(np.abs(chain.gap), axis=1) > gap)
+        np.logical_or.at(wide, stretch, np.maximum(missed, 4 * over) > gap)
         if not np.any(wide):
             break
         edges = np.sort(np.concatenate([edges, (edges[:-1] + edges[1:])[wide] / 2]))

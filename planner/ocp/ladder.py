@@ -59,7 +59,7 @@ def _by_shorter(job: Task) -> tuple[Chain, int, int] | None:
         return None
     path, iterations, joints = below
     assert isinstance(problem.system, Manipulator)
-    ends = Ends(problem.start, problem.target, problem.limits.joint)
+    ends = _ends(problem)
     for gap in GAPS:
         whole, made = closed(problem.system, lifted(problem.system, path, ends, gap), ends, 1.0)
         iterations += made
@@ -94,7 +94,10 @@ def _path(job: Task) -> tuple[Chain, int, int] | None:
 
 
 def _searched(job: Task) -> tuple[Chain, int, int] | None:
-    """The path a few guesses lead to, and variations of it; as `_by_shorter`."""
+    """The path a few guesses lead to, and variations of it; as `_by_shorter`.
+
+    None too where it is a path on its coarse mesh only.
+    """
     settings = replace(job.settings, max_iterations=ITERATIONS)
     job = path_task(replace(job, settings=settings))
     paths = search(job, seeds("auto")[:GUESSES], ENOUGH, simple=True)
@@ -102,8 +105,14 @@ def _searched(job: Task) -> tuple[Chain, int, int] | None:
         return None
     first = paths.found[0]
     best = improved(Motion(first.seed, job, first.solution, [], 0), VARIATIONS, FINEST)
-    iterations = paths.iterations + best.iterations
-    return chain_of(best.task, best.solution), iterations, job.problem.system.size - 1
+    system, coarse = job.problem.system, chain_of(best.task, best.solution)
+    chain, made = closed(system, coarse, _ends(job.problem), 1.0)
+    iterations = paths.iterations + best.iterations + made
+    return None if chain is None else (chain, iterations, system.size - 1)
+
+
+def _ends(problem: Problem) -> Ends:
+    return Ends(problem.start, problem.target, problem.limits.joint)
 
 
 def _below(job: Task) -> Task:

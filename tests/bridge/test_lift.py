@@ -75,3 +75,19 @@ def test_joint_1_stays_on_its_side_and_turns_to_the_goal_last() -> None:
     chain = lifted(ARM, _path(), _ends(), 0.2)
     assert np.min(chain.q[:-1, 1]) >= 0.0
     assert chain.u[-1] == pytest.approx([0.0, -0.6 - chain.q[-2, 1]])
+
+
+def _shares(u: np.ndarray, count: int) -> np.ndarray:
+    return (np.arange(1, count + 1)[:, None] / count * u[:, None]).reshape(-1, 2)
+
+
+def test_limits_are_hardly_broken_on_the_way() -> None:
+    """Two drives in turn swing joint 2 to and fro, by more the longer the stretch."""
+    path = _path()
+    fine = ends_of(ARM.shorter(), np.repeat(path.q[:-1], 20, axis=0), _shares(path.u, 20))
+    limit = np.array([np.inf, 1.2, *np.max(np.abs(fine[:, 1:]), axis=0) + 0.01])
+    ends = Ends(_ends().start, _ends().goal, limit)
+    chains = [lifted(ARM, _path(), ends, gap) for gap in (2.0, 0.1)]
+    over = [np.max(np.abs(c.q[1:] - c.gap) - ends.limit) for c in chains]
+    assert over[0] > 0.05
+    assert over[1] <= 0.1 / 4

@@ -78,7 +78,7 @@ def test_joint_1_stays_on_its_side_and_turns_to_the_goal_last() -> None:
 
 
 def _shares(u: np.ndarray, count: int) -> np.ndarray:
-    return (np.arange(1, count + 1)[:, None] / count * u[:, None]).reshape(-1, 2)
+    return np.reshape(np.arange(1, count + 1)[:, None] / count * u[:, None], (-1, 2))
 
 
 def test_limits_are_hardly_broken_on_the_way() -> None:

@@ -42,7 +42,7 @@ METHOD, RANDOM = "collocation", "collocation:start=wander:starts=50:attempts=50"
 RATIO, K2, K_G = 0.8178, 0.870125, 0.668811
 LIMIT_DEG, SPREAD_DEG, NEAR_DEG, INPUT = 80.0, 75.0, 0.5, 0.5
 
-JOINTS = "2:300,3:150,4:50,5:20,6:10"
+JOINTS, SAMPLE = "2:300,3:150,4:50,5:20,6:10", "2:10,3:10,4:10"
 
 Pair = dict[str, Any]
 Record = dict[str, Any]
@@ -54,10 +54,7 @@ def main() -> int:
     parser.add_argument("--cases", type=int, default=100, help="pairs a family and joint number")
     parser.add_argument("--joints", default=JOINTS, help="numbers of joints")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument(
-        "--sample", type=int, default=10, help="pairs planned from 50 random starts"
-    )
-    parser.add_argument("--sampled", default="2,3,4", help="numbers of joints the sample is of")
+    parser.add_argument("--sample", default=SAMPLE, help="pairs planned from 50 random starts")
     parser.add_argument("--workers", type=int, help="processes, as many as cores if left out")
     parser.add_argument("--db", type=Path, default=ROOT / "out" / "stress.sqlite")
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "stress")
@@ -71,7 +68,7 @@ def main() -> int:
             for pair in pairs(family, joints, cases, given.seed)
         ]
         planned = run(joints, [pair for _, pair in labelled], METHOD, given)
-        size = given.sample if str(joints) in given.sampled.split(",") else 0
+        size = dict(counted(given.sample, 0)).get(joints, 0)
         sampled = [k for k in range(len(labelled)) if k % cases < size]
         again = run(joints, [labelled[k][1] for k in sampled], RANDOM, given) if sampled else []
         best = dict(zip(sampled, again, strict=True))
@@ -88,7 +85,7 @@ def main() -> int:
 
 def _options(given: argparse.Namespace) -> str:
     counts = f"--joints {given.joints} --cases {given.cases} --seed {given.seed}"
-    return f"{counts} --sample {given.sample} --sampled {given.sampled}"
+    return f"{counts} --sample {given.sample}"
 
 
 def counted(text: str, cases: int) -> Iterator[tuple[int, int]]:

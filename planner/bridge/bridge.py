@@ -9,8 +9,9 @@ import numpy as np
 
 from planner.bridge.closing import Chain, Ends, closed, finer
 from planner.bridge.pairing import Pair, pairs
-from planner.bridge.walks import Walks, room, walks
+from planner.bridge.walks import Room, Walks, room, walks
 from planner.problem import Problem
+from planner.systems.base import TriangularSystem
 
 WALKS = 400
 PIECES = 60
@@ -44,10 +45,10 @@ def bridges(problem: Problem, attempts: int, seed: int = 0) -> Iterator[Bridge]:
 
     Limits on inputs are left to the timing, z₂ is not looked at.
     """
-    system, ends = problem.system, Ends(problem.start, problem.target, problem.limits.joint)
+    system, space, ends = problem.system, room(problem), Ends.of(problem)
     iterations = 0
     for number in range(attempts):
-        chain, made = _long_pieces(problem, ends, np.random.default_rng((seed, number)))
+        chain, made = _long_pieces(system, space, ends, np.random.default_rng((seed, number)))
         iterations += made
         if chain is None:
             continue
@@ -58,10 +59,9 @@ def bridges(problem: Problem, attempts: int, seed: int = 0) -> Iterator[Bridge]:
 
 
 def _long_pieces(
-    problem: Problem, ends: Ends, rng: np.random.Generator
+    system: TriangularSystem, space: Room, ends: Ends, rng: np.random.Generator
 ) -> tuple[Chain | None, int]:
     """A path of one set of walks, or None; and iterations made."""
-    system, space = problem.system, room(problem)
     forth = walks(system, ends.start, space, WALKS, PIECES, rng)
     back = walks(system, np.nan_to_num(ends.goal), space, WALKS, PIECES, rng)
     iterations = 0

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from planner.bridge.piece import ends as ends_of
 from planner.bridge.piece import piece
 from planner.interrupts import heed_interrupts
+from planner.problem import Problem
 from planner.systems.base import Array, TriangularSystem
 
 Index = NDArray[np.int64]
@@ -60,6 +61,13 @@ class Ends:
     start: Array
     goal: Array
     limit: Array
+
+    @classmethod
+    def of(cls, problem: Problem, share: float = 1.0) -> Ends:
+        """Those of a problem, with a share of its limits, but start and goal always inside."""
+        given = np.fmax(np.abs(problem.start), np.abs(problem.target))
+        limit = np.fmax(share * problem.limits.joint, given)
+        return cls(problem.start, problem.target, limit)
 
 
 def finer(system: TriangularSystem, chain: Chain, limited: list[int], turn: float) -> Chain:

@@ -41,7 +41,7 @@ def lifted(system: Manipulator, path: Chain, ends: Ends, gap: float) -> Chain:
     known = np.append(0.0, np.cumsum(np.sum(np.abs(path.u), axis=1)))
     edges = np.linspace(0.0, known[-1], 1 + max(1, int(np.ceil(known[-1] / LONGEST))))
     for _ in range(HALVINGS):
-        chain, stretch = _along(system, path, ends, edges)
+        chain, stretch = _along(system, path, known, ends, edges)
         missed = np.max(np.abs(chain.gap), axis=1)
         over = np.max(np.abs(chain.q[1:] - chain.gap) - ends.limit, axis=1)
         wide = np.zeros(len(edges) - 1, dtype=bool)
@@ -52,18 +52,22 @@ def lifted(system: Manipulator, path: Chain, ends: Ends, gap: float) -> Chain:
     return chain
 
 
-def _along(system: Manipulator, path: Chain, ends: Ends, edges: Array) -> tuple[Chain, Index]:
-    """The chain for stretches between these lengths of path, and the stretch of each piece."""
-    places, moves = _stretches(system.shorter(), path, edges)
+def _along(
+    system: Manipulator, path: Chain, known: Array, ends: Ends, edges: Array
+) -> tuple[Chain, Index]:
+    """The chain for stretches between these lengths of path, and the stretch of each piece.
+
+    `known` are the lengths at the path's own nodes.
+    """
+    places, moves = _stretches(system.shorter(), path, known, edges)
     u, before = _drives(system, moves, ends)
     q = np.insert(places, 1, before, axis=1)
     last = np.insert(places[-1], 1, ends.goal[1])
     return _pieces(system, q, u, last)
 
 
-def _stretches(short: Manipulator, path: Chain, edges: Array) -> tuple[Array, Array]:
+def _stretches(short: Manipulator, path: Chain, known: Array, edges: Array) -> tuple[Array, Array]:
     """Places between the stretches, (S+1, n), drive and turn in each, (S, 2)."""
-    known = np.append(0.0, np.cumsum(np.sum(np.abs(path.u), axis=1)))
     sums = np.vstack([np.zeros(2), np.cumsum(path.u, axis=0)])
     at = np.stack([np.interp(edges, known, column) for column in sums.T], axis=-1)
     piece = np.clip(np.searchsorted(known, edges[:-1], side="right") - 1, 0, len(path.u) - 1)

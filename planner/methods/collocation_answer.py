@@ -8,7 +8,7 @@ from typing import Any
 from planner.ocp.search import Found, Search, same_path
 from planner.ocp.solver import Solution
 from planner.ocp.task import Task
-from planner.ocp.timing import timed
+from planner.ocp.timing import Timed, timed
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,11 +32,7 @@ class Answer:
 
 def best_along(job: Task, paths: Search) -> Answer | None:
     """The best motion along these paths."""
-    outcomes = [timed(job, path.solution.iterate) for path in paths.found]
-    log = [*paths.log]
-    for path, outcome in zip(paths.found, outcomes, strict=True):
-        noted(log, path, outcome.solution)
-    iterations = paths.iterations + sum(outcome.iterations for outcome in outcomes)
+    outcomes, log, iterations = along(job, paths)
     solved = [k for k, outcome in enumerate(outcomes) if outcome.solution.ok]
     if not solved:
         return None
@@ -44,7 +40,16 @@ def best_along(job: Task, paths: Search) -> Answer | None:
     return Answer(paths.found[k].seed, job, outcomes[k].solution, log, iterations)
 
 
-def noted(log: list[dict[str, Any]], path: Found, solution: Solution) -> None:
+def along(job: Task, paths: Search) -> tuple[list[Timed], list[dict[str, Any]], int]:
+    """What the timing makes of each path, the search's log with it, and iterations of both."""
+    outcomes = [timed(job, path.solution.iterate) for path in paths.found]
+    log = [*paths.log]
+    for path, outcome in zip(paths.found, outcomes, strict=True):
+        _note(log, path, outcome.solution)
+    return outcomes, log, paths.iterations + sum(outcome.iterations for outcome in outcomes)
+
+
+def _note(log: list[dict[str, Any]], path: Found, solution: Solution) -> None:
     """Enter the outcome for every start that led to this path."""
     for entry in log:
         if entry["path_effort"] is not None and same_path(entry["path_effort"], path):

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.methods.collocation_answer import Answer, noted
+from planner.methods.collocation_answer import Answer, along, best_along
 from planner.methods.collocation_refusals import no_path, not_converged, too_short
 from planner.methods.collocation_seeds import NAMES, planned_seeds
 from planner.methods.collocation_varied import varied
+from planner.ocp.backends import SHORT_CHAIN
 from planner.ocp.bridged import crossings
 from planner.ocp.guess import Seed, seeds
 from planner.ocp.look import clears
@@ -17,7 +18,7 @@ from planner.ocp.polish import polish
 from planner.ocp.search import Search, search
 from planner.ocp.solver import Solution
 from planner.ocp.task import Task, stretched
-from planner.ocp.timing import HASTE, hasty, timed
+from planner.ocp.timing import HASTE, hasty
 from planner.problem import Problem
 from planner.schema.methods import CollocationOptions
 
@@ -43,11 +44,7 @@ def searched(job: Task, options: CollocationOptions) -> Answer:
         if answer := varied(job, paths, _others(job, paths, options), options):
             return answer
         paths = search(job, guesses, enough, simple)
-    outcomes = [timed(job, path.solution.iterate) for path in paths.found]
-    log = [*paths.log]
-    iterations = paths.iterations + sum(outcome.iterations for outcome in outcomes)
-    for path, outcome in zip(paths.found, outcomes, strict=True):
-        noted(log, path, outcome.solution)
+    outcomes, log, iterations = along(job, paths)
     solved = [k for k, outcome in enumerate(outcomes) if outcome.solution.ok]
     clear = [k for k in solved if clears(job, outcomes[k].solution)]
     if solved and not clear:
@@ -78,15 +75,8 @@ def _others(job: Task, first: Search, options: CollocationOptions) -> list[Seed]
 
 def by_path(job: Task) -> Answer | None:
     """A long chain's straight line: as in a search first its path, then its timing."""
-    paths = search(job, seeds("straight")[:1], 1)
-    if not paths.found:
-        return None
-    outcome, log = timed(job, paths.found[0].solution.iterate), [*paths.log]
-    noted(log, paths.found[0], outcome.solution)
-    iterations = paths.iterations + outcome.iterations
-    if not outcome.solution.ok or not clears(job, outcome.solution):
-        return None
-    return Answer(paths.found[0].seed, job, outcome.solution, log, iterations)
+    answer = best_along(job, search(job, seeds("straight")[:1], 1))
+    return answer if answer is not None and clears(job, answer.solution) else None
 
 
 def _seeds(problem: Problem, options: CollocationOptions) -> list[Seed]:
@@ -103,10 +93,8 @@ def _guesses(job: Task, options: CollocationOptions) -> int:
     """Guesses worth trying: for long chains few lead anywhere, and each takes long to fail."""
     if options.start != "auto" or not _bridgeable(job.problem):
         return options.attempts
-    return min(
-        options.attempts,
-        GUESSES if job.problem.system.size <= 5 else LONG_CHAIN_GUESSES,
-    )
+    most = GUESSES if job.problem.system.size <= SHORT_CHAIN else LONG_CHAIN_GUESSES
+    return min(options.attempts, most)
 
 
 def _bridgeable(problem: Problem) -> bool:

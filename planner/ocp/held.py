@@ -17,7 +17,6 @@ from planner.ocp.mesh import Mesh
 from planner.ocp.search import needed_duration
 from planner.ocp.solver import Solution
 from planner.ocp.task import Task, stretched, task
-from planner.problem import Problem
 from planner.systems.base import Array
 
 DEGREE = 5
@@ -50,7 +49,7 @@ def held(job: Task, chain: Chain, accuracy: float) -> tuple[Task, Solution] | No
         accuracy: As for `polish`.
     """
     system = job.problem.system
-    places = _places(job.problem)
+    places = Ends.of(job.problem, 1 - DRAWN_IN)
     for turn in TURNS:
         cut = finer(system, chain, list(system.limited), turn)
         whole, _ = closed(system, cut, places, first=1.0)
@@ -66,13 +65,6 @@ def held(job: Task, chain: Chain, accuracy: float) -> tuple[Task, Solution] | No
         if solution.ok and look(own, solution).error.fine(accuracy):
             return own, solution
     return None
-
-
-def _places(problem: Problem) -> Ends:
-    """Start, goal, and the limits drawn in, but not so far that start and goal lie outside."""
-    given = np.fmax(np.abs(problem.start), np.abs(problem.target))
-    limit = np.fmax((1 - DRAWN_IN) * problem.limits.joint, given)
-    return Ends(problem.start, problem.target, limit)
 
 
 def _duration(job: Task, path: Iterate) -> float | None:

@@ -19,8 +19,6 @@ from planner.ocp.held import chain_of, follow
 from planner.ocp.improve import FINEST, Motion, improved
 from planner.ocp.search import path_task, search
 from planner.ocp.task import Task, stretched, task
-from planner.problem import Problem
-from planner.systems.base import Array
 from planner.systems.manipulator import Manipulator
 
 GUESSES, ITERATIONS, ENOUGH = 16, 300, 6
@@ -59,7 +57,7 @@ def _by_shorter(job: Task) -> tuple[Chain, int, int] | None:
         return None
     path, iterations, joints = below
     assert isinstance(problem.system, Manipulator)
-    ends = _ends(problem)
+    ends = Ends.of(problem)
     for gap in GAPS:
         whole, made = closed(problem.system, lifted(problem.system, path, ends, gap), ends, 1.0)
         iterations += made
@@ -106,13 +104,9 @@ def _searched(job: Task) -> tuple[Chain, int, int] | None:
     first = paths.found[0]
     best = improved(Motion(first.seed, job, first.solution, [], 0), VARIATIONS, FINEST)
     system, coarse = job.problem.system, chain_of(best.task, best.solution)
-    chain, made = closed(system, coarse, _ends(job.problem), 1.0)
+    chain, made = closed(system, coarse, Ends.of(job.problem), 1.0)
     iterations = paths.iterations + best.iterations + made
     return None if chain is None else (chain, iterations, system.size - 1)
-
-
-def _ends(problem: Problem) -> Ends:
-    return Ends(problem.start, problem.target, problem.limits.joint)
 
 
 def _below(job: Task) -> Task:
@@ -120,13 +114,8 @@ def _below(job: Task) -> Task:
     problem, form = job.problem, job.made.form
     assert isinstance(problem.system, Manipulator)
     start, goal = (np.delete(q, 1) for q in (problem.start, problem.goal))
-    limits = replace(problem.limits, joint=_drawn_in(problem))
+    joint = np.delete(Ends.of(problem, 1 - DRAWN_IN).limit, 1)
+    limits = replace(problem.limits, joint=joint)
     short = replace(problem, system=problem.system.shorter(), start=start, goal=goal, limits=limits)
-    plain = Form(job.made.form.intervals, form.scheme_kind, form.degree)
+    plain = Form(form.intervals, form.scheme_kind, form.degree)
     return task(short, job.objective, plain, job.mesh, False, job.settings)
-
-
-def _drawn_in(problem: Problem) -> Array:
-    """Joint limits of the shorter arm, with start and goal inside."""
-    given = np.fmax(np.abs(problem.start), np.abs(problem.target))
-    return np.delete(np.fmax((1 - DRAWN_IN) * problem.limits.joint, given), 1)

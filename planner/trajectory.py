@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -80,13 +81,13 @@ class Trajectory(ABC):
         """Whether q and u exist at all times without the help of the chart."""
         return False
 
-    @property
+    @cached_property
     def duration(self) -> float:
         """Seconds from start to end."""
         return float(self.breaks[-1])
 
     def _clip(self, t: ArrayLike) -> Array:
-        return np.asarray(np.clip(np.asarray(t, dtype=float), 0.0, self.duration))
+        return np.asarray(np.asarray(t, dtype=float).clip(0.0, self.duration))
 
     def _running(self, t: ArrayLike) -> Array:
         times = np.asarray(t, dtype=float)
@@ -175,7 +176,8 @@ class StateTrajectory(Trajectory):
     u_curve: BPoly
 
     def __post_init__(self) -> None:
-        if not np.array_equal(self.q_curve.x, self.u_curve.x):
+        q, u = self.q_curve.x, self.u_curve.x
+        if q is not u and not np.array_equal(q, u):
             raise ValueError("q_curve and u_curve must have the same breaks")
 
     @property

@@ -124,7 +124,7 @@ def collocation_task(
 
 def _input_kind(problem: Problem, options: CollocationOptions, slopes: bool) -> InputKind:
     """`slopes`: whether the objective reads the inputs' rates."""
-    smooth = slopes or options.rest or bool(np.any(np.isfinite(problem.limits.input_rate)))
+    smooth = slopes or options.rest or bool(np.isfinite(problem.limits.input_rate).any())
     if options.input == "auto":
         return "linear" if smooth or problem.duration is not None else "constant"
     if options.input == "constant" and smooth:

@@ -11,7 +11,6 @@ from planner.methods.collocation_refusals import no_path, not_converged, too_sho
 from planner.methods.collocation_seeds import NAMES, planned_seeds
 from planner.methods.collocation_varied import varied
 from planner.ocp.backends import SHORT_CHAIN
-from planner.ocp.bridged import crossings
 from planner.ocp.guess import Seed, seeds
 from planner.ocp.look import clears
 from planner.ocp.polish import polish
@@ -106,6 +105,8 @@ def _bridged(
     job: Task, paths: Search, last: Solution | None, options: CollocationOptions
 ) -> Answer:
     """Where no guess leads to a motion: from random motions of both ends."""
+    from planner.ocp.bridged import crossings  # slow to import, and seldom needed
+
     log, shortest = [*paths.log], None
     wanted = options.start == "auto" and _bridgeable(job.problem)
     for found in crossings(job, BRIDGES, options.accuracy) if wanted else ():

@@ -85,9 +85,10 @@ def _resampled(job: Task, warm: Plan) -> Iterate:
     inside = mesh.at(job.made.form.scheme.points)
     s = np.append(mesh.edges, inside)
     states, last = warm.q(s * T), len(mesh.edges) - 1
-    first, final = problem.start - states[0], np.nan_to_num(problem.target - states[last])
+    first, final = problem.start - states[0], problem.target - states[last]
+    final[np.isnan(final)] = 0.0
     moved = states + first + s[:, None] * (final - first)
-    nodes, points = np.split(moved, [last + 1])
+    nodes, points = moved[: last + 1], moved[last + 1 :]
     return Iterate(
         duration=duration,
         nodes=nodes,

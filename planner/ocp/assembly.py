@@ -25,6 +25,7 @@ import numpy as np
 from planner.ocp.interval import IntervalFunctions
 from planner.ocp.layout import Index, Layout
 from planner.ocp.stage import Stage
+from planner.systems.pointwise import Call
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,7 @@ class Program:
         jacobian: Function (x, p) to g and its Jacobian.
         hessian: Function (x, p, lam_f, lam_g) to gradient and Hessian of lam_f f + lam_g g.
         triangle: The same, to the Hessian's upper triangle alone.
-        outcome: Function (x, p) to a column: f, g, and the coordinates at the collocation points.
+        outcome: From arrays (x, p) to one of f, g, and the coordinates at the collocation points.
     """
 
     problem: dict[str, Any]
@@ -51,7 +52,7 @@ class Program:
     jacobian: Any
     hessian: Any
     triangle: Any
-    outcome: Any
+    outcome: Call
 
 
 def assemble(stage: Stage, layout: Layout, functions: IntervalFunctions) -> Program:
@@ -85,7 +86,7 @@ class _Assembly:
             jacobian=self._jacobian(),
             hessian=self._hessian(),
             triangle=self._triangle(),
-            outcome=ca.Function("outcome", self._xp, [self._outcome(f, g)]),
+            outcome=Call(ca.Function("outcome", self._xp, [self._outcome(f, g)])),
         )
 
     @property

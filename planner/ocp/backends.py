@@ -13,6 +13,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
+from planner.interrupts import heed_interrupts
 from planner.ocp.assembly import Program
 from planner.ocp.bounds import Bounds
 from planner.ocp.form import TERMS
@@ -121,14 +122,15 @@ class _Ipopt:
         self._call = _nlpsol(made, "ipopt", functions, {"no_nlp_grad": True, "ipopt": options})
 
     def __call__(self, start: Array, data: Bounds) -> Answer:
-        found = self._call(
-            x0=start,
-            p=data.parameters,
-            lbx=data.lower,
-            ubx=data.upper,
-            lbg=data.row_lower,
-            ubg=data.row_upper,
-        )
+        with heed_interrupts():
+            found = self._call(
+                x0=start,
+                p=data.parameters,
+                lbx=data.lower,
+                ubx=data.upper,
+                lbg=data.row_lower,
+                ubg=data.row_upper,
+            )
         stats = self._call.stats()
         vector = np.asarray(found["x"], dtype=float).ravel()
         status = stats["return_status"]
@@ -174,7 +176,7 @@ class _Fatrop:
         weighted[:TERMS] *= self._weight
         given = (start, weighted, *bounds[0], *bounds[1])
         vector = np.empty(len(start))
-        with self._lock:
+        with heed_interrupts(), self._lock:
             buffer, evaluate = self._memory(data)
             for k, values in enumerate(given):
                 buffer.set_arg(k, values.data)

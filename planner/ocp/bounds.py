@@ -40,7 +40,7 @@ class Tightening:
         return cls(*(np.zeros(shape) for shape in shapes))
 
     def __bool__(self) -> bool:
-        return bool(np.any(self.joint) or np.any(self.z2) or np.any(self.discs))
+        return bool(self.joint.any() or self.z2.any() or self.discs.any())
 
     def __add__(self, other: Tightening) -> Tightening:
         return Tightening(self.joint + other.joint, self.z2 + other.z2, self.discs + other.discs)

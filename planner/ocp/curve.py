@@ -16,7 +16,7 @@ def curve(system: TriangularSystem, form: Form, mesh: Mesh, iterate: Iterate) ->
     """Piecewise polynomials: q of degree d, u of degree 0 or 1."""
     breaks = mesh.edges * iterate.duration
     values = np.concatenate([iterate.nodes[:-1, None], iterate.points], axis=1)
-    q = np.einsum("ij,kjn->ikn", form.scheme.bernstein, values)
+    q = (form.scheme.bernstein @ values).swapaxes(0, 1)
     q[0], q[-1] = iterate.nodes[:-1], iterate.nodes[1:]
     left, right = iterate.input_ends()
     u = np.stack([left, right]) if form.input == "linear" else left[None]

@@ -84,7 +84,8 @@ class Layout:
         w[self.durations] = iterate.duration
         w[self.inputs] = iterate.inputs
         if len(self.slopes):
-            w[self.slopes] = np.diff(iterate.inputs, axis=0) / (widths[:, None] * iterate.duration)
+            left, right = iterate.input_ends()
+            w[self.slopes] = (right - left) / (widths[:, None] * iterate.duration)
         w[self.points] = iterate.points[:, :, list(self.lifted)]
         return w
 

@@ -80,12 +80,12 @@ class MeshError:
 
 
 def _mesh_error(gap: Array) -> MeshError:
-    growth = np.max(np.abs(gap - gap[:, :1]), axis=2)
+    growth = np.abs(gap - gap[:, :1]).max(axis=2)
     return MeshError(
-        end=float(np.max(np.abs(gap[-1, -1]))),
-        largest=float(np.max(np.abs(gap))),
+        end=float(np.abs(gap[-1, -1]).max()),
+        largest=float(np.abs(gap).max()),
         nodes=growth[:, -1],
-        inside=np.max(growth, axis=1),
+        inside=growth.max(axis=1),
     )
 
 
@@ -123,12 +123,12 @@ def _over(curves: Array, limit: Array, scale: Array) -> Array:
     """How far curves pass a limit in each interval (K, …), and a tenth and a little, or zero.
 
     The curves' samples have the shape (C, K, M, …). No parabola through three of them rises above
-    them by more than a quarter of the greatest step, which most often says it all.
+    the highest by more than a quarter of the step to a neighbour, which most often says it all.
     """
-    steps = np.max(np.abs(np.diff(curves, axis=2)), axis=(0, 1, 2))
-    if np.all(np.max(curves, axis=(0, 1, 2)) + steps / 4 <= limit):
-        return np.zeros((curves.shape[1], *curves.shape[3:]))
     flat = curves.reshape(-1, *curves.shape[2:])
+    before, after = flat[:, :-1], flat[:, 1:]
+    if ((before + after) / 2 + 0.75 * np.abs(after - before) <= limit).all():
+        return np.zeros((curves.shape[1], *curves.shape[3:]))
     excess = np.max(peaks(flat).reshape(curves.shape[:2] + curves.shape[3:]), axis=0) - limit
     with np.errstate(invalid="ignore"):
         return np.where(excess > ROUNDING * scale, 1.1 * excess + SLACK * scale, 0.0)

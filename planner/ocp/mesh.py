@@ -26,7 +26,7 @@ class Mesh:
     @cached_property
     def widths(self) -> Array:
         """Interval widths, shape (K,)."""
-        return np.diff(self.edges)
+        return np.asarray(self.edges[1:] - self.edges[:-1])
 
     @property
     def knots(self) -> Array:

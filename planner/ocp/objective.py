@@ -39,7 +39,7 @@ class Objective:
     @property
     def smooth(self) -> bool:
         """Whether it needs inputs without jumps."""
-        return bool(np.any(self.weights[3:5]))
+        return bool(self.weights[3:5].any())
 
     @property
     def edge(self) -> bool:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from planner.ocp.held import can_hold, chain_of, held
 from planner.ocp.look import INTERPOLANT, Look, MeshError, excess, look
 from planner.ocp.mesh import Mesh
 from planner.ocp.solver import Solution
@@ -90,6 +89,8 @@ def _patiently(task: Task) -> Task:
 
 def _held(task: Task, solution: Solution, accuracy: float) -> tuple[Task, Solution] | None:
     """The path as it is, where no solver gets from it to the best of a finer mesh."""
+    from planner.ocp.held import can_hold, chain_of, held  # slow to import, and seldom needed
+
     return held(task, chain_of(task, solution), accuracy) if can_hold(task) else None
 
 
@@ -140,9 +141,9 @@ def _draw_in(task: Task, solution: Solution, seen: Look) -> Polished:
         "limits_inside": task.made.form.inner,
         "limits_drawn_in": {
             "rounds": rounds,
-            "joint": float(np.max(tightening.joint)),
-            "z2": float(np.max(tightening.z2)),
-            "obstacles": float(np.max(tightening.discs, initial=0.0)),
+            "joint": float(tightening.joint.max()),
+            "z2": float(tightening.z2.max()),
+            "obstacles": float(tightening.discs.max(initial=0.0)),
         },
     }
     return Polished(task, solution, seen.error.end, notes, seconds, iterations)

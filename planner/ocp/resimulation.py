@@ -16,7 +16,7 @@ import numpy as np
 from planner.ocp.layout import Iterate
 from planner.ocp.mesh import Mesh
 from planner.systems.base import Array, TriangularSystem
-from planner.systems.pointwise import evaluated
+from planner.systems.pointwise import Call
 
 STEPS = 12
 """Steps an interval."""
@@ -45,17 +45,17 @@ def resimulate(system: TriangularSystem, mesh: Mesh, iterate: Iterate, start: Ar
     K = len(mesh.widths)
     given = start, mesh.widths * iterate.duration, *iterate.input_ends()
     states = np.empty((K, STEPS + 1, system.size))
-    states[:, 1:] = evaluated(_runner(system, K), given, np.empty((K, STEPS, system.size)))
+    states[:, 1:] = _runner(system, K)(*given).reshape(K, STEPS, system.size)
     states[0, 0], states[1:, 0] = start, states[:-1, -1]
     return Motion(mesh.at(np.arange(STEPS + 1) / STEPS), states)
 
 
 @lru_cache(maxsize=32)
-def _runner(system: TriangularSystem, intervals: int) -> Any:
+def _runner(system: TriangularSystem, intervals: int) -> Call:
     """From the start, the intervals' seconds and the inputs at their ends to all samples."""
     whole = _interval(system).mapaccum(intervals)
     inputs = [ca.MX.sym(name, whole.sparsity_in(k)) for k, name in enumerate("qsab")]
-    return ca.Function("resimulate", inputs, whole(*inputs)[1:])
+    return Call(ca.Function("resimulate", inputs, whole(*inputs)[1:]))
 
 
 @lru_cache(maxsize=32)

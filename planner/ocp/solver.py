@@ -8,7 +8,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from planner.interrupts import heed_interrupts
 from planner.ocp.backends import SHORT_CHAIN, Answer, Backend, Settings, SolverName, backend
 from planner.ocp.bounds import Bounds
 from planner.ocp.form import Form
@@ -94,12 +93,11 @@ def _solve(
 ) -> Solution:
     """One solver's answer."""
     call = solver(made.system, made.form, replace(settings, solver=name))
-    packed = np.clip(made.layout.pack(start, data.widths), data.lower, data.upper)
+    packed = made.layout.pack(start, data.widths).clip(data.lower, data.upper)
     began = time.perf_counter()
-    with heed_interrupts():
-        answer = call(packed, data)
+    answer = call(packed, data)
     seconds = time.perf_counter() - began
-    inside = replace(answer, vector=np.clip(answer.vector, data.lower, data.upper))
+    inside = replace(answer, vector=answer.vector.clip(data.lower, data.upper))
     return _checked(made, data, inside, ACCEPTED_RESIDUAL, name, seconds)
 
 
@@ -123,7 +121,7 @@ def _checked(
         excess(rows, data.row_lower, data.row_upper),
         excess(answer.vector, data.lower, data.upper),
     )
-    residual = float(np.max(np.concatenate(over)))
+    residual = float(np.concatenate(over).max())
     return Solution(
         solver=name,
         vector=answer.vector,

@@ -47,9 +47,9 @@ class Rows:
     first: int
 
     @property
-    def positions(self) -> Array:
-        """Positions among the interval's rows, shape (m,)."""
-        return np.asarray(self.first + np.arange(len(self.tau)))
+    def positions(self) -> slice:
+        """Positions among the interval's rows."""
+        return slice(self.first, self.first + len(self.tau))
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 
-import numpy as np
-
 from planner.ocp.assembly import Program, assemble
 from planner.ocp.compiled import compiled
 from planner.ocp.form import Form
@@ -15,7 +13,6 @@ from planner.ocp.layout import Iterate, Layout, layout
 from planner.ocp.order import order
 from planner.ocp.stage import Rows, stage
 from planner.systems.base import Array, TriangularSystem
-from planner.systems.pointwise import evaluated
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +43,9 @@ class Transcription:
             values that follow from them.
         """
         at, known = self.layout, parameters[self.form.parameters - 1]
-        column = self.program.outcome
-        found = evaluated(column, (vector, parameters), np.empty(column.nnz_out()))
-        rows, points = np.split(found[1:], [at.intervals * self.height])
+        found = self.program.outcome(vector, parameters)
+        end = 1 + at.intervals * self.height
+        rows, points = found[1:end], found[end:]
         iterate = Iterate(
             duration=float(vector[at.durations[0]] if self.form.free_duration else known),
             nodes=vector[at.nodes],

@@ -31,7 +31,7 @@ def broken_rows(task: Task, solution: Solution) -> list[Violation]:
     out = []
     for rows in made.labels:
         k, j = np.unravel_index(np.argmax(over[:, rows.positions]), (shape[0], len(rows.tau)))
-        at = (k, rows.positions[j])
+        at = (k, rows.first + j)
         if over[at] <= ACCEPTED_RESIDUAL:
             continue
         time = float(task.mesh.at(rows.tau)[k, j] * solution.iterate.duration)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections import OrderedDict
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
@@ -13,18 +14,25 @@ import numpy as np
 from planner.systems.base import Array
 
 
-def evaluated(function: Any, arguments: Iterable[Array], out: Array) -> Array:
-    """`out`, filled with a CasADi function's first value; matrices by columns, as it stores them.
+class Call(threading.local):
+    """A CasADi function's first value on NumPy arrays; each thread has a buffer of its own.
 
     The arrays' own memory is handed over; neither their shapes nor their sizes are checked.
     """
-    buffer, evaluate = function.buffer()
-    held = [np.ascontiguousarray(a, dtype=float) for a in arguments]
-    for i, array in enumerate(held):
-        buffer.set_arg(i, array.reshape(-1).data)
-    buffer.set_res(0, out.reshape(-1).data)
-    evaluate()
-    return out
+
+    def __init__(self, function: Any) -> None:
+        self._buffer, self._evaluate = function.buffer()
+        self._size = function.nnz_out(0)
+
+    def __call__(self, *arguments: Array) -> Array:
+        """All nonzeros, shape (n,); those of matrices by columns, as CasADi stores them."""
+        out, buffer = np.empty(self._size), self._buffer
+        held = [np.ascontiguousarray(a, dtype=float) for a in arguments]
+        for i, array in enumerate(held):
+            buffer.set_arg(i, array.reshape(-1).data)
+        buffer.set_res(0, out.data)
+        self._evaluate()
+        return out
 
 
 class Pointwise:
@@ -44,7 +52,7 @@ class Pointwise:
     def __init__(self, name: str, arguments: Sequence[Any], value: Any) -> None:
         self.function = ca.Function(name, list(arguments), [ca.densify(value)])
         self.shape = self.function.size_out(0)
-        self._mapped: OrderedDict[int, Any] = OrderedDict({1: self.function})
+        self._mapped: OrderedDict[int, Call] = OrderedDict({1: Call(self.function)})
 
     def __call__(self, *arguments: Array) -> Array:
         """Values at points given by arrays (…, k) whose leading axes agree.
@@ -55,16 +63,15 @@ class Pointwise:
         lead = arguments[0].shape[:-1]
         count = math.prod(lead)
         rows, columns = self.shape
-        out = np.empty((count, columns, rows))
-        if count:
-            evaluated(self._for(count), arguments, out)
+        out = self._for(count)(*arguments) if count else np.empty(0)
+        out = out.reshape(count, columns, rows)
         if columns == 1:
             return out.reshape(*lead, rows)
         return np.ascontiguousarray(out.swapaxes(-1, -2)).reshape(*lead, rows, columns)
 
-    def _for(self, count: int) -> Any:
+    def _for(self, count: int) -> Call:
         if count not in self._mapped:
-            self._mapped[count] = self.function.map(count)
+            self._mapped[count] = Call(self.function.map(count))
             if len(self._mapped) > self._KEPT:
                 self._mapped.popitem(last=False)
         else:

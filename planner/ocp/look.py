@@ -135,11 +135,15 @@ def _over(curves: Array, limit: Array, scale: Array) -> Array:
 
 
 def peaks(values: Array) -> Array:
-    """Largest value in each interval (K, …) of samples (K, M, …), by parabolas through three."""
+    """Largest value in each interval (K, …) of samples (K, M, …), by parabolas through three.
+
+    A parabola counts wherever among its three samples it is highest: close to an interval's end no
+    sample beyond tells that there is a peak.
+    """
     inner = values[:, 1:-1]
     before, after = values[:, :-2], values[:, 2:]
     slope, bend = (after - before) / 2, after - 2 * inner + before
-    top = (inner >= before) & (inner >= after) & (bend < 0)
+    top = np.abs(slope) < -bend
     with np.errstate(divide="ignore", invalid="ignore"):
         vertex = np.where(top, inner - slope**2 / (2 * bend), -np.inf)
     return np.asarray(np.maximum(np.max(values, axis=1), np.max(vertex, axis=1, initial=-np.inf)))

@@ -41,17 +41,26 @@ def least_duration(problem: Problem) -> DurationBound:
     return DurationBound(float(needed[i]), reason if needed[i] > 0 else "")
 
 
+def why_too_short(problem: Problem) -> str | None:
+    """Why no plan of any kind keeps the duration, in words; None where nothing shows that."""
+    bound = least_duration(problem)
+    if problem.duration is None or problem.duration >= bound.seconds * (1 - 1e-9):
+        return None
+    return (
+        f"no plan of any kind exists: {bound.reason}, which takes {bound.seconds:.4g} s;"
+        f" goal.duration is {problem.duration:.4g} s"
+    )
+
+
 def refuse_too_short(problem: Problem) -> None:
     """Refuse a duration that no plan can keep, before any method tries.
 
     Raises:
         InfeasibleError: With the coordinate that proves it.
     """
-    bound = least_duration(problem)
-    if problem.duration is not None and problem.duration < bound.seconds * (1 - 1e-9):
+    if why := why_too_short(problem):
         raise InfeasibleError(
-            f"{problem.source}: no plan of any kind exists: {bound.reason}, which takes"
-            f" {bound.seconds:.4g} s; goal.duration is {problem.duration:.4g} s",
+            f"{problem.source}: {why}",
             advice='goal.duration = "free", which finds the time needed; or wider input limits',
         )
 

@@ -32,6 +32,7 @@ class Method:
         replan: The same from a plan of a neighbouring problem, or None.
         refines: The method whose plan it starts from, or None. Where that finds none this finds
             none, so that `check` does not try it.
+        finds_time: Whether it says itself that a duration is too short, and which one is not.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Method:
     plan: Callable[[Problem, Any], Plan]
     replan: Callable[[Problem, Any, Plan], Plan] | None = None
     refines: str | None = None
+    finds_time: bool = False
 
 
 def _later(module: str, name: str) -> Callable[..., Plan]:
@@ -83,6 +85,7 @@ _ALL = (
         CollocationOptions,
         _later("collocation", "plan_collocation"),
         _later("replan", "replan_collocation"),
+        finds_time=True,
     ),
     Method(
         "convex",
@@ -96,6 +99,7 @@ _ALL = (
         DesensitisedOptions,
         _later("desensitised", "plan_desensitised"),
         refines="collocation",
+        finds_time=True,
     ),
 )
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.errors import InputError, NotConvergedError
+from planner.duration import refuse_too_short
+from planner.errors import InputError, NoPlanError, NotConvergedError
 from planner.methods.collocation_answer import Answer
 from planner.methods.collocation_refusals import NAME
 from planner.methods.collocation_search import RESOLVED, by_path, elsewhere, searched
@@ -44,11 +45,17 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
 
     Raises:
         InputError: If the options contradict each other or the problem.
-        NotConvergedError: If no motion is found; it names what stands in the way where that could
-            be found out, with a change that was tried.
+        InfeasibleError: If the duration is shorter than any motion can be; it names the shortest
+            one found.
+        NotConvergedError: If no motion is found, or none as short as the duration; it names what
+            stands in the way where that could be found out, with a change that was tried.
     """
     began = time.perf_counter()
-    answer = _best_route(problem, options)
+    try:
+        answer = _best_route(problem, options)
+    except NotConvergedError:
+        refuse_too_short(problem)
+        raise
     done = _polished(answer, options)
     if done.error > RESOLVED and (other := elsewhere(problem, answer, options)):
         answer, done = other, _polished(other, options)
@@ -65,7 +72,7 @@ def _best_route(problem: Problem, options: CollocationOptions) -> Answer:
     for way in routes(problem):
         try:
             answers.append(_settled(_answer(way, options)))
-        except NotConvergedError as error:
+        except NoPlanError as error:
             refusals.append(error)
     if not answers:
         raise refusals[0]

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.errors import NotConvergedError
+from planner.duration import why_too_short
+from planner.errors import InfeasibleError, NoPlanError, NotConvergedError
 from planner.ocp.polish import Polished
 from planner.ocp.refusal import obstacle
 from planner.ocp.search import Search
@@ -19,16 +20,19 @@ from planner.schema.methods import CollocationOptions
 NAME = "collocation"
 
 
-def too_short(job: Task, shortest: Polished, options: CollocationOptions) -> NotConvergedError:
+def too_short(job: Task, shortest: Polished, options: CollocationOptions) -> NoPlanError:
     """The fastest motion found, squeezed into the duration asked for, shows what that breaks."""
     wanted, found = job.problem.duration, shortest.solution.iterate.duration
     assert wanted is not None
     task = job.on(shortest.task.mesh)
     iterate = stretched(shortest.solution.iterate, wanted)
     squeezed = replace(shortest.solution, iterate=iterate)
-    return NotConvergedError(
-        f"{job.problem.source}: goal.duration = {wanted:g} s is too short: the fastest motion found"
-        f" takes {found:.4g} s. Squeezed into {wanted:g} s it breaks:",
+    proof = why_too_short(job.problem)
+    error = InfeasibleError if proof else NotConvergedError
+    why = f"{proof}. The" if proof else f"goal.duration = {wanted:g} s is too short: the"
+    return error(
+        f"{job.problem.source}: {why} fastest motion found takes {found:.4g} s. Squeezed into"
+        f" {wanted:g} s it breaks:",
         plan=_iterate_plan(task, squeezed, options),
         violations=broken_limits(task, squeezed),
         advice=f"goal.duration = {_rounded_up(found)} or more (a motion of {found:.4g} s was"
@@ -81,5 +85,5 @@ def _iterate_plan(job: Task, solution: Solution, options: CollocationOptions) ->
 
 
 def _rounded_up(value: float) -> str:
-    digits = 3 - int(np.ceil(np.log10(value)))
+    digits = 4 - int(np.ceil(np.log10(value)))
     return f"{np.ceil(value * 10.0**digits) / 10.0**digits:g}"

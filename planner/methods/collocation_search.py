@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from planner.errors import NoPlanError
 from planner.methods.collocation_answer import Answer, along, best_along
 from planner.methods.collocation_refusals import no_path, not_converged, too_short
 from planner.methods.collocation_seeds import NAMES, planned_seeds
@@ -13,10 +14,10 @@ from planner.methods.collocation_varied import varied
 from planner.ocp.backends import SHORT_CHAIN
 from planner.ocp.guess import Seed, seeds
 from planner.ocp.look import clears
-from planner.ocp.polish import polish
+from planner.ocp.polish import Polished, polish
 from planner.ocp.search import Search, search
 from planner.ocp.solver import Solution
-from planner.ocp.task import Task, stretched
+from planner.ocp.task import Task, can_jump, stretched, task, transferred
 from planner.ocp.timing import HASTE, hasty
 from planner.problem import Problem
 from planner.schema.methods import CollocationOptions
@@ -55,7 +56,8 @@ def searched(job: Task, options: CollocationOptions) -> Answer:
     quick = outcomes[k].quick
     if quick is None or not quick.ok:
         return _bridged(job, paths, outcomes[k].solution, options)
-    return _hurried(job, quick, Answer(paths.found[k].seed, job, quick, log, iterations), options)
+    answer = Answer(paths.found[k].seed, job, quick, log, iterations)
+    return _hurried(answer, _fastest(answer, options), options)
 
 
 def _variable(job: Task, options: CollocationOptions) -> bool:
@@ -123,7 +125,7 @@ def _bridged(
             raise not_converged(job, last, options, "the paths found")
         raise no_path(job, paths, options)
     answer = Answer(shortest.name, shortest.task, quick, log, paths.iterations)
-    return _hurried(shortest.task, quick, answer, options)
+    return _hurried(answer, _resolved(answer, options), options)
 
 
 def elsewhere(problem: Problem, answer: Answer, options: CollocationOptions) -> Answer | None:
@@ -134,18 +136,53 @@ def elsewhere(problem: Problem, answer: Answer, options: CollocationOptions) -> 
     return _bridged(answer.task, paths, answer.solution, options)
 
 
-def _hurried(job: Task, quick: Solution, answer: Answer, options: CollocationOptions) -> Answer:
-    """The fastest motion on a mesh fine enough to believe it: the answer's start, or a refusal."""
-    free = hasty(job)
-    done = polish(free, quick, options.accuracy, options.refinements)
-    wanted = job.problem.duration
+def _hurried(answer: Answer, fastest: Polished, options: CollocationOptions) -> Answer:
+    """The answer from the fastest motion found, or a refusal."""
+    job, wanted = answer.task, answer.task.problem.duration
     assert wanted is not None
-    if done.error > RESOLVED:
-        raise not_converged(job, quick, options, "the paths found")
-    if done.solution.iterate.duration * HASTE > wanted:
-        raise too_short(job, done, options)
-    finer = job.on(done.task.mesh)
-    solution = finer.solve(stretched(done.solution.iterate, wanted))
-    if not solution.ok:
-        raise too_short(job, done, options)
-    return replace(answer, task=finer, solution=solution)
+    if fastest.error > RESOLVED:
+        raise not_converged(job, answer.solution, options, "the paths found")
+    motion = fastest.solution.iterate
+    if motion.duration * HASTE > wanted:
+        raise too_short(job, fastest, options)
+    for finer in (job.on(fastest.task.mesh), fastest.task.asking(job.problem, job.objective)):
+        start = transferred(fastest.task, motion, finer)
+        solution = finer.solve(stretched(start, wanted))
+        if solution.ok:
+            return replace(answer, task=finer, solution=solution)
+    raise too_short(job, fastest, options)
+
+
+def _resolved(answer: Answer, options: CollocationOptions) -> Polished:
+    """The answer's motion as fast as it can be, on a mesh fine enough to believe it."""
+    task = hasty(answer.task)
+    return polish(task, answer.solution, options.accuracy, options.refinements)
+
+
+def _fastest(answer: Answer, options: CollocationOptions) -> Polished:
+    """The same; where that is not fast enough, the fastest motion that a free duration finds."""
+    first, free = _resolved(answer, options), _jumping(hasty(answer.task), options)
+    wanted = answer.task.problem.duration
+    assert wanted is not None
+    believed = first.error <= RESOLVED
+    if (believed and first.solution.iterate.duration <= wanted) or not _variable(free, options):
+        return first
+    try:
+        second = _resolved(searched(free, options), options)
+    except NoPlanError:
+        return first
+    if second.error > RESOLVED or (believed and _slower(second, first)):
+        return first
+    return second
+
+
+def _jumping(job: Task, options: CollocationOptions) -> Task:
+    """The task with inputs that may jump, where they may: the fastest ones do."""
+    if options.input != "auto" or not can_jump(job):
+        return job
+    form = replace(job.made.form, input="constant")
+    return task(job.problem, job.objective, form, job.mesh, job.rest, job.settings)
+
+
+def _slower(one: Polished, other: Polished) -> bool:
+    return one.solution.iterate.duration > other.solution.iterate.duration

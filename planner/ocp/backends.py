@@ -18,6 +18,7 @@ from planner.ocp.assembly import Program
 from planner.ocp.bounds import Bounds
 from planner.ocp.form import TERMS
 from planner.ocp.transcription import Transcription
+from planner.ocp.watchdog import Watchdog
 from planner.systems.base import Array
 
 SolverName = Literal["fatrop", "ipopt", "newton"]
@@ -49,6 +50,12 @@ ever; the objective is within 1e-7 of that of a sharper tolerance."""
 
 FATROP_RELAXES = 1e-8
 """By how much, relative to a bound or to one, Fatrop lets its iterates pass bounds."""
+
+
+PATIENCE_S, PATIENCE_EACH_S = 5.0, 0.05
+"""Time for Fatrop to return, and for each interval more: over ten times what it takes at most."""
+
+_fatrop_calls: Watchdog[Answer] = Watchdog()
 
 
 @dataclass(frozen=True)
@@ -168,15 +175,23 @@ class _Fatrop:
         functions["nlp_grad"] = _values(program)
         self._call = _nlpsol(made, "fatrop", functions, {"fatrop": options, **_stages(made)})
         self._memories: dict[bytes, tuple[Any, Callable[[], None]]] = {}
-        self._lock = threading.Lock()
+        self._lock, self._intervals = threading.Lock(), made.form.intervals
 
     def __call__(self, start: Array, data: Bounds) -> Answer:
+        """Answer, or give the start back: the search for a direction may loop for ever."""
+        seconds = PATIENCE_S + PATIENCE_EACH_S * self._intervals
+        answer = _fatrop_calls.within(seconds, lambda: self._answer(start, data))
+        if answer is None:
+            return Answer(start, False, "Does_Not_Return", 0)
+        return answer
+
+    def _answer(self, start: Array, data: Bounds) -> Answer:
         bounds = _drawn_in(data.lower, data.upper), _drawn_in(data.row_lower, data.row_upper)
         weighted = data.parameters.copy()
         weighted[:TERMS] *= self._weight
         given = (start, weighted, *bounds[0], *bounds[1])
         vector = np.empty(len(start))
-        with heed_interrupts(), self._lock:
+        with self._lock:
             buffer, evaluate = self._memory(data)
             for k, values in enumerate(given):
                 buffer.set_arg(k, values.data)

@@ -16,7 +16,7 @@ from planner.ocp.look import look
 from planner.ocp.mesh import Mesh
 from planner.ocp.search import needed_duration
 from planner.ocp.solver import Solution
-from planner.ocp.task import Task, stretched, task
+from planner.ocp.task import Task, can_jump, stretched, task
 from planner.systems.base import Array
 
 DEGREE = 5
@@ -35,9 +35,8 @@ DRAWN_IN = 1e-4
 def can_hold(job: Task) -> bool:
     """Whether a task asks no more of a path than limits on joints and inputs."""
     problem = job.problem
-    smooth = job.rest or job.objective.smooth or np.any(np.isfinite(problem.limits.input_rate))
     places = problem.waypoints or problem.obstacles or problem.limits.z2_margin is not None
-    return not (smooth or places)
+    return can_jump(job) and not places
 
 
 def held(job: Task, chain: Chain, accuracy: float) -> tuple[Task, Solution] | None:

@@ -73,18 +73,18 @@ def solve(made: Transcription, data: Bounds, start: Iterate, settings: Settings)
 def names(made: Transcription, settings: Settings) -> tuple[SolverName, ...]:
     """The solvers to try, in this order.
 
-    Fatrop is several times faster than IPOPT. But where collocation values stay unknowns its dense
+    Close to the answer Fatrop is several times faster than IPOPT. Far from it, or with a free
+    duration, it is hardly faster, and its iterates may be such that it (1.1.8) never returns; but
+    among discs IPOPT finds ways less often. Where collocation values stay unknowns Fatrop's dense
     stages cost more than they gain; and it eliminates the goal backwards through the inputs of the
-    last few intervals, which for chains of more than four joints leaves no digit. With a free
-    duration its iterates may be such that it (1.1.8) never returns, and is hardly faster; discs,
-    among which IPOPT finds ways less often, are worth that risk.
+    last few intervals, which for chains of more than four joints leaves no digit.
     """
     if settings.solver != "auto":
         return (settings.solver,)
     slow = made.layout.lifted or made.system.size > SHORT_CHAIN
-    order: tuple[SolverName, ...] = ("ipopt", "fatrop") if slow else ("fatrop", "ipopt")
-    if made.form.free_duration and not made.form.obstacles:
-        order = ("ipopt",)
+    far = made.form.free_duration or not (settings.near or settings.direct)
+    last = slow or (far and not made.form.obstacles)
+    order: tuple[SolverName, ...] = ("ipopt", "fatrop") if last else ("fatrop", "ipopt")
     return ("newton", *order) if settings.near else order
 
 

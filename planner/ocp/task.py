@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from planner.ocp.backends import Settings
 from planner.ocp.bounds import Bounds, Tightening, bounds
 from planner.ocp.curve import curve
@@ -108,6 +110,12 @@ def task(
     pairs = form.obstacles * link_count(problem.system)
     none = Tightening.none(form.intervals, problem.system.size, pairs)
     return Task(problem, objective, made, mesh, rest, settings, none, seconds)
+
+
+def can_jump(job: Task) -> bool:
+    """Whether nothing asks for inputs without jumps."""
+    rates = job.problem.limits.input_rate
+    return not (job.rest or job.objective.smooth or np.isfinite(rates).any())
 
 
 def transferred(old: Task, iterate: Iterate, new: Task) -> Iterate:

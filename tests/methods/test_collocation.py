@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import planner
-from planner.errors import InputError, NotConvergedError
+from planner.errors import InfeasibleError, InputError, NotConvergedError
 from planner.measures import effort, peak_inputs, peak_rates
 from planner.methods import collocation_search as module
 from planner.methods.collocation import plan_collocation
@@ -203,6 +203,31 @@ def test_too_short_names_the_input_and_a_duration_that_works(paper: Problem) -> 
     assert error.advice is not None
     advised = float(error.advice.split("goal.duration = ")[1].split()[0])
     assert plan(paper, {"goal.duration": advised}).status == "solved"
+
+
+def test_a_duration_below_any_bound_still_names_the_shortest_found(paper: Problem) -> None:
+    with pytest.raises(InfeasibleError, match="no plan of any kind exists: theta3") as caught:
+        planner.solve(paper.changed({"goal.duration": 2.0}), "collocation")
+    assert "the fastest motion found takes 3.1" in caught.value.reason.lower()
+    assert caught.value.violations[0].label == "input u1"
+    advised = float((caught.value.advice or "").split("goal.duration = ")[1].split()[0])
+    assert planner.solve(paper.changed({"goal.duration": advised}), "collocation").verified
+
+
+def test_a_given_duration_is_met_where_a_free_one_finds_it(paper: Problem) -> None:
+    """Its inputs must jump, and its path is a variation of what the first starts lead to."""
+    base = {
+        "start.theta_deg": [-42.007, -50.759],
+        "goal": {"theta_deg": [36.263, 2.786], "travel": 0.0, "duration": "free"},
+        "system": {"kind": "manipulator", "joints": 2, "K": [0.870125], "k_g": 0.668811},
+        "limits": {"input_rad_s": 0.5, "joint_deg": 80},
+    }
+    changed = paper.changed(base)
+    shortest = planner.solve(changed, "collocation").duration
+    for share in (1.0005, 1.1):
+        wanted = shortest * share
+        found = planner.solve(changed.changed({"goal.duration": wanted}), "collocation")
+        assert found.duration == pytest.approx(wanted, rel=1e-12)
 
 
 def test_the_fastest_motion_is_not_named_where_it_cannot_be_believed(

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.duration import refuse_too_short
-from planner.errors import InputError, NoPlanError, NotConvergedError
+from planner.errors import InputError, NoPlanError
 from planner.methods.collocation_answer import Answer
 from planner.methods.collocation_refusals import NAME
 from planner.methods.collocation_search import RESOLVED, by_path, elsewhere, searched
+from planner.methods.remedies import UnexplainedError
 from planner.ocp.backends import SHORT_CHAIN, Settings
 from planner.ocp.form import Form, InputKind
 from planner.ocp.guess import guess, seeds
@@ -50,12 +50,20 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
         NotConvergedError: If no motion is found, or none as short as the duration; it names what
             stands in the way where that could be found out, with a change that was tried.
     """
-    began = time.perf_counter()
     try:
-        answer = _best_route(problem, options)
-    except NotConvergedError:
-        refuse_too_short(problem)
-        raise
+        return planned(problem, options)
+    except UnexplainedError as refusal:
+        raise refusal.explained(planned) from None
+
+
+def planned(problem: Problem, options: CollocationOptions) -> Plan:
+    """As `plan_collocation`, but its refusals are not explained yet.
+
+    Raises:
+        UnexplainedError: In place of `plan_collocation`'s refusals.
+    """
+    began = time.perf_counter()
+    answer = _best_route(problem, options)
     done = _polished(answer, options)
     if done.error > RESOLVED and (other := elsewhere(problem, answer, options)):
         answer, done = other, _polished(other, options)

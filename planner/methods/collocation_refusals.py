@@ -2,71 +2,127 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-
-import numpy as np
 
 from planner.duration import why_too_short
 from planner.errors import InfeasibleError, NoPlanError, NotConvergedError
+from planner.methods.remedies import Change, UnexplainedError, least, travelling, tried
 from planner.ocp.polish import Polished
-from planner.ocp.refusal import obstacle
+from planner.ocp.refusal import Obstacle, obstacles
 from planner.ocp.search import Search
 from planner.ocp.solver import Solution
 from planner.ocp.task import Task, stretched
 from planner.ocp.violations import broken_limits, broken_rows
 from planner.plan import Plan
+from planner.problem import Problem
 from planner.schema.methods import CollocationOptions
 
 NAME = "collocation"
 
+Planning = Callable[[Problem, CollocationOptions], Plan]
 
-def too_short(job: Task, shortest: Polished, options: CollocationOptions) -> NoPlanError:
+NONE_HELPS = "another start or goal, or wider limits; in vain were tried {}"
+
+
+def too_short(job: Task, shortest: Polished, options: CollocationOptions) -> UnexplainedError:
     """The fastest motion found, squeezed into the duration asked for, shows what that breaks."""
-    wanted, found = job.problem.duration, shortest.solution.iterate.duration
+    problem, wanted = job.problem, job.problem.duration
+    found = shortest.solution.iterate.duration
     assert wanted is not None
-    task = job.on(shortest.task.mesh)
-    iterate = stretched(shortest.solution.iterate, wanted)
-    squeezed = replace(shortest.solution, iterate=iterate)
-    proof = why_too_short(job.problem)
-    error = InfeasibleError if proof else NotConvergedError
-    why = f"{proof}. The" if proof else f"goal.duration = {wanted:g} s is too short: the"
-    return error(
-        f"{job.problem.source}: {why} fastest motion found takes {found:.4g} s. Squeezed into"
-        f" {wanted:g} s it breaks:",
-        plan=_iterate_plan(task, squeezed, options),
-        violations=broken_limits(task, squeezed),
-        advice=f"goal.duration = {_rounded_up(found)} or more (a motion of {found:.4g} s was"
-        " found); or wider limits on the inputs",
-    )
+
+    def longer(seconds: float, plan: Planning) -> Change:
+        changed = replace(problem, duration=float(least(seconds)))
+        words = f"goal.duration = {least(seconds)} or more"
+        return Change(lambda _: words, lambda: plan(changed, options))
+
+    def explained(plan: Planning) -> NoPlanError:
+        iterate = stretched(shortest.solution.iterate, wanted)
+        squeezed = replace(shortest.solution, iterate=iterate)
+        task, proof = job.on(shortest.task.mesh), why_too_short(problem)
+        error = InfeasibleError if proof else NotConvergedError
+        why = f"{proof}. The" if proof else f"goal.duration = {wanted:g} s is too short: the"
+        return error(
+            f"{problem.source}: {why} fastest motion found takes {found:.4g} s. Squeezed into"
+            f" {wanted:g} s it breaks:",
+            plan=_iterate_plan(task, squeezed, options),
+            violations=broken_limits(task, squeezed),
+            advice=tried(longer(share * found, plan) for share in (1.0, 1.05))
+            or "a longer goal.duration, or wider limits on the inputs",
+        )
+
+    return UnexplainedError(explained)
 
 
-def no_path(job: Task, result: Search, options: CollocationOptions) -> NotConvergedError:
+def no_path(job: Task, result: Search, options: CollocationOptions) -> UnexplainedError:
     """No start led to a path: what stands in the way, found by leaving it out."""
-    last = result.last or result.found[0].solution
-    found = obstacle(job)
-    if found is None:
-        return not_converged(job, last, options, f"{len(result.log)} starts")
+    last, starts = result.last or result.found[0].solution, f"{len(result.log)} starts"
+
+    def explained(plan: Planning) -> NoPlanError:
+        for found in obstacles(job):
+            if advice := tried([_without(found, plan, options)]):
+                return _obstructed(job, found, starts, options, advice)
+        return not_converged(job, last, options, starts).explained(plan)
+
+    return UnexplainedError(explained)
+
+
+def _without(found: Obstacle, plan: Planning, options: CollocationOptions) -> Change:
+    return Change(lambda _: found.advice, lambda: plan(found.problem, options))
+
+
+def _obstructed(
+    job: Task, found: Obstacle, starts: str, options: CollocationOptions, advice: str
+) -> NotConvergedError:
     return NotConvergedError(
-        f"{job.problem.source}: no motion from start to goal was found from {len(result.log)}"
-        f" starts; without {found.what} there is one, which breaks:",
+        f"{job.problem.source}: no motion from start to goal was found from {starts}; without"
+        f" {found.what} there is one, which breaks:",
         plan=_iterate_plan(job, found.solution, options),
         violations=found.violations,
-        advice=found.advice,
+        advice=advice,
     )
 
 
 def not_converged(
-    job: Task, solution: Solution, options: CollocationOptions, tried: str
-) -> NotConvergedError:
+    job: Task, solution: Solution, options: CollocationOptions, starts: str
+) -> UnexplainedError:
     """The solver stopped short of a motion."""
-    return NotConvergedError(
-        f"{job.problem.source}: the solver found no motion from {tried} (it says"
-        f" {solution.status} after {solution.iterations} iterations)",
-        plan=_iterate_plan(job, solution, options),
-        violations=broken_rows(job, solution),
-        advice="more method.collocation.intervals, more attempts, or goal.travel and goal.duration"
-        ' "free"',
-    )
+
+    def explained(plan: Planning) -> NoPlanError:
+        named, proof = _changes(job.problem, options, plan), why_too_short(job.problem)
+        error = InfeasibleError if proof else NotConvergedError
+        in_vain = NONE_HELPS.format(", ".join(named) or "no changes")
+        return error(
+            f"{job.problem.source}: {f'{proof}; and ' if proof else ''}the solver found no motion"
+            f" from {starts} (it says {solution.status} after {solution.iterations} iterations)",
+            plan=_iterate_plan(job, solution, options),
+            violations=broken_rows(job, solution),
+            advice=tried(named.values()) or in_vain,
+        )
+
+    return UnexplainedError(explained)
+
+
+def _changes(problem: Problem, options: CollocationOptions, plan: Planning) -> dict[str, Change]:
+    """Changes by name: options left out, then what the problem prescribes."""
+    out, default = {}, CollocationOptions()
+    anywhere = problem.with_travel(None)
+    if options != default:
+        what = "the default options of method.collocation"
+        out[what] = Change(lambda _: what, lambda: plan(problem, default))
+    if problem.duration is not None:
+        out['goal.duration = "free"'] = Change(
+            lambda found: f'goal.duration = {least(found.duration)} or "free"',
+            lambda: plan(replace(problem, duration=None), default),
+        )
+    if problem.travel is not None:
+        out["a free travel"] = Change(travelling, lambda: plan(anywhere, default))
+    if problem.duration is not None and problem.travel is not None:
+        out["both"] = Change(
+            lambda found: f"{travelling(found)} and goal.duration = {least(found.duration)}",
+            lambda: plan(replace(anywhere, duration=None), default),
+        )
+    return out
 
 
 def _iterate_plan(job: Task, solution: Solution, options: CollocationOptions) -> Plan:
@@ -82,8 +138,3 @@ def _iterate_plan(job: Task, solution: Solution, options: CollocationOptions) ->
         iterations=solution.iterations,
         notes={"solver_status": solution.status, "largest_residual": solution.residual},
     )
-
-
-def _rounded_up(value: float) -> str:
-    digits = 4 - int(np.ceil(np.log10(value)))
-    return f"{np.ceil(value * 10.0**digits) / 10.0**digits:g}"

@@ -57,7 +57,9 @@ def _path(name: str, problem: Problem) -> Plan | None:
     try:
         if name == "polynomial":
             return METHODS["polynomial"].plan(easy, PolynomialOptions())
-        return METHODS["convex"].plan(easy, ConvexOptions(pieces=PIECES, scan=SCAN))
+        from planner.methods.convex import planned_convex  # slow to import, and seldom needed
+
+        return planned_convex(easy, ConvexOptions(pieces=PIECES, scan=SCAN))
     except NoPlanError as error:
         usable = error.plan is not None and error.plan.executable
         return error.plan if usable else None

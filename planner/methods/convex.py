@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from scipy.interpolate import BPoly
@@ -17,15 +15,18 @@ from planner.convex.quadratic import StalledError
 from planner.convex.report import OBJECTIVES, global_notes, local_notes, solver_notes
 from planner.convex.search import Found, search, search_one
 from planner.convex.task import Task
-from planner.errors import InputError
+from planner.errors import InfeasibleError, InputError, SingularError
 from planner.methods.chart import chart_ends, fit_duration
 from planner.methods.convex_refusals import (
+    chart_refusal,
     class_refusal,
     limits_refusal,
+    one_way_refusal,
     speed_refusal,
     travel_refusal,
     zero_refusal,
 )
+from planner.methods.remedies import UnexplainedError
 from planner.methods.travel import candidate_travels
 from planner.pieces import elevate
 from planner.plan import Plan
@@ -55,10 +56,20 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
         SingularError: If start or goal are not in one branch of the chart.
         InputError: If there are too few pieces, or the duration is free and no input has a limit.
     """
+    try:
+        return planned_convex(problem, options)
+    except UnexplainedError as refusal:
+        raise refusal.explained(lambda changed: planned_convex(changed, options)) from None
+    except SingularError as error:
+        raise chart_refusal(error, problem) from None
 
-    def replan(changed: Problem, change: Mapping[str, Any]) -> Plan:
-        return plan_convex(changed, options.model_copy(update=dict(change)))
 
+def planned_convex(problem: Problem, options: ConvexOptions) -> Plan:
+    """As `plan_convex`, but its refusals are not explained yet.
+
+    Raises:
+        UnexplainedError: In place of `plan_convex`'s refusals, but for SingularError.
+    """
     began = time.perf_counter()
     start, goal = chart_ends(problem, problem.travel or 1.0)
     if options.pieces < 2 * len(start):
@@ -66,17 +77,20 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
             f"{problem.source}: method.convex.pieces = {options.pieces} is too few for"
             f" {len(start)} coordinates; use at least {2 * len(start)}"
         )
-    travels = _travels(problem, options)
+    try:
+        travels = _travels(problem, options)
+    except InfeasibleError as error:
+        raise one_way_refusal(error, problem) from None
     task = Task.of(problem, options, start, goal)
     built = time.perf_counter()
     found = _convex(task, travels)
     nearby = None
     if found.best is None and task.band.complete:
-        raise class_refusal(task, found, replan)
+        raise class_refusal(task, found)
     if found.best is None or task.aim == "input" or task.complaint(*_path(found)) > 0:
         nearby = local_best(task, found, travels)
         if nearby is None:
-            raise class_refusal(task, found, replan)
+            raise class_refusal(task, found)
     plan = _plan(task, found, nearby)
     plan = replace(plan, build_time_s=built - began, solve_time_s=time.perf_counter() - built)
     if nearby is not None and (nearby.eased or not nearby.local.kept):

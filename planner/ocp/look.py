@@ -23,6 +23,9 @@ INTERPOLANT = 10.0
 SLACK = 1e-7
 """Distance from a limit, relative to it, that is kept where the limit is drawn in."""
 
+CUBIC = 0.0642
+"""Most that a cubic differs from the parabola through three even samples, in third differences."""
+
 ROUNDING = 1e-9
 """Excess over a limit, relative to it, that counts as none, as in certificates."""
 
@@ -135,18 +138,27 @@ def _over(curves: Array, limit: Array, scale: Array) -> Array:
 
 
 def peaks(values: Array) -> Array:
-    """Largest value in each interval (K, …) of samples (K, M, …), by parabolas through three.
+    """Bounds of the greatest value in each interval (K, …) of samples (K, M, …).
 
-    A parabola counts wherever among its three samples it is highest: close to an interval's end no
-    sample beyond tells that there is a peak.
+    Parabolas through three samples count wherever among these they are highest: close to an
+    interval's end no sample beyond tells that there is a peak. What a cubic could differ from them
+    is added.
     """
     inner = values[:, 1:-1]
     before, after = values[:, :-2], values[:, 2:]
     slope, bend = (after - before) / 2, after - 2 * inner + before
     top = np.abs(slope) < -bend
     with np.errstate(divide="ignore", invalid="ignore"):
-        vertex = np.where(top, inner - slope**2 / (2 * bend), -np.inf)
+        vertex = np.where(top, inner - slope**2 / (2 * bend) + CUBIC * _uneven(bend), -np.inf)
     return np.asarray(np.maximum(np.max(values, axis=1), np.max(vertex, axis=1, initial=-np.inf)))
+
+
+def _uneven(bend: Array) -> Array:
+    """How much second differences (K, M, …) differ from their neighbours."""
+    steps = np.abs(np.diff(bend, axis=1))
+    none = np.zeros_like(bend[:, :1])
+    left, right = (np.concatenate(both, axis=1) for both in ([none, steps], [steps, none]))
+    return np.asarray(np.maximum(left, right))
 
 
 def clears(task: Task, solution: Solution) -> bool:

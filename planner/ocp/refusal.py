@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -23,31 +24,33 @@ DISCS, POINTS = "the obstacles", "the waypoints"
 
 @dataclass(frozen=True, eq=False)
 class Obstacle:
-    """A requirement without which there is a motion.
+    """A requirement without which there is a path.
 
     Attributes:
         what: The requirement, in words.
-        solution: A motion without it.
-        violations: What that motion breaks.
-        advice: The change, tried.
+        solution: The path, as slow as the limits on the inputs want it.
+        violations: What it breaks.
+        advice: A change that makes room for it.
+        problem: The problem so changed.
     """
 
     what: str
     solution: Solution
     violations: list[Violation]
     advice: str
+    problem: Problem
 
 
-def obstacle(job: Task) -> Obstacle | None:
-    """Leave out one requirement after the other until a path is found."""
+def obstacles(job: Task) -> Iterator[Obstacle]:
+    """Leave out one requirement after the other, and see whether there is a path."""
     for what, relaxed in _relaxations(job):
         result = search(relaxed, seeds("auto")[:RELAXED_SEEDS], enough=1)
         if result.found:
             solution = result.found[0].solution
             slow = _within_input_limits(job, solution)
             violations = broken_limits(job, slow)
-            return Obstacle(what, slow, violations, _advice(job, what, violations, solution))
-    return None
+            advice, problem = _change(job.problem, what, violations, solution)
+            yield Obstacle(what, slow, violations, advice, problem)
 
 
 def _relaxations(job: Task) -> Iterator[tuple[str, Task]]:
@@ -83,32 +86,61 @@ def _within_input_limits(job: Task, solution: Solution) -> Solution:
     return replace(solution, iterate=stretched(solution.iterate, max(wanted, needed)))
 
 
-def _advice(job: Task, what: str, violations: list[Violation], solution: Solution) -> str:
+def _change(
+    problem: Problem, what: str, violations: list[Violation], solution: Solution
+) -> tuple[str, Problem]:
+    """A change that makes room for a path, in words, and the problem so changed."""
     if what == TRAVEL:
-        travel = float(solution.iterate.nodes[-1, 0] - solution.iterate.nodes[0, 0])
-        name, unit = _named(job, 0)
-        return f"another travel of {name}: a motion was found that travels {travel:.4g} {unit}"
+        nodes = solution.iterate.nodes
+        return _travelling(problem, float(nodes[-1, 0] - nodes[0, 0]))
     if what in (DISCS, POINTS):
-        table = "obstacles" if what == DISCS else "waypoints"
-        missed = sorted({v.label.rsplit(" ", 1)[1] for v in violations if table[:-1] in v.label})
-        which = f"[[{table}]] {' and '.join(missed)}" if missed else f"[[{table}]]"
-        return f"move or leave out {which}: a motion was found without"
+        return _less(problem, "obstacles" if what == DISCS else "waypoints", violations)
     if what == CHART:
-        reached = [v.value for v in violations if v.label == "z2 margin"]
-        if reached and reached[0] > 0:
-            return f"limits.z2_margin = {reached[0] * 0.999:.4g} or less: a motion was found"
-        return "leave out limits.z2_margin: a motion was found that lets z2 change sign"
-    peaks = [
-        f"{v.label.removeprefix('joint ')} at least {_shown(v.value * 1.001, v.unit)}"
-        for v in violations
-        if v.label.startswith("joint")
-    ]
-    return f"wider limits: {', '.join(peaks)} (a motion was found)"
+        return _nearer(problem, [v.value for v in violations if v.label == "z2 margin"])
+    return _wider(problem, violations)
 
 
-def _named(job: Task, i: int) -> tuple[str, str]:
-    coordinate = job.problem.system.coordinates[i]
-    return coordinate.name, coordinate.unit
+def _travelling(problem: Problem, travel: float) -> tuple[str, Problem]:
+    ((key, value),) = problem.travel_change(travel).items()
+    value = float(f"{value:.4g}")
+    return f"{key} = {value:g}", problem.changed({key: value})
+
+
+def _less(problem: Problem, table: str, violations: list[Violation]) -> tuple[str, Problem]:
+    """Without the discs or waypoints that the path meets or misses."""
+    missed = sorted({v.label.rsplit(" ", 1)[1] for v in violations if table[:-1] in v.label})
+    which = f"[[{table}]] {' and '.join(missed)}" if missed else f"[[{table}]]"
+    numbers = [int(number) for number in missed]
+    words = f"leave out {which}"
+    if table == "obstacles":
+        return words, replace(problem, obstacles=_left(problem.obstacles, numbers))
+    return words, replace(problem, waypoints=_left(problem.waypoints, numbers))
+
+
+def _left(all_: tuple[Any, ...], numbers: list[int]) -> tuple[Any, ...]:
+    """What is left without these, counted from one; nothing if none are named."""
+    return tuple(each for k, each in enumerate(all_, 1) if numbers and k not in numbers)
+
+
+def _nearer(problem: Problem, reached: list[float]) -> tuple[str, Problem]:
+    """With a smaller margin of z2, or none."""
+    if reached and reached[0] > 0:
+        margin = float(f"{reached[0] * 0.999:.4g}")
+        words = f"limits.z2_margin = {margin:g} or less"
+    else:
+        margin, words = None, "leave out limits.z2_margin, so that z2 may change sign"
+    return words, replace(problem, limits=replace(problem.limits, z2_margin=margin))
+
+
+def _wider(problem: Problem, violations: list[Violation]) -> tuple[str, Problem]:
+    """With wider limits on the joints that pass them."""
+    limit, peaks = problem.limits.joint.copy(), []
+    for i, coordinate in enumerate(problem.system.coordinates):
+        for v in (v for v in violations if v.label == f"joint {coordinate.name}"):
+            limit[i] = v.value * 1.001
+            peaks.append(f"{coordinate.name} at least {_shown(float(limit[i]), v.unit)}")
+    words = f"wider limits: {', '.join(peaks)}"
+    return words, replace(problem, limits=replace(problem.limits, joint=limit))
 
 
 def _shown(value: float, unit: str) -> str:

@@ -275,6 +275,7 @@ def test_z2_margin_as_the_obstacle(paper: Problem) -> None:
         plan(paper, changes, **HARD)
     assert [v.label for v in caught.value.violations] == ["z2 margin"]
     assert "z2_margin" in (caught.value.advice or "")
+    assert str(caught.value.advice).endswith("(tried)")
 
 
 def test_rows_tell_what_an_unfinished_iterate_breaks(paper: Problem) -> None:
@@ -283,6 +284,7 @@ def test_rows_tell_what_an_unfinished_iterate_breaks(paper: Problem) -> None:
     labels = {violation.label.rsplit(" ", 1)[0] for violation in caught.value.violations}
     assert "motion of" in labels
     assert caught.value.plan is not None
+    assert caught.value.advice == "the default options of method.collocation (tried)"
     assert not verify(caught.value.plan).ok
 
 

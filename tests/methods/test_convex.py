@@ -323,15 +323,21 @@ def test_too_short_a_duration_names_one_that_works(paper: planner.Problem) -> No
 
 
 def test_drive_too_slow_for_any_one_way_motion(paper: planner.Problem) -> None:
-    with pytest.raises(planner.InfeasibleError, match="at most"):
-        planner.solve(paper.changed({"goal.duration": 2.2}), "convex")
+    with pytest.raises(planner.InfeasibleError, match="at most") as caught:
+        planner.solve(paper.changed({"goal.duration": 2.2}), "convex", pieces=PIECES)
+    assert caught.value.advice is not None
+    seconds = float(caught.value.advice.split("goal.duration = ")[1].split()[0])
+    assert planner.solve(paper.changed({"goal.duration": seconds}), "convex", pieces=PIECES)
 
 
 def test_zero_travel_and_crossings_are_sent_elsewhere(wide: planner.Problem) -> None:
-    with pytest.raises(planner.InfeasibleError, match=r"travel = 0"):
-        planner.solve(wide.changed({"goal.travel": 0.0}), "convex")
-    with pytest.raises(planner.SingularError, match="theta1 changes sign"):
-        planner.solve(wide.changed({"goal.theta_deg": [-30, 30, 30]}), "convex")
+    for changes, error, words in (
+        ({"goal.travel": 0.0}, planner.InfeasibleError, "travel = 0"),
+        ({"goal.theta_deg": [-30, 30, 30]}, planner.SingularError, "theta1 changes sign"),
+    ):
+        with pytest.raises(error, match=words) as caught:
+            planner.solve(wide.changed(changes), "convex")
+        assert caught.value.advice == "use the method 'collocation' (tried)"
 
 
 def test_unreachable_four_joints_is_not_called_impossible() -> None:

@@ -32,3 +32,11 @@ def test_a_limit_passed_between_samples_is_seen() -> None:
         for limit in (top - 1e-6, top + 1e-6):
             over = _over(curve[None, None], np.array(limit), np.array(1.0))
             assert bool(over[0] > 0) == (top > limit)
+
+
+def test_a_cubic_s_peak_is_bounded_closely() -> None:
+    rng, fine = np.random.default_rng(5), np.linspace(0, 1, 4001)
+    for _ in range(300):
+        cubic = np.polynomial.Polynomial(rng.uniform(-1, 1, 4))
+        bound, true = peaks(cubic(TAU)[None])[0], np.max(cubic(fine))
+        assert true - 1e-7 <= bound <= true + 1e-3

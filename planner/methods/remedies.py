@@ -1,0 +1,69 @@
+"""What a refusal advises: one change that makes a plan possible, and has been tried.
+
+Trying takes as long as planning, and a change tried may be refused in turn: so a method first
+refuses without advice, and looks for it only where the refusal is its last word.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from planner.errors import InputError, NoPlanError
+from planner.plan import Plan
+from planner.verify import verify
+
+TRIED = " (tried)"
+"""After advice with which a verified plan was found."""
+
+
+class UnexplainedError(NoPlanError):
+    """A refusal to which advice is still to be found; methods let none of them out.
+
+    Attributes:
+        explained: From a method's way to plan, with which changes are tried, to the refusal proper.
+    """
+
+    def __init__(self, explained: Callable[[Any], NoPlanError], plan: Plan | None = None) -> None:
+        super().__init__("no plan was found", plan=plan)
+        self.explained = explained
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """A change of a problem, of options or of the method.
+
+    Attributes:
+        words: What to say of it, given the plan that it leads to.
+        plan: Plans with it; may refuse.
+    """
+
+    words: Callable[[Plan], str]
+    plan: Callable[[], Plan]
+
+
+def tried(changes: Iterable[Change]) -> str | None:
+    """The first change that leads to a verified plan, in words; None if none does."""
+    for change in changes:
+        try:
+            plan = change.plan()
+        except (NoPlanError, InputError):
+            continue
+        if verify(plan).ok:
+            return change.words(plan) + TRIED
+    return None
+
+
+def travelling(plan: Plan) -> str:
+    """The key that asks for a plan's travel."""
+    ((key, value),) = plan.problem.travel_change(plan.travel).items()
+    return f"{key} = {value:.6g}"
+
+
+def least(value: float) -> str:
+    """A number rounded up to four digits or so."""
+    scale = 10.0 ** (3 - int(np.floor(np.log10(value))))
+    return f"{np.ceil(value * scale) / scale:.10g}"

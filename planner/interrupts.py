@@ -8,10 +8,12 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager
 from functools import cache
 from types import FrameType
-from typing import Any, TextIO, cast
+from typing import Any
+
+from planner.unsaid import unsaid
 
 
 @contextmanager
@@ -68,7 +70,7 @@ def osqp_result(solver: Any) -> Any:
 
     with _osqp_alone:
         while True:
-            with _without_notice():
+            with unsaid("Solver interrupted", "stdout"):
                 result = solver.solve(raise_error=False)
             stopped = result.info.status_val == SolverStatus.OSQP_SIGINT
             if stopped or _osqp_mark()():
@@ -98,26 +100,3 @@ def _pass_on() -> None:
     assert main.ident is not None
     signal.pthread_kill(main.ident, signal.SIGINT)
     time.sleep(HANDOVER_S)
-
-
-@contextmanager
-def _without_notice() -> Iterator[None]:
-    """Keep OSQP's line from standard output, which belongs to the main thread."""
-    if threading.current_thread() is not threading.main_thread() or sys.stdout is None:
-        yield
-        return
-    with redirect_stdout(cast(TextIO, _Unsaid(sys.stdout))):
-        yield
-
-
-class _Unsaid:
-    """A stream without OSQP's notice of Ctrl-C; what other threads print goes through."""
-
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
-
-    def write(self, text: str) -> int:
-        return len(text) if text == "Solver interrupted\n" else self._stream.write(text)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)

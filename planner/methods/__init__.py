@@ -32,7 +32,7 @@ class Method:
         replan: The same from a plan of a neighbouring problem, or None.
         refines: The method whose plan it starts from, or None. Where that finds none this finds
             none, so that `check` does not try it.
-        finds_time: Whether it says itself that a duration is too short, and which one is not.
+        finds_time: Whether it says itself that a duration is too short, and finds one that is not.
     """
 
     name: str
@@ -92,6 +92,7 @@ _ALL = (
         "optimal in the chart: v1 constant, v2 on pieces; global with a gap, or a certificate",
         ConvexOptions,
         _later("convex", "plan_convex"),
+        finds_time=True,
     ),
     Method(
         "desensitised",

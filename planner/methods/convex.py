@@ -15,11 +15,13 @@ from planner.convex.quadratic import StalledError
 from planner.convex.report import OBJECTIVES, global_notes, local_notes, solver_notes
 from planner.convex.search import Found, search, search_one
 from planner.convex.task import Task
+from planner.duration import why_too_short
 from planner.errors import InfeasibleError, InputError, SingularError
 from planner.methods.chart import chart_ends, fit_duration
 from planner.methods.convex_refusals import (
     chart_refusal,
     class_refusal,
+    duration_refusal,
     limits_refusal,
     one_way_refusal,
     speed_refusal,
@@ -71,6 +73,8 @@ def planned_convex(problem: Problem, options: ConvexOptions) -> Plan:
         UnexplainedError: In place of `plan_convex`'s refusals, but for SingularError.
     """
     began = time.perf_counter()
+    if why := why_too_short(problem):
+        raise duration_refusal(problem, why)
     start, goal = chart_ends(problem, problem.travel or 1.0)
     if options.pieces < 2 * len(start):
         raise InputError(

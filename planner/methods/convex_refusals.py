@@ -9,6 +9,7 @@ from planner.convex.nearby import Nearby
 from planner.convex.report import broken_limits, certificate, certificate_words, class_words
 from planner.convex.search import Found
 from planner.convex.task import Task
+from planner.duration import least_duration
 from planner.errors import (
     InfeasibleError,
     InputError,
@@ -52,6 +53,12 @@ def travel_refusal(problem: Problem, window: TravelWindow) -> UnexplainedError:
     why = f"goal.travel = {problem.travel:.6g} rad: {window.reason or window_words(window)}"
     advice = OTHER_ENDS if window.empty else "a goal.travel between, or 'free'"
     return _refused(problem, lambda ways: _infeasible(problem, why, ways), advice)
+
+
+def duration_refusal(problem: Problem, why: str) -> UnexplainedError:
+    """No motion of any kind keeps the duration."""
+    longer = AMPLE * least_duration(problem).seconds
+    return _refused(problem, lambda ways: _infeasible(problem, why, ways), OTHER_ENDS, longer)
 
 
 def zero_refusal(problem: Problem) -> UnexplainedError:

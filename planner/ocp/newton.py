@@ -33,6 +33,7 @@ from planner.ocp.bounds import Bounds
 from planner.ocp.transcription import Transcription
 from planner.systems.base import Array
 from planner.systems.pointwise import Call
+from planner.unsaid import unsaid
 
 ROUNDS = 2
 """Times that two steps follow the first one, which shows whether other limits are met. From a start
@@ -55,6 +56,10 @@ class Newton:
 
     def __call__(self, start: Array, data: Bounds) -> Answer:
         """Answer, or give the start back."""
+        with unsaid("LDL factorization has zeros", "stderr"):  # no answer will come of it
+            return self._answer(start, data)
+
+    def _answer(self, start: Array, data: Bounds) -> Answer:
         limits = data.lower, data.row_lower, data.upper, data.row_upper
         given, functions = (data.parameters, np.concatenate(limits)), self._functions
         x, duals, held, (broken,) = functions.first.parts(start, *given)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import threading
-import time
 
 import pytest
 
@@ -32,6 +33,16 @@ def test_after_a_call_that_does_not_return_no_other_is_made() -> None:
     never.set()
 
 
+def test_ctrl_c_does_not_wait_for_it() -> None:
+    never = threading.Event()
+    timer = threading.Timer(0.2, lambda: os.kill(os.getpid(), signal.SIGINT))
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        Watchdog[bool]().within(60.0, lambda: never.wait(60))
+    assert timer.finished.is_set()
+    never.set()
+
+
 def test_where_fatrop_does_not_return_ipopt_answers(
     paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -44,9 +55,7 @@ def test_where_fatrop_does_not_return_ipopt_answers(
     monkeypatch.setattr(backends, "PATIENCE_S", 0.1)
     monkeypatch.setattr(backends, "PATIENCE_EACH_S", 0.0)
     monkeypatch.setattr(backends._Fatrop, "_answer", never)
-    began = time.monotonic()
     plan = plan_collocation(paper, CollocationOptions())
     assert planner.verify(plan).ok
     assert plan.notes["tried"][0]["start"] == "straight"
-    assert time.monotonic() - began < 30
     stuck.set()

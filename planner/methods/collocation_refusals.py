@@ -39,7 +39,7 @@ def too_short(job: Task, shortest: Polished, options: CollocationOptions) -> Une
     def explained(plan: Planning) -> NoPlanError:
         iterate = stretched(shortest.solution.iterate, wanted)
         squeezed = replace(shortest.solution, iterate=iterate)
-        task, proof = job.on(shortest.task.mesh), why_too_short(problem)
+        task, proof = shortest.task.asking(problem, job.objective), why_too_short(problem)
         error = InfeasibleError if proof else NotConvergedError
         why = f"{proof}. The" if proof else f"goal.duration = {wanted:g} s is too short: the"
         return error(

@@ -11,7 +11,10 @@ import planner
 from planner.errors import InfeasibleError, InputError, NotConvergedError
 from planner.measures import effort, peak_inputs, peak_rates
 from planner.methods import collocation_search as module
-from planner.methods.collocation import plan_collocation
+from planner.methods.collocation import collocation_task, plan_collocation
+from planner.methods.collocation_refusals import too_short
+from planner.ocp.guess import guess, seeds
+from planner.ocp.polish import Polished
 from planner.ocp.solver import solver
 from planner.ocp.transcription import transcription
 from planner.plan import Plan
@@ -375,3 +378,22 @@ def test_effort_to_the_last_digit_with_the_unrounded_drive_constant(
     exact = paper.changed({"system.k_g": (0.711625 / 0.870125) ** 2})
     plan = planner.solve(exact, "collocation", input=inputs)
     assert plan.objective == pytest.approx(effort, abs=5e-6)
+
+
+def test_the_fastest_motion_may_be_of_another_form_than_what_was_asked(paper: Problem) -> None:
+    """As where a path is kept: of higher degree, its inputs constant in each interval."""
+    coarse = CollocationOptions(intervals=20)
+    kept = CollocationOptions(intervals=30, degree=5, input="constant")
+    job = collocation_task(paper.changed({"goal.duration": 2.5}), coarse, 20)
+    free = collocation_task(paper.changed({"goal.duration": "free"}), kept, 30)
+    solution = free.solve(guess(free.problem, free.made, free.mesh, seeds("straight")[0]))
+    fastest = Polished(free, solution, 0.0, {}, 0.0, 1)
+
+    def no_plan(*_: object) -> Plan:
+        raise NotConvergedError("none")
+
+    refusal = too_short(job, fastest, coarse).explained(no_plan)
+    assert refusal.plan is not None
+    assert refusal.plan.duration == 2.5
+    assert {v.label for v in refusal.violations} == {"input u1", "input u2"}
+    assert refusal.advice == "a longer goal.duration, or wider limits on the inputs"

@@ -10,14 +10,14 @@ import numpy as np
 from planner.errors import InputError, NoPlanError
 from planner.methods.collocation_answer import Answer
 from planner.methods.collocation_refusals import NAME
-from planner.methods.collocation_search import RESOLVED, by_path, elsewhere, searched
+from planner.methods.collocation_search import by_path, resolved, searched
 from planner.methods.remedies import UnexplainedError
 from planner.ocp.backends import SHORT_CHAIN, Settings
 from planner.ocp.form import Form, InputKind
 from planner.ocp.guess import guess, seeds
 from planner.ocp.mesh import Mesh
 from planner.ocp.objective import objective
-from planner.ocp.polish import Polished, polish
+from planner.ocp.polish import Polished
 from planner.ocp.route import mesh_through, rebalanced, routes
 from planner.ocp.task import Task, task
 from planner.plan import Plan
@@ -63,15 +63,8 @@ def planned(problem: Problem, options: CollocationOptions) -> Plan:
         UnexplainedError: In place of `plan_collocation`'s refusals.
     """
     began = time.perf_counter()
-    answer = _best_route(problem, options)
-    done = _polished(answer, options)
-    if done.error > RESOLVED and (other := elsewhere(problem, answer, options)):
-        answer, done = other, _polished(other, options)
+    answer, done = resolved(_best_route(problem, options), options)
     return replace(finished(done, answer, options, began), problem=problem)
-
-
-def _polished(answer: Answer, options: CollocationOptions) -> Polished:
-    return polish(answer.task, answer.solution, options.accuracy, options.refinements)
 
 
 def _best_route(problem: Problem, options: CollocationOptions) -> Answer:

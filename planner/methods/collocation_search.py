@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -125,11 +126,24 @@ def _bridged(
             raise not_converged(job, last, options, "the paths found")
         raise no_path(job, paths, options)
     answer = Answer(shortest.name, shortest.task, quick, log, paths.iterations)
-    return _hurried(answer, _resolved(answer, options), options)
+    return _hurried(answer, _hastened(answer, options), options)
 
 
-def elsewhere(problem: Problem, answer: Answer, options: CollocationOptions) -> Answer | None:
+def resolved(answer: Answer, options: CollocationOptions) -> tuple[Answer, Polished]:
+    """The answer on a mesh fine enough to believe it, or another where it is no motion on any."""
+    done = _polished(answer, options)
+    if done.error <= RESOLVED or not (other := _elsewhere(answer, options)):
+        return answer, done
+    return other, _polished(other, options)
+
+
+def _polished(answer: Answer, options: CollocationOptions) -> Polished:
+    return polish(answer.task, answer.solution, options.accuracy, options.refinements)
+
+
+def _elsewhere(answer: Answer, options: CollocationOptions) -> Answer | None:
     """Another answer, where one turned out to be no motion however fine the mesh; None if none."""
+    problem = answer.task.problem
     if options.start != "auto" or options.refinements == 0 or not _bridgeable(problem):
         return None
     paths = Search([], None, answer.log, 0.0, answer.iterations)
@@ -153,27 +167,26 @@ def _hurried(answer: Answer, fastest: Polished, options: CollocationOptions) -> 
     raise too_short(job, fastest, options)
 
 
-def _resolved(answer: Answer, options: CollocationOptions) -> Polished:
-    """The answer's motion as fast as it can be, on a mesh fine enough to believe it."""
-    task = hasty(answer.task)
-    return polish(task, answer.solution, options.accuracy, options.refinements)
-
-
 def _fastest(answer: Answer, options: CollocationOptions) -> Polished:
-    """The same; where that is not fast enough, the fastest motion that a free duration finds."""
-    first, free = _resolved(answer, options), _jumping(hasty(answer.task), options)
-    wanted = answer.task.problem.duration
+    """The fastest motion that a free duration finds; the answer's own where that is faster."""
+    free, wanted = _jumping(hasty(answer.task), options), answer.task.problem.duration
     assert wanted is not None
-    believed = first.error <= RESOLVED
-    if (believed and first.solution.iterate.duration <= wanted) or not _variable(free, options):
-        return first
-    try:
-        second = _resolved(searched(free, options), options)
-    except NoPlanError:
-        return first
-    if second.error > RESOLVED or (believed and _slower(second, first)):
-        return first
-    return second
+    found = []
+    if _variable(free, options):
+        with suppress(NoPlanError):
+            found.append(resolved(searched(free, options), options)[1])
+    if not any(done.error <= RESOLVED and _duration(done) <= wanted for done in found):
+        found.append(_hastened(answer, options))
+    return min(found, key=lambda done: (done.error > RESOLVED, _duration(done)))
+
+
+def _hastened(answer: Answer, options: CollocationOptions) -> Polished:
+    """The answer's motion as fast as it can be, on a mesh fine enough to believe it."""
+    return _polished(replace(answer, task=hasty(answer.task)), options)
+
+
+def _duration(done: Polished) -> float:
+    return done.solution.iterate.duration
 
 
 def _jumping(job: Task, options: CollocationOptions) -> Task:
@@ -182,7 +195,3 @@ def _jumping(job: Task, options: CollocationOptions) -> Task:
         return job
     form = replace(job.made.form, input="constant")
     return task(job.problem, job.objective, form, job.mesh, job.rest, job.settings)
-
-
-def _slower(one: Polished, other: Polished) -> bool:
-    return one.solution.iterate.duration > other.solution.iterate.duration

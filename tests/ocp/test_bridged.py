@@ -14,7 +14,6 @@ import planner
 from planner.bridge import bridge, bridges
 from planner.bridge.piece import ends
 from planner.errors import NotConvergedError
-from planner.methods import collocation
 from planner.methods import collocation_search as searching
 from planner.methods.collocation import collocation_task
 from planner.ocp import bridged
@@ -78,7 +77,7 @@ def test_a_motion_that_turns_out_to_be_none_gives_way_to_a_path(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     plain = planner.solve(PROBLEM, "collocation", variations=0)
-    monkeypatch.setattr(collocation, "RESOLVED", -1.0)
+    monkeypatch.setattr(searching, "RESOLVED", -1.0)
     plan = planner.solve(PROBLEM, "collocation", variations=0)
     assert not plain.notes["start"].startswith("lifted")
     assert plan.notes["start"] == "lifted from 2 joints"

@@ -15,7 +15,7 @@ from planner.methods.collocation_varied import varied
 from planner.ocp.backends import SHORT_CHAIN
 from planner.ocp.guess import Seed, seeds
 from planner.ocp.look import clears
-from planner.ocp.polish import Polished, polish
+from planner.ocp.polish import Polished, patiently, polish
 from planner.ocp.search import Search, search
 from planner.ocp.solver import Solution
 from planner.ocp.task import Task, can_jump, stretched, task, transferred
@@ -151,7 +151,7 @@ def _elsewhere(answer: Answer, options: CollocationOptions) -> Answer | None:
 
 
 def _hurried(answer: Answer, fastest: Polished, options: CollocationOptions) -> Answer:
-    """The answer from the fastest motion found, or a refusal."""
+    """The answer from the fastest motion found, if need be that motion, slower; or a refusal."""
     job, wanted = answer.task, answer.task.problem.duration
     assert wanted is not None
     if fastest.error > RESOLVED:
@@ -159,12 +159,16 @@ def _hurried(answer: Answer, fastest: Polished, options: CollocationOptions) -> 
     motion = fastest.solution.iterate
     if motion.duration * HASTE > wanted:
         raise too_short(job, fastest, options)
-    for finer in (job.on(fastest.task.mesh), fastest.task.asking(job.problem, job.objective)):
+    own = fastest.task.asking(job.problem, job.objective)
+    for finer in (job.on(fastest.task.mesh), own):
         start = transferred(fastest.task, motion, finer)
-        solution = finer.solve(stretched(start, wanted))
+        solution = patiently(finer).solve(stretched(start, wanted))
         if solution.ok:
             return replace(answer, task=finer, solution=solution)
-    raise too_short(job, fastest, options)
+    slower = own.judged(stretched(motion, wanted))
+    if motion.duration > wanted or not slower.ok:
+        raise too_short(job, fastest, options)
+    return replace(answer, task=own, solution=slower)
 
 
 def _fastest(answer: Answer, options: CollocationOptions) -> Polished:

@@ -56,7 +56,7 @@ def polish(task: Task, solution: Solution, accuracy: float, refinements: int) ->
         if seen.error.fine(accuracy):
             break
         finer = task.on(_finer(task, seen.error, accuracy))
-        better = _patiently(finer).solve(transferred(task, solution.iterate, finer), near=True)
+        better = patiently(finer).solve(transferred(task, solution.iterate, finer), near=True)
         seconds, iterations = seconds + better.seconds, iterations + better.iterations
         build += finer.build_time_s
         if not better.ok:
@@ -79,8 +79,8 @@ def polish(task: Task, solution: Solution, accuracy: float, refinements: int) ->
     )
 
 
-def _patiently(task: Task) -> Task:
-    """The task with a limit on iterations where each takes long; a near start needs few."""
+def patiently(task: Task) -> Task:
+    """The task with a limit on iterations where each takes long; a good start needs few."""
     if len(task.mesh.widths) <= MANY:
         return task
     most = min(task.settings.max_iterations, MOST_ITERATIONS)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from planner.duration import why_too_short
 from planner.errors import InfeasibleError, NoPlanError, NotConvergedError
-from planner.methods.remedies import Change, UnexplainedError, least, travelling, tried
+from planner.methods.remedies import Change, UnexplainedError, least, longer, travelling, tried
 from planner.ocp.polish import Polished
 from planner.ocp.refusal import Obstacle, obstacles
 from planner.ocp.search import Search
@@ -31,12 +31,10 @@ def too_short(job: Task, shortest: Polished, options: CollocationOptions) -> Une
     found = shortest.solution.iterate.duration
     assert wanted is not None
 
-    def longer(seconds: float, plan: Planning) -> Change:
-        changed = replace(problem, duration=float(least(seconds)))
-        words = f"goal.duration = {least(seconds)} or more"
-        return Change(lambda _: words, lambda: plan(changed, options))
-
     def explained(plan: Planning) -> NoPlanError:
+        def again(changed: Problem) -> Plan:
+            return plan(changed, options)
+
         iterate = stretched(shortest.solution.iterate, wanted)
         squeezed = replace(shortest.solution, iterate=iterate)
         task, proof = shortest.task.asking(problem, job.objective), why_too_short(problem)
@@ -47,7 +45,7 @@ def too_short(job: Task, shortest: Polished, options: CollocationOptions) -> Une
             f" {wanted:g} s it breaks:",
             plan=_iterate_plan(task, squeezed, options),
             violations=broken_limits(task, squeezed),
-            advice=tried(longer(share * found, plan) for share in (1.0, 1.05))
+            advice=tried(longer(problem, share * found, again, " or more") for share in (1.0, 1.05))
             or "a longer goal.duration, or wider limits on the inputs",
         )
 

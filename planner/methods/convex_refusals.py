@@ -17,7 +17,15 @@ from planner.errors import (
     NotConvergedError,
     SingularError,
 )
-from planner.methods.remedies import TRIED, Change, UnexplainedError, least, travelling, tried
+from planner.methods.remedies import (
+    TRIED,
+    Change,
+    UnexplainedError,
+    least,
+    longer,
+    travelling,
+    tried,
+)
 from planner.plan import Plan
 from planner.problem import Problem
 from planner.reachability import TravelWindow, travel_window
@@ -57,8 +65,8 @@ def travel_refusal(problem: Problem, window: TravelWindow) -> UnexplainedError:
 
 def duration_refusal(problem: Problem, why: str) -> UnexplainedError:
     """No motion of any kind keeps the duration."""
-    longer = AMPLE * least_duration(problem).seconds
-    return _refused(problem, lambda ways: _infeasible(problem, why, ways), OTHER_ENDS, longer)
+    ample = AMPLE * least_duration(problem).seconds
+    return _refused(problem, lambda ways: _infeasible(problem, why, ways), OTHER_ENDS, ample)
 
 
 def zero_refusal(problem: Problem) -> UnexplainedError:
@@ -162,9 +170,14 @@ def _refused(
     """A refusal whose advice is the first change that works, or else these words."""
 
     def explained(replan: Replan) -> NoPlanError:
-        elsewhere = _by_collocation(problem) if problem.travel == 0 else None
-        ways = elsewhere or tried(_changes(problem, replan, slower)) or _by_collocation(problem)
-        return refusal(ways or advice)
+        def own() -> str | None:
+            return tried(_changes(problem, replan, slower))
+
+        def other() -> str | None:
+            return _by_collocation(problem)
+
+        first, second = (other, own) if problem.travel == 0 else (own, other)
+        return refusal(first() or second() or advice)
 
     return UnexplainedError(explained, last)
 
@@ -172,7 +185,7 @@ def _refused(
 def _changes(problem: Problem, replan: Replan, slower: float | None) -> Iterator[Change]:
     """More time where that is known to help, another travel, any time."""
     for seconds in [] if slower is None else [share * slower for share in MORE]:
-        yield _longer(problem, replan, seconds)
+        yield longer(problem, seconds, replan)
     if problem.travel is not None:
         anywhere = problem.with_travel(None)
         yield Change(travelling, lambda: replan(anywhere))
@@ -181,11 +194,6 @@ def _changes(problem: Problem, replan: Replan, slower: float | None) -> Iterator
         yield Change(
             lambda plan: f"goal.duration = {least(plan.duration)}", lambda: replan(unhurried)
         )
-
-
-def _longer(problem: Problem, replan: Replan, seconds: float) -> Change:
-    changed = replace(problem, duration=float(least(seconds)))
-    return Change(lambda _: f"goal.duration = {least(seconds)}", lambda: replan(changed))
 
 
 def _by_collocation(problem: Problem) -> str | None:

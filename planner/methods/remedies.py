@@ -7,13 +7,14 @@ refuses without advice, and looks for it only where the refusal is its last word
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from planner.errors import InputError, NoPlanError
 from planner.plan import Plan
+from planner.problem import Problem
 from planner.verify import verify
 
 TRIED = " (tried)"
@@ -55,6 +56,15 @@ def tried(changes: Iterable[Change]) -> str | None:
         if verify(plan).ok:
             return change.words(plan) + TRIED
     return None
+
+
+def longer(
+    problem: Problem, seconds: float, plan: Callable[[Problem], Plan], more: str = ""
+) -> Change:
+    """Another duration; `more` follows it in words."""
+    value = least(seconds)
+    changed = replace(problem, duration=float(value))
+    return Change(lambda _: f"goal.duration = {value}{more}", lambda: plan(changed))
 
 
 def travelling(plan: Plan) -> str:

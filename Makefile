@@ -11,6 +11,7 @@
 #   make notebook  Jupyter with the notebooks, the explorer in the first of them
 #   make docs      the documentation, to out/docs/index.html; warnings are errors
 #   make test      what CI runs: lint, types, tests
+#   make installed  built, installed and run on every Python here that pyproject.toml declares
 #   make check     lint and types only
 #   make format    put the code into the house format
 #   make clean     remove what make has made
@@ -22,7 +23,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
 .DEFAULT_GOAL := compare
-.PHONY: compare suite bench stress paper robustness report explorer notebook docs test check lint \
+.PHONY: compare suite bench stress paper robustness report explorer notebook docs test installed check lint \
   format clean
 
 compare: $(VENV)/.run
@@ -61,6 +62,9 @@ docs: $(VENV)/.docs
 
 test: check
 	@$(BIN)/python -m pytest $(PYTEST_FLAGS)
+
+installed: $(VENV)/.dev
+	@$(BIN)/python tests/installed/legs.py
 
 check lint: $(VENV)/.dev
 	@$(BIN)/ruff check --quiet .

@@ -1,7 +1,8 @@
-"""The one thing that pyproject.toml cannot say: the replay kernel, compiled if a compiler is there.
+"""What pyproject.toml cannot say: the replay kernel, compiled if a compiler is there.
 
 It is plain C without Python in it, so that it needs no headers of Python and serves every version;
-`planner.machine.compiled` loads it.
+`planner.machine.compiled` loads it. The wheel's tag says so: built by one Python, it installs on
+all from `OLDEST` on.
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ from typing import Any
 
 from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
+
+OLDEST = "cp311"
 
 UNIX = ["-std=c99", "-O3", "-fvisibility=hidden", "-fno-math-errno", "-ffp-contract=off"]
 
@@ -35,4 +38,8 @@ KERNEL = Extension(
     optional=True,
 )
 
-setup(ext_modules=[KERNEL], cmdclass={"build_ext": Build})
+setup(
+    ext_modules=[KERNEL],
+    cmdclass={"build_ext": Build},
+    options={"bdist_wheel": {"py_limited_api": OLDEST}},
+)

@@ -9,11 +9,12 @@ True
 
 from typing import TYPE_CHECKING
 
+from planner.distribution import version
 from planner.lazy import import_when_used
 
 if TYPE_CHECKING:  # a new public name goes here, into the table below and into __all__
     from planner.budget import Budget, error_budget
-    from planner.certificate import certify
+    from planner.certificate.certify import certify
     from planner.chained import ChainedForm, chained_form
     from planner.check import Analysis, check
     from planner.claims import Certificate, Claim
@@ -27,6 +28,7 @@ if TYPE_CHECKING:  # a new public name goes here, into the table below and into 
         NotConvergedError,
         PlannerError,
         SingularError,
+        TimeLimitError,
         VerificationError,
         Violation,
     )
@@ -34,10 +36,11 @@ if TYPE_CHECKING:  # a new public name goes here, into the table below and into 
     from planner.export import Samples, export, load_samples
     from planner.feedback import Tracker
     from planner.indicators import Indicators, indicators
+    from planner.loading import load_plan
     from planner.machine import Machine
     from planner.methods import METHODS
     from planner.pareto import TradeOff, trade_off
-    from planner.plan import Plan, load_plan
+    from planner.plan import Plan
     from planner.problem import Limits, Problem, load_problem
     from planner.reachability import TravelWindow, travel_window
     from planner.replay import Replay, replay
@@ -59,7 +62,7 @@ if TYPE_CHECKING:  # a new public name goes here, into the table below and into 
 
 _HOMES = {
     "budget": "Budget error_budget",
-    "certificate": "certify",
+    "certificate.certify": "certify",
     "chained": "ChainedForm chained_form",
     "check": "Analysis check",
     "claims": "Certificate Claim",
@@ -67,15 +70,16 @@ _HOMES = {
     "controllability": "Controllability controllability",
     "differences": "MachineSensitivity machine_sensitivity",
     "errors": "InfeasibleError InputError NoPlanError NotConvergedError "
-    "PlannerError SingularError VerificationError Violation",
+    "PlannerError SingularError TimeLimitError VerificationError Violation",
     "explorer": "explore",
     "export": "Samples export load_samples",
     "feedback": "Tracker",
     "indicators": "Indicators indicators",
+    "loading": "load_plan",
     "machine": "Machine",
     "methods": "METHODS",
     "pareto": "TradeOff trade_off",
-    "plan": "Plan load_plan",
+    "plan": "Plan",
     "problem": "Limits Problem load_problem",
     "reachability": "TravelWindow travel_window",
     "replay": "Replay replay",
@@ -88,7 +92,7 @@ _HOMES = {
 }
 import_when_used(__name__, _HOMES)
 
-__version__ = "0.1.0"
+__version__ = version()
 
 __all__ = [
     "METHODS",
@@ -121,6 +125,7 @@ __all__ = [
     "Sensitivity",
     "SingularError",
     "Sweep",
+    "TimeLimitError",
     "Tracker",
     "TradeOff",
     "Trailers",

@@ -16,7 +16,7 @@ from scipy.interpolate import BPoly, PPoly
 from planner.extrema import sample_times, zeros
 from planner.pieces import Grid
 from planner.systems.base import Array
-from planner.trajectory import Trajectory
+from planner.trajectory import Trajectory, at_times
 
 Norm = Literal["max", "euclid"]
 
@@ -65,7 +65,7 @@ class Inverse:
 
     def slope(self, sigma: Array) -> Array:
         """ds/dσ, shape as sigma."""
-        return np.asarray(self._slope(sigma))
+        return at_times(self._slope, sigma)
 
     def __call__(self, s: Array, low: Array, high: Array) -> Array:
         """σ at lengths s (…), known to lie between own times low and high (…) of one piece."""
@@ -82,7 +82,7 @@ class Inverse:
             if np.all(moved <= 1e-8 * (high - low)):
                 break
         for _ in range(2):
-            new = np.clip(_step(at, self._length(at) - s, self._slope(at)), low, high)
+            new = np.clip(_step(at, at_times(self._length, at) - s, self.slope(at)), low, high)
             at = np.where(np.isnan(new), at, new)
         return np.asarray(at)
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from planner.deadline import TimeUpError, limited, share
 from planner.domain import DomainReport
 from planner.duration import DurationBound, least_duration
 from planner.ends import End, chart_ends_report
@@ -43,6 +45,7 @@ class Analysis:
         nonholonomy: Controllability at the start, the goal and on θ₁ = 0.
         outcomes: For each method its summary, see `planner.summary.KEYS`.
         remedy: When no method has a plan, a change that gives one, if one was found.
+        ended_early: What cut the search short, in words; None where nothing did.
     """
 
     problem: Problem
@@ -54,6 +57,7 @@ class Analysis:
     nonholonomy: Nonholonomy
     outcomes: tuple[dict[str, Any], ...]
     remedy: Remedy | None
+    ended_early: str | None = None
 
     def __repr__(self) -> str:
         return f"Analysis({self.problem.name!r}: {self.verdict})"
@@ -79,6 +83,8 @@ class Analysis:
             text = f"No plan of any kind exists: {self.duration_bound.reason}."
         else:
             text = "No plan was found; this alone does not show that none exists."
+        if self.ended_early and not self.proven_impossible:
+            text += f" ({self.ended_early[0].upper()}{self.ended_early[1:]}.)"
         return text if self.remedy is None else f"{text} Change {self.remedy}."
 
     def to_dict(self) -> dict[str, Any]:
@@ -99,11 +105,15 @@ class Analysis:
             "nonholonomy": self.nonholonomy.to_dict(),
             "methods": list(self.outcomes),
             "remedy": None if self.remedy is None else self.remedy.to_dict(),
+            "ended_early": self.ended_early,
         }
 
 
 def check(
-    problem: Problem, methods: Sequence[str] | None = None, progress: Progress | None = None
+    problem: Problem,
+    methods: Sequence[str] | None = None,
+    progress: Progress | None = None,
+    time_limit_s: float | None = None,
 ) -> Analysis:
     """Examine a problem and try the methods on it.
 
@@ -112,6 +122,8 @@ def check(
         methods: Names to try; when left out, every method of the registry that does not start from
             another's plan.
         progress: Called with a line of text before each step that may take time.
+        time_limit_s: Seconds for all of it. Each method has its share of what is left, and so has
+            the search for a remedy; see `planner.solve`.
 
     Raises:
         InputError: If a method is unknown.
@@ -121,13 +133,19 @@ def check(
     own = [name for name, method in METHODS.items() if method.refines is None]
     names = own if methods is None else [find_method(m).name for m in methods]
     window = travel_window(problem)
-    outcomes = []
-    for name in names:
-        say(f"trying {name}")
-        outcomes.append(attempt(problem, name))
+    outcomes, remedy = [], None
+    with limited(time_limit_s) as span:
+        words = f"its share of {span.why}" if time_limit_s is not None else ""
+        for k, name in enumerate(names):
+            say(f"trying {name}")
+            with share(1 / (len(names) - k + 1), words):
+                outcomes.append(attempt(problem, name))
+        found = any(o["verified"] for o in outcomes)
+        if not found:
+            with suppress(TimeUpError):
+                remedy = find_remedy(problem, names, say)
     say("looking at the plain polynomial")
     singular = any(o["method"] == "polynomial" and o["status"] == "singular" for o in outcomes)
-    found = any(o["verified"] for o in outcomes)
     return Analysis(
         problem=problem,
         ends=chart_ends_report(problem),
@@ -137,7 +155,8 @@ def check(
         plain_polynomial=_plain_polynomial(problem, window) if singular else None,
         nonholonomy=nonholonomy(problem),
         outcomes=tuple(outcomes),
-        remedy=None if found else find_remedy(problem, names, say),
+        remedy=remedy,
+        ended_early=f"{span.why} ended the search" if span.reached else None,
     )
 
 

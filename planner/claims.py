@@ -72,7 +72,8 @@ class Certificate:
     @property
     def ok(self) -> bool:
         """Whether everything required is proven."""
-        return all(c.status == "proven" for c in self.claims if c.required)
+        required = [c for c in self.claims if c.required]
+        return bool(required) and all(c.status == "proven" for c in required)
 
     @property
     def open(self) -> tuple[Claim, ...]:

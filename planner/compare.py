@@ -48,6 +48,7 @@ def compare(
     seed: int = 0,
     feedback: bool = False,
     progress: Progress | None = None,
+    time_limit_s: float | None = None,
 ) -> Comparison:
     """Plan one problem by several methods and replay every plan on the same emulated machines.
 
@@ -68,6 +69,7 @@ def compare(
         seed: Seed of the draws; the same seed gives the same machines.
         feedback: Whether to replay every plan a second time with the tracker closing the loop.
         progress: Told what is being done; see `Progress`.
+        time_limit_s: Seconds for planning by each of the methods; see `planner.solve`.
 
     Raises:
         InputError: If a method, an option, or a number is wrong.
@@ -78,7 +80,7 @@ def compare(
     wanted = specs(problem, methods)
     machine = Machine.from_table(problem.machine) if machine is None else machine
     chosen = None if isinstance(samples, int) else tuple(numbers.tolist())
-    run = _Run(problem, machine, numbers.tolist(), seed, feedback, methods == ALL)
+    run = _Run(problem, machine, numbers.tolist(), seed, feedback, methods == ALL, time_limit_s)
     try:
         for k, spec in enumerate(wanted):
             run.add(spec, partial(_part, progress, k, len(wanted), spec.label))
@@ -105,9 +107,10 @@ class _Run:
         seed: int,
         feedback: bool,
         tolerant: bool,
+        time_limit_s: float | None,
     ) -> None:
         self._problem, self._machine, self._feedback = problem, machine, feedback
-        self._tolerant = tolerant
+        self._tolerant, self._time_limit_s = tolerant, time_limit_s
         self._numbers, self._seed = numbers, seed
         self.rows: list[Row] = []
         self.done = 0
@@ -127,7 +130,7 @@ class _Run:
 
     def _planned(self, spec: Spec) -> Row:
         try:
-            return planned(self._problem, spec)
+            return planned(self._problem, spec, self._time_limit_s)
         except InputError as error:  # of all methods some may not fit the problem
             if not self._tolerant:
                 raise
@@ -208,15 +211,19 @@ def _part(
         progress(f"{doing} {label}", (k + share) / count)
 
 
-def planned(problem: Problem, spec: Spec) -> Row:
+def planned(problem: Problem, spec: Spec, time_limit_s: float | None = None) -> Row:
     """A row without its replay: the plan, verified or refused, or why there is none.
 
     Raises:
         InputError: If the method does not fit the problem.
     """
     try:
-        plan, check = solve_and_check(problem, spec.method, **spec.options)
-        why = "" if plan.verified else _outside(plan.domain.singular_times_s)
+        options = dict(spec.options)
+        if time_limit_s is not None:
+            options = {"time_limit_s": time_limit_s, **options}
+        plan, check = solve_and_check(problem, spec.method, **options)
+        early = str(plan.notes.get("ended_early", ""))
+        why = early if plan.verified else _outside(plan.domain.singular_times_s)
     except NoPlanError as error:
         kept = _complete(error)
         if kept is None:

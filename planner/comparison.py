@@ -36,7 +36,7 @@ class Row:
         label: The spec it came from.
         method: Name of the method.
         solved: Whether it gave a verified plan.
-        why: Why not, in one line; empty when solved.
+        why: Why not, in one line; when solved empty, or what ended the search early.
         plan: The plan; a refused one is kept when it is complete, for study; else None.
         travel_rad: q₁(T) − q₁(0), rad (metres for vehicles).
         duration_s: Duration, s.

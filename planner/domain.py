@@ -6,11 +6,14 @@ lies in (0, 1]; it is smooth where every one lies in (0, 1). `domain_report` tes
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from planner.chained import chained_form
 from planner.extrema import maximum, minimum, sample_times, zeros
+from planner.quadrature import greatest, read
+from planner.retimed import RetimedTrajectory
 from planner.systems.base import Array
 from planner.trajectory import ChainedTrajectory, Trajectory, polynomial_range, polynomial_roots
 
@@ -54,7 +57,49 @@ def worst_margin(margins: Array) -> Array:
 
 
 def domain_report(trajectory: Trajectory) -> DomainReport:
-    """Examine a trajectory over all time: polynomial roots for z₂, root-finding on the margins."""
+    """Examine a trajectory over all time.
+
+    Inside the domain margins and z₂ are series, whose extremes are exact. A path that leaves it has
+    no coordinates there: polynomial roots for z₂, and root-finding on the margins.
+    """
+    if isinstance(trajectory, RetimedTrajectory):
+        path = domain_report(trajectory.path)
+        if path.ok:
+            crossings = tuple(trajectory.time_of(t) for t in path.z2_crossings_s)
+            return replace(path, time_s=trajectory.time_of(path.time_s), z2_crossings_s=crossings)
+    return _inside(trajectory) or _outside(trajectory)
+
+
+def _inside(trajectory: Trajectory) -> DomainReport | None:
+    """The report of a path that stays strictly inside; None for another."""
+    system, form = trajectory.system, chained_form(trajectory.system)
+    with np.errstate(all="ignore"):
+        branch = system.branch(trajectory.q(0.0))
+
+        def watched(q: Array, _: Array) -> Array:
+            return np.concatenate([-system.chart_margins(q, branch), form.z(q)[..., 1:2]], axis=-1)
+
+        reading = read(trajectory, watched)
+        values = watched(reading.q, reading.u)
+        tops, times = greatest(reading.cells, np.concatenate([values, -values[..., -1:]], axis=-1))
+    if not np.all(tops[:-2] < 0):
+        return None
+    worst = int(np.argmax(tops[:-2]))
+    high, low = float(tops[-2]), -float(tops[-1])
+    crossings = _z2(trajectory, sample_times(trajectory.breaks))[0] if low <= 0 <= high else []
+    return DomainReport(
+        ok=True,
+        margin=-float(tops[worst]),
+        time_s=float(times[worst]),
+        label=system.margin_labels[worst][1],
+        exits_s=(),
+        z2_crossings_s=tuple(crossings),
+        z2_max=high,
+        z2_min=low,
+    )
+
+
+def _outside(trajectory: Trajectory) -> DomainReport:
     times = sample_times(trajectory.breaks)
 
     def worst(t: Array) -> Array:

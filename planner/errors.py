@@ -153,6 +153,12 @@ class NotConvergedError(NoPlanError):
     status = "not_converged"
 
 
+class TimeLimitError(NoPlanError):
+    """Time was up before there was a verified plan; the message says how far the search came."""
+
+    status = "time_limit"
+
+
 class VerificationError(NoPlanError):
     """A trajectory was found, but the independent check found a requirement it breaks.
 

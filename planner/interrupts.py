@@ -1,4 +1,4 @@
-"""Ctrl-C that compiled code cannot swallow."""
+"""Ctrl-C and SIGTERM: not swallowed by compiled code, and held back where steps belong together."""
 
 from __future__ import annotations
 
@@ -15,35 +15,151 @@ from typing import Any
 
 from planner.unsaid import unsaid
 
+SIGNALS = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
+"""Signals that end a command: Ctrl-C, what `kill` and batch systems send, a closed terminal."""
+
+
+class Terminated(BaseException):
+    """SIGTERM or SIGHUP: end at once, but clean up. Not an `Exception`, which handlers swallow."""
+
+
+class Hearing:
+    """What the command line has heard of `SIGNALS`.
+
+    Attributes:
+        heard: Numbers of the signals since `hear_signals` began.
+        over: Whether the outcome is decided; what is heard from then on changes nothing.
+        instead: What the first Ctrl-C does in place of raising, where it finds something to do.
+        spared: Whether it did.
+    """
+
+    def __init__(self) -> None:
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget what was heard."""
+        self.heard: list[int] = []
+        self.over = False
+        self.instead: Callable[[], bool] | None = None
+        self.spared = False
+        self._held: set[object] = set()
+        self._late = False
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        """The handler: raises, unless the outcome is decided or `undisturbed` holds it back."""
+        if self.over:
+            return
+        if number == signal.SIGINT and self.instead and not self.spared and self.instead():
+            self.spared = True
+            return
+        self.heard.append(number)
+        if self._held:
+            self._late = True
+            return
+        raise self.exception
+
+    @property
+    def exception(self) -> BaseException:
+        """What a signal raises; the strongest of those heard decides."""
+        return KeyboardInterrupt() if self.status == 128 + signal.SIGINT else Terminated()
+
+    @property
+    def status(self) -> int:
+        """The exit status that says which signal ended the command."""
+        return 128 + next((n for n in self.heard if n != signal.SIGINT), signal.SIGINT)
+
+    @contextmanager
+    def undisturbed(self) -> Iterator[Callable[[], bool]]:
+        """Hold signals back until the block has ended: for steps that belong together, and short.
+
+        Yields:
+            Whether a signal waits. It raises when the block ends.
+        """
+        if threading.current_thread() is not threading.main_thread():  # it hears no signals
+            yield lambda: False
+            return
+        token = object()
+        try:
+            self._held.add(token)
+            yield lambda: self._late
+        finally:
+            self._held.discard(token)
+            if self._late and not self._held:
+                self._late = False
+                raise self.exception
+
+
+hearing = Hearing()
+"""There is one main thread, and so one."""
+
+undisturbed = hearing.undisturbed
+
+
+@contextmanager
+def hear_signals(last: bool = False) -> Iterator[None]:
+    """Have `hearing` take the signals.
+
+    Where one is ignored it stays so: a script's jobs in the background begin like that, and Ctrl-C
+    is for what runs before them.
+
+    Args:
+        last: Whether the process ends after the block: signals are ignored from there on, so that
+            the interpreter shuts down in peace.
+    """
+    hearing.begin()
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    mine = [number for number in SIGNALS if before[number] not in (signal.SIG_IGN, None)]
+    if threading.current_thread() is not threading.main_thread():
+        mine = []
+    for number in mine:
+        signal.signal(number, hearing)
+    try:
+        yield
+    finally:
+        hearing.over = True
+        for number in mine:
+            signal.signal(number, signal.SIG_IGN if last else before[number])
+
 
 @contextmanager
 def heed_interrupts() -> Iterator[None]:
-    """Raise KeyboardInterrupt after the block if Ctrl-C was pressed in it.
+    """Raise after the block what a signal raised in it.
 
     CasADi catches the exception inside its solvers and returns as if the solver had failed; a
     caller would then try the next start instead of stopping.
 
     Raises:
         KeyboardInterrupt: If Ctrl-C was pressed.
+        Terminated: If the command line has heard SIGTERM.
     """
-    before = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or not callable(before):
-        yield
-        return
-    pressed = False
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    mine = {number: handler for number, handler in before.items() if callable(handler)}
+    if threading.current_thread() is not threading.main_thread():
+        mine = {}
+    raised: list[BaseException] = []
 
     def note(number: int, frame: FrameType | None) -> None:
-        nonlocal pressed
-        pressed = True
-        before(number, frame)
+        try:
+            mine[number](number, frame)
+        except BaseException as error:
+            raised.append(error)
+            raise
 
-    signal.signal(signal.SIGINT, note)
+    for number in mine:
+        signal.signal(number, note)
     try:
-        yield
+        with unsaid("KeyboardInterruptException", "stderr"):  # CasADi's warning of it
+            yield
+    except SystemError:  # Python 3.13 finds the exception that CasADi has left set, and says so
+        if not raised:
+            raise
     finally:
-        signal.signal(signal.SIGINT, before)
-    if pressed:
-        raise KeyboardInterrupt
+        for number, handler in mine.items():
+            signal.signal(number, handler)
+    if raised:
+        raise raised[-1]
 
 
 HANDOVER_S = 0.05

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.extrema import maximum, sample_times
+from planner.extrema import sample_times
+from planner.quadrature import jumps, largest, read, slopes
 from planner.systems.base import Array
 from planner.trajectory import Trajectory
 
@@ -36,33 +37,12 @@ def _quadrature(trajectory: Trajectory) -> tuple[Array, Array]:
 
 def peak_inputs(trajectory: Trajectory) -> Array:
     """Largest |u₁| and |u₂| over all time, shape (2,); NaN where an input is undefined."""
-    times = sample_times(trajectory.breaks)
-    if np.any(np.isnan(trajectory.u(times))):
-        return np.full(2, np.nan)
-    return np.array([_peak(trajectory, times, i)[0] for i in range(2)])
+    reading = read(trajectory)
+    return largest(reading.cells, reading.u)
 
 
 def peak_rates(trajectory: Trajectory) -> Array:
-    """Largest |du₁/dt| and |du₂/dt|, shape (2,); infinite where an input jumps inside the motion.
-
-    Slopes are central differences between neighbouring samples of each smooth piece, which crowd
-    towards its ends.
-    """
-    breaks = trajectory.breaks
-    before = trajectory.u(np.nextafter(breaks[1:-1], 0.0))
-    after = trajectory.u(breaks[1:-1])
-    peaks = peak_inputs(trajectory)
-    jumps = np.any(np.abs(after - before) > 1e-7 * np.maximum(peaks, 1e-12), axis=0)
-    samples = sample_times(breaks).reshape(len(breaks) - 1, -1)
-    gaps, width = np.diff(samples, axis=1), np.diff(breaks)[:, None]
-    step = np.maximum(0.25 * gaps, 1e-6 * width)
-    middle = np.clip(
-        samples[:, :-1] + gaps / 2, breaks[:-1, None] + step, breaks[1:, None] - 1.001 * step
-    )
-    rise = trajectory.u(middle + step) - trajectory.u(middle - step)
-    slopes = np.abs(rise) / (2 * step)[..., None]
-    return np.where(jumps, np.inf, np.max(slopes, axis=(0, 1)))
-
-
-def _peak(trajectory: Trajectory, times: Array, i: int) -> tuple[float, float]:
-    return maximum(lambda t: np.abs(trajectory.u(t)[..., i]), times)
+    """Largest |du₁/dt| and |du₂/dt|, shape (2,); infinite where an input jumps on the way."""
+    reading = read(trajectory)
+    peaks = largest(reading.cells, slopes(reading.cells, reading.u))
+    return np.where(jumps(reading.cells, reading.u), np.inf, peaks)

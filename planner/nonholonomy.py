@@ -17,6 +17,9 @@ from planner.systems.manipulator import Manipulator
 DEEPEST = 8
 """Greatest bracket length examined here; `planner.controllability` goes as deep as it is told."""
 
+RECURSION_JOINTS = 6
+"""Most joints for which the paper's recursion is examined: a second; with each more eight times."""
+
 
 @dataclass(frozen=True)
 class Place:
@@ -46,7 +49,8 @@ class Nonholonomy:
 
     Attributes:
         places: Start, goal, and for the manipulator the start with θ₁ = 0.
-        recursion: The paper's recursion (12)–(15) at the start; None for other systems.
+        recursion: The paper's recursion (12)–(15) at the start; None for other systems and arms of
+            more than six joints.
     """
 
     places: tuple[Place, ...]
@@ -82,7 +86,8 @@ def nonholonomy(problem: Problem) -> Nonholonomy:
         straight = start.copy()
         straight[1] = 0.0
         places.append(_place(problem.system, "start with theta1 = 0", straight))
-        recursion = paper_recursion(problem.system, start)
+        if problem.system.n <= RECURSION_JOINTS:
+            recursion = paper_recursion(problem.system, start)
     return Nonholonomy(tuple(places), recursion)
 
 

@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from planner.claims import Certificate, certificate_from_dict
+from planner.display import line
 from planner.domain import DomainReport, domain_report
 from planner.errors import InputError
 from planner.files import write_text
 from planner.jsonable import jsonable
 from planner.problem import Problem
+from planner.reading import read_json
 from planner.schema import parse
 from planner.schema.plan import PlanFile
 from planner.systems.base import Array
@@ -50,6 +52,7 @@ class Plan:
         verified: Whether the independent check passed (set by `solve`).
         notes: Further facts of the method, JSON-ready (which start won, constraint points, …).
         certificate: What is proven of it between the nodes (set by `solve`; see `certify`).
+        why: What a plan that was read as verified breaks, in one line; empty for all others.
     """
 
     problem: Problem
@@ -65,9 +68,11 @@ class Plan:
     verified: bool = False
     notes: Mapping[str, Any] = field(default_factory=dict)
     certificate: Certificate | None = None
+    why: str = ""
 
     def __repr__(self) -> str:
         state = "verified" if self.verified else f"not verified, status {self.status}"
+        state += f": {self.why}" if self.why else ""
         moved = f"{self.travel:.4g} {self.problem.system.coordinates[0].unit}"
         return f"Plan({self.method}: travel {moved} in {self.duration:.4g} s, {state})"
 
@@ -136,6 +141,8 @@ class Plan:
             "certificate": None if self.certificate is None else self.certificate.to_dict(),
             "trajectory": self.trajectory.to_dict(),
         }
+        if self.why:
+            data["why"] = self.why
         return write_text(path, json.dumps(jsonable(data), indent=1, allow_nan=False) + "\n")
 
     # Views are made of plans; these only make them easy to reach, and import them when asked, so
@@ -167,8 +174,8 @@ def expect_plan(value: object) -> None:
         )
 
 
-def load_plan(path: str | Path) -> Plan:
-    """Read a plan that `Plan.save` wrote.
+def read_plan(path: str | Path) -> Plan:
+    """What a file of `Plan.save` says, believed as it stands; `planner.load_plan` judges it.
 
     Raises:
         InputError: If the file is missing, is not a plan, or has a newer version.
@@ -180,10 +187,13 @@ def load_plan(path: str | Path) -> Plan:
             problem=problem,
             trajectory=trajectory_from_dict(problem.system, data["trajectory"]),
             certificate=_certificate(data.get("certificate")),
+            why="" if data["verified"] else data.get("why", ""),
             **{key: _read_back(data[key]) for key in _COPIED},
         )
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError) as error:
         raise InputError(f"{path} is not a complete plan file: {error!r}") from None
+    except ValueError as error:
+        raise InputError(f"{path} holds no trajectory of this problem: {error}") from None
 
 
 _COPIED = (
@@ -205,20 +215,15 @@ def _certificate(data: Mapping[str, Any] | None) -> Certificate | None:
 
 
 def _read_back(value: Any) -> Any:
-    """A number that is not defined is null in the file; nothing else is."""
+    """A number that is not defined is null in the file; nothing else is. Texts are for show."""
+    if isinstance(value, str):
+        return line(value)
     return float("nan") if value is None else value
 
 
 def _read(path: str | Path) -> dict[str, Any]:
-    try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
-    except ValueError as error:
-        raise InputError(
-            f"{path} is not JSON: {error}; `planner plan PROBLEM --out FILE` writes a plan file"
-        ) from None
-    if not isinstance(data, dict) or data.get("format") != FORMAT:
+    data = read_json(path, "`planner plan PROBLEM --out FILE` writes a plan file")
+    if data.get("format") != FORMAT:
         raise InputError(f"{path} is not a plan file (its 'format' is not '{FORMAT}')")
     if data.get("version") != VERSION:
         raise InputError(f"{path} has version {data.get('version')}; this planner reads {VERSION}")

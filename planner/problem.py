@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import copy
-import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,8 +12,10 @@ from typing import Any
 import numpy as np
 
 from planner.chained import chained_form
+from planner.display import line
 from planner.errors import InputError
 from planner.placement import obstacles_of, refuse_misplaced, waypoints_of
+from planner.reading import read_toml
 from planner.schema import FeedbackTable, MachineTable, MethodsTable, ProblemFile, parse_file
 from planner.systems.base import Array, TriangularSystem
 from planner.workspace import Obstacle, Waypoint
@@ -85,7 +86,7 @@ class Problem:
         if mismatch:
             raise InputError(f"{source}: {mismatch}")
         problem = cls(
-            name=tables.title or Path(source).stem,
+            name=line(tables.title) or line(Path(source).stem),
             system=system,
             start=tables.start_state(),
             goal=tables.goal_state(),
@@ -127,6 +128,17 @@ class Problem:
             InputError: As for `from_dict`.
         """
         return Problem.from_dict(with_changes(self.to_dict(), changes), self.source)
+
+    def within_reach(self) -> Problem:
+        """The problem without the discs that no link can touch, whatever the joints' angles."""
+        lengths = getattr(self.system, "link_lengths", None)
+        if lengths is None:
+            return self
+        reach = float(np.sum(lengths))
+        near = [d for d in self.obstacles if np.hypot(*d.centre) - d.radius <= reach * (1 + 1e-9)]
+        if len(near) == len(self.obstacles):
+            return self
+        return replace(self, obstacles=tuple(near))
 
     def with_travel(self, travel: float | None) -> Problem:
         """This problem with another travel of the path coordinate (None: free), checked anew.
@@ -191,18 +203,7 @@ def load_problem(path: str | Path, changes: Mapping[str, Any] | None = None) -> 
     Raises:
         InputError: If the file is missing, not TOML, or says something that cannot be.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path} is not a text file; a problem file is TOML in UTF-8") from None
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        if text.lstrip().startswith("{"):
-            raise InputError(f"{path} is JSON, such as a plan; a problem file is TOML") from None
-        raise InputError(f"{path} is not valid TOML: {error}") from None
+    data = read_toml(path, "a problem file")
     if not data:
         raise InputError(f"{path} is empty; a problem needs [system], [start] and [goal]")
     return Problem.from_dict(with_changes(data, changes or {}), str(path))

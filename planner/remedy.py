@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from planner.deadline import check
 from planner.errors import InputError, NoPlanError
 from planner.problem import Problem
 from planner.solve import solve_and_check
@@ -53,10 +54,15 @@ def attempt(problem: Problem, name: str) -> dict[str, Any]:
 
 
 def find_remedy(problem: Problem, names: Sequence[str], say: Progress) -> Remedy | None:
-    """The first of a few changes that gives a verified plan."""
+    """The first of a few changes that gives a verified plan.
+
+    Raises:
+        TimeUpError: If time was up before one was found.
+    """
     for changes in _changes(problem):
         say(f"trying {_written(changes)}")
         for name in sorted(names, key=lambda n: n != "collocation"):  # the most able first
+            check()
             outcome = attempt(problem.changed(changes), name)
             if outcome["verified"]:
                 return Remedy(changes, name, outcome)

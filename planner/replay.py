@@ -245,6 +245,10 @@ def refuse_inexecutable(plan: Plan) -> None:
     )
 
 
+MOST_MACHINES = 1_000_000
+"""Machines of one replay; so many take hours, and more take more memory than a computer has."""
+
+
 def sample_numbers(samples: int | Sequence[int]) -> NDArray[np.int64]:
     """Numbers of the first so many samples, or those given, checked; shape (S,).
 
@@ -253,6 +257,8 @@ def sample_numbers(samples: int | Sequence[int]) -> NDArray[np.int64]:
     """
     if isinstance(samples, bool):
         raise InputError(f"samples = {samples}: give how many, or a list of sample numbers")
+    if isinstance(samples, int) and samples > MOST_MACHINES:
+        raise InputError(f"samples = {samples}: at most {MOST_MACHINES} machines")
     numbers = np.arange(samples) if isinstance(samples, int | np.integer) else np.asarray(samples)
     if (
         numbers.ndim != 1

@@ -23,6 +23,7 @@ from planner.plan import Plan
 from planner.problem import Limits, Problem
 from planner.retimed import RetimedTrajectory
 from planner.timing import cut, fastest
+from planner.trajectory import Trajectory
 from planner.verify import verify
 
 Moving = NDArray[np.bool_]
@@ -74,20 +75,18 @@ def retime(
     problem = plan.problem.changed({**changes, "goal.duration": "free"})
     moving = peak_inputs(plan.trajectory) > 1e-12
     _refuse_unlimited(problem, moving, rest)
-    if np.any(np.isfinite(problem.limits.input_rate[moving])):
-        trajectory, notes = _with_rates(plan, problem.limits, moving, rest, intervals)
-    else:
-        trajectory, notes = _without_rates(plan, problem.limits, moving), {}
-    trajectory = _within(trajectory, problem.limits)
-    found = certify(replace(plan, problem=problem, trajectory=trajectory))
+    trajectory, notes = fastest_motion(plan.trajectory, problem.limits, moving, rest, intervals)
+    timed = problem.changed({"goal.duration": trajectory.duration})
+    found = certify(replace(plan, problem=timed, trajectory=trajectory))
     factor = _over(problem, found)
     if factor > 1:
         trajectory = trajectory.slowed(factor)
+        timed = problem.changed({"goal.duration": trajectory.duration})
     notes = {"retimed_from_s": plan.duration, **notes, **plan.notes}
     return _verified(
         replace(
             plan,
-            problem=problem.changed({"goal.duration": trajectory.duration}),
+            problem=timed,
             trajectory=trajectory,
             objective=trajectory.duration,
             objective_name="time: the least for this path, in seconds",
@@ -98,24 +97,49 @@ def retime(
     )
 
 
-def _without_rates(plan: Plan, limits: Limits, moving: Moving) -> RetimedTrajectory:
+def fastest_motion(
+    path: Trajectory, limits: Limits, moving: Moving, rest: bool = False, intervals: int = 200
+) -> tuple[RetimedTrajectory, dict[str, Any]]:
+    """The fastest timing of a path within limits of inputs and of their rates, not verified yet.
+
+    Args:
+        path: A trajectory with inputs at all times.
+        limits: Of inputs and of their rates; one of them for each input that moves.
+        moving: Which inputs move, shape (2,).
+        rest: Whether inputs are zero at both ends; needs rate limits.
+        intervals: Intervals of the programme, where rates are limited.
+
+    Returns:
+        The motion, and what to note of it.
+
+    Raises:
+        NotConvergedError: If the programme is not solved.
+    """
+    if np.any(np.isfinite(limits.input_rate[moving])):
+        trajectory, notes = _with_rates(path, limits, moving, rest, intervals)
+    else:
+        trajectory, notes = _without_rates(path, limits, moving), {}
+    return _within(trajectory, limits), notes
+
+
+def _without_rates(path: Trajectory, limits: Limits, moving: Moving) -> RetimedTrajectory:
     scale = np.where(moving, limits.input, 1.0)
-    length = arc_length(plan.trajectory, scale, "max")
+    length = arc_length(path, scale, "max")
     edges = np.append(length.c[0], length.c[-1, -1])
     clock = BPoly(np.stack([edges[:-1], edges[1:]]), edges)
-    return RetimedTrajectory(plan.trajectory, length, clock, length.x)
+    return RetimedTrajectory(path, length, clock, length.x)
 
 
 def _with_rates(
-    plan: Plan, limits: Limits, moving: Moving, rest: bool, intervals: int
+    path: Trajectory, limits: Limits, moving: Moving, rest: bool, intervals: int
 ) -> tuple[RetimedTrajectory, dict[str, Any]]:
     scale = np.where(np.isfinite(limits.input), limits.input, limits.input_rate)
     scale = np.where(moving & np.isfinite(scale), scale, 1.0)
-    length = arc_length(plan.trajectory, scale, "euclid")
-    stretch = cut(plan.trajectory, length, scale, intervals, rest)
+    length = arc_length(path, scale, "euclid")
+    stretch = cut(path, length, scale, intervals, rest)
     clock = fastest(stretch, limits.input, limits.input_rate)
     notes = {"stops": int(np.sum(stretch.stops[1:-1]))}
-    return RetimedTrajectory(plan.trajectory, length, clock, stretch.stations), notes
+    return RetimedTrajectory(path, length, clock, stretch.stations), notes
 
 
 def _within(trajectory: RetimedTrajectory, limits: Limits) -> RetimedTrajectory:

@@ -6,17 +6,25 @@ from dataclasses import replace
 from typing import Any
 
 from planner.certificate import certify
+from planner.deadline import MORE_TIME, TimeUpError, limited
 from planner.duration import refuse_too_short
-from planner.errors import InputError, VerificationError
+from planner.errors import InputError, NoPlanError, TimeLimitError, VerificationError
 from planner.methods import METHODS, Method
 from planner.plan import Plan
 from planner.problem import Problem, expect_problem
+from planner.progress import Listener, listening, now, tell
 from planner.schema import nearest, parse
 from planner.verify import Check, verify
 
 
 def solve(
-    problem: Problem, method: str = "collocation", *, warm: Plan | None = None, **options: Any
+    problem: Problem,
+    method: str = "collocation",
+    *,
+    warm: Plan | None = None,
+    time_limit_s: float | None = None,
+    progress: Listener | None = None,
+    **options: Any,
 ) -> Plan:
     """Plan a motion and verify it.
 
@@ -25,10 +33,17 @@ def solve(
         method: A name of the registry, `planner.METHODS`.
         warm: A plan of a neighbouring problem of the same system, by any method, from which
             'collocation' starts instead of searching; the answer is the optimum next to it.
+        time_limit_s: Seconds after which 'collocation' answers with the best verified plan found so
+            far, and every method refuses where it has none; at the latest 1.2 times as long and
+            two seconds after the call. No limit when left out. It stands for the option of the same
+            name where the method has one.
+        progress: Called with a `planner.progress.Progress` whenever there is something to tell. The
+            logger `planner` hears the same.
         **options: Override the problem's `[method.<name>]` table, key by key.
 
     Returns:
-        A plan with `verified` True and its `certificate`. The one exception is a chart method told
+        A plan with `verified` True and its `certificate`; its status is "time_limit" where that
+        ended the search. The one exception is a chart method told
         `allow_singular`: its path outside the domain comes back with status "singular" and
         `verified` False.
 
@@ -36,18 +51,49 @@ def solve(
         InputError: If the method or an option is unknown or has an impossible value, the problem is
             no `Problem`, or `warm` belongs to another system or is given to a method that has no
             use for it.
+        TimeLimitError: If time was up and there was no plan; it says how far the search came.
         NoPlanError: If no plan is found, or the one found breaks a requirement; its subclasses say
             which, and it carries the last iterate and what that breaks.
     """
-    return solve_and_check(problem, method, warm=warm, **options)[0]
+    return solve_and_check(
+        problem, method, warm=warm, time_limit_s=time_limit_s, progress=progress, **options
+    )[0]
 
 
 def solve_and_check(
-    problem: Problem, method: str, *, warm: Plan | None = None, **options: Any
+    problem: Problem,
+    method: str,
+    *,
+    warm: Plan | None = None,
+    time_limit_s: float | None = None,
+    progress: Listener | None = None,
+    **options: Any,
 ) -> tuple[Plan, Check]:
     """As `solve`, with what the verification found."""
+    with limited(time_limit_s) as span, listening(progress):
+        try:
+            return _solved(problem, method, warm, time_limit_s, options)
+        except TimeUpError:
+            far = now()
+            doing = "" if far is None else f" after {far.solves} solves (it was {far.doing})"
+            raise TimeLimitError(
+                f"{problem.source}: {span.why} ended the method '{method}' before it had a"
+                f" plan{doing}",
+                advice=MORE_TIME,
+            ) from None
+
+
+def _solved(
+    problem: Problem,
+    method: str,
+    warm: Plan | None,
+    time_limit_s: float | None,
+    options: dict[str, Any],
+) -> tuple[Plan, Check]:
     expect_problem(problem)
     entry = find_method(method)
+    if time_limit_s is not None and "time_limit_s" in entry.options.model_fields:
+        options = {**options, "time_limit_s": time_limit_s}
     table = merged_options(problem, entry, options)
     if not entry.finds_time:
         refuse_too_short(problem)
@@ -63,8 +109,10 @@ def judged(plan: Plan) -> tuple[Plan, Check]:
     """A plan that a method has made, verified, with what the verification found.
 
     Raises:
-        VerificationError: If it breaks a requirement.
+        TimeLimitError: If it breaks a requirement, and there was no time to refine it.
+        VerificationError: If it breaks a requirement otherwise.
     """
+    tell("verifying")
     check = verify(plan)
     if plan.status == "singular":
         return plan, check
@@ -90,7 +138,14 @@ def merged_options(problem: Problem, method: Method, options: dict[str, Any]) ->
     return parse(method.options, {**own, **options}, f"options of method '{method.name}'")
 
 
-def _refusal(plan: Plan, check: Check) -> VerificationError:
+def _refusal(plan: Plan, check: Check) -> NoPlanError:
+    if why := plan.notes.get("ended_early"):
+        return TimeLimitError(
+            f"{plan.problem.source}: {why}, and there was no time to refine it: it breaks",
+            plan=replace(plan, status=TimeLimitError.status),
+            violations=check.violations,
+            advice=MORE_TIME,
+        )
     error = VerificationError(
         f"{plan.problem.source}: the {plan.method} plan breaks"
         f" {len(check.violations)} requirement{'s' if len(check.violations) > 1 else ''}",
@@ -119,6 +174,6 @@ def _advice(plan: Plan, check: Check) -> str:
                 f"goal.duration = {plan.duration * factor * 1.0001:.6g} or more (the same path,"
                 " slower, keeps the input limits); or the method 'collocation'"
             )
-    if any(v.label.startswith(("goal", "plan's")) for v in check.violations):
+    if any(v.label.startswith(("goal", "plan's", "integration")) for v in check.violations):
         return "a finer mesh: more method.collocation.intervals or a higher degree"
     return f"wider limits, another {plan.problem.travel_key}, or the method 'collocation'"

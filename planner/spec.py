@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from planner.display import line
 from planner.errors import InputError
 from planner.problem import Problem
+from planner.reading import parse_toml
 from planner.solve import find_method, merged_options
 
 
@@ -51,7 +52,7 @@ def parse_spec(text: str) -> Spec:
         if key in options:
             raise InputError(f"'{text}': option '{key}' is given twice")
         options[key] = _value(text, key, value.strip())
-    return Spec(text.strip(), name, options)
+    return Spec(line(text), name, options)
 
 
 def parse_specs(problem: Problem, specs: str | Sequence[str]) -> list[Spec]:
@@ -79,8 +80,8 @@ def parse_specs(problem: Problem, specs: str | Sequence[str]) -> list[Spec]:
 
 def _value(text: str, key: str, value: str) -> Any:
     try:
-        table = tomllib.loads(f"value = {value}")
-    except tomllib.TOMLDecodeError:
+        table = parse_toml(f"value = {value}")
+    except ValueError:
         table = {}
     if table.keys() == {"value"}:
         return table["value"]
@@ -115,7 +116,11 @@ def toml(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{key} = {toml(item)}" for key, item in value.items()) + "}"
+        return "{" + ", ".join(f"{_key(key)} = {toml(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(toml(item) for item in value) + "]"
-    return json.dumps(value, ensure_ascii=False)
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[\w-]+", name, re.ASCII) else toml(name)

@@ -37,6 +37,9 @@ taken away by slowing the whole motion."""
 _CORNER = 5e-8
 """Change of direction at a node, in units of the limits, from which it is a corner."""
 
+_STRAIGHT = 1e-6
+"""Change of direction over a whole path, in units of the limits, below which it is rounding."""
+
 
 @dataclass(frozen=True)
 class Stretch:
@@ -62,7 +65,7 @@ def cut(path: Trajectory, length: BPoly, scale: Array, intervals: int, rest: boo
     edges = np.append(length.c[0], length.c[-1, -1])
     rough = _directions(path, length, Grid(edges))
     turning = np.sum(np.linalg.norm(np.diff(rough / scale, axis=1), axis=-1), axis=1)
-    share = np.diff(edges) / edges[-1] + turning / max(float(np.sum(turning)), 1e-12)
+    share = np.diff(edges) / edges[-1] + turning / max(float(np.sum(turning)), _STRAIGHT)
     counts = np.maximum(2, np.ceil(0.5 * intervals * share)).astype(int)
     corners = _stops(rough / scale, rest)
     unit = [_spaced(n, *ends) for n, ends in zip(counts, pairwise(corners), strict=True)]
@@ -70,7 +73,9 @@ def cut(path: Trajectory, length: BPoly, scale: Array, intervals: int, rest: boo
     nodes = np.concatenate([*cuts, edges[-1:]])
     grid = Grid(nodes)
     w = _directions(path, length, grid)
-    return Stretch(nodes, _stations(length, nodes), _stops(w / scale, rest), w, grid.derivative(w))
+    # Inside a piece of the length the path is smooth, however fast it turns.
+    stops = _stops(w / scale, rest) & np.isin(nodes, edges)
+    return Stretch(nodes, _stations(length, nodes), stops, w, grid.derivative(w))
 
 
 def _stops(w: Array, rest: bool) -> NDArray[np.bool_]:

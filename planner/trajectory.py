@@ -9,16 +9,20 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from math import comb
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BPoly, PPoly
 
 from planner.chained.transform import chained_form
 from planner.errors import InputError
 from planner.systems.base import Array, TriangularSystem
+
+Pieces = NDArray[np.int_]
+"""Numbers of pieces, from 0."""
 
 
 class Trajectory(ABC):
@@ -64,6 +68,14 @@ class Trajectory(ABC):
         """Signed chart margins, shape (…, M), at times t (…); see `ChainedForm.margins`."""
 
     @abstractmethod
+    def inside(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
+        """q (P, C, N) and u (P, C, 2) at fractions 0 … 1, shape (P, C), of the pieces (C,).
+
+        A fraction of 0 or 1 is read from inside its piece, where q or u may jump at the break. Many
+        points on few pieces cost a tenth of what they cost by time.
+        """
+
+    @abstractmethod
     def slowed(self, factor: float) -> Trajectory:
         """The same path in `factor` times the time."""
 
@@ -80,6 +92,14 @@ class Trajectory(ABC):
     def in_coordinates(self) -> bool:
         """Whether q and u exist at all times without the help of the chart."""
         return False
+
+    @property
+    def flaw(self) -> str:
+        """What keeps it from being the motion its kind describes, in words; empty if nothing does.
+
+        What is proven of a trajectory rests on this being empty.
+        """
+        return ""
 
     @cached_property
     def duration(self) -> float:
@@ -101,8 +121,12 @@ class ChainedTrajectory(Trajectory):
     Attributes:
         system: The system it belongs to.
         z_curve: BPoly of z, values (N,).
-        v_curve: BPoly of v, values (2,).
+        v_curve: BPoly of v, values (2,), on the same breaks.
         branch: Signs (N,) of the chart's branch.
+
+    Raises:
+        ValueError: If the curves differ in their breaks or have another number of values, or the
+            breaks do not increase from 0.
     """
 
     kind: ClassVar[str] = "chained"
@@ -111,10 +135,23 @@ class ChainedTrajectory(Trajectory):
     v_curve: BPoly
     branch: Array
 
+    def __post_init__(self) -> None:
+        expect_curve("z_curve", self.z_curve, (self.system.size,))
+        expect_curve("v_curve", self.v_curve, (2,))
+        if not np.array_equal(self.z_curve.x, self.v_curve.x):
+            raise ValueError("z_curve and v_curve must have the same breaks")
+        if np.shape(self.branch) != (self.system.size,):
+            raise ValueError(f"branch must have {self.system.size} entries")
+
     @property
     def breaks(self) -> Array:
         """Times between the polynomial pieces."""
         return np.asarray(self.z_curve.x)
+
+    @property
+    def flaw(self) -> str:
+        """Whether every coefficient is a number."""
+        return undefined(z_curve=self.z_curve.c, v_curve=self.v_curve.c, branch=self.branch)
 
     def z(self, t: ArrayLike) -> Array:
         """The polynomials themselves."""
@@ -138,6 +175,12 @@ class ChainedTrajectory(Trajectory):
     def margins(self, t: ArrayLike) -> Array:
         """From z, so defined where q is not."""
         return chained_form(self.system).margins(self.z(t), self.branch)
+
+    def inside(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
+        """By the inverse chart and the feedback transformation; NaN outside the chart's domain."""
+        z = on_pieces(self.z_curve, piece, fraction)
+        v = on_pieces(self.v_curve, piece, fraction)
+        return chained_form(self.system).both(z, v, self.branch)
 
     def slowed(self, factor: float) -> ChainedTrajectory:
         """The same path in `factor` times the time."""
@@ -168,6 +211,10 @@ class StateTrajectory(Trajectory):
         system: The system it belongs to.
         q_curve: BPoly of q, values (N,).
         u_curve: BPoly of u, values (2,), on the same breaks.
+
+    Raises:
+        ValueError: If the curves differ in their breaks or have another number of values, or the
+            breaks do not increase from 0.
     """
 
     kind: ClassVar[str] = "state"
@@ -176,14 +223,20 @@ class StateTrajectory(Trajectory):
     u_curve: BPoly
 
     def __post_init__(self) -> None:
-        q, u = self.q_curve.x, self.u_curve.x
-        if q is not u and not np.array_equal(q, u):
+        expect_curve("q_curve", self.q_curve, (self.system.size,))
+        expect_curve("u_curve", self.u_curve, (2,))
+        if not np.array_equal(self.q_curve.x, self.u_curve.x):
             raise ValueError("q_curve and u_curve must have the same breaks")
 
     @property
     def breaks(self) -> Array:
         """Times between the polynomial pieces."""
         return np.asarray(self.q_curve.x)
+
+    @property
+    def flaw(self) -> str:
+        """Whether every coefficient is a number."""
+        return undefined(q_curve=self.q_curve.c, u_curve=self.u_curve.c)
 
     def q(self, t: ArrayLike) -> Array:
         """The polynomials themselves."""
@@ -205,6 +258,10 @@ class StateTrajectory(Trajectory):
         """From q, on the branch of the start."""
         branch = self.system.branch(self.q(0.0))
         return self.system.chart_margins(self.q(t), branch)
+
+    def inside(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
+        """The polynomials themselves."""
+        return on_pieces(self.q_curve, piece, fraction), on_pieces(self.u_curve, piece, fraction)
 
     def slowed(self, factor: float) -> StateTrajectory:
         """The same path in `factor` times the time."""
@@ -242,6 +299,78 @@ def trajectory_from_dict(system: TriangularSystem, data: Mapping[str, Any]) -> T
             f"trajectory kind {kind!r} is unknown; allowed: {', '.join(Trajectory.kinds)}"
         )
     return Trajectory.kinds[kind].from_dict(system, data)
+
+
+def expect_curve(name: str, curve: BPoly, values: tuple[int, ...]) -> None:
+    """Refuse a curve that cannot be evaluated over [0, duration].
+
+    Raises:
+        ValueError: If its breaks do not increase from 0 or its values have another shape.
+    """
+    breaks, shape = np.asarray(curve.x), curve.c.shape[2:]
+    if breaks[0] != 0 or not np.all(np.diff(breaks) > 0) or not np.isfinite(breaks[-1]):
+        raise ValueError(f"the breaks of {name} must increase from 0 and be finite")
+    if shape != values or np.iscomplexobj(curve.c):
+        raise ValueError(f"{name} must have real values of shape {values}, not {shape}")
+
+
+def undefined(**parts: Array) -> str:
+    """Which of some arrays holds what is no finite number, in words; empty if none does."""
+    bad = [name for name, part in parts.items() if not np.all(np.isfinite(part))]
+    return f"{' and '.join(bad)} hold numbers that are not finite" if bad else ""
+
+
+def on_pieces(curve: BPoly, piece: Pieces, fraction: Array) -> Array:
+    """Values (P, C, …) of a piecewise polynomial at fractions (P, C) of its pieces (C,).
+
+    The Bernstein basis at the fractions, times the coefficients.
+    """
+    degree, shape = len(curve.c) - 1, (*fraction.shape, *curve.c.shape[2:])
+    c = curve.c[:, piece].reshape(degree + 1, len(piece), -1)
+    if np.all(fraction == fraction[:, :1]):  # the same in all pieces: one matrix
+        return product(_bernstein(degree, fraction[:, 0]).T, c.reshape(degree + 1, -1)).reshape(
+            shape
+        )
+    basis = np.transpose(_bernstein(degree, fraction), (2, 1, 0))
+    return np.asarray(np.swapaxes(basis @ np.swapaxes(c, 0, 1), 0, 1).reshape(shape))
+
+
+def at_times(curve: BPoly, t: Array) -> Array:
+    """Values (…) of a scalar piecewise polynomial at many times (…): its own call, but faster."""
+    piece = np.clip(np.searchsorted(curve.x, t, side="right") - 1, 0, len(curve.x) - 2)
+    basis = _bernstein(len(curve.c) - 1, (t - curve.x[piece]) / np.diff(curve.x)[piece])
+    return np.asarray(np.sum(basis * curve.c[:, piece], axis=0))
+
+
+def _bernstein(degree: int, x: Array) -> Array:
+    """All Bernstein polynomials of a degree at x, on a new first axis."""
+    up, down = np.ones((2, degree + 1, *x.shape))
+    rest = 1 - x
+    for k in range(1, degree + 1):
+        up[k], down[k] = up[k - 1] * x, down[k - 1] * rest
+    up *= down[::-1]
+    up *= _binomials(degree).reshape(-1, *[1] * x.ndim)
+    return np.asarray(up)
+
+
+@lru_cache(maxsize=32)
+def _binomials(degree: int) -> Array:
+    return np.array([float(comb(degree, k)) for k in range(degree + 1)])
+
+
+def product(matrix: Array, columns: Array) -> Array:
+    """The matrix times columns (K, M), a few at a time.
+
+    OpenBLAS starts threads for products of more than 2^18 multiplications (its default,
+    GEMM_MULTITHREAD_THRESHOLD 4); on a computer that is busy they cost more than they gain.
+    """
+    most = max(1, 2**18 // matrix.size)
+    if columns.shape[1] <= most:
+        return np.asarray(matrix @ columns)
+    out = np.empty((len(matrix), columns.shape[1]))
+    for k in range(0, columns.shape[1], most):
+        np.matmul(matrix, columns[:, k : k + most], out=out[:, k : k + most])
+    return out
 
 
 def polynomial_roots(curve: BPoly, component: int) -> list[float]:

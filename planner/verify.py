@@ -1,26 +1,23 @@
 """The independent judge of a plan.
 
-It integrates the plan's own input u(t) with an adaptive Runge–Kutta method (SciPy's DOP853) through
-the system's NumPy kinematics, neither of which any method uses, and checks goal and limits over all
-time, between the breaks too.
+It integrates the plan's own input u(t) by Chebyshev quadrature through the system's NumPy
+kinematics, neither of which any method uses, and checks goal and limits over all time, between the
+breaks too. The quadrature estimates its own error; what it cannot integrate is refused.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from planner.chained import chained_form
 from planner.errors import Violation
-from planner.extrema import maximum, minimum, sample_times
 from planner.html_table import html_table
-from planner.measures import peak_inputs, peak_rates
-from planner.places import Motion, clearances, passes
+from planner.places import clearances, passes
 from planner.plan import Plan, expect_plan
+from planner.quadrature import Motion, greatest, integrate, jumps, slopes
 from planner.systems.base import Array
 
 GOAL_TOLERANCE = 2e-5
@@ -31,6 +28,10 @@ LIMIT_TOLERANCE = 1e-6
 
 INTERPOLANT_TOLERANCE = 1e-4
 """Largest difference between the plan's q(t) and the integrated motion, in radians or metres."""
+
+INTEGRATION_TOLERANCE = 1e-7
+"""Largest estimated error of the integrated motion, in radians or metres: a 200th of what the goal
+may be missed by."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,8 @@ class Check:
         margins: For each requirement, how far it is kept (negative: broken), in its own unit.
         violations: The broken ones, worst first.
         interpolant_error: Largest |plan.q(t) − integrated q(t)|, in the coordinates' units.
+        integration_error: The judge's estimate of its own error, in the coordinates' units; NaN
+            where nothing was integrated.
     """
 
     ok: bool
@@ -53,6 +56,7 @@ class Check:
     margins: Mapping[str, float]
     violations: tuple[Violation, ...]
     interpolant_error: float
+    integration_error: float = np.nan
 
     def __repr__(self) -> str:
         if self.ok:
@@ -68,6 +72,7 @@ class Check:
             for label, margin in self.margins.items()
         ]
         above = "verified" if self.ok else f"{len(broken)} of {len(rows)} requirements broken"
+        above += f"; integrated to {self.integration_error:.1g}"
         return html_table(("requirement", "verdict", "margin (negative: broken)"), rows, above)
 
 
@@ -103,169 +108,157 @@ def verify(plan: Plan) -> Check:
         The findings; `ok` is False for a plan that cannot be executed.
     """
     expect_plan(plan)
+    if not _in_order(plan.t):
+        return _not_judged(plan, Violation(_ORDER, None, np.nan, 0.0, "s", np.inf))
     if not plan.executable:
-        return _not_executable(plan)
-    motion, times = integrate(plan)
-    findings = [
-        *_start(plan),
-        *_goal(plan, motion),
-        *_interpolant(plan, motion, times),
-        *_inputs(plan),
-        *_joints(plan, motion, times),
-        *_chart(plan, motion, times),
-        *_places(plan, motion, times),
-    ]
-    broken = sorted((v for f in findings if (v := f.violation())), key=lambda v: -v.scaled)
-    error = _goal_error(plan, motion)
-    angular = [i for i in plan.problem.system.limited if _unit(plan, i) == "rad"]
+        domain = plan.domain
+        label = f"chart domain ({domain.label})"
+        return _not_judged(
+            plan, Violation(label, domain.time_s, domain.margin, 0.0, "", -domain.margin)
+        )
+    problem, z2 = plan.problem, None
+
+    def chart(q: Array, _: Array) -> Array:
+        return problem.z2_sign * chained_form(problem.system).z(q)[..., 1:2]
+
+    with np.errstate(all="ignore"):  # what is not a number never passes
+        needed = () if problem.limits.z2_margin is None else (chart,)
+        motion = integrate(plan.trajectory, problem.start, INTEGRATION_TOLERANCE, *needed)
+        error = _goal_error(plan, motion)
+        if needed:
+            z2 = chart(motion.q, motion.u)[..., 0]
+        findings = [
+            *_motion(plan, motion, error),
+            *_limits(plan, motion, z2),
+            *_places(plan, motion),
+        ]
+    broken = sorted(
+        (v for f in findings if (v := f.violation())),
+        key=lambda v: np.nan_to_num(-v.scaled, nan=-np.inf),
+    )
     return Check(
         ok=not broken,
         terminal_error=error,
-        terminal_error_deg=np.rad2deg(error[angular]),
+        terminal_error_deg=np.rad2deg(error[_angular(plan)]),
         margins={f.label: f.margin for f in findings},
         violations=tuple(broken),
-        interpolant_error=next(f.value for f in findings if f.label == _INTERPOLANT),
+        interpolant_error=motion.gap[0],
+        integration_error=motion.error,
     )
 
 
-def integrate(plan: Plan, rtol: float = 1e-10, atol: float = 1e-12) -> tuple[Motion, Array]:
-    """Integrate the plan's input from the problem's start, piece by piece.
-
-    Returns:
-        The motion, times (m,) to q (m, N), and sample times that cover all of it.
-    """
-    system = plan.problem.system
-    edges, pieces, q = plan.t, [], plan.problem.start
-    for a, b in pairwise(edges):
-        last = np.nextafter(b, a) if b != edges[-1] else b
-
-        def rates(t: float, q: Array, last: float = last) -> Array:
-            return system.rates(q, plan.u(min(t, last)))
-
-        solution = solve_ivp(rates, (a, b), q, "DOP853", rtol=rtol, atol=atol, dense_output=True)
-        if not solution.success:
-            raise ArithmeticError(
-                f"integration stopped at t = {solution.t[-1]:g} s: {solution.message}"
-            )
-        pieces.append(solution.sol)
-        q = solution.y[:, -1]
-
-    def motion(t: Array) -> Array:
-        t = np.atleast_1d(t)
-        which = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, len(pieces) - 1)
-        out = np.empty((len(t), system.size))
-        for k in np.unique(which):
-            out[which == k] = pieces[k](t[which == k]).T
-        return out
-
-    return motion, sample_times(edges)
+_ORDER = "times of the plan, which begin at 0 and increase,"
 
 
-_INTERPOLANT = "plan's q(t) against its integrated input"
+def _in_order(times: Array) -> bool:
+    return bool(times[0] == 0 and np.isfinite(times[-1]) and np.all(np.diff(times) >= 0))
 
 
 def _unit(plan: Plan, i: int) -> str:
     return plan.problem.system.coordinates[i].unit
 
 
+def _angular(plan: Plan) -> list[int]:
+    return [i for i in plan.problem.system.limited if _unit(plan, i) == "rad"]
+
+
 def _goal_error(plan: Plan, motion: Motion) -> Array:
-    problem = plan.problem
+    problem, end = plan.problem, motion.q[-1, -1]
     goal = problem.goal.copy()
-    end = motion(np.array([plan.duration]))[0]
     goal[0] = end[0] if problem.travel is None else problem.start[0] + problem.travel
     return np.asarray(end - goal)
 
 
-def _start(plan: Plan) -> list[_Finding]:
+def _motion(plan: Plan, motion: Motion, error: Array) -> list[_Finding]:
+    """Start, goal, duration, the plan's own q(t), and whether the integral can be trusted."""
     worst = float(np.max(np.abs(plan.q(0.0) - plan.problem.start)))
-    return [_Finding("start", worst, 0.0, 0.0, "", GOAL_TOLERANCE, GOAL_TOLERANCE)]
-
-
-def _goal(plan: Plan, motion: Motion) -> list[_Finding]:
-    out = []
-    for i, error in enumerate(_goal_error(plan, motion)):
-        label = f"goal {plan.problem.system.coordinates[i].name}"
+    out = [_Finding("start", worst, 0.0, 0.0, "", GOAL_TOLERANCE, GOAL_TOLERANCE)]
+    for i, coordinate in enumerate(plan.problem.system.coordinates):
+        label, missed = f"goal {coordinate.name}", float(abs(error[i]))
         out.append(
-            _Finding(label, abs(error), 0.0, plan.duration, _unit(plan, i), 1.0, GOAL_TOLERANCE)
+            _Finding(label, missed, 0.0, plan.duration, coordinate.unit, 1.0, GOAL_TOLERANCE)
         )
     wanted = plan.problem.duration
     if wanted is not None:
         late = abs(plan.duration - wanted)
         out.append(_Finding("duration", late, 0.0, None, "s", wanted, 1e-9 * wanted))
+    gap, when = motion.gap
+    label = "plan's q(t) against its integrated input"
+    out.append(_Finding(label, gap, 0.0, when, "", 1.0, INTERPOLANT_TOLERANCE))
+    limit = INTEGRATION_TOLERANCE
+    trusted = motion.error <= limit
+    label = "integration error" + ("" if trusted else " (the motion cannot be trusted)")
+    out.append(_Finding(label, motion.error, limit, None, "", limit, 0.0))
     return out
 
 
-def _interpolant(plan: Plan, motion: Motion, times: Array) -> list[_Finding]:
-    gap = np.max(np.abs(motion(times) - plan.q(times)), axis=-1)
-    k = int(np.argmax(gap))
-    tolerance = INTERPOLANT_TOLERANCE
-    return [_Finding(_INTERPOLANT, float(gap[k]), 0.0, float(times[k]), "", 1.0, tolerance)]
-
-
-def _inputs(plan: Plan) -> list[_Finding]:
-    limits, out = plan.problem.limits, []
-    kinds = [("input", limits.input, peak_inputs), ("rate of input", limits.input_rate, peak_rates)]
-    for kind, limit, measure in kinds:
-        if not np.any(np.isfinite(limit)):
-            continue
-        peaks = measure(plan.trajectory)
-        for i, coordinate in enumerate(plan.problem.system.inputs):
-            unit = coordinate.unit + ("/s" if kind != "input" else "")
-            label = f"{kind} {coordinate.name}"
-            slack = LIMIT_TOLERANCE * limit[i]
-            out.append(_Finding(label, peaks[i], limit[i], None, unit, limit[i], slack))
-    return [f for f in out if np.isfinite(f.limit)]
-
-
-def _joints(plan: Plan, motion: Motion, times: Array) -> list[_Finding]:
-    out = []
-    for i, limit in enumerate(plan.problem.limits.joint):
-        if not np.isfinite(limit):
-            continue
-        value, when = maximum(lambda t, i=i: np.abs(motion(t)[:, i]), times)  # type: ignore[misc]
-        label = f"joint {plan.problem.system.coordinates[i].name}"
-        slack = LIMIT_TOLERANCE * limit
-        out.append(_Finding(label, value, limit, when, _unit(plan, i), limit, slack))
-    return out
-
-
-def _chart(plan: Plan, motion: Motion, times: Array) -> list[_Finding]:
-    margin = plan.problem.limits.z2_margin
-    if margin is None:
+def _limits(plan: Plan, motion: Motion, z2: Array | None) -> list[_Finding]:
+    """Inputs, their rates, joints and z2 by the extremes of their series, all at once."""
+    limits, cells, system = plan.problem.limits, motion.cells, plan.problem.system
+    rates, jumping = slopes(cells, motion.u), jumps(cells, motion.u)
+    wanted = [
+        *(
+            (f"input {c.name}", motion.u[..., i], limits.input[i], c.unit, False)
+            for i, c in enumerate(system.inputs)
+        ),
+        *(
+            (
+                f"rate of input {c.name}",
+                rates[..., i],
+                limits.input_rate[i],
+                c.rate_unit,
+                jumping[i],
+            )
+            for i, c in enumerate(system.inputs)
+        ),
+        *(
+            (f"joint {c.name}", motion.q[..., i], limits.joint[i], c.unit, False)
+            for i, c in enumerate(system.coordinates)
+        ),
+    ]
+    wanted = [w for w in wanted if np.isfinite(w[2])]
+    columns = [side for w in wanted for side in (w[1], -w[1])]
+    if z2 is not None:
+        columns.append(-z2)
+    if not columns:
         return []
-    form, sign = chained_form(plan.problem.system), plan.problem.z2_sign
-    value, when = minimum(lambda t: sign * form.z(motion(t))[:, 1], times)
-    slack = LIMIT_TOLERANCE * max(margin, 1e-3)
-    return [_Finding("z2 margin", value, margin, when, "", max(margin, 1e-3), slack, upper=False)]
+    values, times = (a.tolist() for a in greatest(cells, np.stack(columns, axis=-1)))
+    out = []
+    for k, (label, _, limit, unit, jump) in enumerate(wanted):
+        side = 2 * k + (values[2 * k + 1] > values[2 * k])
+        value = np.inf if jump else values[side]
+        when = times[side] if label.startswith("joint") else None
+        out.append(_Finding(label, value, limit, when, unit, limit, LIMIT_TOLERANCE * limit))
+    if limits.z2_margin is not None:
+        margin, size = limits.z2_margin, max(limits.z2_margin, 1e-3)
+        slack = LIMIT_TOLERANCE * size
+        out.append(_Finding("z2 margin", -values[-1], margin, times[-1], "", size, slack, False))
+    return out
 
 
-def _places(plan: Plan, motion: Motion, times: Array) -> list[_Finding]:
+def _places(plan: Plan, motion: Motion) -> list[_Finding]:
     """Waypoints passed, and obstacles cleared by every link."""
     problem, tolerance = plan.problem, GOAL_TOLERANCE
     return [
         *(
             _Finding(label, value, 0.0, when, unit, 1.0, tolerance)
-            for label, value, when, unit in passes(problem, motion, times)
+            for label, value, when, unit in passes(problem, motion)
         ),
         *(
             _Finding(label, value, 0.0, when, "m", size, LIMIT_TOLERANCE * size, upper=False)
-            for label, value, when, size in clearances(problem, motion, times)
+            for label, value, when, size in clearances(problem, motion)
         ),
     ]
 
 
-def _not_executable(plan: Plan) -> Check:
-    domain = plan.domain
+def _not_judged(plan: Plan, violation: Violation) -> Check:
+    """The check of what has no motion to integrate."""
     unknown = np.full(plan.problem.system.size, np.nan)
-    violation = Violation(
-        f"chart domain ({domain.label})", domain.time_s, domain.margin, 0.0, "", -domain.margin
-    )
-    angular = [i for i in plan.problem.system.limited if _unit(plan, i) == "rad"]
     return Check(
         ok=False,
         terminal_error=unknown,
-        terminal_error_deg=unknown[angular],
-        margins={"chart domain": domain.margin},
+        terminal_error_deg=unknown[_angular(plan)],
+        margins={violation.label.split(" (")[0]: violation.value},
         violations=(violation,),
         interpolant_error=np.nan,
     )

@@ -26,6 +26,7 @@ def _own_ctrl_c() -> None:
     """
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)  # a test may have ended as a process does
 
 
 @pytest.fixture(scope="session")

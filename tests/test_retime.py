@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from itertools import pairwise
 from pathlib import Path
 
@@ -128,6 +130,13 @@ def test_file_and_slowing(fast: planner.Plan, tmp_path: Path) -> None:
     slow = fast.trajectory.slowed(2.0)
     np.testing.assert_allclose(slow.u(2 * times), fast.u(times) / 2, rtol=0, atol=1e-12)
     assert not np.any(fast.u(np.array([-0.1, fast.duration + 0.1])))
+
+
+def test_a_file_is_read_in_a_new_process(fast: planner.Plan, tmp_path: Path) -> None:
+    """Nothing else has been imported there that would know retimed plans."""
+    code = f"import planner; print(planner.load_plan({str(fast.save(tmp_path / 'plan.json'))!r}))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == repr(fast)
 
 
 def test_corners_of_the_path(unlimited: planner.Problem) -> None:

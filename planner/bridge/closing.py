@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from planner.bridge.piece import ends as ends_of
 from planner.bridge.piece import piece
-from planner.interrupts import heed_interrupts
 from planner.problem import Problem
+from planner.stopping import Ipopt
 from planner.systems.base import Array, TriangularSystem
 
 Index = NDArray[np.int64]
@@ -151,20 +151,19 @@ class _Nearest:
 
     def __init__(self, system: TriangularSystem, count: int) -> None:
         self._size, self._count = system.size, count
-        self._solver = ca.nlpsol("nearest", "ipopt", *_programme(system, count))
+        self._solver = Ipopt("nearest", *_programme(system, count))
 
     def __call__(self, chain: Chain, gap: Array, ends: Ends) -> tuple[Chain | None, int]:
         lower, upper = self._bounds(ends)
         at = self._pack(chain.q, chain.u)
-        with heed_interrupts():
-            found = self._solver(
-                x0=np.clip(at, lower, upper),
-                p=at,
-                lbx=lower,
-                ubx=upper,
-                lbg=gap.ravel(),
-                ubg=gap.ravel(),
-            )
+        found = self._solver(
+            x0=np.clip(at, lower, upper),
+            p=at,
+            lbx=lower,
+            ubx=upper,
+            lbg=gap.ravel(),
+            ubg=gap.ravel(),
+        )
         made = int(self._solver.stats()["iter_count"])
         excess = float(np.max(np.abs(np.asarray(found["g"]).ravel() - gap.ravel())))
         if not excess <= RESIDUAL:

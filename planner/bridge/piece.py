@@ -51,16 +51,6 @@ def ends(system: TriangularSystem, q: Array, u: Array) -> Array:
     return np.asarray(piece(system).end.map(len(q))(q.T, u.T)).T
 
 
-def slopes(system: TriangularSystem, q: Array, u: Array) -> tuple[Array, Array]:
-    """Derivatives of `ends`, shapes (M, N, N) and (M, N, 2)."""
-    count, size = q.shape
-    by_q, by_u = piece(system).slopes.map(count)(q.T, u.T)
-    return (
-        np.asarray(by_q).reshape(size, count, size).swapaxes(0, 1),
-        np.asarray(by_u).reshape(size, count, 2).swapaxes(0, 1),
-    )
-
-
 def _runge_kutta(system: TriangularSystem, q: Any, u: Any, h: float) -> Any:
     def rates(at: Any) -> Any:
         return ca.vertcat(*system.rates_expr(at, u))

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.distribution import how_to_install
 from planner.errors import InputError
 from planner.machine import Draws, Machine
 from planner.machine.draw import at_quantiles, draw
@@ -209,6 +210,6 @@ def _salib() -> tuple[Any, Any]:
         from SALib.sample import sobol as sampling
     except ImportError:
         raise InputError(
-            "Sobol indices need SALib; install it with: pip install 'planner[budget]'"
+            f"Sobol indices need SALib; install it with: {how_to_install('budget')}"
         ) from None
     return sampling.sample, analysis.analyze

@@ -1,4 +1,4 @@
-"""Subintervals of the motion, and piecewise polynomials as models on them."""
+"""Subintervals of the motion, and piecewise polynomials on them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy as np
 from scipy.interpolate import BPoly
 
 from planner.certificate import series
-from planner.certificate.model import UNIT, Index, Model
+from planner.certificate.balls import Ball, polynomial_balls
+from planner.certificate.model import INFLATE, UNIT, Index, Model
 from planner.systems.base import Array
 
 
@@ -56,9 +57,13 @@ class Cells:
         low, high = np.append(self.low, middle), np.append(middle, self.high)
         return Cells(self.breaks, np.tile(self.piece, 2), low, high)
 
-    def order(self) -> Index:
-        """Indices that sort them by time."""
-        return np.asarray(np.lexsort((self.low, self.piece)))
+    def split(self, parts: Index) -> tuple[Cells, Index]:
+        """Each in so many equal parts (a power of two), and which cell each came from."""
+        origin = np.repeat(np.arange(len(parts)), parts)
+        place = np.arange(len(origin)) - np.repeat(np.cumsum(parts) - parts, parts)
+        share = ((self.high - self.low) / parts)[origin]
+        low = self.low[origin] + share * place
+        return Cells(self.breaks, self.piece[origin], low, low + share), origin
 
     def joints(self) -> Index:
         """Indices k of cells (but the last) after which another piece begins."""
@@ -78,49 +83,63 @@ def joined_models(parts: Sequence[Model]) -> Model:
     return Model(c, np.concatenate([p.r for p in parts]))
 
 
-def polynomials(curve: BPoly, cells: Cells) -> list[Model]:
-    """The components of a piecewise polynomial with values (k,), or of a scalar one."""
-    c = curve.c.reshape(*curve.c.shape[:2], -1)
-    return [_restricted(c[:, :, i].T[cells.piece], cells) for i in range(c.shape[2])]
+def polynomials(curve: BPoly, cells: Cells, order: int = 0) -> list[Model]:
+    """The components of a piecewise polynomial with values (k,), or of a scalar one, or of a
+    derivative of it in time."""
+    return [Model(*pair) for pair in zip(*_restricted(curve, cells, order), strict=True)]
 
 
-def slopes(curve: BPoly, cells: Cells, order: int = 1) -> list[Model]:
-    """The same of a derivative in time."""
-    derived, rounding = derivative(curve, order)
-    models = polynomials(derived, cells)
-    return [m.widened(rounding[cells.piece, i]) for i, m in enumerate(models)]
+def on(curve: BPoly, cells: Cells, order: int = 0) -> list[Ball]:
+    """The same as balls."""
+    return polynomial_balls(*_restricted(curve, cells, order))
 
 
-def derivative(curve: BPoly, order: int) -> tuple[BPoly, Array]:
-    """A derivative of a piecewise polynomial, and what rounding may have done to it (P, k)."""
+def derivative(curve: BPoly, order: int) -> tuple[Array, Array]:
+    """Bernstein coefficients (d+1, P, k) of a derivative, and what rounding did to them (P, k)."""
     c = curve.c.reshape(*curve.c.shape[:2], -1)
     width, size = np.diff(curve.x)[:, None], np.max(np.abs(c), axis=0)
     for _ in range(order):
         degree = len(c) - 1
         size = 2 * degree * size / width
         c = degree * np.diff(c, axis=0) / width if degree else np.zeros_like(c)
-    return BPoly(c, curve.x), 6 * order * UNIT * size
+    return c, 6 * order * UNIT * size
 
 
-def _restricted(c: Array, cells: Cells) -> Model:
-    """Bernstein coefficients (C, d+1) on whole pieces as models on the cells."""
-    size = np.max(np.abs(c), axis=1)
-    whole = np.all((cells.low == 0) & (cells.high == 1))
-    degree = c.shape[1] - 1
-    if not whole:
-        c = _left_of(c, cells.high[:, None])
-        c = _left_of(c[:, ::-1], 1 - (cells.low / cells.high)[:, None])[:, ::-1]
+def refined(curve: BPoly, breaks: Array) -> BPoly:
+    """The same curve on more pieces, to rounding; every break of the curve is one of `breaks`."""
+    if np.array_equal(curve.x, breaks):
+        return curve
+    k = np.searchsorted(curve.x, (breaks[:-1] + breaks[1:]) / 2) - 1
+    low, high = ((x - curve.x[k]) / np.diff(curve.x)[k] for x in (breaks[:-1], breaks[1:]))
+    return BPoly(_part(curve.c.transpose(2, 1, 0)[:, k], low, high).transpose(2, 1, 0), breaks)
+
+
+def _restricted(curve: BPoly, cells: Cells, order: int) -> tuple[Array, Array]:
+    """Chebyshev coefficients (k, C, d+1) on the cells, wrong by no more than (k, C) together."""
+    c, slip = derivative(curve, order)
+    c = c.transpose(2, 1, 0)[:, cells.piece]
+    size, degree = np.max(np.abs(c), axis=2), c.shape[2] - 1
+    slips = slip.T[:, cells.piece]
     if degree == 0:
-        return Model(c, np.zeros(len(c)))
+        return c, slips
+    whole = np.all((cells.low == 0) & (cells.high == 1))
+    if not whole:
+        c = _part(c, cells.low, cells.high)
     matrix = series.from_bernstein(degree + 1)
     steps = degree + 4 + (0 if whole else 8 * degree)
-    return Model.cut(c @ matrix.T, steps * np.sum(np.abs(matrix)) * UNIT * size)
+    return c @ matrix.T, steps * np.sum(np.abs(matrix)) * UNIT * size + slips * INFLATE
+
+
+def _part(c: Array, low: Array, high: Array) -> Array:
+    """Coefficients (k, C, d+1) on [low, high], each (C,), of those on [0, 1]."""
+    c = _left_of(c, high[:, None])
+    return _left_of(c[:, :, ::-1], 1 - (low / high)[:, None])[:, :, ::-1]
 
 
 def _left_of(c: Array, at: Array) -> Array:
-    """Coefficients on [0, at] of those on [0, 1], by de Casteljau; at is (C, 1)."""
-    out, row = [c[:, :1]], c
-    for _ in range(c.shape[1] - 1):
-        row = (1 - at) * row[:, :-1] + at * row[:, 1:]
-        out.append(row[:, :1])
-    return np.concatenate(out, axis=1)
+    """Coefficients (…, C, d+1) on [0, at] of those on [0, 1], by de Casteljau; at is (C, 1)."""
+    out, row, rest = [c[..., :1]], c, 1 - at
+    for _ in range(c.shape[-1] - 1):
+        row = rest * row[..., :-1] + at * row[..., 1:]
+        out.append(row[..., :1])
+    return np.concatenate(out, axis=-1)

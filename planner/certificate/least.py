@@ -1,23 +1,37 @@
-"""The least value of many functions over many cells: bounds from both sides, by halving.
+"""The least value of many functions over many cells: bounds from both sides.
 
-Bernstein coefficients bound a polynomial from below, and halving a cell (de Casteljau) tightens the
-bound with the square of its width. Only cells that may hold the least value are halved.
+On a cell whose Chebyshev coefficients show that the polynomial p rises, falls or bends downwards
+all over, the least value is at an end. Where p'' ≥ m > 0 all over, a parabola from below says
+
+    p(x) ≥ p(y) − p'(y)²/(2m)   for any y; Newton's step makes p'(y) all but zero,
+
+and a slope that points out of the cell at an end does not count. Cells that may hold the least
+value and are none of these are halved.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from planner.certificate import series
 from planner.certificate.cells import Cells
-from planner.certificate.model import UNIT, Index, Model
+from planner.certificate.model import INFLATE, UNIT, Index, Model
+from planner.certificate.series import POINTS
 from planner.systems.base import Array
 
 MOST_HALVINGS = 40
 RESOLVED = 1e-9
 """Distance of the two bounds at which halving stops, over the function's scale."""
+
+NEWTON = 4
+"""Steps from the least of the 16 points: more than enough for rounding where p'' > 0."""
+
+Margin = tuple[float, Model, float]
+"""(sign, value, limit): the function sign · value + limit."""
 
 
 @dataclass(frozen=True)
@@ -35,73 +49,102 @@ class Least:
     time_s: float
 
 
-def least(functions: list[Model], cells: Cells, scales: Array) -> list[Least]:
+def least(functions: list[Margin], cells: Cells, scales: Array) -> list[Least]:
     """Bounds on the least value of each function.
 
     Args:
-        functions: Each a model on the cells.
+        functions: Their values are models on the cells.
         cells: Where.
         scales: What each function's values are compared with, shape (F,).
     """
     count, number = len(functions), len(cells.piece)
-    width = max(f.c.shape[1] for f in functions)
-    c = np.concatenate([np.pad(f.c, ((0, 0), (0, width - f.c.shape[1]))) for f in functions])
-    matrix = series.to_bernstein(width)
-    b = c @ matrix.T
-    r = np.concatenate([f.r for f in functions])
-    r = r + (width + 2) * UNIT * np.max(np.abs(c) @ np.abs(matrix).T, axis=1)
-    unbounded = ~np.isfinite(r)
-    b, r = np.where(unbounded[:, None], 0.0, b), np.where(unbounded, np.inf, r)
-    which, cell = np.repeat(np.arange(count), number), np.tile(np.arange(number), count)
-    return _search(b, r, which, cell, cells, scales)
+    c: Array = np.zeros((count * number, POINTS))
+    for i, (sign, f, limit) in enumerate(functions):
+        rows = slice(i * number, (i + 1) * number)
+        c[rows, : f.c.shape[1]] = sign * f.c
+        c[rows, 0] += limit
+    r = np.concatenate([f.r for _, f, _ in functions])
+    c[~np.isfinite(r)] = 0.0
+    r = r + 6 * POINTS * UNIT * np.sum(np.abs(c), axis=1)
+    which, cell = np.divmod(np.arange(count * number), number)
+    low, size = np.full(len(r), -1.0), 2.0
+    best, closed = np.full(count, np.inf), np.full(count, np.inf)
+    place = np.zeros((count, 2))  # cell and τ of the best
 
+    def keep(value: Array, at: Array, rows: Index) -> None:
+        """Of some rows, what they attain."""
+        order = np.lexsort((value, which[rows]))
+        own = which[rows][order]
+        new = order[np.append(True, own[1:] != own[:-1])]
+        new = new[value[new] < best[which[rows][new]]]
+        row = rows[new]
+        best[which[row]] = value[new]
+        place[which[row]] = np.stack([cell[row], low[row] + size * (at[new] + 1) / 2], axis=1)
 
-def _search(
-    b: Array, r: Array, which: Index, cell: Index, cells: Cells, scales: Array
-) -> list[Least]:
-    count = len(scales)
-    slack = 2 * b.shape[1] * UNIT * np.max(np.abs(b), axis=1)  # of one halving
-    low, size = np.zeros(len(b)), 1.0
-    closed = np.full(count, np.inf)
-    best, when = np.full(count, np.inf), np.full(count, np.nan)
     for step in range(MOST_HALVINGS + 1):
-        for end, at in ((0, low), (-1, low + size)):
-            _keep_least(best, when, which, b[:, end] + r, cell, at, cells)
-        bound = np.min(b, axis=1) - r
-        wanted = np.minimum(best, np.inf) - RESOLVED * scales
-        open_ = (bound < wanted[which]) & (np.min(b, axis=1) + r < best[which])
-        open_ &= np.isfinite(r) & (step < MOST_HALVINGS)
-        np.minimum.at(closed, which[~open_], bound[~open_])
-        if not np.any(open_):
+        slope = np.sum(c[:, 1::2], axis=1)
+        keep(np.sum(c[:, ::2], axis=1) - np.abs(slope) + r, np.sign(-slope), np.arange(len(r)))
+        bound = c[:, 0] - np.sum(np.abs(c[:, 1:]), axis=1) - r
+        open_ = (bound < (best - RESOLVED * scales)[which]) & (bound + 2 * r < best[which])
+        halve = np.flatnonzero(open_ & np.isfinite(r))
+        if len(halve):
+            settled, value, at, under = _bent(c[halve])
+            keep(value + r[halve], at, halve)
+            bound[halve[settled]] = under[settled] - r[halve[settled]]
+            halve = halve[~settled & (step < MOST_HALVINGS)]
+            halve = halve[bound[halve] < (best - RESOLVED * scales)[which[halve]]]
+        np.minimum.at(closed, np.delete(which, halve), np.delete(bound, halve))
+        if not len(halve):
             break
-        b, r, slack = (
-            _halves(b[open_]),
-            np.tile(r[open_] + slack[open_], 2),
-            np.tile(slack[open_], 2),
-        )
+        c, r = halved(c[halve], r[halve])
+        which, cell, low = (np.tile(x[halve], 2) for x in (which, cell, low))
         size /= 2
-        which, cell = np.tile(which[open_], 2), np.tile(cell[open_], 2)
-        low = np.append(low[open_], low[open_] + size)
-    return [Least(float(closed[k]), float(best[k]), float(when[k])) for k in range(count)]
+        low[len(halve) :] += size
+    some = cells.only(place[:, 0].astype(int)).times(place[:, 1:])[:, 0]
+    times = np.where(np.isfinite(best), some, np.nan)
+    return [Least(float(closed[k]), float(best[k]), float(times[k])) for k in range(count)]
 
 
-def _keep_least(
-    best: Array, when: Array, which: Index, value: Array, cell: Index, at: Array, cells: Cells
-) -> None:
-    order = np.lexsort((value, which))
-    first = order[np.unique(which[order], return_index=True)[1]]
-    better = first[value[first] < best[which[first]]]
-    if len(better):
-        some = cells.only(cell[better])
-        best[which[better]] = value[better]
-        when[which[better]] = some.times(2 * at[better, None] - 1)[:, 0]
+def _bent(c: Array) -> tuple[Index, Array, Array, Array]:
+    """Of each row: whether it is one of the cases above; a value, its place, and a lower bound.
+
+    All sums are wrong by at most (POINTS + 4) units of the sums of their terms' sizes; those of
+    p'(y) and p(y), with Tₖ(y) = cos kθ, by 6 POINTS units, for p already in the row's remainder.
+    """
+    size, k = np.abs(c), np.arange(POINTS)
+    d, dd = (c @ series.slopes(POINTS, n).T for n in (1, 2))
+    slip, slips = (6 * POINTS * UNIT * (size @ k**n) for n in (2, 4))
+    swing, bend = (np.sum(np.abs(x[:, 1:]), axis=1) for x in (d, dd))
+    hollow = dd[:, 0] - bend - slips
+    hollowed = hollow > 0
+    settled = hollowed | (dd[:, 0] + bend + slips < 0) | (np.abs(d[:, 0]) > swing + slip)
+    odd = np.sum(c[:, 1::2], axis=1)
+    theta = np.where(odd > 0, np.pi, 0.0)
+    if np.any(hollowed):
+        start = np.arccos(series.nodes())[np.argmin(c @ series.evaluation(POINTS).T, axis=1)]
+        theta = np.where(hollowed, start, theta)
+        for _ in range(NEWTON):
+            t = np.cos(theta[:, None] * k)
+            step = np.sum(d * t, axis=1) / np.sum(dd * t, axis=1)
+            theta = np.where(hollowed, np.arccos(np.clip(t[:, 1] - step, -1.0, 1.0)), theta)
+    t = np.cos(theta[:, None] * k)
+    value, slope = np.sum(c * t, axis=1), np.sum(d * t, axis=1)
+    inward = np.where(theta == 0, slope, np.where(theta == np.pi, -slope, np.abs(slope)))
+    steep = np.maximum(inward, 0.0) + slip
+    under = value - np.where(hollowed, steep**2 / 2 / np.where(hollowed, hollow, 1.0), 0.0)
+    return settled, value, t[:, 1], under
 
 
-def _halves(b: Array) -> Array:
-    """Both halves by de Casteljau: (k, d+1) to (2k, d+1), left halves first."""
-    left, right, row = [b[:, 0]], [b[:, -1]], b
-    while row.shape[1] > 1:
-        row = (row[:, 1:] + row[:, :-1]) / 2
-        left.append(row[:, 0])
-        right.append(row[:, -1])
-    return np.concatenate([np.stack(left, 1), np.stack(right[::-1], 1)])
+def halved(c: Array, r: Array) -> tuple[Array, Array]:
+    """Left halves, then right halves."""
+    left, right, sums = _halves()
+    r = (r + (POINTS + 8) * UNIT * (np.abs(c) @ sums)) * INFLATE
+    return np.concatenate([c @ left.T, c @ right.T]), np.tile(r, 2)
+
+
+@lru_cache(maxsize=1)
+def _halves() -> tuple[Array, Array, Array]:
+    """Coefficients to those on the halves of the cell, and the sums of their columns' sizes."""
+    nodes, back = series.nodes(), series.interpolation()
+    parts = [back @ chebyshev.chebvander((nodes + s) / 2, POINTS - 1) for s in (-1, 1)]
+    return parts[0], parts[1], np.max([np.sum(np.abs(m), axis=0) for m in parts], axis=0)

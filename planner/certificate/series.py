@@ -8,76 +8,70 @@ from math import comb
 
 import numpy as np
 from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
 
 from planner.systems.base import Array
 
-DEGREE = 12
-"""Degree at which models are cut off."""
+POINTS = 16
+"""Chebyshev points of a cell; models have this many coefficients."""
 
-WIDTH = DEGREE + 1
+
+def _cosines(m: NDArray[np.int_]) -> Array:
+    """cos(π m/(2 POINTS)) for whole m: brought to the first quadrant, right to 4 units."""
+    m = m % (4 * POINTS)
+    m = np.minimum(m, 4 * POINTS - m)
+    near = np.cos(np.pi / (2 * POINTS) * np.minimum(m, 2 * POINTS - m))
+    return np.asarray(np.where(m == POINTS, 0.0, np.where(m > POINTS, -near, near)))
 
 
 @lru_cache(maxsize=1)
 def nodes() -> Array:
-    """The WIDTH Chebyshev points of the first kind, increasing."""
-    return np.asarray(-np.cos(np.pi * (np.arange(WIDTH) + 0.5) / WIDTH))
+    """The Chebyshev points of the first kind, increasing, shape (POINTS,)."""
+    return evaluation(2)[:, 1]
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=64)
 def evaluation(width: int) -> Array:
-    """Coefficients (width) to values at the nodes, shape (WIDTH, width)."""
-    return np.asarray(chebyshev.chebvander(nodes(), width - 1))
+    """Coefficients (width) to values at the nodes, shape (POINTS, width)."""
+    return _cosines(np.outer(2 * np.arange(POINTS)[::-1] + 1, np.arange(width)))
 
 
 @lru_cache(maxsize=1)
 def interpolation() -> Array:
-    """Values at the nodes to coefficients, shape (WIDTH, WIDTH)."""
-    return np.asarray(np.linalg.inv(evaluation(WIDTH)))
-
-
-@lru_cache(maxsize=256)
-def product(first: int, second: int) -> Array:
-    """Outer product of coefficients to those of the product: (first·second, first+second−1).
-
-    TᵢTⱼ = (Tᵢ₊ⱼ + T_{|i−j|})/2, so that the absolute values of each row sum to one.
-    """
-    out = np.zeros((first, second, first + second - 1))
-    for i in range(first):
-        for j in range(second):
-            out[i, j, i + j] += 0.5
-            out[i, j, abs(i - j)] += 0.5
-    return out.reshape(first * second, -1)
-
-
-@lru_cache(maxsize=64)
-def integral(width: int) -> Array:
-    """Coefficients to those of the integral from −1, shape (width+1, width)."""
-    return np.asarray(chebyshev.chebint(np.eye(width), lbnd=-1))
-
-
-@lru_cache(maxsize=64)
-def derivative(width: int) -> Array:
-    """Coefficients to those of the derivative, shape (max(width−1, 1), width)."""
-    return np.asarray(chebyshev.chebder(np.eye(width)))
-
-
-@lru_cache(maxsize=64)
-def to_bernstein(width: int) -> Array:
-    """Chebyshev coefficients to Bernstein coefficients of the same degree, (width, width).
-
-    Tₙ has the Bernstein coefficients (−1)^{n−i} C(2n, 2i)/C(n, i) at its own degree; they are
-    raised to the common one. Formed in whole numbers, so each entry is right to its last digit.
-    """
-    out = np.zeros((width, width))
-    for n in range(width):
-        own = [(-1) ** (n - i) * Fraction(comb(2 * n, 2 * i), comb(n, i)) for i in range(n + 1)]
-        for d in range(n + 1, width):
-            own = [
-                Fraction(i, d) * own[max(i - 1, 0)] + Fraction(d - i, d) * own[min(i, d - 1)]
-                for i in range(d + 1)
-            ]
-        out[:, n] = [float(value) for value in own]
+    """Values at the nodes to coefficients, shape (POINTS, POINTS)."""
+    out = evaluation(POINTS).T * (2 / POINTS)
+    out[0] /= 2
     return out
+
+
+@lru_cache(maxsize=1)
+def integration() -> Array:
+    """Values at the nodes to integrals from −1 to each of them, to 0 and to 1: (POINTS+2, POINTS).
+
+    ∫ Tₖ = (Tₖ₊₁/(k+1) − Tₖ₋₁/(k−1))/2.
+    """
+    whole = chebyshev.chebint(np.eye(POINTS), lbnd=-1)
+    ends = chebyshev.chebvander(np.array([0.0, 1.0]), POINTS)
+    return np.asarray(np.vstack([evaluation(POINTS + 1), ends]) @ whole @ interpolation())
+
+
+@lru_cache(maxsize=32)
+def slopes(width: int, order: int) -> Array:
+    """Coefficients to those of a derivative, (width, width): whole numbers, the last rows zero."""
+    out = np.zeros((width, width))
+    out[: max(width - order, 1)] = chebyshev.chebder(np.eye(width), order)
+    return out
+
+
+SUMS = float(np.sum(np.abs(interpolation()))) * (1 + 1e-12)
+"""No coefficients' sizes together exceed this times the greatest value."""
+
+LEBESGUE = float(np.sum(1 / np.tan(np.pi / (4 * POINTS) * (2 * np.arange(POINTS) + 1)))) / POINTS
+LEBESGUE *= 1 + 1e-12
+"""No interpolant exceeds this times the greatest value."""
+
+REACHES = float(np.max(np.sum(np.abs(integration()), axis=1))) * (1 + 1e-12)
+"""No integral of an interpolant exceeds this times the greatest value."""
 
 
 @lru_cache(maxsize=64)

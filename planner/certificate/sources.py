@@ -1,4 +1,4 @@
-"""A trajectory's inputs as models on cells fine enough, for each kind of trajectory."""
+"""A trajectory's inputs as balls on cells fine enough, for each kind of trajectory."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from planner.certificate import series
-from planner.certificate.cells import Cells, joined, joined_models, polynomials, slopes
+from planner.certificate.balls import Ball
+from planner.certificate.cells import Cells, on
 from planner.certificate.composed import at, clocked
-from planner.certificate.evaluate import Evaluator, UnboundedError
-from planner.certificate.model import Model, interpolated
-from planner.certificate.motion import rates_of
+from planner.certificate.evaluate import Expression, UnboundedError
+from planner.certificate.model import Index
+from planner.certificate.motion import Motion, enclose
 from planner.chained import chained_form
 from planner.retimed import RetimedTrajectory
 from planner.systems.base import Array, TriangularSystem
@@ -26,25 +26,28 @@ FINE = 1e-10
 NOISE = 1e-3
 """Remainder below which a cell hardly better than its parent is kept: the rest is rounding."""
 
-FEWEST_CELLS = 16
+FEWEST_CELLS = 4
+COARSE = 1e-4
+"""Remainder above which a cell is divided in four at once."""
+
 MOST_CELLS = 1500
 
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """Inputs of a trajectory that models can bound.
+    """Inputs of a trajectory that balls can bound.
 
     Attributes:
         trajectory: Whose they are.
-        inputs: From cells to models of u₁ and u₂.
-        slopes: From cells to models of du₁/dt and du₂/dt.
+        inputs: From cells to balls of u₁ and u₂.
+        slopes: From cells to balls of du₁/dt and du₂/dt.
         halvings: Times a cell may be halved. Near a singularity halving reaches what can be
             bounded; near a standstill of a retimed path it only narrows what cannot.
     """
 
     trajectory: Trajectory
-    inputs: Callable[[Cells], list[Model]]
-    slopes: Callable[[Cells], list[Model]]
+    inputs: Callable[[Cells], list[Ball]]
+    slopes: Callable[[Cells], list[Ball]]
     halvings: int = 24
 
 
@@ -54,12 +57,12 @@ def source_of(trajectory: Trajectory) -> Source:
     Raises:
         UnboundedError: If the trajectory is of another kind, or its chart has no expression.
     """
-    if isinstance(trajectory, StateTrajectory):
+    if type(trajectory) is StateTrajectory:  # a subclass may evaluate in its own way
         curve = trajectory.u_curve
-        return Source(trajectory, lambda c: polynomials(curve, c), lambda c: slopes(curve, c))
-    if isinstance(trajectory, ChainedTrajectory):
+        return Source(trajectory, lambda c: on(curve, c), lambda c: on(curve, c, 1))
+    if type(trajectory) is ChainedTrajectory:
         return _chained(trajectory)
-    if isinstance(trajectory, RetimedTrajectory):
+    if type(trajectory) is RetimedTrajectory:
         return _retimed(trajectory)
     raise UnboundedError(f"trajectories of kind '{trajectory.kind}'")
 
@@ -68,34 +71,34 @@ def _chained(path: ChainedTrajectory) -> Source:
     inputs, rates = _feedback_of(path)
     z, v = path.z_curve, path.v_curve
 
-    def curves(cells: Cells) -> list[list[Model]]:
-        return [polynomials(z, cells), polynomials(v, cells)]
+    def curves(cells: Cells) -> list[list[Ball]]:
+        return [on(z, cells), on(v, cells)]
 
     return Source(
         path,
         lambda cells: inputs(*curves(cells)),
-        lambda cells: rates(*curves(cells), slopes(z, cells), slopes(v, cells)),
+        lambda cells: rates(*curves(cells), on(z, cells, 1), on(v, cells, 1)),
     )
 
 
 def _retimed(trajectory: RetimedTrajectory) -> Source:
     path = trajectory.path
 
-    def inputs(cells: Cells, sigma: Model) -> list[Model]:
+    def inputs(cells: Cells, sigma: Ball) -> list[Ball]:
         if isinstance(path, StateTrajectory):
             return at(path.u_curve, 0, trajectory, cells, sigma)
         return _feedback_of(path)[0](*_curves(path, (0,), trajectory, cells, sigma))
 
-    def bends(cells: Cells, sigma: Model) -> list[Model]:
+    def bends(cells: Cells, sigma: Ball) -> list[Ball]:
         if isinstance(path, StateTrajectory):
             return at(path.u_curve, 1, trajectory, cells, sigma)
         return _feedback_of(path)[1](*_curves(path, (0, 1), trajectory, cells, sigma))
 
-    def paced(cells: Cells) -> list[Model]:
+    def paced(cells: Cells) -> list[Ball]:
         own = clocked(trajectory, cells)
         return [u * own.pace for u in inputs(cells, own.sigma)]
 
-    def rated(cells: Cells) -> list[Model]:
+    def rated(cells: Cells) -> list[Ball]:
         own = clocked(trajectory, cells)
         pairs = zip(inputs(cells, own.sigma), bends(cells, own.sigma), strict=True)
         return [du * own.pace * own.pace + u * own.bend for u, du in pairs]
@@ -105,76 +108,67 @@ def _retimed(trajectory: RetimedTrajectory) -> Source:
     return Source(trajectory, paced, rated, halvings=8)
 
 
-def _feedback_of(path: Trajectory) -> tuple[Evaluator, Evaluator]:
+def _feedback_of(path: Trajectory) -> tuple[Expression, Expression]:
     assert isinstance(path, ChainedTrajectory)
     return _feedback(path.system, tuple(path.branch.tolist()))
 
 
 def _curves(
-    path: Trajectory, orders: Sequence[int], by: RetimedTrajectory, cells: Cells, sigma: Model
-) -> list[list[Model]]:
-    """z and v, then their derivatives if asked for, at models of the path's own time."""
+    path: Trajectory, orders: Sequence[int], by: RetimedTrajectory, cells: Cells, sigma: Ball
+) -> list[list[Ball]]:
+    """z and v, then their derivatives if asked for, at balls of the path's own time."""
     assert isinstance(path, ChainedTrajectory)
     return [at(c, k, by, cells, sigma) for k in orders for c in (path.z_curve, path.v_curve)]
 
 
 @lru_cache(maxsize=32)
-def _feedback(system: TriangularSystem, branch: tuple[float, ...]) -> tuple[Evaluator, Evaluator]:
+def _feedback(system: TriangularSystem, branch: tuple[float, ...]) -> tuple[Expression, Expression]:
     """u of (z, v), and du/dt of (z, v, ż, v̇), on one branch."""
     n = system.size
     z, v, dz, dv = (ca.SX.sym(name, k) for name, k in (("z", n), ("v", 2), ("dz", n), ("dv", 2)))
     u = chained_form(system).inputs_expr(z, v, ca.DM(branch))
     if u is None:
         raise UnboundedError(f"the inverse chart of system '{system.kind}', which is numerical")
-    return Evaluator([z, v], u), Evaluator(
+    return Expression([z, v], u), Expression(
         [z, v, dz, dv], ca.jtimes(u, z, dz) + ca.jtimes(u, v, dv)
     )
 
 
 @lru_cache(maxsize=32)
-def inverse_of(system: TriangularSystem, branch: tuple[float, ...]) -> Evaluator:
+def inverse_of(system: TriangularSystem, branch: tuple[float, ...]) -> Expression:
     """q of z on one branch, for systems whose `source_of` exists."""
     z = ca.SX.sym("z", system.size)
-    return Evaluator([z], chained_form(system).q_expr(z, ca.DM(branch)))
+    return Expression([z], chained_form(system).q_expr(z, ca.DM(branch)))
 
 
-def resolve(source: Source) -> tuple[Cells, list[Model], Array]:
-    """Cells on which inputs and rates are known to rounding, or as fine as may be.
+def resolve(source: Source, start: Array | None = None) -> Motion:
+    """Inputs on cells where they are known to rounding, or as fine as may be.
 
-    Returns:
-        The cells in order of time, models of the inputs, and q at the nodes, (C, WIDTH, N).
+    Args:
+        source: Of the inputs.
+        start: With it also the motion from there, whose rates must be known as well.
     """
-    open_ = Cells.of(source.trajectory.breaks)
-    while len(open_.piece) < FEWEST_CELLS:
-        open_ = open_.halved()
-    before = np.full(len(open_.piece), np.inf)
-    kept: list[tuple[Cells, list[Model], Array]] = []
-    total = 0
-    for step in range(source.halvings + 1):
-        u = source.inputs(open_)
-        q = source.trajectory.q(open_.times(series.nodes()))
-        badness = np.where(np.isfinite(q).all(axis=(1, 2)), _badness(source, u, q), np.inf)
-        hopeless = ~np.isfinite(q).all(axis=(1, 2))
-        noise = (badness < NOISE) & (badness > 0.5 * before)
-        done = (badness <= FINE) | noise | hopeless
-        if step == source.halvings or total + 2 * np.sum(~done) > MOST_CELLS:
-            done[:] = True
-        kept.append((open_.only(done), [m.only(done) for m in u], q[done]))
-        total += int(np.sum(done))
-        if np.all(done):
+    cells = Cells.of(source.trajectory.breaks)
+    if len(cells.piece) < FEWEST_CELLS:
+        cells, _ = cells.split(np.full(len(cells.piece), 4))
+    u, before = source.inputs(cells), np.full(len(cells.piece), np.inf)
+    for _ in range(source.halvings):
+        bad, rough = _unsettled(u, before)
+        motion = Motion(cells, [], u)
+        if start is not None and not np.any(bad):
+            motion = enclose(source.trajectory, cells, u, start)
+            bad, rough = _unsettled(motion.rates, before)
+        if not np.any(bad) or len(bad) + np.sum(bad) > MOST_CELLS:
             break
-        before = np.tile(badness[~done], 2)
-        open_ = open_.only(~done).halved()
-    cells = joined([c for c, _, _ in kept])
-    order = cells.order()
-    models = [joined_models([u[i] for _, u, _ in kept]).only(order) for i in range(2)]
-    return cells.only(order), models, np.concatenate([q for *_, q in kept])[order]
+        cells, origin = cells.split(np.where(bad, np.where(rough > COARSE, 4, 2), 1))
+        fresh, before = bad[origin], np.where(bad, rough, np.inf)[origin]
+        new = source.inputs(cells.only(fresh))
+        u = [old.updated(origin, fresh, x) for old, x in zip(u, new, strict=True)]
+    return motion
 
 
-def _badness(source: Source, u: list[Model], q: Array) -> Array:
-    """Greatest remainder of inputs and rates on each cell."""
-    p = [Model(interpolated(np.nan_to_num(x)), np.zeros(len(x))) for x in np.moveaxis(q, -1, 0)]
-    models = [*u, *rates_of(source.trajectory.system)(p, u)]
-    with np.errstate(invalid="ignore"):
-        shares = [m.r / np.maximum(m.norm, 1.0) for m in models]
-    return np.asarray(np.max(np.where(np.isnan(shares), np.inf, shares), axis=0))
+def _unsettled(balls: list[Ball], before: Array) -> tuple[Index, Array]:
+    """Which cells should be divided, and how rough they are; before is what they were."""
+    rough = np.max([x.rough for x in balls], axis=0)
+    fine = (rough <= FINE) | ((rough < NOISE) & (rough > 0.5 * before))
+    return ~fine, rough

@@ -40,8 +40,9 @@ class ChainedForm:
         self._feedback = Pointwise("feedback", [q], feedback)
         self._state: Pointwise | None = None
         self._inputs: Pointwise | None = None
+        self._both: Pointwise | None = None
         if compiled := _compiled(system, links, q, feedback):
-            self._state, self._inputs = compiled
+            self._state, self._inputs, self._both = compiled
 
     def __repr__(self) -> str:
         return f"ChainedForm({self.system!r})"
@@ -88,6 +89,14 @@ class ChainedForm:
             return self.u(self.q(z, branch), v)
         return self._inputs(z, v, np.broadcast_to(branch, z.shape))
 
+    def both(self, z: Array, v: Array, branch: Array) -> tuple[Array, Array]:
+        """`q` and `inputs`, in one call."""
+        if self._both is None:
+            q = self._invert(z, branch)
+            return q, self.u(q, v)
+        values = self._both(z, v, np.broadcast_to(branch, z.shape))
+        return values[..., : self.system.size], values[..., self.system.size :]
+
     def margins(self, z: Array, branch: Array) -> Array:
         """Signed margins (…, M) of the chart's domain at z (…, N); > 0 strictly inside.
 
@@ -121,8 +130,8 @@ def chained_form(system: TriangularSystem) -> ChainedForm:
 
 def _compiled(
     system: TriangularSystem, links: dict[int, tuple[Any, Any]], q: Any, feedback: Any
-) -> tuple[Pointwise, Pointwise] | None:
-    """Functions (z, branch) → q and (z, v, branch) → u, if every link has an expression."""
+) -> tuple[Pointwise, Pointwise, Pointwise] | None:
+    """(z, branch) → q, (z, v, branch) → u and → (q, u), if every link has an expression."""
     size = system.size
     z, v, branch = ca.SX.sym("z", size), ca.SX.sym("v", 2), ca.SX.sym("branch", size)
     known: list[Any] = [z[0], *[ca.SX(0)] * (size - 2), z[size - 1]]
@@ -135,7 +144,9 @@ def _compiled(
     state = ca.vertcat(*known)
     (values,) = ca.substitute([feedback], [q], [state])
     u = ca.vertcat(v[0] / values[0], (v[1] - values[2] * v[0]) / values[1])
-    return Pointwise("state", [z, branch], state), Pointwise("inputs", [z, v, branch], u)
+    every = [z, v, branch]
+    both = Pointwise("both", every, ca.vertcat(state, u))
+    return Pointwise("state", [z, branch], state), Pointwise("inputs", every, u), both
 
 
 def _chain(system: TriangularSystem, q: Any) -> tuple[list[Any], dict[int, tuple[Any, Any]]]:

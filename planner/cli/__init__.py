@@ -1,11 +1,12 @@
 """The command `planner`.
 
-Exit status: 0 done; 2 bad input; 3 no plan; 1 a bug; 130 interrupted.
+Exit status: 0 done; 2 bad input; 3 no plan; 1 a bug; 130 Ctrl-C; 143 terminated.
 """
 
 from __future__ import annotations
 
 import errno
+import io
 import os
 import sys
 import traceback
@@ -23,18 +24,29 @@ from planner.cli.compare import compare
 from planner.cli.export import export
 from planner.cli.lists import methods, schema, systems
 from planner.cli.new import new
-from planner.cli.output import ReaderGoneError, Told, print_json, say, watch_interrupts
+from planner.cli.output import (
+    INTERRUPTED,
+    ReaderGoneError,
+    Told,
+    interrupted,
+    print_json,
+    say,
+)
 from planner.cli.plan import plan
 from planner.cli.report import report
 from planner.cli.reproduce import reproduce
 from planner.cli.sensitivity import sensitivity
 from planner.cli.sweep import sweep
 from planner.cli.volume import with_volume
+from planner.display import brief, clean
 from planner.errors import PlannerError
+from planner.files import written
+from planner.interrupts import Terminated, hear_signals, hearing
 
 __all__ = ["app", "main"]
 
-INTERRUPTED = 130
+LONGEST = 5000
+"""Characters of a message: about what a terminal shows at once."""
 FULL = (errno.ENOSPC, errno.EDQUOT)
 """Numbers of the errors that a full disk gives."""
 
@@ -73,7 +85,8 @@ def _top(
       planner check problem.toml     is there a plan, and if not, why
       planner compare problem.toml --out out/mine --report
 
-    Exit status: 0 done; 2 bad input; 3 no plan exists or none was found; 1 a bug; 130 Ctrl-C.
+    Exit status: 0 done; 2 bad input; 3 no plan exists or none was found; 1 a bug; 130 Ctrl-C;
+    143 terminated.
     Your shell completes commands and names after: planner --install-completion
     """
 
@@ -98,11 +111,12 @@ for _command in (
     app.command()(with_volume(_command))
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None, *, last: bool = False) -> int:
     """Run the command line.
 
     Args:
         arguments: Words after `planner`; those of the process when left out.
+        last: Whether the process ends after it; see `hear_signals`.
 
     Returns:
         The exit status.
@@ -112,10 +126,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if getattr(sys, name) is None:
             setattr(sys, name, _nowhere())
     try:
-        with watch_interrupts():
-            status = _run(words)
-            sys.stdout.flush()
-            return status
+        with hear_signals(last):
+            return _run(words)
     except (ReaderGoneError, BrokenPipeError):
         sys.stdout = _nowhere()  # the interpreter would fail to flush the old one at exit
         return 0
@@ -127,32 +139,51 @@ def _nowhere() -> TextIO:
 
 
 def _run(words: list[str]) -> int:
-    as_json = "--json" in words
+    """The outcome; from the moment it is decided on, no signal disturbs telling it."""
+    written.clear()
     try:
         command = typer.main.get_command(app)
         status = command.main(words, prog_name="planner", standalone_mode=False)
         sys.stdout.flush()
-        if status == INTERRUPTED and not isinstance(status, Told):
-            raise KeyboardInterrupt
-        return int(status or 0)
-    except PlannerError as error:
-        kind = getattr(error, "status", "bad_input")
-        return _refuse(as_json, error.exit_status, kind, str(error))
-    except UsageError as error:
-        return _usage(as_json, error)
-    except (KeyboardInterrupt, typer.Abort):
-        return _refuse(as_json, INTERRUPTED, "interrupted", "interrupted, nothing written")
     except (ReaderGoneError, BrokenPipeError):
         raise
     except SystemExit as end:
         if isinstance(end.__context__, BrokenPipeError):  # click makes a status 1 of it
             raise ReaderGoneError from None
         raise
-    except Exception as error:
-        if isinstance(error, OSError) and error.errno in FULL:
-            where = error.filename or "standard output"
-            return _refuse(as_json, 2, "bad_input", f"cannot write {where}: {error.strerror}")
-        return _bug(as_json, words, error)
+    except BaseException as error:
+        hearing.over = True
+        return _failed(error, words)
+    hearing.over = True
+    if status == INTERRUPTED and not isinstance(status, Told):
+        return _interrupted("--json" in words)
+    return int(status or 0) if words else 2  # no command: older versions of click say 0
+
+
+def _failed(error: BaseException, words: list[str]) -> int:
+    as_json = "--json" in words
+    # Compiled code swallows signals and says that there is no plan; modules that are being loaded
+    # make an error of their own of them. A command that told what it kept has the last word.
+    told = isinstance(error, PlannerError) and error.exit_status >= INTERRUPTED
+    ended = isinstance(error, KeyboardInterrupt | Terminated | typer.Abort)
+    if ended or (interrupted() and not told):
+        return _interrupted(as_json)
+    if isinstance(error, PlannerError):
+        kind = getattr(error, "status", "bad_input")
+        return _refuse(as_json, error.exit_status, kind, str(error))
+    if isinstance(error, UsageError):
+        return _usage(as_json, error)
+    if isinstance(error, OSError) and error.errno in FULL:
+        where = error.filename or "standard output"
+        return _refuse(as_json, 2, "bad_input", f"cannot write {where}: {error.strerror}")
+    return _bug(as_json, words, error)
+
+
+def _interrupted(as_json: bool) -> int:
+    what = "interrupted" if hearing.status == INTERRUPTED else "terminated"
+    there = [str(path) for path in written if path.exists()]
+    left = f"{', '.join(there)} was written before" if there else "nothing written"
+    return _refuse(as_json, hearing.status, what, f"{what}, {left}")
 
 
 def _refuse(as_json: bool, status: int, kind: str, message: str) -> int:
@@ -161,18 +192,20 @@ def _refuse(as_json: bool, status: int, kind: str, message: str) -> int:
             print_json({"status": kind, "error": message, "exit_status": status})
         except PlannerError as error:
             message = str(error)
-    say(f"planner: {message}", "" if status == INTERRUPTED else "red")
+    say(f"planner: {brief(message, LONGEST)}", "" if status >= INTERRUPTED else "red")
     return status
 
 
 def _usage(as_json: bool, error: Any) -> int:
     if as_json:
         print_json({"status": "bad_input", "error": error.format_message(), "exit_status": 2})
-    error.show(file=sys.stderr)
+    shown = io.StringIO()
+    error.show(file=shown)
+    sys.stderr.write(clean(shown.getvalue()))
     return 2
 
 
-def _bug(as_json: bool, words: list[str], error: Exception) -> int:
+def _bug(as_json: bool, words: list[str], error: BaseException) -> int:
     if "--debug" in words or os.environ.get("PLANNER_DEBUG"):
         traceback.print_exception(error)
     message = (

@@ -10,7 +10,8 @@ import typer
 
 from planner.cli.arguments import Json
 from planner.cli.output import note, print_json, progress_bar
-from planner.plan import Plan, load_plan
+from planner.loading import load_plan
+from planner.plan import Plan
 from planner.report import animate as film
 from planner.report.animation import check_film
 
@@ -31,7 +32,7 @@ def animate(
 ) -> int:
     """Write plans as a film, GIF or MP4, on the same clock.
 
-    An MP4 needs ffmpeg, on the path or by pip install 'planner[video]'.
+    An MP4 needs ffmpeg, on the path or by the extra 'video'.
 
     \b
     Examples:
@@ -56,7 +57,7 @@ def animate(
 
 def _labelled(paths: Sequence[Path]) -> dict[str, Plan]:
     """Plans by the names of their methods; by those of their files where methods are the same."""
-    loaded = [load_plan(path) for path in paths]
+    loaded = [load_plan(path, strict=True) for path in paths]
     methods = [plan.method for plan in loaded]
     if len(set(methods)) == len(methods):
         return dict(zip(methods, loaded, strict=True))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,9 +10,11 @@ import numpy as np
 import typer
 
 from planner.cli.output import say
+from planner.display import brief
 from planner.errors import InputError
 from planner.methods import METHODS
 from planner.problem import Problem, load_problem
+from planner.reading import DEEPEST, parse_toml
 from planner.solve import find_method
 
 ProblemPath = Annotated[
@@ -67,6 +68,16 @@ PlannedMethods = Annotated[
         show_default=False,
     ),
 ]
+TimeLimit = Annotated[
+    float | None,
+    typer.Option(
+        "--time-limit",
+        metavar="SECONDS",
+        help="Seconds for planning, for each method by itself in `compare`: then the best verified"
+        " plan found so far is taken, or a refusal says how far the search came.",
+        show_default=False,
+    ),
+]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the machines.")]
 
 RADIAN_LIKE_DEG = 1.6
@@ -104,8 +115,12 @@ def parse_changes(pairs: list[str]) -> dict[str, Any]:
         key, equals, text = pair.partition("=")
         key, text = key.strip(), text.strip()
         if not equals or not text or not all(part.strip() for part in key.split(".")):
-            raise InputError(f"--set {pair}: write it as key=value, as in --set goal.travel=0.8")
-        out[key] = _value(pair, text)
+            raise InputError(
+                f"--set {brief(pair)}: write it as key=value, as in --set goal.travel=0.8"
+            )
+        if key.count(".") > DEEPEST:
+            raise InputError(f"--set {brief(pair)}: a key of more than {DEEPEST} parts")
+        out[key] = _value(brief(pair), text)
     return out
 
 
@@ -144,13 +159,13 @@ def _mentions(message: str, key: str) -> bool:
 
 def _value(pair: str, text: str) -> Any:
     try:
-        parsed = tomllib.loads(f"value = {text}")
+        parsed = parse_toml(f"value = {text}")
         if parsed.keys() == {"value"}:
             return parsed["value"]
-    except tomllib.TOMLDecodeError:
+    except ValueError:
         if _BARE.fullmatch(text):
             return text
     raise InputError(
-        f"--set {pair}: cannot read the value {text!r}; write a number, true, a [list] or a text"
-        " in quotes"
+        f"--set {pair}: cannot read the value {brief(text)!r}; write a number, true, a [list]"
+        " or a text in quotes"
     )

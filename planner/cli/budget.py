@@ -24,8 +24,9 @@ from planner.compare import planned, specs
 from planner.comparison import Row
 from planner.errors import InputError, NoPlanError
 from planner.files import refuse_unwritable_folder
+from planner.loading import load_plan
 from planner.machine import Machine
-from planner.plan import Plan, load_plan
+from planner.plan import Plan
 
 Progress = Callable[[str, float], None]
 
@@ -141,7 +142,7 @@ def _plans(
     if subject.suffix == ".json":
         if methods is not None:
             raise InputError(f"{subject} is a plan; --methods is for problem files")
-        plan = load_plan(subject)
+        plan = load_plan(subject, strict=True)
         return {plan.method: plan}
     problem = read_problem(subject, changes)
     wanted, rows = specs(problem, methods), []

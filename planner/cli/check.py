@@ -14,6 +14,7 @@ from planner.cli.arguments import (
     Json,
     MethodNames,
     ProblemPath,
+    TimeLimit,
     parse_methods,
     read_problem,
 )
@@ -29,6 +30,7 @@ def check(
     problem: ProblemPath,
     changes: Changes = None,
     method_names: MethodNames = None,
+    time_limit: TimeLimit = None,
     as_json: Json = False,
 ) -> int:
     """Say whether there is a plan; if not, why and what would help.
@@ -44,7 +46,7 @@ def check(
     names = parse_methods(method_names)
     task = read_problem(problem, changes)
     with waiting("checking") as notice:
-        analysis = analyse(task, names, progress=notice)
+        analysis = analyse(task, names, progress=notice, time_limit_s=time_limit)
     status = 0 if analysis.has_plan else NoPlanError.exit_status
     if as_json:
         print_json({"file": task.source, **analysis.to_dict(), "exit_status": status})

@@ -16,10 +16,12 @@ from planner.cli.arguments import (
     PlannedMethods,
     ProblemPath,
     Seed,
+    TimeLimit,
     read_problem,
 )
 from planner.cli.budget import budgets, executable, print_budgets, save
 from planner.cli.output import (
+    INTERRUPTED,
     Told,
     interrupted,
     note,
@@ -36,7 +38,6 @@ from planner.files import refuse_unwritable_folder
 from planner.report.differences import rich_differences
 from planner.report.provenance import worst_command
 
-INTERRUPTED = 130
 BUDGET_SAMPLES, BUDGET_BASE = 200, 128
 
 
@@ -67,6 +68,7 @@ def compare(
             help="Also find which effect of the machine costs how much (extra `budget`).",
         ),
     ] = False,
+    time_limit: TimeLimit = None,
     changes: Changes = None,
     out: Annotated[
         Path | None,
@@ -113,6 +115,7 @@ def compare(
                 seed=seed,
                 feedback=feedback,
                 progress=progress,
+                time_limit_s=time_limit,
             )
     except KeyboardInterrupt:
         if found is None:
@@ -122,8 +125,6 @@ def compare(
         _print(found)
     shares: dict[str, Budget] = {}
     complete = found.complete and not interrupted() and (not budget or _fill(shares, found))
-    if not complete:
-        say("interrupted: partial result; what is done is kept", "red")
     if not as_json:
         print_budgets(shares)
     # After Ctrl-C `waiting` would end the command before what is done is written.
@@ -135,7 +136,10 @@ def compare(
         if budget:
             extra["budgets"] = {label: each.to_dict() for label, each in shares.items()}
         print_json({"file": task.source, **found.to_dict(), **extra})
-    if written is not None:
+    if not complete:
+        where = "is shown" if written is None else f"is written to {written}"
+        say(f"interrupted: partial result; what is done {where}", "red")
+    elif written is not None:
         look = f"open {out}/report.html" if report else f"pictures in {out}/figures"
         note(f"written to {written}; {look}")
     if status == NoPlanError.exit_status:

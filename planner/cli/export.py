@@ -14,7 +14,7 @@ from planner.export import export as write
 from planner.export.files import find_format
 from planner.export.samples import RATE_HZ
 from planner.files import refuse_unwritable
-from planner.plan import load_plan
+from planner.loading import load_plan
 
 
 def export(
@@ -60,7 +60,9 @@ def export(
     refuse_unwritable(out)
     names = None if joints is None else joints.split(",")
     with waiting(f"writing {name}"):
-        written = str(write(load_plan(plan), out, name, rate_hz=rate, joint_names=names))
+        written = str(
+            write(load_plan(plan, strict=True), out, name, rate_hz=rate, joint_names=names)
+        )
     if as_json:
         print_json({"plan": str(plan), "format": name, "written": written, "exit_status": 0})
     note(f"written to {written}")

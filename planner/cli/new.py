@@ -11,7 +11,7 @@ from planner.cli.arguments import Json
 from planner.cli.lists import SYSTEMS
 from planner.cli.output import note, print_json
 from planner.errors import InputError
-from planner.files import write_text
+from planner.files import refuse_unwritable, write_text
 from planner.starter import problem_text
 
 
@@ -41,6 +41,7 @@ def new(
       planner new
       planner new lane-change.toml --system car
     """
+    refuse_unwritable(file)
     text = problem_text(system).replace("FILE", str(file))
     if file.exists() and not force:
         raise InputError(f"{file} is there already; name another file, or replace it with --force")

@@ -3,27 +3,38 @@
 from __future__ import annotations
 
 import json
-import signal
+import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, redirect_stdout
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
-from types import FrameType
 from typing import Any
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as Bar
+from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
+from planner import deadline
+from planner.display import clean
 from planner.errors import InputError
+from planner.interrupts import hearing
 from planner.jsonable import jsonable
+from planner.progress import Progress, listening
 
+INTERRUPTED = 130
 WIDTH_WITHOUT_TERMINAL = 160
 PATIENCE_S = 2.0
 """How long a job may take before its progress is shown."""
+
+
+FINISHING = b"planner: finishing with the best plan found so far; Ctrl-C again ends at once\n"
+EVERY_S = 10.0
+"""Time between the lines that tell of a job whose standard error is no terminal."""
 
 
 class Told(int):
@@ -108,11 +119,21 @@ class Waiting:
     def __init__(self, text: str) -> None:
         self._status = _console(stderr=True).status(text)
         self._shown = False
+        self.text, self.line, self._doing = text, text, ""
 
     def __call__(self, text: str) -> None:
         """Replace the text."""
+        self.text = self.line = text
         self._status.update(text)
         detail(text)
+
+    def hear(self, progress: Progress) -> None:
+        """Add what a search tells."""
+        self.line = f"{self.text}: {progress}"
+        self._status.update(self.line)
+        if progress.doing != self._doing:
+            self._doing = progress.doing
+            detail(progress.doing)
 
     def _show(self) -> None:
         self._shown = True
@@ -133,21 +154,21 @@ def waiting(text: str) -> Iterator[Waiting]:
     if _lively():
         timer.start()
     try:
-        with redirect_stdout(sys.stderr):
+        with redirect_stdout(sys.stderr), listening(notice.hear), _lines(lambda: notice.line):
             yield notice
     finally:
         timer.cancel()
         if notice._shown:
             notice._status.stop()
     if interrupted():  # CasADi's solvers swallow the exception and return
-        raise KeyboardInterrupt
+        raise hearing.exception
 
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[str, float], None]]:
     """Run a job that reports what it does and its share done, 0 … 1; otherwise as `waiting`."""
     began = time.monotonic()
-    bar = Progress(
+    bar = Bar(
         TextColumn("{task.description}"),
         BarColumn(),
         TaskProgressColumn(),
@@ -158,10 +179,11 @@ def progress_bar() -> Iterator[Callable[[str, float], None]]:
         redirect_stderr=False,
     )
     task = bar.add_task("", total=1.0)
-    patient, last = _lively(), ""
+    patient, last, line = _lively(), "", ""
 
     def tell(doing: str, share: float) -> None:
-        nonlocal last
+        nonlocal last, line
+        line = f"{doing}, {share:.0%} of all done"
         if doing != last:
             detail(doing)
             last = doing
@@ -169,46 +191,67 @@ def progress_bar() -> Iterator[Callable[[str, float], None]]:
         if patient and not bar.live.is_started and time.monotonic() - began > PATIENCE_S:
             bar.start()
 
+    def hear(progress: Progress) -> None:
+        nonlocal line
+        line = f"{last}: {progress}"
+
     try:
-        with redirect_stdout(sys.stderr):
+        with redirect_stdout(sys.stderr), listening(hear), _lines(lambda: line):
             yield tell
     finally:
         if bar.live.is_started:
             bar.stop()
     if interrupted():
-        raise KeyboardInterrupt
-
-
-_interrupts: list[int] = []
-
-
-def interrupted() -> bool:
-    """Whether Ctrl-C was pressed since `watch_interrupts`."""
-    return bool(_interrupts)
+        raise hearing.exception
 
 
 @contextmanager
-def watch_interrupts() -> Iterator[None]:
-    """Remember Ctrl-C, even where compiled code swallows the exception.
-
-    Where it is ignored it stays so: a script's jobs in the background begin like that, and Ctrl-C
-    is for what runs before them.
-    """
-
-    def remember(number: int, frame: FrameType | None) -> None:
-        _interrupts.append(number)
-        raise KeyboardInterrupt
-
-    _interrupts.clear()
-    before = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or before == signal.SIG_IGN:
+def _lines(line: Callable[[], str]) -> Iterator[None]:
+    """Say a line every ten seconds while a job runs, where nothing moves on a terminal."""
+    if _lively() or volume.quiet:
         yield
         return
-    signal.signal(signal.SIGINT, remember)
+    done, began = threading.Event(), time.monotonic()
+
+    def tell() -> None:
+        while not done.wait(EVERY_S):
+            say(f"planner: {time.monotonic() - began:.0f} s: {line()}")
+
+    teller = threading.Thread(target=tell, daemon=True)
+    teller.start()
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        done.set()
+        teller.join()
+
+
+def interrupted() -> bool:
+    """Whether Ctrl-C was pressed or the process was told to end since the command began."""
+    return bool(hearing.heard)
+
+
+@contextmanager
+def ends_with_the_best() -> Iterator[None]:
+    """The first Ctrl-C in the block only ends a search that holds an answer."""
+    hearing.instead = _finish
+    try:
+        yield
+    finally:
+        hearing.instead = None
+
+
+def _finish() -> bool:
+    if not deadline.stop():
+        return False
+    with suppress(OSError, ValueError):  # the stream may be in use where this came in
+        os.write(sys.__stderr__.fileno(), FINISHING)  # type: ignore[union-attr]
+    return True
+
+
+def ended_with_the_best() -> bool:
+    """Whether Ctrl-C did so since the command began."""
+    return hearing.spared
 
 
 def _lively() -> bool:
@@ -216,9 +259,19 @@ def _lively() -> bool:
     return sys.stderr.isatty() and not volume.quiet and not volume.verbose
 
 
+class _Door(Console):
+    """A console that foreign text cannot steer: what it writes itself is no text but style."""
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterable[Segment]:
+        for text, style, control in super().render(renderable, options):
+            yield Segment(text if control else clean(text), style, control)
+
+
 def _console(stderr: bool) -> Console:
     stream = sys.stderr if stderr else sys.stdout
-    return Console(
+    return _Door(
         stderr=stderr, width=None if stream.isatty() else WIDTH_WITHOUT_TERMINAL, emoji=False
     )
 

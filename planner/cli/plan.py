@@ -9,10 +9,23 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from planner.cli.arguments import Changes, Json, ProblemPath, read_problem
-from planner.cli.output import facts, interrupted, note, print_json, print_text, say, waiting
+from planner.cli.arguments import Changes, Json, ProblemPath, TimeLimit, read_problem
+from planner.cli.output import (
+    INTERRUPTED,
+    Told,
+    ended_with_the_best,
+    ends_with_the_best,
+    facts,
+    interrupted,
+    note,
+    print_json,
+    print_text,
+    say,
+    waiting,
+)
 from planner.errors import NoPlanError
 from planner.files import refuse_unwritable
+from planner.interrupts import hearing
 from planner.methods import METHODS
 from planner.plan import Plan
 from planner.problem import Problem
@@ -31,6 +44,7 @@ def plan(
             autocompletion=lambda: [(name, m.summary) for name, m in METHODS.items()],
         ),
     ] = "collocation",
+    time_limit: TimeLimit = None,
     changes: Changes = None,
     out: Annotated[
         Path | None,
@@ -41,7 +55,8 @@ def plan(
     """Make a plan, verify it and print what it is worth.
 
     A plan that breaks a requirement is not a plan: the command then says what is broken and what
-    would help, and ends with status 3.
+    would help, and ends with status 3. Ctrl-C while a motion is held already ends the search: the
+    best one found by then is refined, verified and written, with status 130; once more ends all.
 
     \b
     Examples:
@@ -56,24 +71,27 @@ def plan(
     if out is not None:
         refuse_unwritable(out)
     try:
-        with waiting(f"planning with {name}"):
-            found, check = solve_and_check(task, name)
+        with waiting(f"planning with {name}"), ends_with_the_best():
+            found, check = solve_and_check(task, name, time_limit_s=time_limit)
             summary = plan_summary(found, check)
     except NoPlanError as error:
         return _refused(task, name, error, as_json)
     written = None if out is None else str(found.save(out))
+    status = Told(INTERRUPTED) if ended_with_the_best() else 0
     if as_json:
-        print_json({**_heading(task), **summary, "exit_status": 0, "written": written})
+        print_json({**_heading(task), **summary, "exit_status": status, "written": written})
     else:
         print_text(f"{task.name}: {name}", _table(task, summary), "", _verdict(found))
     if written is not None:
         note(f"plan written to {written}")
-    return 0
+    if status:
+        say("planner: interrupted: this is the best plan found by then")
+    return status
 
 
 def _refused(problem: Problem, method: str, error: NoPlanError, as_json: bool) -> int:
-    if interrupted():
-        raise KeyboardInterrupt
+    if interrupted() or ended_with_the_best():
+        raise hearing.exception
     if as_json:
         summary = refusal_summary(error, method)
         extra = {"error": str(error), "exit_status": error.exit_status, "written": None}
@@ -91,7 +109,7 @@ def _verdict(plan: Plan) -> str:
     if plan.verified:
         return (
             "The plan reaches the goal and keeps every limit"
-            " (verified by integrating its inputs independently)."
+            " (verified by integrating its inputs independently)." + _early(plan)
         )
     return (
         "For study only, not executable: the path leaves the domain of the chained-form chart,"
@@ -99,10 +117,18 @@ def _verdict(plan: Plan) -> str:
     )
 
 
+def _early(plan: Plan) -> str:
+    why = str(plan.notes.get("ended_early", ""))
+    return f"\n{why[0].upper()}{why[1:]}; more time may find a better one." if why else ""
+
+
 def _table(problem: Problem, summary: dict[str, Any]) -> Table:
     system = problem.system
     rows = [
-        ("status", summary["status"] + (", verified" if summary["verified"] else "")),
+        (
+            "status",
+            summary["status"].replace("_", " ") + (", verified" if summary["verified"] else ""),
+        ),
         (
             f"travel of {system.coordinates[0].name}",
             f"{number(summary['travel_rad'])} {system.coordinates[0].unit}, {summary['direction']}",

@@ -17,7 +17,8 @@ from planner.desensitise.spread import spreads
 from planner.differences import MachineSensitivity, machine_sensitivity
 from planner.errors import InputError
 from planner.files import refuse_unwritable_folder
-from planner.plan import Plan, load_plan
+from planner.loading import load_plan
+from planner.plan import Plan
 from planner.report.responses import entry_name
 from planner.report.responses_folder import save_sensitivity
 from planner.schema import parse
@@ -128,7 +129,7 @@ def _plan(source: Path, method: str, changes: list[str] | None) -> Plan:
         return solve(read_problem(source, changes), find_method(method).name)
     if changes:
         raise InputError(f"{source} is a plan; --set changes problem files only")
-    return load_plan(source)
+    return load_plan(source, strict=True)
 
 
 def _matrix(found: Sensitivity, spread: dict[str, float]) -> Table:

@@ -11,15 +11,18 @@ import typer
 from planner.cli.arguments import Json
 from planner.cli.output import facts, note, print_json, print_text, progress_bar, say
 from planner.errors import PlannerError
+from planner.interrupts import Terminated, hearing
 from planner.sweep import Outcome, Sweep, export, run_sweep
 from planner.sweep.table import refuse_unexportable
 
 
 class Interrupted(PlannerError):  # noqa: N818 (not an error)
-    """Ctrl-C, after which the same command goes on."""
+    """Ctrl-C or SIGTERM, after which the same command goes on."""
 
-    exit_status = 130
-    status = "interrupted"
+    def __init__(self, rest: str) -> None:
+        self.exit_status = hearing.status
+        self.status = "interrupted" if self.exit_status == 130 else "terminated"
+        super().__init__(f"{self.status}; {rest}; the same command goes on with the rest")
 
 
 def sweep(
@@ -100,10 +103,8 @@ def sweep(
             outcome = run_sweep(
                 task, path, workers=workers, cluster=cluster, retry=retry or (), progress=progress
             )
-    except KeyboardInterrupt:
-        raise Interrupted(
-            f"interrupted; finished cases are in {path}; the same command goes on with the rest"
-        ) from None
+    except (KeyboardInterrupt, Terminated):
+        raise Interrupted(f"finished cases are in {path}") from None
     written = None if export_to is None else str(export(path, export_to))
     status = 1 if outcome.bugs else 0
     if as_json:

@@ -12,6 +12,7 @@ from planner.cli.plan import number
 from planner.cli.sweep import Interrupted
 from planner.errors import InputError
 from planner.files import write_bytes
+from planner.interrupts import Terminated
 from planner.pareto import TradeOff, trade_off
 from planner.pareto.axis import KINDS
 
@@ -49,10 +50,8 @@ def run_trade_off(
                 problem, named, points, out, samples=drawn[0], seed=drawn[1], progress=progress
             )
             write_bytes(out / PICTURE, picture(curve))
-    except KeyboardInterrupt:
-        raise Interrupted(
-            f"interrupted; finished points are in {out}; the same command goes on with the rest"
-        ) from None
+    except (KeyboardInterrupt, Terminated):
+        raise Interrupted(f"finished points are in {out}") from None
     if as_json:
         print_json({**curve.to_dict(), "written": str(out), "exit_status": 0})
     else:

@@ -1,11 +1,12 @@
-"""Optimal plans in chained coordinates at constant v₁, where the dynamics are linear.
+"""The path that is best of a class in the chart, proven; or the proof that the class has none.
 
-For n ≤ 3 joints the chart's domain is convex too, so a fixed travel gives a convex programme: a
-global optimum of its class with a gap, or a certificate that the class holds no plan. Elsewhere
-the same programme is solved in succession about the last path, and the result is a local optimum.
+Paths are geometry: dz₂/dz₁ constant (or continuous and linear) on equal pieces of the travel. For
+n ≤ 3 joints the chart's domain is convex in them, so a given travel makes a convex programme: a
+global optimum with a gap, or a certificate that there is no such path. For longer chains and other
+systems the same programme without the domain is a relaxation, whose optimum is global where it
+happens to stay inside.
 
-Reading order: `shape` (the class of v₂), `frame` (z as affine functions of its coefficients),
-`band` (the convex domain), `between` (proof between the nodes), `quadratic` (the programme and its
-certificate), `cuts` (cutting planes), `objectives`, `search` (free travel), then `requirements`,
-`successive` and `seed` for what is not convex.
+Reading order: `frame` (z as affine functions of the coefficients), `band` (the convex domain, and
+the proof between the nodes), `programme` (the optimum and its certificate over linear rows), `cuts`
+(cutting planes at one travel), `search` (free travel).
 """

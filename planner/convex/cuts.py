@@ -8,37 +8,22 @@ band bounds the optimum from above.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.convex.band import Band
-from planner.convex.between import Excess, cap_excess, floor_excess
+from planner import deadline
+from planner.convex.band import Band, cap_excess, floor_excess
 from planner.convex.frame import Frame
-from planner.convex.quadratic import Farkas, Optimum, StalledError
+from planner.convex.programme import Farkas, Optimum, Programme, StalledError
 from planner.systems.base import Array
+
+TOLERANCE = 1e-10
+"""Excess over the band, in z₂, below which cutting stops: what the engines resolve."""
 
 FAR = 1e6
 """Bound on |y|, the root mean square of dz₂/dτ, of the paths considered where z₂ has no bounds."""
-
-
-@dataclass(frozen=True)
-class Programme:
-    """One objective over linear rows.
-
-    Attributes:
-        name: What is minimised.
-        solve: From (frame, A, b, radius, guess) to the least over A y ≤ b, |y| ≤ radius.
-        tolerance: Excess over the band (in z₂) below which cutting stops; what `solve` resolves.
-        strict: Whether the path must be proven inside the band, or within the tolerance of it.
-    """
-
-    name: str
-    solve: Callable[[Frame, Array, Array, float, Array | None], Optimum | Farkas]
-    tolerance: float
-    strict: bool = True
 
 
 @dataclass(frozen=True)
@@ -71,25 +56,24 @@ class Best:
 
     Attributes:
         frame: The class.
-        y: The path, proven inside the band.
+        final: The path and its objective, from the last programme; its rows are tightened.
         bound: What no path of the class can be below, as the programme measures it.
         touch: The rows beside the nodes' that the path leans on.
-        A: Rows of the last programme, shape (m, size).
-        b: Its right-hand sides, tightened, shape (m,).
-        final: Its answer, with its engine.
         rounds: Programmes solved.
         proven: Greatest possible excess over the band between the nodes; ≤ 0.
     """
 
     frame: Frame
-    y: Array
+    final: Optimum = field(repr=False)
     bound: float
     touch: Touch
-    A: Array = field(repr=False)
-    b: Array = field(repr=False)
-    final: Optimum = field(repr=False)
     rounds: int
     proven: float
+
+    @property
+    def y(self) -> Array:
+        """The path's free coefficients."""
+        return self.final.y
 
     @property
     def value(self) -> float:
@@ -119,7 +103,6 @@ class Impossible:
         A: Rows of unit length in the free coefficients, shape (m, size).
         b: Right-hand sides, shape (m,).
         proof: The multipliers and what they show.
-        rounds: Programmes solved.
     """
 
     frame: Frame
@@ -127,64 +110,6 @@ class Impossible:
     A: Array = field(repr=False)
     b: Array = field(repr=False)
     proof: Farkas = field(repr=False)
-    rounds: int
-
-
-def band_rows(frame: Frame, band: Band, touch: Touch) -> tuple[Array, Array]:
-    """A y ≤ b for what is given, in its order."""
-    if not band.complete:
-        A, c = frame.z_rows(1, touch.tau)
-        return -band.sign * A, band.sign * c - band.floor
-    pairs = [frame.z_rows(i, touch.tau) for i in (1, 2)]
-    return _rows(band, touch.at, *pairs)
-
-
-def node_band_rows(frame: Frame, band: Band) -> tuple[Touch, Array, Array]:
-    """Floor, then cap, at every inner node, the tangents along a straight z₃; where they exist."""
-    nodes = frame.shape.breaks[1:-1]
-    if not band.complete:
-        rows = len(nodes) if np.isfinite(band.floor) else 0
-        A, c = (part[:rows] for part in frame.z_rows_at_nodes(1))
-        touch = Touch(nodes[:rows], np.full(rows, np.nan))
-        return touch, -band.sign * A, band.sign * c - band.floor
-    z3 = frame.start[2] + (frame.goal[2] - frame.start[2]) * nodes
-    touch = Touch(np.tile(nodes, 2), np.concatenate([np.full(len(nodes), np.nan), z3]))
-    twice = [
-        (np.tile(A, (2, 1)), np.tile(c, 2))
-        for A, c in (frame.z_rows_at_nodes(1), frame.z_rows_at_nodes(2))
-    ]
-    return touch, *_rows(band, touch.at, *twice)
-
-
-def _rows(
-    band: Band, at: Array, z2: tuple[Array, Array], z3: tuple[Array, Array]
-) -> tuple[Array, Array]:
-    floor = np.isnan(at)
-    slope, offset = band.tangent(np.where(floor, z3[1], at))
-    slope = np.where(floor, 0.0, slope)
-    side = np.where(floor, -band.sign, band.sign)
-    A = side[:, None] * z2[0] - slope[:, None] * z3[0]
-    limit = np.where(floor, -band.floor, offset + slope * z3[1])
-    return A, limit - side * z2[1]
-
-
-class _Rows:
-    """The growing list of rows of one relaxation; the nodes' come first."""
-
-    def __init__(self, frame: Frame, band: Band, extra: Touch) -> None:
-        self.frame, self.band = frame, band
-        self.touch, self.A, self.b = node_band_rows(frame, band)
-        self.nodes = len(self.b)
-        self.add(extra)
-
-    def add(self, touch: Touch) -> None:
-        A, b = band_rows(self.frame, self.band, touch)
-        self.touch = self.touch.plus(touch)
-        self.A, self.b = np.concatenate([self.A, A]), np.concatenate([self.b, b])
-
-    def active(self, multipliers: Array) -> Touch:
-        """The added rows that a solution leans on."""
-        return self.touch.only((multipliers > 0) & (np.arange(len(self.b)) >= self.nodes))
 
 
 def cut(
@@ -208,59 +133,73 @@ def cut(
     Raises:
         StalledError: If the rounds run out, or the last of the feasible is too thin to be proven.
     """
-    rows, radius = _Rows(frame, band, extra), radius_of(frame, band)
-    relaxed, tighten, guess = None, 0.0, None
+    touch = _at_nodes(frame, band)
+    nodes, touch = len(touch.tau), touch.plus(extra)
+    A, b = band_rows(frame, band, touch)
+    radius, relaxed, tighten = _radius(frame, band), None, 0.0
     for round_ in range(1, max_rounds + 1):
-        b = rows.b - tighten
-        answer = programme.solve(frame, rows.A, b, radius, guess)
+        deadline.check()
+        answer = programme.solve(frame, A, b - tighten, radius)
         if isinstance(answer, Farkas):
             if relaxed is not None:
                 raise StalledError("feasible only within the tolerance of the cuts")
-            return _impossible(rows, answer, round_)
+            length = np.linalg.norm(A, axis=1)
+            return Impossible(frame, touch, A / length[:, None], b / length, answer)
         if relaxed is None and answer.bound > ceiling:
             return Above(answer.bound)
-        guess = answer.y
-        low, high = _excess(frame, band, guess, programme.tolerance, relaxed is not None)
-        proven = max(low.proven, high.proven)
-        if len(low.piece) + len(high.piece) == 0:
+        broken, proven = _broken(frame, band, answer.y, relaxed is not None)
+        if len(broken.tau) == 0:
             relaxed = relaxed or answer
-            tighten = 2 * max(tighten, programme.tolerance)
-        if relaxed is not None and (proven <= 0 or not programme.strict):
-            touch = rows.active(answer.multipliers)
-            bound = relaxed.bound
-            return Best(frame, guess, bound, touch, rows.A, b, answer, round_, proven)
-        rows.add(_touch_at(frame, guess, low, high))
+            tighten = 2 * max(tighten, TOLERANCE)
+        if relaxed is not None and proven <= 0:
+            leant = (answer.multipliers > 0) & (np.arange(len(b)) >= nodes)
+            return Best(frame, answer, relaxed.bound, touch.only(leant), round_, proven)
+        touch = touch.plus(broken)
+        more = band_rows(frame, band, broken)
+        A, b = np.concatenate([A, more[0]]), np.append(b, more[1])
     raise StalledError(f"cuts did not settle in {max_rounds} rounds")
 
 
-def radius_of(frame: Frame, band: Band) -> float:
+def band_rows(frame: Frame, band: Band, touch: Touch) -> tuple[Array, Array]:
+    """A y ≤ b for what is given, in its order."""
+    A, c = frame.z_rows(1, touch.tau)
+    cap = ~np.isnan(touch.at)
+    side = np.where(cap, band.sign, -band.sign)
+    A, b = side[:, None] * A, -side * c
+    b[~cap] -= band.floor
+    if cap.any():
+        slope, offset = band.tangent(touch.at[cap])
+        z3, at = frame.z_rows(2, touch.tau[cap])
+        A[cap] -= slope[:, None] * z3
+        b[cap] += offset + slope * at
+    return A, b
+
+
+def _at_nodes(frame: Frame, band: Band) -> Touch:
+    """Floor, then cap, at every inner node, the tangents along a straight z₃; where they exist."""
+    nodes = frame.shape.breaks[1:-1]
+    floor = nodes if np.isfinite(band.floor) else nodes[:0]
+    touch = Touch(floor, np.full(len(floor), np.nan))
+    if not band.complete:
+        return touch
+    return touch.plus(Touch(nodes, frame.start[2] + (frame.goal[2] - frame.start[2]) * nodes))
+
+
+def _broken(frame: Frame, band: Band, y: Array, proof: bool) -> tuple[Touch, float]:
+    """Rows where a path leaves the band, and what its excess is proven not to exceed."""
+    _, z2, z3, *_ = frame.bernstein(y)
+    low, high = floor_excess(band, z2, TOLERANCE, proof), cap_excess(band, z2, z3, TOLERANCE, proof)
+    floor, cap = ((e.piece + e.local) / frame.shape.pieces for e in (low, high))
+    rows, at = frame.z_rows(2, cap)
+    touch = Touch(floor, np.full(len(floor), np.nan)).plus(Touch(cap, rows @ y + at))
+    return touch, max(low.proven, high.proven)
+
+
+def _radius(frame: Frame, band: Band) -> float:
     """A bound on |y| of every path inside the band: 0 ≤ p ≤ top and Markov's inequality.
 
     Where the band has no top there is none, and paths beyond `FAR` are left out of account.
     """
     if not band.complete:
         return FAR
-    degree = frame.shape.degree + 1
-    return float(degree**2 * frame.shape.pieces * band.top)
-
-
-def _impossible(rows: _Rows, proof: Farkas, rounds: int) -> Impossible:
-    length = np.linalg.norm(rows.A, axis=1)
-    A, b = rows.A / length[:, None], rows.b / length
-    return Impossible(rows.frame, rows.touch, A, b, proof, rounds)
-
-
-def _excess(
-    frame: Frame, band: Band, y: Array, tolerance: float, proof: bool
-) -> tuple[Excess, Excess]:
-    _, z2, z3, *_ = frame.bernstein(y)
-    low = floor_excess(band, z2, tolerance, proof)
-    return low, cap_excess(band, z2, z3, tolerance, proof)
-
-
-def _touch_at(frame: Frame, y: Array, low: Excess, high: Excess) -> Touch:
-    pieces = frame.shape.pieces
-    floor = (low.piece + low.local) / pieces
-    cap = (high.piece + high.local) / pieces
-    rows, at = frame.z_rows(2, cap)
-    return Touch(np.append(floor, cap), np.append(np.full(len(floor), np.nan), rows @ y + at))
+    return float((frame.shape.degree + 1) ** 2 * frame.shape.pieces * band.top)

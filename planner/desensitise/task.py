@@ -7,16 +7,15 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from planner.desensitise.bounds import row_bounds, unknown_bounds
 from planner.desensitise.program import Program, program
-from planner.interrupts import heed_interrupts
 from planner.ocp.curve import curve
 from planner.ocp.layout import Iterate
 from planner.ocp.mesh import Mesh
 from planner.problem import Problem
+from planner.stopping import Ipopt
 from planner.systems.base import Array
 from planner.trajectory import StateTrajectory
 
@@ -163,15 +162,14 @@ class Task:
         lower, upper = unknown_bounds(self)
         low, high = row_bounds(self)
         call = _solver(self.program, self.tolerance, self.max_iterations, near)
-        with heed_interrupts():
-            found = call(
-                x0=np.clip(start, lower, upper),
-                p=self.parameters,
-                lbx=lower,
-                ubx=upper,
-                lbg=low,
-                ubg=high,
-            )
+        found = call(
+            x0=np.clip(start, lower, upper),
+            p=self.parameters,
+            lbx=lower,
+            ubx=upper,
+            lbg=low,
+            ubg=high,
+        )
         vector, stats = np.asarray(found["x"], dtype=float).ravel(), call.stats()
         rows = np.asarray(self.program.rows(vector, self.parameters)).ravel()
         excess = np.max(np.maximum(low - rows, rows - high), initial=0.0)
@@ -191,7 +189,7 @@ class Task:
 
 
 @lru_cache(maxsize=64)
-def _solver(made: Program, tolerance: float, max_iterations: int, near: bool) -> Any:
+def _solver(made: Program, tolerance: float, max_iterations: int, near: bool) -> Ipopt:
     """IPOPT through CasADi, kept once made; limits hold exactly at every iterate."""
     ipopt: dict[str, Any] = {
         "print_level": 0,
@@ -212,7 +210,7 @@ def _solver(made: Program, tolerance: float, max_iterations: int, near: bool) ->
         "jac_g": made.jacobian,
         "ipopt": ipopt,
     }
-    return ca.nlpsol("desensitised", "ipopt", made.problem, options)
+    return Ipopt("desensitised", made.problem, options)
 
 
 def prepared(task: Task) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from planner.distribution import how_to_install
 from planner.errors import InputError
 from planner.problem import Problem, expect_problem
 
@@ -45,7 +46,6 @@ def explore(problem: Problem, method: str = "polynomial", samples: int = 20) -> 
         if (error.name or "").split(".")[0] not in ("anywidget", "tomli_w"):
             raise
         raise InputError(
-            "planner.explore needs the extra 'notebook': pip install 'planner[notebook]'"
-            " (from a checkout: pip install -e '.[notebook]')"
+            f"planner.explore needs {error.name}; install it with: {how_to_install('notebook')}"
         ) from None
     return Explorer(problem, method, samples)

@@ -18,7 +18,6 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "degree": (1, 5),
     "starts": (1, 6),
     "attempts": (1, 24),
-    "variations": (0, 80),
     "pieces": (10, 200),
     "slots": (1, 20),
     "amplitude": (-1.5, 1.5),
@@ -33,7 +32,7 @@ HIDDEN = frozenset(
     [
         *("points", "travel", "offset", "shares"),
         *("allow_singular", "scan", "edge", "solver", "tolerance", "accuracy", "refinements"),
-        *("max_iterations", "max_cuts", "max_steps"),
+        *("max_iterations", "variations", "max_cuts", "max_steps"),
         *("gain", "bias", "delay_s", "stretch", "start_deg", "start_m", "gear"),
     ]
 )

@@ -12,7 +12,6 @@ from planner.problem import Problem
 QUICK: Mapping[str, Any] = {
     "method.collocation.starts": 1,
     "method.collocation.attempts": 2,
-    "method.collocation.variations": 0,
     "machine.step_s": 0.01,
 }
 """While it is explored, collocation searches less and the machine is simulated in coarser steps,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 from collections.abc import Sequence
@@ -10,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from planner.display import csv_text
 from planner.errors import InputError
 from planner.export.ros import joint_trajectory, yaml_text
 from planner.export.samples import RATE_HZ, Samples, sample
@@ -86,12 +86,9 @@ def find_format(path: str | Path, format: str | None) -> str:
 
 
 def _csv(samples: Samples) -> str:
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(samples.columns)
-    for row in samples.table.tolist():
-        writer.writerow(["" if np.isnan(x) else repr(x) for x in row])
-    return text.getvalue()
+    rows = samples.table.tolist()
+    shown = (["" if np.isnan(x) else repr(x) for x in row] for row in rows)
+    return csv_text([samples.columns, *shown])
 
 
 def _mat(plan: Plan, samples: Samples) -> bytes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.plan import Plan
+from planner.reading import SAMPLES_BYTES, read_bytes, read_text
 from planner.systems.base import Array, Coordinate
 
 MAX_ROWS = 2_000_000
@@ -119,15 +121,16 @@ def load_samples(path: str | Path) -> Samples:
         raise InputError(f"cannot read samples from {path}: its name must end in .csv or .mat")
     try:
         return readers[suffix](Path(path))
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
-    except (ValueError, TypeError, KeyError, IndexError, NotImplementedError) as error:
+    except InputError:
+        raise
+    # What SciPy makes of broken bytes has no end of kinds.
+    except Exception as error:
         raise InputError(f"{path} does not hold the samples of a plan: {error}") from None
 
 
 def _from_csv(path: Path) -> Samples:
-    with path.open(encoding="utf-8", newline="") as stream:
-        header, *rows = csv.reader(stream)
+    text = read_text(path, SAMPLES_BYTES, "samples are CSV")
+    header, *rows = csv.reader(io.StringIO(text, newline=""))
     values = [[float(cell) if cell else np.nan for cell in row] for row in rows]
     return Samples.from_table(header, np.array(values, dtype=float))
 
@@ -137,7 +140,9 @@ def _from_mat(path: Path) -> Samples:
     from scipy.io.matlab import MatReadError
 
     try:
-        data: dict[str, Any] = loadmat(path, simplify_cells=True)
+        data: dict[str, Any] = loadmat(
+            io.BytesIO(read_bytes(path, SAMPLES_BYTES)), simplify_cells=True
+        )
     except (MatReadError, zlib.error) as error:
         raise ValueError(error) from None
     arrays = {name: np.asarray(data[name], dtype=float) for name in ("t", "q", "u", "z", "v")}

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from planner.distribution import how_to_install
 from planner.errors import InputError
 from planner.export.samples import RATE_HZ, sample
 from planner.plan import Plan
@@ -119,7 +120,7 @@ def _imported(name: str) -> Any:
         return importlib.import_module(name)
     except ImportError:
         raise InputError(
-            f"this view needs {name}; install it with: pip install 'planner[tables]'"
+            f"this view needs {name}; install it with: {how_to_install('tables')}"
         ) from None
 
 

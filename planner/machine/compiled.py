@@ -8,6 +8,7 @@ runs as fast as a loop in C written for one machine alone.
 from __future__ import annotations
 
 import ctypes
+import logging
 import os
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -38,6 +39,12 @@ FLAGS = ("lagging", "second", "limited", "ramped", "geared_1", "geared_2", "lagg
 ARRAYS = ("parameters", "length", "running", "desired", "row", "state", "q", "speed", "masses",
           "moving")  # fmt: skip
 
+SLOW = (
+    "planner: the compiled replay is missing, so replays are about ten times slower (50 machines at"
+    " once: 30 times; 1000: 3 times); install a C compiler, then this package again"
+)
+"""Process time on the paper's plan, its machine, one thread."""
+
 MOST_PASSIVE = 16
 """Passive joints that `dynamic.c` has room for."""
 
@@ -66,7 +73,11 @@ class _Commands(ctypes.Structure):
 
 @cache
 def library() -> Any | None:
-    """The compiled kernel, or None if there is none (or one that was built from older source)."""
+    """The compiled kernel, or None if there is none (or one that was built from older source).
+
+    Without it the first call says so, as a warning of the logger `planner`, which Python prints on
+    standard error where the program has set up no logging.
+    """
     for suffix in EXTENSION_SUFFIXES:
         path = Path(__file__).with_name(f"_kernel{suffix}")
         if path.exists():
@@ -74,6 +85,7 @@ def library() -> Any | None:
                 return opened(path)
             except (OSError, AttributeError):  # built for another computer, or not whole
                 continue
+    logging.getLogger("planner").warning(SLOW)
     return None
 
 

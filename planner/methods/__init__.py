@@ -89,10 +89,9 @@ _ALL = (
     ),
     Method(
         "convex",
-        "optimal in the chart: v1 constant, v2 on pieces; global with a gap, or a certificate",
+        "the optimal path in the chart: global with a gap, or a certificate that there is none",
         ConvexOptions,
         _later("convex", "plan_convex"),
-        finds_time=True,
     ),
     Method(
         "desensitised",

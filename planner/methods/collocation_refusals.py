@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from planner.duration import why_too_short
 from planner.errors import InfeasibleError, NoPlanError, NotConvergedError
 from planner.methods.remedies import Change, UnexplainedError, least, longer, travelling, tried
+from planner.ocp.pipeline import Pipeline
 from planner.ocp.polish import Polished
 from planner.ocp.refusal import Obstacle, obstacles
-from planner.ocp.search import Search
 from planner.ocp.solver import Solution
 from planner.ocp.task import Task, stretched
 from planner.ocp.violations import broken_limits, broken_rows
@@ -23,6 +25,17 @@ NAME = "collocation"
 Planning = Callable[[Problem, CollocationOptions], Plan]
 
 NONE_HELPS = "another start or goal, or wider limits; in vain were tried {}"
+
+
+def refusal(search: Pipeline) -> UnexplainedError:
+    """Why a search has no answer."""
+    assert search.last is not None
+    job, last = search.last
+    if search.fastest is not None:
+        return too_short(job, search.fastest, search.options)
+    if search.pathless:
+        return no_path(job, last, f"{len(search.log)} starts", search.options)
+    return not_converged(job, last, search.options, "the paths found")
 
 
 def too_short(job: Task, shortest: Polished, options: CollocationOptions) -> UnexplainedError:
@@ -43,7 +56,7 @@ def too_short(job: Task, shortest: Polished, options: CollocationOptions) -> Une
         return error(
             f"{problem.source}: {why} fastest motion found takes {found:.4g} s. Squeezed into"
             f" {wanted:g} s it breaks:",
-            plan=_iterate_plan(task, squeezed, options),
+            plan=iterate_plan(task, squeezed, options),
             violations=broken_limits(task, squeezed),
             advice=tried(longer(problem, share * found, again, " or more") for share in (1.0, 1.05))
             or "a longer goal.duration, or wider limits on the inputs",
@@ -52,9 +65,10 @@ def too_short(job: Task, shortest: Polished, options: CollocationOptions) -> Une
     return UnexplainedError(explained)
 
 
-def no_path(job: Task, result: Search, options: CollocationOptions) -> UnexplainedError:
+def no_path(
+    job: Task, last: Solution, starts: str, options: CollocationOptions
+) -> UnexplainedError:
     """No start led to a path: what stands in the way, found by leaving it out."""
-    last, starts = result.last or result.found[0].solution, f"{len(result.log)} starts"
 
     def explained(plan: Planning) -> NoPlanError:
         for found in obstacles(job):
@@ -75,7 +89,7 @@ def _obstructed(
     return NotConvergedError(
         f"{job.problem.source}: no motion from start to goal was found from {starts}; without"
         f" {found.what} there is one, which breaks:",
-        plan=_iterate_plan(job, found.solution, options),
+        plan=iterate_plan(job, found.solution, options),
         violations=found.violations,
         advice=advice,
     )
@@ -93,7 +107,7 @@ def not_converged(
         return error(
             f"{job.problem.source}: {f'{proof}; and ' if proof else ''}the solver found no motion"
             f" from {starts} (it says {solution.status} after {solution.iterations} iterations)",
-            plan=_iterate_plan(job, solution, options),
+            plan=iterate_plan(job, solution, options),
             violations=broken_rows(job, solution),
             advice=tried(named.values()) or in_vain,
         )
@@ -103,7 +117,7 @@ def not_converged(
 
 def _changes(problem: Problem, options: CollocationOptions, plan: Planning) -> dict[str, Change]:
     """Changes by name: options left out, then what the problem prescribes."""
-    out, default = {}, CollocationOptions()
+    out, default = {}, CollocationOptions(time_limit_s=options.time_limit_s)
     anywhere = problem.with_travel(None)
     if options != default:
         what = "the default options of method.collocation"
@@ -123,8 +137,10 @@ def _changes(problem: Problem, options: CollocationOptions, plan: Planning) -> d
     return out
 
 
-def _iterate_plan(job: Task, solution: Solution, options: CollocationOptions) -> Plan:
-    """A last iterate, for study."""
+def iterate_plan(job: Task, solution: Solution, options: CollocationOptions) -> Plan | None:
+    """A last iterate, for study; None if even its duration is no number any more."""
+    if not np.isfinite(solution.iterate.duration):
+        return None
     return Plan(
         problem=job.problem,
         method=NAME,

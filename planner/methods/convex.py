@@ -1,191 +1,171 @@
-"""The optimal plan at constant v₁ with v₂ piecewise constant (or linear): see `planner.convex`."""
+"""The path that is best in the chart, and the clock that runs it: see `planner.convex`."""
 
 from __future__ import annotations
 
 import time
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import BPoly
 
-from planner.convex.cuts import Above, Best, Impossible, Touch
-from planner.convex.frame import Frame
-from planner.convex.nearby import Nearby, local_best
-from planner.convex.quadratic import StalledError
-from planner.convex.report import OBJECTIVES, global_notes, local_notes, solver_notes
-from planner.convex.search import Found, search, search_one
-from planner.convex.task import Task
-from planner.duration import why_too_short
-from planner.errors import InfeasibleError, InputError, SingularError
-from planner.methods.chart import chart_ends, fit_duration
-from planner.methods.convex_refusals import (
-    chart_refusal,
-    class_refusal,
-    duration_refusal,
-    limits_refusal,
-    one_way_refusal,
-    speed_refusal,
-    travel_refusal,
-    zero_refusal,
-)
-from planner.methods.remedies import UnexplainedError
+from planner.convex.band import Band, band_of
+from planner.convex.cuts import Above, Best, Impossible, Touch, cut
+from planner.convex.frame import Frame, Shape, input_shape
+from planner.convex.programme import Programme, StalledError
+from planner.convex.search import Found, search
+from planner.domain import worst_margin
+from planner.errors import InfeasibleError, InputError, NoPlanError, NotConvergedError
+from planner.extrema import sample_times
+from planner.measures import peak_inputs, peak_rates
+from planner.methods.chart import chart_ends
+from planner.methods.remedies import least, travelling
 from planner.methods.travel import candidate_travels
 from planner.pieces import elevate
 from planner.plan import Plan
 from planner.problem import Problem
 from planner.reachability import travel_window
+from planner.retime import fastest_motion
 from planner.schema.methods import ConvexOptions
 from planner.systems.base import Array
 from planner.systems.manipulator import Manipulator
-from planner.trajectory import ChainedTrajectory
+from planner.trajectory import ChainedTrajectory, Trajectory
 
 NAME = "convex"
 
+ELSEWHERE = "the method 'collocation', which plans in the coordinates themselves"
+
+OBJECTIVES = {
+    "smooth": "smoothness: half the integral of (dz2/dz1)^2 over |z1|",
+    "peak": "peak |v2| with v1 constant",
+}
+
+SLACK = 1e-4
+"""Part of the fastest motion's time that is added to it: with less, the certificate's enclosures
+cannot tell an input at its limit from one above."""
+
 
 def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
-    """Plan optimally among the paths with v₁ constant and v₂ of one shape on equal pieces.
+    """Plan the best path of a class: dz₂/dz₁ of one shape on equal pieces of the travel.
 
-    For n = 2 and 3 the chart's domain is convex: at a given travel the result is the global optimum
-    of its class with a proven gap, or a certificate that the class is empty, and
-    `plan.notes["optimality"]` says which. With the travel free it is the best of the travels
-    tried. Limits that are not convex (inputs, θ₁, longer chains) are first left out; where the
-    optimum breaks them, successive convexification takes over and the result is labelled local.
+    For n = 2 and 3 the chart's domain is convex: at a given travel the path is the global optimum
+    of its class with a proven gap, or there is a certificate that the class is empty; with the
+    travel free it is the best of the travels tried. For longer chains and other systems the optimum
+    without the domain is taken, if it stays inside; `plan.notes["optimality"]` says what is proven.
+
+    Input limits concern the timing only: v₁ is constant where that keeps them, else the motion is
+    in proportion to the path's fastest one, which is taken where the duration is free. Limits of
+    joints that are not convex in the chart (θ₁ for n = 3, all for longer chains), obstacles and
+    waypoints play no part: `verify` refuses a path that breaks them.
 
     Raises:
         InfeasibleError: With `certificate`, if no path of the class meets travel, domain and z₂
             margin; or without, if no one-way motion at all meets travel and duration.
-        NotConvergedError: If no plan was found and that proves nothing.
+        NotConvergedError: If no path was found and that proves nothing, or the best one takes
+            longer than the duration within the input limits.
         SingularError: If start or goal are not in one branch of the chart.
-        InputError: If there are too few pieces, or the duration is free and no input has a limit.
-    """
-    try:
-        return planned_convex(problem, options)
-    except UnexplainedError as refusal:
-        raise refusal.explained(lambda changed: planned_convex(changed, options)) from None
-    except SingularError as error:
-        raise chart_refusal(error, problem) from None
-
-
-def planned_convex(problem: Problem, options: ConvexOptions) -> Plan:
-    """As `plan_convex`, but its refusals are not explained yet.
-
-    Raises:
-        UnexplainedError: In place of `plan_convex`'s refusals, but for SingularError.
+        InputError: If there are too few pieces, or the duration is free and an input has no limit.
     """
     began = time.perf_counter()
-    if why := why_too_short(problem):
-        raise duration_refusal(problem, why)
     start, goal = chart_ends(problem, problem.travel or 1.0)
-    if options.pieces < 2 * len(start):
-        raise InputError(
-            f"{problem.source}: method.convex.pieces = {options.pieces} is too few for"
-            f" {len(start)} coordinates; use at least {2 * len(start)}"
-        )
-    try:
-        travels = _travels(problem, options)
-    except InfeasibleError as error:
-        raise one_way_refusal(error, problem) from None
-    task = Task.of(problem, options, start, goal)
+    _refuse_input(problem, options, 2 * len(start))
+    travels = _travels(problem, options)
+    rated = bool(np.any(np.isfinite(problem.limits.input_rate)))
+    linear = options.input == "linear" or (options.input == "auto" and rated)
+    frame = Frame(input_shape(options.pieces, int(linear)), start, goal, 1.0)
+    band = band_of(problem, start, goal, options.edge)
     built = time.perf_counter()
-    found = _convex(task, travels)
-    nearby = None
-    if found.best is None and task.band.complete:
-        raise class_refusal(task, found)
-    if found.best is None or task.aim == "input" or task.complaint(*_path(found)) > 0:
-        nearby = local_best(task, found, travels)
-        if nearby is None:
-            raise class_refusal(task, found)
-    plan = _plan(task, found, nearby)
-    plan = replace(plan, build_time_s=built - began, solve_time_s=time.perf_counter() - built)
-    if nearby is not None and (nearby.eased or not nearby.local.kept):
-        raise limits_refusal(task, nearby, plan)
-    return plan
-
-
-def _travels(problem: Problem, options: ConvexOptions) -> Array:
-    """The travel, or those to scan, increasing, within the window and the drive's speed."""
-    window, top = travel_window(problem), _top_travel(problem)
-    if problem.travel is None:
-        travels = candidate_travels(problem, options.scan)
-        least = float(np.min(np.abs(travels)))
-        if window is not None:
-            least = min(abs(window.low), abs(window.high))
-        if least >= top:
-            raise speed_refusal(problem, least, top)
-        near = travels[np.abs(travels) <= top]
-        if len(near) < len(travels) and window is not None:  # all of the scan where it can be
-            near = np.sort(np.sign(travels[0]) * np.linspace(least, top, options.scan + 2)[1:-1])
-        return np.asarray(near)
-    if problem.travel == 0:
-        raise zero_refusal(problem)
-    if window is not None and problem.travel not in window:
-        raise travel_refusal(problem, window)
-    if abs(problem.travel) > top:
-        raise speed_refusal(problem, abs(problem.travel), top)
-    return np.array([problem.travel])
-
-
-def _top_travel(problem: Problem) -> float:
-    """Greatest |travel| that the drive's limit allows in the time."""
-    if problem.duration is None or not isinstance(problem.system, Manipulator):
-        return np.inf
-    return float(problem.system.k_g * problem.limits.input[0] * problem.duration)
-
-
-def _convex(task: Task, travels: Array) -> Found:
-    """The optimum of all that is convex, at the travel or over the travels."""
-
-    def solve(travel: float, rows: Touch, ceiling: float) -> Best | Impossible | Above:
-        answer = task.optimum(travel, rows, ceiling)
-        if isinstance(answer, Best) and not task.band.complete:
-            outside = np.isinf(task.complaint(answer.frame, answer.y))
-            if outside:
-                raise StalledError("the path leaves the chart's domain")
-        return answer
-
-    if len(travels) == 1:
-        return search_one(solve, float(travels[0]))
-    middle = task.options.travel == "middle"
-    found = search(solve, travels, prune=not middle)
-    if middle and found.best is not None:
-        return search_one(solve, (found.low + found.high) / 2)
-    return found
-
-
-def _path(found: Found) -> tuple[Frame, Array]:
-    assert found.best is not None
-    return found.best.frame, found.best.y
-
-
-def _plan(task: Task, found: Found, nearby: Nearby | None) -> Plan:
-    problem = task.problem
-    frame, y = _path(found) if nearby is None else (nearby.frame, nearby.local.y)
-    trajectory = fit_duration(problem, _trajectory(problem, frame, y))
-    duration = trajectory.duration
-    notes = {"travels_tried": found.tried, "travel_range": [found.low, found.high]}
-    if nearby is None:
-        assert found.best is not None
-        notes |= {"optimality": global_notes(task, found, found.best)}
-        notes |= {"solver": solver_notes(task, found.best)}
-        value, steps = found.best.value, found.best.rounds
-    else:
-        notes |= {"optimality": local_notes(task, found, nearby)}
-        value, steps = task.value(frame, nearby.local), nearby.local.steps
-    scale = {"smooth": 1.0, "peak": 1 / duration, "input": task.setting.duration / duration}
+    found = _best_path(problem, options, frame, band, travels)
+    if found.best is None:
+        raise _no_path(problem, options, frame.shape, band, found)
+    trajectory, timing = _timed(problem, _path(problem, found.best.frame, found.best.y))
+    value = found.best.value
     return Plan(
         problem=problem,
         method=NAME,
-        options=task.options.model_dump(),
+        options=options.model_dump(),
         trajectory=trajectory,
-        objective=value * scale[task.aim],
-        objective_name=OBJECTIVES[task.aim],
-        iterations=steps,
-        notes=notes,
+        objective=value / trajectory.duration if options.objective == "peak" else value,
+        objective_name=OBJECTIVES[options.objective],
+        iterations=found.best.rounds,
+        build_time_s=built - began,
+        solve_time_s=time.perf_counter() - built,
+        notes=_notes(problem, band, found, found.best) | {"timing": timing},
     )
 
 
-def _trajectory(problem: Problem, frame: Frame, y: Array) -> ChainedTrajectory:
-    """The path run at constant speed over the problem's duration, or one second."""
+def _refuse_input(problem: Problem, options: ConvexOptions, fewest: int) -> None:
+    if options.pieces < fewest:
+        raise InputError(
+            f"{problem.source}: method.convex.pieces = {options.pieces} is too few for"
+            f" {fewest // 2} coordinates; use at least {fewest}"
+        )
+    limits = problem.limits
+    for i in np.flatnonzero(np.isinf(limits.input) & np.isinf(limits.input_rate)):
+        if problem.duration is None:
+            raise InputError(
+                f"{problem.source}: goal.duration is free but [limits] holds no limit of input"
+                f" {problem.system.inputs[i].name}, so that no motion is the fastest; set one, or"
+                " a duration"
+            )
+
+
+def _travels(problem: Problem, options: ConvexOptions) -> Array:
+    """The travel, or those to scan, increasing."""
+    window, travel = travel_window(problem), problem.travel
+    if window is not None and window.empty:
+        raise _infeasible(problem, f"no one-way motion exists: {window.reason}", ELSEWHERE)
+    if travel == 0:
+        why = f"{problem.travel_key} = 0, and a path of this method moves one way"
+        raise _infeasible(problem, why, ELSEWHERE)
+    words = "" if window is None else f"between {window.low:.6g} and {window.high:.6g} rad"
+    if travel is not None and window is not None and travel not in window:
+        why = f"goal.travel = {travel:.6g} rad: one-way motions of any kind have travels {words}"
+        raise _infeasible(problem, why, _another_travel(problem, options) or ELSEWHERE)
+    if window is not None and problem.duration is not None:
+        assert isinstance(problem.system, Manipulator)  # no other has a window
+        top = problem.system.k_g * problem.limits.input[0] * problem.duration
+        shortest = min(abs(window.low), abs(window.high)) if travel is None else abs(travel)
+        if shortest > top:
+            why = (
+                f"a one-way motion must travel {shortest:.4g} rad, and |u1| <="
+                f" {problem.limits.input[0]:.4g} rad/s allows at most {top:.4g} rad in"
+                f" {problem.duration:.4g} s"
+            )
+            slower = _found(replace(problem, duration=None), options)
+            ways = "a longer goal.duration"
+            if slower is not None:
+                ways = f"goal.duration = {least(slower.duration)} (the least on the best path)"
+            raise _infeasible(problem, why, ways)
+    return candidate_travels(problem, options.scan) if travel is None else np.array([travel])
+
+
+def _best_path(
+    problem: Problem, options: ConvexOptions, frame: Frame, band: Band, travels: Array
+) -> Found:
+    programme = Programme(options.objective, "osqp" if options.solver == "osqp" else "active set")
+    ends = np.stack([problem.start, np.where(np.isnan(problem.goal), problem.start, problem.goal)])
+    least_margin = min(
+        options.edge, float(np.min(problem.system.chart_margins(ends, problem.branch))) / 2
+    )
+
+    def solve(travel: float, rows: Touch, ceiling: float) -> Best | Impossible | Above:
+        answer = cut(frame.at(travel), band, programme, rows, options.max_cuts, ceiling)
+        if isinstance(answer, Best) and not band.complete:
+            path = _path(problem, answer.frame, answer.y)
+            if np.min(worst_margin(path.margins(sample_times(path.breaks)))) < least_margin:
+                raise StalledError("the path leaves the chart's domain")
+        return answer
+
+    middle = options.travel == "middle" and len(travels) > 1
+    found = search(solve, travels, prune=not middle)
+    if middle and found.best is not None:
+        return search(solve, np.array([sum(found.range) / 2]))
+    return found
+
+
+def _path(problem: Problem, frame: Frame, y: Array) -> ChainedTrajectory:
+    """The path run at constant v₁ over the problem's duration, or one second."""
     duration = problem.duration or 1.0
     breaks = frame.shape.breaks
     omega, *rest = frame.bernstein(y)
@@ -195,3 +175,134 @@ def _trajectory(problem: Problem, frame: Frame, y: Array) -> ChainedTrajectory:
     v = np.stack([np.full_like(omega, frame.travel), omega], axis=-1) / duration
     times = breaks * duration
     return ChainedTrajectory(problem.system, BPoly(z, times), BPoly(v, times), problem.branch)
+
+
+def _timed(problem: Problem, path: ChainedTrajectory) -> tuple[Trajectory, str]:
+    """The path within the input limits, in the problem's duration or as fast as they allow."""
+    limits, duration = problem.limits, problem.duration
+    peaks, kept = peak_inputs(path), duration is not None
+    if np.any(np.isnan(peaks)):  # no angles somewhere, which is for the verification to say
+        return path, "v1 constant"
+    if kept and np.any(np.isfinite(limits.input)):
+        kept = bool(np.all(peaks <= limits.input))
+    if kept and np.any(np.isfinite(limits.input_rate)):
+        kept = bool(np.all(peak_rates(path) <= limits.input_rate))
+    if kept:
+        return path, "v1 constant"
+    # An input without a limit goes no faster than with v1 constant.
+    unlimited = np.isinf(limits.input) & np.isinf(limits.input_rate)
+    limits = replace(limits, input=np.where(unlimited, peaks, limits.input))
+    fastest = fastest_motion(path, limits, peaks > 1e-12)[0].slowed(1 + SLACK)
+    if duration is None:
+        return fastest, "as fast as the input limits allow"
+    if fastest.duration > duration:
+        raise NotConvergedError(
+            f"{problem.source}: the best path takes {fastest.duration:.4g} s within the input"
+            f" limits; goal.duration is {duration:.4g} s",
+            advice=f"goal.duration = {least(fastest.duration)} (on that path); or {ELSEWHERE}",
+        )
+    return fastest.slowed(duration / fastest.duration), "in proportion to the fastest motion"
+
+
+def _class_words(shape: Shape) -> str:
+    kind = "continuous and linear" if shape.degree else "constant"
+    return f"paths with dz2/dz1 {kind} on each of {shape.pieces} equal pieces"
+
+
+def _notes(problem: Problem, band: Band, found: Found, best: Best) -> dict[str, Any]:
+    where = f", at travel {best.frame.travel:.6g}"
+    if problem.travel is None:
+        where = f", the best of {found.tried} travels tried (over travel it need not be convex)"
+    proof = "the optimum without the chart's domain stays inside it"
+    return {
+        "travels_tried": found.tried,
+        "travel_range": list(found.range),
+        "optimality": {
+            "kind": "global",
+            "of": _class_words(best.frame.shape) + where,
+            "objective": best.value,
+            "lower_bound": best.bound,
+            "relative_gap": best.gap,
+            "proof": "cutting planes; the domain proven on every piece" if band.complete else proof,
+            "domain_excess_bound": best.proven if band.complete else None,
+        },
+        "solver": {
+            "engine": best.final.engine,
+            "programmes": best.rounds,
+            "row_excess": max(best.final.excess, -1.0),
+            "osqp_s": best.final.time_s,
+        },
+    }
+
+
+# -- refusals --------------------------------------------------------------------------------------
+
+
+def _no_path(
+    problem: Problem, options: ConvexOptions, shape: Shape, band: Band, found: Found
+) -> NoPlanError:
+    """No path of the class was found inside the domain; with a certificate where there is one."""
+    elsewhere = _another_travel(problem, options)
+    if not found.refusals:
+        why = f"no programme settled ({found.tried} tried), for {_class_words(shape)}"
+        ways = "other method.convex.pieces"
+        if not band.complete:
+            why = (
+                f"the best of all {_class_words(shape)} leaves the chart's domain at every travel"
+                f" tried ({found.tried}); for this system the domain is not convex, so the method"
+                " cannot keep to it"
+            )
+            ways = ELSEWHERE
+        return NotConvergedError(f"{problem.source}: {why}", advice=elsewhere or ways)
+    first = found.refusals[0]
+    floor = f", with |z2| >= {band.floor:.4g}," if np.isfinite(band.floor) else ""
+    proof = (
+        f"of {_class_words(shape)} none inside the chart's domain{floor} reaches the goal at travel"
+        f" {first.frame.travel:.6g}: certificate of {int(np.sum(first.proof.multipliers > 1e-9))}"
+        f" conditions, margin {first.proof.margin:.2g}"
+    )
+    window = travel_window(problem)
+    if window is not None:
+        proof += f"; one-way motions of any kind have travels between {window.low:.6g} and"
+        proof += f" {window.high:.6g} rad"
+    ways = f"a smaller limits.z2_margin, more method.convex.pieces, or {ELSEWHERE}"
+    if problem.travel is None:
+        why = f"{len(found.refusals)} of {found.tried} travels tried are proven to have no path"
+        return NotConvergedError(f"{problem.source}: {why}; for one, {proof}", advice=ways)
+    error = _infeasible(problem, proof, elsewhere or ways)
+    error.certificate = _certificate(first)
+    return error
+
+
+def _certificate(refusal: Impossible) -> dict[str, Any]:
+    """As plain arrays: multipliers u >= 0 show that A y <= b has no |y| <= radius."""
+    return {
+        "travel": refusal.frame.travel,
+        "A": refusal.A,
+        "b": refusal.b,
+        "multipliers": refusal.proof.multipliers,
+        "residual": refusal.proof.residual,
+        "value": refusal.proof.value,
+        "radius": refusal.proof.radius,
+        "margin": refusal.proof.margin,
+        "tau": refusal.touch.tau,
+        "tangent_at_z3": refusal.touch.at,
+    }
+
+
+def _infeasible(problem: Problem, why: str, ways: str) -> InfeasibleError:
+    return InfeasibleError(f"{problem.source}: {why}", advice=ways)
+
+
+def _another_travel(problem: Problem, options: ConvexOptions) -> str | None:
+    """The travel of the plan that this method has with the travel free, if it has one."""
+    plan = None if problem.travel is None else _found(problem.with_travel(None), options)
+    return None if plan is None else f"{travelling(plan)} (where this method has a path)"
+
+
+def _found(problem: Problem, options: ConvexOptions) -> Plan | None:
+    """What is planned for a problem with fewer demands, by the quicker objective, or None."""
+    try:
+        return plan_convex(problem, options.model_copy(update={"objective": "smooth"}))
+    except (NoPlanError, InputError):
+        return None

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from planner.deadline import limited, share
 from planner.desensitise.augmented import augmented
 from planner.desensitise.program import Shape, program
 from planner.desensitise.refusal import (
@@ -30,6 +31,9 @@ from planner.schema.desensitised import DesensitisedOptions
 from planner.schema.methods import CollocationOptions
 
 NAME = "desensitised"
+
+EASY = 0.5
+"""Share of the time, where that is limited, for the plan of least effort."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,19 +65,28 @@ def plan_desensitised(
             off.
         NotConvergedError: If no motion is found.
     """
+    with limited(None, holds=lambda: False):  # the plan of least effort is no answer
+        return _planned(problem, options, near)
+
+
+def _planned(problem: Problem, options: DesensitisedOptions, near: Plan | None) -> Plan:
     began = time.perf_counter()
     refuse_waypoints(problem)
     if not options.reversal:
         refuse_one_way(problem)
-    task = _task(problem, options)
+    task = _task(problem.within_reach(), options)
     refuse_no_room(task)
     build = prepared(task)
-    easy = near or plan_collocation(problem, _easy(options))
+    if near is not None:
+        easy = near
+    else:
+        with share(EASY):
+            easy = plan_collocation(problem, _easy(options))
     if not options.reversal:
         task = replace(task, direction=1.0 if easy.travel >= 0 else -1.0)
     answer = _searched(task, options, easy, near is not None)
     done = settle(task, answer.solution, options.accuracy)
-    return _plan(done, answer, options, began, build)
+    return replace(_plan(done, answer, options, began, build), problem=problem)
 
 
 def _task(problem: Problem, options: DesensitisedOptions) -> Task:

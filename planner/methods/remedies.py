@@ -12,13 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import InputError, NoPlanError
+from planner import progress
+from planner.deadline import TimeUpError
+from planner.errors import InputError, NoPlanError, TimeLimitError
 from planner.plan import Plan
 from planner.problem import Problem
 from planner.verify import verify
 
 TRIED = " (tried)"
 """After advice with which a verified plan was found."""
+
+UNTRIED = "a larger time limit: there was no time left to find a change that helps"
 
 
 class UnexplainedError(NoPlanError):
@@ -47,10 +51,16 @@ class Change:
 
 
 def tried(changes: Iterable[Change]) -> str | None:
-    """The first change that leads to a verified plan, in words; None if none does."""
+    """The first change that leads to a verified plan, in words; None if none does.
+
+    Where time is up before all are tried, more time is advised.
+    """
     for change in changes:
+        progress.tell("no plan; trying a change of the problem")
         try:
             plan = change.plan()
+        except (TimeUpError, TimeLimitError):
+            return UNTRIED
         except (NoPlanError, InputError):
             continue
         if verify(plan).ok:

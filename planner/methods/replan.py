@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 
+from planner import deadline
 from planner.errors import InputError
 from planner.methods.collocation import (
     SEARCHED,
@@ -13,11 +15,12 @@ from planner.methods.collocation import (
     finished,
     plan_collocation,
 )
-from planner.methods.collocation_answer import Answer
+from planner.methods.collocation_early import ended_early
 from planner.methods.collocation_refusals import NAME
 from planner.ocp.layout import Iterate
 from planner.ocp.mesh import Mesh
 from planner.ocp.polish import polish
+from planner.ocp.solver import Solution
 from planner.ocp.task import Task
 from planner.plan import Plan
 from planner.problem import Problem
@@ -37,11 +40,18 @@ def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan
     """
     began = time.perf_counter()
     _refuse(problem, warm)
-    answer = _next_to(problem, options, warm)
-    if answer is None:
-        return plan_collocation(problem, options)
-    done = polish(answer.task, answer.solution, options.accuracy, options.refinements)
-    return finished(done, answer, options, began)
+    with deadline.limited(options.time_limit_s) as span:
+        found = _next_to(problem.within_reach(), options, warm)
+        if found is None:
+            return plan_collocation(problem, options)
+        job, solution = found
+        done = polish(job, solution, options.accuracy, options.refinements)
+        log = [{"start": "warm", "status": solution.status, "objective": solution.objective}]
+        notes = {"stage": "warm start", "tried": log}
+        iterations = solution.iterations + done.iterations
+        plan = finished(done, "warm", notes, iterations, options, began)
+        plan = replace(plan, problem=problem)
+        return ended_early(plan, span) if span.reached else plan
 
 
 def _refuse(problem: Problem, warm: Plan) -> None:
@@ -57,16 +67,15 @@ def _refuse(problem: Problem, warm: Plan) -> None:
         )
 
 
-def _next_to(problem: Problem, options: CollocationOptions, warm: Plan) -> Answer | None:
+def _next_to(
+    problem: Problem, options: CollocationOptions, warm: Plan
+) -> tuple[Task, Solution] | None:
     job = _prepared(problem, options, warm)
     start = _resampled(job, warm)
     solution = job.solve(start, near=True)
     if not solution.ok:
         solution = job.solve(start)
-    if not solution.ok:
-        return None
-    log = [{"start": "warm", "status": solution.status, "objective": solution.objective}]
-    return Answer("warm", job, solution, log, solution.iterations)
+    return (job, solution) if solution.ok else None
 
 
 def _prepared(problem: Problem, options: CollocationOptions, warm: Plan) -> Task:

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.interpolate import BPoly
 from scipy.special import comb
 
+from planner import deadline
 from planner.chained import chained_form
 from planner.domain import worst_margin
 from planner.problem import Problem
@@ -81,6 +82,7 @@ def score(
         problem: Supplies limits; where an input has none, its peak counts in its own unit.
         candidates: Trajectories on equally many pieces; None for one that could not be made.
     """
+    deadline.check()
     out = np.full((3, len(candidates)), np.nan)
     made = [k for k, c in enumerate(candidates) if c is not None]
     if not made:

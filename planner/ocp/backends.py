@@ -13,12 +13,12 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from planner.interrupts import heed_interrupts
 from planner.ocp.assembly import Program
 from planner.ocp.bounds import Bounds
 from planner.ocp.form import TERMS
 from planner.ocp.transcription import Transcription
-from planner.ocp.watchdog import Watchdog
+from planner.ocp.watchdog import within
+from planner.stopping import Ipopt
 from planner.systems.base import Array
 
 SolverName = Literal["fatrop", "ipopt", "newton"]
@@ -26,20 +26,8 @@ SolverName = Literal["fatrop", "ipopt", "newton"]
 NEAR = 1e-4
 """Distance to the bounds to begin with when the start is near the answer."""
 
-FATROP_BARRIER, FATROP_BARRIER_NEAR, IPOPT_BARRIER_NEAR = 1e-4, 1e-5, 1e-6
-"""Barriers to begin with where that is not the solver's own, 0.1; see `_brisk`."""
-
-FATROP_WEIGHT_DIRECT, FATROP_WEIGHT_NEAR = 1e2, 1e3
-"""Factors of the objective for Fatrop. Its bound multipliers all begin at one, which beside a small
-objective takes iterations to forget: a third of them from a straight line. Far from the answer a
-large objective gets in the way of the rows.
-"""
-
 FATROP_ROWS = 1e-8
 """Tolerance of the rows for Fatrop, whatever the objective's factor."""
-
-SHORT_CHAIN = 5
-"""Largest number of coordinates of a short chain."""
 
 FATROP_ITERATIONS = 100
 """Where Fatrop solves a problem at all it needs tens of iterations."""
@@ -51,11 +39,16 @@ ever; the objective is within 1e-7 of that of a sharper tolerance."""
 FATROP_RELAXES = 1e-8
 """By how much, relative to a bound or to one, Fatrop lets its iterates pass bounds."""
 
-
 PATIENCE_S, PATIENCE_EACH_S = 5.0, 0.05
-"""Time for Fatrop to return, and for each interval more: over ten times what it takes at most."""
+"""Processor time for Fatrop to return, and for each interval more: over ten times what it takes."""
 
-_fatrop_calls: Watchdog[Answer] = Watchdog()
+SHORT = 5
+"""Most coordinates of a short chain. Beyond, Fatrop is of no use: it eliminates the goal backwards
+through the inputs of the last few intervals, which leaves no digit; and there are many optima."""
+
+MANY, MOST_ITERATIONS = 300, 120
+"""Intervals beyond which each iteration takes long, and those granted there; a good start needs
+few."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +87,68 @@ class Answer:
     iterations: int
 
 
+@dataclass(frozen=True)
+class Way:
+    """How starts of one kind are solved.
+
+    Attributes:
+        order: Solvers that are tried in turn, unless the settings name one.
+        weight: Factor of the objective for Fatrop. Its bound multipliers all begin at one, which
+            beside a small objective takes iterations to forget: a third of them from a straight
+            line. Far from the answer a large objective gets in the way of the rows.
+        barrier: To begin with, before that factor, for Fatrop; None for its own, 0.1.
+        ipopt: How IPOPT begins: with a barrier of its own, or one that adapts.
+        iterations: Most that are granted.
+    """
+
+    order: tuple[SolverName, ...]
+    weight: float
+    barrier: float | None
+    ipopt: dict[str, Any]
+    iterations: int = 10**6
+
+
+_ADAPTIVE: dict[str, Any] = {"mu_strategy": "adaptive"}
+_PUSHES = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
+_CLOSE: dict[str, Any] = {"mu_init": 1e-6, **dict.fromkeys(_PUSHES, NEAR)}
+
+WAYS = {
+    # the answer is hardly more than the start: about 10 iterations, or it is not worth more
+    "straight": Way(("fatrop", "ipopt"), 1e2, 1e-4, _ADAPTIVE, iterations=50),
+    "straight, not staged": Way(("ipopt",), 1e2, 1e-4, _ADAPTIVE, iterations=50),
+    # Newton's method where the limits met stay the same; Fatrop is several times faster than IPOPT
+    "near": Way(("newton", "fatrop", "ipopt"), 1e3, 1e-5, _CLOSE),
+    # not staged: a free duration, long chains, collocation values that stay unknowns; Fatrop's
+    # dense stages cost more there than they gain
+    "near, not staged": Way(("newton", "ipopt"), 1e3, 1e-5, _CLOSE),
+    "near, many intervals": Way(("newton", "ipopt"), 1e3, 1e-5, _CLOSE, MOST_ITERATIONS),
+    # Fatrop (1.1.8) is hardly faster here, and its iterates may be such that it never returns
+    "far": Way(("ipopt",), 1.0, 1e-4, _ADAPTIVE),
+    # many optima: a large barrier that is lowered step by step leads to better ones, and does not
+    # lead a long way round along z2 = 0
+    "far, winding": Way(("ipopt",), 1.0, None, {}),
+}
+"""Which solver, barrier and patience, in one place."""
+
+
+def way(made: Transcription, settings: Settings) -> Way:
+    """The row of `WAYS` for a transcription and a kind of start."""
+    form, plain = made.form, made.system.size <= SHORT
+    staged = plain and not (made.layout.lifted or form.free_duration)
+    if settings.near and form.intervals > MANY:
+        return WAYS["near, many intervals"]
+    if settings.near:
+        return WAYS["near" if staged else "near, not staged"]
+    if settings.direct:
+        return WAYS["straight" if staged else "straight, not staged"]
+    return WAYS["far" if plain and not (form.obstacles or form.chart) else "far, winding"]
+
+
+def names(made: Transcription, settings: Settings) -> tuple[SolverName, ...]:
+    """The solvers to try, in this order."""
+    return way(made, settings).order if settings.solver == "auto" else (settings.solver,)
+
+
 Backend = Callable[[Array, Bounds], Answer]
 """From a start (size,) and the problem's numbers to an answer."""
 
@@ -111,33 +166,29 @@ class _Ipopt:
     """
 
     def __init__(self, made: Transcription, settings: Settings) -> None:
+        row = way(made, settings)
         options: dict[str, Any] = {
             "print_level": 0,
             "sb": "yes",
             "tol": settings.tolerance,
             "constr_viol_tol": settings.tolerance,
-            "max_iter": settings.max_iterations,
+            "max_iter": min(settings.max_iterations, row.iterations),
             "bound_relax_factor": 0.0,
+            **row.ipopt,
         }
-        if settings.near:
-            pushes = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
-            options |= {"mu_init": IPOPT_BARRIER_NEAR, **dict.fromkeys(pushes, NEAR)}
-        elif _brisk(made) and not made.form.chart:  # along z2 = 0 it leads to long ways round
-            options["mu_strategy"] = "adaptive"
         program = made.program
         functions = {"nlp_grad_f": program.value_gradient, "nlp_hess_l": program.triangle}
         self._call = _nlpsol(made, "ipopt", functions, {"no_nlp_grad": True, "ipopt": options})
 
     def __call__(self, start: Array, data: Bounds) -> Answer:
-        with heed_interrupts():
-            found = self._call(
-                x0=start,
-                p=data.parameters,
-                lbx=data.lower,
-                ubx=data.upper,
-                lbg=data.row_lower,
-                ubg=data.row_upper,
-            )
+        found = self._call(
+            x0=start,
+            p=data.parameters,
+            lbx=data.lower,
+            ubx=data.upper,
+            lbg=data.row_lower,
+            ubg=data.row_upper,
+        )
         stats = self._call.stats()
         vector = np.asarray(found["x"], dtype=float).ravel()
         status = stats["return_status"]
@@ -156,34 +207,45 @@ class _Fatrop:
     """
 
     def __init__(self, made: Transcription, settings: Settings) -> None:
-        self._weight = FATROP_WEIGHT_DIRECT if settings.direct else 1.0
-        if settings.near:
-            self._weight = FATROP_WEIGHT_NEAR
+        row = way(made, settings)
+        self._weight = row.weight
         options: dict[str, Any] = {
             "print_level": 0,
-            "tol": max(settings.tolerance, FATROP_TOLERANCE) * self._weight,
+            "tol": max(settings.tolerance, FATROP_TOLERANCE) * row.weight,
             "constr_viol_tol": FATROP_ROWS,
-            "max_iter": min(settings.max_iterations, FATROP_ITERATIONS),
+            "max_iter": min(settings.max_iterations, row.iterations, FATROP_ITERATIONS),
         }
         if settings.near:
-            barrier = FATROP_BARRIER_NEAR * self._weight
-            options |= {"mu_init": barrier, "bound_push": NEAR, "bound_frac": NEAR}
-        elif _brisk(made):
-            options["mu_init"] = FATROP_BARRIER
+            options |= {"bound_push": NEAR, "bound_frac": NEAR}
+        if row.barrier is not None:
+            options["mu_init"] = row.barrier * (row.weight if settings.near else 1.0)
         program = made.program
         functions = {"nlp_grad_f": program.gradient, "nlp_hess_l": program.hessian}
         functions["nlp_grad"] = _values(program)
-        self._call = _nlpsol(made, "fatrop", functions, {"fatrop": options, **_stages(made)})
+        self._made, self._functions = made, functions
+        self._options: dict[str, Any] = {"fatrop": options, **_stages(made)}
+        self._intervals = made.form.intervals
+        self._fresh()
+
+    def _fresh(self) -> None:
+        self._call = _nlpsol(self._made, "fatrop", self._functions, self._options)
+        self._lock = threading.Lock()
         self._memories: dict[bytes, tuple[Any, Callable[[], None]]] = {}
-        self._lock, self._intervals = threading.Lock(), made.form.intervals
 
     def __call__(self, start: Array, data: Bounds) -> Answer:
-        """Answer, or give the start back: the search for a direction may loop for ever."""
-        seconds = PATIENCE_S + PATIENCE_EACH_S * self._intervals
-        answer = _fatrop_calls.within(seconds, lambda: self._answer(start, data))
-        if answer is None:
-            return Answer(start, False, "Does_Not_Return", 0)
-        return answer
+        """Answer, or give the start back: the search for a direction may loop for ever.
+
+        Such a call keeps what it works on; the next one gets all of it anew, and answers as if
+        nothing had been.
+        """
+        answer = None
+        try:
+            seconds = PATIENCE_S + PATIENCE_EACH_S * self._intervals
+            answer = within(seconds, lambda: self._answer(start, data))
+        finally:
+            if answer is None:
+                self._fresh()
+        return answer or Answer(start, False, "Does_Not_Return", 0)
 
     def _answer(self, start: Array, data: Bounds) -> Answer:
         bounds = _drawn_in(data.lower, data.upper), _drawn_in(data.row_lower, data.row_upper)
@@ -207,15 +269,6 @@ class _Fatrop:
         if pattern not in self._memories:
             self._memories[pattern] = self._call.buffer()
         return self._memories[pattern]
-
-
-def _brisk(made: Transcription) -> bool:
-    """Whether to begin with a small barrier, or one that adapts, which saves iterations.
-
-    Long chains and ways between discs have many optima, and a large barrier that is lowered step by
-    step leads to better ones.
-    """
-    return made.system.size <= SHORT_CHAIN and not made.form.obstacles
 
 
 def _drawn_in(lower: Array, upper: Array) -> tuple[Array, Array]:
@@ -267,4 +320,7 @@ def _nlpsol(
         "print_time": False,
         "show_eval_warnings": False,
     }
-    return ca.nlpsol("collocation", name, program.problem, {**common, **options})
+    options = {**common, **options}
+    if name == "ipopt":
+        return Ipopt("collocation", program.problem, options)
+    return ca.nlpsol("collocation", name, program.problem, options)

@@ -20,5 +20,4 @@ def curve(system: TriangularSystem, form: Form, mesh: Mesh, iterate: Iterate) ->
     q[0], q[-1] = iterate.nodes[:-1], iterate.nodes[1:]
     left, right = iterate.input_ends()
     u = np.stack([left, right]) if form.input == "linear" else left[None]
-    q_curve, u_curve = (BPoly.construct_fast(np.ascontiguousarray(c), breaks) for c in (q, u))
-    return StateTrajectory(system, q_curve, u_curve)
+    return StateTrajectory(system, BPoly(q, breaks), BPoly(u, breaks))

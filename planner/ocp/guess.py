@@ -23,7 +23,6 @@ from planner.systems.base import Array
 Excursion = Callable[[Array], Array]
 SAMPLES = 1001
 LARGEST_GUESS_RAD = 1.3
-WANDERS = 28
 
 
 @dataclass(frozen=True)
@@ -34,13 +33,11 @@ class Seed:
         name: For reports.
         path: Excursion of q₁ over s in [0, 1], in its unit for distances near one.
         driven: Excursion of q₂.
-        states: In their place a whole path: from s (S,) to q (S, N), or None if there is none.
     """
 
     name: str
     path: Excursion
     driven: Excursion
-    states: Callable[[Array], Array | None] | None = None
 
 
 def seeds(kind: str, count: int = 12) -> list[Seed]:
@@ -52,13 +49,12 @@ def seeds(kind: str, count: int = 12) -> list[Seed]:
     - wander: smooth random loops, from `count` fixed random seeds.
     """
     known = _known()
-    if kind == "wander":
-        return [_wander(k) for k in range(count)]
+    wander = [_wander(k) for k in range(max(count, 2))]
     if kind != "auto":
-        return [*known[kind]]
-    straight, bump, reverse, wander = known.values()
+        return wander if kind == "wander" else [*known[kind]]
+    straight, bump, reverse = known.values()
     first = [straight[0], bump[0], reverse[0], wander[0], wander[1], bump[1], reverse[1]]
-    return [*first, *wander[2:], *bump[2:], *reverse[2:]]
+    return [*first, *wander[2:]][:count]
 
 
 @lru_cache(maxsize=1)
@@ -67,7 +63,6 @@ def _known() -> dict[str, list[Seed]]:
         "straight": [_straight()],
         "bump": [_bump(a, b) for a, b in ((1.0, 0.8), (-1.0, -0.8), (-1.0, 0.8), (1.0, -0.8))],
         "reverse": [_reverse(a, b) for a, b in ((-0.7, 0.8), (0.7, -0.8), (0.7, 0.8))],
-        "wander": [_wander(k) for k in range(WANDERS)],
     }
 
 
@@ -99,8 +94,6 @@ def likely_travel(problem: Problem) -> float:
 
 
 def _states(problem: Problem, mesh: Mesh, seed: Seed, s: Array) -> Array:
-    if seed.states is not None and (path := seed.states(s)) is not None:
-        return path
     travel = likely_travel(problem)
     q = through_waypoints(problem, mesh.knots, travel, s)
     q[:, 0] += max(1.0, abs(travel) / 2) * seed.path(s)

@@ -2,30 +2,33 @@
 
 The arm of the last few joints finds its path by the search for paths; each joint more is made to
 drive what is behind it (`planner.bridge.lift`), which always succeeds where stretches are short.
+The path is then timed; one that is too long for a solver, or that it cannot better, is kept as it
+is.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.bridge import Bridge, lifted
+from planner import progress
+from planner.bridge import lifted
 from planner.bridge.closing import Chain, Ends, closed
-from planner.ocp.backends import SHORT_CHAIN
+from planner.ocp.backends import SHORT
+from planner.ocp.best import offer_chain
 from planner.ocp.form import Form
 from planner.ocp.guess import seeds
-from planner.ocp.held import chain_of, follow
-from planner.ocp.improve import FINEST, Motion, improved
+from planner.ocp.held import can_hold, chain_of, follow, held
+from planner.ocp.layout import Iterate
 from planner.ocp.search import path_task, search
+from planner.ocp.solver import ACCEPTED_RESIDUAL
 from planner.ocp.task import Task, stretched, task
+from planner.ocp.timing import Timed, hasty, timed
 from planner.systems.manipulator import Manipulator
 
 GUESSES, ITERATIONS, ENOUGH = 16, 300, 6
 """Guesses for the arm of the last joints, iterations granted to each, and paths that are enough."""
-
-VARIATIONS = 20
-"""Variations of its path: each turn of it costs the arms above many."""
 
 GAPS = (0.12, 0.05, 0.02)
 """Largest gaps, rad, that a joint in front may leave; smaller where they cannot be closed."""
@@ -36,33 +39,89 @@ MOST_SHORTENED, SHORTENING = 5000, 100
 DRAWN_IN = 0.02
 """Share of the joint limits that is kept free a rung, for what the rungs above add."""
 
+PATIENCE = 400
+"""Iterations granted at least for the timing: the path is long, and already a motion."""
 
-def climbed(job: Task) -> Bridge | None:
-    """A path within the joint limits, or None where the system is no arm or there is none.
+MOST_SOLVED = 300
+"""Intervals beyond which a path is kept as it is."""
 
-    Limits on inputs are left to the timing; z₂, discs and waypoints are not looked at.
+
+@dataclass(frozen=True, eq=False)
+class Climbed:
+    """A path by way of shorter arms, and what its timing made of it.
+
+    Attributes:
+        name: For reports.
+        task: The job on the path's own mesh.
+        timed: The outcome.
+    """
+
+    name: str
+    task: Task
+    timed: Timed
+
+
+def climbed(job: Task, accuracy: float) -> Climbed | None:
+    """A motion within all limits; None where the system is no arm, or there is none.
+
+    z2, discs and waypoints are not looked at.
     """
     system = job.problem.system
-    if not isinstance(system, Manipulator) or system.n < 3:
+    if not isinstance(system, Manipulator) or system.n < 3 or not can_hold(job):
         return None
+    progress.tell("looking for a path by way of shorter arms")
     found = _by_shorter(job)
-    return None if found is None else Bridge(f"lifted from {found[2]} joints", *found[:2])
+    if found is None:
+        return None
+    chain, joints = found
+    offer_chain(job, chain)
+    progress.tell("timing that path")
+    own, path = follow(job, chain)
+    outcome = _timed(own, path) if len(own.mesh.widths) <= MOST_SOLVED else None
+    if outcome is None or not outcome.solution.ok:
+        own, outcome = _as_it_is(job, chain, accuracy) or (own, outcome)
+    if outcome is None:
+        return None
+    return Climbed(f"lifted from {joints} joints", own, outcome)
 
 
-def _by_shorter(job: Task) -> tuple[Chain, int, int] | None:
-    """The path, iterations and the number of joints of the arm it began with."""
+def _timed(own: Task, path: Iterate) -> Timed:
+    """The path's timing; a last iterate that is a motion is one, if not the best."""
+    settings = own.settings
+    patient = replace(settings, max_iterations=max(settings.max_iterations, PATIENCE))
+    outcome = timed(replace(own, settings=patient), path)
+    last = outcome.solution
+    if last.ok or last.residual > ACCEPTED_RESIDUAL:
+        return outcome
+    status = f"{last.status} (a motion, not the best)"
+    return replace(outcome, solution=replace(last, ok=True, status=status))
+
+
+def _as_it_is(job: Task, chain: Chain, accuracy: float) -> tuple[Task, Timed] | None:
+    """The path kept, or where the duration asked for is too short for it, that and the fastest."""
+    kept = held(job, chain, accuracy)
+    if kept is not None:
+        return kept[0], Timed(kept[1], None)
+    kept = held(hasty(job), chain, accuracy) if job.problem.duration else None
+    if kept is None:
+        return None
+    own = kept[0].asking(job.problem, job.objective)
+    return own, Timed(replace(kept[1], ok=False), kept[1])
+
+
+def _by_shorter(job: Task) -> tuple[Chain, int] | None:
+    """The path, and the number of joints of the arm it began with."""
     problem = job.problem
     below = _path(_below(job))
     if below is None:
         return None
-    path, iterations, joints = below
+    path, joints = below
     assert isinstance(problem.system, Manipulator)
     ends = Ends.of(problem)
     for gap in GAPS:
-        whole, made = closed(problem.system, lifted(problem.system, path, ends, gap), ends, 1.0)
-        iterations += made
+        whole, _ = closed(problem.system, lifted(problem.system, path, ends, gap), ends, 1.0)
         if whole is not None:
-            return _shortened(job, whole, ends), iterations, joints
+            return _shortened(job, whole, ends), joints
     return None
 
 
@@ -83,30 +142,27 @@ def _length(path: Chain) -> float:
     return float(np.sum(np.max(np.abs(path.u), axis=1)))
 
 
-def _path(job: Task) -> tuple[Chain, int, int] | None:
+def _path(job: Task) -> tuple[Chain, int] | None:
     size = job.problem.system.size
-    found = _searched(job) if size <= SHORT_CHAIN else None
+    found = _searched(job) if size <= SHORT else None
     if found is not None:
         return found
     return _by_shorter(job) if size > 3 else None
 
 
-def _searched(job: Task) -> tuple[Chain, int, int] | None:
-    """The path a few guesses lead to, and variations of it; as `_by_shorter`.
+def _searched(job: Task) -> tuple[Chain, int] | None:
+    """The shortest path that a few guesses lead to, as `_by_shorter`.
 
     None too where it is a path on its coarse mesh only.
     """
     settings = replace(job.settings, max_iterations=ITERATIONS)
     job = path_task(replace(job, settings=settings))
-    paths = search(job, seeds("auto")[:GUESSES], ENOUGH, simple=True)
+    paths = search(job, seeds("auto", GUESSES), ENOUGH, simple=True)
     if not paths.found:
         return None
-    first = paths.found[0]
-    best = improved(Motion(first.seed, job, first.solution, [], 0), VARIATIONS, FINEST)
-    system, coarse = job.problem.system, chain_of(best.task, best.solution)
-    chain, made = closed(system, coarse, Ends.of(job.problem), 1.0)
-    iterations = paths.iterations + best.iterations + made
-    return None if chain is None else (chain, iterations, system.size - 1)
+    system, coarse = job.problem.system, chain_of(job, paths.found[0].solution)
+    chain, _ = closed(system, coarse, Ends.of(job.problem), 1.0)
+    return None if chain is None else (chain, system.size - 1)
 
 
 def _below(job: Task) -> Task:

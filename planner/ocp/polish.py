@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from planner import progress
+from planner.deadline import TimeUpError, share
 from planner.ocp.look import INTERPOLANT, Look, MeshError, excess, look
 from planner.ocp.mesh import Mesh
 from planner.ocp.solver import Solution
@@ -16,10 +18,10 @@ EVENNESS = 0.35
 """Least density of a refined mesh, relative to its greatest."""
 
 LARGEST_MESH = 2000
-MANY, MOST_ITERATIONS = 300, 120
-"""Intervals beyond which each iteration takes long, and those granted there."""
-
 TIGHTENING_ROUNDS = 6
+
+REFINING = 0.6
+"""Share of the time that is left which refining may take; then what there is by then is held."""
 
 ELSEWHERE = 0.01
 """Share of the greatest excess over a limit by which it is drawn in where it is kept so far: a
@@ -35,7 +37,6 @@ class Polished:
         solution: The answer.
         error: Largest difference at the end between true motion and interpolant, over coordinates.
         notes: JSON-ready.
-        seconds: Time in the solver.
         iterations: Iterations of the solver.
     """
 
@@ -43,48 +44,49 @@ class Polished:
     solution: Solution
     error: float
     notes: dict[str, Any]
-    seconds: float
     iterations: int
 
 
 def polish(task: Task, solution: Solution, accuracy: float, refinements: int) -> Polished:
-    """Refine the mesh until the re-simulated end is accurate, then draw limits in where needed."""
-    build, seconds, iterations = task.build_time_s, 0.0, 0
+    """Refine the mesh until the re-simulated end is accurate, then draw limits in where needed.
+
+    Where time is up, what is refined by then is made a motion as `planner.ocp.held` does.
+    """
+    build, iterations = task.build_time_s, 0
     meshes = [len(task.mesh.widths)]
     seen = look(task, solution)
-    for _ in range(refinements):
-        if seen.error.fine(accuracy):
-            break
-        finer = task.on(_finer(task, seen.error, accuracy))
-        better = patiently(finer).solve(transferred(task, solution.iterate, finer), near=True)
-        seconds, iterations = seconds + better.seconds, iterations + better.iterations
-        build += finer.build_time_s
-        if not better.ok:
-            break
-        task, solution = finer, better
+    try:
+        with share(REFINING):
+            for _ in range(refinements):
+                if seen.error.fine(accuracy):
+                    break
+                progress.tell("refining the mesh")
+                finer = task.on(_finer(task, seen.error, accuracy))
+                start = transferred(task, solution.iterate, finer)
+                better = finer.solve(start, near=True)
+                iterations += better.iterations
+                build += finer.build_time_s
+                if not better.ok:
+                    break
+                task, solution = finer, better
+                meshes.append(len(task.mesh.widths))
+                seen = look(task, solution)
+            coarse = refinements > 0 and not seen.error.fine(accuracy)
+            if coarse and (kept := _held(task, solution, accuracy)):
+                task, solution = kept
+                meshes.append(len(task.mesh.widths))
+                seen = look(task, solution)
+            drawn = _draw_in(replace(task, build_time_s=build), solution, seen)
+    except TimeUpError:
+        task, solution = _held_in_time(task, solution, accuracy)
         meshes.append(len(task.mesh.widths))
-        seen = look(task, solution)
-    coarse = refinements > 0 and not seen.error.fine(accuracy)
-    if coarse and (kept := _held(task, solution, accuracy)):
-        task, solution = kept
-        meshes.append(len(task.mesh.widths))
-        seen = look(task, solution)
-    drawn = _draw_in(replace(task, build_time_s=build), solution, seen)
+        drawn = _drawn(task, solution, look(task, solution), 0, 0)
     notes = {"intervals": meshes, **drawn.notes}
     return replace(
         drawn,
         notes=notes,
-        seconds=drawn.seconds + seconds,
         iterations=drawn.iterations + iterations,
     )
-
-
-def patiently(task: Task) -> Task:
-    """The task with a limit on iterations where each takes long; a good start needs few."""
-    if len(task.mesh.widths) <= MANY:
-        return task
-    most = min(task.settings.max_iterations, MOST_ITERATIONS)
-    return replace(task, settings=replace(task.settings, max_iterations=most))
 
 
 def _held(task: Task, solution: Solution, accuracy: float) -> tuple[Task, Solution] | None:
@@ -92,6 +94,14 @@ def _held(task: Task, solution: Solution, accuracy: float) -> tuple[Task, Soluti
     from planner.ocp.held import can_hold, chain_of, held  # slow to import, and seldom needed
 
     return held(task, chain_of(task, solution), accuracy) if can_hold(task) else None
+
+
+def _held_in_time(task: Task, solution: Solution, accuracy: float) -> tuple[Task, Solution]:
+    """The same in the rest of the time; as it was where that is not enough."""
+    try:
+        return _held(task, solution, accuracy) or (task, solution)
+    except TimeUpError:
+        return task, solution
 
 
 def _finer(task: Task, error: MeshError, accuracy: float) -> Mesh:
@@ -117,26 +127,31 @@ def _draw_in(task: Task, solution: Solution, seen: Look) -> Polished:
     """Keep limits between the edges: solve again with them at the collocation points too, then
     with limits drawn in by what is still broken, at first little elsewhere, then everywhere alike.
     """
-    seconds, iterations, rounds = 0.0, 0, 0
-    tightening = task.tightening
+    iterations, rounds = 0, 0
     for _ in range(TIGHTENING_ROUNDS):
         over = excess(task, seen)
         if not over:
             break
+        progress.tell("keeping limits between the nodes")
         if not task.made.form.inner:
             built = task.build_time_s
             task = task.inside()
             task = replace(task, build_time_s=built + task.build_time_s)
         else:
-            tightening = tightening + over.everywhere(ELSEWHERE if rounds == 0 else 1.0)
+            tightening = task.tightening + over.everywhere(ELSEWHERE if rounds == 0 else 1.0)
             task, rounds = replace(task, tightening=tightening), rounds + 1
         better = task.solve(solution.iterate, near=True)
         if not better.ok:
             better = task.solve(solution.iterate)
-        seconds, iterations = seconds + better.seconds, iterations + better.iterations
+        iterations += better.iterations
         if not better.ok:
             break
         solution, seen = better, look(task, better)
+    return _drawn(task, solution, seen, iterations, rounds)
+
+
+def _drawn(task: Task, solution: Solution, seen: Look, iterations: int, rounds: int) -> Polished:
+    tightening = task.tightening
     notes = {
         "limits_inside": task.made.form.inner,
         "limits_drawn_in": {
@@ -146,4 +161,4 @@ def _draw_in(task: Task, solution: Solution, seen: Look) -> Polished:
             "obstacles": float(tightening.discs.max(initial=0.0)),
         },
     }
-    return Polished(task, solution, seen.error.end, notes, seconds, iterations)
+    return Polished(task, solution, seen.error.end, notes, iterations)

@@ -8,12 +8,12 @@ so parts get time in proportion to their length (`rebalanced`), which is repeate
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
 from dataclasses import replace
-from itertools import permutations
 
 import numpy as np
 
+from planner.errors import InputError
 from planner.ocp.guess import through_waypoints
 from planner.ocp.layout import Iterate
 from planner.ocp.mesh import Mesh, through, uniform
@@ -25,6 +25,9 @@ from planner.workspace import Waypoint
 MOST_ORDERS = 6
 """Orders of waypoints without a time that are tried; the shortest by straight lines first."""
 
+MOST_SORTED = 5040
+"""Orders that are sorted: those of seven waypoints without a time, in about a second."""
+
 LEAST_SHARE = 0.02
 """Least part of the duration between two waypoints where the planner chooses it."""
 
@@ -32,9 +35,19 @@ LEAST_SHARE = 0.02
 def routes(problem: Problem) -> list[Problem]:
     """The problem with its waypoints in each order worth trying, the shortest by straight lines
     first; itself where there is no choice.
+
+    Raises:
+        InputError: If there are too many orders.
     """
     if len(problem.waypoints) < 2:
         return [problem]
+    count = len(problem.waypoints)
+    free = sum(w.time_s is None for w in problem.waypoints)
+    if (ways := math.perm(count, free)) > MOST_SORTED:
+        raise InputError(
+            f"{problem.source}: {count} waypoints, {free} of them without a time, may be passed in"
+            f" {ways:.3g} orders; at most {MOST_SORTED} are looked at, so give more of them a time"
+        )
     orders = sorted(_orders(problem), key=lambda order: _length(problem, order))
     return [replace(problem, waypoints=order) for order in orders[:MOST_ORDERS]]
 
@@ -64,12 +77,13 @@ def rebalanced(job: Task, iterate: Iterate) -> tuple[Task, Iterate] | None:
     return fresh, moved
 
 
-def _orders(problem: Problem) -> Iterator[tuple[Waypoint, ...]]:
+def _orders(problem: Problem) -> list[tuple[Waypoint, ...]]:
     """Every order of the waypoints in which those with a time follow their times."""
-    for order in permutations(problem.waypoints):
-        times = [w.time_s for w in order if w.time_s is not None]
-        if times == sorted(times):
-            yield order
+    timed = [w for w in problem.waypoints if w.time_s is not None]
+    orders = [tuple(sorted(timed, key=lambda w: w.time_s or 0.0))]
+    for free in (w for w in problem.waypoints if w.time_s is None):
+        orders = [(*o[:k], free, *o[k:]) for o in orders for k in range(len(o) + 1)]
+    return orders
 
 
 def _length(problem: Problem, order: tuple[Waypoint, ...]) -> float:

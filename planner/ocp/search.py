@@ -7,22 +7,29 @@ that is feasible after stretching.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from planner import progress
+from planner.ocp.backends import SHORT
+from planner.ocp.best import offer
 from planner.ocp.guess import Seed, guess
 from planner.ocp.layout import Iterate
 from planner.ocp.look import clears
 from planner.ocp.mesh import Mesh
 from planner.ocp.objective import shortest_path
 from planner.ocp.solver import Solution
-from planner.ocp.task import Task
+from planner.ocp.task import Task, stretched
 from planner.problem import Problem
 
 INFEASIBLE = "Infeasible_Problem_Detected"
+
+OFTEN, AMONG = 3, 6
+"""Times that the shortest path is found, among at least so many, that end a search: so far from
+chance others are seldom shorter."""
 
 STANDSTILL = 1e-6
 """Share of the greatest input that counts as none."""
@@ -44,15 +51,11 @@ class Search:
         found: Paths, shortest first.
         last: The last solution that failed, or None.
         log: One entry a seed, JSON-ready.
-        seconds: Time in the solver.
-        iterations: Iterations of the solver.
     """
 
     found: list[Found]
     last: Solution | None
     log: list[dict[str, Any]]
-    seconds: float
-    iterations: int
 
 
 def search(
@@ -60,29 +63,39 @@ def search(
     seeds: Sequence[Seed],
     enough: int,
     simple: bool = False,
-    sated: Callable[[Search], bool] = lambda result: False,
 ) -> Search:
     """Solve the task's path problem from one seed after the other until enough have converged.
 
-    With `simple`, a path whose drive never turns back is enough by itself; so is any result that
-    is `sated`.
+    With `simple`, a path whose drive never turns back is enough by itself, and so is one that is
+    found again and again.
     Two thirds of the seeds in a row found infeasible end the search too. A path whose links pass
     through a disc between two nodes may come clear once it is timed, but counts half.
     """
     free = path_task(task)
-    result, clear = Search([], None, [], 0.0, 0), 0
+    result, clear = Search([], None, []), 0
     for k, seed in enumerate(seeds):
+        progress.tell(f"looking for a path from the start '{seed.name}'")
         start = guess(free.problem, task.made, task.mesh, seed)
         solution = free.solve(start)
-        clear += solution.ok and clears(free, solution)
+        if solution.ok and clears(free, solution):
+            clear += 1
+            _offered(task, solution.iterate)
         result = _with(result, seed, solution)
         hopeless = 3 * (k + 1) >= 2 * len(seeds) and all(
             entry["status"] == INFEASIBLE for entry in result.log
         )
-        found = simple and solution.ok and one_way(solution.iterate)
-        if hopeless or found or sated(result) or clear >= enough or len(result.found) >= 2 * enough:
+        found = simple and solution.ok and (one_way(solution.iterate) or _again(result))
+        if hopeless or found or clear >= enough or len(result.found) >= 2 * enough:
             break
     return replace(result, found=_distinct(result.found))
+
+
+def _again(result: Search) -> bool:
+    """Whether the shortest path comes back."""
+    if len(result.found) < AMONG:
+        return False
+    shortest = min(path.solution.objective for path in result.found)
+    return sum(same_path(shortest, path) for path in result.found) >= OFTEN
 
 
 def path_task(task: Task) -> Task:
@@ -98,7 +111,7 @@ def unhurried(problem: Problem) -> Problem:
     """
     free = np.full(2, np.inf)
     limits = replace(problem.limits, input=free, input_rate=free)
-    return replace(problem, limits=limits, duration=10.0 if problem.system.size <= 5 else 100.0)
+    return replace(problem, limits=limits, duration=10.0 if problem.system.size <= SHORT else 100.0)
 
 
 def needed_duration(problem: Problem, mesh: Mesh, iterate: Iterate) -> float:
@@ -109,6 +122,13 @@ def needed_duration(problem: Problem, mesh: Mesh, iterate: Iterate) -> float:
     slopes = np.max(np.abs(right - left) / widths, axis=0)
     factors = [*(peaks / problem.limits.input), *np.sqrt(slopes / problem.limits.input_rate)]
     return iterate.duration * float(max(factors))
+
+
+def _offered(task: Task, path: Iterate) -> None:
+    """Offer the path at one pace as a motion, in case there is no time for a better one."""
+    needed, wanted = needed_duration(task.problem, task.mesh, path), task.problem.duration
+    if wanted is None or needed <= wanted:
+        offer(task, task.judged(stretched(path, wanted or needed or path.duration)))
 
 
 def one_way(iterate: Iterate) -> bool:
@@ -129,8 +149,6 @@ def _with(result: Search, seed: Seed, solution: Solution) -> Search:
         found=[*result.found, Found(seed.name, solution)] if solution.ok else result.found,
         last=result.last if solution.ok else solution,
         log=[*result.log, entry],
-        seconds=result.seconds + solution.seconds,
-        iterations=result.iterations + solution.iterations,
     )
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
-from planner.ocp.backends import SHORT_CHAIN, Answer, Backend, Settings, SolverName, backend
+from planner import deadline, progress
+from planner.ocp.backends import Answer, Backend, Settings, SolverName, backend, names
 from planner.ocp.bounds import Bounds
 from planner.ocp.form import Form
 from planner.ocp.layout import Iterate
@@ -70,29 +70,13 @@ def solve(made: Transcription, data: Bounds, start: Iterate, settings: Settings)
     return solution
 
 
-def names(made: Transcription, settings: Settings) -> tuple[SolverName, ...]:
-    """The solvers to try, in this order.
-
-    Close to the answer Fatrop is several times faster than IPOPT. Far from it, or with a free
-    duration, it is hardly faster, and its iterates may be such that it (1.1.8) never returns; but
-    among discs IPOPT finds ways less often. Where collocation values stay unknowns Fatrop's dense
-    stages cost more than they gain; and it eliminates the goal backwards through the inputs of the
-    last few intervals, which for chains of more than four joints leaves no digit.
-    """
-    if settings.solver != "auto":
-        return (settings.solver,)
-    slow = made.layout.lifted or made.system.size > SHORT_CHAIN
-    far = made.form.free_duration or not (settings.near or settings.direct)
-    last = slow or (far and not made.form.obstacles)
-    order: tuple[SolverName, ...] = ("ipopt", "fatrop") if last else ("fatrop", "ipopt")
-    return ("newton", *order) if settings.near else order
-
-
 def _solve(
     name: SolverName, made: Transcription, data: Bounds, start: Iterate, settings: Settings
 ) -> Solution:
     """One solver's answer."""
-    call = solver(made.system, made.form, replace(settings, solver=name))
+    deadline.check()
+    progress.solved()
+    call = solver(made, replace(settings, solver=name))
     packed = made.layout.pack(start, data.widths).clip(data.lower, data.upper)
     began = time.perf_counter()
     answer = call(packed, data)
@@ -150,19 +134,19 @@ def prepare(
     Returns:
         The transcription, and the seconds it took to make: zero when it was there.
     """
-    before = _made()
+    built = transcription.cache_info().misses
     began = time.perf_counter()
     made = transcription(system, form)
-    solver(system, form, replace(settings, solver=names(made, settings)[0]))
-    return made, time.perf_counter() - began if _made() > before else 0.0
+    wanted = replace(settings, solver=names(made, settings)[0])
+    new = transcription.cache_info().misses > built or wanted not in made.solvers
+    solver(made, wanted)
+    return made, time.perf_counter() - began if new else 0.0
 
 
-@lru_cache(maxsize=64)
-def solver(system: TriangularSystem, form: Form, settings: Settings) -> Backend:
+def solver(made: Transcription, settings: Settings) -> Backend:
     """The solver of a transcription, made once for each settings (which name one solver)."""
-    made = transcription(system, form)
-    return Newton(made, settings) if settings.solver == "newton" else backend(made, settings)
-
-
-def _made() -> int:
-    return transcription.cache_info().misses + solver.cache_info().misses
+    if settings not in made.solvers:
+        own = Newton(made, settings) if settings.solver == "newton" else backend(made, settings)
+        made.solvers[settings] = own
+    found: Backend = made.solvers[settings]
+    return found

@@ -270,11 +270,6 @@ def _motion_of(named: Coordinate) -> str:
     return f"motion of {named.name}"
 
 
-def rate_unit(unit: str) -> str:
-    """Unit of the rate of a quantity ("rad/s" gives "rad/s^2")."""
-    return f"{unit}^2" if unit.endswith("/s") else f"{unit}/s"
-
-
 def _mean_square(x: _Symbols, form: Form) -> Any:
     """Mean of each input's square over the interval, exact for the kind of input."""
     if form.input == "constant":

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from planner.ocp import best
 from planner.ocp.backends import Settings
 from planner.ocp.bounds import Bounds, Tightening, bounds
 from planner.ocp.curve import curve
@@ -55,7 +56,9 @@ class Task:
 
     def solve(self, start: Iterate, near: bool = False) -> Solution:
         """Solve from a start, which may be near the answer."""
-        return solve(self.made, self.bounds, start, replace(self.settings, near=near))
+        found = solve(self.made, self.bounds, start, replace(self.settings, near=near))
+        best.offer(self, found)
+        return found
 
     def rows(self, iterate: Iterate) -> Array:
         """Values of all rows at an iterate, which may take another time than the problem gives."""

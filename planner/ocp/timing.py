@@ -21,19 +21,10 @@ class Timed:
     Attributes:
         solution: The task's solution, or the last one on the way to it (then not ok).
         quick: The fastest motion, when it had to be found first.
-        iterations: Iterations of the solver.
     """
 
     solution: Solution
     quick: Solution | None
-    iterations: int
-
-    @property
-    def shortest_s(self) -> float:
-        """Duration of the fastest motion; infinite where none was found."""
-        if self.quick is None or not self.quick.ok:
-            return float("inf")
-        return self.quick.iterate.duration
 
 
 def timed(task: Task, path: Iterate) -> Timed:
@@ -50,9 +41,9 @@ def timed(task: Task, path: Iterate) -> Timed:
         return _leisurely(task, stretched(path, wanted))
     quick = hasty(task).solve(stretched(path, 1.1 * needed))
     if not quick.ok or quick.iterate.duration * HASTE > wanted:
-        return Timed(replace(quick, ok=False), quick, quick.iterations)
+        return Timed(replace(quick, ok=False), quick)
     solution = task.solve(stretched(quick.iterate, wanted))
-    return Timed(solution, quick, quick.iterations + solution.iterations)
+    return Timed(solution, quick)
 
 
 def _leisurely(task: Task, motion: Iterate) -> Timed:
@@ -65,7 +56,7 @@ def _leisurely(task: Task, motion: Iterate) -> Timed:
     if near.ok:
         return _single(near)
     last = task.solve(motion)
-    return Timed(last, None, near.iterations + last.iterations)
+    return Timed(last, None)
 
 
 def hasty(task: Task) -> Task:
@@ -75,4 +66,4 @@ def hasty(task: Task) -> Task:
 
 
 def _single(solution: Solution) -> Timed:
-    return Timed(solution, None, solution.iterations)
+    return Timed(solution, None)

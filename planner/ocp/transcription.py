@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Any
 
 from planner.ocp.assembly import Program, assemble
 from planner.ocp.compiled import compiled
@@ -26,6 +27,7 @@ class Transcription:
         labels: What the rows of one interval mean.
         height: Rows of one interval.
         program: The functions.
+        solvers: Those made for it, by their settings: they live as long as it does.
     """
 
     system: TriangularSystem
@@ -34,6 +36,7 @@ class Transcription:
     labels: tuple[Rows, ...]
     height: int
     program: Program
+    solvers: dict[Any, Any] = field(default_factory=dict)
 
     def outcome(self, vector: Array, parameters: Array) -> tuple[float, Array, Iterate]:
         """What the unknowns lead to.

@@ -7,46 +7,44 @@ its own it can be left behind. That thread goes on until the process ends.
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
-from typing import Generic, TypeVar
+from typing import TypeVar
+
+from planner import deadline
 
 Value = TypeVar("Value")
 
-
-class Watchdog(Generic[Value]):
-    """Runs calls of one kind, and none any more after one that did not return."""
-
-    def __init__(self) -> None:
-        self.lost = False
-
-    def within(self, seconds: float, call: Callable[[], Value]) -> Value | None:
-        """What a call returns; None if that takes longer, or another call already did.
-
-        Raises:
-            Exception: Whatever the call raises.
-        """
-        if self.lost:
-            return None
-        caller = _Caller(call)
-        caller.start()
-        caller.join(seconds)
-        if caller.is_alive():
-            self.lost = True
-            return None
-        if caller.error is not None:
-            raise caller.error
-        return caller.value
+LOOK_S = 0.5
+"""Time between two looks at the clock; a call that returns is noticed at once."""
 
 
-class _Caller(threading.Thread, Generic[Value]):
-    def __init__(self, call: Callable[[], Value]) -> None:
-        super().__init__(daemon=True)
-        self._call = call
-        self.value: Value | None = None
-        self.error: BaseException | None = None
+def within(seconds: float, call: Callable[[], Value]) -> Value | None:
+    """What a call returns; None if that takes the process more of the processor's time than this.
 
-    def run(self) -> None:
+    A loaded machine slows the call and this clock alike, so that it changes no answer.
+
+    Raises:
+        TimeUpError: If time is up sooner; the call is left behind too, but may yet return.
+        Exception: Whatever the call raises.
+    """
+    out: list[Value] = []
+    errors: list[BaseException] = []
+
+    def run() -> None:
         try:
-            self.value = self._call()
+            out.append(call())
         except BaseException as error:
-            self.error = error
+            errors.append(error)
+
+    caller = threading.Thread(target=run, daemon=True)
+    began = time.process_time()
+    caller.start()
+    while caller.is_alive() and time.process_time() - began <= seconds:
+        left = deadline.remaining()
+        caller.join(min(LOOK_S, left))
+        if caller.is_alive() and left <= 0:
+            raise deadline.time_up()
+    if errors:
+        raise errors[0]
+    return out[0] if out else None

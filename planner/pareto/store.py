@@ -12,8 +12,9 @@ from typing import Any
 from planner.errors import InputError
 from planner.files import write_text
 from planner.jsonable import jsonable
+from planner.loading import load_plan
 from planner.pareto.point import Point
-from planner.plan import load_plan
+from planner.reading import read_json
 
 FORMAT = "planner-trade-off"
 VERSION = 1
@@ -85,16 +86,16 @@ class Store:
         data = self._read(index)
         for name, entry in data["points"].items():
             known = {f.name for f in fields(Point)} - {"plan"}
-            plan = load_plan(path / "plans" / f"{name}.json")
+            plan = load_plan(path / "plans" / f"{name}.json", strict=True)
             values = {key: entry[key] for key in known}
             self.points[int(name)] = Point(plan=plan, **values)
 
     def _read(self, index: Path) -> dict[str, Any]:
         try:
-            data = json.loads(index.read_text(encoding="utf-8"))
+            data = read_json(index)
             same = data["format"] == FORMAT and data["key"] == self.key
             points = data["points"]
-        except (OSError, ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError):
             raise InputError(
                 f"{index} is not the index of a trade-off; name another folder"
             ) from None

@@ -63,7 +63,7 @@ def animate(
     Args:
         plans: One plan, several, or several by label; those without real angles are left out.
         path: A name that ends in .gif, or in .mp4, which needs ffmpeg (on the path, or by
-            `pip install 'planner[video]'`). An existing file is replaced.
+            the extra `video`). An existing file is replaced.
         fps: Pictures a second, 1 to 60; a GIF keeps time in hundredths of a second.
         speed: Seconds of the motion a second of the film; 2 is twice as fast as life.
         progress: Told how many frames are done.

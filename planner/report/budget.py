@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import re
 from collections.abc import Mapping
@@ -12,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from planner import display
 from planner.budget import Budget, Cost, Index
+from planner.display import clean, markdown_code
 from planner.files import folder, write_text
 from planner.report.folder import save_figure
 from planner.report.provenance import versions
@@ -80,7 +80,7 @@ def markdown(budgets: Mapping[str, Budget], command: str | None = None) -> str:
     """Markdown text, one table a plan."""
     lines = ["# Error budget", ""]
     for label, budget in budgets.items():
-        lines += [f"## `{label}`", "", _total(budget) + ".", "", _line(HEAD)]
+        lines += [f"## {markdown_code(label)}", "", _total(budget) + ".", "", _line(HEAD)]
         lines += [_line(["---", *["---:"] * (len(HEAD) - 1)])]
         lines += [_line(_cells(cost)) for cost in budget.costs]
         lines += ["", _idle(budget), ""]
@@ -92,28 +92,26 @@ def markdown(budgets: Mapping[str, Budget], command: str | None = None) -> str:
         EXPLAINED[0].upper() + EXPLAINED[1:],
     ]
     if command:
-        lines += ["", f"Made by:\n\n    {command}"]
+        lines += ["", f"Made by:\n\n    {clean(command)}"]
     return "\n".join(lines) + "\n"
 
 
 def csv_text(budgets: Mapping[str, Budget]) -> str:
     """One line an effect of a plan, full precision, empty where a number is not defined."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
     ends = [
         f"{key}{end}" for key in ("alone", "saves") for end in ("_deg", "_low_deg", "_high_deg")
     ]
     parts = ("first", "first_half", "total", "total_half")
     shares = [f"{kind}_{part}" for kind in ("between", "switch") for part in parts]
-    writer.writerow(["plan", "effect", *ends, *shares])
+    rows: list[list[Any]] = [["plan", "effect", *ends, *shares]]
     for label, budget in budgets.items():
         for cost in budget.costs:
             kinds = (cost.between, cost.switch)
             numbers = [cost.alone_deg, *cost.alone_interval_deg]
             numbers += [cost.saves_deg, *cost.saves_interval_deg]
             numbers += [getattr(i, p) if i else np.nan for i in kinds for p in parts]
-            writer.writerow([label, cost.name, *("" if x != x else x for x in numbers)])
-    return stream.getvalue()
+            rows.append([label, cost.name, *("" if x != x else x for x in numbers)])
+    return display.csv_text(rows)
 
 
 def plot_budget(budget: Budget, *, axes: Any = None) -> tuple[Figure, Any]:

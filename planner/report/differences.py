@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from planner.display import csv_text, markdown, markdown_code
 from planner.significance import Difference
 
 if TYPE_CHECKING:
@@ -80,10 +79,10 @@ def markdown_differences(comparison: Comparison) -> str:
     """All pairs as Markdown."""
     lines = [_line(HEAD), _line(["---"] * 2 + ["---:"] * 5 + ["---"])]
     lines += [
-        _line([f"`{_escaped(d.first)}`", f"`{_escaped(d.second)}`", *_cells(d)[2:]])
+        _line([markdown_code(d.first), markdown_code(d.second), *_cells(d)[2:]])
         for d in comparison.differences
     ]
-    return f"""# Differences between plans: {comparison.problem.name}
+    return f"""# Differences between plans: {markdown(comparison.problem.name)}
 
 {chr(10).join(lines)}
 
@@ -99,18 +98,16 @@ significant too, so look at their size.
 
 def csv_differences(comparison: Comparison) -> str:
     """All pairs, full precision, empty where a number is not defined."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
     rows = [{**asdict(d), "significant": d.significant} for d in comparison.differences]
     keys = [*Difference.__dataclass_fields__, "significant"]
     at = keys.index("interval_deg")
     keys[at : at + 1] = ["interval_low_deg", "interval_high_deg"]
-    writer.writerow(keys)
+    cells: list[list[Any]] = [keys]
     for row in rows:
         low, high = row.pop("interval_deg")
         row |= {"interval_low_deg": low, "interval_high_deg": high}
-        writer.writerow(["" if row[key] != row[key] else row[key] for key in keys])
-    return stream.getvalue()
+        cells.append(["" if row[key] != row[key] else row[key] for key in keys])
+    return csv_text(cells)
 
 
 def _cells(d: Difference) -> list[str]:
@@ -133,7 +130,3 @@ def _number(value: float) -> str:
 
 def _line(cells: Sequence[str]) -> str:
     return "| " + " | ".join(cells) + " |"
-
-
-def _escaped(text: str) -> str:
-    return text.replace("|", "\\|")

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from planner.errors import InputError
 from planner.files import folder, write_text
 from planner.jsonable import jsonable
+from planner.reading import TOML_BYTES, read_text
 from planner.report.differences import csv_differences, markdown_differences
 from planner.report.html import write_report
 from planner.report.provenance import command
@@ -81,8 +83,8 @@ def replay_data(comparison: Comparison) -> dict[str, Any]:
 def _copy_problem(comparison: Comparison, place: Path) -> None:
     """The file as it is; changes against it are in the command of comparison.json."""
     try:
-        text = Path(comparison.problem.source).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
+        text = read_text(comparison.problem.source, TOML_BYTES, "a problem file is TOML")
+    except InputError:
         return
     write_text(place / "problem.toml", text)
 

@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 
 from planner.comparison import Comparison, Row
+from planner.errors import InputError
 from planner.files import write_text
-from planner.report.load import load_comparison, load_replays, read_json
+from planner.reading import read_json
+from planner.report.load import load_comparison, load_replays
 from planner.report.series import page_data
 from planner.report.table import CLOSED, columns, number
 from planner.report.words import answers, facts, places, question, subscripted, verdict
@@ -34,13 +36,18 @@ def write_report(folder: str | Path, out: str | Path | None = None) -> Path:
         The page's path.
 
     Raises:
-        InputError: If the folder is not that of a comparison, or the page cannot be written.
+        InputError: If the folder is not that of a comparison, a plan in it is none any more, or the
+            page cannot be written.
     """
     place = Path(folder)
-    comparison, replays = load_comparison(place), load_replays(place)
-    made = read_json(place / "comparison.json", "")
+    comparison, replays = load_comparison(place, strict=True), load_replays(place)
+    made = read_json(place / "comparison.json")
     target = place / "report.html" if out is None else Path(out)
-    return write_text(target, report_page(comparison, replays, made))
+    try:
+        page = report_page(comparison, replays, made)
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{folder} is damaged, its files do not fit: {error!r:.200}") from None
+    return write_text(target, page)
 
 
 def report_page(comparison: Comparison, replays: Mapping[str, Any], made: Mapping[str, Any]) -> str:

@@ -2,40 +2,55 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from planner.comparison import FORMAT, VERSION, Comparison, Row
+from planner.display import line
 from planner.errors import InputError
+from planner.loading import load_plan
 from planner.machine import Machine
-from planner.plan import load_plan
 from planner.problem import Problem
+from planner.reading import read_json
 
 
-def load_comparison(folder: str | Path) -> Comparison:
-    """Read the folder that `Comparison.save` wrote.
+def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
+    """Read the folder that `Comparison.save` wrote, and judge its plans again.
 
     Rows and plans come back; replays do not, since the folder keeps their errors only (see
-    `load_replays`).
+    `load_replays`). A row that says it is solved, and whose plan is none of this problem, comes
+    back unsolved: its `why` says what is wrong, and its numbers, those of another motion, are gone.
+
+    Args:
+        folder: The folder.
+        strict: Whether to refuse a folder with such a row.
 
     Raises:
-        InputError: If the folder is missing, not that of a comparison, or damaged.
+        InputError: If the folder is missing, not that of a comparison, or damaged; or, if `strict`,
+            a row says it is solved and is not.
     """
     place = Path(folder)
-    data = read_json(place / "comparison.json", f"{folder} is not the folder of a comparison")
+    try:
+        data = read_json(place / "comparison.json")
+    except InputError as error:
+        raise InputError(f"{folder} is not the folder of a comparison: {error}") from None
     if data.get("format") != FORMAT or data.get("version") != VERSION:
         raise InputError(
             f"{place / 'comparison.json'} is not a comparison this planner reads: format"
-            f" {data.get('format')!r}, version {data.get('version')!r}"
+            f" {data.get('format')!r:.60}, version {data.get('version')!r:.60}"
         )
     try:
         problem = Problem.from_dict(data["problem"], data["source"])
+        rows = [_row(row, place, problem) for row in data["rows"]]
+        said = (row["why"] for row in data["rows"])
+        fallen = [row.why for row, why in zip(rows, said, strict=True) if row.why != why]
+        if fallen and strict:
+            raise InputError("\n".join(f"{folder}: {why}" for why in fallen))
         return Comparison(
             problem=problem,
-            rows=tuple(_row(row, place) for row in data["rows"]),
+            rows=tuple(rows),
             machine=Machine.from_table(data["machine"]),
             samples=data["samples"],
             seed=data["seed"],
@@ -54,38 +69,36 @@ def load_replays(folder: str | Path) -> dict[str, Any]:
         InputError: If the file is damaged.
     """
     path = Path(folder) / "replays.json"
-    return read_json(path, "") if path.exists() else {}
+    return read_json(path) if path.exists() else {}
 
 
-def read_json(path: Path, otherwise: str) -> dict[str, Any]:
-    """The object in a JSON file.
-
-    Raises:
-        InputError: If it cannot be read, or is not one object; starts with `otherwise`.
-    """
-    prefix = f"{otherwise}: " if otherwise else ""
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{prefix}cannot read {path}: {error.strerror or error}") from None
-    except ValueError as error:
-        raise InputError(f"{prefix}{path} is not JSON: {error}") from None
-    if not isinstance(data, dict):
-        raise InputError(f"{prefix}{path} does not hold one object")
-    return data
+def _asked(problem: Problem) -> dict[str, Any]:
+    """What a problem asks for, whatever it is called."""
+    return {key: value for key, value in problem.to_dict().items() if key != "title"}
 
 
-def _row(data: Mapping[str, Any], place: Path) -> Row:
+def _row(data: Mapping[str, Any], place: Path, problem: Problem) -> Row:
+    file = data.get("plan_file")
+    plan = None if file is None else load_plan(place / file)
+    fault = "" if plan is None else plan.why
+    if plan is not None and _asked(plan.problem) != _asked(problem):
+        fault = "it is made for another problem than the folder's"
+    elif data["solved"] and not (plan and plan.verified):
+        fault = fault or "no verified plan is there"
+    if fault:
+        why = f"{file} was changed after it was made: {fault}; compare again"
+        return Row(data["label"], data["method"], False, why, plan=plan, feedback=data["feedback"])
     known = {field.name: field for field in fields(Row)} | {"peak_u": None}
     given = {**data, "peak_u": data["peak_u_rad_s"]}
     values = {k: _read_back(v) for k, v in given.items() if k in known and k != "replay"}
     values["domain_ok"] = data["domain_ok"]
-    plan = data.get("plan_file")
-    return Row(**values, plan=None if plan is None else load_plan(place / plan))
+    return Row(**values, plan=plan)
 
 
 def _read_back(value: Any) -> Any:
     """Null is a number that is not defined; a list is a tuple."""
     if isinstance(value, list):
         return tuple(_read_back(item) for item in value)
+    if isinstance(value, str):
+        return line(value, 2000)
     return float("nan") if value is None else value

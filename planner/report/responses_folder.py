@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from planner.differences import MachineSensitivity
+from planner.display import csv_text
 from planner.files import folder, write_text
 from planner.jsonable import jsonable
 from planner.report.responses import plot_machine_sensitivity, plot_responses, plot_sensitivity
@@ -54,12 +53,8 @@ def save_sensitivity(
 
 def _csv(found: Sensitivity) -> str:
     """S(T): one row a coordinate, one column a parameter, units beside the names."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(
-        ["coordinate"]
-        + [f"{name} ({unit})" for name, unit in zip(found.parameters, found.units, strict=True)]
-    )
+    named = zip(found.parameters, found.units, strict=True)
+    rows = [["coordinate", *(f"{name} ({unit})" for name, unit in named)]]
     for c, row in zip(found.plan.problem.system.coordinates, found.terminal, strict=True):
-        writer.writerow([f"{c.name} ({c.unit})", *(f"{value:.10g}" for value in row)])
-    return out.getvalue()
+        rows.append([f"{c.name} ({c.unit})", *(f"{value:.10g}" for value in row)])
+    return csv_text(rows)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from planner.comparison import FEEDBACK
+from planner.display import clean
 from planner.errors import InputError
 from planner.extrema import sample_times
 from planner.plan import Plan
@@ -67,7 +68,7 @@ class Curve:
     @property
     def refused(self) -> bool:
         """Whether it is drawn for study only."""
-        return self.plan.status != "solved" or not self.plan.executable
+        return not (self.plan.verified or self.plan.status == "solved") or not self.plan.executable
 
     @property
     def dashes(self) -> str:
@@ -166,15 +167,20 @@ def symbol(name: str) -> str:
     """A coordinate's name as mathematics where it has a number: theta1 becomes θ₁."""
     found = re.fullmatch(r"(theta|phi|alpha|beta|[a-z])(\d+)", name)
     if not found:
-        return name.replace("_", " ")
+        return plain(name.replace("_", " "))
     letter, number = found.groups()
     return f"${letter if len(letter) == 1 else chr(92) + letter}_{{{number}}}$"
+
+
+def plain(text: str) -> str:
+    """Foreign text as Matplotlib draws it letter by letter; between two $ it reads mathematics."""
+    return clean(text).replace("$", r"\$")
 
 
 def axis_label(coordinate: Coordinate) -> str:
     """Name and unit; angles are drawn in degrees."""
     unit = "deg" if coordinate.unit == "rad" else coordinate.unit
-    return f"{symbol(coordinate.name)} ({unit})"
+    return f"{symbol(coordinate.name)} ({plain(unit)})"
 
 
 def shown(values: Array, unit: str) -> Array:
@@ -206,4 +212,4 @@ def heading(figure: Figure, text: str, *, ours: bool) -> None:
     """A title over a figure of ours."""
     if ours:
         letters = int(11 * figure.get_figwidth())
-        figure.suptitle(textwrap.fill(text, letters), fontsize=11)
+        figure.suptitle(plain(textwrap.fill(text, letters)), fontsize=11)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -11,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from planner import display
+from planner.display import clean, markdown_code
 from planner.html_table import html_table
 from planner.report.provenance import command, worst_command
 
@@ -72,7 +72,8 @@ INTERVALS = [
 
 def verdict(row: Row) -> str:
     """Solved, or why not."""
-    return "yes" if row.solved else f"no: {row.why}"
+    word = "yes" if row.solved else "no"
+    return f"{word}: {row.why}" if row.why or not row.solved else word
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -125,17 +126,17 @@ def markdown(comparison: Comparison) -> str:
     titles = ["method", "solved", *(_titled(column) for column in shown)]
     rule = ["---", "---", *("---:" for _ in shown)]
     body = [
-        [f"`{_escaped(row.label)}`", _escaped(verdict(row)), *(c.text(row) for c in shown)]
+        [markdown_code(row.label), display.markdown(verdict(row)), *(c.text(row) for c in shown)]
         for row in comparison.rows
     ]
     lines = ["| " + " | ".join(cells) + " |" for cells in (titles, rule, *body)]
     repeat = command(comparison)
     again = (
-        f"Made by:\n\n    {repeat}\n"
+        f"Made by:\n\n    {clean(repeat)}\n"
         if repeat
         else "Made from Python; `comparison.json` holds the problem, the machine and the seed.\n"
     )
-    heading = f"# Comparison: {comparison.problem.name}\n"
+    heading = f"# Comparison: {display.markdown(comparison.problem.name)}\n"
     if not comparison.complete:
         heading += "\n**Partial: interrupted before all methods were done.**\n"
     after = ["", _explained(comparison), "", *_worst(comparison), again]
@@ -154,8 +155,8 @@ def html(comparison: Comparison) -> str:
 def _worst(comparison: Comparison) -> list[str]:
     """The machine with the largest error of each plan, and the command that replays it alone."""
     lines = [
-        f"- `{row.label}`: E {number(float(row.replay.index_E_deg.max()))} deg on machine"
-        f" {row.worst}: `{worst_command(comparison, row)}`"
+        f"- {markdown_code(row.label)}: E {number(float(row.replay.index_E_deg.max()))} deg"
+        f" on machine {row.worst}: `{clean(str(worst_command(comparison, row)))}`"
         for row in comparison.rows
         if row.replay is not None and row.worst is not None
     ]
@@ -166,12 +167,8 @@ def _worst(comparison: Comparison) -> list[str]:
 
 def csv_text(comparison: Comparison) -> str:
     """One line a method, full precision, empty where a number is not defined."""
-    stream = io.StringIO()
     rows = [_flat(row) for row in comparison.rows]
-    writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return stream.getvalue()
+    return display.csv_text([list(rows[0]), *(list(row.values()) for row in rows)])
 
 
 def _flat(row: Row) -> dict[str, Any]:
@@ -185,12 +182,7 @@ def _flat(row: Row) -> dict[str, Any]:
 
 
 def _titled(column: Column) -> str:
-    unit = f" ({column.unit})" if column.unit else ""
-    return _escaped(column.title) + unit
-
-
-def _escaped(text: str) -> str:
-    return text.replace("|", "\\|")
+    return display.markdown(column.title + (f" ({column.unit})" if column.unit else ""))
 
 
 def _explained(comparison: Comparison) -> str:

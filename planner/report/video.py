@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.distribution import how_to_install
 from planner.errors import InputError
 
 Frame = NDArray[np.uint8]
@@ -94,6 +95,6 @@ def find_ffmpeg() -> str:
         return str(get_ffmpeg_exe())
     except (ImportError, RuntimeError):
         raise InputError(
-            "an MP4 needs ffmpeg; install it, or: pip install 'planner[video]'; a name that ends"
+            f"an MP4 needs ffmpeg; install it, or: {how_to_install('video')}; a name that ends"
             " in .gif needs nothing"
         ) from None

@@ -11,11 +11,21 @@ from pydantic import Field, field_validator, model_validator
 from planner.schema.base import Table
 from planner.schema.file import Free, GoalTable, ProblemFile
 from planner.schema.limits import ArmLimits, bound_deg
-from planner.schema.workspace import JointWaypoint, ObstacleTable
+from planner.schema.workspace import MOST_OBSTACLES, MOST_WAYPOINTS, JointWaypoint, ObstacleTable
 from planner.systems.base import Array
 
 AngleDeg = Annotated[float, Field(gt=-90, lt=90)]
 MAX_TRAVEL_RAD = 8 * np.pi
+
+MOST_JOINTS = 8
+"""The expressions of the chained form are three times as long with each joint more: with eight a
+choice of travel takes half a minute already, with twelve nothing answers in that time."""
+
+MOST_RATIO = 1000.0
+"""Ratios of an arm's gears are about one; with 1e8 a search goes on for minutes in vain."""
+
+Ratio = Annotated[float, Field(gt=0, le=MOST_RATIO)]
+Joints = Annotated[int, Field(ge=2, le=MOST_JOINTS)]
 
 
 class JointStart(Table):
@@ -51,10 +61,14 @@ class ArmFile(ProblemFile):
     goal: JointGoal
     limits: ArmLimits = Field(default_factory=ArmLimits)
     waypoints: list[JointWaypoint] = Field(
-        default_factory=list, description="Places the motion must pass through."
+        default_factory=list,
+        max_length=MOST_WAYPOINTS,
+        description="Places the motion must pass through.",
     )
     obstacles: list[ObstacleTable] = Field(
-        default_factory=list, description="Discs in the plane that the links must clear."
+        default_factory=list,
+        max_length=MOST_OBSTACLES,
+        description="Discs in the plane that the links must clear.",
     )
 
     @model_validator(mode="after")

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
 from pydantic import Field, model_validator
 
-from planner.schema.arm import ArmFile
+from planner.schema.arm import MOST_JOINTS, MOST_RATIO, ArmFile, Joints, Ratio
 from planner.schema.base import Table
 from planner.schema.limits import Positive
 from planner.systems.ballgear import BallGear
@@ -16,8 +16,8 @@ class BallGearTable(Table):
     """Nakamura's manipulator."""
 
     kind: Literal["ball-gear"]
-    joints: Annotated[int, Field(ge=2, le=20)] = Field(description="Number of joints n.")
-    K: list[Positive] = Field(description="K2 ... Kn, n-1 numbers.")
+    joints: Joints = Field(description=f"Number of joints n, at most {MOST_JOINTS}.")
+    K: list[Ratio] = Field(description=f"K2 ... Kn, n-1 numbers, at most {MOST_RATIO:g}.")
     k_g: Positive = Field(1.0, description="Drive constant; it only scales u1.")
     link_lengths: list[Positive] | None = Field(None, description="Link lengths for drawing.")
 

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from planner.display import line
 from planner.schema.base import Table, nearest
 from planner.schema.file import Free, GoalTable, NamedFile
 from planner.schema.limits import BaseLimits, PerInput, Positive, bound
@@ -48,10 +49,10 @@ class CustomTable(Table):
 
     def build(self) -> CustomSystem:
         """The system described."""
-        named = zip(self.coordinates, self.units, strict=True)
-        first, second = zip(self.inputs, self.input_units, strict=True)
+        named = zip(self.coordinates, map(line, self.units), strict=True)
+        first, second = zip(map(line, self.inputs), map(line, self.input_units), strict=True)
         return CustomSystem(
-            self.name,
+            line(self.name),
             [Coordinate(*pair) for pair in named],
             self.slopes,
             self.drive,

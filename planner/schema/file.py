@@ -13,7 +13,7 @@ from planner.schema.feedback import FeedbackTable
 from planner.schema.limits import BaseLimits
 from planner.schema.machine import MachineTable
 from planner.schema.methods import MethodsTable
-from planner.schema.workspace import NamedWaypoint, ObstacleTable
+from planner.schema.workspace import MOST_WAYPOINTS, NamedWaypoint, ObstacleTable
 from planner.systems.base import Array, TriangularSystem
 
 Free = Literal["free"]
@@ -81,7 +81,9 @@ class NamedFile(ProblemFile):
     """A problem file whose waypoints name coordinates."""
 
     waypoints: list[NamedWaypoint] = Field(
-        default_factory=list, description="Places the motion must pass through."
+        default_factory=list,
+        max_length=MOST_WAYPOINTS,
+        description="Places the motion must pass through.",
     )
 
     def waypoint_states(self, coordinates: list[str]) -> list[Array]:

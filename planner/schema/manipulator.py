@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
 from pydantic import Field, model_validator
 
-from planner.schema.arm import ArmFile
+from planner.schema.arm import MOST_JOINTS, MOST_RATIO, ArmFile, Joints, Ratio
 from planner.schema.base import Table
 from planner.schema.limits import LimitsTable, Positive
 from planner.systems.manipulator import Gear, Manipulator
@@ -26,8 +26,10 @@ class ManipulatorTable(Table):
     """The manipulator: its constants, directly or by gear geometry."""
 
     kind: Literal["manipulator"]
-    joints: Annotated[int, Field(ge=2, le=20)] = Field(description="Number of joints n.")
-    K: list[Positive] | None = Field(None, description="K2 ... Kn, n-1 numbers.")
+    joints: Joints = Field(description=f"Number of joints n, at most {MOST_JOINTS}.")
+    K: list[Ratio] | None = Field(
+        None, description=f"K2 ... Kn, n-1 numbers, at most {MOST_RATIO:g}."
+    )
     gear: GearTable | None = Field(None, description="Gear geometry in place of K.")
     k_g: Positive | None = Field(
         None, description="Drive constant; needed with K, by rule with gear."

@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping, Sequence
+import reprlib
+from collections.abc import Collection, Mapping, Sequence
+from itertools import islice
 from typing import Any, get_args
 
 from pydantic import BaseModel
 
+from planner.display import brief
+
 Path = tuple[Any, ...]
+
+MOST = 10
+"""Errors that are told of one table; who has more has one reason for them."""
+
+_limited = reprlib.Repr()  # a list of a million numbers is not written out to be cut short
+_limited.maxlist = _limited.maxtuple = _limited.maxdict = 20
+_limited.maxstring = _limited.maxother = _limited.maxlong = 80
 
 _PHRASES = {
     "literal_error": "{expected}",
@@ -45,13 +56,12 @@ def explain(
     grouped: dict[Path, list[Any]] = {}
     for error in errors:
         grouped.setdefault(_path(data, error), []).append(error)
-    kept = {p: e for p, e in grouped.items() if not _told_below(p, grouped)}
+    above = {path[:k] for path in grouped for k in range(len(path))}
+    kept = {p: e for p, e in grouped.items() if not _told_below(p, e, above)}
     typos = _typos(model, kept)
-    return [
-        _line(model, data, path, group, at)
-        for path, group in kept.items()
-        if group[0]["type"] != "missing" or path not in typos
-    ]
+    told = {p: e for p, e in kept.items() if e[0]["type"] != "missing" or p not in typos}
+    lines = [_line(model, data, path, group, at) for path, group in islice(told.items(), MOST)]
+    return lines + ([f"and {len(told) - MOST} more errors"] if len(told) > MOST else [])
 
 
 def nearest(word: str, allowed: Sequence[str]) -> str:
@@ -62,7 +72,7 @@ def nearest(word: str, allowed: Sequence[str]) -> str:
 
 
 def _closest(word: str, allowed: Sequence[str]) -> str | None:
-    found = difflib.get_close_matches(word, allowed, n=1, cutoff=0.5)
+    found = difflib.get_close_matches(word[:100], allowed, n=1, cutoff=0.5)
     return found[0] if found else None
 
 
@@ -85,16 +95,15 @@ def _has(data: Any, part: Any) -> bool:
     return isinstance(data, list) and isinstance(part, int) and part < len(data)
 
 
-def _told_below(path: Path, grouped: Mapping[Path, Any]) -> bool:
+def _told_below(path: Path, errors: Sequence[Any], above: Collection[Path]) -> bool:
     """Whether an entry of the list at `path` is at fault, so that the list as such is not."""
-    return any(len(p) > len(path) and p[: len(path)] == path for p in grouped) and all(
-        e["type"] != "value_error" for e in grouped[path]
-    )
+    return path in above and all(e["type"] != "value_error" for e in errors)
 
 
 def _typos(model: type[BaseModel], grouped: Mapping[Path, Any]) -> set[Path]:
     """Paths that a misspelt key beside them was meant for."""
-    unknown = [p for p, group in grouped.items() if group[0]["type"] == "extra_forbidden"]
+    every = (p for p, group in grouped.items() if group[0]["type"] == "extra_forbidden")
+    unknown = list(islice(every, MOST))
     meant = {p: _closest(str(p[-1]), _keys_at(model, p[:-1])) for p in unknown}
     return {(*p[:-1], key) for p, key in meant.items() if key is not None}
 
@@ -129,13 +138,12 @@ def _phrase(error: Any) -> str:
 def _dotted(parts: Sequence[Any]) -> str:
     out = ""
     for part in parts:
-        out += f"[{part}]" if isinstance(part, int) else f".{part}"
+        out += f"[{part}]" if isinstance(part, int) else f".{brief(str(part))}"
     return out.lstrip(".")
 
 
 def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return brief(_limited.repr(value))
 
 
 def _elsewhere(model: type[BaseModel], path: Path) -> str:

@@ -11,6 +11,9 @@ from planner.schema.desensitised import DesensitisedOptions
 
 Point = Annotated[list[float], Field(min_length=2, max_length=2)]
 
+MOST_POINTS = 20
+"""Each raises the degree of v2 by one; conditions on polynomials of more have no digit left."""
+
 
 class LawOptions(Table):
     """Options of every law of the chained form."""
@@ -44,10 +47,11 @@ class LegOptions(LawOptions):
 class PolynomialOptions(LegOptions):
     """Options of the paper's polynomial law."""
 
-    points: list[Point] | Literal["auto"] = Field(
+    points: Annotated[list[Point], Field(max_length=MOST_POINTS)] | Literal["auto"] = Field(
         default_factory=list,
-        description="Constraint points [time in s, z2], eq. (28); or 'auto': as many as help, at"
-        " most two, chosen by `criterion` together with the travel where that is free.",
+        description=f"Constraint points [time in s, z2], eq. (28), at most {MOST_POINTS}; or"
+        " 'auto': as many as help, at most two, chosen by `criterion` together with the travel"
+        " where that is free.",
     )
 
 
@@ -107,7 +111,8 @@ class CollocationOptions(Table):
     intervals: Annotated[int, Field(ge=1, le=2000)] | Literal["auto"] = Field(
         "auto",
         description="Mesh intervals to begin with. auto: 14 for a straight line's neighbourhood in"
-        " a given time with a linear input, else 40.",
+        " a given time with a linear input; else 40 for paths, and as many for a motion as its"
+        " length wants, at least 80 where the duration is free.",
     )
     degree: Annotated[int, Field(ge=1, le=5)] = Field(
         3, description="Collocation points an interval."
@@ -117,9 +122,8 @@ class CollocationOptions(Table):
     )
     input: Literal["auto", "linear", "constant"] = Field(
         "auto",
-        description="Input in an interval: linear, and continuous over all; or constant. auto:"
-        " linear, but constant where the duration is free and neither rest nor a rate limit asks"
-        " for continuity, since the fastest motion switches between its limits.",
+        description="Input in an interval: linear, and continuous over all; or constant, which may"
+        " jump. auto: linear.",
     )
     rest: bool = Field(False, description="Inputs zero at both ends.")
     objective: Literal["auto", "effort", "smooth", "edge", "time", "mixed"] = Field(
@@ -144,29 +148,25 @@ class CollocationOptions(Table):
     )
     start: Literal["auto", "straight", "polynomial", "convex", "bump", "reverse", "wander"] = Field(
         "auto",
-        description="First guess. straight: a line; polynomial, convex: those methods' plans, where"
-        " one way suffices (else as auto); bump: the path coordinate goes out and back;"
+        description="First guess. straight: a line; bump: the path coordinate goes out and back;"
         " reverse: it leaves the line and returns late; wander: smooth random loops from fixed"
-        " seeds. auto: the line where one way suffices; else several of each, and the best kept.",
+        " seeds. auto: the line where one way suffices; else some of each, and the best kept."
+        " polynomial, convex: deprecated, the same as auto (those methods' plans led to no better"
+        " motions).",
     )
     starts: Annotated[int, Field(ge=1)] = Field(
         10,
-        description="Starts that must converge before the best is taken (start = 'auto' or"
-        " 'wander'). With 'auto' a path whose drive never turns back is enough by itself. Where"
-        " variations follow it is twice as many, or fewer when the shortest keeps coming back or"
-        " they take long.",
+        description="Paths found before the best is taken (start = 'auto' or 'wander'). With 'auto'"
+        " a path whose drive never turns back is enough by itself, and so is one that is found"
+        " three times.",
     )
     variations: Annotated[int, Field(ge=0)] = Field(
-        40,
-        description="Variations of the best motion found that are tried to better it, at most"
-        " (start = 'auto', the duration free, no waypoints, obstacles and z2 margin); fewer where"
-        " they help no more.",
+        0, description="Deprecated: accepted, without effect. More `attempts` search further."
     )
     attempts: Annotated[int, Field(ge=1)] = Field(
         16,
-        description="Starts tried at most before giving up. With start = 'auto' chains of more than"
-        " four joints without waypoints, obstacles and z2 margin try 2, and then paths by way of"
-        " shorter arms, and random ones. Where variations follow, up to twice as many are tried.",
+        description="First guesses tried at most before giving up; with start = 'auto' three times"
+        " as many more where every motion found is too slow for the duration given.",
     )
     accuracy: Annotated[float, Field(gt=0, lt=1e-2)] = Field(
         5e-6,
@@ -179,11 +179,9 @@ class CollocationOptions(Table):
     )
     solver: Literal["auto", "fatrop", "ipopt"] = Field(
         "auto",
-        description="Who solves the nonlinear programme. auto: Fatrop, which knows the stages, and"
-        " IPOPT where Fatrop fails; the other way round for more than four joints and for systems"
-        " whose rates depend on each other in a circle, such as trailers. IPOPT alone where the"
-        " duration is free and nothing is in the way: there Fatrop (1.1.8) has been seen never to"
-        " return. Starts near the answer first by Newton's method.",
+        description="Who solves the nonlinear programme. auto: Newton's method next to the answer,"
+        " Fatrop, which knows the stages, there and near a straight line in a given time, IPOPT"
+        " elsewhere and where they fail.",
     )
     compile: bool = Field(
         False,
@@ -194,27 +192,37 @@ class CollocationOptions(Table):
     max_iterations: Annotated[int, Field(ge=1)] = Field(
         500, description="Solver iterations a start."
     )
+    time_limit_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(
+        None,
+        description="Seconds after which the best verified plan found so far is the answer, and"
+        " says so in its status, or a refusal that says how far the search came. No limit if left"
+        " out.",
+    )
+
+    @field_validator("start")
+    @classmethod
+    def _still_known(cls, start: str) -> str:
+        return "auto" if start in ("polynomial", "convex") else start
 
 
 class ConvexOptions(Table):
-    """Options of the optimal plan in chained coordinates at constant v1."""
+    """Options of the path in chained coordinates that is optimal among those of one class."""
 
-    objective: Literal["smooth", "peak", "peak_input"] = Field(
+    objective: Literal["smooth", "peak"] = Field(
         "smooth",
         description="What is least: the integral of (dz2/dz1)^2 over |z1| (at one travel and"
-        " duration the same as that of v2^2), the greatest |v2|, or the greatest input over its"
-        " limit.",
+        " duration, and v1 constant, the same as that of v2^2); or the greatest |v2|, v1 constant.",
     )
     pieces: Annotated[int, Field(ge=2, le=400)] = Field(60, description="Equal pieces of v2.")
     input: Literal["auto", "constant", "linear"] = Field(
         "auto",
-        description="v2 constant on each piece, or continuous and linear. auto: linear when input"
-        " rates have a limit, since a jump has no finite rate.",
+        description="v2/v1 constant on each piece, or continuous and linear. auto: linear when"
+        " input rates have a limit, since a jump has no finite rate.",
     )
     travel: Literal["auto", "middle"] = Field(
         "auto",
         description="When goal.travel is free: the travel of the best objective, or the middle of"
-        " the range of travels that have a plan.",
+        " the range of travels that have a path.",
     )
     scan: Annotated[int, Field(ge=3, le=1000)] = Field(
         25, description="Travels tried before the search is refined about the best."
@@ -224,19 +232,13 @@ class ConvexOptions(Table):
         description="Least distance from the chart's edge: sin^2 of theta1 for n = 2 and 3, every"
         " margin elsewhere; half the distance of start or goal where that is less.",
     )
-    solver: Literal["auto", "osqp", "active_set"] = Field(
+    solver: Literal["auto", "osqp"] = Field(
         "auto",
-        description="Who solves the quadratic programmes: the active set, with OSQP solving the"
-        " last one again for comparison (auto); OSQP throughout; or the active set alone.",
-    )
-    tolerance: Annotated[float, Field(ge=1e-11, le=1e-4)] = Field(
-        1e-10, description="Excess over the domain, in z2, below which cutting stops."
+        description="Who solves the quadratic programmes: an active set, and OSQP where that is not"
+        " accurate (auto); or OSQP first.",
     )
     max_cuts: Annotated[int, Field(ge=1)] = Field(
         100, description="Rounds of cutting planes allowed at one travel."
-    )
-    max_steps: Annotated[int, Field(ge=1)] = Field(
-        200, description="Steps of successive convexification allowed at one travel."
     )
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Any, Literal, Union
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from planner.schema.base import Table
 
@@ -20,6 +21,14 @@ class CurveTable(Table):
     """
 
     breaks: Annotated[list[float], Field(min_length=2)] = Field(description="K+1 increasing times.")
+
+    @field_validator("breaks")
+    @classmethod
+    def _increase(cls, breaks: list[float]) -> list[float]:
+        if not all(a < b < 1e15 for a, b in pairwise(breaks)):
+            raise ValueError("times must increase, and stay below 1e15 s")
+        return breaks
+
     bernstein: list[list[Number | list[Number]]] = Field(
         description="Coefficients: degree + 1 lists of K pieces, each a list of components."
     )
@@ -105,6 +114,7 @@ class PlanFile(Table):
     certificate: CertificateTable | None = Field(
         None, description="What is proven of it between the nodes; null: not examined."
     )
+    why: str = Field("", description="What a plan that was read as verified breaks.")
     trajectory: TrajectoryTable = Field(description="The curve itself.")
 
 

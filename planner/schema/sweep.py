@@ -102,7 +102,9 @@ class SampleTable(Table):
 class ReplayTable(Table):
     """Replays of every plan on the emulated machine."""
 
-    samples: Whole = Field(0, description="Machines each plan is replayed on; 0: none.")
+    samples: Whole = Field(
+        0, le=1_000_000, description="Machines each plan is replayed on; 0: none."
+    )
     seed: Whole = Field(0, description="Seed of the machines, the same for every case.")
 
 

@@ -13,6 +13,11 @@ Positive = Annotated[float, Field(gt=0)]
 AngleDeg = Annotated[float, Field(gt=-90, lt=90)]
 
 
+MOST_WAYPOINTS, MOST_OBSTACLES = 50, 100
+"""A motion through more places has more parts than a mesh has intervals to begin with; each disc
+costs a row for each link at each place, and its share of the verification."""
+
+
 class WaypointTable(Table):
     """A place the motion must pass through."""
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import logging
+import socket
 from concurrent.futures import Future
 from typing import Any
 
+from planner.display import brief
+from planner.distribution import how_to_install
 from planner.errors import InputError
 from planner.sweep.case import Request, Row, run_case
 from planner.sweep.pools import died
@@ -13,8 +16,11 @@ from planner.sweep.pools import died
 WINDOW = 500
 """Cases handed to the scheduler at once; workers may come and go meanwhile."""
 
+ANSWER_S = 4.0
+"""How long to wait for the scheduler, which is there or is not."""
+
 PATIENCE_S = 15.0
-"""How long to wait for the scheduler, and then for its first worker."""
+"""How long to wait for the first worker."""
 
 
 class ClusterPool:
@@ -33,14 +39,18 @@ class ClusterPool:
     window = WINDOW
 
     def __init__(self, address: str) -> None:
+        _refuse_junk(address)
         distributed = _distributed()
         # A lost connection is one message of ours, not pages from Dask's own threads.
         for part in ("client", "core", "utils"):
             logging.getLogger(f"distributed.{part}").setLevel(logging.CRITICAL)
         try:
-            self._client = distributed.Client(address, timeout=PATIENCE_S, set_as_default=False)
-        except (OSError, ValueError) as error:
-            raise InputError(f"no Dask scheduler answers at {address}: {error}") from None
+            self._client = distributed.Client(address, timeout=ANSWER_S, set_as_default=False)
+        # Dask raises whatever the part of it that meets a strange answer raises.
+        except Exception as error:
+            raise InputError(
+                f"no Dask scheduler answers at {brief(address)}: {brief(str(error), 200)}"
+            ) from None
         try:
             self._refuse_unable(address)
         except BaseException:
@@ -98,6 +108,23 @@ class ClusterPool:
         self._client.close()
 
 
+def _refuse_junk(address: str) -> None:
+    """Refuse at once what is no address; Dask would look for it until its patience ends."""
+    scheme, given, place = address.rpartition("://")
+    host, colon, port = place.rpartition(":")
+    numbered = colon and port.isascii() and port.isdigit() and 0 < int(port[:6]) < 65536
+    known = not given or scheme in ("tcp", "tls", "ws", "wss", "ucx")
+    if not (known and host and numbered and host.isprintable() and " " not in host):
+        raise InputError(
+            f"--cluster {brief(address)!r} is not the address of a Dask scheduler, as in"
+            " tcp://host:8786"
+        )
+    try:
+        socket.getaddrinfo(host.strip("[]"), int(port), type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError) as error:
+        raise InputError(f"no Dask scheduler answers at {brief(address)}: {error}") from None
+
+
 def _able() -> bool:
     """Runs on a worker; unpickling it there needs this package."""
     return True
@@ -108,6 +135,6 @@ def _distributed() -> Any:
         import distributed
     except ImportError:
         raise InputError(
-            "--cluster needs Dask; install it with: pip install 'planner[cluster]'"
+            f"--cluster needs Dask; install it with: {how_to_install('cluster')}"
         ) from None
     return distributed

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -57,13 +58,17 @@ class Database:
 
     def __init__(self, path: str | Path, create: bool = False) -> None:
         self.path = Path(path)
-        new = not self.path.exists()
         if create:
             refuse_unwritable(path)
-        elif not self.path.is_file():
+        new = not os.path.exists(path)
+        if not new and not os.path.isfile(path):
+            raise InputError(f"cannot use {path}: it is a folder, a pipe or a device")
+        if new and not create:
             raise InputError(f"cannot read {path}: no such file; `planner sweep` makes it")
         with self.explained():
             self.db = sqlite3.connect(self.path, timeout=WAIT_S, isolation_level=None)
+            found = os.stat(self.path)
+            self._file = (found.st_dev, found.st_ino)
         try:
             with self.explained():
                 self._prepare(create)
@@ -130,6 +135,7 @@ class Database:
                 with suppress(sqlite3.Error):  # it may be over already
                     self.db.execute("ROLLBACK")
                 raise
+            self.refuse_lost()
             self.db.execute("COMMIT")
 
     @contextmanager
@@ -137,5 +143,21 @@ class Database:
         """SQLite's errors as an `InputError` that names the file."""
         try:
             yield
-        except sqlite3.Error as error:
+        except (sqlite3.Error, UnicodeDecodeError, OSError) as error:
             raise InputError(f"cannot use the database {self.path}: {error}") from None
+
+    def refuse_lost(self) -> None:
+        """Refuse to go on with a file that has been deleted or replaced: SQLite would not notice.
+
+        Raises:
+            InputError: If the path leads to another file than the one that is open.
+        """
+        try:
+            now = os.stat(self.path)
+        except OSError:
+            now = None
+        if now is None or (now.st_dev, now.st_ino) != self._file:
+            raise InputError(
+                f"{self.path} was deleted or replaced while the sweep ran; its results are lost,"
+                " and the same command runs them again"
+            )

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from planner.display import line
 from planner.errors import InputError
 from planner.problem import Problem, load_problem
+from planner.reading import read_toml
 from planner.schema import parse
 from planner.schema.sweep import ReplayTable, SweepFile
 from planner.spec import Spec, parse_specs
@@ -53,15 +54,7 @@ class Sweep:
         Raises:
             InputError: If the file is missing, not TOML, or describes what cannot be.
         """
-        try:
-            data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputError(f"cannot read {path}: {error.strerror or error}") from None
-        except UnicodeDecodeError:
-            raise InputError(f"{path} is not a text file; a sweep file is TOML in UTF-8") from None
-        except tomllib.TOMLDecodeError as error:
-            raise InputError(f"{path} is not valid TOML: {error}") from None
-        return cls.from_dict(data, str(path))
+        return cls.from_dict(read_toml(path, "a sweep file"), str(path))
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], source: str = "sweep") -> Sweep:
@@ -86,7 +79,7 @@ class Sweep:
         found = points(table, source)
         check_keys(base, table, found, [m.method for m in methods], source)
         return cls(
-            name=table.title or Path(source).stem,
+            name=line(table.title) or line(Path(source).stem),
             base=base,
             methods=tuple(methods),
             keys=tuple(varied(table)),

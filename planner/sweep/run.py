@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import Future
-from contextlib import closing, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -15,6 +15,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from planner.errors import InputError
+from planner.interrupts import Terminated, undisturbed
 from planner.sweep.case import Case, Row, case_at, cases
 from planner.sweep.description import Sweep
 from planner.sweep.pools import HerePool, LocalPool, Pool
@@ -93,9 +94,16 @@ def run_sweep(
         waiting = (case_at(sweep, position) for position in missing)
         run = _Run(store, waiting, len(wanted) - len(done), progress)
         if run.total:
-            with closing(_pool(workers, cluster, run.total)) as pool:
+            pool = _pool(workers, cluster, run.total)
+            try:
                 run.drive(pool)
+            finally:
+                with undisturbed():  # a process that is not ended goes on to the end of its case
+                    pool.close()
+        store.refuse_lost()
         statuses = store.statuses(index)
+        if sum(statuses.values()) < len(wanted):
+            raise InputError(f"{db} has lost cases while the sweep ran; run the same command again")
     elapsed = time.perf_counter() - began
     return Outcome(str(db), len(sweep), len(wanted), len(done), run.done, statuses, elapsed)
 
@@ -145,7 +153,7 @@ class _Run:
                 self._tell()
                 wanted = pool.window - running
                 running += sum(self._launch(pool, case) for case in islice(self.waiting, wanted))
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, Terminated):
             while not self.finished.empty():
                 self._keep(*self.finished.get())
             raise
@@ -153,7 +161,7 @@ class _Run:
     def _keep(self, case: Case, future: Future[Row]) -> None:
         try:
             self.store.add(case, future.result())
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, Terminated):
             self.finished.put((case, future))
             raise
         self.done += 1

@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from planner.errors import InputError
+from planner.reading import parse_json
 from planner.sweep.canonical import canonical, digest
 from planner.sweep.case import RESULTS, Case, Row
 from planner.sweep.database import Database
@@ -108,7 +109,11 @@ class Store(Database):
                 "SELECT id, description, keys FROM sweeps ORDER BY started_at, id"
             ).fetchall()
         return [
-            {"id": i, "description": json.loads(d), "keys": json.loads(keys)}
+            {
+                "id": i,
+                "description": self._parsed(d, "a description", dict),
+                "keys": self._parsed(keys, "the keys of a sweep", list),
+            }
             for i, d, keys in found
         ]
 
@@ -124,12 +129,22 @@ class Store(Database):
             )
             for changes, method, key, *values, finished in found:
                 yield {
-                    "changes": json.loads(changes),
+                    "changes": self._parsed(changes, "the changes of a case", dict),
                     "method": method,
                     "case": key,
                     **dict(zip(results, values, strict=True)),
                     "finished_at": finished,
                 }
+
+    def _parsed(self, text: Any, what: str, kind: type) -> Any:
+        """The value of a column that holds JSON."""
+        try:
+            value = parse_json(text)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{self.path} is damaged: {what} is not JSON: {error}") from None
+        if not isinstance(value, kind):
+            raise InputError(f"{self.path} is damaged: {what} is {value!r:.60}")
+        return value
 
     def plan(self, key: str) -> str | None:
         """The text of a stored plan, by its case's key or a beginning of it that is unique."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 import tempfile
@@ -10,9 +9,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from planner.display import csv_text
+from planner.distribution import how_to_install
 from planner.errors import InputError
 from planner.files import refuse_unwritable, write_bytes, write_text
-from planner.plan import Plan, load_plan
+from planner.loading import load_plan
+from planner.plan import Plan
 from planner.sweep.case import RESULTS
 from planner.sweep.store import Store
 
@@ -86,11 +88,7 @@ def export(db: str | Path, path: str | Path, which: int | None = None) -> Path:
     columns, records = read(db, which)
     cells = _cells(columns, records)
     if Path(path).suffix == ".csv":
-        text = io.StringIO(newline="")
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(zip(*cells.values(), strict=True))
-        return write_text(path, text.getvalue())
+        return write_text(path, csv_text([columns, *zip(*cells.values(), strict=True)]))
     buffer = io.BytesIO()
     _pandas().DataFrame(cells).to_parquet(buffer, engine="pyarrow", index=False)
     return write_bytes(path, buffer.getvalue())
@@ -110,7 +108,7 @@ def refuse_unexportable(path: str | Path) -> None:
         try:
             import pyarrow  # noqa: F401
         except ImportError:
-            raise InputError(_LACKING.format("Parquet", "pyarrow")) from None
+            raise _lacks("Parquet", "pyarrow") from None
 
 
 def read(db: str | Path, which: int | None = None) -> tuple[list[str], list[Record]]:
@@ -143,12 +141,13 @@ def _cells(columns: Iterable[str], records: list[Record]) -> Mapping[str, list[A
     return out
 
 
-_LACKING = "{} needs {}; install it with: pip install 'planner[tables]'"
-
-
 def _pandas() -> Any:
     try:
         import pandas
     except ImportError:
-        raise InputError(_LACKING.format("this table", "pandas")) from None
+        raise _lacks("this table", "pandas") from None
     return pandas
+
+
+def _lacks(what: str, library: str) -> InputError:
+    return InputError(f"{what} needs {library}; install it with: {how_to_install('tables')}")

@@ -25,6 +25,11 @@ class Coordinate:
     name: str
     unit: str
 
+    @property
+    def rate_unit(self) -> str:
+        """Unit of its rate ("rad/s" gives "rad/s^2")."""
+        return f"{self.unit}^2" if self.unit.endswith("/s") else f"{self.unit}/s"
+
 
 class TriangularSystem(ABC):
     """A driftless two-input system in triangular form.

@@ -11,6 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from planner.display import brief
 from planner.errors import InputError
 
 _NAMES = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh")
@@ -42,9 +43,15 @@ def parse_expression(text: str, symbols: Mapping[str, Any], where: str = "expres
     """
     try:
         tree = ast.parse(text.strip(), mode="eval")
-    except (SyntaxError, ValueError, RecursionError):
-        raise InputError(f"{where}: {text!r} is not an expression") from None
-    return _Reader(text, {"pi": np.pi, **symbols}, where).build(tree.body)
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise InputError(f"{where}: {brief(text)!r} is not an expression") from None
+    try:
+        return _Reader(brief(text), {"pi": np.pi, **symbols}, where).build(tree.body)
+    except RecursionError:
+        raise InputError(
+            f"{where}: {brief(text)!r} has too many terms or brackets ({len(text)} characters);"
+            " at most some hundred can be read"
+        ) from None
 
 
 @dataclass(frozen=True)
@@ -57,14 +64,14 @@ class _Reader:
         value = ca.SX(self._translated(node))
         if value.is_constant() and not value.is_regular():
             raise InputError(
-                f"{self.where}: {ast.unparse(node)!r} in {self.text!r} has no finite value"
+                f"{self.where}: {_source(node)!r} in {self.text!r} has no finite value"
             )
         return value
 
     def _translated(self, node: ast.expr) -> Any:
         match node:
             case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
-                return float(number)
+                return _finite(number, self.where)
             case ast.Name(id=name) if name in self.known:
                 return self.known[name]
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
@@ -76,9 +83,20 @@ class _Reader:
             case ast.Call(func=ast.Name(id=name), args=args, keywords=[]) if name in FUNCTIONS:
                 return _call(name, [self.build(a) for a in args], self.where)
         raise InputError(
-            f"{self.where}: {ast.unparse(node)!r} in {self.text!r} is not understood; names:"
+            f"{self.where}: {_source(node)!r} in {self.text!r} is not understood; names:"
             f" {', '.join(self.known)}; functions: {', '.join(FUNCTIONS)}; operators: + - * / **"
         )
+
+
+def _finite(number: float, where: str) -> float:
+    try:
+        return float(number)
+    except OverflowError:
+        raise InputError(f"{where}: a whole number of hundreds of digits") from None
+
+
+def _source(node: ast.expr) -> str:
+    return brief(ast.unparse(node))
 
 
 def _call(name: str, args: list[Any], where: str) -> Any:

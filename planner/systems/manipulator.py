@@ -179,10 +179,15 @@ class Manipulator(TriangularSystem):
     def rates(self, q: Array, u: Array) -> Array:
         """q̇ of eq. (6), shape (…, n+1)."""
         c = np.cos(q[..., 1:-1])
-        before = np.cumprod(np.concatenate([np.ones_like(c[..., :1]), c[..., :-1]], -1), -1)
-        u1 = u[..., 0:1]
-        path = self.k_g * before[..., -1:] * u1
-        return np.concatenate([path, u[..., 1:2], self.k_g * self.K * c**3 * before * u1], axis=-1)
+        out = np.empty((*np.broadcast_shapes(q.shape[:-1], u.shape[:-1]), self.size))
+        speed = self.k_g * u[..., 0]
+        for i in range(self.n - 1):  # by coordinate: NumPy's products along a short axis are slow
+            cosine = c[..., i]
+            out[..., i + 2] = self.K[i] * cosine * cosine * cosine * speed
+            if i < self.n - 2:
+                speed = speed * cosine
+        out[..., 0], out[..., 1] = speed, u[..., 1]
+        return out
 
     def arm_points(self, theta: Array) -> Array:
         """Forward kinematics in the plane.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import threading
-from collections import OrderedDict
 from collections.abc import Sequence
 from typing import Any
 
@@ -47,12 +46,10 @@ class Pointwise:
         value: Expression of them, a column vector or matrix.
     """
 
-    _KEPT = 32
-
     def __init__(self, name: str, arguments: Sequence[Any], value: Any) -> None:
         self.function = ca.Function(name, list(arguments), [ca.densify(value)])
         self.shape = self.function.size_out(0)
-        self._mapped: OrderedDict[int, Call] = OrderedDict({1: Call(self.function)})
+        self._mapped = {0: Call(self.function)}  # by the power of two of the points they take
 
     def __call__(self, *arguments: Array) -> Array:
         """Values at points given by arrays (…, k) whose leading axes agree.
@@ -63,17 +60,21 @@ class Pointwise:
         lead = arguments[0].shape[:-1]
         count = math.prod(lead)
         rows, columns = self.shape
-        out = self._for(count)(*arguments) if count else np.empty(0)
+        out = self._values(count, [a.reshape(-1, a.shape[-1]) for a in arguments])
         out = out.reshape(count, columns, rows)
         if columns == 1:
             return out.reshape(*lead, rows)
         return np.ascontiguousarray(out.swapaxes(-1, -2)).reshape(*lead, rows, columns)
 
-    def _for(self, count: int) -> Call:
-        if count not in self._mapped:
-            self._mapped[count] = Call(self.function.map(count))
-            if len(self._mapped) > self._KEPT:
-                self._mapped.popitem(last=False)
-        else:
-            self._mapped.move_to_end(count)
-        return self._mapped[count]
+    def _values(self, count: int, points: Sequence[Array]) -> Array:
+        """By maps over powers of two: any count is a sum of few, and a map takes long to make."""
+        done, parts = 0, []
+        for power in range(count.bit_length() - 1, -1, -1):
+            if count & 2**power:
+                if power not in self._mapped:
+                    self._mapped[power] = Call(self.function.map(2**power))
+                parts.append(self._mapped[power](*(p[done : done + 2**power] for p in points)))
+                done += 2**power
+        if len(parts) == 1:
+            return parts[0]
+        return np.concatenate(parts) if parts else np.empty(0)

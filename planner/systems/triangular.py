@@ -53,7 +53,7 @@ def check_intervals(
         if name not in given and coordinates[i].unit != "rad":
             raise InputError(f"{system}: give the interval of {name} in {coordinates[i].unit}")
         low, high = (float(x) for x in given.get(name, (-np.pi / 2, np.pi / 2)))
-        if not (np.isfinite(low) and np.isfinite(high) and low < high):
+        if not (np.isfinite(high - low) and low < high):
             raise InputError(f"{system}: the interval of {name} is ({low:g}, {high:g})")
         out[i] = (low, high)
     return out

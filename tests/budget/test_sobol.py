@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Mapping
 from typing import Any
@@ -11,6 +12,7 @@ import pytest
 
 from planner.budget import sobol
 from planner.budget.sobol import Index, indices
+from planner.distribution import how_to_install
 from planner.errors import InputError
 from planner.machine import Draws, Machine
 from planner.machine.draw import draw
@@ -59,7 +61,7 @@ def test_the_base_is_a_power_of_two(base: int) -> None:
 
 def test_without_salib_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "SALib.analyze", None)
-    with pytest.raises(InputError, match=r"planner\[budget\]"):
+    with pytest.raises(InputError, match=re.escape(how_to_install("budget"))):
         indices({"a": 1}, lambda p: p["a"][0], 4, 0)
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from outside import integrate
 from scipy.interpolate import BPoly
 
 import planner
 from planner.trajectory import StateTrajectory
-from planner.verify import integrate
 
 
 def by_hand(problem: planner.Problem, corners: np.ndarray, duration: float) -> planner.Plan:

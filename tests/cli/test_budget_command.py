@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import planner
+from planner.distribution import how_to_install
 
 PAPER = Path(__file__).parents[2] / "problems/paper.toml"
 IDEAL = ("--set", "machine.preset=ideal", "--set", "machine.backlash_deg=3",
@@ -84,4 +85,4 @@ def test_without_salib_it_ends_before_the_work(
     monkeypatch.setattr(sys.modules["planner.compare"], "solve_and_check", worked)
     result = run(command[0], PAPER, *command[1:])
     assert result.status == 2
-    assert result.err.endswith("pip install 'planner[budget]'\n")
+    assert result.err.endswith(f"install it with: {how_to_install('budget')}\n")

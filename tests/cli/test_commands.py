@@ -197,7 +197,7 @@ def module(command: str) -> Any:
 
 
 def test_a_bug_is_one_short_message(run: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(*_: Any) -> None:
+    def broken(*_: Any, **__: Any) -> None:
         raise ZeroDivisionError("oops")
 
     monkeypatch.setattr(module("plan"), "solve_and_check", broken)
@@ -218,9 +218,9 @@ def test_chatter_of_libraries_stays_off_standard_output(
 ) -> None:
     real = module("plan").solve_and_check
 
-    def chatty(*words: Any) -> Any:
+    def chatty(*words: Any, **options: Any) -> Any:
         print("a banner")
-        return real(*words)
+        return real(*words, **options)
 
     monkeypatch.setattr(module("plan"), "solve_and_check", chatty)
     result = run("plan", PAPER, *SOLVED, "--json")
@@ -231,7 +231,7 @@ def test_chatter_of_libraries_stays_off_standard_output(
 def test_ctrl_c_counts_even_when_a_solver_swallows_it(
     run: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def swallowed(*_: Any) -> None:
+    def swallowed(*_: Any, **__: Any) -> None:
         try:
             os.kill(os.getpid(), signal.SIGINT)
             signal.sigtimedwait([], 1)

@@ -28,6 +28,22 @@ sys.exit(planner.cli.main(sys.argv[1:]))
 """
 
 
+# Says that it refines the motion it held at Ctrl-C, and takes its time.
+SLOW_END = """
+import sys, time
+import planner.cli
+from planner.methods import collocation_early
+
+def slowly(*arguments):
+    print("refining what is held", file=sys.stderr, flush=True)
+    time.sleep({seconds})
+    return polished(*arguments)
+
+polished, collocation_early.polish = collocation_early.polish, slowly
+sys.exit(planner.cli.main(sys.argv[1:]))
+"""
+
+
 def started(words: list[str]) -> subprocess.Popen[str]:
     return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
@@ -58,6 +74,35 @@ def test_ctrl_c_ends_quietly_and_writes_nothing(command: str, name: str, tmp_pat
     assert stderr == "planner: interrupted, nothing written\n"
     assert json.loads(stdout)["status"] == "interrupted"
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("presses", [1, 2])
+def test_ctrl_c_while_a_motion_is_held(presses: int, tmp_path: Path) -> None:
+    """It is refined and written; nothing is where Ctrl-C is pressed once more before that."""
+    script = SLOW_END.format(seconds=60 if presses == 2 else 0)
+    options = ["start=wander", "starts=2000", "attempts=2000"]
+    sets = [word for each in options for word in ("--set", f"method.collocation.{each}")]
+    out = tmp_path / "plan.json"
+    words = ["plan", str(PROBLEMS / "paper.toml"), "--json", "--verbose", "--out", str(out), *sets]
+    with started([sys.executable, "-c", script, *words]) as job:
+        assert job.stderr is not None
+        said = iter(job.stderr)
+        assert any("'wander 2'" in line for line in said)
+        job.send_signal(signal.SIGINT)
+        assert any("refining what is held" in line for line in said)
+        if presses == 2:
+            job.send_signal(signal.SIGINT)
+        stdout, stderr = job.communicate(timeout=60)
+    answer = json.loads(stdout)
+    assert job.returncode == answer["exit_status"] == 130
+    assert answer["status"] == "interrupted"
+    if presses == 1:
+        assert answer["verified"]
+        assert "planner: interrupted: this is the best plan found by then" in stderr
+        assert json.loads(out.read_text())["status"] == "interrupted"
+    else:
+        assert "planner: interrupted, nothing written" in stderr
+        assert list(tmp_path.iterdir()) == []
 
 
 def test_a_job_in_the_background_of_a_script_leaves_ctrl_c_alone() -> None:

@@ -6,12 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import planner
 from planner.chained import chained_form
-from planner.convex.frame import Frame
-from planner.convex.shape import input_shape
+from planner.convex.frame import Frame, input_shape
 
 
 def printed_constants() -> tuple[float, float]:
@@ -36,31 +34,3 @@ def frame_at(printed: planner.Problem) -> Callable[..., Frame]:
         return Frame(input_shape(pieces, degree), start, goal, 1.0).at(travel)
 
     return make
-
-
-@pytest.fixture(scope="session")
-def reachable() -> Callable[..., planner.Problem]:
-    return reachable_by_half
-
-
-def reachable_by_half(joints: int, seed: int, travel: float | None = None) -> planner.Problem:
-    """A goal that a known smooth motion of travel ½ reaches."""
-    rng = np.random.default_rng([joints, seed])
-    start, K = rng.uniform(5, 25, joints), [0.9**i for i in range(joints - 1)]
-    system = planner.Manipulator(K, 0.7)
-
-    def slope(s: float, passive: np.ndarray) -> np.ndarray:
-        theta1 = np.deg2rad(start[0] + 10 * s + 30 * np.sin(np.pi * s) ** 2)
-        return 0.5 * system.slopes(np.array([0.0, theta1, *passive]))
-
-    end = solve_ivp(slope, (0, 1), np.deg2rad(start[1:]), rtol=1e-10).y[:, -1]
-    return planner.Problem.from_dict(
-        {
-            "system": {"kind": "manipulator", "joints": joints, "K": K, "k_g": 0.7},
-            "start": {"theta_deg": start.tolist()},
-            "goal": {
-                "theta_deg": [float(start[0] + 10), *np.rad2deg(end).tolist()],
-                "travel": "free" if travel is None else travel,
-            },
-        }
-    )

@@ -6,24 +6,22 @@ import numpy as np
 import pytest
 
 from planner.convex.cuts import NO_TOUCH, Above, Best, Impossible, Touch
-from planner.convex.frame import Frame
-from planner.convex.quadratic import Farkas, Optimum, StalledError
-from planner.convex.search import search, search_one
-from planner.convex.shape import input_shape
+from planner.convex.frame import Frame, input_shape
+from planner.convex.programme import Farkas, Optimum, StalledError
+from planner.convex.search import search
 
 FRAME = Frame(input_shape(8, 0), np.zeros(4), np.ones(4), 1.0)
 NOTHING = np.zeros(0)
 
 
 def best(travel: float, value: float) -> Best:
-    final = Optimum(NOTHING, NOTHING, -1.0, value, value, "stand-in", 0, 0.0)
-    frame, rows = FRAME.at(travel), np.zeros((0, 0))
-    return Best(frame, NOTHING, value, NO_TOUCH, rows, NOTHING, final, 1, -1.0)
+    final = Optimum(NOTHING, NOTHING, -1.0, value, value, "stand-in")
+    return Best(FRAME.at(travel), final, value, NO_TOUCH, 1, -1.0)
 
 
 def refused(travel: float, margin: float) -> Impossible:
     proof = Farkas(NOTHING, 0.0, -margin, 1.0)
-    return Impossible(FRAME.at(travel), NO_TOUCH, np.zeros((0, 0)), NOTHING, proof, 1)
+    return Impossible(FRAME.at(travel), NO_TOUCH, np.zeros((0, 0)), NOTHING, proof)
 
 
 def test_best_travel_is_refined_far_below_the_scan_step() -> None:
@@ -34,7 +32,7 @@ def test_best_travel_is_refined_far_below_the_scan_step() -> None:
     found = search(solve, np.linspace(0.1, 0.9, 9))
     assert found.best is not None
     assert found.best.frame.travel == pytest.approx(0.537, abs=1e-4)
-    assert (found.low, found.high) == (0.1, 0.9)
+    assert found.range == (0.1, 0.9)
 
 
 def test_search_never_reaches_travel_zero() -> None:
@@ -64,7 +62,7 @@ def test_a_range_between_two_scanned_travels_is_found() -> None:
 def test_nothing_anywhere() -> None:
     found = search(lambda travel, rows, ceiling: refused(travel, 1.0), np.linspace(0.1, 0.9, 5))
     assert found.best is None
-    assert np.isnan(found.low)
+    assert np.isnan(found.range[0])
     assert len(found.refusals) == found.tried
 
 
@@ -77,4 +75,4 @@ def test_stalls_are_passed_over() -> None:
     found = search(solve, np.linspace(0.1, 0.9, 9))
     assert found.best is not None
     assert 0.5 <= found.best.frame.travel < 0.51
-    assert search_one(solve, 0.2).best is None
+    assert search(solve, np.array([0.2])).best is None

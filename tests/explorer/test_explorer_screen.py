@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 import planner
+from planner.distribution import how_to_install
 from planner.errors import InputError
 from planner.explorer.outcome import judge, path
 from planner.explorer.picture import short
@@ -211,7 +213,7 @@ def test_the_missing_extra_is_named(
 
     monkeypatch.delitem(sys.modules, "planner.explorer.widget", raising=False)
     monkeypatch.setitem(sys.modules, "anywidget", None)
-    with pytest.raises(InputError, match=r"planner\[notebook\]"):
+    with pytest.raises(InputError, match=re.escape(how_to_install("notebook"))):
         planner.explore(paper)
 
 

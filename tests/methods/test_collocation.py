@@ -10,12 +10,11 @@ from scipy.integrate import solve_ivp
 import planner
 from planner.errors import InfeasibleError, InputError, NotConvergedError
 from planner.measures import effort, peak_inputs, peak_rates
-from planner.methods import collocation_search as module
 from planner.methods.collocation import collocation_task, plan_collocation
 from planner.methods.collocation_refusals import too_short
+from planner.ocp import pipeline as module
 from planner.ocp.guess import guess, seeds
 from planner.ocp.polish import Polished
-from planner.ocp.solver import solver
 from planner.ocp.transcription import transcription
 from planner.plan import Plan
 from planner.problem import Problem
@@ -86,7 +85,6 @@ def test_every_scheme_and_degree_agree(paper: Problem, optimal: Plan) -> None:
 
 def test_second_solve_builds_nothing_and_gives_the_same(paper: Problem, optimal: Plan) -> None:
     transcription.cache_clear()
-    solver.cache_clear()
     first, second = plan(paper), plan(paper)
     assert first.build_time_s > 0
     assert second.build_time_s == 0
@@ -218,7 +216,6 @@ def test_a_duration_below_any_bound_still_names_the_shortest_found(paper: Proble
 
 
 def test_a_given_duration_is_met_where_a_free_one_finds_it(paper: Problem) -> None:
-    """Its inputs must jump, and its path is a variation of what the first starts lead to."""
     base = {
         "start.theta_deg": [-42.007, -50.759],
         "goal": {"theta_deg": [36.263, 2.786], "travel": 0.0, "duration": "free"},
@@ -387,7 +384,7 @@ def test_the_fastest_motion_may_be_of_another_form_than_what_was_asked(paper: Pr
     job = collocation_task(paper.changed({"goal.duration": 2.5}), coarse, 20)
     free = collocation_task(paper.changed({"goal.duration": "free"}), kept, 30)
     solution = free.solve(guess(free.problem, free.made, free.mesh, seeds("straight")[0]))
-    fastest = Polished(free, solution, 0.0, {}, 0.0, 1)
+    fastest = Polished(free, solution, 0.0, {}, 1)
 
     def no_plan(*_: object) -> Plan:
         raise NotConvergedError("none")

@@ -33,7 +33,7 @@ def test_a_path_whose_drive_never_turns_back_ends_the_search() -> None:
 
 
 def test_where_the_drive_turns_back_more_starts_are_tried() -> None:
-    plan = planner.solve(TURNS, "collocation", starts=4, variations=0)
+    plan = planner.solve(TURNS, "collocation", starts=4)
     solved = [entry for entry in plan.notes["tried"] if entry["path_effort"] is not None]
     assert len(solved) == 4
     objectives = {e["start"]: e["objective"] for e in solved if e.get("objective")}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -17,6 +18,7 @@ from PIL import Image
 
 import planner
 from planner.cli import main
+from planner.distribution import how_to_install
 from planner.report import animate, video
 
 ROOT = Path(__file__).parents[2]
@@ -101,7 +103,8 @@ def test_without_ffmpeg_an_mp4_is_refused_at_once(
 
     monkeypatch.setattr(shutil, "which", lambda _: None)
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    with pytest.raises(planner.InputError, match=r"needs ffmpeg.*planner\[video\].*\.gif"):
+    says = rf"needs ffmpeg.*{re.escape(how_to_install('video'))}.*\.gif"
+    with pytest.raises(planner.InputError, match=says):
         animate(plan, tmp_path / "x.mp4")
     assert list(tmp_path.iterdir()) == []
 

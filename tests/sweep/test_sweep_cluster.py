@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from typing import Any
 import pytest
 
 import planner
+from planner.distribution import how_to_install
 from planner.errors import InputError
 from planner.sweep import run_sweep
 from planner.sweep.store import Store
@@ -120,8 +122,8 @@ def test_a_cluster_that_is_not_there_is_told(
     monkeypatch: pytest.MonkeyPatch, tables: dict[str, Any], tmp_path: Path
 ) -> None:
     pytest.importorskip("distributed", reason="Dask is not installed: pip install '.[cluster]'")
-    monkeypatch.setattr("planner.sweep.cluster.PATIENCE_S", 0.2)
-    for address in ("tcp://127.0.0.1:9", "nonsense://x"):
+    monkeypatch.setattr("planner.sweep.cluster.ANSWER_S", 0.2)
+    for address in ("tcp://127.0.0.1:9", "tcp://no-such-host.invalid:8786"):
         with pytest.raises(planner.InputError, match=f"no Dask scheduler answers at {address}"):
             run_sweep(tables, tmp_path / "x.sqlite", cluster=address)
 
@@ -130,5 +132,5 @@ def test_the_missing_extra_is_named(
     monkeypatch: pytest.MonkeyPatch, tables: dict[str, Any], tmp_path: Path
 ) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(planner.InputError, match=r"pip install 'planner\[cluster\]'"):
+    with pytest.raises(planner.InputError, match=re.escape(how_to_install("cluster"))):
         run_sweep(tables, tmp_path / "x.sqlite", cluster="tcp://127.0.0.1:9")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import pytest
 
 import planner
+from planner.distribution import how_to_install
 from planner.sweep import export, load_sweep, run_sweep
 from planner.sweep.store import Store
 
@@ -81,7 +83,7 @@ def test_missing_libraries_are_named_with_their_extra(
     db: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, missing: str
 ) -> None:
     monkeypatch.setitem(sys.modules, missing, None)
-    says = rf"needs {missing}; install it with: pip install 'planner\[tables\]'"
+    says = rf"needs {missing}; install it with: {re.escape(how_to_install('tables'))}"
     with pytest.raises(planner.InputError, match=says):
         export(db, tmp_path / "out.parquet")
     if missing == "pandas":

@@ -1,0 +1,187 @@
+"""When a search must end, and how all of its parts hear of it.
+
+The time belongs to the context, so that no function between `solve` and a solver has to pass it
+on: whoever allows so much time opens a block, whoever takes time asks in it.
+
+>>> with limited(60.0):
+...     remaining() <= 60.0
+True
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+
+from planner.errors import InputError
+
+SEARCH = 0.75
+"""Share of the time after which a search ends; the rest is for refining what it found."""
+
+MORE_TIME = "a larger time limit (--time-limit, time_limit_s)"
+"""What a refusal advises."""
+
+LEAST_FINISH_S, FINISH = 3.0, 0.25
+"""Time for refining after Ctrl-C: this share of what the search took, or so many seconds."""
+
+
+class TimeUpError(Exception):
+    """There is no time left. No refusal: what catches those to go on otherwise must not go on."""
+
+
+@dataclass(eq=False)
+class Span:
+    """A block with an end of its own.
+
+    Attributes:
+        outer: The block around it, which may end earlier.
+        began: By `time.monotonic`.
+        end: Likewise; infinite where the block adds no limit.
+        words: What the limit is called in a refusal.
+        holds: Whether there is an answer to show for it, were it to end now; None where the block
+            is not a search.
+        reached: Whether something in the block was cut short.
+        interrupted: Whether Ctrl-C ended the search.
+        once: The end counts only once this is true; None if it always does.
+    """
+
+    outer: Span | None
+    began: float
+    end: float
+    words: str = ""
+    holds: Callable[[], bool] | None = None
+    reached: bool = False
+    interrupted: bool = False
+    once: Callable[[], bool] | None = None
+
+    @property
+    def why(self) -> str:
+        """What cut it short, in words."""
+        if self.interrupted:
+            return "Ctrl-C"
+        named: list[Span] = []
+        span: Span | None = self
+        while span is not None:
+            if span.words:
+                named.append(span)
+            span = span.outer
+        now = time.monotonic()
+        over = [span for span in named if span.end <= now]
+        return (over or sorted(named, key=lambda span: span.end) or [self])[0].words
+
+
+_span: ContextVar[Span | None] = ContextVar("span", default=None)
+
+
+@contextmanager
+def limited(
+    seconds: float | None, words: str = "", holds: Callable[[], bool] | None = None
+) -> Iterator[Span]:
+    """Nothing in the block takes longer; None adds no limit to those around.
+
+    Args:
+        seconds: Greater than zero.
+        words: What the limit is called in a refusal; "the time limit of ... s" if left out.
+        holds: Given for a search: whether it holds an answer, so that Ctrl-C need not lose it.
+
+    Raises:
+        InputError: If the seconds are no such number.
+    """
+    if seconds is not None:
+        seconds = checked(seconds)
+        words = words or f"the time limit of {seconds:g} s"
+    now = time.monotonic()
+    end = math.inf if seconds is None else now + seconds
+    with _opened(Span(_span.get(), now, end, words if seconds is not None else "", holds)) as span:
+        yield span
+
+
+@contextmanager
+def share(
+    part: float = SEARCH, words: str = "", once: Callable[[], bool] | None = None
+) -> Iterator[Span]:
+    """The block takes no more than this share of the time that remains.
+
+    Args:
+        part: Of one.
+        words: As for `limited`.
+        once: Given where the share counts only once this is true.
+    """
+    now = time.monotonic()
+    with _opened(Span(_span.get(), now, now + part * remaining(), words, once=once)) as span:
+        yield span
+
+
+def remaining() -> float:
+    """Seconds left, infinite without a limit; not below zero."""
+    ends = (s.end for s in _spans() if s.once is None or s.once())
+    return max(0.0, min(ends, default=math.inf) - time.monotonic())
+
+
+def check() -> None:
+    """To be asked wherever a search has come round once more.
+
+    Raises:
+        TimeUpError: If there is no time left.
+    """
+    if remaining() <= 0:
+        raise time_up()
+
+
+def time_up() -> TimeUpError:
+    """The exception, to be raised where a solver has noticed the end by itself."""
+    for span in _spans():
+        span.reached = True
+    return TimeUpError()
+
+
+def stop() -> bool:
+    """End the search at once, but for the refining of what it holds; whether it holds anything.
+
+    For a handler of Ctrl-C.
+    """
+    searches = [span for span in _spans() if span.holds is not None]
+    if not searches or not searches[-1].holds or not searches[-1].holds():
+        return False
+    outermost, now = searches[-1], time.monotonic()
+    allowed = max(LEAST_FINISH_S, FINISH * (now - outermost.began))
+    outermost.end = min(outermost.end, now + allowed)
+    outermost.interrupted = outermost.reached = True
+    for span in _spans():
+        if span is outermost:
+            break
+        span.end = now
+    return True
+
+
+def checked(seconds: float) -> float:
+    """A time limit, if it can be one.
+
+    Raises:
+        InputError: If not.
+    """
+    number = isinstance(seconds, int | float) and not isinstance(seconds, bool)
+    if not number or not 0 < seconds < math.inf:
+        raise InputError(f"time_limit_s = {seconds!r:.40} is no time limit; give seconds above 0")
+    return float(seconds)
+
+
+@contextmanager
+def _opened(span: Span) -> Iterator[Span]:
+    token = _span.set(span)
+    try:
+        yield span
+    finally:
+        _span.reset(token)
+
+
+def _spans() -> Iterator[Span]:
+    """From the innermost outwards."""
+    span = _span.get()
+    while span is not None:
+        yield span
+        span = span.outer

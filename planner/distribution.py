@@ -1,0 +1,53 @@
+"""The package as it was installed: its name on the index, its version, and how to add an extra."""
+
+from __future__ import annotations
+
+import shlex
+import tomllib
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+NAME = "nonholonomic-planner"
+"""On the package index, where `planner` is somebody else's; modules and command are `planner`."""
+
+ROOT = Path(__file__).parents[1]
+
+
+def version() -> str:
+    """The version that a checkout's pyproject.toml says, else the one that was installed.
+
+    An editable install keeps the number of the day it was made, so the file is asked first.
+    """
+    if found := _checkout():
+        return found
+    try:
+        return metadata.version(NAME)
+    except metadata.PackageNotFoundError:  # copied, not installed
+        return "unknown"
+
+
+def how_to_install(extra: str) -> str:
+    """The command that adds an extra to this installation.
+
+    Args:
+        extra: One of `project.optional-dependencies` in pyproject.toml.
+
+    Returns:
+        A line for a shell; in a checkout it installs the checkout, in place.
+    """
+    if not _checkout():
+        return f"pip install '{NAME}[{extra}]'"
+    where = "." if Path.cwd() == ROOT else ROOT
+    return f"pip install -e {shlex.quote(f'{where}[{extra}]')}"
+
+
+@cache
+def _checkout() -> str | None:
+    """The version in the pyproject.toml beside the package; None if there is none, or not ours."""
+    try:
+        text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+        project = tomllib.loads(text)["project"]
+        return str(project["version"]) if project["name"] == NAME else None
+    except (OSError, ValueError, KeyError):
+        return None

@@ -1,0 +1,73 @@
+"""What collocation answers when time is up before its search has ended."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+
+from planner import progress
+from planner.deadline import MORE_TIME, Span, TimeUpError
+from planner.errors import TimeLimitError, Violation
+from planner.methods.collocation_refusals import iterate_plan
+from planner.ocp.best import Best
+from planner.ocp.look import excess, look
+from planner.ocp.pipeline import Answer
+from planner.ocp.polish import Polished, polish
+from planner.ocp.violations import broken_rows
+from planner.plan import Plan
+from planner.problem import Problem
+from planner.schema.methods import CollocationOptions
+
+
+def in_hand(
+    best: Best, span: Span, problem: Problem, options: CollocationOptions
+) -> tuple[Answer, Polished]:
+    """The best motion found so far, refined in the rest of the time.
+
+    Raises:
+        TimeLimitError: If there is none.
+    """
+    with suppress(TimeUpError):
+        best.keep()
+    found = [motion for motion in (best.kept, best.motion) if motion is not None]
+    if not found:
+        raise _refusal(best, span, problem, options)
+    answers = [Answer("the best found by then", "time limit", *motion) for motion in found]
+    both = [
+        (answer, polish(answer.task, answer.solution, options.accuracy, options.refinements))
+        for answer in answers
+    ]
+    return min(both, key=lambda each: (not _believed(each[1], options), _cost(each[1])))
+
+
+def _believed(done: Polished, options: CollocationOptions) -> bool:
+    seen = look(done.task, done.solution)
+    return seen.error.fine(options.accuracy) and not excess(done.task, seen)
+
+
+def _cost(done: Polished) -> float:
+    return done.solution.objective
+
+
+def ended_early(plan: Plan, span: Span) -> Plan:
+    """The plan, which says that its search was cut short."""
+    status = "interrupted" if span.interrupted else TimeLimitError.status
+    said = f"{span.why} ended the search; this is the best motion found by then"
+    return replace(plan, status=status, notes={**plan.notes, "ended_early": said})
+
+
+def _refusal(
+    best: Best, span: Span, problem: Problem, options: CollocationOptions
+) -> TimeLimitError:
+    far, last, broken = progress.now(), None, list[Violation]()
+    if best.nearest is not None:
+        last, broken = iterate_plan(*best.nearest, options), broken_rows(*best.nearest)
+    came = "" if far is None else f" after {far.solves} solves (it was {far.doing})"
+    nearest = "; what came nearest to one breaks:" if broken else ""
+    return TimeLimitError(
+        f"{problem.source}: {span.why} ended the search before it had found a motion{came}"
+        f"{nearest}",
+        plan=last,
+        violations=broken,
+        advice=MORE_TIME,
+    )

@@ -1,0 +1,195 @@
+"""Ctrl-C and SIGTERM at any moment: one line, status 130 or 143, nothing left behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from planner import files
+from planner.interrupts import Terminated, hear_signals, hearing, heed_interrupts, undisturbed
+
+PAPER = Path(__file__).parents[2] / "problems/paper.toml"
+SCRIPT = Path(sys.executable).with_name("planner")
+STARTS = [[sys.executable, "-m", "planner"], [str(SCRIPT)]]
+SAID = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
+BOTH = pytest.mark.parametrize("number", list(SAID), ids=lambda n: n.name)
+
+# Sends itself a signal when a module is about to be loaded.
+WHEN_LOADED = """
+import os, sys
+import planner_start
+
+class Press:
+    def find_spec(self, name, *_):
+        if name == {module!r}:
+            os.kill(os.getpid(), {number})
+
+sys.meta_path.insert(0, Press())
+sys.exit(planner_start.main())
+"""
+
+
+@BOTH
+@pytest.mark.parametrize("module", ["planner.cli", "scipy.optimize._highspy._core"])
+def test_a_signal_while_modules_load(module: str, number: signal.Signals, tmp_path: Path) -> None:
+    code = WHEN_LOADED.format(module=module, number=int(number))
+    words = ["plan", PAPER, "--method", "polynomial", "--out", tmp_path / "plan.json", "--json"]
+    done = subprocess.run(
+        [sys.executable, "-c", code, *words], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 128 + number
+    assert done.stderr == f"planner: {SAID[number]}, nothing written\n"
+    assert json.loads(done.stdout)["exit_status"] == 128 + number
+    assert list(tmp_path.iterdir()) == []
+
+
+def hears(job: subprocess.Popen[bytes], number: int) -> bool:
+    """Whether a process has a handler for a signal; before that it is Python that starts."""
+    status = Path(f"/proc/{job.pid}/status").read_text(encoding="utf-8")
+    caught = next(line for line in status.splitlines() if line.startswith("SigCgt"))
+    return bool(int(caught.split()[1], 16) >> (number - 1) & 1)
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs /proc")
+def test_signals_at_many_moments(tmp_path: Path) -> None:
+    """All processes at once, each with its own moment, from loading to writing."""
+    jobs = []
+    for k, moment in enumerate((0.0, 0.3, 0.8, 1.5, 2.5, 3.5, 4.5, 5.5)):
+        (tmp_path / str(k)).mkdir()
+        number = list(SAID)[k // 2 % 2]
+        words = ["compare", str(PAPER), "--methods", "polynomial:travel=middle", "-n", "5"]
+        words += ["--out", str(tmp_path / str(k) / "run")]
+        pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        jobs.append((moment, number, subprocess.Popen([*STARTS[k % 2], *words], **pipes)))
+    ended = 0
+    for *_, job in jobs:
+        while not hears(job, signal.SIGTERM):
+            time.sleep(0.01)
+    began = time.monotonic()
+    for k, (moment, number, job) in enumerate(jobs):
+        time.sleep(max(0.0, began + moment - time.monotonic()))
+        job.send_signal(number)
+        said = job.communicate(timeout=60)[1].decode()
+        left = [p.name for p in (tmp_path / str(k)).iterdir()]
+        assert job.returncode in (3, 128 + number), said  # 3: it was done before
+        assert "Traceback" not in said
+        if job.returncode == 128 + number:
+            ended += 1
+            assert said.count("\n") == 1, said
+            assert SAID[number] in said
+        assert left in ([], ["run"])
+    assert ended
+
+
+def handled(number: signal.Signals) -> type[BaseException]:
+    return KeyboardInterrupt if number == signal.SIGINT else Terminated
+
+
+@BOTH
+@pytest.mark.parametrize("step", ["mkdtemp", "rmtree", "replace"])
+def test_a_folder_leaves_nothing_whenever_it_is_stopped(
+    number: signal.Signals, step: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also between making a folder and noting its name, and in cleaning up."""
+    owner: Any = {"mkdtemp": files.tempfile, "rmtree": files.shutil, "replace": files.os}[step]
+    real: Callable[..., Any] = getattr(owner, step)
+
+    def pressed(*words: Any, **options: Any) -> Any:
+        signal.raise_signal(number)
+        made = real(*words, **options)
+        signal.raise_signal(number)
+        return made
+
+    monkeypatch.setattr(owner, step, pressed)
+    with (
+        pytest.raises(handled(number)),
+        hear_signals(),
+        files.folder(tmp_path / "new/run") as place,
+    ):
+        (place / "half.txt").touch()
+    left = {p.name for p in tmp_path.rglob("*")}
+    # A folder that was complete when the signal came stays, and only whole.
+    assert left == ({"new", "run", "half.txt", ".planner"} if step != "mkdtemp" else set())
+
+
+@BOTH
+def test_a_file_is_whole_or_not_there(
+    number: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = os.fdopen
+
+    def pressed(*words: Any, **options: Any) -> Any:
+        signal.raise_signal(number)
+        return real(*words, **options)
+
+    monkeypatch.setattr(os, "fdopen", pressed)
+    with pytest.raises(handled(number)), hear_signals():
+        files.write_text(tmp_path / "a.json", "{}")
+    assert list(tmp_path.iterdir()) == []
+
+
+@BOTH
+def test_a_signal_that_compiled_code_swallows_is_heeded(number: signal.Signals) -> None:
+    def swallow() -> None:
+        with suppress(BaseException):
+            signal.raise_signal(number)
+
+    with pytest.raises(handled(number)), hear_signals(), heed_interrupts():
+        swallow()
+
+
+def test_signals_are_held_back_and_none_is_lost() -> None:
+    steps = []
+
+    def two_steps() -> None:
+        with undisturbed() as disturbed, undisturbed():
+            steps.append(disturbed())
+            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(signal.SIGTERM)
+            steps.append(disturbed())
+        steps.append(None)
+
+    with pytest.raises(Terminated), hear_signals():
+        two_steps()
+    assert steps == [False, True]
+    assert hearing.status == 143
+
+
+@BOTH
+def test_an_error_that_hides_a_signal_is_no_bug(
+    number: signal.Signals, run: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def hides(*_: Any, **__: Any) -> None:
+        try:
+            signal.raise_signal(number)
+        except BaseException:
+            raise ImportError("initialization failed") from None
+
+    monkeypatch.setattr(sys.modules["planner.cli.plan"], "solve_and_check", hides)
+    result = run("plan", PAPER, "--method", "polynomial")
+    assert result.status == 128 + number
+    assert result.err == f"planner: {SAID[number]}, nothing written\n"
+
+
+def test_what_was_written_before_a_signal_is_told(
+    run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def pressed(text: str) -> None:
+        signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(sys.modules["planner.cli.new"], "note", pressed)
+    target = tmp_path / "problem.toml"
+    result = run("new", target)
+    assert result.status == 143
+    assert result.err == f"planner: terminated, {target} was written before\n"
+    assert target.exists()

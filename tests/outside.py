@@ -1,0 +1,43 @@
+"""The motion of a plan by another integrator: DOP853 in time, piece by piece, on u(t) itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+import planner
+from planner.extrema import sample_times
+
+Array = NDArray[np.float64]
+
+
+def integrate(
+    plan: planner.Plan, rtol: float = 1e-13, atol: float = 1e-14
+) -> tuple[Callable[[Array], Array], Array]:
+    """The motion, times (m,) to q (m, N), from the problem's start, and times that cover it."""
+    system = plan.problem.system
+    edges, pieces, q = plan.t, [], plan.problem.start
+    for a, b in pairwise(edges):
+        last = np.nextafter(b, a) if b != edges[-1] else b
+
+        def rates(t: float, q: Array, last: float = last) -> Array:
+            return system.rates(q, plan.u(min(t, last)))
+
+        solution = solve_ivp(rates, (a, b), q, "DOP853", rtol=rtol, atol=atol, dense_output=True)
+        assert solution.success, solution.message
+        pieces.append(solution.sol)
+        q = solution.y[:, -1]
+
+    def motion(t: Array) -> Array:
+        t = np.atleast_1d(t)
+        which = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, len(pieces) - 1)
+        out = np.empty((len(t), system.size))
+        for k in np.unique(which):
+            out[which == k] = pieces[k](t[which == k]).T
+        return out
+
+    return motion, sample_times(edges)

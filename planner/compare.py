@@ -259,7 +259,8 @@ def _complete(error: NoPlanError) -> Plan | None:
     """The plan a refusal carries if it is a whole motion, not a solver's last iterate."""
     if error.plan is None or not isinstance(error, SingularError | VerificationError):
         return None
-    return replace(error.plan, status=error.status, verified=False)
+    plan: Plan = error.plan
+    return replace(plan, status=error.status, verified=False)
 
 
 def _reason(problem: Problem, error: NoPlanError) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.jsonable import jsonable
+from planner.lazy import handed_to
 from planner.machine import Machine
 from planner.plan import Plan
 from planner.problem import Problem
@@ -182,9 +183,6 @@ class Comparison:
 
         return {**row.to_dict(), "worst_command": worst_command(self, row)}
 
-    # The report reads comparisons; the methods below only make it easy to reach, and import it
-    # when asked, so that imports keep flowing one way.
-
     def table(self) -> Table:
         """For a terminal, at most 100 columns wide: `rich.print(comparison.table())`."""
         from planner.report.table import rich_table
@@ -205,9 +203,8 @@ class Comparison:
 
     def figures(self) -> dict[str, Figure]:
         """Figures by name: z, joints, inputs, arm, errors, effort, replay; those that apply."""
-        from planner.report.figures import figures
-
-        return figures(self)
+        made: dict[str, Figure] = handed_to("planner.report.figures.figures")(self)
+        return made
 
     def save(self, folder: str | Path, *, report: bool = False) -> Path:
         """Write table, figures, plans and data to a folder, all or nothing.
@@ -219,6 +216,5 @@ class Comparison:
         Raises:
             InputError: If the folder cannot be written or holds something else.
         """
-        from planner.report.folder import save
-
-        return save(self, folder, report=report)
+        saved: Path = handed_to("planner.report.folder.save")(self, folder, report=report)
+        return saved

@@ -9,11 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from planner.plan import Plan
-    from planner.verify import Check
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -95,7 +91,7 @@ class NoPlanError(PlannerError):
         self,
         message: str,
         *,
-        plan: Plan | None = None,
+        plan: Any = None,
         violations: Sequence[Violation] = (),
         advice: str | None = None,
     ) -> None:
@@ -128,7 +124,7 @@ class SingularError(NoPlanError):
         message: str,
         *,
         times_s: Sequence[float] = (),
-        plan: Plan | None = None,
+        plan: Any = None,
         violations: Sequence[Violation] = (),
         advice: str | None = None,
     ) -> None:
@@ -167,4 +163,4 @@ class VerificationError(NoPlanError):
     """
 
     status = "verification_failed"
-    check: Check | None = None
+    check: Any = None

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from types import ModuleType
 from typing import Any
@@ -37,6 +37,17 @@ class LazyPackage(ModuleType):
 
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *self._homes})
+
+
+def handed_to(function: str) -> Callable[..., Any]:
+    """A function that the caller must not import, by its whole name.
+
+    Only for results that users ask for their tables, pictures and folders: these read results, and
+    imports go one way.
+    """
+    module, _, name = function.rpartition(".")
+    found: Callable[..., Any] = getattr(importlib.import_module(module), name)
+    return found
 
 
 def import_when_used(package: str, names: Mapping[str, str]) -> None:

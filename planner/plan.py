@@ -17,6 +17,7 @@ from planner.domain import DomainReport, domain_report
 from planner.errors import InputError
 from planner.files import write_text
 from planner.jsonable import jsonable
+from planner.lazy import handed_to
 from planner.problem import Problem
 from planner.reading import read_json
 from planner.schema import parse
@@ -145,20 +146,15 @@ class Plan:
             data["why"] = self.why
         return write_text(path, json.dumps(jsonable(data), indent=1, allow_nan=False) + "\n")
 
-    # Views are made of plans; these only make them easy to reach, and import them when asked, so
-    # that imports keep flowing one way.
-
     def to_frame(self, rate_hz: float = 100.0) -> pandas.DataFrame:
         """The plan at even times as a pandas frame; see `planner.export.views.to_frame`."""
-        from planner.export.views import to_frame
-
-        return to_frame(self, rate_hz)
+        frame: pandas.DataFrame = handed_to("planner.export.views.to_frame")(self, rate_hz)
+        return frame
 
     def to_xarray(self, rate_hz: float = 100.0) -> xarray.Dataset:
         """The plan at even times as an xarray dataset; see `planner.export.views.to_xarray`."""
-        from planner.export.views import to_xarray
-
-        return to_xarray(self, rate_hz)
+        dataset: xarray.Dataset = handed_to("planner.export.views.to_xarray")(self, rate_hz)
+        return dataset
 
 
 def expect_plan(value: object) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 from planner.budget.sobol import Index, between_machines, check, on_or_off, per_sample, switched
 from planner.errors import InputError
 from planner.jsonable import jsonable
+from planner.lazy import handed_to
 from planner.machine import Draws, Machine
 from planner.machine.draw import draw
 from planner.machine.simulate import simulate_draws
@@ -121,9 +122,8 @@ class Budget:
 
     def figure(self) -> Figure:
         """Costs and indices as bars."""
-        from planner.report.budget import plot_budget
-
-        return plot_budget(self)[0]
+        drawn: tuple[Figure, Any] = handed_to("planner.report.budget.plot_budget")(self)
+        return drawn[0]
 
 
 def error_budget(

@@ -15,7 +15,6 @@ from typing import Annotated, Any, TextIO
 
 import typer
 
-from planner import __version__
 from planner.cli.animate import animate
 from planner.cli.budget import budget
 from planner.cli.calibrate import calibrate
@@ -39,6 +38,7 @@ from planner.cli.sensitivity import sensitivity
 from planner.cli.sweep import sweep
 from planner.cli.volume import with_volume
 from planner.display import brief, clean
+from planner.distribution import version as installed_version
 from planner.errors import PlannerError
 from planner.files import written
 from planner.interrupts import Terminated, hear_signals, hearing
@@ -64,7 +64,7 @@ app = typer.Typer(
 
 def _version(wanted: bool) -> None:
     if wanted:
-        print(f"planner {__version__}")
+        print(f"planner {installed_version()}")
         raise typer.Exit
 
 
@@ -209,7 +209,7 @@ def _bug(as_json: bool, words: list[str], error: BaseException) -> int:
     if "--debug" in words or os.environ.get("PLANNER_DEBUG"):
         traceback.print_exception(error)
     message = (
-        f"a bug in planner {__version__}: {type(error).__name__}: {error}. Please report it with"
-        " the problem file and this command; `planner --debug ...` shows the traceback."
+        f"a bug in planner {installed_version()}: {type(error).__name__}: {error}. Please report it"
+        " with the problem file and this command; `planner --debug ...` shows the traceback."
     )
     return _refuse(as_json, 1, "bug", message)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from planner.calibration import FITTED, Calibration, write
-from planner.calibration import calibrate as run
+from planner.calibration import calibrate as run_calibration
 from planner.calibration.statements import STATEMENTS
 from planner.cli.arguments import Json
 from planner.cli.output import note, print_json, print_text, progress_bar, table
@@ -34,7 +34,7 @@ def calibrate(
     if out is not None:
         refuse_unwritable_folder(out)
     with progress_bar() as progress:
-        found = run(progress, seed)
+        found = run_calibration(progress, seed)
         if out is not None:
             progress("writing", 0.95)
             write(found, out)

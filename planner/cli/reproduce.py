@@ -9,7 +9,7 @@ import typer
 
 from planner.cli.arguments import Json
 from planner.cli.output import note, print_json, print_text, progress_bar, table
-from planner.reproduce import reproduce as run
+from planner.reproduce import reproduce as run_reproduction
 
 
 def reproduce(
@@ -29,7 +29,7 @@ def reproduce(
       planner reproduce --out results/paper
     """
     with progress_bar() as progress:
-        made = run(out, samples, seed, progress)
+        made = run_reproduction(out, samples, seed, progress)
     if as_json:
         rows = [vars(f) for f in made.findings]
         print_json({"written": str(made.path), "seed": seed, "samples": samples, "findings": rows})

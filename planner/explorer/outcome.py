@@ -96,7 +96,8 @@ def _for_study(problem: Problem, method: Method, options: Any) -> Plan | None:
             return method.plan(task, options)
         except NoPlanError as error:
             if error.plan is not None:
-                return error.plan
+                drawn: Plan = error.plan
+                return drawn
         except InputError:
             pass
     return None

@@ -27,9 +27,9 @@ def to_frame(plan: Plan, rate_hz: float = RATE_HZ) -> pandas.DataFrame:
     """
     samples = sample(plan, rate_hz)
     frame = (
-        _imported("pandas").DataFrame(samples.table, columns=list(samples.columns)).set_index("t_s")
+        imported("pandas").DataFrame(samples.table, columns=list(samples.columns)).set_index("t_s")
     )
-    frame.attrs = _facts(plan)
+    frame.attrs = facts(plan)
     return frame
 
 
@@ -44,7 +44,7 @@ def to_xarray(plan: Plan, rate_hz: float = RATE_HZ) -> xarray.Dataset:
     """
     samples, system = sample(plan, rate_hz), plan.problem.system
     chained = [f"z{i + 1}" for i in range(system.size)]
-    dataset: xarray.Dataset = _imported("xarray").Dataset(
+    dataset: xarray.Dataset = imported("xarray").Dataset(
         {
             "q": (("time", "coordinate"), samples.q),
             "u": (("time", "input"), samples.u),
@@ -60,7 +60,7 @@ def to_xarray(plan: Plan, rate_hz: float = RATE_HZ) -> xarray.Dataset:
             "unit_of_q": ("coordinate", [c.unit for c in system.coordinates]),
             "unit_of_u": ("input", [c.unit for c in system.inputs]),
         },
-        attrs=_facts(plan),
+        attrs=facts(plan),
     )
     return dataset
 
@@ -84,9 +84,9 @@ def replay_frame(replay: Replay) -> pandas.DataFrame:
         for k, row in enumerate(values, start=1):
             if np.ptp(row) > 0:
                 columns[name if len(values) == 1 else f"{name}_{k}"] = row
-    pandas = _imported("pandas")
+    pandas = imported("pandas")
     frame = pandas.DataFrame(columns, index=pandas.Index(replay.numbers, name="sample"))
-    frame.attrs = {**_facts(replay.plan), "seed": replay.seed}
+    frame.attrs = {**facts(replay.plan), "seed": replay.seed}
     return frame
 
 
@@ -97,7 +97,7 @@ def replay_dataset(replay: Replay) -> xarray.Dataset:
         InputError: If xarray is not installed.
     """
     system = replay.plan.problem.system
-    dataset: xarray.Dataset = _imported("xarray").Dataset(
+    dataset: xarray.Dataset = imported("xarray").Dataset(
         {
             "q": (("sample", "time", "coordinate"), replay.q),
             "motor_rates": (("sample", "time", "input"), replay.motor_rates),
@@ -110,12 +110,17 @@ def replay_dataset(replay: Replay) -> xarray.Dataset:
             "input": [c.name for c in system.inputs],
             "unit_of_q": ("coordinate", [c.unit for c in system.coordinates]),
         },
-        attrs={**_facts(replay.plan), "seed": replay.seed},
+        attrs={**facts(replay.plan), "seed": replay.seed},
     )
     return dataset
 
 
-def _imported(name: str) -> Any:
+def imported(name: str) -> Any:
+    """A library of the extra `tables`.
+
+    Raises:
+        InputError: If it is not installed.
+    """
     try:
         return importlib.import_module(name)
     except ImportError:
@@ -124,7 +129,8 @@ def _imported(name: str) -> Any:
         ) from None
 
 
-def _facts(plan: Plan) -> dict[str, Any]:
+def facts(plan: Plan) -> dict[str, Any]:
+    """What frames and datasets say of their plan."""
     return {
         "problem": plan.problem.name,
         "method": plan.method,

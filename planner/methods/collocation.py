@@ -68,7 +68,7 @@ def planned(problem: Problem, options: CollocationOptions) -> Plan:
     search = Pipeline(ways, options, make)
     with holding(ways, options.accuracy) as best, deadline.limited(None, holds=best.holds) as span:
         try:
-            found = search.run()
+            found = search.run(best.holds)
         except deadline.TimeUpError:
             found = in_hand(best, span, problem, options)
         if found is None:

@@ -10,16 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from contextvars import ContextVar
-from typing import TYPE_CHECKING
 
 from planner import deadline, progress
+from planner.bridge.closing import Chain
+from planner.ocp.held import can_hold, chain_of, held
+from planner.ocp.look import clears
+from planner.ocp.solver import Solution
+from planner.ocp.task import Task, told
 from planner.problem import Problem
-
-if TYPE_CHECKING:  # tasks offer their solutions
-    from planner.bridge.closing import Chain
-    from planner.ocp.solver import Solution
-    from planner.ocp.task import Task
 
 
 class Best:
@@ -55,7 +53,7 @@ class Best:
                 self.nearest = task, solution
             return
         better = self.motion is None or solution.objective < self.motion[1].objective
-        if better and self._asked(task) and _clears(task, solution):
+        if better and self._asked(task) and clears(task, solution):
             self.motion = task, solution
             kind = task.objective.name.partition(":")[0]
             progress.found(f"{solution.objective:.4g} ({kind})")
@@ -64,8 +62,6 @@ class Best:
 
     def keep(self) -> None:
         """Make what is held a motion to the accuracy asked for, where that needs no solver."""
-        from planner.ocp.held import can_hold, chain_of, held  # which need tasks
-
         of = self.chain
         if self.motion is not None:
             of = self.motion[0], chain_of(*self.motion)
@@ -84,39 +80,9 @@ class Best:
         return any(task.problem is problem for problem in self._problems)
 
 
-_best: ContextVar[Best | None] = ContextVar("best", default=None)
-
-
 @contextmanager
 def holding(problems: Sequence[Problem], accuracy: float) -> Iterator[Best]:
     """Keep the best motion of these problems, which differ in the order of waypoints only."""
     best = Best(problems, accuracy)
-    token = _best.set(best)
-    try:
+    with told(best):
         yield best
-    finally:
-        _best.reset(token)
-
-
-def held_now() -> bool:
-    """Whether the search around holds anything of which a plan may come."""
-    best = _best.get()
-    return best is not None and best.holds()
-
-
-def offer(task: Task, solution: Solution) -> None:
-    """Offer a solution, which may be none, to the search around."""
-    if best := _best.get():
-        best.take(task, solution)
-
-
-def offer_chain(task: Task, chain: Chain) -> None:
-    """Offer a path within the joint limits."""
-    if best := _best.get():
-        best.take_chain(task, chain)
-
-
-def _clears(task: Task, solution: Solution) -> bool:
-    from planner.ocp.look import clears  # which needs tasks
-
-    return clears(task, solution)

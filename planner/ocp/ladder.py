@@ -16,14 +16,13 @@ from planner import progress
 from planner.bridge import lifted
 from planner.bridge.closing import Chain, Ends, closed
 from planner.ocp.backends import SHORT
-from planner.ocp.best import offer_chain
 from planner.ocp.form import Form
 from planner.ocp.guess import seeds
 from planner.ocp.held import can_hold, chain_of, follow, held
 from planner.ocp.layout import Iterate
 from planner.ocp.search import path_task, search
 from planner.ocp.solver import ACCEPTED_RESIDUAL
-from planner.ocp.task import Task, stretched, task
+from planner.ocp.task import Task, offer_chain, stretched, task
 from planner.ocp.timing import Timed, hasty, timed
 from planner.systems.manipulator import Manipulator
 

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from planner import deadline, progress
-from planner.ocp.best import held_now
 from planner.ocp.guess import Seed, guess, seeds
 from planner.ocp.held import can_hold
 from planner.ocp.ladder import climbed
@@ -101,11 +100,15 @@ class Pipeline:
         self._slow: list[Answer] = []
         self._free = options.start == "auto"
 
-    def run(self) -> tuple[Answer, Polished] | None:
-        """The best motion of the first stage that has one, on a mesh fine enough to believe it."""
+    def run(self, holds: Callable[[], bool]) -> tuple[Answer, Polished] | None:
+        """The best motion of the first stage that has one, on a mesh fine enough to believe it.
+
+        Args:
+            holds: Whether anything is held by now; with nothing held there is nothing to refine.
+        """
         stages = self._stages()
         while True:
-            with deadline.share(once=held_now):  # with nothing held there is nothing to refine
+            with deadline.share(once=holds):
                 motions = next(stages, None)
             if motions is None:
                 return None

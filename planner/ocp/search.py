@@ -15,14 +15,13 @@ import numpy as np
 
 from planner import progress
 from planner.ocp.backends import SHORT
-from planner.ocp.best import offer
 from planner.ocp.guess import Seed, guess
 from planner.ocp.layout import Iterate
 from planner.ocp.look import clears
 from planner.ocp.mesh import Mesh
 from planner.ocp.objective import shortest_path
 from planner.ocp.solver import Solution
-from planner.ocp.task import Task, stretched
+from planner.ocp.task import Task, offer, stretched
 from planner.problem import Problem
 
 INFEASIBLE = "Infeasible_Problem_Detected"

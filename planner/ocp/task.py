@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
-from planner.ocp import best
+from planner.bridge.closing import Chain
 from planner.ocp.backends import Settings
 from planner.ocp.bounds import Bounds, Tightening, bounds
 from planner.ocp.curve import curve
@@ -57,7 +61,7 @@ class Task:
     def solve(self, start: Iterate, near: bool = False) -> Solution:
         """Solve from a start, which may be near the answer."""
         found = solve(self.made, self.bounds, start, replace(self.settings, near=near))
-        best.offer(self, found)
+        offer(self, found)
         return found
 
     def rows(self, iterate: Iterate) -> Array:
@@ -113,6 +117,41 @@ def task(
     pairs = form.obstacles * link_count(problem.system)
     none = Tightening.none(form.intervals, problem.system.size, pairs)
     return Task(problem, objective, made, mesh, rest, settings, none, seconds)
+
+
+class Listener(Protocol):
+    """Who hears of all motions and paths that a search finds, wherever it does."""
+
+    def take(self, task: Task, solution: Solution) -> None:
+        """Hear of a solution, which may be none."""
+
+    def take_chain(self, task: Task, chain: Chain) -> None:
+        """Hear of a path within the joint limits that is not timed yet."""
+
+
+_listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
+
+
+@contextmanager
+def told(listener: Listener) -> Iterator[None]:
+    """Tell a listener of all that is found inside."""
+    token = _listener.set(listener)
+    try:
+        yield
+    finally:
+        _listener.reset(token)
+
+
+def offer(task: Task, solution: Solution) -> None:
+    """Offer a solution, which may be none, to the search around."""
+    if listener := _listener.get():
+        listener.take(task, solution)
+
+
+def offer_chain(task: Task, chain: Chain) -> None:
+    """Offer a path within the joint limits."""
+    if listener := _listener.get():
+        listener.take_chain(task, chain)
 
 
 def can_jump(job: Task) -> bool:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import InputError, NoPlanError
+from planner.lazy import handed_to
 from planner.machine import Machine
 from planner.pareto.axis import KINDS, Axis, Kind, axis
 from planner.pareto.knee import knee
@@ -95,9 +96,8 @@ class TradeOff:
 
     def figure(self) -> Figure:
         """One picture of what is bought and for how much."""
-        from planner.report.trade_off import plot_trade_off
-
-        return plot_trade_off(self)[0]
+        drawn: tuple[Figure, Any] = handed_to("planner.report.trade_off.plot_trade_off")(self)
+        return drawn[0]
 
 
 def trade_off(

@@ -6,9 +6,10 @@ import platform
 import shlex
 from collections.abc import Mapping
 from dataclasses import replace
-from importlib.metadata import version
+from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
+from planner.distribution import version
 from planner.errors import InputError
 from planner.machine import Machine
 from planner.problem import load_problem
@@ -22,12 +23,10 @@ LIBRARIES = ("casadi", "numpy", "scipy", "osqp")
 
 def versions() -> dict[str, str]:
     """Versions of the planner, of Python, and of the libraries that numbers depend on."""
-    from planner import __version__
-
     return {
-        "planner": __version__,
+        "planner": version(),
         "python": platform.python_version(),
-        **{name: version(name) for name in LIBRARIES},
+        **{name: metadata.version(name) for name in LIBRARIES},
     }
 
 

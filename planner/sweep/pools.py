@@ -10,10 +10,9 @@ import tempfile
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
-from pathlib import Path
 from typing import Protocol
 
-import planner
+from planner.distribution import ROOT
 from planner.errors import InputError
 from planner.sweep.case import RESULTS, Request, Row, run_case
 
@@ -116,8 +115,7 @@ class _Worker:
     """A process of `planner.sweep.worker`."""
 
     def __init__(self) -> None:
-        folder = str(Path(planner.__file__).parents[1])
-        path = os.pathsep.join(filter(None, [folder, os.environ.get("PYTHONPATH")]))
+        path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
         self._ready = False
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 (closed in `release`)
         self._process = subprocess.Popen(

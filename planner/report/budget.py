@@ -215,6 +215,7 @@ def _share(value: float, half: float) -> str:
 
 
 def _total(budget: Budget) -> str:
+    """The median error with its interval, and what is left without any effect."""
     low, high = (number(x) for x in budget.E_interval_deg)
     none = _degrees(budget.none_deg, ".3g")
     return f"median E {number(budget.E_deg)} deg ({low} to {high}), {none} without any effect"

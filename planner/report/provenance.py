@@ -50,8 +50,8 @@ def command(comparison: Comparison, out: str | None = None, *, report: bool = Fa
     words = ["planner", "compare", comparison.problem.source]
     words += ["--methods", ",".join(dict.fromkeys(row.spec for row in comparison.rows))]
     words += ["--feedback"] * any(row.feedback for row in comparison.rows)
-    for number in comparison.chosen or ():
-        words += ["--sample", str(number)]
+    for drawn in comparison.chosen or ():
+        words += ["--sample", str(drawn)]
     if comparison.chosen is None:
         words += ["--samples", str(comparison.samples)]
     words += ["--seed", str(comparison.seed)]

@@ -109,7 +109,7 @@ def test_the_folder(made: Calibration, tmp_path: Path) -> None:
 def test_the_command(
     made: Calibration, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(COMMAND, "run", lambda progress, seed: made)
+    monkeypatch.setattr(COMMAND, "run_calibration", lambda progress, seed: made)
     assert main(["calibrate", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["preset"] == made.settings
@@ -121,7 +121,7 @@ def test_the_command(
 def test_a_folder_of_other_things_is_refused_before_the_work(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(COMMAND, "run", lambda progress, seed: pytest.fail("worked"))
+    monkeypatch.setattr(COMMAND, "run_calibration", lambda progress, seed: pytest.fail("worked"))
     (tmp_path / "mine.txt").write_text("keep")
     assert main(["calibrate", "--out", str(tmp_path)]) == 2
     assert "holds files that are not from an earlier run" in capsys.readouterr().err

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from planner.errors import InputError
 from planner.machine import Machine
 from planner.problem import load_problem
-from planner.spec import toml
+from planner.reading import toml
 
 if TYPE_CHECKING:
     from planner.comparison import Comparison, Row

@@ -56,7 +56,9 @@ def solve(
             use for it.
         TimeLimitError: If time was up and there was no plan; it says how far the search came.
         NoPlanError: If no plan is found, or the one found breaks a requirement; its subclasses say
-            which, and it carries the last iterate and what that breaks.
+            which, and it carries the last iterate and what that breaks. Changes of the problem are
+            tried first, see `planner.methods.advice`: within the time limit, and in at most a few
+            times the time that it took to find no plan.
     """
     return solve_and_check(
         problem, method, warm=warm, time_limit_s=time_limit_s, progress=progress, **options

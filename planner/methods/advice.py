@@ -16,7 +16,7 @@ from planner.verify import verify
 Attempt = Callable[[Change], Plan]
 """Plans with a change; may refuse."""
 
-TIMES, LEAST_S = 4.0, 20.0
+TIMES, LEAST_S = 4.0, 10.0
 """All tries together take at most so many times as long as the refusal did, or so many seconds."""
 
 PART = 0.5
@@ -77,6 +77,8 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
         A plan of the problem as it was asked, if trying came upon one.
     """
     own = [change for change in error.changes if not change.method]
+    if not own:
+        return None
     with limited(max(LEAST_S, TIMES * seconds), "the time to try changes"):
         tries = tried(own, attempt, lambda doing: progress.tell(f"no plan; {doing}"))
     if tries.change is None or tries.plan is None:

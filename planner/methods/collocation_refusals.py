@@ -43,7 +43,7 @@ def too_short(problem: Problem, fastest: Polished, options: CollocationOptions) 
         plan=plan,
         violations=broken,
         changes=[lasting(found), lasting(LONGER * found)],
-        advice="a longer goal.duration, or wider limits on the inputs",
+        advice="wider limits on the inputs",
     )
 
 

@@ -45,9 +45,9 @@ class Change:
 BY_COLLOCATION = Change(method="collocation", words=", which plans in the coordinates themselves")
 
 
-def lasting(seconds: float, words: str = "") -> Change:
+def lasting(seconds: float) -> Change:
     """Another duration, rounded up."""
-    return Change({"goal.duration": float(least(seconds))}, words)
+    return Change({"goal.duration": float(least(seconds))}, f"goal.duration = {least(seconds)}")
 
 
 def free_travel(problem: Problem, without: str = "") -> list[Change]:

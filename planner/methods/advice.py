@@ -16,7 +16,7 @@ from planner.verify import verify
 Attempt = Callable[[Change], Plan]
 """Plans with a change; may refuse."""
 
-TIMES, LEAST_S = 4.0, 10.0
+TIMES, LEAST_S = 3.0, 10.0
 """All tries together take at most so many times as long as the refusal did, or so many seconds."""
 
 PART = 0.5
@@ -59,6 +59,7 @@ def tried(changes: Sequence[Change], attempt: Attempt, told: Callable[[str], Non
         else:
             if plan.verified:
                 return Tries(change, plan, vain, left)
+            vain.append(change)
     return Tries(None, None, vain, left)
 
 

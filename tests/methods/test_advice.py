@@ -59,6 +59,7 @@ def test_nothing_is_blamed_without_a_verified_plan(paper: Problem, plan: Plan) -
     error = refusal()
     assert advise(error, narrow(paper), lambda _: replace(plan, verified=False), 1.0) is None
     assert error.reason == "none"
+    assert "in vain were tried limits.joint_deg = 80.0" in str(error.advice)
 
     def none(change: Change) -> Plan:
         raise NoPlanError("none")

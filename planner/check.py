@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import suppress
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from planner.deadline import TimeUpError, limited, share
+from planner.deadline import limited, share
 from planner.domain import DomainReport
 from planner.duration import DurationBound, least_duration
 from planner.ends import End, chart_ends_report
 from planner.errors import InputError, NoPlanError
 from planner.methods import METHODS
+from planner.methods.advice import tried
+from planner.methods.refusal import Change, in_other_time, on_other_paths
 from planner.nonholonomy import Nonholonomy, nonholonomy
+from planner.plan import Plan
 from planner.problem import Problem, expect_problem
 from planner.reachability import TravelWindow, travel_window
-from planner.remedy import Progress, Remedy, attempt, find_remedy
-from planner.solve import find_method, solve
+from planner.solve import find_method, solve, solve_and_check
+from planner.summary import plan_summary, refusal_summary
+
+Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -28,6 +32,32 @@ class Reversal:
 
     verdict: str
     reason: str
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """A change that was tried and gave a verified plan.
+
+    Attributes:
+        changes: Dotted keys to values, as `Problem.changed` takes them.
+        method: The method that then has a plan.
+        plan: Summary of that plan, see `planner.summary.KEYS`.
+        words: The changes in words.
+    """
+
+    changes: Mapping[str, Any]
+    method: str
+    plan: dict[str, Any]
+    words: str
+
+    def __str__(self) -> str:
+        freed = "goal.duration" in self.changes
+        took = f", which takes {self.plan['duration_s']:.4g} s" if freed else ""
+        return f"{self.words}: the method '{self.method}' then has a verified plan{took} (tried)"
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready form (NaN where undefined)."""
+        return {"changes": self.changes, "method": self.method, "plan": self.plan}
 
 
 @dataclass(frozen=True)
@@ -139,11 +169,10 @@ def check(
         for k, name in enumerate(names):
             say(f"trying {name}")
             with share(1 / (len(names) - k + 1), words):
-                outcomes.append(attempt(problem, name))
+                outcomes.append(_outcome(problem, name))
         found = any(o["verified"] for o in outcomes)
         if not found:
-            with suppress(TimeUpError):
-                remedy = find_remedy(problem, names, say)
+            remedy = find_remedy(problem, names, say)
     say("looking at the plain polynomial")
     singular = any(o["method"] == "polynomial" and o["status"] == "singular" for o in outcomes)
     return Analysis(
@@ -158,6 +187,35 @@ def check(
         remedy=remedy,
         ended_early=f"{span.why} ended the search" if span.reached else None,
     )
+
+
+def find_remedy(problem: Problem, names: Sequence[str], say: Progress) -> Remedy | None:
+    """The first change of the problem with which a method has a verified plan."""
+
+    def attempt(change: Change) -> Plan:
+        return solve_and_check(problem.changed(change.keys), change.method, advice=False)[0]
+
+    able = sorted(names, key=lambda name: name != "collocation")  # the most able first
+    changes = [
+        replace(change, method=name)
+        for change in (*in_other_time(problem), *on_other_paths(problem))
+        for name in able
+    ]
+    found = tried(changes, attempt, say)
+    if found.change is None or found.plan is None:
+        return None
+    words = str(replace(found.change, method=""))
+    return Remedy(found.change.keys, found.change.method, plan_summary(found.plan), words)
+
+
+def _outcome(problem: Problem, name: str) -> dict[str, Any]:
+    """One method's summary either way, see `planner.summary.KEYS`."""
+    try:
+        return plan_summary(*solve_and_check(problem, name, advice=False))
+    except NoPlanError as error:
+        return refusal_summary(error, name)
+    except InputError as error:  # the method's own demands on the problem
+        return refusal_summary(NoPlanError(str(error)), name) | {"status": "bad_input"}
 
 
 def _reversal(

@@ -81,7 +81,9 @@ class NoPlanError(PlannerError):
     Attributes:
         plan: The last iterate, for study, or None. It is not a plan to execute.
         violations: What that iterate breaks, worst first by scaled violation.
-        advice: A change that would help, in words, or None.
+        changes: What else to ask for, as data (`planner.methods.refusal.Change`).
+        otherwise: What else may help, in words, or None.
+        advice: Both in words; once the changes have been tried those that work. Or None.
     """
 
     exit_status = 3
@@ -94,12 +96,27 @@ class NoPlanError(PlannerError):
         plan: Any = None,
         violations: Sequence[Violation] = (),
         advice: str | None = None,
+        changes: Sequence[Any] = (),
     ) -> None:
         self.reason = message
         self.plan = plan
         self.violations = tuple(sorted(violations, key=lambda v: -v.scaled))
-        self.advice = advice
-        super().__init__(self._text())
+        self.changes = tuple(changes)
+        self.otherwise = advice
+        super().__init__()
+        self.advise(*(str(change) for change in changes if not change.method), advice)
+
+    def advise(self, *words: str | None) -> None:
+        """Give this advice, and the other methods among the changes."""
+        others = (str(change) for change in self.changes if change.method)
+        self.advice = "; or ".join(each for each in (*words, *others) if each) or None
+        self.args = (self._text(),)
+
+    def blame(self, requirement: str, plan: Plan, broken: Sequence[Violation]) -> None:
+        """Name the requirement without which there is this plan, and how that breaks it."""
+        self.reason += f"; without {requirement} there is one, which breaks:"
+        self.plan, self.violations = plan, tuple(broken)
+        self.args = (self._text(),)
 
     def _text(self) -> str:
         lines = [self.reason, *(f"  - {v}" for v in self.violations[:8])]
@@ -127,9 +144,10 @@ class SingularError(NoPlanError):
         plan: Any = None,
         violations: Sequence[Violation] = (),
         advice: str | None = None,
+        changes: Sequence[Any] = (),
     ) -> None:
         self.times_s = tuple(times_s)
-        super().__init__(message, plan=plan, violations=violations, advice=advice)
+        super().__init__(message, plan=plan, violations=violations, advice=advice, changes=changes)
 
 
 class InfeasibleError(NoPlanError):

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from typing import Any
 
 from planner.certificate import certify
-from planner.deadline import MORE_TIME, TimeUpError, limited
+from planner.deadline import MORE_TIME, TimeUpError, checked, limited
 from planner.duration import refuse_too_short
 from planner.errors import InputError, NoPlanError, TimeLimitError, VerificationError
 from planner.methods import METHODS, Method
+from planner.methods.advice import advise
+from planner.methods.refusal import BY_COLLOCATION, Change, lasting
 from planner.plan import Plan
 from planner.problem import Problem, expect_problem
 from planner.progress import Listener, listening, now, tell
@@ -53,7 +56,9 @@ def solve(
             use for it.
         TimeLimitError: If time was up and there was no plan; it says how far the search came.
         NoPlanError: If no plan is found, or the one found breaks a requirement; its subclasses say
-            which, and it carries the last iterate and what that breaks.
+            which, and it carries the last iterate and what that breaks. Changes of the problem are
+            tried first, see `planner.methods.advice`: within the time limit, and in at most a few
+            times the time that it took to find no plan.
     """
     return solve_and_check(
         problem, method, warm=warm, time_limit_s=time_limit_s, progress=progress, **options
@@ -67,12 +72,29 @@ def solve_and_check(
     warm: Plan | None = None,
     time_limit_s: float | None = None,
     progress: Listener | None = None,
+    advice: bool = True,
     **options: Any,
 ) -> tuple[Plan, Check]:
-    """As `solve`, with what the verification found."""
-    with limited(time_limit_s) as span, listening(progress):
+    """As `solve`, with what the verification found.
+
+    Without `advice` the changes that a refusal names are not tried.
+    """
+    expect_problem(problem)
+    entry = find_method(method)
+    time_limit_s = None if time_limit_s is None else checked(time_limit_s)
+    if time_limit_s is not None and "time_limit_s" in entry.options.model_fields:
+        options = {**options, "time_limit_s": time_limit_s}
+    own = merged_options(problem, entry, options)
+    with limited(getattr(own, "time_limit_s", time_limit_s)) as span, listening(progress):
+
+        def attempt(change: Change) -> Plan:
+            changed = problem.changed(change.keys)
+            given = {} if change.defaults else options
+            return _solved(changed, entry, merged_options(changed, entry, given), None)[0]
+
+        began = time.monotonic()
         try:
-            return _solved(problem, method, warm, time_limit_s, options)
+            return _solved(problem, entry, own, warm)
         except TimeUpError:
             far = now()
             doing = "" if far is None else f" after {far.solves} solves (it was {far.doing})"
@@ -81,28 +103,23 @@ def solve_and_check(
                 f" plan{doing}",
                 advice=MORE_TIME,
             ) from None
+        except NoPlanError as error:
+            seconds = time.monotonic() - began
+            found = advise(error, problem, attempt, seconds) if advice else None
+            if found is None:
+                raise
+            return judged(replace(found, problem=problem))
 
 
-def _solved(
-    problem: Problem,
-    method: str,
-    warm: Plan | None,
-    time_limit_s: float | None,
-    options: dict[str, Any],
-) -> tuple[Plan, Check]:
-    expect_problem(problem)
-    entry = find_method(method)
-    if time_limit_s is not None and "time_limit_s" in entry.options.model_fields:
-        options = {**options, "time_limit_s": time_limit_s}
-    table = merged_options(problem, entry, options)
+def _solved(problem: Problem, entry: Method, options: Any, warm: Plan | None) -> tuple[Plan, Check]:
     if not entry.finds_time:
         refuse_too_short(problem)
     if warm is None:
-        return judged(entry.plan(problem, table))
+        return judged(entry.plan(problem, options))
     if entry.replan is None:
         able = ", ".join(f"'{m.name}'" for m in METHODS.values() if m.replan)
-        raise InputError(f"method '{method}' cannot start from a plan; warm is for {able}")
-    return judged(entry.replan(problem, table, warm))
+        raise InputError(f"method '{entry.name}' cannot start from a plan; warm is for {able}")
+    return judged(entry.replan(problem, options, warm))
 
 
 def judged(plan: Plan) -> tuple[Plan, Check]:
@@ -146,34 +163,33 @@ def _refusal(plan: Plan, check: Check) -> NoPlanError:
             violations=check.violations,
             advice=MORE_TIME,
         )
+    changes, otherwise = _ways(plan, check)
     error = VerificationError(
         f"{plan.problem.source}: the {plan.method} plan breaks"
         f" {len(check.violations)} requirement{'s' if len(check.violations) > 1 else ''}",
         plan=replace(plan, status=VerificationError.status),
         violations=check.violations,
-        advice=_advice(plan, check),
+        advice=otherwise,
+        changes=changes,
     )
     error.check = check
     return error
 
 
-def _advice(plan: Plan, check: Check) -> str:
+def _ways(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
+    """Changes to try, and what else may help."""
     broken = {v.label.rsplit(" ", 1)[0] for v in check.violations}
     if any(v.label.startswith(("clearance", "distance from waypoint")) for v in check.violations):
-        return (
-            "the method 'collocation', which plans around obstacles and by way of waypoints; or"
-            " move what is in the way"
-        )
+        words = ", which plans around obstacles and by way of waypoints"
+        return [replace(BY_COLLOCATION, words=words)], "move what is in the way"
     if broken <= {"input", "rate of input"} and plan.trajectory.kind == "chained":
         factor = max(
             v.value / v.limit if v.label.startswith("input") else (v.value / v.limit) ** 0.5
             for v in check.violations
         )
         if factor < float("inf"):
-            return (
-                f"goal.duration = {plan.duration * factor * 1.0001:.6g} or more (the same path,"
-                " slower, keeps the input limits); or the method 'collocation'"
-            )
+            slower = lasting(plan.duration * factor * 1.0001)
+            return [slower, BY_COLLOCATION], None
     if any(v.label.startswith(("goal", "plan's", "integration")) for v in check.violations):
-        return "a finer mesh: more method.collocation.intervals or a higher degree"
-    return f"wider limits, another {plan.problem.travel_key}, or the method 'collocation'"
+        return [], "a finer mesh: more method.collocation.intervals or a higher degree"
+    return [BY_COLLOCATION], f"wider limits, or another {plan.problem.travel_key}"

@@ -33,11 +33,6 @@ class Waypoint:
         return np.asarray(np.nanmax(np.abs(q - self.q), axis=-1))
 
 
-def disc_label(number: int, link: int) -> str:
-    """What an obstacle demands of a link, both counted from 1."""
-    return f"clearance of link {link} from obstacle {number}"
-
-
 @dataclass(frozen=True, eq=False)
 class Obstacle:
     """A disc.
@@ -54,7 +49,7 @@ class Obstacle:
 
     def label(self, link: int) -> str:
         """What is demanded of a link (from 1), for messages."""
-        return disc_label(self.number, link)
+        return f"clearance of link {link} from obstacle {self.number}"
 
     def clearances(self, points: Array) -> Array:
         """Distance of each link from the disc, negative inside, shape (…, L).

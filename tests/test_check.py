@@ -121,6 +121,16 @@ def test_collocation_plans_what_the_chart_refuses(name: str) -> None:
     assert analysis.outcomes[0]["domain_ok"] is False
 
 
+def test_without_a_waypoint_that_is_in_the_way_there_is_a_plan(paper: planner.Problem) -> None:
+    place = {"theta_deg": [60, -60, 0], "time": 1.0}
+    quick = {"attempts": 1, "intervals": 20, "max_iterations": 60}
+    problem = paper.changed({"waypoints": [place], "method.collocation": quick})
+    remedy = check(problem, ["collocation"]).remedy
+    assert remedy is not None
+    assert remedy.changes == {"waypoints": []}
+    assert "waypoints = []: the method 'collocation' then has" in str(remedy)
+
+
 def test_the_ablest_method_answers_for_the_unreachable() -> None:
     problem = planner.load_problem(PROBLEMS / "unreachable.toml")
     remedy = check(problem, ["polynomial", "collocation"]).remedy

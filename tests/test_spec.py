@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import planner
-from planner.spec import parse_spec, parse_specs, toml
+from planner.reading import toml
+from planner.spec import parse_spec, parse_specs
 
 
 def test_a_bare_name_has_no_options() -> None:

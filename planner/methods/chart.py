@@ -7,14 +7,11 @@ import numpy as np
 from planner.chained import chained_form
 from planner.errors import InputError, SingularError
 from planner.measures import peak_inputs, peak_rates
+from planner.methods.refusal import BY_COLLOCATION
 from planner.plan import Plan
 from planner.problem import Problem
 from planner.systems.base import Array
 from planner.trajectory import Trajectory
-
-WAY_OUT = (
-    "use the method 'collocation', which plans in the coordinates themselves and has no such edge"
-)
 
 
 def chart_ends(problem: Problem, travel: float) -> tuple[Array, Array]:
@@ -33,7 +30,7 @@ def chart_ends(problem: Problem, travel: float) -> tuple[Array, Array]:
             continue
         worst = int(np.argmin(margins))
         reason = _edge(problem, name, q, *labels[worst], abs(float(margins[worst])) < 1e-15)
-        raise SingularError(f"{problem.source}: {reason}", advice=WAY_OUT)
+        raise SingularError(f"{problem.source}: {reason}", changes=[BY_COLLOCATION])
     form = chained_form(problem.system)
     return form.z(problem.start), form.z(goal)
 
@@ -105,5 +102,6 @@ def refuse_outside(plan: Plan) -> None:
         f" {report.label}){zero}",
         times_s=report.singular_times_s,
         plan=plan,
-        advice=f"another {plan.problem.travel_key} (or 'free') or constraint point; or {WAY_OUT}",
+        advice=f"another {plan.problem.travel_key} (or 'free') or constraint point",
+        changes=[BY_COLLOCATION],
     )

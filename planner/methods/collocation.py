@@ -12,7 +12,6 @@ from planner import deadline
 from planner.errors import InputError
 from planner.methods.collocation_early import ended_early, in_hand
 from planner.methods.collocation_refusals import NAME, refusal
-from planner.methods.remedies import UnexplainedError
 from planner.ocp.backends import Settings
 from planner.ocp.best import holding
 from planner.ocp.form import Form, InputKind
@@ -26,7 +25,7 @@ from planner.plan import Plan
 from planner.problem import Problem
 from planner.schema.methods import CollocationOptions
 
-__all__ = ["SEARCHED", "collocation_task", "finished", "plan_collocation", "planned"]
+__all__ = ["SEARCHED", "collocation_task", "finished", "plan_collocation"]
 
 
 def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
@@ -43,21 +42,7 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
         TimeLimitError: If time was up before there was a motion.
         InfeasibleError: If the duration is shorter than any motion can be; it names the shortest
             one found.
-        NotConvergedError: If no motion is found, or none as short as the duration; it names what
-            stands in the way where that could be found out, with a change that was tried.
-    """
-    with deadline.limited(options.time_limit_s):
-        try:
-            return planned(problem, options)
-        except UnexplainedError as refusal:
-            raise refusal.explained(planned) from None
-
-
-def planned(problem: Problem, options: CollocationOptions) -> Plan:
-    """As `plan_collocation`, but its refusals are not explained yet.
-
-    Raises:
-        UnexplainedError: In place of `plan_collocation`'s refusals, but for TimeLimitError.
+        NotConvergedError: If no motion is found, or none as short as the duration.
     """
     began = time.perf_counter()
 
@@ -66,13 +51,18 @@ def planned(problem: Problem, options: CollocationOptions) -> Plan:
 
     ways = routes(problem.within_reach())
     search = Pipeline(ways, options, make)
-    with holding(ways, options.accuracy) as best, deadline.limited(None, holds=best.holds) as span:
+    limit = deadline.limited(options.time_limit_s)
+    with (
+        limit,
+        holding(ways, options.accuracy) as best,
+        deadline.limited(None, holds=best.holds) as span,
+    ):
         try:
             found = search.run(best.holds)
         except deadline.TimeUpError:
             found = in_hand(best, span, problem, options)
         if found is None:
-            raise refusal(search)
+            raise refusal(problem, search)
         answer, done = found
         notes = {"stage": answer.stage, "tried": search.log}
         plan = finished(done, answer.start, notes, best.iterations, options, began)

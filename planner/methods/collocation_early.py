@@ -13,7 +13,6 @@ from planner.ocp.best import Best
 from planner.ocp.look import excess, look
 from planner.ocp.pipeline import Answer
 from planner.ocp.polish import Polished, polish
-from planner.ocp.violations import broken_rows
 from planner.plan import Plan
 from planner.problem import Problem
 from planner.schema.methods import CollocationOptions
@@ -61,7 +60,7 @@ def _refusal(
 ) -> TimeLimitError:
     far, last, broken = progress.now(), None, list[Violation]()
     if best.nearest is not None:
-        last, broken = iterate_plan(*best.nearest, options), broken_rows(*best.nearest)
+        last, broken = iterate_plan(problem, *best.nearest, options)
     came = "" if far is None else f" after {far.solves} solves (it was {far.doing})"
     nearest = "; what came nearest to one breaks:" if broken else ""
     return TimeLimitError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,7 +20,7 @@ from planner.errors import InfeasibleError, InputError, NoPlanError, NotConverge
 from planner.extrema import sample_times
 from planner.measures import peak_inputs, peak_rates
 from planner.methods.chart import chart_ends
-from planner.methods.remedies import least, travelling
+from planner.methods.refusal import BY_COLLOCATION, Change, free_travel, lasting
 from planner.methods.travel import candidate_travels
 from planner.pieces import elevate
 from planner.plan import Plan
@@ -32,8 +33,6 @@ from planner.systems.manipulator import Manipulator
 from planner.trajectory import ChainedTrajectory, Trajectory
 
 NAME = "convex"
-
-ELSEWHERE = "the method 'collocation', which plans in the coordinates themselves"
 
 OBJECTIVES = {
     "smooth": "smoothness: half the integral of (dz2/dz1)^2 over |z1|",
@@ -77,7 +76,7 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
     built = time.perf_counter()
     found = _best_path(problem, options, frame, band, travels)
     if found.best is None:
-        raise _no_path(problem, options, frame.shape, band, found)
+        raise _no_path(problem, frame.shape, band, found)
     trajectory, timing = _timed(problem, _path(problem, found.best.frame, found.best.y))
     value = found.best.value
     return Plan(
@@ -114,14 +113,14 @@ def _travels(problem: Problem, options: ConvexOptions) -> Array:
     """The travel, or those to scan, increasing."""
     window, travel = travel_window(problem), problem.travel
     if window is not None and window.empty:
-        raise _infeasible(problem, f"no one-way motion exists: {window.reason}", ELSEWHERE)
+        raise _infeasible(problem, f"no one-way motion exists: {window.reason}", [])
     if travel == 0:
         why = f"{problem.travel_key} = 0, and a path of this method moves one way"
-        raise _infeasible(problem, why, ELSEWHERE)
+        raise _infeasible(problem, why, [])
     words = "" if window is None else f"between {window.low:.6g} and {window.high:.6g} rad"
     if travel is not None and window is not None and travel not in window:
         why = f"goal.travel = {travel:.6g} rad: one-way motions of any kind have travels {words}"
-        raise _infeasible(problem, why, _another_travel(problem, options) or ELSEWHERE)
+        raise _infeasible(problem, why, free_travel(problem))
     if window is not None and problem.duration is not None:
         assert isinstance(problem.system, Manipulator)  # no other has a window
         top = problem.system.k_g * problem.limits.input[0] * problem.duration
@@ -132,11 +131,7 @@ def _travels(problem: Problem, options: ConvexOptions) -> Array:
                 f" {problem.limits.input[0]:.4g} rad/s allows at most {top:.4g} rad in"
                 f" {problem.duration:.4g} s"
             )
-            slower = _found(replace(problem, duration=None), options)
-            ways = "a longer goal.duration"
-            if slower is not None:
-                ways = f"goal.duration = {least(slower.duration)} (the least on the best path)"
-            raise _infeasible(problem, why, ways)
+            raise _infeasible(problem, why, [Change({"goal.duration": "free"})])
     return candidate_travels(problem, options.scan) if travel is None else np.array([travel])
 
 
@@ -199,7 +194,7 @@ def _timed(problem: Problem, path: ChainedTrajectory) -> tuple[Trajectory, str]:
         raise NotConvergedError(
             f"{problem.source}: the best path takes {fastest.duration:.4g} s within the input"
             f" limits; goal.duration is {duration:.4g} s",
-            advice=f"goal.duration = {least(fastest.duration)} (on that path); or {ELSEWHERE}",
+            changes=[lasting(fastest.duration), BY_COLLOCATION],
         )
     return fastest.slowed(duration / fastest.duration), "in proportion to the fastest motion"
 
@@ -238,22 +233,20 @@ def _notes(problem: Problem, band: Band, found: Found, best: Best) -> dict[str, 
 # -- refusals --------------------------------------------------------------------------------------
 
 
-def _no_path(
-    problem: Problem, options: ConvexOptions, shape: Shape, band: Band, found: Found
-) -> NoPlanError:
+def _no_path(problem: Problem, shape: Shape, band: Band, found: Found) -> NoPlanError:
     """No path of the class was found inside the domain; with a certificate where there is one."""
-    elsewhere = _another_travel(problem, options)
+    changes = [*free_travel(problem), BY_COLLOCATION]
     if not found.refusals:
         why = f"no programme settled ({found.tried} tried), for {_class_words(shape)}"
-        ways = "other method.convex.pieces"
+        ways: str | None = "other method.convex.pieces"
         if not band.complete:
             why = (
                 f"the best of all {_class_words(shape)} leaves the chart's domain at every travel"
                 f" tried ({found.tried}); for this system the domain is not convex, so the method"
                 " cannot keep to it"
             )
-            ways = ELSEWHERE
-        return NotConvergedError(f"{problem.source}: {why}", advice=elsewhere or ways)
+            ways = None
+        return NotConvergedError(f"{problem.source}: {why}", advice=ways, changes=changes)
     first = found.refusals[0]
     floor = f", with |z2| >= {band.floor:.4g}," if np.isfinite(band.floor) else ""
     proof = (
@@ -265,11 +258,12 @@ def _no_path(
     if window is not None:
         proof += f"; one-way motions of any kind have travels between {window.low:.6g} and"
         proof += f" {window.high:.6g} rad"
-    ways = f"a smaller limits.z2_margin, more method.convex.pieces, or {ELSEWHERE}"
+    ways = "a smaller limits.z2_margin, or more method.convex.pieces"
     if problem.travel is None:
         why = f"{len(found.refusals)} of {found.tried} travels tried are proven to have no path"
-        return NotConvergedError(f"{problem.source}: {why}; for one, {proof}", advice=ways)
-    error = _infeasible(problem, proof, elsewhere or ways)
+        why = f"{problem.source}: {why}; for one, {proof}"
+        return NotConvergedError(why, advice=ways, changes=changes)
+    error = _infeasible(problem, proof, free_travel(problem), ways)
     error.certificate = _certificate(first)
     return error
 
@@ -290,19 +284,8 @@ def _certificate(refusal: Impossible) -> dict[str, Any]:
     }
 
 
-def _infeasible(problem: Problem, why: str, ways: str) -> InfeasibleError:
-    return InfeasibleError(f"{problem.source}: {why}", advice=ways)
-
-
-def _another_travel(problem: Problem, options: ConvexOptions) -> str | None:
-    """The travel of the plan that this method has with the travel free, if it has one."""
-    plan = None if problem.travel is None else _found(problem.with_travel(None), options)
-    return None if plan is None else f"{travelling(plan)} (where this method has a path)"
-
-
-def _found(problem: Problem, options: ConvexOptions) -> Plan | None:
-    """What is planned for a problem with fewer demands, by the quicker objective, or None."""
-    try:
-        return plan_convex(problem, options.model_copy(update={"objective": "smooth"}))
-    except (NoPlanError, InputError):
-        return None
+def _infeasible(
+    problem: Problem, why: str, changes: Sequence[Change], ways: str | None = None
+) -> InfeasibleError:
+    changes = [*changes, BY_COLLOCATION]
+    return InfeasibleError(f"{problem.source}: {why}", advice=ways, changes=changes)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from planner.errors import InfeasibleError, SingularError
-from planner.methods.chart import WAY_OUT
+from planner.methods.refusal import BY_COLLOCATION
 from planner.methods.score import Criterion, Scores, end_margin, score
 from planner.problem import Problem
 from planner.reachability import travel_window
@@ -81,7 +81,8 @@ def choose_travel(
             f"{problem.source}: no travel between {travels[0]:.5g} and {travels[-1]:.5g}"
             f" {problem.system.coordinates[0].unit} keeps this law inside the domain of the"
             f" chained-form chart ({len(travels)} tried)",
-            advice=f"other constraint points; or {WAY_OUT}",
+            advice="other constraint points",
+            changes=[BY_COLLOCATION],
         )
     ranges = _ranges(problem, travels, good, make)
     if rule == "middle":
@@ -103,7 +104,8 @@ def candidate_travels(problem: Problem, count: int) -> Array:
     if window.empty:
         raise InfeasibleError(
             f"{problem.source}: no one-way motion exists: {window.reason}",
-            advice=f"goal.travel = 0 (two legs, out and back); or {WAY_OUT}",
+            advice="goal.travel = 0 (two legs, out and back)",
+            changes=[BY_COLLOCATION],
         )
     low, high = sorted((window.low, window.high), key=abs)
     if not np.isfinite(high):

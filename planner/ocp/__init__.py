@@ -6,6 +6,5 @@ derivatives), `interval` (its functions), `assembly` (the whole), `transcription
 `bounds`, `backends` (which solver, barrier and patience: one table), `newton`, `compiled`,
 `solver`, `curve`, `resimulation`, `task`, `look`. Then the stages of the search: `guess`,
 `search` (paths), `timing`, `polish`, `ladder`, and `pipeline`, the loop that goes through them;
-at last `best`, `violations`, `refusal`. The method that uses them is
-`planner.methods.collocation`.
+at last `best`. The method that uses them is `planner.methods.collocation`.
 """

@@ -51,7 +51,7 @@ def held(job: Task, chain: Chain, accuracy: float) -> tuple[Task, Solution] | No
     places = Ends.of(job.problem, 1 - DRAWN_IN)
     for turn in TURNS:
         cut = finer(system, chain, list(system.limited), turn)
-        whole, _ = closed(system, cut, places, first=1.0)
+        whole, _ = closed(system, cut, places)
         found = exact(system, whole, places) if whole is not None else None
         if found is None:
             return None

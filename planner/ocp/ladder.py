@@ -30,7 +30,7 @@ GUESSES, ITERATIONS, ENOUGH = 16, 300, 6
 """Guesses for the arm of the last joints, iterations granted to each, and paths that are enough."""
 
 GAPS = (0.12, 0.05, 0.02)
-"""Largest gaps, rad, that a joint in front may leave; smaller where they cannot be closed."""
+"""Largest gaps, rad, that a joint in front may leave; smaller where only a part of them closes."""
 
 MOST_SHORTENED, SHORTENING = 5000, 100
 """Most pieces of a path that is shortened, and iterations granted for it."""
@@ -118,9 +118,11 @@ def _by_shorter(job: Task) -> tuple[Chain, int] | None:
     assert isinstance(problem.system, Manipulator)
     ends = Ends.of(problem)
     for gap in GAPS:
-        whole, _ = closed(problem.system, lifted(problem.system, path, ends, gap), ends, 1.0)
+        whole, share = closed(problem.system, lifted(problem.system, path, ends, gap), ends)
         if whole is not None:
             return _shortened(job, whole, ends), joints
+        if share == 0:
+            break
     return None
 
 
@@ -133,7 +135,7 @@ def _shortened(job: Task, path: Chain, ends: Ends) -> Chain:
     effort = path_task(replace(own, settings=settings))
     assert effort.problem.duration is not None
     found = effort.solve(stretched(iterate, effort.problem.duration))
-    shorter, _ = closed(job.problem.system, chain_of(effort, found), ends, 1.0)
+    shorter, _ = closed(job.problem.system, chain_of(effort, found), ends)
     return shorter if shorter is not None and _length(shorter) < _length(path) else path
 
 
@@ -160,7 +162,7 @@ def _searched(job: Task) -> tuple[Chain, int] | None:
     if not paths.found:
         return None
     system, coarse = job.problem.system, chain_of(job, paths.found[0].solution)
-    chain, _ = closed(system, coarse, Ends.of(job.problem), 1.0)
+    chain, _ = closed(system, coarse, Ends.of(job.problem))
     return None if chain is None else (chain, system.size - 1)
 
 

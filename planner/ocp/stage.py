@@ -16,33 +16,27 @@ from planner.ocp.edges import edge_cost
 from planner.ocp.form import TERMS, Form
 from planner.ocp.obstacles import clearances, link_count
 from planner.ocp.order import Order
-from planner.systems.base import Array, Coordinate, TriangularSystem
-from planner.workspace import disc_label
+from planner.systems.base import Array, TriangularSystem
 
-RowKind = Literal["motion", "defect", "joint", "z2", "obstacle"]
+RowKind = Literal["motion", "carried", "defect", "joint", "z2", "obstacle"]
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """A labelled constraint: rows of one meaning.
+    """Rows of one meaning.
 
     Attributes:
-        kind: Its family. motion: the next state is where this interval leads; defect: a lifted
+        kind: Its family. motion: the next state is where this interval leads; carried: the
+            duration and a linear input's corners are those of the next interval; defect: a lifted
             coordinate obeys its rate at the collocation points; joint: a coordinate keeps its
             limit inside the interval; z2: z₂ keeps its margin; obstacle: a link clears a disc.
         index: Coordinate or input it is about.
-        label: What it demands, in words.
-        unit: Unit of the rows' values.
-        scale: A typical size, by which excesses are made comparable.
         tau: Where in the interval each row holds, shape (m,), in [0, 1].
         first: Position of its first row among the interval's rows.
     """
 
     kind: RowKind
     index: int
-    label: str
-    unit: str
-    scale: float
     tau: Array
     first: int
 
@@ -121,18 +115,8 @@ class _RowList:
         self.expressions: list[Any] = []
         self.labels: list[Rows] = []
 
-    def add(
-        self,
-        kind: RowKind,
-        index: int,
-        label: str,
-        unit: str,
-        scale: float,
-        tau: Array,
-        expressions: list[Any],
-    ) -> None:
-        first = len(self.expressions)
-        self.labels.append(Rows(kind, index, label, unit, scale, tau, first))
+    def add(self, kind: RowKind, index: int, tau: Array, expressions: list[Any]) -> None:
+        self.labels.append(Rows(kind, index, tau, len(self.expressions)))
         self.expressions += expressions
 
 
@@ -142,8 +126,7 @@ def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
     points, rates, defects, inside = _collocation(system, form, order, x)
     after = _motion(system, form, x, rates, rows)
     for i, residuals in defects.items():
-        named = system.coordinates[i]
-        rows.add("defect", i, _motion_of(named), named.unit, 1.0, form.scheme.points, residuals)
+        rows.add("defect", i, form.scheme.points, residuals)
     columns = [ca.vertcat(*column) for column in points]
     _limits(system, form, x, columns, rows)
     cost = _cost(system, form, x, columns)
@@ -213,17 +196,16 @@ def _motion(
     """The state at the right edge."""
     weights, end = ca.DM(form.scheme.quadrature), np.ones(1)
     after = []
-    for i, named in enumerate(system.coordinates):
+    for i in range(system.size):
         after.append(x.X[i] + x.seconds * ca.dot(weights, ca.vertcat(*rates[i])))
-        rows.add("motion", i, _motion_of(named), named.unit, 1.0, end, [after[-1]])
+        rows.add("motion", i, end, [after[-1]])
     if form.free_duration:
         after.append(x.T)
-        rows.add("motion", 0, "one duration for all", "s", 1.0, end, [x.T])
+        rows.add("carried", 0, end, [x.T])
     if form.input == "linear":
-        for i, named in enumerate(system.inputs):
+        for i in range(len(system.inputs)):
             after.append(x.u_right[i])
-            label = f"continuity of input {named.name}"
-            rows.add("motion", i, label, named.unit, 1.0, end, [after[-1]])
+            rows.add("carried", i, end, [after[-1]])
     return ca.vertcat(*after)
 
 
@@ -234,22 +216,19 @@ def _limits(
     inside = form.scheme.points if form.inner else np.empty(0)
     if form.inner:
         for i in system.limited:
-            named = system.coordinates[i]
-            values = [q[i] for q in points]
-            rows.add("joint", i, f"joint {named.name}", named.unit, 1.0, inside, values)
+            rows.add("joint", i, inside, [q[i] for q in points])
     if form.chart:
         places = [x.X, *points] if form.inner else [x.X]
         z2 = [chained_form(system).z_expr(q)[1] for q in places]
-        rows.add("z2", 1, "z2 margin", "", 1.0, np.append(0.0, inside), z2)
+        rows.add("z2", 1, np.append(0.0, inside), z2)
 
     for k in range(form.obstacles):
         disc = x.weights[TERMS + 3 * k : TERMS + 3 * k + 3]
         places = [x.X, *points] if form.inner else [x.X]
         links = zip(*(clearances(system, q, disc) for q in places), strict=True)
-        for i, clear in enumerate(links, 1):
-            pair, label = k * link_count(system) + i - 1, disc_label(k + 1, i)
-            tau = np.append(0.0, inside)
-            rows.add("obstacle", pair, label, "m", 1.0, tau, list(clear))
+        for i, clear in enumerate(links):
+            pair = k * link_count(system) + i
+            rows.add("obstacle", pair, np.append(0.0, inside), list(clear))
 
 
 def _cost(system: TriangularSystem, form: Form, x: _Symbols, points: list[Any]) -> Any:
@@ -264,10 +243,6 @@ def _cost(system: TriangularSystem, form: Form, x: _Symbols, points: list[Any]) 
         means = zip(form.scheme.quadrature, nearness, strict=True)
         cost += x.width * sum(w * each for w, each in means)
     return cost
-
-
-def _motion_of(named: Coordinate) -> str:
-    return f"motion of {named.name}"
 
 
 def _mean_square(x: _Symbols, form: Form) -> Any:

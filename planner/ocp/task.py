@@ -23,7 +23,6 @@ from planner.ocp.resimulation import Motion, resimulate
 from planner.ocp.solver import Solution, judged, prepare, solve
 from planner.ocp.transcription import Transcription
 from planner.problem import Problem
-from planner.systems.base import Array
 from planner.trajectory import StateTrajectory
 
 
@@ -63,14 +62,6 @@ class Task:
         found = solve(self.made, self.bounds, start, replace(self.settings, near=near))
         offer(self, found)
         return found
-
-    def rows(self, iterate: Iterate) -> Array:
-        """Values of all rows at an iterate, which may take another time than the problem gives."""
-        problem, made = self.problem, self.made
-        if problem.duration is not None:
-            problem = replace(problem, duration=iterate.duration)
-        data = replace(self, problem=problem).bounds
-        return made.outcome(made.layout.pack(iterate, data.widths), data.parameters)[1]
 
     def judged(self, iterate: Iterate) -> Solution:
         """An iterate as it is, by the task's rows."""

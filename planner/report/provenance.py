@@ -13,7 +13,7 @@ from planner.distribution import version
 from planner.errors import InputError
 from planner.machine import Machine
 from planner.problem import load_problem
-from planner.spec import toml
+from planner.reading import toml
 
 if TYPE_CHECKING:
     from planner.comparison import Comparison, Row

@@ -16,9 +16,9 @@ from pydantic import BaseModel
 from planner.errors import InputError
 from planner.machine import Machine
 from planner.methods import METHODS
+from planner.reading import toml
 from planner.schema import FILES, MachineTable, MethodsTable, nearest
 from planner.schema.feedback import FeedbackTable
-from planner.spec import toml
 
 WIDTH = 100
 

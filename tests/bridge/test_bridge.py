@@ -81,9 +81,9 @@ def test_a_gap_is_closed_within_the_limits() -> None:
     goal = q[-1].copy()
     goal[0] = np.nan
     limit = np.array([np.inf, *np.full(3, np.deg2rad(LIMIT_DEG))])
-    found, made = closed(HARD.system, whole, Ends(HARD.start, goal, limit))
+    found, share = closed(HARD.system, whole, Ends(HARD.start, goal, limit))
     assert found is not None
-    assert made > 0
+    assert share == 1
     assert found.q[1:] == pytest.approx(ends(HARD.system, found.q[:-1], found.u), abs=2e-6)
     assert found.q[-1, 1:] == pytest.approx(goal[1:], abs=1e-9)
     assert np.max(np.abs(found.q[:, 1:])) <= np.deg2rad(LIMIT_DEG) + 1e-9
@@ -93,9 +93,9 @@ def test_what_one_piece_cannot_do_is_not_found() -> None:
     goal = HARD.start + np.array([0.0, 0.0, 0.0, 0.5])
     chain = Chain(np.stack([HARD.start, goal]), np.zeros((1, 2)), (goal - HARD.start)[None])
     limit = np.array([np.inf, *np.full(3, np.deg2rad(LIMIT_DEG))])
-    found, made = closed(HARD.system, chain, Ends(HARD.start, goal, limit))
+    found, share = closed(HARD.system, chain, Ends(HARD.start, goal, limit))
     assert found is None
-    assert made > 0
+    assert share == 0
 
 
 def test_finer_chains_say_what_the_coarse_ones_got_wrong() -> None:

@@ -64,7 +64,7 @@ def test_the_shorter_path_is_followed() -> None:
 @pytest.mark.parametrize("first", [1.4, 0.7])
 def test_gaps_can_be_closed_within_the_limits(first: float) -> None:
     ends = _ends(first)
-    chain, _ = closed(ARM, lifted(ARM, _path(), ends, 0.2), ends, 1.0)
+    chain, _ = closed(ARM, lifted(ARM, _path(), ends, 0.2), ends)
     assert chain is not None
     assert chain.q[[0, -1]] == pytest.approx(np.stack([ends.start, ends.goal]))
     assert np.all(np.abs(chain.q) <= ends.limit + 1e-9)

@@ -42,6 +42,6 @@ def test_the_curve_passes_the_nodes_the_points_and_the_inputs(
 def test_an_iterate_that_has_run_away_is_no_plan_to_study() -> None:
     """A solver may end at a duration that is no number: the refusal must not fail over it."""
     iterate = Iterate(np.nan, np.zeros((4, 3)), np.zeros((3, 3, 3)), np.zeros((3, 2)))
-    job: Any = None
+    none: Any = None
     solution: Any = SimpleNamespace(iterate=iterate)
-    assert collocation_refusals.iterate_plan(job, solution, job) is None
+    assert collocation_refusals.iterate_plan(none, none, solution, none) == (None, [])

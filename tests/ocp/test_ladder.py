@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import planner
-from planner.bridge.closing import Chain
+from planner.bridge.closing import Chain, Ends
 from planner.bridge.piece import ends
 from planner.errors import NotConvergedError
 from planner.methods.collocation import collocation_task
@@ -24,6 +25,7 @@ from planner.ocp.polish import Polished
 from planner.ocp.solver import Solution
 from planner.ocp.task import Task
 from planner.schema.methods import CollocationOptions
+from planner.systems.base import TriangularSystem
 
 PROBLEM = planner.Problem.from_dict(
     {
@@ -168,3 +170,23 @@ def test_a_path_too_slow_for_the_duration_is_not_kept(chain: Chain) -> None:
             PROBLEM.changed({"goal.duration": wanted}), CollocationOptions(), 40
         )
         assert (held(timed, chain, 5e-6) is not None) == fits
+
+
+@pytest.mark.parametrize(("share", "asked"), [(0.0, 1), (0.4, len(ladder.GAPS))])
+def test_smaller_gaps_are_asked_for_only_where_some_of_them_are_closed(
+    share: float, asked: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gaps, inner = [], ladder.closed
+
+    def closed(system: TriangularSystem, path: Chain, ends: Ends) -> tuple[Chain | None, float]:
+        return inner(system, path, ends) if system.size == 3 else (None, share)
+
+    def lifted(*given: Any) -> Chain:
+        gaps.append(given[-1])
+        return inner_lift(*given)
+
+    inner_lift = ladder.lifted
+    monkeypatch.setattr(ladder, "closed", closed)
+    monkeypatch.setattr(ladder, "lifted", lifted)
+    assert ladder._by_shorter(collocation_task(PROBLEM, CollocationOptions(), 40)) is None
+    assert len(gaps) == asked

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import planner
-import planner.remedy
+from planner.methods.refusal import in_other_time, on_other_paths
 from planner.ocp.mesh import through
 from planner.ocp.obstacles import clearances
 from planner.ocp.route import routes
@@ -227,14 +227,12 @@ def test_other_systems_name_the_coordinates_of_a_waypoint() -> None:
         car.changed({"obstacles": [DISC]})
 
 
-def test_check_tries_to_do_without(paper: planner.Problem, monkeypatch: pytest.MonkeyPatch) -> None:
-    """And leaves the duration alone where a waypoint's time depends on it."""
-
-    def attempt(problem: planner.Problem, name: str) -> dict[str, object]:
-        return {"verified": not problem.waypoints}
-
-    monkeypatch.setattr(planner.remedy, "attempt", attempt)
-    problem = paper.changed({"waypoints": [{"theta_deg": [60, -60, 0], "time": 1.0}]})
-    remedy = planner.remedy.find_remedy(problem, ["collocation"], lambda doing: None)
-    assert remedy is not None
-    assert remedy.changes == {"waypoints": []}
+def test_what_is_tried_leaves_the_duration_alone_where_a_waypoint_depends_on_it(
+    paper: planner.Problem,
+) -> None:
+    place = {"theta_deg": [60, -60, 0], "time": 1.0}
+    timed = paper.changed({"waypoints": [place]})
+    assert [dict(change.keys) for change in in_other_time(timed)] == []
+    assert {"waypoints": []} in [change.keys for change in on_other_paths(timed)]
+    free = paper.changed({"waypoints": [{"theta_deg": [60, -60, 0]}]})
+    assert {"goal.duration": "free"} in [change.keys for change in in_other_time(free)]

@@ -1,0 +1,126 @@
+"""The changes that a refusal names, tried one after the other, and those that work in words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from planner import progress
+from planner.deadline import MORE_TIME, TimeUpError, limited, remaining, share
+from planner.errors import InputError, NoPlanError, TimeLimitError, Violation
+from planner.methods.refusal import Change, least
+from planner.plan import Plan
+from planner.problem import Problem
+from planner.verify import verify
+
+Attempt = Callable[[Change], Plan]
+"""Plans with a change; may refuse."""
+
+TIMES, LEAST_S = 3.0, 10.0
+"""All tries together take at most so many times as long as the refusal did, or so many seconds."""
+
+PART = 0.5
+"""Of the time left, what one try may take: what helps is most often among the first changes, and
+one that is as hard as what was asked must not keep the others from being tried."""
+
+
+@dataclass(frozen=True)
+class Tries:
+    """What became of changes.
+
+    Attributes:
+        change: The first that led to a verified plan, or None.
+        plan: That plan.
+        vain: Those that led to none.
+        left: Those for which there was no time.
+    """
+
+    change: Change | None
+    plan: Plan | None
+    vain: list[Change]
+    left: list[Change]
+
+
+def tried(changes: Sequence[Change], attempt: Attempt, told: Callable[[str], None]) -> Tries:
+    """Try changes in order, each in its part of the time, until one leads to a verified plan."""
+    vain, left = list[Change](), list[Change]()
+    for change in changes:
+        if remaining() <= 0:
+            left.append(change)
+            continue
+        told(f"trying {change}")
+        try:
+            with share(PART):
+                plan = attempt(change)
+        except (TimeUpError, TimeLimitError):
+            left.append(change)
+        except (NoPlanError, InputError):
+            vain.append(change)
+        else:
+            if plan.verified:
+                return Tries(change, plan, vain, left)
+            vain.append(change)
+    return Tries(None, None, vain, left)
+
+
+def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: float) -> Plan | None:
+    """Try the changes of a refusal, and say in it what helps.
+
+    Other methods are named and not tried: `planner.check` does that.
+
+    Args:
+        error: The refusal, which is worded anew.
+        problem: What was asked.
+        attempt: Plans with a change.
+        seconds: How long the refusal took.
+
+    Returns:
+        A plan of the problem as it was asked, if trying came upon one.
+    """
+    own = [change for change in error.changes if not change.method]
+    if not own:
+        return None
+    with limited(max(LEAST_S, TIMES * seconds), "the time to try changes"):
+        tries = tried(own, attempt, lambda doing: progress.tell(f"no plan; {doing}"))
+    if tries.change is None or tries.plan is None:
+        said = [error.otherwise] if error.otherwise else []
+        if tries.vain:
+            said.append(f"in vain were tried {', '.join(map(str, tries.vain))}")
+        if tries.left:
+            said.append(f"there was no time to try {', '.join(map(str, tries.left))}")
+        error.advise(MORE_TIME if remaining() <= 0 else None, "; ".join(said))
+        return None
+    shown = replace(tries.plan, problem=problem, verified=False, certificate=None)
+    broken = verify(shown).violations
+    if not broken and not tries.change.defaults:
+        return tries.plan
+    error.advise(f"{_asked(shown, broken) or tries.change} (tried)")
+    if tries.change.without:
+        error.blame(tries.change.without, replace(shown, status=error.status), broken)
+    return None
+
+
+def _asked(plan: Plan, broken: Sequence[Violation]) -> str:
+    """What a problem would have to say for this to be a plan of it, given what it breaks now."""
+    problem, first = plan.problem, plan.problem.system.coordinates[0].name
+    parts, peaks = [], []
+    for table in ("obstacle", "waypoint"):
+        missed = {v.label.rsplit(" ", 1)[1] for v in broken if f"{table} " in v.label}
+        if missed:
+            parts.append(f"leave out [[{table}s]] {' and '.join(sorted(missed, key=int))}")
+    for v in sorted(broken, key=lambda v: v.label):
+        if v.label.startswith("joint "):
+            limit = replace(v, value=1.001 * v.value).shown(4)
+            peaks.append(f"{v.label.removeprefix('joint ')} at least {limit[0]}{limit[2]}")
+        elif v.label == "z2 margin":
+            above = f"limits.z2_margin = {0.999 * v.value:.4g} or less"
+            free = "leave out limits.z2_margin, so that z2 may change sign"
+            parts.append(above if v.value > 0 else free)
+        elif v.label == f"goal {first}":
+            ((key, value),) = problem.travel_change(plan.travel).items()
+            parts.append(f"{key} = {value:.6g}")
+        elif v.label == "duration":
+            parts.append(f"goal.duration = {least(plan.duration)} or more")
+    if peaks:
+        parts.append(f"wider limits: {', '.join(peaks)}")
+    return " and ".join(parts)

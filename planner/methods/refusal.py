@@ -1,0 +1,84 @@
+"""What a method says where it has no plan: changes of what was asked, as data.
+
+A method that refuses names them; it tries none. `planner.methods.advice` does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from planner.problem import Problem
+from planner.reading import toml
+
+WIDEST = {"joint_deg": 88.0, "steering_deg": 88.0, "hitch_deg": 88.0, "heading_deg": 360.0, "q": {}}
+"""Keys of [limits] that limit coordinates, with what limits them least."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """Something else to ask for where a method has no plan.
+
+    Attributes:
+        keys: Dotted keys of the problem file to values, as `Problem.changed` takes them.
+        words: What to say instead of the keys; after a method, what follows its name.
+        without: The requirement left out, in words; it is blamed where the change leads to a plan.
+        method: Another method to use, or "" for the same.
+        defaults: Whether options given to the method are left out.
+    """
+
+    keys: Mapping[str, Any] = field(default_factory=dict)
+    words: str = ""
+    without: str = ""
+    method: str = ""
+    defaults: bool = False
+
+    def __str__(self) -> str:
+        if self.method and not self.keys:
+            return f"use the method '{self.method}'{self.words}"
+        return self.words or " and ".join(f"{key} = {toml(v)}" for key, v in self.keys.items())
+
+
+BY_COLLOCATION = Change(method="collocation", words=", which plans in the coordinates themselves")
+
+
+def lasting(seconds: float) -> Change:
+    """Another duration, rounded up."""
+    return Change({"goal.duration": float(least(seconds))}, f"goal.duration = {least(seconds)}")
+
+
+def free_travel(problem: Problem, without: str = "") -> list[Change]:
+    """The travel left free, where it is given."""
+    return [Change(problem.travel_change(None), without=without)][: problem.travel is not None]
+
+
+def in_other_time(problem: Problem) -> list[Change]:
+    """A free duration, a free travel, and both; of those that are given."""
+    free = free_travel(problem)
+    timed = any(point.time_s is not None for point in problem.waypoints)
+    if problem.duration is None or timed or not np.any(np.isfinite(problem.limits.input)):
+        return free
+    duration = Change({"goal.duration": "free"})
+    return [duration, *free, *(Change({**duration.keys, **each.keys}) for each in free)]
+
+
+def on_other_paths(problem: Problem) -> list[Change]:
+    """One requirement on the path left out after the other, but for the travel."""
+    limits = problem.to_dict().get("limits", {})
+    wide = {f"limits.{key}": value for key, value in WIDEST.items() if limits.get(key)}
+    z2 = problem.limits.z2_margin is not None
+    return [
+        *[Change({"obstacles": []}, without="the obstacles")] * bool(problem.obstacles),
+        *[Change({"waypoints": []}, without="the waypoints")] * bool(problem.waypoints),
+        *[Change({"limits.z2_margin": None}, "leave out limits.z2_margin", "the z2 margin")] * z2,
+        *[Change(wide, without="the limits on the joints")] * bool(wide),
+    ]
+
+
+def least(value: float) -> str:
+    """A number rounded up to four digits or so."""
+    scale = 10.0 ** (3 - int(np.floor(np.log10(value))))
+    return f"{np.ceil(value * scale) / scale:.10g}"

@@ -1,0 +1,161 @@
+"""Changes are data: tried in one place, in order, in bounded time, and blamed only with a plan."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+import planner
+from planner import deadline
+from planner.deadline import TimeUpError
+from planner.errors import NoPlanError, NotConvergedError, TimeLimitError
+from planner.methods import METHODS, advice
+from planner.methods.advice import advise
+from planner.methods.refusal import BY_COLLOCATION, Change, in_other_time, on_other_paths
+from planner.plan import Plan
+from planner.problem import Problem
+
+CHANGES = [Change({"limits.joint_deg": 80.0 + k}, without=f"limit {k}") for k in range(4)]
+
+
+@pytest.fixture(scope="module")
+def plan(paper: Problem) -> Plan:
+    return planner.solve(paper)
+
+
+def refusal(**given: Any) -> NotConvergedError:
+    return NotConvergedError("none", changes=CHANGES, advice="luck", **given)
+
+
+def narrow(paper: Problem) -> Problem:
+    """Of which the paper's plan is none: its theta1 reaches 38.7 degrees."""
+    return paper.changed({"limits.joint_deg": 35})
+
+
+def test_the_first_change_that_works_is_named_with_what_the_plan_breaks(
+    paper: Problem, plan: Plan
+) -> None:
+    asked, error = [], refusal()
+
+    def attempt(change: Change) -> Plan:
+        asked.append(change)
+        if len(asked) < 3:
+            raise [NotConvergedError("none"), planner.InputError("no")][len(asked) - 1]
+        return plan
+
+    assert advise(error, narrow(paper), attempt, 1.0) is None
+    assert asked == CHANGES[:3]
+    assert error.reason == "none; without limit 2 there is one, which breaks:"
+    assert [v.label for v in error.violations] == ["joint theta1"]
+    assert error.advice == "wider limits: theta1 at least 38.72 deg (tried)"
+    assert str(error).endswith("Try: wider limits: theta1 at least 38.72 deg (tried)")
+    assert error.plan is not None
+    assert not error.plan.verified
+
+
+def test_nothing_is_blamed_without_a_verified_plan(paper: Problem, plan: Plan) -> None:
+    error = refusal()
+    assert advise(error, narrow(paper), lambda _: replace(plan, verified=False), 1.0) is None
+    assert error.reason == "none"
+    assert "in vain were tried limits.joint_deg = 80.0" in str(error.advice)
+
+    def none(change: Change) -> Plan:
+        raise NoPlanError("none")
+
+    assert advise(error, narrow(paper), none, 1.0) is None
+    vain = "limits.joint_deg = 80.0, limits.joint_deg = 81.0"
+    assert str(error.advice).startswith(f"luck; in vain were tried {vain}")
+
+
+def test_a_plan_found_without_a_requirement_that_keeps_it_is_the_answer(
+    paper: Problem, plan: Plan
+) -> None:
+    assert advise(refusal(), paper, lambda _: plan, 1.0) is plan
+
+
+def test_tries_take_a_few_times_as_long_as_the_refusal(paper: Problem) -> None:
+    left = []
+
+    def attempt(change: Change) -> Plan:
+        left.append(deadline.remaining())
+        raise TimeUpError
+
+    error = refusal()
+    advise(error, paper, attempt, 100.0)
+    assert all(seconds <= advice.TIMES * 100 * advice.PART for seconds in left)
+    assert len(left) == len(CHANGES)
+    assert "there was no time to try limits.joint_deg = 80.0" in str(error.advice)
+    assert "larger time limit" not in str(error.advice)
+
+
+def test_tries_end_with_the_time_limit_given(paper: Problem) -> None:
+    asked = []
+
+    def attempt(change: Change) -> Plan:
+        asked.append(change)
+        deadline._span.get().outer.outer.end = 0.0  # type: ignore[union-attr]
+        raise TimeLimitError("over")
+
+    error = refusal()
+    with deadline.limited(1000.0):
+        advise(error, paper, attempt, 1.0)
+    assert asked == CHANGES[:1]
+    assert str(error.advice).startswith("a larger time limit")
+    assert "there was no time to try limits.joint_deg = 80.0, limits.joint_deg = 81.0" in str(error)
+
+
+def test_other_methods_are_named_and_not_called(
+    paper: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def called(*_: object) -> Plan:
+        raise AssertionError
+
+    monkeypatch.setitem(METHODS, "collocation", replace(METHODS["collocation"], plan=called))
+    with pytest.raises(planner.InfeasibleError) as caught:
+        planner.solve(paper.changed({"goal.travel": 0.0}), "convex")
+    assert caught.value.changes == (BY_COLLOCATION,)
+    assert caught.value.advice == str(BY_COLLOCATION)
+
+
+@pytest.mark.parametrize(
+    ("changes", "method", "words"),
+    [
+        ({"goal.travel": 0.787, "limits.z2_margin": 0.01}, "convex", "goal.travel = 0."),
+        ({"goal.travel": 0.82}, "polynomial", "goal.duration = "),
+        ({"goal.duration": 2.9}, "collocation", "goal.duration = 3.1"),
+    ],
+)
+def test_every_method_s_changes_are_tried(
+    paper: Problem, changes: dict[str, Any], method: str, words: str
+) -> None:
+    with pytest.raises(NoPlanError) as caught:
+        planner.solve(paper.changed(changes), method)
+    first = str(caught.value.advice).split(" (tried)")[0]
+    assert first.startswith(words)
+    value = float(first.split(" = ")[1].split()[0])
+    key = first.split(" = ")[0]
+    assert planner.solve(paper.changed({**changes, key: value}), method).verified
+
+
+def test_every_change_of_a_problem_is_one(paper: Problem) -> None:
+    """Each can be made, and is in the file's own keys, for every kind of system."""
+    problem = paper.changed(
+        {
+            "goal.travel": 0.8,
+            "limits": {"z2_margin": 0.01, "joint_deg": 60, "input_rad_s": 0.5},
+            "obstacles": [{"centre_m": [100.0, 0.0], "radius_m": 0.1}],
+            "waypoints": [{"theta_deg": ["free", 10.0, "free"]}],
+        }
+    )
+    changes = [*in_other_time(problem), *on_other_paths(problem)]
+    changed = [problem.changed(change.keys) for change in changes]
+    assert [each.duration for each in changed] == [None, 10.0, None, *[10.0] * 4]
+    assert [each.travel for each in changed[:3]] == [0.8, None, None]
+    assert not changed[3].obstacles
+    assert not changed[4].waypoints
+    assert changed[5].limits.z2_margin is None
+    assert changed[6].limits.joint[1] > problem.limits.joint[1]
+    for change in changes:
+        assert str(change)

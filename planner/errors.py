@@ -112,7 +112,7 @@ class NoPlanError(PlannerError):
         self.advice = "; or ".join(each for each in (*words, *others) if each) or None
         self.args = (self._text(),)
 
-    def blame(self, requirement: str, plan: Plan, broken: Sequence[Violation]) -> None:
+    def blame(self, requirement: str, plan: Any, broken: Sequence[Violation]) -> None:
         """Name the requirement without which there is this plan, and how that breaks it."""
         self.reason += f"; without {requirement} there is one, which breaks:"
         self.plan, self.violations = plan, tuple(broken)

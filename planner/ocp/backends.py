@@ -21,7 +21,7 @@ from planner.ocp.watchdog import within
 from planner.stopping import Ipopt
 from planner.systems.base import Array
 
-SolverName = Literal["fatrop", "ipopt", "newton"]
+SolverName = Literal["fatrop", "ipopt"]
 
 NEAR = 1e-4
 """Distance to the bounds to begin with when the start is near the answer."""
@@ -67,7 +67,7 @@ class Settings:
     max_iterations: int = 500
     near: bool = False
     direct: bool = False
-    solver: Literal["auto", "fatrop", "ipopt", "newton"] = "auto"
+    solver: Literal["auto", "fatrop", "ipopt"] = "auto"
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,12 +116,12 @@ WAYS = {
     # the answer is hardly more than the start: about 10 iterations, or it is not worth more
     "straight": Way(("fatrop", "ipopt"), 1e2, 1e-4, _ADAPTIVE, iterations=50),
     "straight, not staged": Way(("ipopt",), 1e2, 1e-4, _ADAPTIVE, iterations=50),
-    # Newton's method where the limits met stay the same; Fatrop is several times faster than IPOPT
-    "near": Way(("newton", "fatrop", "ipopt"), 1e3, 1e-5, _CLOSE),
+    # Fatrop is several times faster than IPOPT
+    "near": Way(("fatrop", "ipopt"), 1e3, 1e-5, _CLOSE),
     # not staged: a free duration, long chains, collocation values that stay unknowns; Fatrop's
     # dense stages cost more there than they gain
-    "near, not staged": Way(("newton", "ipopt"), 1e3, 1e-5, _CLOSE),
-    "near, many intervals": Way(("newton", "ipopt"), 1e3, 1e-5, _CLOSE, MOST_ITERATIONS),
+    "near, not staged": Way(("ipopt",), 1e3, 1e-5, _CLOSE),
+    "near, many intervals": Way(("ipopt",), 1e3, 1e-5, _CLOSE, MOST_ITERATIONS),
     # Fatrop (1.1.8) is hardly faster here, and its iterates may be such that it never returns
     "far": Way(("ipopt",), 1.0, 1e-4, _ADAPTIVE),
     # many optima: a large barrier that is lowered step by step leads to better ones, and does not

@@ -178,7 +178,7 @@ def _targets(found: dict[str, Any]) -> str:
 - Convex plan {1e3 * convex["plan_s"]:.1f} ms, OSQP's own time on its last programme
   {1e3 * convex["osqp_s"]:.1f} ms: {convex["plan_s"] / convex["osqp_s"]:.1f} times (aim: 2).
 - Time an iteration grows with the number of intervals to the power
-  {found["intervals"]["exponent"]:.2f} (aim: 1), and from 3 to 10 joints with the number of states
+  {found["intervals"]["exponent"]:.2f} (aim: 1), and from 3 to 8 joints with the number of states
   to the power {found["joints"]["exponent"]:.2f} (aim: less than 2).
 """
 

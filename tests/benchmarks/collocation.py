@@ -58,7 +58,7 @@ FRAMEWORKS_ON, FRAMEWORK_ROUNDS = ("paper", "limits"), 3
 SOLVES = 300
 """Solves whose memory is looked at."""
 
-INTERVALS, JOINTS = (10, 20, 40, 80, 160, 320), range(3, 11)
+INTERVALS, JOINTS = (10, 20, 40, 80, 160, 320), range(3, 9)
 
 LOOKS = 21
 """Places in each piece at which limits are looked at."""

@@ -21,7 +21,7 @@ from planner.ocp.watchdog import within
 from planner.stopping import Ipopt
 from planner.systems.base import Array
 
-SolverName = Literal["fatrop", "ipopt", "newton"]
+SolverName = Literal["fatrop", "ipopt"]
 
 NEAR = 1e-4
 """Distance to the bounds to begin with when the start is near the answer."""
@@ -67,7 +67,7 @@ class Settings:
     max_iterations: int = 500
     near: bool = False
     direct: bool = False
-    solver: Literal["auto", "fatrop", "ipopt", "newton"] = "auto"
+    solver: Literal["auto", "fatrop", "ipopt"] = "auto"
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +99,10 @@ class Way:
         barrier: To begin with, before that factor, for Fatrop; None for its own, 0.1.
         ipopt: How IPOPT begins: with a barrier of its own, or one that adapts.
         iterations: Most that are granted.
+        reference_s: Duration of a path that is looked for. A long one makes the effort small
+            beside the rows, which leads to paths of long chains more often, and to longer ones of
+            short chains.
+        guesses: First guesses for the arm that the ladder begins with.
     """
 
     order: tuple[SolverName, ...]
@@ -106,6 +110,8 @@ class Way:
     barrier: float | None
     ipopt: dict[str, Any]
     iterations: int = 10**6
+    reference_s: float = 10.0
+    guesses: int = 16
 
 
 _ADAPTIVE: dict[str, Any] = {"mu_strategy": "adaptive"}
@@ -115,33 +121,36 @@ _CLOSE: dict[str, Any] = {"mu_init": 1e-6, **dict.fromkeys(_PUSHES, NEAR)}
 WAYS = {
     # the answer is hardly more than the start: about 10 iterations, or it is not worth more
     "straight": Way(("fatrop", "ipopt"), 1e2, 1e-4, _ADAPTIVE, iterations=50),
-    "straight, not staged": Way(("ipopt",), 1e2, 1e-4, _ADAPTIVE, iterations=50),
-    # Newton's method where the limits met stay the same; Fatrop is several times faster than IPOPT
-    "near": Way(("newton", "fatrop", "ipopt"), 1e3, 1e-5, _CLOSE),
-    # not staged: a free duration, long chains, collocation values that stay unknowns; Fatrop's
-    # dense stages cost more there than they gain
-    "near, not staged": Way(("newton", "ipopt"), 1e3, 1e-5, _CLOSE),
-    "near, many intervals": Way(("newton", "ipopt"), 1e3, 1e-5, _CLOSE, MOST_ITERATIONS),
+    "straight, long chain": Way(("ipopt",), 1e2, 1e-4, _ADAPTIVE, iterations=50),
+    # Fatrop takes half of IPOPT's time
+    "near": Way(("fatrop", "ipopt"), 1e3, 1e-5, _CLOSE),
+    "near, long chain": Way(("ipopt",), 1e3, 1e-5, _CLOSE),
+    "near, many intervals": Way(("ipopt",), 1e3, 1e-5, _CLOSE, MOST_ITERATIONS),
     # Fatrop (1.1.8) is hardly faster here, and its iterates may be such that it never returns
     "far": Way(("ipopt",), 1.0, 1e-4, _ADAPTIVE),
     # many optima: a large barrier that is lowered step by step leads to better ones, and does not
     # lead a long way round along z2 = 0
     "far, winding": Way(("ipopt",), 1.0, None, {}),
+    "far, long chain": Way(("ipopt",), 1.0, None, {}, reference_s=100.0, guesses=0),
 }
 """Which solver, barrier and patience, in one place."""
+
+RUNGS = {"guess": 300, "shortening": 100, "timing": 400}
+"""Iterations granted on the ladder: to each guess for the arm that it begins with, to a path that
+is shortened, and at least to the timing, where the path is long and already a motion."""
 
 
 def way(made: Transcription, settings: Settings) -> Way:
     """The row of `WAYS` for a transcription and a kind of start."""
-    form, plain = made.form, made.system.size <= SHORT
-    staged = plain and not (made.layout.lifted or form.free_duration)
+    form, short = made.form, made.system.size <= SHORT
     if settings.near and form.intervals > MANY:
         return WAYS["near, many intervals"]
-    if settings.near:
-        return WAYS["near" if staged else "near, not staged"]
-    if settings.direct:
-        return WAYS["straight" if staged else "straight, not staged"]
-    return WAYS["far" if plain and not (form.obstacles or form.chart) else "far, winding"]
+    if settings.near or settings.direct:
+        kind = "near" if settings.near else "straight"
+        return WAYS[kind if short else f"{kind}, long chain"]
+    if not short:
+        return WAYS["far, long chain"]
+    return WAYS["far, winding" if form.obstacles or form.chart else "far"]
 
 
 def names(made: Transcription, settings: Settings) -> tuple[SolverName, ...]:

@@ -15,7 +15,7 @@ import numpy as np
 from planner import progress
 from planner.bridge import lifted
 from planner.bridge.closing import Chain, Ends, closed
-from planner.ocp.backends import SHORT
+from planner.ocp.backends import RUNGS, way
 from planner.ocp.form import Form
 from planner.ocp.guess import seeds
 from planner.ocp.held import can_hold, chain_of, follow, held
@@ -26,20 +26,17 @@ from planner.ocp.task import Task, offer_chain, stretched, task
 from planner.ocp.timing import Timed, hasty, timed
 from planner.systems.manipulator import Manipulator
 
-GUESSES, ITERATIONS, ENOUGH = 16, 300, 6
-"""Guesses for the arm of the last joints, iterations granted to each, and paths that are enough."""
+ENOUGH = 6
+"""Paths of the arm of the last joints that are enough."""
 
 GAPS = (0.12, 0.05, 0.02)
 """Largest gaps, rad, that a joint in front may leave; smaller where only a part of them closes."""
 
-MOST_SHORTENED, SHORTENING = 5000, 100
-"""Most pieces of a path that is shortened, and iterations granted for it."""
+MOST_SHORTENED = 5000
+"""Most pieces of a path that is shortened."""
 
 DRAWN_IN = 0.02
 """Share of the joint limits that is kept free a rung, for what the rungs above add."""
-
-PATIENCE = 400
-"""Iterations granted at least for the timing: the path is long, and already a motion."""
 
 MOST_SOLVED = 300
 """Intervals beyond which a path is kept as it is."""
@@ -87,7 +84,7 @@ def climbed(job: Task, accuracy: float) -> Climbed | None:
 def _timed(own: Task, path: Iterate) -> Timed:
     """The path's timing; a last iterate that is a motion is one, if not the best."""
     settings = own.settings
-    patient = replace(settings, max_iterations=max(settings.max_iterations, PATIENCE))
+    patient = replace(settings, max_iterations=max(settings.max_iterations, RUNGS["timing"]))
     outcome = timed(replace(own, settings=patient), path)
     last = outcome.solution
     if last.ok or last.residual > ACCEPTED_RESIDUAL:
@@ -131,7 +128,7 @@ def _shortened(job: Task, path: Chain, ends: Ends) -> Chain:
     own, iterate = follow(job, path)
     if len(own.mesh.widths) > MOST_SHORTENED:
         return path
-    settings = replace(own.settings, max_iterations=SHORTENING, solver="ipopt")
+    settings = replace(own.settings, max_iterations=RUNGS["shortening"])
     effort = path_task(replace(own, settings=settings))
     assert effort.problem.duration is not None
     found = effort.solve(stretched(iterate, effort.problem.duration))
@@ -144,11 +141,10 @@ def _length(path: Chain) -> float:
 
 
 def _path(job: Task) -> tuple[Chain, int] | None:
-    size = job.problem.system.size
-    found = _searched(job) if size <= SHORT else None
+    found = _searched(job)
     if found is not None:
         return found
-    return _by_shorter(job) if size > 3 else None
+    return _by_shorter(job) if job.problem.system.size > 3 else None
 
 
 def _searched(job: Task) -> tuple[Chain, int] | None:
@@ -156,9 +152,10 @@ def _searched(job: Task) -> tuple[Chain, int] | None:
 
     None too where it is a path on its coarse mesh only.
     """
-    settings = replace(job.settings, max_iterations=ITERATIONS)
+    guesses = way(job.made, job.settings).guesses
+    settings = replace(job.settings, max_iterations=RUNGS["guess"])
     job = path_task(replace(job, settings=settings))
-    paths = search(job, seeds("auto", GUESSES), ENOUGH, simple=True)
+    paths = search(job, seeds("auto", guesses), ENOUGH, simple=True)
     if not paths.found:
         return None
     system, coarse = job.problem.system, chain_of(job, paths.found[0].solution)

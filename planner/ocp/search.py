@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from planner import progress
-from planner.ocp.backends import SHORT
+from planner.ocp.backends import way
 from planner.ocp.guess import Seed, guess
 from planner.ocp.layout import Iterate
 from planner.ocp.look import clears
@@ -98,19 +98,12 @@ def _again(result: Search) -> bool:
 
 
 def path_task(task: Task) -> Task:
-    """The path problem of a task: least effort, without limits on inputs."""
-    return replace(task, problem=unhurried(task.problem), objective=shortest_path(task.objective))
-
-
-def unhurried(problem: Problem) -> Problem:
-    """The problem without limits on inputs and their rates, at a reference duration.
-
-    A long reference makes the effort small beside the constraints, which for many joints leads to
-    a path more often: 10 s up to four joints, 100 s beyond.
-    """
-    free = np.full(2, np.inf)
+    """The path problem of a task: least effort, no limits on inputs, a reference duration."""
+    problem, free = task.problem, np.full(2, np.inf)
     limits = replace(problem.limits, input=free, input_rate=free)
-    return replace(problem, limits=limits, duration=10.0 if problem.system.size <= SHORT else 100.0)
+    reference = way(task.made, task.settings).reference_s
+    unhurried = replace(problem, limits=limits, duration=reference)
+    return replace(task, problem=unhurried, objective=shortest_path(task.objective))
 
 
 def needed_duration(problem: Problem, mesh: Mesh, iterate: Iterate) -> float:

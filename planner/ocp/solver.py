@@ -12,7 +12,6 @@ from planner.ocp.backends import Answer, Backend, Settings, SolverName, backend,
 from planner.ocp.bounds import Bounds
 from planner.ocp.form import Form
 from planner.ocp.layout import Iterate
-from planner.ocp.newton import Newton
 from planner.ocp.transcription import Transcription, transcription
 from planner.systems.base import Array, TriangularSystem
 
@@ -146,7 +145,6 @@ def prepare(
 def solver(made: Transcription, settings: Settings) -> Backend:
     """The solver of a transcription, made once for each settings (which name one solver)."""
     if settings not in made.solvers:
-        own = Newton(made, settings) if settings.solver == "newton" else backend(made, settings)
-        made.solvers[settings] = own
+        made.solvers[settings] = backend(made, settings)
     found: Backend = made.solvers[settings]
     return found

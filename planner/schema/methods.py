@@ -179,9 +179,9 @@ class CollocationOptions(Table):
     )
     solver: Literal["auto", "fatrop", "ipopt"] = Field(
         "auto",
-        description="Who solves the nonlinear programme. auto: Newton's method next to the answer,"
-        " Fatrop, which knows the stages, there and near a straight line in a given time, IPOPT"
-        " elsewhere and where they fail.",
+        description="Who solves the nonlinear programme. auto: Fatrop, which knows the stages,"
+        " next to the answer and near a straight line in a given time; IPOPT elsewhere and where"
+        " Fatrop fails.",
     )
     compile: bool = Field(
         False,

@@ -4,13 +4,16 @@
 
 Contestants take turns, so that a busy computer disturbs all alike; times are the least and ratios
 the medians over the rounds. Of the rivals only the solver's call is timed, of `planner` the whole
-of planning, from problem to plan, without the independent verification (which is listed by itself).
+of planning, from problem to plan; "whole way" adds the independent verification and the proof.
+Frameworks (`frameworks.py`, the extra `rivals`) join in on two of the problems.
 Writes results/benchmarks: a page, a picture, and all numbers as JSON.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
+import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -21,13 +24,16 @@ from typing import Any
 import bench_report
 import numpy as np
 from bench_cases import Case, along, cases, chain
+from frameworks import frameworks, missing
 from rich.console import Console
 from rich.progress import Progress
 from rivals import Outcome, radau_ipopt, shooting_fatrop
 from scipy.integrate import solve_ivp
+from scipy.interpolate import BarycentricInterpolator
 from scipy.stats import linregress
 
 import planner
+from planner.chained import chained_form
 from planner.methods.collocation import plan_collocation
 from planner.methods.convex import plan_convex
 from planner.methods.replan import replan_collocation
@@ -38,13 +44,24 @@ from planner.ocp.objective import objective
 from planner.ocp.pipeline import DIRECT
 from planner.ocp.task import task
 from planner.schema.methods import CollocationOptions, ConvexOptions
+from planner.verify import GOAL_TOLERANCE, LIMIT_TOLERANCE
 
 OUT = Path(__file__).parents[2] / "results" / "benchmarks"
 RADAU, SHOOTING, COMPILED = "plain Radau + IPOPT", "bare Fatrop", "bare Fatrop, compiled"
 RADAU_OURS = "plain Radau + IPOPT, our mesh"
 OURS, WARM = "planner", "planner, warm"
+WHOLE = "planner, whole way"
 OURS_C, WARM_C = "planner, compile", "planner, compile, warm"
-INTERVALS, JOINTS = (10, 20, 40, 80, 160, 320), range(3, 11)
+FRAMEWORKS_ON, FRAMEWORK_ROUNDS = ("paper", "limits"), 3
+"""Problems on which frameworks join in, and rounds that they take part in: each takes long."""
+
+SOLVES = 300
+"""Solves whose memory is looked at."""
+
+INTERVALS, JOINTS = (10, 20, 40, 80, 160, 320), range(3, 9)
+
+LOOKS = 21
+"""Places in each piece at which limits are looked at."""
 
 ENOUGH_S = 20.0
 """Seconds after which a contest begins no further round."""
@@ -62,7 +79,7 @@ def main() -> int:
     arguments.out.mkdir(parents=True, exist_ok=True)
     console = Console(stderr=True)
     with Progress(console=console, transient=True) as progress:
-        step = progress.add_task("collocation", total=len(cases()) + 4)
+        step = progress.add_task("collocation", total=len(cases()) + 5)
         contests = {}
         for case in cases():
             progress.update(step, description=f"contest: {case.name}")
@@ -74,11 +91,15 @@ def main() -> int:
             ("joints", over_joints),
             ("convex", convex_against_osqp),
             ("fresh", bench_report.fresh_process),
+            ("memory", memory),
         ):
             progress.update(step, description=name)
             scaling[name] = measure()
             progress.advance(step)
-    bench_report.write(arguments.out, {"contests": contests, **scaling})
+    found = {"contests": contests, "left_out": missing(), **scaling}
+    bench_report.write(arguments.out, found)
+    if missing():
+        print(f"left out, for they are not installed: {', '.join(missing())}")
     return 0
 
 
@@ -89,12 +110,15 @@ def contest(case: Case, rounds: int, compiled: bool) -> dict[str, Any]:
         RADAU_OURS: lambda: radau_ipopt(case.arm, intervals=DIRECT, linear=True),
         SHOOTING: lambda: shooting_fatrop(case.arm),
         OURS: lambda: ours(case, compile=False),
+        WHOLE: lambda: ours_verified(case),
         WARM: lambda: ours_warm(case, compile=False),
         OURS_C: lambda: ours(case, compile=True),
         WARM_C: lambda: ours_warm(case, compile=True),
     }
     if compiled:
         makers[COMPILED] = lambda: shooting_fatrop(case.arm, compiled=True)
+    others = frameworks(case.arm) if case.name in FRAMEWORKS_ON else {}
+    makers |= others
     calls, build = {}, {}
     for name, make in makers.items():
         began = time.perf_counter()
@@ -107,8 +131,8 @@ def contest(case: Case, rounds: int, compiled: bool) -> dict[str, Any]:
         if k >= 2 and time.perf_counter() - began > ENOUGH_S:
             break
         for name, call in calls.items():
-            last = call()
-            seconds[name].append(last.seconds)
+            if name not in others or k < FRAMEWORK_ROUNDS:
+                seconds[name].append(call().seconds)
     return {name: _row(case, name, calls[name](), seconds, build[name]) for name in calls}
 
 
@@ -117,18 +141,21 @@ def _row(
 ) -> dict[str, Any]:
     own = np.array(seconds[name])
     against = {
-        rival: float(np.median(np.array(seconds[rival]) / own))
+        rival: float(np.median(np.array(seconds[rival])[: len(own)] / own))
         for rival in (RADAU, SHOOTING, COMPILED, OURS, OURS_C)
         if rival in seconds
     }
-    warm = name in (WARM, WARM_C)
+    problem = case.neighbour if name in (WARM, WARM_C) else case.problem
+    goal, over = judged(problem, outcome)
     return {
         "least_s": float(own.min()),
         "median_s": float(np.median(own)),
         "build_s": build,
         "iterations": outcome.iterations,
         "objective": outcome.objective,
-        "goal_error_rad": goal_error(case.neighbour if warm else case.problem, outcome),
+        "goal_error_rad": goal,
+        "over_limits": over,
+        "passes": bool(goal <= GOAL_TOLERANCE and over <= LIMIT_TOLERANCE),
         "times_faster_than": against,
     }
 
@@ -137,6 +164,11 @@ def ours(case: Case, compile: bool) -> Call:
     """From problem to plan; from the same straight line as the rivals."""
     options = CollocationOptions(start="straight", compile=compile)
     return lambda: _timed(lambda: plan_collocation(case.problem, options))
+
+
+def ours_verified(case: Case) -> Call:
+    """From problem to a plan that is verified and certified."""
+    return lambda: _timed(lambda: planner.solve(case.problem, "collocation", start="straight"))
 
 
 def ours_warm(case: Case, compile: bool) -> Call:
@@ -151,26 +183,74 @@ def _timed(make: Callable[[], planner.Plan]) -> Outcome:
     plan = make()
     seconds = time.perf_counter() - began
     u = plan.trajectory.u_curve.c
-    return Outcome(seconds, plan.objective, plan.iterations, u[0], u[-1], plan.t)
+    inputs = np.stack([u[0], u[-1]], axis=1)
+    return Outcome(seconds, plan.objective, plan.iterations, inputs, edges=plan.t)
 
 
-def goal_error(problem: planner.Problem, outcome: Outcome) -> float:
-    """Largest error at the goal, in radians, of the motion that an outcome's inputs really make."""
+def judged(problem: planner.Problem, outcome: Outcome) -> tuple[float, float]:
+    """What SciPy says of the motion that an outcome's inputs really make.
+
+    Returns:
+        The largest error at the goal, rad, and the largest excess over a limit, relative to it.
+    """
     if np.isnan(outcome.objective):
-        return float("nan")
-    q, K = problem.start, len(outcome.left)
+        return np.nan, np.nan
+    limits, system, q, over = problem.limits, problem.system, problem.start, 0.0
+    pieces, count = outcome.inputs.shape[:2]
+    shares = np.linspace(0, 1, count) if outcome.shares is None else outcome.shares
     edges = outcome.edges
     if edges is None:
-        edges = np.linspace(0, problem.duration, K + 1)
-    for k in range(K):
+        edges = np.linspace(0, problem.duration, pieces + 1)
+    for k in range(pieces):
         a, b = edges[k], edges[k + 1]
+        input_at = _polynomial(a + (b - a) * shares, outcome.inputs[k])
+        rates = lambda t, q, u=input_at: system.rates(q, u(t))  # noqa: E731
+        times = np.linspace(a, b, LOOKS)
+        states = solve_ivp(rates, (a, b), q, "DOP853", times, rtol=1e-11, atol=1e-13).y.T
+        worst = [np.abs(states) / limits.joint - 1, np.abs(input_at(times)) / limits.input - 1]
+        if (margin := limits.z2_margin) is not None:
+            z2 = problem.z2_sign * chained_form(system).z(states)[:, 1]
+            worst.append((margin - z2) / max(margin, 1e-3))
+        q, over = states[-1], max(over, *(float(np.max(each)) for each in worst))
+    return float(np.nanmax(np.abs(q - problem.target))), over
 
-        def rates(t: float, q: Any, a: float = a, b: float = b, k: int = k) -> Any:
-            share = (t - a) / (b - a)
-            return problem.system.rates(q, (1 - share) * outcome.left[k] + share * outcome.right[k])
 
-        q = solve_ivp(rates, (a, b), q, "DOP853", rtol=1e-11, atol=1e-13).y[:, -1]
-    return float(np.nanmax(np.abs(q - problem.goal)))
+def _polynomial(times: Any, values: Any) -> Callable[[Any], Any]:
+    """Through values (m, 2) at times (m,)."""
+    if len(times) == 1:
+        return lambda t: np.broadcast_to(values[0], (*np.shape(t), 2))
+    return BarycentricInterpolator(times, values)
+
+
+def memory() -> dict[str, Any]:
+    """Resident memory, MiB, after each third of `SOLVES` varied problems, in two processes.
+
+    The first plans from scratch, the second from the plan before. Both begin with a few solves,
+    after which everything that is kept is there.
+    """
+    return {arm: _grown(arm == "warm") for arm in ("cold", "warm")}
+
+
+def _grown(warm: bool) -> list[float]:
+    code = f"import collocation; collocation.solved_again_and_again({warm})"
+    folder = Path(__file__).parent
+    said = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=folder
+    )
+    return [round(float(word), 1) for word in said.stdout.split()]
+
+
+def solved_again_and_again(warm: bool) -> None:
+    """Solve varied problems and print the process's memory four times, MiB."""
+    rng, plan = np.random.default_rng(3), None
+    for k in range(SOLVES + 31):
+        if k >= 30 and (k - 30) % (SOLVES // 3) == 0:
+            pages = int(Path("/proc/self/statm").read_text().split()[1])
+            print(pages * os.sysconf("SC_PAGE_SIZE") / 2**20)
+        base = cases()[k % 2].problem
+        goal = np.rad2deg(base.goal[1:]) + rng.uniform(-0.5, 0.5, 3)
+        problem = base.changed({"goal.theta_deg": goal.tolist()})
+        plan = planner.solve(problem, "collocation", warm=plan if warm else None, start="straight")
 
 
 def over_intervals() -> dict[str, Any]:

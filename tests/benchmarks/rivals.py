@@ -21,15 +21,17 @@ TOLERANCE = 1e-9
 
 @dataclass
 class Outcome:
-    """One solve: seconds, objective (NaN: failed), and inputs at both ends of the pieces between
-    edges, which are equal when left out.
+    """One solve: seconds, objective (NaN: failed), iterations, and the inputs.
+
+    Inputs, shape (K, m, 2), are values at m shares of each piece, between which a polynomial runs.
+    Shares are equal from 0 to 1, and pieces equally long, where they are left out.
     """
 
     seconds: float
     objective: float
     iterations: int
-    left: Any
-    right: Any
+    inputs: Any = None
+    shares: Any = None
     edges: Any = None
 
 
@@ -196,10 +198,9 @@ def _timed(
         found, stats = call()
         seconds = time.perf_counter() - began
         u = np.asarray(found["x"]).ravel()[np.array(places)]
-        left, right = (u[:-1], u[1:]) if linear else (u, u)
-        if not stats["success"]:
-            return Outcome(seconds, np.nan, int(stats["iter_count"]), left, right)
-        return Outcome(seconds, float(found["f"]), int(stats["iter_count"]), left, right)
+        inputs = np.stack([u[:-1], u[1:]], axis=1) if linear else u[:, None]
+        objective = float(found["f"]) if stats["success"] else np.nan
+        return Outcome(seconds, objective, int(stats["iter_count"]), inputs)
 
     return solve
 

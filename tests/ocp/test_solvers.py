@@ -13,7 +13,7 @@ import pytest
 import planner
 from planner.methods.collocation import plan_collocation
 from planner.ocp import solver as module
-from planner.ocp.backends import WAYS, Answer, Settings, names
+from planner.ocp.backends import SHORT, WAYS, Answer, Settings, names, way
 from planner.ocp.form import Form
 from planner.ocp.transcription import transcription
 from planner.problem import Problem
@@ -51,14 +51,25 @@ def test_who_is_first(paper: Problem) -> None:
 
     assert order("paper") == ("ipopt",)
     assert order("paper", direct=True) == ("fatrop", "ipopt")
-    assert order("paper", near=True) == ("newton", "fatrop", "ipopt")
+    assert order("paper", near=True) == ("fatrop", "ipopt")
     assert order("paper", free=True) == ("ipopt",)
-    assert order("paper", free=True, near=True) == ("newton", "ipopt")
+    assert order("paper", free=True, near=True) == ("fatrop", "ipopt")
     assert order("paper", discs=1) == ("ipopt",)
     assert order("paper", free=True, solver="fatrop") == ("fatrop",)
     assert order("paper", near=True, solver="ipopt") == ("ipopt",)
     assert order("trailers") == ("ipopt",)
-    assert order("trailers", near=True) == ("newton", "ipopt")
+    assert order("trailers", near=True) == ("ipopt",)
+
+
+def test_long_chains_have_rows_of_their_own() -> None:
+    """Fatrop is of no use for them, and their paths are looked for with a longer reference."""
+    long = transcription(planner.Manipulator([0.9, 0.8, 0.7, 0.6], 1.0), Form(3))
+    assert long.system.size == SHORT + 1
+    for settings in (Settings(near=True), Settings(direct=True), Settings()):
+        assert names(long, settings) == ("ipopt",)
+    assert way(long, Settings()) is WAYS["far, long chain"]
+    short = transcription(planner.Manipulator([0.9, 0.8, 0.7], 1.0), Form(3))
+    assert way(short, Settings()).reference_s < WAYS["far, long chain"].reference_s
 
 
 def test_far_from_the_answer_fatrop_is_not_asked() -> None:

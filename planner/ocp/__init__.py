@@ -1,11 +1,11 @@
 """What direct collocation is made of.
 
-In reading order: `scheme`, `mesh`, `form`, `order` (which collocation values are unknowns),
-`layout`, `stage` (one interval as symbols: where it leads, costs, labelled rows), `chain` (its
-derivatives), `interval` (its functions), `assembly` (the whole), `transcription`, `objective`,
-`bounds`, `backends` (which solver, barrier and patience: one table), `newton`, `compiled`,
-`solver`, `curve`, `resimulation`, `task`, `look`. Then the stages of the search: `guess`,
-`search` (paths), `timing`, `polish`, `ladder`, and `pipeline`, the loop that goes through them;
-at last `best`, `violations`, `refusal`. The method that uses them is
-`planner.methods.collocation`.
+In reading order: `scheme`, `mesh`, `augmented` (a motion and its response to errors as one system),
+`form`, `order` (which collocation values are unknowns), `layout`, `stage` (one interval as symbols:
+where it leads, costs, labelled rows), `chain` (its derivatives), `interval` (its functions),
+`assembly` (the whole), `transcription`, `objective`, `bounds`, `backends` (which solver, barrier
+and patience: one table), `newton`, `compiled`, `solver`, `curve`, `resimulation`, `task`, `look`.
+Then the stages of the search: `guess`, `search` (paths), `timing`, `polish`, `ladder`, and
+`pipeline`, the loop that goes through them; at last `best`, `violations`, `refusal`. The method
+that uses them is `planner.methods.collocation`.
 """

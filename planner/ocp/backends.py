@@ -134,14 +134,15 @@ WAYS = {
 def way(made: Transcription, settings: Settings) -> Way:
     """The row of `WAYS` for a transcription and a kind of start."""
     form, plain = made.form, made.system.size <= SHORT
-    staged = plain and not (made.layout.lifted or form.free_duration)
+    staged = plain and not (made.layout.lifted or form.free_duration or form.augmented)
+    winding = not plain or form.obstacles or form.chart
     if settings.near and form.intervals > MANY:
         return WAYS["near, many intervals"]
     if settings.near:
         return WAYS["near" if staged else "near, not staged"]
     if settings.direct:
         return WAYS["straight" if staged else "straight, not staged"]
-    return WAYS["far" if plain and not (form.obstacles or form.chart) else "far, winding"]
+    return WAYS["far, winding" if winding and not form.augmented else "far"]
 
 
 def names(made: Transcription, settings: Settings) -> tuple[SolverName, ...]:

@@ -57,15 +57,15 @@ def _relaxations(job: Task) -> Iterator[tuple[str, Task]]:
     problem = job.problem
     if problem.obstacles:
         form, free = replace(job.made.form, obstacles=0), replace(problem, obstacles=())
-        yield DISCS, task(free, job.objective, form, job.mesh, job.rest, job.settings)
+        yield DISCS, task(free, job.objective, form, job.mesh, job.asked, job.settings)
     if problem.waypoints:
         free, mesh = replace(problem, waypoints=()), Mesh(job.mesh.edges)
-        yield POINTS, task(free, job.objective, job.made.form, mesh, job.rest, job.settings)
+        yield POINTS, task(free, job.objective, job.made.form, mesh, job.asked, job.settings)
     if problem.limits.z2_margin is not None:
         form = replace(job.made.form, chart=False)
         limits = replace(problem.limits, z2_margin=None)
         free = replace(problem, limits=limits)
-        yield CHART, task(free, job.objective, form, job.mesh, job.rest, job.settings)
+        yield CHART, task(free, job.objective, form, job.mesh, job.asked, job.settings)
     wide = _widest(problem)
     if np.any(wide > problem.limits.joint):
         limits = replace(problem.limits, joint=wide)

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from planner.chained import chained_form
+from planner.ocp.augmented import Augmented, Moved
 from planner.ocp.edges import edge_cost
 from planner.ocp.form import TERMS, Form
 from planner.ocp.obstacles import clearances, link_count
@@ -65,6 +66,7 @@ class Stage:
             symbols of their own.
         meaning: What each column is, from state, control and columns before it.
         cost: Its share of the objective; it and all below also in terms of `inside`.
+        end: What a state costs beside that where the motion ends.
         after: The state it leads to; the first rows are the next state minus this one.
         rows: The rows that follow them.
         points: Coordinates at the collocation points, N × d.
@@ -78,6 +80,7 @@ class Stage:
     inside: tuple[Any, ...]
     meaning: tuple[Any, ...]
     cost: Any
+    end: Any
     after: Any
     rows: Any
     points: Any
@@ -92,7 +95,7 @@ class Stage:
 class _Symbols:
     """The interval's unknowns by name; u(τ) is linear from u_left to u_right."""
 
-    def __init__(self, system: TriangularSystem, form: Form, lifted: tuple[int, ...]) -> None:
+    def __init__(self, system: Moved, form: Form, lifted: tuple[int, ...]) -> None:
         self.X, self.width = ca.SX.sym("X", system.size), ca.SX.sym("h")
         self.weights = ca.SX.sym("weights", form.parameters)
         self.T = ca.SX.sym("T") if form.free_duration else self.weights[-1]
@@ -138,14 +141,17 @@ class _RowList:
 
 def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
     """Write down one interval of a transcription."""
-    x, rows = _Symbols(system, form, order.lifted), _RowList()
-    points, rates, defects, inside = _collocation(system, form, order, x)
-    after = _motion(system, form, x, rates, rows)
+    moved = form.augmented or system
+    x, rows = _Symbols(moved, form, order.lifted), _RowList()
+    points, rates, defects, inside = _collocation(moved, form, order, x)
+    after = _motion(moved, form, x, rates, rows)
     for i, residuals in defects.items():
-        named = system.coordinates[i]
+        named = moved.coordinates[i]
         rows.add("defect", i, _motion_of(named), named.unit, 1.0, form.scheme.points, residuals)
     columns = [ca.vertcat(*column) for column in points]
     _limits(system, form, x, columns, rows)
+    if form.augmented and form.augmented.backoff:
+        _backed_off(form, form.augmented, [*columns, after[: moved.size]], rows)
     cost = _cost(system, form, x, columns)
     return Stage(
         state=x.state,
@@ -155,6 +161,7 @@ def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
         inside=tuple(symbols for symbols, _ in inside),
         meaning=tuple(meaning for _, meaning in inside),
         cost=cost,
+        end=form.augmented.end_cost_expr(x.X) if form.augmented else ca.SX(0),
         after=after,
         rows=ca.vertcat(*rows.expressions[after.numel() :]),
         points=ca.horzcat(*columns),
@@ -163,7 +170,7 @@ def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
 
 
 def _collocation(
-    system: TriangularSystem, form: Form, order: Order, x: _Symbols
+    system: Moved, form: Form, order: Order, x: _Symbols
 ) -> tuple[list[list[Any]], dict[int, list[Any]], dict[int, list[Any]], list[tuple[Any, Any]]]:
     """Values and rates at the collocation points, one coordinate after the other.
 
@@ -196,7 +203,7 @@ def _collocation(
     return points, rates, defects, inside
 
 
-def _rates(system: TriangularSystem, coordinates: tuple[int, ...]) -> list[Any]:
+def _rates(system: Moved, coordinates: tuple[int, ...]) -> list[Any]:
     """Functions (q, u) to the rate of each coordinate."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     rates = system.rates_expr(q, u)
@@ -204,7 +211,7 @@ def _rates(system: TriangularSystem, coordinates: tuple[int, ...]) -> list[Any]:
 
 
 def _motion(
-    system: TriangularSystem,
+    system: Moved,
     form: Form,
     x: _Symbols,
     rates: dict[int, list[Any]],
@@ -239,7 +246,7 @@ def _limits(
             rows.add("joint", i, f"joint {named.name}", named.unit, 1.0, inside, values)
     if form.chart:
         places = [x.X, *points] if form.inner else [x.X]
-        z2 = [chained_form(system).z_expr(q)[1] for q in places]
+        z2 = [chained_form(system).z_expr(q[: system.size])[1] for q in places]
         rows.add("z2", 1, "z2 margin", "", 1.0, np.append(0.0, inside), z2)
 
     for k in range(form.obstacles):
@@ -250,6 +257,19 @@ def _limits(
             pair, label = k * link_count(system) + i - 1, disc_label(k + 1, i)
             tau = np.append(0.0, inside)
             rows.add("obstacle", pair, label, "m", 1.0, tau, list(clear))
+
+
+def _backed_off(form: Form, moved: Augmented, places: list[Any], rows: _RowList) -> None:
+    """Limits on coordinates and z₂ to either side by the response, at points and the right edge."""
+    system, q = moved.system, ca.SX.sym("q", moved.system.size)
+    tau = np.repeat(np.append(form.scheme.points, 1.0), 2)
+    backed = f"with {moved.backoff:g} standard deviations of back-off"
+    for i in system.limited:
+        named, sides = system.coordinates[i], moved.sides(q, q[i], places)
+        rows.add("joint", i, f"joint {named.name} {backed}", named.unit, 1.0, tau, sides)
+    if form.chart:
+        sides = moved.sides(q, chained_form(system).z_expr(q)[1], places)
+        rows.add("z2", 1, f"z2 margin {backed}", "", 1.0, tau, sides)
 
 
 def _cost(system: TriangularSystem, form: Form, x: _Symbols, points: list[Any]) -> Any:
@@ -263,6 +283,9 @@ def _cost(system: TriangularSystem, form: Form, x: _Symbols, points: list[Any]) 
         nearness = [edge_cost(system, x.weights[5], q) for q in points]
         means = zip(form.scheme.quadrature, nearness, strict=True)
         cost += x.width * sum(w * each for w, each in means)
+    if form.augmented:
+        way = zip(form.scheme.quadrature, map(form.augmented.path_cost_expr, points), strict=True)
+        cost += x.width * sum(w * each for w, each in way)
     return cost
 
 

@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from planner.deadline import limited, share
+from planner.deadline import Span, TimeUpError, limited, share
 from planner.desensitise.refusal import refuse_no_room, refuse_one_way, refuse_waypoints
 from planner.desensitise.seeds import guess, seeds
 from planner.desensitise.spread import spreads
-from planner.errors import NotConvergedError
+from planner.errors import NotConvergedError, Violation
 from planner.measures import effort
 from planner.methods.collocation import input_kind, plan_collocation
+from planner.methods.collocation_early import believed
 from planner.ocp.augmented import Augmented
 from planner.ocp.backends import Settings
 from planner.ocp.bounds import Asked
@@ -60,11 +61,11 @@ def plan_desensitised(
             off.
         NotConvergedError: If no motion is found.
     """
-    with limited(None, holds=lambda: False):  # the plan of least effort is no answer
-        return _planned(problem, options, near)
+    with limited(None, holds=lambda: False) as span:  # the plan of least effort is no answer
+        return _planned(problem, options, near, span)
 
 
-def _planned(problem: Problem, options: DesensitisedOptions, near: Plan | None) -> Plan:
+def _planned(problem: Problem, options: DesensitisedOptions, near: Plan | None, span: Span) -> Plan:
     began = time.perf_counter()
     refuse_waypoints(problem)
     if not options.reversal:
@@ -81,6 +82,8 @@ def _planned(problem: Problem, options: DesensitisedOptions, near: Plan | None) 
         job = replace(job, asked=replace(job.asked, way=1.0 if easy.travel >= 0 else -1.0))
     start, solution, log = _searched(job, options, easy, near is not None)
     done = polish(job, solution, options.accuracy, REFINEMENTS)
+    if span.reached and not believed(done, options.accuracy):
+        raise TimeUpError
     plan = _plan(done.task, done.solution, options)
     return replace(
         plan,
@@ -189,6 +192,17 @@ def _not_converged(
         f"{'s' if tried > 1 else ''} (the last one: {solution.status} after"
         f" {solution.iterations} iterations)",
         plan=replace(_plan(job, solution, options), status=NotConvergedError.status),
-        violations=broken_rows(job, solution),
+        violations=_broken(job, solution),
         advice=", or ".join(ways),
     )
+
+
+def _broken(job: Task, solution: Solution) -> list[Violation]:
+    """What an iterate breaks: rows of the motion, not those of its response, and the effort."""
+    moved = job.made.moved.coordinates[job.problem.system.size :]
+    beside = {f"motion of {state.name}" for state in moved}
+    out = [v for v in broken_rows(job, solution) if v.label not in beside]
+    spent, most = effort(job.curve(solution.iterate)), job.asked.effort
+    if spent > most:
+        out.insert(0, Violation("effort", None, spent, most, "", spent / most - 1))
+    return out

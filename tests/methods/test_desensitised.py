@@ -7,6 +7,7 @@ import pytest
 from perturbed import draws, motions
 
 import planner
+from planner.deadline import time_up
 from planner.measures import effort
 from planner.methods.collocation import collocation_task
 from planner.methods.desensitised import _task
@@ -76,6 +77,25 @@ def test_the_effort_limit_bites(paper: planner.Problem, reversing: planner.Plan)
     assert effort(reversing.trajectory) > 1.0
     plan = planner.solve(paper, "desensitised", starts=1, intervals=20, effort_limit=0.6)
     assert effort(plan.trajectory) == pytest.approx(0.6, abs=1e-6)
+
+
+def test_an_effort_limit_below_the_least_is_named(paper: planner.Problem) -> None:
+    with pytest.raises(planner.NotConvergedError, match="effort reaches") as refusal:
+        planner.solve(paper, "desensitised", starts=1, intervals=12, effort_limit=0.2)
+    assert not any(" on theta" in violation.label for violation in refusal.value.violations)
+
+
+def test_time_that_ends_before_the_mesh_is_fine_leaves_no_plan(
+    paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def ended(*_: object) -> None:
+        raise time_up()
+
+    monkeypatch.setattr("planner.ocp.polish.transferred", ended)
+    monkeypatch.setattr("planner.methods.desensitised.plan_collocation", lambda *_: easy)
+    easy = planner.solve(paper, "collocation")
+    with pytest.raises(planner.TimeLimitError):
+        planner.solve(paper, "desensitised", starts=1, intervals=5, time_limit_s=600)
 
 
 def test_back_off_keeps_perturbed_motions_inside(paper: planner.Problem) -> None:

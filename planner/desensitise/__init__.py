@@ -1,6 +1,7 @@
-"""What desensitised planning is made of.
+"""What desensitised planning adds to collocation.
 
-In reading order: `spread` (the design errors), `augmented` (motion and response as one system),
-`program` (its transcription), `task` (one problem's numbers, and a solve), `seeds`, `settle` (mesh
-and limits after the solve). The method that uses them is `planner.methods.desensitised`.
+In reading order: `spread` (the design errors), `seeds` (first guesses), `refusal` (what is refused
+before the search). Motion and response as one system is `planner.ocp.augmented`, which collocation
+transcribes, solves and refines like any other. The method that uses them is
+`planner.methods.desensitised`.
 """

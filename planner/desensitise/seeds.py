@@ -9,14 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
 
-import casadi as ca
 import numpy as np
 
-from planner.desensitise.augmented import Augmented
-from planner.desensitise.task import Task
+from planner.ocp.layout import Iterate
+from planner.ocp.task import Task, driven
 from planner.systems.base import Array
 from planner.trajectory import Trajectory
 
@@ -63,12 +60,10 @@ def seeds(reversal: bool) -> list[Seed]:
     return [*first, *(seed for seed in out if seed not in first)]
 
 
-def guess(task: Task, easy: Trajectory, seed: Seed) -> Array:
+def guess(job: Task, easy: Trajectory, seed: Seed) -> Iterate:
     """The unknowns along a seed, for a task with or without a fixed duration."""
-    duration = task.problem.duration or UNHURRIED * easy.duration
-    linear = task.program.shape.form.input == "linear"
-    edges = task.mesh.edges
-    s = edges if linear else edges[:-1] + task.mesh.widths / 2
+    duration = job.problem.duration or UNHURRIED * easy.duration
+    s = job.made.form.input_places(job.mesh)
     u = easy.u(s * easy.duration) * easy.duration
     fine = np.linspace(0.0, 1.0, 2001)
     swing = np.stack(
@@ -77,53 +72,8 @@ def guess(task: Task, easy: Trajectory, seed: Seed) -> Array:
     )
     drive = easy.system.drive(easy.q(s * easy.duration))
     swing[:, 0] /= np.where(np.abs(drive) < SLOWEST_DRIVE, SLOWEST_DRIVE, drive)
-    limit = task.problem.limits.input
-    return packed(task, np.clip((u + swing) / duration, -limit, limit), duration)
-
-
-def packed(task: Task, inputs: Array, duration: float) -> Array:
-    """Unknowns from inputs (K or K+1, 2): states and response by integration."""
-    p, mesh = task.program, task.mesh
-    tau = np.concatenate([[0.0], p.shape.form.scheme.points])
-    linear = len(inputs) > len(mesh.widths)
-    right = inputs[1:] if linear else inputs
-    left = inputs[:-1] if linear else inputs
-    places = np.stack([tau[:-1], (tau[:-1] + tau[1:]) / 2, tau[1:]])
-    u = left[:, None, None] + places.T[None, :, :, None] * (right - left)[:, None, None]
-    flat = u.reshape(-1, 3, 2)
-    times = mesh.at(tau[:-1]).ravel() * duration
-    lengths = (mesh.widths[:, None] * np.diff(tau)).ravel() * duration
-    first = np.asarray(p.made.initial(task.sigma), dtype=float).ravel()
-    start = np.concatenate([task.problem.start, first])
-    count = len(flat)
-    run = _runner(p.made, count)
-    shared = [np.repeat(v[:, None], count, 1) for v in (task.sigma, task.problem.start)]
-    arguments = [flat[:, j].T for j in range(3)]
-    found = np.asarray(run(start, *arguments, times[None], lengths[None], *shared)).T
-    x = np.empty(p.size)
-    x[0], x[p.inputs] = duration, inputs
-    x[p.points] = found.reshape(p.points.shape)
-    x[p.states[0]] = start
-    return x
-
-
-@lru_cache(maxsize=32)
-def _runner(made: Augmented, count: int) -> Any:
-    return _step(made).mapaccum("guess", count)
-
-
-@lru_cache(maxsize=32)
-def _step(made: Augmented) -> Any:
-    """One step of the classical Runge–Kutta method of order 4 of motion and response."""
-    x, t, h = ca.SX.sym("x", made.size), ca.SX.sym("t"), ca.SX.sym("h")
-    sigma, q0 = ca.SX.sym("sigma", len(made.names)), ca.SX.sym("q0", made.system.size)
-    u = [ca.SX.sym(name, 2) for name in ("first", "middle", "last")]
-    a = made.rates(x, u[0], t, sigma, q0)
-    b = made.rates(x + h / 2 * a, u[1], t + h / 2, sigma, q0)
-    c = made.rates(x + h / 2 * b, u[1], t + h / 2, sigma, q0)
-    d = made.rates(x + h * c, u[2], t + h, sigma, q0)
-    out = x + h / 6 * (a + 2 * b + 2 * c + d)
-    return ca.Function("step", [x, *u, t, h, sigma, q0], [out])
+    limit = job.problem.limits.input
+    return driven(job, duration, np.clip((u + swing) / duration, -limit, limit))
 
 
 def _sign(value: float) -> str:

@@ -14,6 +14,7 @@ from planner.methods.collocation_early import ended_early, in_hand
 from planner.methods.collocation_refusals import NAME, refusal
 from planner.ocp.backends import Settings
 from planner.ocp.best import holding
+from planner.ocp.bounds import Asked
 from planner.ocp.form import Form, InputKind
 from planner.ocp.mesh import Mesh
 from planner.ocp.objective import objective
@@ -23,6 +24,7 @@ from planner.ocp.route import mesh_through, routes
 from planner.ocp.task import Task, task
 from planner.plan import Plan
 from planner.problem import Problem
+from planner.schema.desensitised import DesensitisedOptions
 from planner.schema.methods import CollocationOptions
 
 __all__ = ["SEARCHED", "collocation_task", "finished", "plan_collocation"]
@@ -78,7 +80,7 @@ def collocation_task(
     A direct one is to be solved from a straight line, soon or not at all.
     """
     goal = objective(problem, options)
-    kind = _input_kind(problem, options, goal.smooth)
+    kind = input_kind(problem, NAME, options, goal.smooth)
     if isinstance(mesh, int):
         mesh = mesh_through(problem, mesh if options.intervals == "auto" else options.intervals)
     form = Form(
@@ -93,19 +95,36 @@ def collocation_task(
         edge=goal.edge,
     )
     settings = Settings(options.tolerance, options.max_iterations, solver=options.solver)
-    return task(problem, goal, form, mesh, options.rest, replace(settings, direct=direct))
+    return task(problem, goal, form, mesh, Asked(options.rest), replace(settings, direct=direct))
 
 
-def _input_kind(problem: Problem, options: CollocationOptions, slopes: bool) -> InputKind:
-    """`slopes`: whether the objective reads the inputs' rates."""
+def input_kind(
+    problem: Problem,
+    method: str,
+    options: CollocationOptions | DesensitisedOptions,
+    slopes: bool = False,
+    auto: InputKind = "linear",
+) -> InputKind:
+    """The input asked for; `auto` where the choice is free.
+
+    Args:
+        problem: What is planned.
+        method: Whose options they are.
+        options: Its options.
+        slopes: Whether the objective reads the inputs' rates.
+        auto: What is chosen where nothing asks for inputs without jumps.
+
+    Raises:
+        InputError: If something asks for inputs without jumps and the options for such.
+    """
     smooth = slopes or options.rest or bool(np.isfinite(problem.limits.input_rate).any())
     if options.input == "auto":
-        return "linear"
+        return "linear" if smooth else auto
     if options.input == "constant" and smooth:
         what = "rest = true" if options.rest else "the limit on input rates"
         what = "an objective that reads the inputs' rates" if slopes else what
         raise InputError(
-            f"{problem.source}: method.collocation.input = 'constant' jumps between intervals,"
+            f"{problem.source}: method.{method}.input = 'constant' jumps between intervals,"
             f" which contradicts {what}; use 'linear' or 'auto'"
         )
     return options.input

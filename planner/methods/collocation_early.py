@@ -36,12 +36,13 @@ def in_hand(
         (answer, polish(answer.task, answer.solution, options.accuracy, options.refinements))
         for answer in answers
     ]
-    return min(both, key=lambda each: (not _believed(each[1], options), _cost(each[1])))
+    return min(both, key=lambda each: (not believed(each[1], options.accuracy), _cost(each[1])))
 
 
-def _believed(done: Polished, options: CollocationOptions) -> bool:
+def believed(done: Polished, accuracy: float) -> bool:
+    """Whether a motion is the true one to this accuracy, and keeps its limits between the nodes."""
     seen = look(done.task, done.solution)
-    return seen.error.fine(options.accuracy) and not excess(done.task, seen)
+    return seen.error.fine(accuracy) and not excess(done.task, seen)
 
 
 def _cost(done: Polished) -> float:

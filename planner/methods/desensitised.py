@@ -3,45 +3,44 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from dataclasses import replace
+from typing import Any
 
+import casadi as ca
 import numpy as np
 
-from planner.deadline import limited, share
-from planner.desensitise.augmented import augmented
-from planner.desensitise.program import Shape, program
-from planner.desensitise.refusal import (
-    broken,
-    refuse_no_room,
-    refuse_one_way,
-    refuse_waypoints,
-)
+from planner.chained import chained_form
+from planner.deadline import Span, TimeUpError, limited, share
+from planner.desensitise.refusal import refuse_no_room, refuse_one_way, refuse_waypoints
 from planner.desensitise.seeds import guess, seeds
-from planner.desensitise.settle import Settled, settle
 from planner.desensitise.spread import spreads
-from planner.desensitise.task import Solution, Task, Weights, prepared
-from planner.errors import InputError, NotConvergedError
-from planner.methods.collocation import plan_collocation
+from planner.errors import NotConvergedError, Violation
+from planner.measures import effort
+from planner.methods.collocation import input_kind, plan_collocation
+from planner.methods.collocation_early import believed
+from planner.ocp.augmented import Augmented
+from planner.ocp.backends import Settings
+from planner.ocp.bounds import Asked
 from planner.ocp.form import Form
 from planner.ocp.mesh import uniform
+from planner.ocp.objective import Objective
+from planner.ocp.polish import polish
+from planner.ocp.solver import ACCEPTED_RESIDUAL, Solution
+from planner.ocp.task import Task, task
 from planner.plan import Plan
 from planner.problem import Problem
 from planner.schema.desensitised import DesensitisedOptions
 from planner.schema.methods import CollocationOptions
+from planner.systems.base import Array
+from planner.verify import verify
 
 NAME = "desensitised"
 
 EASY = 0.5
 """Share of the time, where that is limited, for the plan of least effort."""
 
-
-@dataclass(frozen=True, eq=False)
-class _Answer:
-    start: str
-    solution: Solution
-    iterations: int
-    log: list[dict[str, Any]]
+REFINEMENTS = 4
+"""Times the mesh may be refined."""
 
 
 def plan_desensitised(
@@ -49,7 +48,7 @@ def plan_desensitised(
 ) -> Plan:
     """Minimise the response to the design errors, weighed against effort.
 
-    Motion and response are one collocation problem (`planner.desensitise`). It is solved from the
+    Motion and response are one collocation problem (`planner.ocp.augmented`). It is solved from the
     plan of least effort and from excursions about it that let φ turn back, since optima are local;
     the best is kept (`notes["start"]`, `notes["tried"]`).
 
@@ -65,171 +64,167 @@ def plan_desensitised(
             off.
         NotConvergedError: If no motion is found.
     """
-    with limited(None, holds=lambda: False):  # the plan of least effort is no answer
-        return _planned(problem, options, near)
+    with limited(None, holds=lambda: False) as span:  # the plan of least effort is no answer
+        return _planned(problem, options, near, span)
 
 
-def _planned(problem: Problem, options: DesensitisedOptions, near: Plan | None) -> Plan:
+def _planned(problem: Problem, options: DesensitisedOptions, near: Plan | None, span: Span) -> Plan:
     began = time.perf_counter()
     refuse_waypoints(problem)
     if not options.reversal:
         refuse_one_way(problem)
-    task = _task(problem.within_reach(), options)
-    refuse_no_room(task)
-    build = prepared(task)
-    if near is not None:
-        easy = near
-    else:
+    job = _task(problem.within_reach(), options)
+    refuse_no_room(job)
+    if near is None:
+        plain = CollocationOptions(rest=options.rest, intervals=options.intervals)
         with share(EASY):
-            easy = plan_collocation(problem, _easy(options))
+            easy = plan_collocation(problem, plain)
+    else:
+        easy = near
     if not options.reversal:
-        task = replace(task, direction=1.0 if easy.travel >= 0 else -1.0)
-    answer = _searched(task, options, easy, near is not None)
-    done = settle(task, answer.solution, options.accuracy)
-    return replace(_plan(done, answer, options, began, build), problem=problem)
+        job = replace(job, asked=replace(job.asked, way=1.0 if easy.travel >= 0 else -1.0))
+    start, solution, log = _searched(job, options, easy, near is not None)
+    done = polish(job, solution, options.accuracy, REFINEMENTS)
+    if span.reached and not believed(done, options.accuracy):
+        raise TimeUpError
+    plan = _plan(done.task, done.solution, options)
+    return replace(
+        plan,
+        problem=problem,
+        solve_time_s=time.perf_counter() - began - done.task.build_time_s,
+        build_time_s=done.task.build_time_s,
+        iterations=sum(entry["iterations"] for entry in log) + done.iterations,
+        notes={"start": start, "tried": log, **plan.notes, **done.notes},
+    )
 
 
 def _task(problem: Problem, options: DesensitisedOptions) -> Task:
     spread = spreads(problem.system, options)
-    made = augmented(problem.system, tuple(spread))
+    moved = Augmented(
+        problem.system,
+        tuple(spread.items()),
+        options.passive,
+        options.terminal,
+        options.path,
+        options.backoff,
+        metered=options.effort_limit is not None,
+    )
     form = Form(
         intervals=options.intervals,
-        input=_input_kind(problem, options),
-        rate_limits=bool(np.any(np.isfinite(problem.limits.input_rate))),
+        scheme_kind="legendre",
+        input=input_kind(problem, NAME, options, auto="constant"),
         chart=problem.limits.z2_margin is not None,
+        obstacles=len(problem.obstacles),
+        inner=True,
+        augmented=moved,
     )
-    limited = tuple(i for i in problem.system.limited if np.isfinite(problem.limits.joint[i]))
-    return Task(
-        problem=problem,
-        program=program(
-            made, Shape(form, limited if options.backoff > 0 else (), len(problem.obstacles))
-        ),
-        mesh=uniform(options.intervals),
-        spread=spread,
-        weights=Weights(
-            options.passive,
-            options.terminal,
-            options.path,
-            options.effort,
-            options.time if problem.duration is None else 0.0,
-        ),
-        backoff=options.backoff,
-        direction=0.0,
-        effort_limit=options.effort_limit or np.inf,
-        rest=options.rest,
-        tolerance=options.tolerance,
-        max_iterations=options.max_iterations,
-    )
+    asked = Asked(options.rest, effort=options.effort_limit or np.inf)
+    settings = Settings(options.tolerance, options.max_iterations)
+    goal = _objective(options, options.time if problem.duration is None else 0.0)
+    return task(problem, goal, form, uniform(options.intervals), asked, settings)
 
 
-def _input_kind(problem: Problem, options: DesensitisedOptions) -> Literal["constant", "linear"]:
-    smooth = options.rest or bool(np.any(np.isfinite(problem.limits.input_rate)))
-    if options.input == "auto":
-        return "linear" if smooth else "constant"
-    if options.input == "constant" and smooth:
-        what = "rest = true" if options.rest else "the limit on input rates"
-        raise InputError(
-            f"{problem.source}: method.desensitised.input = 'constant' jumps between intervals,"
-            f" which contradicts {what}; use 'linear' or 'auto'"
-        )
-    return options.input
-
-
-def _easy(options: DesensitisedOptions) -> CollocationOptions:
-    return CollocationOptions(rest=options.rest, intervals=options.intervals)
-
-
-def _searched(task: Task, options: DesensitisedOptions, easy: Plan, near: bool) -> _Answer:
-    """The best of all starts."""
-    log: list[dict[str, Any]] = []
-    best: tuple[str, Solution] | None = None
-    last: Solution | None = None
-    iterations = 0
-    for seed in seeds(options.reversal)[: 1 if near else options.starts]:
-        start = guess(task, easy.trajectory, seed)
-        last = task.solve(start, near)
-        if not last.ok:  # the other barrier takes another way
-            iterations += last.iterations
-            last = task.solve(start, not near)
-        iterations += last.iterations
-        log.append(_entry("the plan given" if near else seed.name, last))
-        if last.ok and (best is None or last.cost < best[1].cost * (1 - 1e-6)):
-            best = (log[-1]["start"], last)
-    if best is None:
-        assert last is not None
-        raise _not_converged(task, last, options, len(log))
-    return _Answer(*best, iterations, log)
-
-
-def _entry(name: str, solution: Solution) -> dict[str, Any]:
-    return {
-        "start": name,
-        "status": solution.status,
-        "objective": solution.cost if solution.ok else None,
-        "passive_deg": solution.passive_deg if solution.ok else None,
-        "total_deg": solution.total_deg if solution.ok else None,
-        "effort": solution.effort if solution.ok else None,
-        "iterations": solution.iterations,
-    }
-
-
-def _plan(
-    done: Settled, answer: _Answer, options: DesensitisedOptions, began: float, build: float
-) -> Plan:
-    task, solution = done.task, done.solution
-    w = task.weights
+def _objective(options: DesensitisedOptions, time_weight: float) -> Objective:
     terms = [
-        (w.passive, "passive block^2"),
-        (w.terminal, "terminal response^2"),
-        (w.path, "response along the path^2"),
-        (w.effort, "effort"),
-        (w.time, "duration"),
+        (options.passive, "passive block^2"),
+        (options.terminal, "terminal response^2"),
+        (options.path, "response along the path^2"),
+        (options.effort, "effort"),
+        (time_weight, "duration"),
     ]
     name = " + ".join(f"{weight:g} x {term}" for weight, term in terms if weight)
+    weights = np.array([time_weight, options.effort, options.effort, 0.0, 0.0, 0.0])
+    return Objective(NAME, f"{NAME}: {name} (deg^2)", weights)
+
+
+def _searched(
+    job: Task, options: DesensitisedOptions, easy: Plan, near: bool
+) -> tuple[str, Solution, list[dict[str, Any]]]:
+    """The best of all starts, the name of its own, and what became of each."""
+    log: list[dict[str, Any]] = []
+    found: list[tuple[str, Solution]] = []
+    for seed in seeds(options.reversal)[: 1 if near else options.starts]:
+        start, name = guess(job, easy.trajectory, seed), "the plan given" if near else seed.name
+        last = job.solve(start, near)
+        if not last.ok:  # the other barrier takes another way
+            other = job.solve(start, not near)
+            last = replace(other, iterations=last.iterations + other.iterations)
+        value = last.objective if last.ok else None
+        log.append({"start": name, "status": last.status, "objective": value, **_sizes(job, last)})
+        if last.ok:
+            found.append((name, last))
+    if not found:
+        raise _not_converged(job, last, options, len(log))
+    name, solution = min(found, key=lambda each: each[1].objective)
+    return name, solution, log
+
+
+def _sizes(job: Task, solution: Solution) -> dict[str, Any]:
+    moved, iterate = job.made.form.augmented, solution.iterate
+    assert moved is not None
+    passive, total = moved.sizes_deg(iterate.nodes[-1])
+    spent = effort(job.curve(iterate))
+    sizes = {"passive_deg": passive, "total_deg": total, "effort": spent}
+    return sizes | {"iterations": solution.iterations}
+
+
+def _plan(job: Task, solution: Solution, options: DesensitisedOptions) -> Plan:
+    moved = job.made.form.augmented
+    assert moved is not None
     return Plan(
-        problem=task.problem,
+        problem=job.problem,
         method=NAME,
         options=options.model_dump(),
-        trajectory=task.curve(solution.vector),
-        objective=solution.cost,
-        objective_name=f"desensitised: {name} (deg^2)",
-        solve_time_s=time.perf_counter() - began - build,
-        build_time_s=build,
-        iterations=answer.iterations + done.iterations,
-        notes={
-            "start": answer.start,
-            "tried": answer.log,
-            "spread": task.spread,
-            "passive_deg": solution.passive_deg,
-            "total_deg": solution.total_deg,
-            "effort": solution.effort,
-            **done.notes,
-        },
+        trajectory=job.curve(solution.iterate),
+        objective=solution.objective,
+        objective_name=job.objective.name,
+        iterations=solution.iterations,
+        notes={"spread": dict(moved.spread), **_sizes(job, solution)},
     )
 
 
 def _not_converged(
-    task: Task, solution: Solution, options: DesensitisedOptions, tried: int
+    job: Task, solution: Solution, options: DesensitisedOptions, tried: int
 ) -> NotConvergedError:
     ways = [] if options.reversal else ["method.desensitised.reversal = true"]
     ways += ["method.desensitised.backoff smaller"] if options.backoff else []
     ways += ["a larger method.desensitised.effort_limit"] if options.effort_limit else []
     ways += ["more method.desensitised.starts, wider limits, or more time"]
-    plan = Plan(
-        problem=task.problem,
-        method=NAME,
-        options=options.model_dump(),
-        trajectory=task.curve(solution.vector),
-        status=NotConvergedError.status,
-        objective=solution.cost,
-        iterations=solution.iterations,
-        notes={"solver_status": solution.status},
-    )
+    plan = replace(_plan(job, solution, options), status=NotConvergedError.status)
     return NotConvergedError(
-        f"{task.problem.source}: no desensitised motion was found from {tried} start"
+        f"{job.problem.source}: no desensitised motion was found from {tried} start"
         f"{'s' if tried > 1 else ''} (the last one: {solution.status} after"
         f" {solution.iterations} iterations)",
         plan=plan,
-        violations=broken(task, solution),
+        violations=_broken(job, plan, solution.iterate.nodes),
         advice=", or ".join(ways),
     )
+
+
+def _broken(job: Task, plan: Plan, nodes: Array) -> list[Violation]:
+    """What an iterate breaks: as `verify` sees it, then its effort and what is backed off."""
+    problem, moved, spent = job.problem, job.made.form.augmented, effort(plan.trajectory)
+    assert moved is not None
+    out = list(verify(plan).violations)
+    if spent > job.asked.effort:
+        out.append(Violation("effort", None, spent, job.asked.effort, "", spent / job.asked.effort))
+    if not moved.backoff:
+        return out
+    system, limits = problem.system, problem.limits
+    q, x = ca.SX.sym("q", system.size), ca.SX.sym("x", moved.size)
+    named = [(f"joint {system.coordinates[i].name}", q[i], limits.joint[i]) for i in system.limited]
+    if limits.z2_margin is not None:
+        z2 = problem.z2_sign * chained_form(system).z_expr(q)[1]
+        named.append(("z2 margin", -z2, -limits.z2_margin))
+    for label, value, most in named:
+        reach = ca.Function("reach", [x], [ca.vertcat(*moved.sides(q, value, [x]))])
+        sides = np.asarray(reach(nodes.T))
+        worst = np.max(np.abs(sides) if label != "z2 margin" else sides, axis=0)
+        k = int(np.argmax(worst))
+        if worst[k] > most + ACCEPTED_RESIDUAL:
+            sign, unit = (-1, "") if label == "z2 margin" else (1, "rad")
+            label += f" with {moved.backoff:g} standard deviations of back-off"
+            found, limit = sign * float(worst[k]), sign * float(most)
+            time_s = float(job.mesh.edges[k] * plan.duration)
+            out.append(Violation(label, time_s, found, limit, unit, float(worst[k] - most)))
+    return out

@@ -1,6 +1,6 @@
 """What direct collocation is made of.
 
-In reading order: `scheme`, `mesh`, `form`, `order` (which collocation values are unknowns),
+In reading order: `scheme`, `mesh`, `augmented`, `form`, `order` (which values are unknowns),
 `layout`, `stage` (one interval as symbols: where it leads, costs, labelled rows), `chain` (its
 derivatives), `interval` (its functions), `assembly` (the whole), `transcription`, `objective`,
 `bounds`, `backends` (which solver, barrier and patience: one table), `compiled`,

@@ -11,7 +11,8 @@ Jacobian pattern (y: state at an edge, c: control; one block row an interval):
         y c 1
             y c 1
 
-The Hessian of the Lagrangian has one block (y, c) an interval, and nothing at the last state.
+The Hessian of the Lagrangian has one block (y, c) an interval, and at the last state what the end
+costs.
 """
 
 from __future__ import annotations
@@ -69,10 +70,13 @@ class _Assembly:
         self.functions, own = functions, stage.weights.numel()
         self.x, self.p = ca.MX.sym("x", layout.size), ca.MX.sym("p", own + self.K)
         self.columns = ca.reshape(self.x[: self.K * self.m], self.m, self.K)
+        self.last = self.x[self.K * self.m :]
+        self.end = ca.Function("end", [stage.state], [stage.end])(self.last)
+        self.bend, self.slope = ca.hessian(self.end, self.x)
         self.parameters = ca.vertcat(ca.repmat(self.p[:own], 1, self.K), self.p[own:].T)
 
     def program(self) -> Program:
-        f = ca.sum2(*self._mapped(self.functions.cost))
+        f = ca.sum2(*self._mapped(self.functions.cost)) + self.end
         g = self._rows(*self._mapped(self.functions.rows))
         gradient, names = self._gradient(), ["x", "p"]
         return Program(
@@ -103,12 +107,12 @@ class _Assembly:
 
     def _rows(self, rows: Any) -> Any:
         """The interval's own rows begin with minus the state it leads to; the state is added."""
-        following = ca.horzcat(self.columns[: self.ny, 1:], self.x[self.K * self.m :])
+        following = ca.horzcat(self.columns[: self.ny, 1:], self.last)
         return ca.vec(ca.vertcat(rows[: self.ny, :] + following, rows[self.ny :, :]))
 
     def _gradient(self) -> Any:
         (columns,) = self._mapped(self.functions.gradient)
-        return ca.vertcat(ca.vec(columns), ca.MX.zeros(self.ny))
+        return ca.vertcat(ca.vec(columns), ca.MX.zeros(self.ny)) + self.slope
 
     def _jacobian(self) -> Any:
         """A state's column begins with the row of the interval before, which the first lacks."""
@@ -132,12 +136,12 @@ class _Assembly:
         following = ca.vertcat(ca.MX.zeros(self.nc, self.K), columns[: self.ny, :])
         gradient = ca.vertcat(ca.vec(gradients), ca.MX.zeros(self.ny))
         gradient += ca.vertcat(ca.MX.zeros(self.ny), ca.vec(following))
-        return [*self._xp, scale, duals], gradient, nonzeros
+        return [*self._xp, scale, duals], gradient + scale * self.slope, nonzeros
 
     def _hessian(self) -> Any:
         inputs, gradient, nonzeros = self._lagrangian()
         names = ["x", "p", "lam_f", "lam_g"], ["grad_gamma_x", "hess_gamma_x_x"]
-        whole = self._blocks(nonzeros, *self.functions.hessian_pattern)
+        whole = self._blocks(nonzeros, *self.functions.hessian_pattern) + inputs[2] * self.bend
         return ca.Function("nlp_hess_l", inputs, [gradient, whole], *names)
 
     def _triangle(self) -> Any:
@@ -145,6 +149,7 @@ class _Assembly:
         row, column = self.functions.hessian_pattern
         upper = np.flatnonzero(row <= column)
         whole = self._blocks(nonzeros[upper.tolist(), :], row[upper], column[upper])
+        whole += inputs[2] * ca.triu(self.bend)
         names = ["x", "p", "lam_f", "lam_g"], ["hess_gamma_x_x"]
         return ca.Function("nlp_hess_l", inputs, [whole], *names)
 

@@ -142,12 +142,15 @@ is shortened, and at least to the timing, where the path is long and already a m
 
 def way(made: Transcription, settings: Settings) -> Way:
     """The row of `WAYS` for a transcription and a kind of start."""
-    form, short = made.form, made.system.size <= SHORT
+    form = made.form
+    short = made.system.size <= SHORT and not form.augmented
     if settings.near and form.intervals > MANY:
         return WAYS["near, many intervals"]
     if settings.near or settings.direct:
         kind = "near" if settings.near else "straight"
         return WAYS[kind if short else f"{kind}, long chain"]
+    if form.augmented:
+        return WAYS["far"]
     if not short:
         return WAYS["far, long chain"]
     return WAYS["far, winding" if form.obstacles or form.chart else "far"]

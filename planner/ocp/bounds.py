@@ -51,6 +51,21 @@ class Tightening:
         return Tightening(*(np.maximum(each, share * np.max(each, axis=0)) for each in amounts))
 
 
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of the inputs beside the problem's limits.
+
+    Attributes:
+        rest: Whether they are zero at both ends.
+        way: Sign that the first one keeps; zero where it may change.
+        effort: Most that ∫ u₁² + u₂² dt may be, where the transcription meters it.
+    """
+
+    rest: bool = False
+    way: float = 0.0
+    effort: float = np.inf
+
+
 @dataclass(frozen=True, eq=False)
 class Bounds:
     """What the solver is given beside the functions.
@@ -86,12 +101,12 @@ def bounds(
     made: Transcription,
     mesh: Mesh,
     objective: Objective,
-    rest: bool,
+    asked: Asked,
     tightening: Tightening,
 ) -> Bounds:
     """Fill in a problem's numbers."""
     joint = _joint(problem, made, tightening)
-    lower, upper = _unknowns(problem, made, mesh, rest, joint)
+    lower, upper = _unknowns(problem, made, mesh, asked, joint)
     low, high = _rows(problem, made, tightening, joint)
     discs = [[*disc.centre, disc.radius] for disc in problem.obstacles]
     given = discs[: made.form.obstacles]
@@ -101,7 +116,7 @@ def bounds(
 
 
 def _unknowns(
-    problem: Problem, made: Transcription, mesh: Mesh, rest: bool, joint: Array
+    problem: Problem, made: Transcription, mesh: Mesh, asked: Asked, joint: Array
 ) -> tuple[Array, Array]:
     """Bounds of the unknowns; `joint` are the limits on coordinates in each interval, (K, N)."""
     places = made.layout
@@ -113,11 +128,16 @@ def _unknowns(
     lower = -upper
     lower[places.durations[:1]] = SHORTEST_S
     duration = np.nan if problem.duration is None else problem.duration
-    fixed = [(places.nodes[0], problem.start), (places.nodes[-1], problem.target)]
+    if asked.way:
+        (lower if asked.way > 0 else upper)[places.inputs[:, 0]] = 0.0
+    if np.isfinite(asked.effort):
+        upper[places.nodes[-1, -1]] = asked.effort
+    N = problem.system.size
+    fixed = [(places.nodes[0], made.start(problem)), (places.nodes[-1, :N], problem.target)]
     fixed += [(places.durations[:1], np.array([duration])[: len(places.durations)])]
     stops = zip(mesh.marks, problem.waypoints, strict=True)
-    fixed += [(places.nodes[k], point.q) for k, point in stops]
-    fixed += [(places.inputs[[0, -1]].ravel(), np.zeros(4))] if rest else []
+    fixed += [(places.nodes[k, :N], point.q) for k, point in stops]
+    fixed += [(places.inputs[[0, -1]].ravel(), np.zeros(4))] if asked.rest else []
     for where, values in fixed:
         known = ~np.isnan(values)
         lower[where[known]] = upper[where[known]] = values[known]
@@ -168,4 +188,6 @@ def _joint(problem: Problem, made: Transcription, tightening: Tightening) -> Arr
     limited = list(made.system.limited)
     joint = np.full(made.system.size, np.inf)
     joint[limited] = problem.limits.joint[limited]
-    return np.asarray(joint - np.minimum(tightening.joint, MOST_DRAWN_IN * joint))
+    drawn = joint - np.minimum(tightening.joint, MOST_DRAWN_IN * joint)
+    more = made.moved.size - made.system.size
+    return np.pad(drawn, [(0, 0), (0, more)], constant_values=np.inf)

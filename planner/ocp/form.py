@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from planner.ocp.augmented import Augmented
 from planner.ocp.mesh import Mesh
 from planner.ocp.scheme import Kind, Scheme, scheme
 from planner.systems.base import Array
@@ -26,14 +27,13 @@ class Form:
         degree: Collocation points an interval.
         input: "constant" in each interval, or "linear" and continuous.
         free_duration: Whether the duration is an unknown; else it is a parameter.
-        rate_limits: Whether the input's slopes are constrained by rows; where they are unknowns
-            themselves, as in `layout`, this makes no difference.
         chart: Whether z₂ is constrained.
         obstacles: Number of discs that the links must clear.
         edge: Whether closeness to the edge of the chart's domain is a term of the objective.
         inner: Whether limits on coordinates and z₂ hold at the collocation points too, not only at
             the mesh's edges.
         compiled: Whether the functions of one interval are compiled by a C compiler.
+        augmented: What moves, where that is more than the system: its response to errors too.
     """
 
     intervals: int
@@ -41,12 +41,12 @@ class Form:
     degree: int = 3
     input: InputKind = "constant"
     free_duration: bool = True
-    rate_limits: bool = False
     chart: bool = False
     inner: bool = False
     obstacles: int = 0
     edge: bool = False
     compiled: bool = False
+    augmented: Augmented | None = None
 
     @property
     def parameters(self) -> int:

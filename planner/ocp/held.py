@@ -36,7 +36,7 @@ def can_hold(job: Task) -> bool:
     """Whether a task asks no more of a path than limits on joints and inputs."""
     problem = job.problem
     places = problem.waypoints or problem.obstacles or problem.limits.z2_margin is not None
-    return can_jump(job) and not places
+    return can_jump(job) and not places and job.made.form.augmented is None
 
 
 def held(job: Task, chain: Chain, accuracy: float) -> tuple[Task, Solution] | None:
@@ -111,7 +111,7 @@ def _stepwise(job: Task, degree: int) -> Task:
         wanted = replace(wanted, input="constant")
     if wanted == form:
         return job
-    return task(job.problem, job.objective, wanted, job.mesh, job.rest, job.settings)
+    return task(job.problem, job.objective, wanted, job.mesh, job.asked, job.settings)
 
 
 def _iterate(own: Task, nodes: Array, rates: Array, duration: float) -> Iterate:

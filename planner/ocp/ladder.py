@@ -16,6 +16,7 @@ from planner import progress
 from planner.bridge import lifted
 from planner.bridge.closing import Chain, Ends, closed
 from planner.ocp.backends import RUNGS, way
+from planner.ocp.bounds import Asked
 from planner.ocp.form import Form
 from planner.ocp.guess import seeds
 from planner.ocp.held import can_hold, chain_of, follow, held
@@ -172,4 +173,4 @@ def _below(job: Task) -> Task:
     limits = replace(problem.limits, joint=joint)
     short = replace(problem, system=problem.system.shorter(), start=start, goal=goal, limits=limits)
     plain = Form(form.intervals, form.scheme_kind, form.degree)
-    return task(short, job.objective, plain, job.mesh, False, job.settings)
+    return task(short, job.objective, plain, job.mesh, Asked(), job.settings)

@@ -49,6 +49,7 @@ def look(task: Task, solution: Solution) -> Look:
     """Sample an iterate and the motion its input really makes."""
     iterate, form = solution.iterate, task.made.form
     values = np.concatenate([iterate.nodes[:-1, None], iterate.points], axis=1)
+    values = values[..., : task.problem.system.size]
     plan = np.asarray(_basis(form.scheme_kind, form.degree) @ values)
     motion = task.motion(iterate).states
     return Look(plan, motion, _mesh_error(motion - plan))

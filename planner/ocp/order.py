@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from planner.systems.base import TriangularSystem
+from planner.ocp.augmented import Moved
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Order:
     lifted: tuple[int, ...]
 
 
-def order(system: TriangularSystem) -> Order:
+def order(system: Moved) -> Order:
     """The order for a system, with few coordinates lifted."""
     needs = _dependencies(system)
     sequence: list[int] = []
@@ -44,7 +44,7 @@ def order(system: TriangularSystem) -> Order:
     return Order(tuple(sequence), tuple(sorted(lifted)))
 
 
-def _dependencies(system: TriangularSystem) -> list[set[int]]:
+def _dependencies(system: Moved) -> list[set[int]]:
     """For each coordinate, those that its rate depends on."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     rates = ca.vertcat(*system.rates_expr(q, u))

@@ -13,9 +13,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from planner.ocp.augmented import Moved
 from planner.ocp.layout import Iterate
 from planner.ocp.mesh import Mesh
-from planner.systems.base import Array, TriangularSystem
+from planner.systems.base import Array
 from planner.systems.pointwise import Call
 
 STEPS = 12
@@ -40,7 +41,7 @@ class Motion:
         return np.asarray(self.states[-1, -1])
 
 
-def resimulate(system: TriangularSystem, mesh: Mesh, iterate: Iterate, start: Array) -> Motion:
+def resimulate(system: Moved, mesh: Mesh, iterate: Iterate, start: Array) -> Motion:
     """Integrate an iterate's input from `start` (N,)."""
     K = len(mesh.widths)
     given = start, mesh.widths * iterate.duration, *iterate.input_ends()
@@ -51,7 +52,7 @@ def resimulate(system: TriangularSystem, mesh: Mesh, iterate: Iterate, start: Ar
 
 
 @lru_cache(maxsize=32)
-def _runner(system: TriangularSystem, intervals: int) -> Call:
+def _runner(system: Moved, intervals: int) -> Call:
     """From the start, the intervals' seconds and the inputs at their ends to all samples."""
     whole = _interval(system).mapaccum(intervals)
     inputs = [ca.MX.sym(name, whole.sparsity_in(k)) for k, name in enumerate("qsab")]
@@ -59,7 +60,7 @@ def _runner(system: TriangularSystem, intervals: int) -> Call:
 
 
 @lru_cache(maxsize=32)
-def _interval(system: TriangularSystem) -> Any:
+def _interval(system: Moved) -> Any:
     """To the end of one interval, and all samples, step by step."""
     q, seconds, a, b = (
         ca.SX.sym(name, size) for name, size in zip("qsab", (system.size, 1, 2, 2), strict=True)
@@ -72,7 +73,7 @@ def _interval(system: TriangularSystem) -> Any:
 
 
 @lru_cache(maxsize=32)
-def _step(system: TriangularSystem) -> Any:
+def _step(system: Moved) -> Any:
     """One step of the classical Runge–Kutta method of order 4."""
     q, h = ca.SX.sym("q", system.size), ca.SX.sym("h")
     u = [ca.SX.sym(name, 2) for name in ("first", "middle", "last")]

@@ -73,7 +73,7 @@ def rebalanced(job: Task, iterate: Iterate) -> tuple[Task, Iterate] | None:
     if len(iterate.inputs) != len(pace):
         factor = np.append(pace, pace[-1])[:, None]
     moved = replace(iterate, inputs=iterate.inputs * factor)
-    fresh = task(job.problem, job.objective, form, mesh, job.rest, job.settings)
+    fresh = task(job.problem, job.objective, form, mesh, job.asked, job.settings)
     return fresh, moved
 
 

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from planner.chained import chained_form
+from planner.ocp.augmented import Augmented, Moved
 from planner.ocp.edges import edge_cost
 from planner.ocp.form import TERMS, Form
 from planner.ocp.obstacles import clearances, link_count
@@ -59,6 +60,7 @@ class Stage:
             symbols of their own.
         meaning: What each column is, from state, control and columns before it.
         cost: Its share of the objective; it and all below also in terms of `inside`.
+        end: What a state costs beside that where the motion ends.
         after: The state it leads to; the first rows are the next state minus this one.
         rows: The rows that follow them.
         points: Coordinates at the collocation points, N × d.
@@ -72,6 +74,7 @@ class Stage:
     inside: tuple[Any, ...]
     meaning: tuple[Any, ...]
     cost: Any
+    end: Any
     after: Any
     rows: Any
     points: Any
@@ -86,7 +89,7 @@ class Stage:
 class _Symbols:
     """The interval's unknowns by name; u(τ) is linear from u_left to u_right."""
 
-    def __init__(self, system: TriangularSystem, form: Form, lifted: tuple[int, ...]) -> None:
+    def __init__(self, system: Moved, form: Form, lifted: tuple[int, ...]) -> None:
         self.X, self.width = ca.SX.sym("X", system.size), ca.SX.sym("h")
         self.weights = ca.SX.sym("weights", form.parameters)
         self.T = ca.SX.sym("T") if form.free_duration else self.weights[-1]
@@ -122,13 +125,16 @@ class _RowList:
 
 def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
     """Write down one interval of a transcription."""
-    x, rows = _Symbols(system, form, order.lifted), _RowList()
-    points, rates, defects, inside = _collocation(system, form, order, x)
-    after = _motion(system, form, x, rates, rows)
+    moved = form.augmented or system
+    x, rows = _Symbols(moved, form, order.lifted), _RowList()
+    points, rates, defects, inside = _collocation(moved, form, order, x)
+    after = _motion(moved, form, x, rates, rows)
     for i, residuals in defects.items():
         rows.add("defect", i, form.scheme.points, residuals)
     columns = [ca.vertcat(*column) for column in points]
     _limits(system, form, x, columns, rows)
+    if form.augmented and form.augmented.backoff:
+        _backed_off(form, form.augmented, [*columns, after[: moved.size]], rows)
     cost = _cost(system, form, x, columns)
     return Stage(
         state=x.state,
@@ -138,6 +144,7 @@ def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
         inside=tuple(symbols for symbols, _ in inside),
         meaning=tuple(meaning for _, meaning in inside),
         cost=cost,
+        end=form.augmented.end_cost_expr(x.X) if form.augmented else ca.SX(0),
         after=after,
         rows=ca.vertcat(*rows.expressions[after.numel() :]),
         points=ca.horzcat(*columns),
@@ -146,7 +153,7 @@ def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
 
 
 def _collocation(
-    system: TriangularSystem, form: Form, order: Order, x: _Symbols
+    system: Moved, form: Form, order: Order, x: _Symbols
 ) -> tuple[list[list[Any]], dict[int, list[Any]], dict[int, list[Any]], list[tuple[Any, Any]]]:
     """Values and rates at the collocation points, one coordinate after the other.
 
@@ -179,7 +186,7 @@ def _collocation(
     return points, rates, defects, inside
 
 
-def _rates(system: TriangularSystem, coordinates: tuple[int, ...]) -> list[Any]:
+def _rates(system: Moved, coordinates: tuple[int, ...]) -> list[Any]:
     """Functions (q, u) to the rate of each coordinate."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     rates = system.rates_expr(q, u)
@@ -187,7 +194,7 @@ def _rates(system: TriangularSystem, coordinates: tuple[int, ...]) -> list[Any]:
 
 
 def _motion(
-    system: TriangularSystem,
+    system: Moved,
     form: Form,
     x: _Symbols,
     rates: dict[int, list[Any]],
@@ -219,7 +226,7 @@ def _limits(
             rows.add("joint", i, inside, [q[i] for q in points])
     if form.chart:
         places = [x.X, *points] if form.inner else [x.X]
-        z2 = [chained_form(system).z_expr(q)[1] for q in places]
+        z2 = [chained_form(system).z_expr(q[: system.size])[1] for q in places]
         rows.add("z2", 1, np.append(0.0, inside), z2)
 
     for k in range(form.obstacles):
@@ -229,6 +236,16 @@ def _limits(
         for i, clear in enumerate(links):
             pair = k * link_count(system) + i
             rows.add("obstacle", pair, np.append(0.0, inside), list(clear))
+
+
+def _backed_off(form: Form, moved: Augmented, places: list[Any], rows: _RowList) -> None:
+    """Limits on coordinates and z₂ to either side by the response, at points and the right edge."""
+    system, q = moved.system, ca.SX.sym("q", moved.system.size)
+    tau = np.repeat(np.append(form.scheme.points, 1.0), 2)
+    for i in system.limited:
+        rows.add("joint", i, tau, moved.sides(q, q[i], places))
+    if form.chart:
+        rows.add("z2", 1, tau, moved.sides(q, chained_form(system).z_expr(q)[1], places))
 
 
 def _cost(system: TriangularSystem, form: Form, x: _Symbols, points: list[Any]) -> Any:
@@ -242,6 +259,9 @@ def _cost(system: TriangularSystem, form: Form, x: _Symbols, points: list[Any]) 
         nearness = [edge_cost(system, x.weights[5], q) for q in points]
         means = zip(form.scheme.quadrature, nearness, strict=True)
         cost += x.width * sum(w * each for w, each in means)
+    if form.augmented:
+        way = zip(form.scheme.quadrature, map(form.augmented.path_cost_expr, points), strict=True)
+        cost += x.width * sum(w * each for w, each in way)
     return cost
 
 

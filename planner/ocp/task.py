@@ -12,17 +12,18 @@ import numpy as np
 
 from planner.bridge.closing import Chain
 from planner.ocp.backends import Settings
-from planner.ocp.bounds import Bounds, Tightening, bounds
-from planner.ocp.curve import curve
+from planner.ocp.bounds import Asked, Bounds, Tightening, bounds
+from planner.ocp.curve import curve, pieces
 from planner.ocp.form import Form
 from planner.ocp.layout import Iterate
 from planner.ocp.mesh import Mesh
 from planner.ocp.objective import Objective
 from planner.ocp.obstacles import link_count
-from planner.ocp.resimulation import Motion, resimulate
+from planner.ocp.resimulation import STEPS, Motion, resimulate
 from planner.ocp.solver import Solution, judged, prepare, solve
 from planner.ocp.transcription import Transcription
 from planner.problem import Problem
+from planner.systems.base import Array
 from planner.trajectory import StateTrajectory
 
 
@@ -35,7 +36,7 @@ class Task:
         objective: What is made least.
         made: The transcription.
         mesh: Its mesh.
-        rest: Whether inputs are zero at both ends.
+        asked: What is asked of the inputs beside the problem's limits.
         settings: Options of the solver.
         tightening: By how much limits are drawn in.
         build_time_s: Seconds it took to make the transcription; zero if it was there.
@@ -45,7 +46,7 @@ class Task:
     objective: Objective
     made: Transcription
     mesh: Mesh
-    rest: bool
+    asked: Asked
     settings: Settings
     tightening: Tightening
     build_time_s: float
@@ -54,7 +55,7 @@ class Task:
     def bounds(self) -> Bounds:
         """The problem's numbers."""
         return bounds(
-            self.problem, self.made, self.mesh, self.objective, self.rest, self.tightening
+            self.problem, self.made, self.mesh, self.objective, self.asked, self.tightening
         )
 
     def solve(self, start: Iterate, near: bool = False) -> Solution:
@@ -72,23 +73,25 @@ class Task:
         return curve(self.made.system, self.made.form, self.mesh, iterate)
 
     def motion(self, iterate: Iterate) -> Motion:
-        """The motion its input really makes."""
-        return resimulate(self.made.system, self.mesh, iterate, self.problem.start)
+        """The system's motion that the iterate's input really makes."""
+        made = self.made
+        motion = resimulate(made.moved, self.mesh, iterate, made.start(self.problem))
+        return replace(motion, states=motion.states[..., : made.system.size])
 
     def on(self, mesh: Mesh) -> Task:
         """The same task on another mesh, limits not drawn in."""
         form = replace(self.made.form, intervals=len(mesh.widths))
-        return task(self.problem, self.objective, form, mesh, self.rest, self.settings)
+        return task(self.problem, self.objective, form, mesh, self.asked, self.settings)
 
     def asking(self, problem: Problem, objective: Objective) -> Task:
         """The same mesh and limits drawn in for another problem of the same system."""
-        made = self.made.form, self.mesh, self.rest, self.settings
+        made = self.made.form, self.mesh, self.asked, self.settings
         return replace(task(problem, objective, *made), tightening=self.tightening)
 
     def inside(self) -> Task:
         """The same task with limits kept at the collocation points too."""
         form = replace(self.made.form, inner=True)
-        return task(self.problem, self.objective, form, self.mesh, self.rest, self.settings)
+        return task(self.problem, self.objective, form, self.mesh, self.asked, self.settings)
 
 
 def task(
@@ -96,7 +99,7 @@ def task(
     objective: Objective,
     form: Form,
     mesh: Mesh,
-    rest: bool,
+    asked: Asked,
     settings: Settings,
 ) -> Task:
     """Prepare a task: the transcription is made now unless it was made before.
@@ -107,7 +110,7 @@ def task(
     made, seconds = prepare(problem.system, form, settings)
     pairs = form.obstacles * link_count(problem.system)
     none = Tightening.none(form.intervals, problem.system.size, pairs)
-    return Task(problem, objective, made, mesh, rest, settings, none, seconds)
+    return Task(problem, objective, made, mesh, asked, settings, none, seconds)
 
 
 class Listener(Protocol):
@@ -148,19 +151,31 @@ def offer_chain(task: Task, chain: Chain) -> None:
 def can_jump(job: Task) -> bool:
     """Whether nothing asks for inputs without jumps."""
     rates = job.problem.limits.input_rate
-    return not (job.rest or job.objective.smooth or np.isfinite(rates).any())
+    return not (job.asked.rest or job.objective.smooth or np.isfinite(rates).any())
 
 
 def transferred(old: Task, iterate: Iterate, new: Task) -> Iterate:
     """An iterate of one task as a start for another that differs in mesh or input kind."""
-    motion = old.curve(iterate)
+    q, u = pieces(old.made.form, old.mesh, iterate)
     mesh, T = new.mesh, iterate.duration
     return Iterate(
         duration=T,
-        nodes=motion.q(mesh.edges * T),
-        points=motion.q(mesh.at(new.made.form.scheme.points) * T),
-        inputs=motion.u(new.made.form.input_places(mesh) * T),
+        nodes=q(mesh.edges * T),
+        points=q(mesh.at(new.made.form.scheme.points) * T),
+        inputs=u(new.made.form.input_places(mesh) * T),
     )
+
+
+def driven(job: Task, duration: float, inputs: Array) -> Iterate:
+    """The iterate that inputs, in the shape of `Iterate.inputs`, lead to from the start."""
+    made, tau = job.made, job.made.form.scheme.points * STEPS
+    shape = made.form.intervals, made.form.degree, made.moved.size
+    still = Iterate(duration, np.empty(0), np.empty(shape), inputs)
+    states = resimulate(made.moved, job.mesh, still, made.start(job.problem)).states
+    before = np.minimum(tau.astype(int), STEPS - 1)
+    share = (tau - before)[:, None]
+    points = (1 - share) * states[:, before] + share * states[:, before + 1]
+    return replace(still, nodes=np.vstack([states[:, 0], states[-1:, -1]]), points=points)
 
 
 def stretched(iterate: Iterate, duration: float) -> Iterate:

@@ -6,13 +6,17 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
+
 from planner.ocp.assembly import Program, assemble
+from planner.ocp.augmented import Moved
 from planner.ocp.compiled import compiled
 from planner.ocp.form import Form
 from planner.ocp.interval import interval_functions
 from planner.ocp.layout import Iterate, Layout, layout
 from planner.ocp.order import order
 from planner.ocp.stage import Rows, stage
+from planner.problem import Problem
 from planner.systems.base import Array, TriangularSystem
 
 
@@ -21,7 +25,7 @@ class Transcription:
     """A nonlinear programme with names; start, goal, limits, mesh and weights are numbers.
 
     Attributes:
-        system: What moves.
+        system: What is steered.
         form: Its shape.
         layout: Where each unknown sits.
         labels: What the rows of one interval mean.
@@ -38,6 +42,15 @@ class Transcription:
     program: Program
     solvers: dict[Any, Any] = field(default_factory=dict)
 
+    @property
+    def moved(self) -> Moved:
+        """What moves: the system, or more."""
+        return self.form.augmented or self.system
+
+    def start(self, problem: Problem) -> Array:
+        """All that moves, at the start: what is not of the system begins at zero."""
+        return np.append(problem.start, np.zeros(self.moved.size - self.system.size))
+
     def outcome(self, vector: Array, parameters: Array) -> tuple[float, Array, Iterate]:
         """What the unknowns lead to.
 
@@ -52,7 +65,7 @@ class Transcription:
         iterate = Iterate(
             duration=float(vector[at.durations[0]] if self.form.free_duration else known),
             nodes=vector[at.nodes],
-            points=points.reshape(at.intervals, self.form.degree, self.system.size),
+            points=points.reshape(at.intervals, self.form.degree, -1),
             inputs=vector[at.inputs],
         )
         return float(found[0]), rows, iterate
@@ -65,8 +78,9 @@ def transcription(system: TriangularSystem, form: Form) -> Transcription:
     Raises:
         InputError: If it is to be compiled and cannot be.
     """
-    dependencies = order(system)
-    places = layout(form, system.size, dependencies.lifted)
+    moved = form.augmented or system
+    dependencies = order(moved)
+    places = layout(form, moved.size, dependencies.lifted)
     symbols = stage(system, form, dependencies)
     functions = interval_functions(symbols)
     if form.compiled:

@@ -38,6 +38,7 @@ from planner.methods.collocation import plan_collocation
 from planner.methods.convex import plan_convex
 from planner.methods.replan import replan_collocation
 from planner.ocp.backends import Settings
+from planner.ocp.bounds import Asked
 from planner.ocp.form import Form
 from planner.ocp.mesh import uniform
 from planner.ocp.objective import objective
@@ -271,7 +272,9 @@ def over_joints() -> dict[str, Any]:
     for joints in JOINTS:
         problem = chain(joints)
         form = Form(20, "legendre", 3, "linear")
-        job = task(problem, objective(problem, CollocationOptions()), form, mesh, False, Settings())
+        job = task(
+            problem, objective(problem, CollocationOptions()), form, mesh, Asked(), Settings()
+        )
         start = along(problem, mesh)
         job, seconds = replace(job, settings=Settings(solver="ipopt")), []
         for _ in range(4):

@@ -7,51 +7,51 @@ from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
 import planner
-from planner.desensitise.augmented import DEGREES, augmented
-from planner.desensitise.program import Shape, program
 from planner.linearised import parameters
-from planner.ocp.form import Form
-from planner.ocp.mesh import uniform
+from planner.ocp.augmented import Augmented
 from planner.sensitivity import PAPER_SPREAD, sensitivity
 
 PAPER_ERRORS = ("gain u1", "gain u2", "start theta1", "start theta2", "start theta3")
 
 
-def test_the_paper_needs_seven_states_beside_its_own() -> None:
-    made = augmented(planner.Manipulator([0.870125, 0.711625]), PAPER_ERRORS)
-    assert made.size == 4 + 7
+def spread(names: tuple[str, ...]) -> tuple[tuple[str, float], ...]:
+    return tuple(zip(names, np.linspace(0.5, 1.5, len(names)).tolist(), strict=True))
+
+
+def test_the_paper_needs_eight_states_beside_its_own() -> None:
+    made = Augmented(planner.Manipulator([0.870125, 0.711625]), spread(PAPER_ERRORS))
+    assert made.size == 4 + 8
+    assert Augmented(made.system, made.spread, metered=True).size == 4 + 9
 
 
 @pytest.mark.parametrize("n", range(2, 7))
 def test_states_grow_as_half_the_square_of_the_joints(n: int) -> None:
     system = SYSTEMS[f"manipulator-{n}"]
     errors = ("gain u1", "gain u2", *(f"start theta{i}" for i in range(1, n + 1)))
-    made = augmented(system, errors)
-    assert made.size - system.size == n * (n - 1) // 2 + 2 * (n - 1)
+    made = Augmented(system, spread(errors))
+    assert made.size - system.size == n * (n - 1) // 2 + 2 * (n - 1) + 1
 
 
 def _responses(system: planner.TriangularSystem) -> tuple[NDArray[np.float64], planner.Plan]:
     """W at the end of a smooth motion by small steps of the augmented system, and the motion."""
     import casadi as ca
 
-    names = tuple(p.name for p in parameters(system))
-    made = augmented(system, names)
-    sigma = np.linspace(0.5, 1.5, len(names))
+    made = Augmented(system, spread(tuple(p.name for p in parameters(system))))
     q0 = np.full(system.size, 0.2)
-    x, u, t, h = (ca.SX.sym(n, k) for n, k in (("x", made.size), ("u", 2), ("t", 1), ("h", 1)))
-    rate = lambda x, t: made.rates(x, u, t, sigma, q0)  # noqa: E731
-    a = rate(x, t)
-    b = rate(x + h / 2 * a, t + h / 2)
-    c = rate(x + h / 2 * b, t + h / 2)
-    d = rate(x + h * c, t + h)
-    step = ca.Function("step", [x, u, t, h], [x + h / 6 * (a + 2 * b + 2 * c + d)])
+    x, u, h = (ca.SX.sym(n, k) for n, k in (("x", made.size), ("u", 2), ("h", 1)))
+    rate = lambda x: ca.vertcat(*made.rates_expr(x, u))  # noqa: E731
+    a = rate(x)
+    b = rate(x + h / 2 * a)
+    c = rate(x + h / 2 * b)
+    d = rate(x + h * c)
+    step = ca.Function("step", [x, u, h], [x + h / 6 * (a + 2 * b + 2 * c + d)])
     pieces = np.array([[0.5, 0.3], [-0.2, 0.4], [0.6, -0.5]])
-    edges, state = np.linspace(0, 1.5, 301), np.append(q0, np.asarray(made.initial(sigma)).ravel())
+    edges, state = np.linspace(0, 1.5, 301), np.append(q0, np.zeros(made.size - system.size))
     states = [state]
     for k, width in enumerate(np.diff(edges)):
-        state = np.asarray(step(state, pieces[k // 100], edges[k], width)).ravel()
+        state = np.asarray(step(state, pieces[k // 100], width)).ravel()
         states.append(state)
-    W = np.asarray(made.response(state, edges[-1], sigma, q0)) / DEGREES / sigma
+    W = made.response(state) / np.linspace(0.5, 1.5, len(made.spread))
     nodes = np.array(states)[:, : system.size]
     inputs = np.repeat(pieces, 100, axis=0)
     rates = system.rates(nodes[:-1], inputs), system.rates(nodes[1:], inputs)
@@ -85,20 +85,3 @@ def test_programme_measures_what_sensitivity_measures(paper: planner.Problem) ->
     found = sensitivity(plan)
     assert plan.notes["passive_deg"] == pytest.approx(found.passive_block_deg(), abs=1e-5)
     assert plan.notes["total_deg"] == pytest.approx(found.total_deg(PAPER_SPREAD), abs=1e-5)
-
-
-def test_jacobian_is_the_derivative_of_the_rows() -> None:
-    made = augmented(planner.Manipulator([0.870125, 0.711625]), PAPER_ERRORS)
-    for kind in ("constant", "linear"):
-        form = Form(intervals=3, input=kind, rate_limits=kind == "linear", chart=True)  # type: ignore[arg-type]
-        p = program(made, Shape(form, joints=(1, 3), obstacles=1))
-        rng = np.random.default_rng(0)
-        x, size = rng.uniform(0.1, 0.9, p.size), p.problem["p"].numel()
-        numbers = np.concatenate([rng.uniform(0.1, 0.9, size - 4), uniform(3).edges])
-        values, jacobian = (np.asarray(v) for v in p.jacobian(x, numbers))
-        np.testing.assert_allclose(values, p.rows(x, numbers), atol=1e-14)
-        for k in range(0, p.size, 7):
-            e = np.zeros(p.size)
-            e[k] = 1e-6
-            slope = np.asarray(p.rows(x + e, numbers) - p.rows(x - e, numbers)).ravel() / 2e-6
-            np.testing.assert_allclose(jacobian[:, k], slope, atol=1e-6)

@@ -7,7 +7,13 @@ import pytest
 from perturbed import draws, motions
 
 import planner
+from planner.deadline import time_up
 from planner.measures import effort
+from planner.methods.collocation import collocation_task
+from planner.methods.desensitised import _task
+from planner.ocp.held import can_hold
+from planner.schema.desensitised import DesensitisedOptions
+from planner.schema.methods import CollocationOptions
 from planner.sensitivity import sensitivity
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -73,6 +79,25 @@ def test_the_effort_limit_bites(paper: planner.Problem, reversing: planner.Plan)
     assert effort(plan.trajectory) == pytest.approx(0.6, abs=1e-6)
 
 
+def test_an_effort_limit_below_the_least_is_named(paper: planner.Problem) -> None:
+    with pytest.raises(planner.NotConvergedError, match="effort reaches") as refusal:
+        planner.solve(paper, "desensitised", starts=1, intervals=12, effort_limit=0.2)
+    assert not any(" on theta" in violation.label for violation in refusal.value.violations)
+
+
+def test_time_that_ends_before_the_mesh_is_fine_leaves_no_plan(
+    paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def ended(*_: object) -> None:
+        raise time_up()
+
+    monkeypatch.setattr("planner.ocp.polish.transferred", ended)
+    monkeypatch.setattr("planner.methods.desensitised.plan_collocation", lambda *_: easy)
+    easy = planner.solve(paper, "collocation")
+    with pytest.raises(planner.TimeLimitError):
+        planner.solve(paper, "desensitised", starts=1, intervals=5, time_limit_s=600)
+
+
 def test_back_off_keeps_perturbed_motions_inside(paper: planner.Problem) -> None:
     tight = paper.changed({"limits.joint_deg": 36})
     options = {"starts": 1, "intervals": 24, "effort": 0.5, "passive": 0.0, "terminal": 0.01}
@@ -93,6 +118,31 @@ def test_no_room_to_back_off_at_the_start(paper: planner.Problem) -> None:
     with pytest.raises(planner.InfeasibleError, match=r"backoff = 3 needs .* on z2") as refusal:
         planner.solve(paper, "desensitised", backoff=3.0)
     assert "backoff = " in str(refusal.value.advice)
+
+
+def test_back_off_is_kept_at_the_goal(paper: planner.Problem) -> None:
+    """The goal lies inside its limit, but nearer to it than three standard deviations."""
+    changes = {"limits.joint_deg": 31.0, "start.theta_deg": [10, 20, 10]}
+    tight = planner.Problem.from_dict(planner.problem.with_changes(
+        {k: v for k, v in paper.to_dict().items() if k != "limits"}, changes))  # fmt: skip
+    assert planner.solve(tight, "desensitised", starts=1, intervals=12).verified
+    with pytest.raises(planner.NotConvergedError) as refusal:
+        planner.solve(tight, "desensitised", starts=1, intervals=12, backoff=3.0)
+    labels = [violation.label for violation in refusal.value.violations]
+    assert any(label.endswith("with 3 standard deviations of back-off") for label in labels)
+
+
+def test_a_coarse_mesh_is_refined(paper: planner.Problem) -> None:
+    plan = planner.solve(paper, "desensitised", starts=1, intervals=5)
+    assert plan.verified
+    assert plan.notes["intervals"][0] == 5 < plan.notes["intervals"][-1]
+
+
+def test_no_path_kept_as_it_is_stands_for_the_least_response(paper: planner.Problem) -> None:
+    free = {k: v for k, v in paper.to_dict()["limits"].items() if k != "z2_margin"}
+    problem = paper.changed({"limits": free})
+    assert can_hold(collocation_task(problem, CollocationOptions(), 8))
+    assert not can_hold(_task(problem, DesensitisedOptions(intervals=8)))
 
 
 def test_input_rates_rest_and_a_free_duration(paper: planner.Problem) -> None:

@@ -12,6 +12,8 @@ from scipy.sparse.linalg import spsolve
 
 import planner
 from planner.chained import chained_form
+from planner.linearised import parameters
+from planner.ocp.augmented import Augmented
 from planner.ocp.form import TERMS, Form
 from planner.ocp.layout import Iterate
 from planner.ocp.mesh import Mesh, uniform
@@ -119,11 +121,22 @@ def some_iterate(form: Form, size: int, rng: np.random.Generator) -> Iterate:
     return Iterate(3.7, 0.3 * nodes, 0.3 * points, rng.normal(size=(form.input_nodes, 2)))
 
 
+RESPONSE: dict[str, Any] = {"passive": 2.0, "terminal": 1.0, "path": 0.5, "backoff": 2.0}
+"""What makes every term and row of a transcription of motion and response."""
+
+
 @pytest.mark.parametrize("input_kind", ["constant", "linear"])
 @pytest.mark.parametrize("name", ["four-joint", "trailers"])
-def test_derivatives_agree_with_casadi_on_the_whole_graph(name: str, input_kind: Any) -> None:
+@pytest.mark.parametrize("errors", [(), ("gain u1", "stretch u2", "start theta1")])
+def test_derivatives_agree_with_casadi_on_the_whole_graph(
+    name: str, input_kind: Any, errors: tuple[str, ...]
+) -> None:
     system = planner.load_problem(PROBLEMS / f"{name}.toml").system
-    program = transcription(system, Form(3, "radau", 2, input_kind, chart=True)).program
+    known = [e for e in errors if e in {p.name for p in parameters(system)}]
+    spread = tuple((error, 0.1 * k) for k, error in enumerate(known, 1))
+    more = Augmented(system, spread, **RESPONSE, metered=True) if spread else None
+    form = Form(3, "radau", 2, input_kind, chart=True, augmented=more)
+    program = transcription(system, form).program
     x, p = program.problem["x"], program.problem["p"]
     f, g = program.problem["f"], program.problem["g"]
     duals = ca.MX.sym("duals", g.numel())

@@ -13,13 +13,13 @@ from types import FrameType
 
 
 def main() -> int:
-    """Load the command line and run it; see `planner.cli.main`."""
+    """Load the command line and run it; see `planner.cli.app.main`."""
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         number = getattr(signal, name, None)  # Windows has no SIGHUP
         # Where a signal is ignored it stays so: nohup, or a script's jobs in the background.
         if number is not None and signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _leave)
-    from planner.cli import main as run
+    from planner.cli.app import main as run
 
     return run(last=True)
 

@@ -15,11 +15,11 @@ import typer
 from pydantic import BaseModel
 
 import planner
-from planner.cli import app, main
-from planner.schema import FILES, MachineTable
-from planner.schema.feedback import FeedbackTable
-from planner.schema.machine import EFFECTS
-from planner.schema.sweep import SweepFile
+from planner.cli.app import app, main
+from planner.problem.tables.kinds import FILES
+from planner.problem.tables.machine_effects import EFFECTS, MachineTable
+from planner.problem.tables.problem_file import FeedbackTable
+from planner.sweep.sweep_file import SweepFile
 
 ROOT = Path(__file__).parents[1]
 

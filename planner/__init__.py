@@ -9,18 +9,12 @@ True
 
 from typing import TYPE_CHECKING
 
-from planner.distribution import version
-from planner.lazy import import_when_used
+from planner.support.package import import_when_used, version
 
 if TYPE_CHECKING:  # a new public name goes here, into the table below and into __all__
-    from planner.budget import Budget, error_budget
-    from planner.certificate.certify import certify
-    from planner.chained import ChainedForm, chained_form
     from planner.check import Analysis, check
-    from planner.claims import Certificate, Claim
-    from planner.compare import Comparison, compare
-    from planner.controllability import Controllability, controllability
-    from planner.differences import MachineSensitivity, machine_sensitivity
+    from planner.comparison.compare import compare
+    from planner.comparison.comparison import Comparison
     from planner.errors import (
         InfeasibleError,
         InputError,
@@ -32,63 +26,74 @@ if TYPE_CHECKING:  # a new public name goes here, into the table below and into 
         VerificationError,
         Violation,
     )
-    from planner.explorer import explore
-    from planner.export import Samples, export, load_samples
-    from planner.feedback import Tracker
-    from planner.indicators import Indicators, indicators
-    from planner.loading import load_plan
-    from planner.machine import Machine
-    from planner.methods import METHODS
-    from planner.pareto import TradeOff, trade_off
-    from planner.plan import Plan
-    from planner.problem import Limits, Problem, load_problem
-    from planner.reachability import TravelWindow, travel_window
-    from planner.replay import Replay, replay
+    from planner.explorer.explore import explore
+    from planner.machine.feedback.tracker import Tracker
+    from planner.machine.machine import Machine
+    from planner.machine.replay import Replay, replay
+    from planner.methods.registry import METHODS
+    from planner.plan.claims import Certificate, Claim
+    from planner.plan.plan import Plan
+    from planner.plan.samples import Samples, load_samples
+    from planner.problem.feasibility import TravelWindow, travel_window
+    from planner.problem.problem import Limits, Problem, load_problem
+    from planner.report.export import export
     from planner.retime import retime
-    from planner.sensitivity import Sensitivity, sensitivity
+    from planner.robustness.budget import Budget, error_budget
+    from planner.robustness.machine_sensitivity import MachineSensitivity, machine_sensitivity
+    from planner.robustness.sensitivity import Indicators, Sensitivity, indicators, sensitivity
+    from planner.robustness.trade_off import TradeOff, trade_off
     from planner.solve import solve
-    from planner.sweep import Sweep, load_sweep, run_sweep
-    from planner.systems import (
-        BallGear,
-        Car,
-        CustomSystem,
-        Gear,
-        Manipulator,
-        Trailers,
-        TriangularSystem,
-        Unicycle,
-    )
-    from planner.verify import Check, verify
+    from planner.sweep.description import Sweep
+    from planner.sweep.results import load_sweep
+    from planner.sweep.run import run_sweep
+    from planner.systems.ball_gear import BallGear
+    from planner.systems.chained_form import ChainedForm, chained_form
+    from planner.systems.controllability import Controllability, controllability
+    from planner.systems.custom import CustomSystem
+    from planner.systems.manipulator import Gear, Manipulator
+    from planner.systems.triangular_system import TriangularSystem
+    from planner.systems.vehicles import Car, Trailers, Unicycle
+    from planner.verification.certify import certify
+    from planner.verification.load_plan import load_plan
+    from planner.verification.verify import Check, verify
 
 _HOMES = {
-    "budget": "Budget error_budget",
-    "certificate.certify": "certify",
-    "chained": "ChainedForm chained_form",
     "check": "Analysis check",
-    "claims": "Certificate Claim",
-    "compare": "Comparison compare",
-    "controllability": "Controllability controllability",
-    "differences": "MachineSensitivity machine_sensitivity",
+    "comparison.compare": "compare",
+    "comparison.comparison": "Comparison",
     "errors": "InfeasibleError InputError NoPlanError NotConvergedError "
-    "PlannerError SingularError TimeLimitError VerificationError Violation",
-    "explorer": "explore",
-    "export": "Samples export load_samples",
-    "feedback": "Tracker",
-    "indicators": "Indicators indicators",
-    "loading": "load_plan",
-    "machine": "Machine",
-    "methods": "METHODS",
-    "pareto": "TradeOff trade_off",
-    "plan": "Plan",
-    "problem": "Limits Problem load_problem",
-    "reachability": "TravelWindow travel_window",
-    "replay": "Replay replay",
+    "PlannerError SingularError TimeLimitError VerificationError "
+    "Violation",
+    "explorer.explore": "explore",
+    "machine.feedback.tracker": "Tracker",
+    "machine.machine": "Machine",
+    "machine.replay": "Replay replay",
+    "methods.registry": "METHODS",
+    "plan.claims": "Certificate Claim",
+    "plan.plan": "Plan",
+    "plan.samples": "Samples load_samples",
+    "problem.feasibility": "TravelWindow travel_window",
+    "problem.problem": "Limits Problem load_problem",
+    "report.export": "export",
     "retime": "retime",
-    "sensitivity": "Sensitivity sensitivity",
+    "robustness.budget": "Budget error_budget",
+    "robustness.machine_sensitivity": "MachineSensitivity machine_sensitivity",
+    "robustness.sensitivity": "Indicators Sensitivity indicators sensitivity",
+    "robustness.trade_off": "TradeOff trade_off",
     "solve": "solve",
-    "sweep": "Sweep load_sweep run_sweep",
-    "systems": "BallGear Car CustomSystem Gear Manipulator Trailers TriangularSystem Unicycle",
-    "verify": "Check verify",
+    "sweep.description": "Sweep",
+    "sweep.results": "load_sweep",
+    "sweep.run": "run_sweep",
+    "systems.ball_gear": "BallGear",
+    "systems.chained_form": "ChainedForm chained_form",
+    "systems.controllability": "Controllability controllability",
+    "systems.custom": "CustomSystem",
+    "systems.manipulator": "Gear Manipulator",
+    "systems.triangular_system": "TriangularSystem",
+    "systems.vehicles": "Car Trailers Unicycle",
+    "verification.certify": "certify",
+    "verification.load_plan": "load_plan",
+    "verification.verify": "Check verify",
 }
 import_when_used(__name__, _HOMES)
 

@@ -8,20 +8,25 @@ from typing import Any
 
 import numpy as np
 
-from planner.deadline import limited, share
-from planner.domain import DomainReport
-from planner.duration import DurationBound, least_duration
-from planner.ends import End, chart_ends_report
 from planner.errors import InputError, NoPlanError
-from planner.methods import METHODS
 from planner.methods.advice import tried
 from planner.methods.refusal import Change, in_other_time, on_other_paths
-from planner.nonholonomy import Nonholonomy, nonholonomy
-from planner.plan import Plan
-from planner.problem import Problem, expect_problem
-from planner.reachability import TravelWindow, travel_window
-from planner.solve import find_method, solve, solve_and_check
-from planner.summary import plan_summary, refusal_summary
+from planner.methods.registry import METHODS, find_method
+from planner.plan.measures import DomainReport
+from planner.plan.plan import Plan
+from planner.problem.feasibility import (
+    DurationBound,
+    End,
+    TravelWindow,
+    chart_ends_report,
+    least_duration,
+    travel_window,
+)
+from planner.problem.nonholonomy import Nonholonomy, nonholonomy
+from planner.problem.problem import Problem, expect_problem
+from planner.solve import solve, solve_and_check
+from planner.support.deadline import limited, share
+from planner.verification.summary import plan_summary, refusal_summary
 
 Progress = Callable[[str], None]
 
@@ -41,7 +46,7 @@ class Remedy:
     Attributes:
         changes: Dotted keys to values, as `Problem.changed` takes them.
         method: The method that then has a plan.
-        plan: Summary of that plan, see `planner.summary.KEYS`.
+        plan: Summary of that plan, see `planner.verification.summary.KEYS`.
         words: The changes in words.
     """
 
@@ -73,7 +78,7 @@ class Analysis:
         plain_polynomial: Where the polynomial without points leaves the chart's domain and z₂
             crosses zero, and the travel this was found for; None when it stays inside.
         nonholonomy: Controllability at the start, the goal and on θ₁ = 0.
-        outcomes: For each method its summary, see `planner.summary.KEYS`.
+        outcomes: For each method its summary, see `planner.verification.summary.KEYS`.
         remedy: When no method has a plan, a change that gives one, if one was found.
         ended_early: What cut the search short, in words; None where nothing did.
     """
@@ -209,7 +214,7 @@ def find_remedy(problem: Problem, names: Sequence[str], say: Progress) -> Remedy
 
 
 def _outcome(problem: Problem, name: str) -> dict[str, Any]:
-    """One method's summary either way, see `planner.summary.KEYS`."""
+    """One method's summary either way, see `planner.verification.summary.KEYS`."""
     try:
         return plan_summary(*solve_and_check(problem, name, advice=False))
     except NoPlanError as error:

@@ -11,23 +11,15 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.interpolate import BPoly
 
-from planner.arclength import arc_length
-from planner.certificate import certify
-from planner.claims import Certificate
 from planner.errors import InputError, SingularError, VerificationError
-from planner.measures import peak_inputs, peak_rates
-from planner.plan import Plan
-from planner.problem import Limits, Problem
-from planner.retimed import RetimedTrajectory
-from planner.timing import cut, fastest
-from planner.trajectory import Trajectory
-from planner.verify import verify
-
-Moving = NDArray[np.bool_]
-
+from planner.plan.claims import Certificate
+from planner.plan.fastest_timing import Moving, fastest_motion
+from planner.plan.measures import peak_inputs
+from planner.plan.plan import Plan
+from planner.problem.problem import Problem
+from planner.verification.certify import certify
+from planner.verification.verify import verify
 
 BLIND = 1e-3
 """Excess over a limit, relative to it, that samples may have missed; a greater one is for `verify`
@@ -44,8 +36,8 @@ def retime(
 
     Under limits on the inputs alone the timing is exact: at every instant one input is at its limit
     (the time is ∫ max|uᵢ|/limitᵢ over the plan). Under limits on their rates too it is the optimum
-    of a convex programme; see `planner.timing`. With rate limits the motion stops where the path
-    has a corner, that is where the plan's inputs jump to another ratio.
+    of a convex programme; see `planner.plan.fastest_timing`. With rate limits the motion stops
+    where the path has a corner, that is where the plan's inputs jump to another ratio.
 
     Args:
         plan: A plan whose inputs exist at all times.
@@ -95,59 +87,6 @@ def retime(
             notes=notes,
         )
     )
-
-
-def fastest_motion(
-    path: Trajectory, limits: Limits, moving: Moving, rest: bool = False, intervals: int = 200
-) -> tuple[RetimedTrajectory, dict[str, Any]]:
-    """The fastest timing of a path within limits of inputs and of their rates, not verified yet.
-
-    Args:
-        path: A trajectory with inputs at all times.
-        limits: Of inputs and of their rates; one of them for each input that moves.
-        moving: Which inputs move, shape (2,).
-        rest: Whether inputs are zero at both ends; needs rate limits.
-        intervals: Intervals of the programme, where rates are limited.
-
-    Returns:
-        The motion, and what to note of it.
-
-    Raises:
-        NotConvergedError: If the programme is not solved.
-    """
-    if np.any(np.isfinite(limits.input_rate[moving])):
-        trajectory, notes = _with_rates(path, limits, moving, rest, intervals)
-    else:
-        trajectory, notes = _without_rates(path, limits, moving), {}
-    return _within(trajectory, limits), notes
-
-
-def _without_rates(path: Trajectory, limits: Limits, moving: Moving) -> RetimedTrajectory:
-    scale = np.where(moving, limits.input, 1.0)
-    length = arc_length(path, scale, "max")
-    edges = np.append(length.c[0], length.c[-1, -1])
-    clock = BPoly(np.stack([edges[:-1], edges[1:]]), edges)
-    return RetimedTrajectory(path, length, clock, length.x)
-
-
-def _with_rates(
-    path: Trajectory, limits: Limits, moving: Moving, rest: bool, intervals: int
-) -> tuple[RetimedTrajectory, dict[str, Any]]:
-    scale = np.where(np.isfinite(limits.input), limits.input, limits.input_rate)
-    scale = np.where(moving & np.isfinite(scale), scale, 1.0)
-    length = arc_length(path, scale, "euclid")
-    stretch = cut(path, length, scale, intervals, rest)
-    clock = fastest(stretch, limits.input, limits.input_rate)
-    notes = {"stops": int(np.sum(stretch.stops[1:-1]))}
-    return RetimedTrajectory(path, length, clock, stretch.stations), notes
-
-
-def _within(trajectory: RetimedTrajectory, limits: Limits) -> RetimedTrajectory:
-    """Slowed by what little the interpolants exceed the limits between their nodes."""
-    factor = float(np.max(peak_inputs(trajectory) / limits.input))
-    if np.any(np.isfinite(limits.input_rate)):
-        factor = max(factor, float(np.sqrt(np.max(peak_rates(trajectory) / limits.input_rate))))
-    return trajectory.slowed(factor) if factor > 1 else trajectory
 
 
 def _over(problem: Problem, certificate: Certificate) -> float:

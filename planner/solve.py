@@ -6,18 +6,17 @@ import time
 from dataclasses import replace
 from typing import Any
 
-from planner.certificate import certify
-from planner.deadline import MORE_TIME, TimeUpError, checked, limited
-from planner.duration import refuse_too_short
 from planner.errors import InputError, NoPlanError, TimeLimitError, VerificationError
-from planner.methods import METHODS, Method
 from planner.methods.advice import advise
 from planner.methods.refusal import BY_COLLOCATION, Change, lasting
-from planner.plan import Plan
-from planner.problem import Problem, expect_problem
-from planner.progress import Listener, listening, now, tell
-from planner.schema import nearest, parse
-from planner.verify import Check, verify
+from planner.methods.registry import METHODS, Method, find_method, merged_options
+from planner.plan.plan import Plan
+from planner.problem.feasibility import refuse_too_short
+from planner.problem.problem import Problem, expect_problem
+from planner.support.deadline import MORE_TIME, TimeUpError, checked, limited
+from planner.support.progress import Listener, listening, now, tell
+from planner.verification.certify import certify
+from planner.verification.verify import Check, verify
 
 
 def solve(
@@ -40,8 +39,8 @@ def solve(
             far, and every method refuses where it has none; at the latest 1.2 times as long and
             two seconds after the call. No limit when left out. It stands for the option of the same
             name where the method has one.
-        progress: Called with a `planner.progress.Progress` whenever there is something to tell. The
-            logger `planner` hears the same.
+        progress: Called with a `planner.support.progress.Progress` whenever there is something to
+            tell. The logger `planner` hears the same.
         **options: Override the problem's `[method.<name>]` table, key by key.
 
     Returns:
@@ -136,23 +135,6 @@ def judged(plan: Plan) -> tuple[Plan, Check]:
     if not check.ok:
         raise _refusal(plan, check)
     return replace(plan, verified=True, certificate=certify(plan)), check
-
-
-def find_method(name: str) -> Method:
-    """The registry's entry of that name.
-
-    Raises:
-        InputError: If there is none; names the nearest.
-    """
-    if name not in METHODS:
-        raise InputError(f"unknown method '{name}'; {nearest(str(name), list(METHODS))}")
-    return METHODS[name]
-
-
-def merged_options(problem: Problem, method: Method, options: dict[str, Any]) -> Any:
-    """The method's option table: the problem's, overridden by keywords."""
-    own = getattr(problem.methods, method.name).model_dump(exclude_unset=True)
-    return parse(method.options, {**own, **options}, f"options of method '{method.name}'")
 
 
 def _refusal(plan: Plan, check: Check) -> NoPlanError:

@@ -6,15 +6,11 @@ import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from planner.systems import (
-    BallGear,
-    Car,
-    CustomSystem,
-    Manipulator,
-    Trailers,
-    TriangularSystem,
-    Unicycle,
-)
+from planner.systems.ball_gear import BallGear
+from planner.systems.custom import CustomSystem
+from planner.systems.manipulator import Manipulator
+from planner.systems.triangular_system import TriangularSystem
+from planner.systems.vehicles import Car, Trailers, Unicycle
 
 _K = [0.870125, 0.711625, 0.9, 0.6, 1.2]
 

@@ -10,7 +10,7 @@ import pytest
 
 import planner
 from planner.check import check
-from planner.jsonable import jsonable
+from planner.support.arrays import jsonable
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 QUICK = ["polynomial"]

@@ -10,7 +10,7 @@ import pytest
 from typer.main import get_command
 
 import planner
-from planner.cli import app, main
+from planner.cli.app import app, main
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 
 import planner
-from planner.nonholonomy import nonholonomy
-from planner.ocp.route import routes
-from planner.schema.arm import MOST_JOINTS
-from planner.schema.methods import MOST_POINTS
-from planner.schema.workspace import MOST_WAYPOINTS
+from planner.methods.collocation.candidates import routes
+from planner.problem.nonholonomy import nonholonomy
+from planner.problem.tables.arms import MOST_JOINTS
+from planner.problem.tables.method_options import MOST_POINTS
+from planner.problem.tables.problem_file import MOST_WAYPOINTS
 
 FAR = [{"centre_m": [100.0 + k, 100.0], "radius_m": 0.1} for k in range(30)]
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import planner
-from planner.export.samples import sample
-from planner.html_table import html_table
-from planner.pareto.curve import TradeOff
-from planner.schema.methods import DesensitisedOptions
+from planner.plan.samples import sample
+from planner.problem.tables.method_options import DesensitisedOptions
+from planner.robustness.trade_off import TradeOff
+from planner.support.tables import html_table
 
 LONGEST = 500
 """Characters that are still read, not scrolled past."""

@@ -14,10 +14,9 @@ from scipy.integrate import quad
 from scipy.interpolate import BPoly
 
 import planner
-from planner.arclength import Inverse, arc_length
-from planner.retimed import RetimedTrajectory
-from planner.timing import cut, fastest
-from planner.trajectory import StateTrajectory
+from planner.plan.fastest_timing import cut, fastest
+from planner.plan.retimed import Inverse, RetimedTrajectory, arc_length
+from planner.plan.trajectory import StateTrajectory
 
 Array = NDArray[np.float64]
 

@@ -11,10 +11,11 @@ from types import SimpleNamespace
 import pytest
 
 import planner
-from planner import deadline
-from planner.cli import main, output
-from planner.progress import Progress
-from planner.summary import plan_summary
+from planner.cli import output
+from planner.cli.app import main
+from planner.support import deadline
+from planner.support.progress import Progress
+from planner.verification.summary import plan_summary
 
 PAPER = Path(__file__).parents[1] / "problems/paper.toml"
 MANY_STARTS = {"start": "wander", "starts": 50, "attempts": 50}

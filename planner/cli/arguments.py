@@ -10,12 +10,11 @@ import numpy as np
 import typer
 
 from planner.cli.output import say
-from planner.display import brief
 from planner.errors import InputError
-from planner.methods import METHODS
-from planner.problem import Problem, load_problem
-from planner.reading import DEEPEST, parse_toml
-from planner.solve import find_method
+from planner.methods.registry import METHODS, find_method
+from planner.problem.problem import Problem, load_problem
+from planner.support.files import DEEPEST, parse_toml
+from planner.support.tables import brief
 
 ProblemPath = Annotated[
     Path, typer.Argument(metavar="PROBLEM", help="A problem file (TOML).", show_default=False)

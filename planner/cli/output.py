@@ -1,7 +1,12 @@
-"""What commands print: results on standard output, everything else on standard error."""
+"""What commands print: results on standard output, everything else on standard error.
+
+`--quiet` and `--verbose`, which every command has.
+"""
 
 from __future__ import annotations
 
+import functools
+import inspect
 import json
 import os
 import sys
@@ -10,8 +15,9 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, get_type_hints
 
+import typer
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bar
@@ -19,12 +25,13 @@ from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
-from planner import deadline
-from planner.display import clean
 from planner.errors import InputError
-from planner.interrupts import hearing
-from planner.jsonable import jsonable
-from planner.progress import Progress, listening
+from planner.support import deadline
+from planner.support.arrays import jsonable
+from planner.support.interrupts import hearing
+from planner.support.package import versions
+from planner.support.progress import Progress, listening
+from planner.support.tables import clean
 
 INTERRUPTED = 130
 WIDTH_WITHOUT_TERMINAL = 160
@@ -291,3 +298,44 @@ def _told_where_it_fails() -> Iterator[None]:
         raise ReaderGoneError from None
     except OSError as error:
         raise InputError(f"cannot write standard output: {error.strerror or error}") from None
+
+
+Command = Callable[..., int]
+
+_OPTIONS = {
+    "quiet": Annotated[
+        bool,
+        typer.Option("--quiet", "-q", help="Say nothing but the result, warnings and errors."),
+    ],
+    "verbose": Annotated[
+        bool,
+        typer.Option("--verbose", "-v", help="Say on standard error what is done and how long."),
+    ],
+}
+
+
+def with_volume(command: Command) -> Command:
+    """The command with both options after its own."""
+    signature = inspect.signature(command)
+    extra = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=option)
+        for name, option in _OPTIONS.items()
+    ]
+
+    @functools.wraps(command)
+    def run(*words: Any, quiet: bool = False, verbose: bool = False, **options: Any) -> int:
+        if quiet and verbose:
+            raise InputError("--quiet and --verbose say opposite things; give one of them")
+        volume.quiet, volume.verbose = quiet, verbose
+        began = time.monotonic()
+        detail(", ".join(f"{name} {number}" for name, number in versions().items()))
+        try:
+            return command(*words, **options)
+        finally:
+            detail(f"{command.__name__}: {time.monotonic() - began:.3g} s in all")
+
+    hints = get_type_hints(command, include_extras=True)
+    own = [p.replace(annotation=hints[p.name]) for p in signature.parameters.values()]
+    run.__signature__ = signature.replace(parameters=[*own, *extra])  # type: ignore[attr-defined]
+    run.__annotations__ = {**hints, **_OPTIONS}
+    return run

@@ -11,9 +11,10 @@ import typer
 from planner.cli.arguments import Json
 from planner.cli.output import facts, note, print_json, print_text, progress_bar, say
 from planner.errors import PlannerError
-from planner.interrupts import Terminated, hearing
-from planner.sweep import Outcome, Sweep, export, run_sweep
-from planner.sweep.table import refuse_unexportable
+from planner.support.interrupts import Terminated, hearing
+from planner.sweep.description import Sweep
+from planner.sweep.results import export, refuse_unexportable
+from planner.sweep.run import Outcome, run_sweep
 
 
 class Interrupted(PlannerError):  # noqa: N818 (not an error)

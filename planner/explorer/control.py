@@ -1,4 +1,7 @@
-"""One thing on the screen that can be set: a slider, a choice, or a switch."""
+"""One thing on the screen that can be set: a slider, a choice, or a switch.
+
+Ends of the sliders that depend on the problem.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,10 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+
+from planner.problem.feasibility import travel_window
+from planner.problem.problem import Problem
+from planner.systems.chained_form import chained_form
 
 Kind = Literal["slider", "choice", "switch"]
 
@@ -95,3 +102,27 @@ def span(value: float, factor: float = 10.0) -> tuple[float, float]:
     """Ends of a logarithmic slider about a positive value, at one significant digit."""
     low, high = (10.0 ** np.floor(np.log10(v)) for v in (value / factor, value * factor))
     return float(low), float(np.ceil(value * factor / high) * high)
+
+
+def travel_range(problem: Problem) -> tuple[float, float, float]:
+    """Least and greatest travel of the slider, and one between them."""
+    window = travel_window(problem)
+    given = problem.travel
+    if window is not None and not window.empty and np.isfinite(window.high):
+        margin = 0.3 * (window.high - window.low)
+        low, high = window.low - margin, window.high + margin
+        middle = (window.low + window.high) / 2
+    else:
+        middle = 0.0 if given is None else given
+        reach = max(1.0, abs(middle))
+        low, high = middle - reach, middle + reach
+    if given is not None:
+        low, high = min(low, given), max(high, given)
+    return rounded(low, 4), rounded(high, 4), middle
+
+
+def z2_reach(problem: Problem) -> float:
+    """A |z₂| beyond what the problem's ends have, for the range of a slider."""
+    form = chained_form(problem.system)
+    ends = [form.z(np.nan_to_num(q))[1] for q in (problem.start, problem.goal)]
+    return rounded(max(1e-3, 2 * float(np.max(np.abs(ends)))), 2)

@@ -8,15 +8,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from planner.duration import refuse_too_short
 from planner.errors import InputError, NoPlanError, PlannerError
-from planner.explorer.ranges import travel_range
+from planner.explorer.control import travel_range
 from planner.explorer.state import State
-from planner.methods import Method
-from planner.plan import Plan
-from planner.problem import Problem
-from planner.replay import RECORD_S, Replay, replay
-from planner.solve import find_method, judged, merged_options
+from planner.machine.replay import RECORD_S, Replay, replay
+from planner.methods.registry import Method, find_method, merged_options
+from planner.plan.plan import Plan
+from planner.problem.feasibility import refuse_too_short
+from planner.problem.problem import Problem
+from planner.solve import judged
 
 
 @dataclass(frozen=True)

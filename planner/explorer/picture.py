@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from planner.explorer.motion import POINTS
+from planner.explorer.controls import POINTS
 from planner.explorer.outcome import Outcome
-from planner.plan import Plan
-from planner.replay import Replay
-from planner.report.arm import body, drawable
-from planner.report.style import shown, times
-from planner.report.z import z2_band
-from planner.systems.base import Array, Coordinate
+from planner.machine.replay import Replay
+from planner.plan.plan import Plan
+from planner.report.figures.arm import body, drawable
+from planner.report.figures.over_time import z2_band
+from planner.report.figures.style import shown, times
+from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
+from planner.systems.triangular_system import Coordinate
 
 SAMPLES = 240
 """Instants a curve is drawn by, where it is not finer by itself."""

@@ -13,16 +13,17 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.explorer.control import Control
-from planner.explorer.effects import machine_controls
-from planner.explorer.limits import limit_controls
-from planner.explorer.motion import motion_controls
-from planner.explorer.options import option_controls
+from planner.explorer.controls import (
+    limit_controls,
+    machine_controls,
+    motion_controls,
+    option_controls,
+)
 from planner.explorer.outcome import Outcome, errors, judge, path
 from planner.explorer.picture import error_panel, panels
-from planner.explorer.state import State
-from planner.explorer.texts import code, problem_file
-from planner.plan import Plan
-from planner.schema import nearest
+from planner.explorer.state import State, code, problem_file
+from planner.plan.plan import Plan
+from planner.support.user_tables import nearest
 
 
 class Screen:

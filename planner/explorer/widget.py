@@ -12,8 +12,8 @@ import anywidget
 from planner.errors import InputError
 from planner.explorer.screen import Screen
 from planner.explorer.state import State
-from planner.plan import Plan
-from planner.problem import Problem
+from planner.plan.plan import Plan
+from planner.problem.problem import Problem
 
 QUICK_S = 0.05
 """Errors on the machine that took less than this come with the picture; others follow it."""

@@ -1,7 +1,5 @@
-"""The emulated machine: what real motors, contacts, gears and encoders make of a plan."""
+"""The emulated machine, the tracker, replays.
 
-from planner.machine.draw import Draws, draw
-from planner.machine.machine import Machine, Quantity
-from planner.machine.simulate import Recording, simulate
-
-__all__ = ["Draws", "Machine", "Quantity", "Recording", "draw", "simulate"]
+In this order: `machine`, `commands`, `servos`, `disk_chain`, `bodies`, `march`, `stepwise`,
+`simulate`, `feedback`, `replay`.
+"""

@@ -20,12 +20,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.machine.command import Orders
-from planner.machine.draw import Draws
-from planner.machine.grid import Steps, lengths
+from planner.machine.bodies import Place
+from planner.machine.commands import Orders, Steps, lengths
+from planner.machine.machine import Draws
 from planner.machine.march import GAMMA, begin
-from planner.machine.masses import Place
-from planner.systems.base import Array
+from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
 VERSION = 3

@@ -1,17 +1,37 @@
-"""The emulated machine as a set of named effects, each on or off, each with an optional spread."""
+"""The emulated machine as a set of named effects, each on or off, each with an optional spread.
+
+From a machine with spreads to single machines, reproducibly.
+
+Every effect has a random stream of its own, keyed by the seed and the effect's name, and sample k
+is the k-th entry of each. So the same seed gives every plan the same machines, sample k is the same
+whatever the number of samples, and switching one effect off leaves the draws of all others as they
+were: comparisons are paired.
+
+Where machines start from: everything off, or the paper's prototype.
+
+The paper gives no data sheet. The prototype is **calibrated, not measured**: its parameters are the
+most probable ones within the ranges of parts of their kind, given that the largest error of θ₃ was
+5 degrees (Fig. 9) and the motors followed their commands precisely (Fig. 10). `planner calibrate`
+gives the numbers again and says which of them the paper cannot tell: results/calibration has the
+ranges, their sources and the figures.
+"""
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
+
 from planner.errors import InputError
-from planner.machine.presets import PRESETS
-from planner.schema import MachineTable, nearest, parse
-from planner.schema.effect import Spread
-from planner.schema.machine import EFFECTS
+from planner.problem.tables.machine_effects import EFFECTS, Effect, MachineTable, Spread
+from planner.support.arrays import Array
+from planner.support.user_tables import nearest, parse
 
 DEFAULT_STEP_S = 0.001
 
@@ -44,7 +64,8 @@ class Machine:
     """What stands between a plan and the motion that it makes; immutable.
 
     Build it with `Machine.prototype()`, `Machine.ideal()` or `Machine.from_table`. The effects,
-    with units and meaning, are the keys of the `[machine]` table (`planner.schema.MachineTable`).
+    with units and meaning, are the keys of the `[machine]` table
+    (`planner.problem.tables.machine_effects.MachineTable`).
 
     Attributes:
         preset: What it started from.
@@ -63,7 +84,7 @@ class Machine:
     def prototype(cls, **changes: Any) -> Machine:
         """The paper's prototype, with changes: `Machine.prototype(backlash_deg=0.5)`.
 
-        Calibrated, not measured: see `planner.machine.presets`.
+        Calibrated, not measured: see `planner.machine.machine`.
 
         Raises:
             InputError: If a name is unknown or a value impossible.
@@ -197,3 +218,159 @@ def _listed(value: Any) -> Any:
     if isinstance(value, tuple):
         return [_listed(item) for item in value]
     return value.tolist() if hasattr(value, "tolist") else value
+
+
+POSITIVE_FLOOR = 0.1
+"""What must be positive is drawn no lower than this part of its mean."""
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """Some single machines.
+
+    Attributes:
+        numbers: Sample numbers, shape (S,).
+        values: For each effect that is on, its values (c, S), c being the number of motors (2),
+            joints (N−1), passive joints (N−2) or 1.
+    """
+
+    numbers: NDArray[np.int64]
+    values: Mapping[str, Array]
+
+    @property
+    def count(self) -> int:
+        """Number of samples S."""
+        return len(self.numbers)
+
+    def on(self, name: str) -> bool:
+        """Whether the effect is on."""
+        return name in self.values
+
+    def __getitem__(self, name: str) -> Array:
+        """Values (c, S) of an effect that is on; its neutral value, (1, 1), when it is off."""
+        if name in self.values:
+            return self.values[name]
+        return np.array([[EFFECTS[name].off]])
+
+    def part(self, chosen: slice) -> Draws:
+        """A run of the samples."""
+        values = {name: value[:, chosen] for name, value in self.values.items()}
+        return Draws(self.numbers[chosen], values)
+
+
+def draw(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: int) -> Draws:
+    """Draw single machines.
+
+    Args:
+        machine: The distribution.
+        joints: Coordinates after the first, N−1 (n for the manipulator).
+        numbers: Which samples, shape (S,), counted from 0.
+        seed: Seed, ≥ 0.
+
+    Returns:
+        Their parameters, in the units of the machine's table.
+
+    Raises:
+        InputError: If a list of the machine does not match the system's joints.
+    """
+    values = {
+        name: _values(name, quantity, joints, numbers, seed)
+        for name, quantity in machine.effects.items()
+    }
+    return Draws(numbers, values)
+
+
+def _values(
+    name: str, quantity: Quantity, joints: int, numbers: NDArray[np.int64], seed: int
+) -> Array:
+    count = EFFECTS[name].count(joints)
+    if not quantity.varies:
+        return at_quantiles(name, quantity, joints, np.full((count, len(numbers)), 0.5))
+    stream = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_key(name),)))
+    uniform = stream.random((int(numbers.max()) + 1, count))[numbers].T
+    return at_quantiles(name, quantity, joints, uniform)
+
+
+def at_quantiles(name: str, quantity: Quantity, joints: int, uniform: Array) -> Array:
+    """Values of an effect at places in its distribution.
+
+    Args:
+        name: The effect.
+        quantity: Its mean and spread.
+        joints: Coordinates after the first, N−1.
+        uniform: Shares of the distribution that lie below, 0 … 1, shape (c, S), c being the number
+            of values of that effect (see `Draws`).
+
+    Returns:
+        The values, (c, S); the mean where nothing spreads.
+
+    Raises:
+        InputError: If a list of the quantity does not match the system's joints.
+    """
+    effect = EFFECTS[name]
+    for given in (quantity.value, quantity.spread):
+        wrong = effect.mismatch(f"machine.{name}", given, joints)
+        if wrong:
+            raise InputError(wrong)
+    mean = np.broadcast_to(np.array(quantity.value), len(uniform))
+    spread = np.broadcast_to(np.array(quantity.spread), len(uniform))
+    return _truncated_normal(uniform, mean[:, None], spread[:, None], effect)
+
+
+def _key(name: str) -> int:
+    return zlib.crc32(name.encode())
+
+
+def _truncated_normal(uniform: Array, mean: Array, spread: Array, effect: Effect) -> Array:
+    """By the inverse distribution: one uniform number a value, so that streams stay aligned."""
+    low = np.maximum(effect.low, POSITIVE_FLOOR * mean) if effect.positive else effect.low
+    sigma = np.where(spread > 0, spread, 1.0)
+    least, most = ndtr((low - mean) / sigma), ndtr((effect.high - mean) / sigma)
+    drawn = mean + sigma * ndtri(least + uniform * (most - least))
+    return np.asarray(np.where(spread > 0, np.clip(drawn, low, effect.high), mean))
+
+
+IDEAL: Mapping[str, Any] = MappingProxyType({"step_s": 0.001})
+"""No effects at all: the command is continuous and the kinematics are exact."""
+
+PROTOTYPE: Mapping[str, Any] = MappingProxyType(
+    {
+        "step_s": 0.001,
+        # Not fitted (planner.paper.statements.FIXED says why they are what they are).
+        "control_period_s": 0.01,
+        "delay_s": 0.005,
+        "velocity_resolution_rad_s": 0.001,
+        "input_gain_error": {"value": 0.0, "spread": 0.003},
+        "input_bias_rad_s": {"value": 0.0, "spread": 0.0005},
+        "velocity_limit_rad_s": 3.0,
+        "acceleration_limit_rad_s2": 30.0,
+        "servo_damping": False,
+        "gear_ratio_error": {"value": 0.0, "spread": 0.005},
+        "initial_play": {"value": 0.0, "spread": 0.5},
+        "initial_angle_error_deg": {"value": 0.0, "spread": 0.2},
+        "encoder_resolution_deg": 0.088,
+        # What `planner calibrate` gives.
+        "servo_bandwidth_rad_s": 67.3,
+        "motor_inertia_kgm2": 0.02,
+        "servo_gain_nms_per_rad": 5.03,
+        "servo_integral_time_s": 0.0199,
+        "torque_limit_nm": 2.45,
+        "creep": 0.00317,
+        "creep_per_nm": 0.00447,
+        "friction_capacity_nm": {"value": 1.58, "spread": 0.158},
+        "disk_inertia_kgm2": 0.000158,
+        "gearhead_backlash_deg": {"value": 0.5, "spread": 0.1},
+        "backlash_deg": {"value": 2.68, "spread": 0.536},
+        "axis_inertia_kgm2": 1e-05,
+        "shaft_stiffness_nm_per_rad": {"value": 3.26, "spread": 0.326},
+        "shaft_damping_nms_per_rad": 0.02,
+        "link_inertia_kgm2": 0.0316,
+        "base_friction_nm": 0.157,
+        "coulomb_friction_nm": {"value": 0.194, "spread": 0.0388},
+        "viscous_friction_nms_per_rad": 0.0449,
+    }
+)
+
+PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    {"prototype": PROTOTYPE, "ideal": IDEAL}
+)

@@ -13,10 +13,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.machine.draw import Draws
-from planner.machine.implicit import Stage
-from planner.machine.masses import STICK, Masses, Place, masses
-from planner.systems.base import Array
+from planner.machine.bodies import STICK, Masses, Place, Stage, masses
+from planner.machine.machine import Draws
+from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
 GAMMA = 1 - 1 / np.sqrt(2)

@@ -9,16 +9,13 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.machine.command import Command, Orders
+from planner.machine.closed_loop import Fed, Feedback, measured
+from planner.machine.commands import Command, Orders, merged
 from planner.machine.compiled import MOST_PASSIVE, Compiled, library
-from planner.machine.draw import Draws, draw
-from planner.machine.fed import Fed
-from planner.machine.grid import merged
-from planner.machine.loop import Feedback, measured
-from planner.machine.machine import Machine
-from planner.machine.motion import Motion, Stepwise
-from planner.plan import Plan
-from planner.systems.base import Array
+from planner.machine.machine import Draws, Machine, draw
+from planner.machine.stepwise import Motion, Stepwise
+from planner.plan.plan import Plan
+from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
 CHUNK = 1000

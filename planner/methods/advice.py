@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from planner import progress
-from planner.deadline import MORE_TIME, TimeUpError, limited, remaining, share
 from planner.errors import InputError, NoPlanError, TimeLimitError, Violation
 from planner.methods.refusal import Change, least
-from planner.plan import Plan
-from planner.problem import Problem
-from planner.verify import verify
+from planner.plan.plan import Plan
+from planner.problem.problem import Problem
+from planner.support import progress
+from planner.support.deadline import MORE_TIME, TimeUpError, limited, remaining, share
+from planner.verification.verify import verify
 
 Attempt = Callable[[Change], Plan]
 """Plans with a change; may refuse."""

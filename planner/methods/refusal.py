@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from planner.problem import Problem
-from planner.reading import toml
+from planner.problem.problem import Problem
+from planner.support.files import toml
 
 WIDEST = {"joint_deg": 88.0, "steering_deg": 88.0, "hitch_deg": 88.0, "heading_deg": 360.0, "q": {}}
 """Keys of [limits] that limit coordinates, with what limits them least."""

@@ -6,33 +6,30 @@ returns both: `figure, axes = plot_z({"one": plan, "other": plan2})`.
 
 from typing import TYPE_CHECKING
 
-from planner.lazy import import_when_used
+from planner.support.package import import_when_used
 
 if TYPE_CHECKING:
-    from planner.report.animation import animate
-    from planner.report.arm import plot_arm
-    from planner.report.errors import plot_errors
-    from planner.report.html import write_report
-    from planner.report.inputs import plot_inputs
-    from planner.report.joints import plot_joints
-    from planner.report.load import load_comparison
-    from planner.report.replays import plot_replays
-    from planner.report.responses import plot_machine_sensitivity, plot_responses, plot_sensitivity
-    from planner.report.trade_off import plot_trade_off
-    from planner.report.z import plot_z
+    from planner.report.figures.arm import plot_arm
+    from planner.report.figures.on_the_machine import plot_errors, plot_replays
+    from planner.report.figures.over_time import plot_inputs, plot_joints, plot_z
+    from planner.report.figures.robustness import (
+        plot_machine_sensitivity,
+        plot_responses,
+        plot_sensitivity,
+        plot_trade_off,
+    )
+    from planner.report.film import animate
+    from planner.report.page.page import write_report
+    from planner.report.saved import load_comparison
 
 _HOMES = {
-    "animation": "animate",
-    "arm": "plot_arm",
-    "errors": "plot_errors",
-    "html": "write_report",
-    "inputs": "plot_inputs",
-    "joints": "plot_joints",
-    "load": "load_comparison",
-    "replays": "plot_replays",
-    "responses": "plot_machine_sensitivity plot_responses plot_sensitivity",
-    "trade_off": "plot_trade_off",
-    "z": "plot_z",
+    "figures.arm": "plot_arm",
+    "figures.on_the_machine": "plot_errors plot_replays",
+    "figures.over_time": "plot_inputs plot_joints plot_z",
+    "figures.robustness": "plot_machine_sensitivity plot_responses plot_sensitivity plot_trade_off",
+    "film": "animate",
+    "page.page": "write_report",
+    "saved": "load_comparison",
 }
 import_when_used(__name__, _HOMES)
 

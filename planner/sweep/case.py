@@ -16,17 +16,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import InputError, NoPlanError, SingularError, VerificationError
-from planner.machine import Machine
-from planner.measures import effort, peak_inputs
-from planner.plan import Plan
-from planner.problem import Problem, with_changes
-from planner.replay import RECORD_S, replay
-from planner.report.provenance import versions
-from planner.schema import MachineTable, parse, parse_file
-from planner.solve import find_method, solve_and_check
-from planner.spec import Spec
-from planner.sweep.canonical import canonical, digest
-from planner.verify import Check, verify
+from planner.machine.machine import Machine
+from planner.machine.replay import RECORD_S, replay
+from planner.methods.registry import Spec, find_method
+from planner.plan.measures import effort, peak_inputs
+from planner.plan.plan import Plan
+from planner.problem.problem import Problem, with_changes
+from planner.problem.tables.kinds import parse_file
+from planner.problem.tables.machine_effects import MachineTable
+from planner.solve import solve_and_check
+from planner.support.package import versions
+from planner.support.user_tables import parse
+from planner.sweep.points import canonical, digest
+from planner.verification.verify import Check, verify
 
 if TYPE_CHECKING:
     from planner.sweep.description import Sweep

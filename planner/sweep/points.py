@@ -1,7 +1,11 @@
-"""The points of a sweep: rows, grid and sample of dotted keys, and all their combinations."""
+"""The points of a sweep: rows, grid and sample of dotted keys, and all their combinations.
+
+One text for one value, so that equal descriptions have equal keys.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import json
 import math
@@ -11,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError
-from planner.schema.sweep import MAX_POINTS, Distribution, Range, SampleTable, SweepFile
-from planner.systems.base import Array
+from planner.support.arrays import Array
+from planner.sweep.sweep_file import MAX_POINTS, Distribution, Range, SampleTable, SweepFile
 
 Point = dict[str, Any]
 """Dotted keys and their values."""
@@ -148,3 +152,24 @@ def _drawn(distribution: Distribution, unit: Array) -> list[Any]:
     assert distribution.uniform is not None
     low, high = distribution.uniform
     return [float(v) for v in low + (high - low) * unit]
+
+
+def canonical(value: Any) -> str:
+    """JSON with sorted keys and no spaces; what JSON lacks (TOML's dates) becomes text."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), default=str)
+
+
+def digest(value: Any) -> str:
+    """SHA-256 of `canonical`, 64 hexadecimal digits."""
+    return hashlib.sha256(canonical(value).encode()).hexdigest()
+
+
+def plain(value: Any) -> Any:
+    """Tuples, NumPy values and mappings as the lists, numbers and dictionaries of a file."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if hasattr(value, "items"):
+        return {str(key): plain(item) for key, item in value.items()}
+    return value

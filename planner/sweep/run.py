@@ -15,7 +15,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from planner.errors import InputError
-from planner.interrupts import Terminated, undisturbed
+from planner.support.interrupts import Terminated, undisturbed
 from planner.sweep.case import Case, Row, case_at, cases
 from planner.sweep.description import Sweep
 from planner.sweep.pools import HerePool, LocalPool, Pool
@@ -112,7 +112,7 @@ def _pool(workers: int | None, cluster: str | None, total: int) -> Pool:
     if cluster is not None:
         if workers is not None:
             raise InputError("give workers or cluster, not both: a cluster has its own workers")
-        from planner.sweep.cluster import ClusterPool
+        from planner.sweep.pools import ClusterPool
 
         return ClusterPool(cluster)
     if workers is not None and (isinstance(workers, bool) or workers < 0):

@@ -1,21 +1,5 @@
-"""What is steered: the triangular class and its members."""
+"""What is steered: the triangular class, its members, their chart, what can be said of them.
 
-from planner.systems.ballgear import BallGear
-from planner.systems.base import Coordinate, TriangularSystem
-from planner.systems.car import Car
-from planner.systems.custom import CustomSystem
-from planner.systems.manipulator import Gear, Manipulator
-from planner.systems.trailers import Trailers
-from planner.systems.unicycle import Unicycle
-
-__all__ = [
-    "BallGear",
-    "Car",
-    "Coordinate",
-    "CustomSystem",
-    "Gear",
-    "Manipulator",
-    "Trailers",
-    "TriangularSystem",
-    "Unicycle",
-]
+In this order: `triangular_system`, `chained_form`, `manipulator`, `ball_gear`, `vehicles`,
+`expressions` and `custom`, `linearised`, `controllability`.
+"""

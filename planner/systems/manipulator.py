@@ -10,8 +10,14 @@ import casadi as ca
 import numpy as np
 
 from planner.errors import InputError
-from planner.systems.base import Array, Coordinate, TriangularSystem
-from planner.systems.values import arm_points, positive, product
+from planner.support.arrays import Array
+from planner.systems.triangular_system import (
+    Coordinate,
+    TriangularSystem,
+    arm_points,
+    positive,
+    product,
+)
 
 
 @dataclass(frozen=True)

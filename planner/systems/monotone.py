@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.systems.base import Array
+from planner.support.arrays import Array
 
 Function = Callable[[Array], tuple[Array, Array]]
 """From x (M,) to f(x) and f'(x), each (M,)."""

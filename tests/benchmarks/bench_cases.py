@@ -12,9 +12,9 @@ from rivals import Arm
 from scipy.integrate import solve_ivp
 
 import planner
-from planner.ocp.guess import likely_travel
-from planner.ocp.layout import Iterate
-from planner.ocp.mesh import Mesh
+from planner.methods.collocation.candidates import likely_travel
+from planner.methods.collocation.transcription.form import Mesh
+from planner.methods.collocation.transcription.unknowns import Iterate
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 RHO = 0.711625 / 0.870125

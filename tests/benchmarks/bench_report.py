@@ -20,7 +20,7 @@ import matplotlib.pyplot as plt
 from bench_cases import PROBLEMS, cases
 from matplotlib.ticker import FormatStrFormatter
 
-from planner.files import write_bytes, write_text
+from planner.support.files import write_bytes, write_text
 
 FRESH = """
 import time

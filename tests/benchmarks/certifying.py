@@ -52,7 +52,7 @@ def make(folder: str) -> None:
 def serve() -> None:
     """Certify the plan files that come as lines; answer with milliseconds and claims."""
     import planner
-    import planner.retimed  # so that its trajectories can be read
+    import planner.plan.retimed
 
     plans = {}
     for line in sys.stdin:

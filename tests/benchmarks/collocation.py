@@ -33,19 +33,17 @@ from scipy.interpolate import BarycentricInterpolator
 from scipy.stats import linregress
 
 import planner
-from planner.chained import chained_form
-from planner.methods.collocation import plan_collocation
-from planner.methods.convex import plan_convex
-from planner.methods.replan import replan_collocation
-from planner.ocp.backends import Settings
-from planner.ocp.bounds import Asked
-from planner.ocp.form import Form
-from planner.ocp.mesh import uniform
-from planner.ocp.objective import objective
-from planner.ocp.pipeline import DIRECT
-from planner.ocp.task import task
-from planner.schema.methods import CollocationOptions, ConvexOptions
-from planner.verify import GOAL_TOLERANCE, LIMIT_TOLERANCE
+from planner.methods.collocation.method import plan_collocation, replan_collocation
+from planner.methods.collocation.pipeline import DIRECT
+from planner.methods.collocation.solvers.backends import Settings
+from planner.methods.collocation.task import task
+from planner.methods.collocation.transcription.bounds import Asked
+from planner.methods.collocation.transcription.form import Form, uniform
+from planner.methods.collocation.transcription.objective import objective
+from planner.methods.convex.method import plan_convex
+from planner.problem.tables.method_options import CollocationOptions, ConvexOptions
+from planner.systems.chained_form import chained_form
+from planner.verification.verify import GOAL_TOLERANCE, LIMIT_TOLERANCE
 
 OUT = Path(__file__).parents[2] / "results" / "benchmarks"
 RADAU, SHOOTING, COMPILED = "plain Radau + IPOPT", "bare Fatrop", "bare Fatrop, compiled"

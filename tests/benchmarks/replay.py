@@ -33,11 +33,11 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import planner
-from planner.files import write_text
-from planner.machine import Draws, compiled
-from planner.machine.command import Command
-from planner.machine.motion import lengths
-from planner.systems.base import Array
+from planner.machine import compiled
+from planner.machine.commands import Command, lengths
+from planner.machine.machine import Draws
+from planner.support.arrays import Array
+from planner.support.files import write_text
 
 ROOT, HERE = Path(__file__).parents[2], Path(__file__).parent
 SOURCE = HERE / "replay.c"

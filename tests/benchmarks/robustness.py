@@ -20,15 +20,14 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 import planner
-from planner.feedback import Tracker
-from planner.feedback.control import Control
-from planner.files import folder
-from planner.machine import Machine, draw
-from planner.plan import Plan
-from planner.problem import Problem
-from planner.replay import Replay, replay
-from planner.report.style import COLOURS, GRID
-from planner.systems.base import Array
+from planner.machine.feedback.tracker import Control, Tracker
+from planner.machine.machine import Machine, draw
+from planner.machine.replay import Replay, replay
+from planner.plan.plan import Plan
+from planner.problem.problem import Problem
+from planner.report.figures.style import COLOURS, GRID
+from planner.support.arrays import Array
+from planner.support.files import folder
 
 ROOT = Path(__file__).parents[2]
 SEED = 0
@@ -50,7 +49,7 @@ class Flawed:
         self.step_s: list[float] = []
 
     def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> Control:
-        """See `planner.machine.loop.Feedback`."""
+        """See `planner.machine.closed_loop.Feedback`."""
         outer, control = self, self.tracker.start(plan, machine, numbers)
 
         class Tampered(Control):
@@ -108,7 +107,7 @@ def slowed_polynomial(problem: Problem) -> Plan:
     limits = problem.to_dict()["limits"]
     free = problem.changed({"limits": {"joint_deg": limits["joint_deg"]}})
     plan = planner.solve(free, "polynomial")
-    peak = planner.measures.peak_inputs(plan.trajectory)
+    peak = planner.plan.measures.peak_inputs(plan.trajectory)
     factor = float(np.max(peak / problem.limits.input)) * (1 + 1e-6)
     slow = problem.changed({"goal.duration": plan.duration * factor})
     out = replace(plan, problem=slow, trajectory=plan.trajectory.slowed(factor))

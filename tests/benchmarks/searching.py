@@ -29,7 +29,8 @@ import numpy as np
 from stress import FAMILIES, LIMIT_DEG, arm, pairs
 
 import planner
-from planner.solve import judged, merged_options
+from planner.methods.registry import merged_options
+from planner.solve import judged
 
 ROOT, SEED = Path(__file__).parents[2], 41
 SHARES = (1.02, 1.5, 4.0)

@@ -32,9 +32,9 @@ from scipy.integrate import solve_ivp
 from stress_report import page
 
 import planner
-from planner.files import write_text
+from planner.support.files import write_text
+from planner.sweep.results import read
 from planner.sweep.run import run_sweep
-from planner.sweep.table import read
 
 ROOT = Path(__file__).parents[2]
 FAMILIES = ("one-way", "positive", "crossing", "zero", "singular")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import planner
 from planner.errors import InputError, NoPlanError
-from planner.files import folder
+from planner.support.files import folder
 
 ROOT = Path(__file__).parents[2]
 HEAD = """# Every method on every problem

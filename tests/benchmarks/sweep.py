@@ -19,9 +19,9 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from planner.files import write_text
-from planner.sweep import run_sweep
-from planner.sweep.table import read
+from planner.support.files import write_text
+from planner.sweep.results import read
+from planner.sweep.run import run_sweep
 
 ROOT = Path(__file__).parents[2]
 

@@ -16,7 +16,7 @@ from PIL import Image
 from playwright.sync_api import sync_playwright
 
 import planner
-from planner.files import folder, write_bytes, write_text
+from planner.support.files import folder, write_bytes, write_text
 
 ROOT = Path(__file__).parents[2]
 METHODS = ["polynomial:travel=middle", "polynomial", "collocation"]

@@ -13,10 +13,11 @@ import pytest
 from compared import outside, quick_comparison
 
 import planner
-from planner.comparison import Comparison, Row
-from planner.report import folder as report_folder
-from planner.report import write_report
-from planner.report.arm import body
+from planner.comparison.comparison import Comparison
+from planner.comparison.rows import Row
+from planner.report import folders as report_folder
+from planner.report.figures.arm import body
+from planner.report.page.page import write_report
 
 SOLVED = "polynomial"
 JOINTS = "#fig-joints .panel"
@@ -74,7 +75,7 @@ def test_the_page_says_what_was_asked_and_what_came_out(opened: Callable, folder
     command = page.locator("#command").text_content()
     assert command.startswith("planner compare ")
     assert command.endswith(f"--out {folder} --report")
-    assert f"casadi\n{planner.report.provenance.versions()['casadi']}" in text
+    assert f"casadi\n{planner.support.package.versions()['casadi']}" in text
     rows = page.locator("main table").first.locator("tbody tr")
     assert rows.count() == 3
     row = quick_comparison()[SOLVED]

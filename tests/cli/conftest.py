@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 
-from planner.cli import main, output
+from planner.cli import output
+from planner.cli.app import main
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import planner
-from planner.distribution import how_to_install
+from planner.support.package import how_to_install
 
 PAPER = Path(__file__).parents[2] / "problems/paper.toml"
 IDEAL = ("--set", "machine.preset=ideal", "--set", "machine.backlash_deg=3",
@@ -66,7 +66,7 @@ def test_without_a_plan_that_can_be_executed(run: Callable) -> None:
 def test_compare_adds_budgets(
     run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sys.modules["planner.report.folder"], "_write_figures", lambda *_: None)
+    monkeypatch.setattr(sys.modules["planner.report.folders"], "_write_figures", lambda *_: None)
     words = ("--methods", "polynomial", "-n", "3", "--set", "machine.preset=ideal",
              "--set", "machine.delay_s=0.1", "--set", "machine.step_s=0.01")  # fmt: skip
     result = run("compare", PAPER, *words, "--budget", "--out", tmp_path / "run", "--json")
@@ -82,7 +82,7 @@ def test_without_salib_it_ends_before_the_work(
         raise AssertionError("planned before it looked")
 
     monkeypatch.setitem(sys.modules, "SALib.analyze", None)
-    monkeypatch.setattr(sys.modules["planner.compare"], "solve_and_check", worked)
+    monkeypatch.setattr(sys.modules["planner.comparison.compare"], "solve_and_check", worked)
     result = run(command[0], PAPER, *command[1:])
     assert result.status == 2
     assert result.err.endswith(f"install it with: {how_to_install('budget')}\n")

@@ -19,7 +19,7 @@ import pytest
 
 import planner
 from planner.cli.arguments import parse_changes
-from planner.summary import KEYS
+from planner.verification.summary import KEYS
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 PAPER = PROBLEMS / "paper.toml"

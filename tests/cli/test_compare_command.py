@@ -73,7 +73,7 @@ def test_ctrl_c_while_saving_leaves_no_folder(
     def interrupted(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(sys.modules["planner.report.folder"], "_write_plans", interrupted)
+    monkeypatch.setattr(sys.modules["planner.report.folders"], "_write_plans", interrupted)
     result = run(*WORDS, "--out", tmp_path / "run", "--json")
     assert result.status == 130
     assert result.json["status"] == "interrupted"
@@ -83,7 +83,7 @@ def test_ctrl_c_while_saving_leaves_no_folder(
 def test_ctrl_c_keeps_what_is_done_and_says_so(
     run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    module, second = sys.modules["planner.compare"], "polynomial:travel=middle"
+    module, second = sys.modules["planner.comparison.compare"], "polynomial:travel=middle"
     solve = module.solve_and_check
 
     def pressed(problem: Any, method: str, **options: Any) -> Any:
@@ -92,7 +92,7 @@ def test_ctrl_c_keeps_what_is_done_and_says_so(
         return solve(problem, method, **options)
 
     monkeypatch.setattr(module, "solve_and_check", pressed)
-    monkeypatch.setattr(sys.modules["planner.report.folder"], "_write_figures", lambda *_: None)
+    monkeypatch.setattr(sys.modules["planner.report.folders"], "_write_figures", lambda *_: None)
     words = ("compare", PAPER, "--methods", f"polynomial,{second}", *QUICK, "--set", "limits={}")
     result = run(*words, "--out", tmp_path / "run", "--json")
     assert result.status == 130
@@ -113,8 +113,8 @@ def test_ctrl_c_in_the_budgets_keeps_the_comparison(
         asked.append(words)
         return planner.error_budget(*words, **{**options, "samples": 3, "base": 2})
 
-    monkeypatch.setattr(sys.modules["planner.cli.budget"], "error_budget", pressed)
-    monkeypatch.setattr(sys.modules["planner.report.folder"], "_write_figures", lambda *_: None)
+    monkeypatch.setattr(sys.modules["planner.cli.compare"], "error_budget", pressed)
+    monkeypatch.setattr(sys.modules["planner.report.folders"], "_write_figures", lambda *_: None)
     words = ("compare", PAPER, "--methods", "polynomial,polynomial:travel=middle", *QUICK)
     result = run(*words, "--budget", "--out", tmp_path / "run", "--json")
     assert result.status == result.json["exit_status"] == 130

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import planner
-from planner.cli import app, main
+from planner.cli.app import app, main
 
 PAPER = Path(__file__).parents[2] / "problems/paper.toml"
 COMMANDS = [command.name or command.callback.__name__ for command in app.registered_commands]

@@ -15,10 +15,11 @@ from pathlib import Path
 import pytest
 
 import planner
-from planner import display
-from planner.cli import main
-from planner.reading import parse_json, parse_toml, read_bytes
-from planner.sweep import load_sweep, run_sweep
+from planner.cli.app import main
+from planner.support import tables as display
+from planner.support.files import parse_json, parse_toml, read_bytes
+from planner.sweep.results import load_sweep
+from planner.sweep.run import run_sweep
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 PAPER = (PROBLEMS / "paper.toml").read_text(encoding="utf-8")

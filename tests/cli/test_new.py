@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 import planner
-from planner.cli.lists import SYSTEMS
-from planner.schema import FILES
-from planner.starter import problem_text
+from planner.cli.start import SYSTEMS, problem_text
+from planner.problem.tables.kinds import FILES
+from planner.problem.tables.method_options import MethodsTable
 
 KEY = re.compile(r"^#(?=[a-zA-Z_0-9]+ = )", re.MULTILINE)
 PLACE = re.compile(r"(?ms)^#   (?=(\[\[|theta_deg|q =|time =|centre_m|radius_m))")
@@ -41,7 +41,7 @@ def test_a_new_file_solves_and_names_every_key(kind: str, run: Callable, tmp_pat
         if name in ("system", "start", "goal", "limits", "machine", "feedback"):
             for key in keys(field.annotation):
                 assert re.search(rf"(?m)^(# ?)?{key}( =|: not set)", said[name]), (name, key)
-    for name, field in planner.schema.MethodsTable.model_fields.items():
+    for name, field in MethodsTable.model_fields.items():
         for key in keys(field.annotation):
             assert re.search(rf"(?m)^(# ?){key}( =|: not set)", said[f"method.{name}"]), key
 

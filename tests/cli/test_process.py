@@ -17,22 +17,22 @@ PLANNER = [sys.executable, "-m", "planner"]
 # Stands in for a long job: it says that it runs, then waits to be interrupted.
 LONG_JOB = """
 import sys, time
-import planner.cli
+import planner.cli.app
 
 def long_job(*_, **__):
     print("running", file=sys.stderr, flush=True)
     time.sleep(60)
 
 sys.modules['planner.cli.{command}'].{name} = long_job
-sys.exit(planner.cli.main(sys.argv[1:]))
+sys.exit(planner.cli.app.main(sys.argv[1:]))
 """
 
 
 # Says that it refines the motion it held at Ctrl-C, and takes its time.
 SLOW_END = """
 import sys, time
-import planner.cli
-from planner.methods import collocation_early
+import planner.cli.app
+from planner.methods.collocation import early as collocation_early
 
 def slowly(*arguments):
     print("refining what is held", file=sys.stderr, flush=True)
@@ -40,7 +40,7 @@ def slowly(*arguments):
     return polished(*arguments)
 
 polished, collocation_early.polish = collocation_early.polish, slowly
-sys.exit(planner.cli.main(sys.argv[1:]))
+sys.exit(planner.cli.app.main(sys.argv[1:]))
 """
 
 
@@ -61,7 +61,7 @@ def test_bad_input_in_a_process(tmp_path: Path) -> None:
     ("command", "name"), [("plan", "solve_and_check"), ("check", "analyse"), ("compare", "run")]
 )
 def test_ctrl_c_ends_quietly_and_writes_nothing(command: str, name: str, tmp_path: Path) -> None:
-    script = LONG_JOB.format(command=command, name=name)
+    script = LONG_JOB.format(command="plan" if command == "check" else command, name=name)
     out = [] if command == "check" else ["--out", str(tmp_path / "out")]
     words = [command, str(PROBLEMS / "paper.toml"), "--json", *out]
     with started([sys.executable, "-c", script, *words]) as job:
@@ -106,7 +106,7 @@ def test_ctrl_c_while_a_motion_is_held(presses: int, tmp_path: Path) -> None:
 
 
 def test_a_job_in_the_background_of_a_script_leaves_ctrl_c_alone() -> None:
-    script = LONG_JOB.format(command="check", name="analyse").replace("sleep(60)", "sleep(1)")
+    script = LONG_JOB.format(command="plan", name="analyse").replace("sleep(60)", "sleep(1)")
     script = f"import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)\n{script}"
     with started([sys.executable, "-c", script, "check", str(PROBLEMS / "paper.toml")]) as job:
         assert job.stderr is not None

@@ -15,8 +15,14 @@ from typing import Any
 
 import pytest
 
-from planner import files
-from planner.interrupts import Terminated, hear_signals, hearing, heed_interrupts, undisturbed
+from planner.support import files
+from planner.support.interrupts import (
+    Terminated,
+    hear_signals,
+    hearing,
+    heed_interrupts,
+    undisturbed,
+)
 
 PAPER = Path(__file__).parents[2] / "problems/paper.toml"
 SCRIPT = Path(sys.executable).with_name("planner")
@@ -187,7 +193,7 @@ def test_what_was_written_before_a_signal_is_told(
     def pressed(text: str) -> None:
         signal.raise_signal(signal.SIGTERM)
 
-    monkeypatch.setattr(sys.modules["planner.cli.new"], "note", pressed)
+    monkeypatch.setattr(sys.modules["planner.cli.start"], "note", pressed)
     target = tmp_path / "problem.toml"
     result = run("new", target)
     assert result.status == 143

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 import planner
-from planner.distribution import how_to_install
 from planner.errors import InputError
 from planner.explorer.outcome import judge, path
 from planner.explorer.picture import short
 from planner.explorer.screen import Screen
 from planner.explorer.state import State
+from planner.support.package import how_to_install
 
 ROOT = Path(__file__).parents[2]
 

@@ -26,21 +26,21 @@ from typing import Any
 ROOT = Path(__file__).parents[2]
 
 SHORT = (
-    "tests/budget/test_sobol.py",
-    "tests/certificate/test_certificate_plans.py",
+    "tests/robustness/test_sobol.py",
+    "tests/verification/test_certificate_plans.py",
     "tests/cli/test_commands.py",
-    "tests/convex/test_convex_search.py",
+    "tests/methods/convex/test_convex_search.py",
     "tests/explorer/test_explorer_widget.py",
-    "tests/export/test_views.py",
+    "tests/plan/test_views.py",
     "tests/machine/test_kernel.py",
-    "tests/methods/test_polynomial.py",
-    "tests/ocp/test_curve.py",
-    "tests/ocp/test_solvers.py",
+    "tests/methods/laws/test_polynomial.py",
+    "tests/methods/collocation/test_curve.py",
+    "tests/methods/collocation/test_solvers.py",
     "tests/sweep/test_sweep_table.py",
-    "tests/test_files.py",
-    "tests/test_plan.py",
-    "tests/test_replay.py",
-    "tests/test_verify.py",
+    "tests/support/test_files.py",
+    "tests/plan/test_plan.py",
+    "tests/machine/test_replay.py",
+    "tests/verification/test_verify.py",
 )
 """Each dependency and extra is used: about two minutes on one core."""
 

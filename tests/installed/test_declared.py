@@ -12,7 +12,7 @@ import legs
 import pytest
 
 import planner
-from planner import distribution
+from planner.support import package as distribution
 
 PACKAGE = Path(planner.__file__).parent
 LIBRARIES = ("scipy", "numpy", "casadi", "osqp", "pydantic", "typer")
@@ -102,7 +102,7 @@ def test_hints_name_extras_that_exist_and_are_written_in_one_place() -> None:
     extras = legs.table("project")["optional-dependencies"]
     for path in PACKAGE.rglob("*.py"):
         text = path.read_text(encoding="utf-8")
-        assert "pip install" not in text or path.stem == "distribution", path
+        assert "pip install" not in text or path.stem == "package", path
         for extra in re.findall(r"how_to_install\(['\"](\w+)", text):
             assert extra in extras, f"{path.name}: no extra {extra}"
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from handmade import draws_of
 
-from planner.machine.dynamic import DynamicChain
-from planner.systems import Manipulator
-from planner.systems.base import Array
+from planner.machine.stepwise import DynamicChain
+from planner.support.arrays import Array
+from planner.systems.manipulator import Manipulator
 
 INERTIA: dict[str, Any] = {
     "motor_inertia_kgm2": 0.01,

@@ -10,11 +10,11 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import BPoly, PPoly
 from scipy.optimize import fsolve
 
-from planner.machine import Draws, Machine, draw
-from planner.plan import Plan
-from planner.problem import Problem
-from planner.systems.base import Array
-from planner.trajectory import StateTrajectory
+from planner.machine.machine import Draws, Machine, draw
+from planner.plan.plan import Plan
+from planner.plan.trajectory import StateTrajectory
+from planner.problem.problem import Problem
+from planner.support.arrays import Array
 
 K, K_G = [0.870125, 0.711625], 0.668811
 

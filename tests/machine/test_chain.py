@@ -9,10 +9,10 @@ import pytest
 from handmade import draws_of
 from scipy.integrate import solve_ivp
 
-from planner.machine.chain import Chain
-from planner.machine.direct import Direct
-from planner.systems import Manipulator
-from planner.systems.base import Array
+from planner.machine.disk_chain import Chain
+from planner.machine.stepwise import Direct
+from planner.support.arrays import Array
+from planner.systems.manipulator import Manipulator
 
 T = 1.0
 

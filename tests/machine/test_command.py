@@ -11,9 +11,8 @@ from handmade import draws_of, inputs
 from scipy.interpolate import BPoly
 
 from planner.errors import InputError
-from planner.machine.command import Command, Tabulated
-from planner.machine.grid import merged, refined, snapped, subdivided
-from planner.systems.base import Array
+from planner.machine.commands import Command, Tabulated, merged, refined, snapped, subdivided
+from planner.support.arrays import Array
 
 STOPS = np.array([0.0, 1.0, 1.5])
 

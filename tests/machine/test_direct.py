@@ -10,11 +10,10 @@ from every_system import NAMES, SYSTEMS
 from handmade import draws_of
 from scipy.integrate import solve_ivp
 
-from planner.machine.chain import Chain
-from planner.machine.direct import Direct
+from planner.machine.disk_chain import Chain
 from planner.machine.machine import Machine
-from planner.machine.motion import plant
-from planner.systems.base import Array
+from planner.machine.stepwise import Direct, plant
+from planner.support.arrays import Array
 
 
 def speed(t: float) -> Array:

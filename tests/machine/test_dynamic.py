@@ -9,12 +9,12 @@ import pytest
 from driven import INERTIA, SOFT, arm, chain, constant, drive, start
 from handmade import arm_problem, draws_of, inputs, plan_from
 
-from planner.machine import Machine
-from planner.machine.chain import Chain
-from planner.plan import Plan
-from planner.problem import Problem
-from planner.replay import replay
-from planner.systems.base import Array
+from planner.machine.disk_chain import Chain
+from planner.machine.machine import Machine
+from planner.machine.replay import replay
+from planner.plan.plan import Plan
+from planner.problem.problem import Problem
+from planner.support.arrays import Array
 
 
 @pytest.fixture(scope="module")

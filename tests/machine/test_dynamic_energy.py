@@ -10,7 +10,7 @@ from driven import EVENTS, SOFT, chain, drive, swung
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.systems.base import Array
+from planner.support.arrays import Array
 
 
 @pytest.mark.parametrize("name", EVENTS)

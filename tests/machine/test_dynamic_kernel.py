@@ -10,10 +10,12 @@ import pytest
 from driven import EVENTS, chain, drive
 from handmade import arm_problem, inputs, plan_from
 
-from planner.machine import Machine, compiled, dynamic
-from planner.machine.implicit import Stage
-from planner.replay import replay
-from planner.systems.base import Array
+from planner.machine import compiled
+from planner.machine import stepwise as dynamic
+from planner.machine.bodies import Stage
+from planner.machine.machine import Machine
+from planner.machine.replay import replay
+from planner.support.arrays import Array
 
 
 def jumps(t: float) -> Array:
@@ -115,7 +117,7 @@ def test_every_stage_balances_all_torques(monkeypatch: pytest.MonkeyPatch, full_
         return v, found
 
     monkeypatch.setattr(Stage, "solve", checked)
-    monkeypatch.setattr("planner.machine.implicit.PASSES", full_steps)
+    monkeypatch.setattr("planner.machine.bodies.PASSES", full_steps)
     monkeypatch.setattr(compiled, "library", lambda: None)
     rng = np.random.default_rng(0)
     for name in ("play", "coulomb", "slip", "all"):

@@ -7,7 +7,7 @@ import pytest
 from driven import EVENTS, chain, drive, swung
 from scipy.integrate import solve_ivp
 
-from planner.systems.base import Array
+from planner.support.arrays import Array
 
 STEPS = (125, 250, 500, 1000)
 FINE = 4000

@@ -12,10 +12,10 @@ from handmade import arm_problem, inputs, plan_from
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.machine import Machine
-from planner.plan import Plan
-from planner.replay import Replay, replay
-from planner.systems.base import Array
+from planner.machine.machine import Machine
+from planner.machine.replay import Replay, replay
+from planner.plan.plan import Plan
+from planner.support.arrays import Array
 
 PERIOD, TICK, END = 0.1, 0.02, 2.0
 RAMP = inputs(([0.3, 0.1], [-0.2, 0.4]), breaks=[0.0, END])

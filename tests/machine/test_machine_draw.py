@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 from planner.errors import InputError
-from planner.machine import Machine, draw
-from planner.schema.machine import EFFECTS
+from planner.machine.machine import Machine, draw
+from planner.problem.tables.machine_effects import EFFECTS
 
 
 def test_same_seed_same_machines_whatever_the_number() -> None:

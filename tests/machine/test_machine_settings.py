@@ -11,9 +11,8 @@ import pytest
 from handmade import arm_problem
 
 from planner.errors import InputError
-from planner.machine import Machine
-from planner.schema import MachineTable
-from planner.schema.machine import EFFECTS
+from planner.machine.machine import Machine
+from planner.problem.tables.machine_effects import EFFECTS, MachineTable
 
 
 def test_ideal_has_no_effect_and_prototype_has_nearly_all() -> None:

@@ -7,8 +7,8 @@ import pytest
 from handmade import draws_of
 from scipy.integrate import solve_ivp
 
-from planner.machine.play import Play
-from planner.systems.base import Array
+from planner.machine.disk_chain import Play
+from planner.support.arrays import Array
 
 H = 1e-3
 ONE = np.zeros(1)

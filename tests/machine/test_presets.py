@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.machine import Machine
-from planner.measures import peak_inputs
-from planner.plan import Plan
-from planner.replay import Replay, replay
+from planner.machine.machine import Machine
+from planner.machine.replay import Replay, replay
+from planner.plan.measures import peak_inputs
+from planner.plan.plan import Plan
 
 
 @pytest.fixture(scope="module")

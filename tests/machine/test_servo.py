@@ -9,8 +9,8 @@ import pytest
 from handmade import draws_of
 from scipy.integrate import solve_ivp
 
-from planner.machine.servo import Servos
-from planner.systems.base import Array
+from planner.machine.servos import Servos
+from planner.support.arrays import Array
 
 H = 1e-3
 

@@ -11,10 +11,10 @@ from handmade import arm_problem, draws_of, inputs, plan_from
 from outside import integrate
 
 from planner.errors import InputError
-from planner.machine import Machine
-from planner.plan import Plan
-from planner.problem import Problem
-from planner.replay import replay
+from planner.machine.machine import Machine
+from planner.machine.replay import replay
+from planner.plan.plan import Plan
+from planner.problem.problem import Problem
 
 JUMPS = inputs(
     ([0.3], [0.5, 0.1]), ([-0.2], [0.3]), ([0.1], [-0.4, 0.2]), breaks=[0.0, 0.5, 1.2, 2]

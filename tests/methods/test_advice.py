@@ -8,14 +8,15 @@ from typing import Any
 import pytest
 
 import planner
-from planner import deadline
-from planner.deadline import TimeUpError
 from planner.errors import NoPlanError, NotConvergedError, TimeLimitError
-from planner.methods import METHODS, advice
+from planner.methods import advice
 from planner.methods.advice import advise
 from planner.methods.refusal import BY_COLLOCATION, Change, in_other_time, on_other_paths
-from planner.plan import Plan
-from planner.problem import Problem
+from planner.methods.registry import METHODS
+from planner.plan.plan import Plan
+from planner.problem.problem import Problem
+from planner.support import deadline
+from planner.support.deadline import TimeUpError
 
 CHANGES = [Change({"limits.joint_deg": 80.0 + k}, without=f"limit {k}") for k in range(4)]
 

@@ -17,9 +17,10 @@ from compared import outside
 from PIL import Image
 
 import planner
-from planner.cli import main
-from planner.distribution import how_to_install
-from planner.report import animate, video
+from planner.cli.app import main
+from planner.report import film as video
+from planner.report.film import animate
+from planner.support.package import how_to_install
 
 ROOT = Path(__file__).parents[2]
 
@@ -154,7 +155,7 @@ def test_a_vehicle_drives(tmp_path: Path) -> None:
 
 
 def test_obstacles_and_waypoints_are_in_the_picture(plan: planner.Plan) -> None:
-    from planner.report import plot_arm
+    from planner.report.figures.arm import plot_arm
 
     tables = {
         "obstacles": [{"centre_m": [0.8, 2.2], "radius_m": 0.3}],
@@ -177,7 +178,7 @@ def test_animate_command(plan: planner.Plan, tmp_path: Path, capsys: Any) -> Non
     assert main(words) == 0
     assert capsys.readouterr().err == f"written to {film}\n"
     assert film.read_bytes().startswith(b"GIF89a")
-    from planner.cli.animate import _labelled
+    from planner.cli.files import _labelled
 
     assert list(_labelled([a, b])) == ["a", "b"]
     assert list(_labelled([a, a])) == ["1: a", "2: a"]

@@ -13,17 +13,10 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 import planner
-from planner.report import (
-    plot_arm,
-    plot_errors,
-    plot_inputs,
-    plot_joints,
-    plot_replays,
-    plot_z,
-)
-from planner.report.replays import median_sample
-from planner.report.style import COLOURS, curves, symbol
-from planner.report.z import z2_band
+from planner.report.figures.arm import plot_arm
+from planner.report.figures.on_the_machine import median_sample, plot_errors, plot_replays
+from planner.report.figures.over_time import plot_inputs, plot_joints, plot_z, z2_band
+from planner.report.figures.style import COLOURS, curves, symbol
 
 MIDDLE, BEST = "polynomial:travel=middle", "polynomial"
 

@@ -9,7 +9,7 @@ import pytest
 from compared import quick_comparison
 
 import planner
-from planner.report import folder as report_folder
+from planner.report import folders as report_folder
 
 FIGURES = ("z", "joints", "inputs", "arm", "errors", "effort", "replay")
 

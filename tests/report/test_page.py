@@ -15,13 +15,13 @@ import pytest
 from compared import quick_comparison
 
 import planner
-from planner.cli import main
-from planner.comparison import FEEDBACK
-from planner.report import folder as report_folder
-from planner.report import load_comparison, write_report
-from planner.report.html import report_page
-from planner.report.series import page_data
-from planner.report.words import subscripted
+from planner.cli.app import main
+from planner.comparison.rows import FEEDBACK
+from planner.report import folders as report_folder
+from planner.report.page.page import report_page, write_report
+from planner.report.page.series import page_data
+from planner.report.page.words import subscripted
+from planner.report.saved import load_comparison
 
 PAPER = Path(__file__).parents[2] / "problems/paper.toml"
 
@@ -158,7 +158,7 @@ def test_report_command(copied: Path, tmp_path: Path, capsys: pytest.CaptureFixt
 def test_compare_with_a_report(
     tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sys.modules["planner.report.folder"], "_write_figures", lambda *_: None)
+    monkeypatch.setattr(sys.modules["planner.report.folders"], "_write_figures", lambda *_: None)
     words = ["compare", str(PAPER), "--methods", "polynomial", "--samples", "2", "--report"]
     changes = ["--set", "goal.travel=0.82", "--set", "goal.duration=2.5", "--set", "limits={}"]
     assert main(words) == 2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from compared import outside
 
-from planner.report import plot_z
+from planner.report.figures.over_time import plot_z
 
 
 def test_a_figure_is_a_picture_for_a_notebook() -> None:

@@ -17,9 +17,9 @@ from typing import Any
 import pytest
 
 import planner
-from planner.distribution import how_to_install
 from planner.errors import InputError
-from planner.sweep import run_sweep
+from planner.support.package import how_to_install
+from planner.sweep.run import run_sweep
 from planner.sweep.store import Store
 
 Process = subprocess.Popen[Any]
@@ -113,7 +113,7 @@ def test_a_killed_worker_costs_nothing_but_time(
 def test_a_cluster_without_workers_is_told(
     scheduler: str, monkeypatch: pytest.MonkeyPatch, tables: dict[str, Any], tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("planner.sweep.cluster.PATIENCE_S", 0.2)
+    monkeypatch.setattr("planner.sweep.pools.PATIENCE_S", 0.2)
     with pytest.raises(planner.InputError, match="has no workers; start some with 'dask worker"):
         run_sweep(tables, tmp_path / "x.sqlite", cluster=scheduler)
 
@@ -122,7 +122,7 @@ def test_a_cluster_that_is_not_there_is_told(
     monkeypatch: pytest.MonkeyPatch, tables: dict[str, Any], tmp_path: Path
 ) -> None:
     pytest.importorskip("distributed", reason="Dask is not installed: pip install '.[cluster]'")
-    monkeypatch.setattr("planner.sweep.cluster.ANSWER_S", 0.2)
+    monkeypatch.setattr("planner.sweep.pools.ANSWER_S", 0.2)
     for address in ("tcp://127.0.0.1:9", "tcp://no-such-host.invalid:8786"):
         with pytest.raises(planner.InputError, match=f"no Dask scheduler answers at {address}"):
             run_sweep(tables, tmp_path / "x.sqlite", cluster=address)

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import planner
-from planner.schema.sweep import sweep_schema
-from planner.sweep import Sweep
+from planner.sweep.description import Sweep
+from planner.sweep.sweep_file import sweep_schema
 
 Tables = dict[str, Any]
 GOOD = """

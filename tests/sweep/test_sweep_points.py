@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from planner.schema.sweep import SweepFile
 from planner.sweep.points import points
+from planner.sweep.sweep_file import SweepFile
 
 KEYS = {
     "limits.a": {"uniform": [2.0, 3.0]},

@@ -11,11 +11,13 @@ from typing import Any
 import pytest
 
 import planner
-from planner.sweep import Sweep, load_case_plan, run_sweep
 from planner.sweep import case as case_module
-from planner.sweep import table as table_module
+from planner.sweep import results as table_module
 from planner.sweep.case import case_at, cases, run_case
+from planner.sweep.description import Sweep
 from planner.sweep.pools import LocalPool
+from planner.sweep.results import load_case_plan
+from planner.sweep.run import run_sweep
 
 Tables = dict[str, Any]
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import planner
-from planner.sweep import run_sweep
+from planner.sweep.run import run_sweep
 from planner.sweep.store import Store
 
 Tables = dict[str, Any]

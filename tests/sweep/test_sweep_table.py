@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 
 import planner
-from planner.distribution import how_to_install
-from planner.sweep import export, load_sweep, run_sweep
+from planner.support.package import how_to_install
+from planner.sweep.results import export, load_sweep
+from planner.sweep.run import run_sweep
 from planner.sweep.store import Store
 
 Tables = dict[str, Any]

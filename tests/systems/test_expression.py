@@ -5,7 +5,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from planner.errors import InputError
-from planner.systems.expression import FUNCTIONS, parse_expression, write_expression
+from planner.systems.expressions import FUNCTIONS, parse_expression, write_expression
 
 A, B = ca.SX.sym("a"), ca.SX.sym("b")
 SYMBOLS = {"a": A, "b": B}

@@ -10,9 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from planner.chained import chained_form
 from planner.errors import InputError
-from planner.systems import BallGear, Car, Gear, Manipulator, Trailers, TriangularSystem, Unicycle
+from planner.systems.ball_gear import BallGear
+from planner.systems.chained_form import chained_form
+from planner.systems.manipulator import Gear, Manipulator
+from planner.systems.triangular_system import TriangularSystem
+from planner.systems.vehicles import Car, Trailers, Unicycle
 
 every_system = pytest.mark.parametrize("name", NAMES)
 INDEPENDENT = [name for name in NAMES if not name.startswith("custom")]

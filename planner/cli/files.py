@@ -1,0 +1,169 @@
+"""`planner export`: a plan as a file for another program.
+
+`planner animate`: plans as a film.
+
+`planner report`: a comparison's folder as one page.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from planner.cli.arguments import Json, PlanPath
+from planner.cli.output import note, print_json, progress_bar, waiting
+from planner.plan.plan import Plan
+from planner.plan.samples import RATE_HZ
+from planner.report.export import FORMATS, find_format
+from planner.report.export import export as write
+from planner.report.film import animate as film
+from planner.report.film import check_film
+from planner.report.page.page import write_report
+from planner.support.files import refuse_unwritable
+from planner.verification.load_plan import load_plan
+
+
+def export(
+    plan: PlanPath,
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="The file to write.")],
+    format: Annotated[
+        str | None,
+        typer.Option(
+            "--format",
+            "-f",
+            help=f"One of {', '.join(FORMATS)}; by the ending of FILE when left out.",
+            show_default=False,
+            autocompletion=lambda: list(FORMATS.items()),
+        ),
+    ] = None,
+    rate: Annotated[
+        float, typer.Option("--rate", metavar="HZ", help="Samples a second (not for json).")
+    ] = RATE_HZ,
+    joints: Annotated[
+        str | None,
+        typer.Option(
+            "--joints",
+            metavar="A,B",
+            help="For ros2: the two joint names that the robot's controller knows.",
+            show_default=False,
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> int:
+    """Write a plan as a CSV, JSON, ROS 2 or MATLAB file.
+
+    PLAN is a file that `planner plan --out` wrote. A ROS 2 trajectory needs a plan that starts and
+    ends at rest: plan it with --set method.collocation.rest=true.
+
+    \b
+    Examples:
+      planner export plan.json --out plan.csv
+      planner export plan.json --format mat --out plan.mat
+      planner plan problems/paper.toml --set method.collocation.rest=true --out rest.json
+      planner export rest.json --format ros2 --joints disk,joint1 --out trajectory.yaml
+    """
+    name = find_format(out, format)
+    refuse_unwritable(out)
+    names = None if joints is None else joints.split(",")
+    with waiting(f"writing {name}"):
+        written = str(
+            write(load_plan(plan, strict=True), out, name, rate_hz=rate, joint_names=names)
+        )
+    if as_json:
+        print_json({"plan": str(plan), "format": name, "written": written, "exit_status": 0})
+    note(f"written to {written}")
+    return 0
+
+
+def animate(
+    plans: Annotated[
+        list[Path],
+        typer.Argument(metavar="PLAN", help="Plan files (JSON) of `planner plan --out`."),
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="FILE", help="The film: FILE.gif or FILE.mp4.")
+    ],
+    fps: Annotated[int, typer.Option("--fps", help="Pictures a second, 1 to 60.")] = 25,
+    speed: Annotated[
+        float, typer.Option("--speed", help="Seconds of motion a second of the film.")
+    ] = 1.0,
+    as_json: Json = False,
+) -> int:
+    """Write plans as a film, GIF or MP4, on the same clock.
+
+    An MP4 needs ffmpeg, on the path or by the extra 'video'.
+
+    \b
+    Examples:
+      planner animate plan.json --out plan.gif
+      planner animate polynomial.json collocation.json --speed 2 --out both.mp4
+    """
+    check_film(out, fps, speed)
+    found = _labelled(plans)
+    with progress_bar() as tell:
+        written = film(
+            found,
+            out,
+            fps=fps,
+            speed=speed,
+            progress=lambda done, total: tell("drawing frames", done / total),
+        )
+    if as_json:
+        print_json({"plans": [str(p) for p in plans], "written": str(written), "exit_status": 0})
+    note(f"written to {written}")
+    return 0
+
+
+def _labelled(paths: Sequence[Path]) -> dict[str, Plan]:
+    """Plans by the names of their methods; by those of their files where methods are the same."""
+    loaded = [load_plan(path, strict=True) for path in paths]
+    methods = [plan.method for plan in loaded]
+    if len(set(methods)) == len(methods):
+        return dict(zip(methods, loaded, strict=True))
+    names = [path.stem.removesuffix(".refused") for path in paths]
+    return {
+        name if names.count(name) == 1 else f"{k}: {name}": plan
+        for k, (name, plan) in enumerate(zip(names, loaded, strict=True), start=1)
+    }
+
+
+def report(
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FOLDER", help="What `planner compare --out` wrote.", show_default=False
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="FILE",
+            help="The page; report.html in FOLDER when left out.",
+            show_default=False,
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> int:
+    """Write a comparison as one HTML page.
+
+    The page opens from disk, without a network. It holds the table, the motion of two plans side by
+    side, figures that show their values, the distribution of the error, and the command that makes
+    it again.
+
+    \b
+    Examples:
+      planner compare problems/paper.toml --out out/paper
+      planner report out/paper
+      planner report out/paper --out paper.html
+    """
+    with waiting("writing the page"):
+        written = str(write_report(folder, out))
+    if as_json:
+        print_json({"folder": str(folder), "written": written, "exit_status": 0})
+    note(f"written to {written}; open it in a browser")
+    return 0

@@ -1,0 +1,93 @@
+"""`planner reproduce`: the paper's figures and numbers.
+
+`planner calibrate`: the prototype preset from what the paper says.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from planner.cli.arguments import Json
+from planner.cli.output import note, print_json, print_text, progress_bar, table
+from planner.paper.calibrate import Calibration, write
+from planner.paper.calibrate import calibrate as run_calibration
+from planner.paper.reproduce import reproduce as run_reproduction
+from planner.paper.statements import FITTED, STATEMENTS
+from planner.support.files import refuse_unwritable_folder
+
+
+def reproduce(
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="FOLDER", help="Where figures and page go.")
+    ] = Path("results/paper"),
+    samples: Annotated[
+        int, typer.Option("--samples", "-n", min=1, help="Machines for Figs 9 and 10.")
+    ] = 200,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the machines.")] = 0,
+    as_json: Json = False,
+) -> int:
+    """Regenerate the paper's figures and check its printed numbers.
+
+    \b
+    Example:
+      planner reproduce --out results/paper
+    """
+    with progress_bar() as progress:
+        made = run_reproduction(out, samples, seed, progress)
+    if as_json:
+        rows = [vars(f) for f in made.findings]
+        print_json({"written": str(made.path), "seed": seed, "samples": samples, "findings": rows})
+        return 0
+    listing = table("where", "printed", "ours", "verdict")
+    for f in made.findings:
+        listing.add_row(f.where, f.printed, f.ours, f.verdict)
+    print_text(listing)
+    note(f"written to {made.path}")
+    return 0
+
+
+def calibrate(
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="FOLDER", help="Also write page and figure there."),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the machines.")] = 0,
+    as_json: Json = False,
+) -> int:
+    """Fit the emulated prototype to the paper's experiment.
+
+    Says too what the paper cannot tell.
+
+    \b
+    Example:
+      planner calibrate --out results/calibration
+    """
+    if out is not None:
+        refuse_unwritable_folder(out)
+    with progress_bar() as progress:
+        found = run_calibration(progress, seed)
+        if out is not None:
+            progress("writing", 0.95)
+            write(found, out)
+    if as_json:
+        print_json({**found.to_dict(), "written": str(out) if out else None})
+        return 0
+    _show(found)
+    if out is not None:
+        note(f"written to {out}")
+    return 0
+
+
+def _show(found: Calibration) -> None:
+    listing = table("parameter", ">low", ">high", ">preset", *(f">{d.name}" for d in found.data))
+    for i, r in enumerate(FITTED):
+        left = [f"{d.left[i]:.2f}" for d in found.data]
+        value = f"{found.fit.parameters[r.name]:g}"
+        listing.add_row(r.name, f"{r.low:g}", f"{r.high:g}", value, *left)
+    print_text(listing)
+    for s, value in zip(STATEMENTS, found.fit.found, strict=True):
+        print_text(f"{s.text}: {value:.2f} {s.unit} (target {s.target:g})")
+    print_text("last columns: part of the range that is left, knowing that; 1 = not identifiable")

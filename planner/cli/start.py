@@ -1,0 +1,212 @@
+"""`planner new`: a commented problem file to start from.
+
+`planner methods`, `planner systems` and `planner schema`: what there is.
+
+A commented problem file for each kind of system.
+
+What every problem says stands in heads/KIND.toml. The options of the methods and the settings of
+the machine come from the tables that read them, so that the file names every key there is.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Mapping
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from pydantic import BaseModel
+
+from planner.cli.arguments import Json
+from planner.cli.output import note, print_json, print_text, table
+from planner.errors import InputError
+from planner.machine.machine import Machine
+from planner.methods.registry import METHODS
+from planner.plan.plan import plan_schema
+from planner.problem.tables.kinds import FILES, json_schema
+from planner.problem.tables.machine_effects import MachineTable
+from planner.problem.tables.method_options import MethodsTable
+from planner.problem.tables.problem_file import FeedbackTable
+from planner.support.files import refuse_unwritable, toml, write_text
+from planner.support.user_tables import nearest
+from planner.sweep.sweep_file import sweep_schema
+
+
+def new(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write.")] = Path(
+        "problem.toml"
+    ),
+    system: Annotated[
+        str,
+        typer.Option(
+            "--system",
+            "-s",
+            metavar="KIND",
+            help="What is steered; `planner systems` lists the kinds.",
+            autocompletion=lambda: list(SYSTEMS.items()),
+        ),
+    ] = "manipulator",
+    force: Annotated[bool, typer.Option("--force", help="Replace FILE if it is there.")] = False,
+    as_json: Json = False,
+) -> int:
+    """Write a commented problem file that can be solved as it is.
+
+    It names every key there is with its default, for all methods and the emulated machine.
+
+    \b
+    Examples:
+      planner new
+      planner new lane-change.toml --system car
+    """
+    refuse_unwritable(file)
+    text = problem_text(system).replace("FILE", str(file))
+    if file.exists() and not force:
+        raise InputError(f"{file} is there already; name another file, or replace it with --force")
+    written = str(write_text(file, text))
+    if as_json:
+        print_json({"written": written, "system": system, "exit_status": 0})
+    note(f"written to {file}; next: planner check {file}")
+    return 0
+
+
+SYSTEMS = {
+    "manipulator": "arm of n joints and two motors, driven through friction disks (the paper's)",
+    "ball-gear": "arm of n joints and two motors, driven through ball gears (Nakamura)",
+    "unicycle": "robot with two driven wheels",
+    "car": "car, driven at its rear axle and steered at the front",
+    "trailers": "car with trailers, each hitched on the axle before it",
+    "custom": "any triangular two-input system, given by its expressions",
+}
+"""Every `system.kind` with one line on it."""
+
+
+def methods(as_json: Json = False) -> int:
+    """List the methods that make plans, one line each.
+
+    \b
+    Example:
+      planner methods
+    """
+    found = {name: method.summary for name, method in METHODS.items()}
+    return _list("method", found, as_json)
+
+
+def systems(as_json: Json = False) -> int:
+    """List the systems that can be steered, one line each.
+
+    \b
+    Example:
+      planner systems
+    """
+    return _list("system.kind", SYSTEMS, as_json)
+
+
+def schema(
+    of: Annotated[
+        str,
+        typer.Argument(
+            metavar="problem|sweep|plan",
+            help="Of what file.",
+            autocompletion=lambda: list(_SCHEMAS),
+        ),
+    ] = "problem",
+    as_json: Annotated[bool, typer.Option("--json", help="Accepted; the output is JSON.")] = False,
+) -> int:
+    """Print the JSON Schema of a problem, sweep or plan file.
+
+    \b
+    Examples:
+      planner schema > problem.schema.json
+      planner schema sweep > sweep.schema.json
+      planner schema plan > plan.schema.json
+    """
+    if of not in _SCHEMAS:
+        raise InputError(f"no schema of '{of}'; {nearest(of, list(_SCHEMAS))}")
+    print_json(_SCHEMAS[of]())
+    return 0
+
+
+_SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
+    "problem": json_schema,
+    "sweep": sweep_schema,
+    "plan": lambda: plan_schema(json_schema()),
+}
+
+
+def _list(what: str, found: dict[str, str], as_json: bool) -> int:
+    if as_json:
+        print_json(found)
+        return 0
+    listing = table(what, "what it is")
+    for name, summary in found.items():
+        listing.add_row(name, summary)
+    print_text(listing)
+    return 0
+
+
+WIDTH = 100
+
+_LEGEND = """\
+# A problem file of planner. Try it:
+#   planner check FILE       is there a plan, and if not, why
+#   planner compare FILE     several methods, replayed on one emulated machine
+# Remove the # before a key to set it; the values shown are the ones used when it is left out, or
+# examples. Angles in degrees end in _deg, times are in seconds.
+#
+"""
+
+
+def problem_text(kind: str = "manipulator") -> str:
+    """The text of a problem file (TOML) that can be solved as it is.
+
+    Args:
+        kind: A key of `planner.problem.tables.kinds.FILES`.
+
+    Raises:
+        InputError: If there is no such kind.
+    """
+    if kind not in FILES:
+        raise InputError(f"no system '{kind}'; {nearest(kind, list(FILES))}")
+    head = files("planner.cli").joinpath(f"heads/{kind}.toml").read_text(encoding="utf-8")
+    parts = [_LEGEND + head]
+    for name, field in MethodsTable.model_fields.items():
+        table: Any = field.annotation
+        summary = METHODS[name].summary if name in METHODS else ""
+        parts.append(f"[method.{name}]\n{_prose(summary)}{_keys(table, _defaults(table))}")
+    about = "The tracker that closes the loop: planner compare FILE --feedback."
+    parts.append(f"[feedback]\n{_prose(about)}{_keys(FeedbackTable, _defaults(FeedbackTable))}")
+    preset = {**_defaults(MachineTable), **Machine.prototype().to_dict()}
+    about = "The emulated machine. Each effect is a number, or { value = mean, spread = standard"
+    about += " deviation } over machines, or false, which switches it off."
+    parts.append(f"[machine]\n{_prose(about)}{_keys(MachineTable, preset)}")
+    return "\n".join(parts)
+
+
+def _defaults(table: type[BaseModel]) -> Mapping[str, Any]:
+    return {
+        name: field.get_default(call_default_factory=True)
+        for name, field in table.model_fields.items()
+    }
+
+
+def _keys(table: type[BaseModel], values: Mapping[str, Any]) -> str:
+    """Each key of a table as a comment, what it means above it."""
+    lines = []
+    for name, field in table.model_fields.items():
+        key, value = field.alias or name, values[name]
+        shown = "# " + f"{key}: not set" if value is None else f"#{key} = {toml(value)}"
+        lines.append(f"{_prose(field.description or '')}{shown}\n")
+    return "".join(lines)
+
+
+def _prose(text: str) -> str:
+    if not text:
+        return ""
+    return (
+        textwrap.fill(
+            text, WIDTH, initial_indent="#   ", subsequent_indent="#   ", break_on_hyphens=False
+        )
+        + "\n"
+    )

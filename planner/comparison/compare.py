@@ -1,0 +1,282 @@
+"""Many methods on one problem, every plan on the same emulated machines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from planner.comparison.comparison import Comparison
+from planner.comparison.rows import FEEDBACK, Row
+from planner.errors import (
+    InputError,
+    NoPlanError,
+    SingularError,
+    UntrackableError,
+    VerificationError,
+    Violation,
+)
+from planner.machine.feedback.run_up import hindrance
+from planner.machine.machine import Machine
+from planner.machine.replay import RECORD_S, sample_numbers
+from planner.machine.replay import replay as run_replay
+from planner.methods.registry import METHODS, Spec, parse_specs
+from planner.plan.measures import effort, peak_inputs
+from planner.plan.plan import Plan
+from planner.problem.problem import Problem, expect_problem
+from planner.solve import solve_and_check
+from planner.support.statistics import percentile_interval
+from planner.verification.verify import Check, verify
+
+Progress = Callable[[str, float], None]
+"""Called with what is being done and the share of all work that is done, 0 … 1."""
+
+ALL = "all"
+"""In place of methods: every one there is."""
+
+
+def compare(
+    problem: Problem,
+    methods: str | Sequence[str] | None = None,
+    *,
+    machine: Machine | None = None,
+    samples: int | Sequence[int] = 1000,
+    seed: int = 0,
+    feedback: bool = False,
+    progress: Progress | None = None,
+    time_limit_s: float | None = None,
+) -> Comparison:
+    """Plan one problem by several methods and replay every plan on the same emulated machines.
+
+    A plan that is refused for breaking a limit, but can be executed, is replayed too: its row says
+    why it is refused and its error shows what the limit costs on the machine.
+
+    Ctrl-C ends it and returns what is done, with `complete` False; before anything is done it
+    raises KeyboardInterrupt as usual.
+
+    Args:
+        problem: What to solve.
+        methods: Names of methods with options, as in "polynomial:travel=middle" or
+            "collocation:intervals=20:degree=2"; "all" for every method there is. By default the
+            polynomial at its best travel (and, when the travel is free, in the middle of the
+            travels it can use) and collocation.
+        machine: The machine; the problem's `[machine]` table when left out.
+        samples: Number of machines drawn, at least 1, or the numbers of those wanted.
+        seed: Seed of the draws; the same seed gives the same machines.
+        feedback: Whether to replay every plan a second time with the tracker closing the loop.
+        progress: Told what is being done; see `Progress`.
+        time_limit_s: Seconds for planning by each of the methods; see `planner.solve`.
+
+    Raises:
+        InputError: If a method, an option, or a number is wrong.
+        KeyboardInterrupt: On Ctrl-C before anything is done.
+    """
+    expect_problem(problem)
+    numbers = sample_numbers(samples)
+    wanted = specs(problem, methods)
+    machine = Machine.from_table(problem.machine) if machine is None else machine
+    chosen = None if isinstance(samples, int) else tuple(numbers.tolist())
+    run = _Run(problem, machine, numbers.tolist(), seed, feedback, methods == ALL, time_limit_s)
+    try:
+        for k, spec in enumerate(wanted):
+            run.add(spec, partial(_part, progress, k, len(wanted), spec.label))
+    except KeyboardInterrupt:
+        if not run.rows:
+            raise
+    complete = run.done == len(wanted)
+    return Comparison(problem, tuple(run.rows), machine, len(numbers), seed, chosen, complete)
+
+
+class _Run:
+    """A comparison in the making.
+
+    Attributes:
+        rows: Those that are there; the last may lack its replay when interrupted.
+        done: Number of methods that are done with.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        machine: Machine,
+        numbers: list[int],
+        seed: int,
+        feedback: bool,
+        tolerant: bool,
+        time_limit_s: float | None,
+    ) -> None:
+        self._problem, self._machine, self._feedback = problem, machine, feedback
+        self._tolerant, self._time_limit_s = tolerant, time_limit_s
+        self._numbers, self._seed = numbers, seed
+        self.rows: list[Row] = []
+        self.done = 0
+
+    def add(self, spec: Spec, part: Progress) -> None:
+        """Plan by one method and replay its plan."""
+        part("planning", 0.0)
+        row = self._planned(spec)
+        self.rows.append(row)
+        part("replaying", 0.5)
+        half = 0.75 if self._feedback else 1.0
+        self.rows[-1] = self._replayed(row, part, 0.5, half)
+        if self._feedback and self.rows[-1].replay is not None:
+            self.rows.append(self._closed(row, partial(self._replayed, part=part, begin=half)))
+        part("done", 1.0)
+        self.done += 1
+
+    def _planned(self, spec: Spec) -> Row:
+        try:
+            return planned(self._problem, spec, self._time_limit_s)
+        except InputError as error:  # of all methods some may not fit the problem
+            if not self._tolerant:
+                raise
+            why = str(error).splitlines()[0].removeprefix(f"{self._problem.source}: ")
+            return Row(spec.label, spec.method, False, why)
+
+    def _closed(self, row: Row, replayed: Callable[[Row], Row]) -> Row:
+        """The row with feedback of a plan, or why feedback cannot follow it."""
+        assert row.plan is not None
+        label, hindered = row.label + FEEDBACK, hindrance(row.plan, self._machine)
+        try:
+            return replayed(replace(row, label=label, feedback=True, note=hindered))
+        except UntrackableError as error:
+            closed = replace(row, label=label, feedback=True, solved=False, why=error.why)
+            return replace(closed, effort=np.nan, peak_u=(np.nan, np.nan))
+
+    def _replayed(self, row: Row, part: Progress, begin: float, end: float = 1.0) -> Row:
+        if row.plan is None or not row.plan.executable:
+            return row
+        doing = "replaying with feedback" if row.feedback else "replaying"
+
+        def tell(done: int, total: int) -> None:
+            part(doing, begin + (end - begin) * done / total)
+
+        # Long motions are recorded more coarsely: a thousand samples are kept in memory.
+        runs = run_replay(
+            row.plan,
+            self._machine,
+            self._numbers,
+            self._seed,
+            row.feedback,
+            record_s=max(RECORD_S, row.plan.duration / 500),
+            progress=tell,
+        )
+        row = replace(row, replay=runs)
+        if runs.effort is not None:
+            first, second = np.abs(runs.motor_rates).max(axis=(0, 1)).tolist()
+            row = replace(row, effort=float(np.median(runs.effort)), peak_u=(first, second))
+        if not runs.angles:
+            return row
+        errors = runs.index_E_deg
+        return replace(
+            row,
+            E_median_deg=runs.percentile(50),
+            E_p95_deg=runs.percentile(95),
+            E_median_interval_deg=percentile_interval(errors, 50),
+            E_p95_interval_deg=percentile_interval(errors, 95),
+        )
+
+
+def specs(problem: Problem, methods: str | Sequence[str] | None) -> list[Spec]:
+    """What `compare` runs.
+
+    Raises:
+        InputError: If a method is unknown or an option wrong.
+    """
+    if methods is None:
+        return parse_specs(problem, default_methods(problem))
+    if methods == ALL:
+        return [Spec(name, name, {}) for name in METHODS]
+    return parse_specs(problem, methods)
+
+
+def default_methods(problem: Problem) -> list[str]:
+    """What `compare` runs when no method is named.
+
+    With the travel free the polynomial is shown twice, at an ordinary travel and at its best one,
+    so that the comparison with a planner that chooses its travel is fair.
+    """
+    ordinary = ["polynomial:travel=middle"] if problem.travel is None else []
+    return [*ordinary, "polynomial", "collocation"]
+
+
+def _part(
+    progress: Progress | None, k: int, count: int, label: str, doing: str, share: float
+) -> None:
+    if progress is not None:
+        progress(f"{doing} {label}", (k + share) / count)
+
+
+def planned(problem: Problem, spec: Spec, time_limit_s: float | None = None) -> Row:
+    """A row without its replay: the plan, verified or refused, or why there is none.
+
+    Raises:
+        InputError: If the method does not fit the problem.
+    """
+    try:
+        options = dict(spec.options)
+        if time_limit_s is not None:
+            options = {"time_limit_s": time_limit_s, **options}
+        plan, check = solve_and_check(problem, spec.method, **options)
+        early = str(plan.notes.get("ended_early", ""))
+        why = early if plan.verified else _outside(plan.domain.singular_times_s)
+    except NoPlanError as error:
+        kept = _complete(error)
+        if kept is None:
+            return Row(spec.label, spec.method, False, _reason(problem, error))
+        known = error.check if isinstance(error, VerificationError) else None
+        plan, check, why = kept, known or verify(kept), _reason(problem, error)
+    return _measured(spec, plan, check, why)
+
+
+def _measured(spec: Spec, plan: Plan, check: Check, why: str) -> Row:
+    errors = np.abs(check.terminal_error_deg)
+    row = Row(
+        label=spec.label,
+        method=spec.method,
+        solved=plan.verified,
+        why=why,
+        plan=plan,
+        travel_rad=plan.travel,
+        duration_s=plan.duration,
+        domain_margin=plan.domain.margin,
+        domain_ok=plan.domain.ok,
+        terminal_error_deg=float(np.max(errors)) if errors.size else np.nan,
+        solve_time_s=plan.solve_time_s,
+        build_time_s=plan.build_time_s,
+    )
+    if not plan.executable:
+        return row
+    peaks = peak_inputs(plan.trajectory)
+    return replace(row, effort=effort(plan.trajectory), peak_u=(float(peaks[0]), float(peaks[1])))
+
+
+def _complete(error: NoPlanError) -> Plan | None:
+    """The plan a refusal carries if it is a whole motion, not a solver's last iterate."""
+    if error.plan is None or not isinstance(error, SingularError | VerificationError):
+        return None
+    plan: Plan = error.plan
+    return replace(plan, status=error.status, verified=False)
+
+
+def _reason(problem: Problem, error: NoPlanError) -> str:
+    if isinstance(error, SingularError) and error.plan is not None and error.times_s:
+        return _outside(error.times_s)
+    if isinstance(error, VerificationError) and error.violations:
+        more = len(error.violations) - 1
+        return _broken(error.violations[0]) + (f", and {more} more" if more else "")
+    first = error.reason.splitlines()[0].removeprefix(f"{problem.source}: ")
+    # A sentence that introduces a list says nothing without it.
+    return first.rpartition(". ")[0] if first.endswith(":") and ". " in first else first
+
+
+def _broken(violation: Violation) -> str:
+    value, limit, unit = violation.shown(3)
+    return f"{violation.label} reaches {value}{unit}, allowed {limit}"
+
+
+def _outside(times: Sequence[float]) -> str:
+    listed = ", ".join(f"{t:.3g}" for t in times[:4]) + (", ..." if len(times) > 4 else "")
+    return f"leaves the chart's domain at t = {listed} s"

@@ -1,0 +1,133 @@
+"""The rows and columns of a comparison."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from planner.machine.replay import Replay
+from planner.plan.plan import Plan
+from planner.support.arrays import jsonable
+from planner.support.tables import number
+
+FEEDBACK = " + feedback"
+"""Ends the label of a row with feedback."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """What became of one method. Numbers are NaN where they are not defined.
+
+    Attributes:
+        label: The spec it came from.
+        method: Name of the method.
+        solved: Whether it gave a verified plan.
+        why: Why not, in one line; when solved empty, or what ended the search early.
+        plan: The plan; a refused one is kept when it is complete, for study; else None.
+        travel_rad: q₁(T) − q₁(0), rad (metres for vehicles).
+        duration_s: Duration, s.
+        effort: ∫ u₁² + u₂² dt.
+        peak_u: Largest |u₁| and |u₂|, shape (2,), in the inputs' units (rad/s).
+        domain_margin: Least margin of the chart's domain; negative outside.
+        domain_ok: Whether the path stays inside; None without a path.
+        terminal_error_deg: Largest error of an angle at the goal by ideal kinematics (`verify`).
+        E_median_deg: Median over machines of the paper's index of error E, eq. (29).
+        E_p95_deg: Its 95th percentile.
+        E_median_interval_deg: 95 % confidence interval of the median; see `significance`.
+        E_p95_interval_deg: That of the 95th percentile; NaN where there are too few machines.
+        solve_time_s: Seconds the method spent solving, as it reports.
+        build_time_s: Seconds it spent preparing.
+        replay: The runs on the machines; None for what cannot be executed.
+        feedback: Whether they were run with feedback; `effort` is then the median of what was
+            commanded, `peak_u` the largest speeds of the motors on any machine.
+        note: Why feedback gains little, where it does; else empty.
+    """
+
+    label: str
+    method: str
+    solved: bool
+    why: str
+    plan: Plan | None = None
+    travel_rad: float = np.nan
+    duration_s: float = np.nan
+    effort: float = np.nan
+    peak_u: tuple[float, float] = (np.nan, np.nan)
+    domain_margin: float = np.nan
+    domain_ok: bool | None = None
+    terminal_error_deg: float = np.nan
+    E_median_deg: float = np.nan
+    E_p95_deg: float = np.nan
+    E_median_interval_deg: tuple[float, float] = (np.nan, np.nan)
+    E_p95_interval_deg: tuple[float, float] = (np.nan, np.nan)
+    solve_time_s: float = np.nan
+    build_time_s: float = np.nan
+    replay: Replay | None = None
+    feedback: bool = False
+    note: str = ""
+
+    def __repr__(self) -> str:
+        state = "solved" if self.solved else f"refused, {self.why}"
+        error = f", E {self.E_median_deg:.3g} deg" if np.isfinite(self.E_median_deg) else ""
+        return f"Row({self.label}: {state}{error})"
+
+    @property
+    def spec(self) -> str:
+        """The method and its options: the label without what it says about feedback."""
+        return self.label.removesuffix(FEEDBACK)
+
+    @property
+    def worst(self) -> int | None:
+        """Number of the machine with the largest E."""
+        return self.replay.worst if self.replay is not None and self.replay.angles else None
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready facts, without the curves; None where a number is not defined."""
+        skipped = {"plan", "replay"}
+        data = {key: value for key, value in vars(self).items() if key not in skipped}
+        data["peak_u_rad_s"] = data.pop("peak_u")
+        data["status"] = None if self.plan is None else self.plan.status
+        data["replay"] = None if self.replay is None else self.replay.summary()
+        data["worst"] = self.worst
+        return dict(jsonable(data))
+
+
+CLOSED = (
+    " Rows with feedback: the same plan with the tracker closing the loop; effort is the median of"
+    " what it commanded, |u1| and |u2| the largest motor speeds on any machine."
+)
+
+WIDTH, NAME_WIDTH = 100, 20
+"""Widest table, and widest name of a method in it, in characters."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column.
+
+    Attributes:
+        title: What it holds, in few words.
+        unit: Its unit, or "".
+        text: From row to cell.
+    """
+
+    title: str
+    unit: str
+    text: Callable[[Row], str]
+
+
+INTERVALS = [
+    Column("E 50 % from", "deg", lambda r: number(r.E_median_interval_deg[0])),
+    Column("E 50 % to", "deg", lambda r: number(r.E_median_interval_deg[1])),
+    Column("E 95 % from", "deg", lambda r: number(r.E_p95_interval_deg[0])),
+    Column("E 95 % to", "deg", lambda r: number(r.E_p95_interval_deg[1])),
+]
+"""More columns, for which a terminal has no room: 95 % confidence intervals."""
+
+
+def verdict(row: Row) -> str:
+    """Solved, or why not."""
+    word = "yes" if row.solved else "no"
+    return f"{word}: {row.why}" if row.why or not row.solved else word

@@ -1,0 +1,358 @@
+"""The controls of the motion itself: method, travel, duration, constraint points.
+
+The controls of the emulated machine: how many, and each of its effects.
+
+The controls of the limits, from the keys that the problem's kind has.
+
+The controls of the method's options (objective, weights, mesh), from its option table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Literal, get_args, get_origin
+
+import numpy as np
+
+from planner.explorer.control import Control, rounded, span, travel_range, z2_reach
+from planner.explorer.state import State
+from planner.machine.machine import Machine
+from planner.methods.registry import METHODS
+from planner.plan.plan import Plan
+from planner.problem.problem import Problem
+from planner.problem.tables.kinds import parse_file
+from planner.problem.tables.machine_effects import EFFECTS, Effect, MachineTable
+
+MOTION = "Motion"
+POINTS = "method.polynomial.points"
+
+
+def motion_controls(state: State, problem: Problem, plan: Plan | None) -> list[Control]:
+    """Method, travel and duration, and for the polynomial its constraint points."""
+    found = [_method(state), _travel(state, problem, plan), _duration(state, plan)]
+    return found + (_points(state, problem, plan) if state.method == "polynomial" else [])
+
+
+def _method(state: State) -> Control:
+    return Control(
+        MOTION,
+        "method",
+        "choice",
+        "method",
+        state.method,
+        shown=state.method,
+        choices=list(METHODS),
+        help=METHODS[state.method].summary,
+    )
+
+
+def _travel(state: State, problem: Problem, plan: Plan | None) -> Control:
+    key = problem.travel_key
+    whole = state.value(key, "free")
+    low, high, middle = travel_range(state.base)
+    travel = middle if plan is None else plan.travel
+    shown = float(problem.travel_change(travel)[key]) if whole == "free" else whole
+    ends = [float(problem.travel_change(end)[key]) for end in (low, high)]
+    coordinate = problem.system.coordinates[0]
+    label = "travel" if key.endswith("travel") else key.rsplit(".", 1)[-1].replace("_m", "")
+    return Control(
+        MOTION,
+        label,
+        "slider",
+        key,
+        whole,
+        shown=shown,
+        low=ends[0],
+        high=ends[1],
+        unit=coordinate.unit,
+        on=whole != "free",
+        off="free",
+        off_word="free",
+        help=f"change of {coordinate.name} from start to end",
+    )
+
+
+def _duration(state: State, plan: Plan | None) -> Control:
+    whole = state.value("goal.duration", 10.0)
+    usual = 10.0 if state.base.duration is None else state.base.duration
+    shown = whole if whole != "free" else usual if plan is None else plan.duration
+    low, high = usual / 10, usual * 4
+    return Control(
+        MOTION,
+        "duration",
+        "slider",
+        "goal.duration",
+        whole,
+        shown=shown,
+        low=low,
+        high=high,
+        log=True,
+        unit="s",
+        on=whole != "free",
+        off="free",
+        off_word="free",
+        help="seconds from start to end",
+    )
+
+
+def _points(state: State, problem: Problem, plan: Plan | None) -> list[Control]:
+    whole = state.value(POINTS, [])
+    words = ["none", "one", "two", "auto"]
+    duration = problem.duration or (10.0 if plan is None else plan.duration)
+    count = 3 if whole == "auto" else min(len(whole), 2)
+    found = [
+        Control(
+            MOTION,
+            "constraint points",
+            "choice",
+            POINTS,
+            whole,
+            shown=words[count],
+            choices=words,
+            writes=[[], _new_points(1, duration, plan), _new_points(2, duration, plan), "auto"],
+            help="times at which z2 must have a given value, eq. (28); drag them in the picture",
+        )
+    ]
+    if whole == "auto":
+        return found
+    reach = z2_reach(state.base)
+    for k, point in enumerate(whole):
+        name = f"point {k + 1}" if len(whole) > 1 else "point"
+        ends = ("time", 0.01 * duration, 0.99 * duration, "s"), ("z2", -reach, reach, "")
+        for part, (what, low, high, unit) in enumerate(ends):
+            label, ends_of = f"{name}: {what}", (point[part], rounded(low), rounded(high))
+            found.append(
+                Control(MOTION, label, "slider", POINTS, whole, (k, part), *ends_of, unit=unit)
+            )
+    return found
+
+
+def _new_points(count: int, duration: float, plan: Plan | None) -> list[list[float]]:
+    """Points on the present path, so that adding one does not move it."""
+    times = duration * np.arange(1, count + 1) / (count + 1)
+    values = np.zeros(count) if plan is None else plan.z(times)[:, 1]
+    return [[rounded(float(t)), rounded(float(z))] for t, z in zip(times, values, strict=True)]
+
+
+MACHINE = "Machine"
+
+
+def machine_controls(state: State, problem: Problem) -> list[Control]:
+    """The number of machines, then one control for each effect that the machine started with.
+
+    Effects that act in dynamic fidelity alone are left out in the quasi-static one.
+    """
+    count = Control(
+        MACHINE, "machines", "slider", "samples", state.samples, shown=state.samples, high=200,
+        integer=True, help="samples of the machine that the plan is replayed on; 0: none",
+    )  # fmt: skip
+    first = Machine.from_table(state.base.machine)
+    now = Machine.from_table(problem.machine)
+    used = {**first.effects, **now.effects}
+    static = now.fidelity == "quasi-static"
+    effects = [k for k, e in EFFECTS.items() if k in used and not (static and e.dynamic)]
+    return [count, *(_effect(name, first, now) for name in effects)]
+
+
+def _effect(name: str, first: Machine, now: Machine) -> Control:
+    usual = (first if name in first.effects else now).effects[name].to_setting()
+    on = name in now.effects
+    whole = now.effects[name].to_setting() if on else usual
+    effect = EFFECTS[name]
+    part: tuple[str, ...] = ()
+    if isinstance(usual, dict):  # what has a mean of zero only varies from machine to machine
+        part = ("spread",) if usual["value"] == 0 else ("value",)
+    number = usual[part[0]] if part else usual
+    label, help_text = _label(name, part), MachineTable.model_fields[name].description or ""
+    key = f"machine.{name}"
+    if isinstance(number, list):
+        return Control(
+            MACHINE, label, "choice", key, whole, shown="on" if on else "off",
+            choices=["on", "off"], writes=[usual, False], help=help_text,
+        )  # fmt: skip
+    shown = whole[part[0]] if part else whole
+    low, high = _ends(effect, float(number), spread=part == ("spread",))
+    return Control(
+        MACHINE,
+        label,
+        "slider",
+        key,
+        whole,
+        part,
+        shown,
+        low,
+        high,
+        unit=effect.unit,
+        on=on,
+        off=False,
+        off_word="off",
+        help=help_text,
+    )
+
+
+def _label(name: str, part: tuple[str, ...]) -> str:
+    for ending in (*UNITS, "_s", "_per_nm", "_nm_per_rad", "_nms_per_rad", "_nm"):
+        if name.endswith(ending):
+            name = name.removesuffix(ending)
+            break
+    return name.replace("_", " ") + (" (spread)" if part == ("spread",) else "")
+
+
+def _ends(effect: Effect, usual: float, *, spread: bool) -> tuple[float, float]:
+    """From (almost) nothing to three times the usual value."""
+    low = 0.1 * usual if effect.positive and not spread else 0.0
+    high = 3 * usual
+    return rounded(low, 3), rounded(high if spread else min(high, effect.high), 3)
+
+
+LIMITS = "Limits"
+
+UNITS = {
+    "_rad_s2": "rad/s²",
+    "_rad_s": "rad/s",
+    "_m_s2": "m/s²",
+    "_m_s": "m/s",
+    "_deg": "deg",
+}
+"""Unit by the ending of a key."""
+
+USUAL: Mapping[str, float] = {"deg": 80.0, "": 0.01}
+"""Where a limit starts when it is switched on, by unit; 1 of other units."""
+
+
+def limit_controls(state: State, problem: Problem) -> list[Control]:
+    """One slider a limit, or one an input where the problem gives two numbers."""
+    table = parse_file(state.base.to_dict(), state.base.source).limits
+    found = []
+    for name, field in type(table).model_fields.items():
+        key = f"limits.{name}"
+        whole = state.value(key)
+        if isinstance(whole, Mapping):
+            continue
+        label, unit = worded(name)
+        about = {"help": field.description or "", "unit": unit}
+        start = value_or(state, key, USUAL.get(unit, 1.0))
+        if not isinstance(whole, list):
+            shown = _first(start) if whole is None else whole
+            off = {"on": whole is not None, "off": None, "off_word": "none"}
+            found.append(_slider(label, key, whole, (), shown, _first(start), **about, **off))
+            continue
+        names = _names(problem, name, len(whole))
+        for k, value in enumerate(whole):
+            usual = start[k] if isinstance(start, list) and len(start) == len(whole) else value
+            found.append(_slider(f"{label} {names[k]}", key, whole, (k,), value, usual, **about))
+    return found
+
+
+def value_or(state: State, key: str, usual: Any) -> Any:
+    """Value of the key where the exploration started, or a usual one."""
+    base = State(state.base)
+    return base.value(key, usual)
+
+
+def worded(name: str) -> tuple[str, str]:
+    """Label and unit of a key: "input_rate_rad_s2" gives ("input rate", "rad/s²")."""
+    for ending, unit in UNITS.items():
+        if name.endswith(ending):
+            return name.removesuffix(ending).replace("_", " "), unit
+    return name.replace("_", " "), ""
+
+
+def _slider(
+    label: str, key: str, whole: Any, part: tuple[int, ...], shown: float, usual: float, **rest: Any
+) -> Control:
+    if rest["unit"] == "deg":
+        ends, log = (1.0, max(89.0, usual)), False
+    else:
+        ends, log = span(usual), True
+    return Control(
+        LIMITS, label, "slider", key, whole, part, shown, low=ends[0], high=ends[1], log=log, **rest
+    )
+
+
+def _names(problem: Problem, name: str, count: int) -> list[str]:
+    if name.startswith("input") and count == 2:
+        return [i.name for i in problem.system.inputs]
+    return [c.name for c in problem.system.coordinates[1 : count + 1]]
+
+
+def _first(value: Any) -> float:
+    return float(value[0] if isinstance(value, list) else value)
+
+
+METHOD = "Method"
+
+RANGES: Mapping[str, tuple[float, float]] = {
+    "intervals": (5, 120),
+    "degree": (1, 5),
+    "starts": (1, 6),
+    "attempts": (1, 24),
+    "pieces": (10, 200),
+    "slots": (1, 20),
+    "amplitude": (-1.5, 1.5),
+    "passive": (0.0, 10.0),
+    "terminal": (0.0, 10.0),
+    "path": (0.0, 10.0),
+    "backoff": (0.0, 4.0),
+}
+"""Ends of sliders; other positive numbers get a logarithmic slider about their default."""
+
+HIDDEN = frozenset(
+    [
+        *("points", "travel", "offset", "shares"),
+        *("allow_singular", "scan", "edge", "solver", "tolerance", "accuracy", "refinements"),
+        *("max_iterations", "variations", "max_cuts", "max_steps"),
+        *("gain", "bias", "delay_s", "stretch", "start_deg", "start_m", "gear"),
+    ]
+)
+"""No slider is for these: they are set elsewhere on the screen, or say how hard a solver tries."""
+
+
+def option_controls(state: State, plan: Plan | None) -> list[Control]:
+    """One control an option of the present method."""
+    table = METHODS[state.method].options
+    found = []
+    for name, field in table.model_fields.items():
+        if name in HIDDEN:
+            continue
+        key = f"method.{state.method}.{name}"
+        default = field.get_default(call_default_factory=True)
+        whole = state.value(key, default)
+        control = _control(name, key, whole, default, field.annotation, plan)
+        if control is not None:
+            found.append(_explained(control, field.description or ""))
+    return found
+
+
+def _control(
+    name: str, key: str, whole: Any, default: Any, annotation: Any, plan: Plan | None
+) -> Control | None:
+    label = name.replace("_", " ")
+    if annotation is bool:
+        return Control(METHOD, label, "switch", key, whole, shown=bool(whole))
+    if get_origin(annotation) is Literal:
+        words = list(get_args(annotation))
+        return Control(METHOD, label, "choice", key, whole, shown=whole, choices=words)
+    number = whole if isinstance(whole, int | float) else _noted(plan, name)
+    plain = isinstance(default, int | float)
+    if isinstance(whole, list) or not (plain or name in RANGES):
+        return None
+    off = {} if plain else {"on": whole != default, "off": default, "off_word": default or "auto"}
+    log = name not in RANGES and default > 0
+    low, high = RANGES.get(name) or (span(float(default)) if log else (0.0, 1.0))
+    integer = isinstance(low, int)
+    shown = low if number is None else number
+    return Control(
+        METHOD, label, "slider", key, whole, (), shown, low, high, log=log, integer=integer, **off
+    )
+
+
+def _noted(plan: Plan | None, name: str) -> float | None:
+    """The value that the method chose by itself, from the notes of its plan."""
+    noted = None if plan is None else plan.notes.get(name)
+    return float(noted) if isinstance(noted, int | float) else None
+
+
+def _explained(control: Control, text: str) -> Control:
+    return replace(control, help=text)

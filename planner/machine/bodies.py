@@ -1,0 +1,377 @@
+"""The bodies of the dynamic arm, their inertias, and what connects them.
+
+    motor 1 -gear- disk B1 -P1- stage 1 -P1- stage 2 ...          motor 2 -gear- link 1
+                                   |P2,P3       |P2,P3
+                                 axis 2       axis 3
+                                   |shaft       |shaft
+                                 link 2       link 3
+
+Every axis that the planner knows is two masses, the driven axis and the link, with play and a soft
+shaft between. A stage is disk A of joint j with disk B of the next; its speed is counted without
+the constant gear ratio before it, as that of B1 times the cosines on the way.
+
+Rows of all arrays of speeds: motors (2), axes (m), disk B1, links (1 + m), stages (m), with m = n−1
+passive joints. So the first 2 + m connect to the next 2 + m through play: two gearheads, m shafts.
+
+One implicit stage of the dynamic arm: speeds and torques that agree at its end.
+
+Every connection is a monotone law between one relative speed w and one torque, with three pieces:
+
+    limited    T = clip(o + g w, ± limit)       servo, friction contact, Coulomb friction
+    play       T = A dz(e + h w, gap/2)         shaft behind play
+
+so that the speeds minimise a convex function, and are unique. They are found by active sets (a
+semi-smooth Newton method): with the piece of every law known, the bodies form a tree of linear
+equations, solved from the links to the motors and back. That ends when the pieces agree with the
+speeds: after one pass in most steps, since pieces seldom change.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.machine.machine import Draws
+from planner.support.arrays import Array
+
+STICK = 1e8
+"""What holds rigidly slips by 1 rad/s for so many N m."""
+
+RIGID = 1e5
+"""A gearhead, or a shaft without softness, N m/rad."""
+
+DEAD = 100.0
+"""Damping of such, N m s/rad: rigid teeth meet without bouncing."""
+
+UNBOUNDED = 1e30
+"""A torque that nothing reaches, N m."""
+
+
+class Rows:
+    """Where the bodies are, for m passive joints."""
+
+    def __init__(self, m: int) -> None:
+        self.m = m
+        self.motors, self.axes = slice(0, 2), slice(2, 2 + m)
+        self.before, self.after = slice(0, 2 + m), slice(2 + m, 4 + 2 * m)
+        self.disk, self.links = 2 + m, slice(3 + m, 4 + 2 * m)
+        self.geared, self.passive = slice(2 + m, 4 + m), slice(4 + m, 4 + 2 * m)
+        self.stages = slice(4 + 2 * m, 4 + 3 * m)
+        self.drivers = [self.disk, *range(4 + 2 * m, 3 + 3 * m)]
+        self.count = 4 + 3 * m
+
+
+class Place:
+    """Rows of the state, for m passive joints: speeds first, then what they move.
+
+    Attributes:
+        bodies: Rows of the speeds.
+        behind: How far the motors are behind their references, (2), rad.
+        twist: Of gearheads and shafts, (2+m), rad.
+        gap: Where they are in their play, (2+m), rad.
+        reference: Speeds that the motors aimed at last, (2), rad/s.
+        q: Coordinates (φₙ₋₁, θ₁ … θₙ), rad.
+        torque: Of gearheads and shafts, (2+m), N m.
+    """
+
+    def __init__(self, m: int) -> None:
+        self.bodies = Rows(m)
+        start = self.bodies.count
+        self.v = slice(0, start)
+        self.behind = slice(start, start + 2)
+        self.twist = slice(start + 2, start + 4 + m)
+        self.gap = slice(start + 4 + m, start + 6 + 2 * m)
+        self.reference = slice(start + 6 + 2 * m, start + 8 + 2 * m)
+        self.q = slice(start + 8 + 2 * m, start + 10 + 3 * m)
+        self.torque = slice(start + 10 + 3 * m, start + 12 + 4 * m)
+        self.count = start + 12 + 4 * m
+
+
+@dataclass(frozen=True, eq=False)
+class Masses:
+    """Parameters of S arms; every array is (rows, S).
+
+    Attributes:
+        inertia: Of all bodies, kg m^2.
+        gain: Torque of the velocity loops for each rad/s behind, (2, S), N m s/rad.
+        integral: And for each rad, (2, S), N m/rad.
+        limit: Largest torque of the motors, (2, S), N m.
+        stiffness: Of gearheads and shafts, (2+m, S), N m/rad.
+        damping: Likewise, N m s/rad.
+        half_gap: Half of the play before them, (2+m, S), rad.
+        coulomb: Friction of the links, (1+m, S), N m.
+        viscous: Of the passive links, (m, S), N m s/rad.
+        k: Gear constants k2 … kn, (m, S).
+        disk: Speed of disk B of each stage over that of the stage before, constant part, (m, S).
+        kept: Part of the rate that a contact passes on without load, (1, S).
+        creep: Part that it loses for each N m, (1, S), 1/(N m).
+        capacity: Largest torque of a contact, at its disk B, (1, S), N m.
+    """
+
+    inertia: Array
+    gain: Array
+    integral: Array
+    limit: Array
+    stiffness: Array
+    damping: Array
+    half_gap: Array
+    coulomb: Array
+    viscous: Array
+    k: Array
+    disk: Array
+    kept: Array
+    creep: Array
+    capacity: Array
+
+    def part(self, chosen: NDArray[np.intp]) -> Masses:
+        """Those of some samples."""
+        return Masses(**{f.name: getattr(self, f.name)[:, chosen] for f in fields(self)})
+
+
+def masses(draws: Draws, k: Array) -> Masses:
+    """Parameters of drawn machines.
+
+    Args:
+        draws: The machines.
+        k: Gear constants k2 … kn of each, (m, S).
+    """
+    m, count = k.shape
+
+    def rows(name: str, size: int, most: float = np.inf) -> Array:
+        return np.minimum(np.broadcast_to(draws[name], (size, count)), most)
+
+    play = np.concatenate([rows("gearhead_backlash_deg", 2), rows("backlash_deg", m)])
+    stiff = np.full((2 + m, count), RIGID)
+    stiff[2:] = rows("shaft_stiffness_nm_per_rad", m, RIGID)
+    damping = np.zeros((2 + m, count))
+    damping[2:] = rows("shaft_damping_nms_per_rad", m)
+    gain = rows("servo_gain_nms_per_rad", 2, STICK)
+    disk = k / k[0]
+    bodies = [
+        rows("motor_inertia_kgm2", 2),
+        rows("axis_inertia_kgm2", m),
+        np.zeros((1, count)),
+        rows("link_inertia_kgm2", 1 + m),
+        rows("disk_inertia_kgm2", m) * disk**2,
+    ]
+    return Masses(
+        inertia=np.concatenate(bodies),
+        gain=gain,
+        integral=np.where(gain < STICK, gain / rows("servo_integral_time_s", 2), 0.0),
+        limit=rows("torque_limit_nm", 2, UNBOUNDED),
+        stiffness=stiff,
+        damping=np.where(stiff < RIGID, damping, DEAD),
+        half_gap=np.deg2rad(play) / 2,
+        coulomb=np.concatenate([rows("base_friction_nm", 1), rows("coulomb_friction_nm", m)]),
+        viscous=rows("viscous_friction_nms_per_rad", m),
+        k=k,
+        disk=disk,
+        kept=1 - rows("creep", 1),
+        creep=rows("creep_per_nm", 1),
+        capacity=rows("friction_capacity_nm", 1, UNBOUNDED),
+    )
+
+
+PASSES = 12
+"""Passes with full steps; after them, each step goes as far as the convex function falls."""
+
+MOST_PASSES = 100
+HALVINGS = 40
+
+EDGE_NM = 1e-8
+"""A law may lie so far outside its piece, N m."""
+
+EDGE_RAD = 1e-16
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """The laws of one stage; arrays are (rows, S), rows of speeds as in `masses`.
+
+    Rows of limited laws: servos (2), contacts P1 (m), contacts P2 with P3 (m), friction (1 + m).
+
+    Attributes:
+        rows: Where the bodies are.
+        h: Length of the stage, s.
+        drag: Inertia over h, and viscous friction, N m s/rad.
+        push: Inertia over h, times the speed that each body would keep, N m.
+        reference: Speed that the servos aim at, (2, S), rad/s.
+        first: Speed of each stage over that of the disk before, without slip, (m, S).
+        second: Speed of each axis over that of its stage, without slip, (m, S).
+        offset: o of the limited laws, (3+3m, S), N m.
+        slope: g of them, N m s/rad.
+        limit: Their limits, N m.
+        ahead: e of the play laws, (2+m, S), rad.
+        stiff: A of them, N m/rad.
+        half_gap: Half of the play, rad.
+    """
+
+    rows: Rows
+    h: float
+    drag: Array
+    push: Array
+    reference: Array
+    first: Array
+    second: Array
+    offset: Array
+    slope: Array
+    limit: Array
+    ahead: Array
+    stiff: Array
+    half_gap: Array
+
+    def part(self, chosen: NDArray[np.intp]) -> Stage:
+        """The laws of some samples."""
+        values: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
+        arrays = {k: v[:, chosen] for k, v in values.items() if isinstance(v, np.ndarray)}
+        return Stage(**{**values, **arrays})
+
+    def solve(self, pieces: Array) -> tuple[Array, Array]:
+        """Speeds (rows, S) and pieces of all laws that agree.
+
+        Args:
+            pieces: A guess: −1, 0 or 1 for each law, limited ones first, (5+4m, S).
+        """
+        v = self._tree(pieces)
+        fresh = self._pieces(v, pieces)
+        left = np.flatnonzero((fresh != pieces).any(axis=0))
+        if not left.size:
+            return v, pieces
+        part, before = self.part(left), v[:, left]
+        for count in range(MOST_PASSES):
+            own = fresh[:, left]
+            new = part._tree(own)
+            if count >= PASSES:
+                new = part._search(before, new)
+            v[:, left] = before = new
+            fresh[:, left] = after = part._pieces(new, own)
+            on = np.flatnonzero((after != own).any(axis=0))
+            if not on.size:
+                break
+            left, part, before = left[on], part.part(on), before[:, on]
+        return v, fresh
+
+    # -- the laws ------------------------------------------------------------------------------
+
+    def relative(self, v: Array) -> tuple[Array, Array]:
+        """w of the limited laws, (3+3m, S), and of the play laws, (2+m, S), rad/s."""
+        rows, stages = self.rows, v[self.rows.stages]
+        limited = np.concatenate(
+            [
+                self.reference - v[rows.motors],
+                self.first * v[rows.drivers] - stages,
+                self.second * stages - v[rows.axes],
+                v[rows.links],
+            ]
+        )
+        return limited, v[rows.before] - v[rows.after]
+
+    def torques(self, v: Array) -> tuple[Array, Array]:
+        """Torques of the limited laws and of the play laws, likewise, N m."""
+        limited, play = self.relative(v)
+        ahead = self.ahead + self.h * play
+        wound = ahead - np.minimum(np.maximum(ahead, -self.half_gap), self.half_gap)
+        held = np.minimum(np.maximum(self.offset + self.slope * limited, -self.limit), self.limit)
+        return held, self.stiff * wound
+
+    def _pieces(self, v: Array, before: Array) -> Array:
+        """Pieces at these speeds; those before wherever they hold to within rounding."""
+        limited, play = self.relative(v)
+        value = np.concatenate([self.offset + self.slope * limited, self.ahead + self.h * play])
+        edge = np.concatenate([self.limit, self.half_gap])
+        room = np.concatenate(
+            [np.full_like(self.limit, EDGE_NM), np.full_like(self.ahead, EDGE_RAD)]
+        )
+        inside = np.abs(value) <= edge + room
+        holds = np.where(before == 0, inside, before * value >= edge - room)
+        new = np.where(inside, 0.0, np.sign(value))
+        new[: len(limited)][before[: len(limited)] * new[: len(limited)] < 0] = 0.0
+        new = np.where(holds, before, new)
+        new[len(limited) :][self.half_gap == 0] = 1.0
+        return new
+
+    def _lines(self, pieces: Array) -> tuple[Array, Array, Array, Array]:
+        """Torque c + s w of the limited and of the play laws on their pieces: c, s, c, s."""
+        count = len(self.limit)
+        held, touching = pieces[:count], pieces[count:]
+        moving = held == 0
+        pressed = self.stiff * np.abs(touching)
+        return (
+            np.where(moving, self.offset, held * self.limit),
+            np.where(moving, self.slope, 0.0),
+            pressed * (self.ahead - touching * self.half_gap),
+            pressed * self.h,
+        )
+
+    # -- the tree ------------------------------------------------------------------------------
+
+    def _tree(self, pieces: Array) -> Array:
+        """Speeds (rows, S) of all bodies with every law on a known piece."""
+        rows, m = self.rows, self.rows.m
+        c, s, c_play, s_play = self._lines(pieces)
+        one, two = self.first, self.second
+        p23, rub = slice(2 + m, 2 + 2 * m), slice(2 + 2 * m, None)
+
+        links, links_push = self.drag[rows.links] + s[rub], self.push[rows.links] - c[rub]
+        base, base_push = links[0], links_push[0]
+        links, links_push = links[1:], links_push[1:]
+        asked, more = _drawn(c_play[2:], s_play[2:], links, links_push)
+        axes, axes_push = self.drag[rows.axes] + more, self.push[rows.axes] - asked
+        asked, more = _drawn(c[p23], s[p23], axes, axes_push)
+        stages = self.drag[rows.stages] + two * two * more
+        stages_push = self.push[rows.stages] - two * asked
+        geared = np.stack([self.drag[rows.disk], base])
+        geared_push = np.stack([self.push[rows.disk], base_push])
+        for j in range(m - 1, -1, -1):
+            asked, more = _drawn(c[2 + j], s[2 + j], stages[j], stages_push[j])
+            body, push = (stages, stages_push) if j else (geared, geared_push)
+            body[max(j - 1, 0)] += one[j] * one[j] * more
+            push[max(j - 1, 0)] -= one[j] * asked
+        asked, more = _drawn(c_play[:2], s_play[:2], geared, geared_push)
+
+        v = np.empty_like(self.drag)
+        servo = self.push[rows.motors] - asked + c[:2] + s[:2] * self.reference
+        v[rows.motors] = servo / (self.drag[rows.motors] + more + s[:2])
+        pull = c_play[:2] + s_play[:2] * v[rows.motors]
+        v[rows.geared] = (geared_push + pull) / (geared + s_play[:2])
+        for j, driver in enumerate(rows.drivers):
+            pull = c[2 + j] + s[2 + j] * one[j] * v[driver]
+            v[rows.stages.start + j] = (stages_push[j] + pull) / (stages[j] + s[2 + j])
+        pull = c[p23] + s[p23] * two * v[rows.stages]
+        v[rows.axes] = (axes_push + pull) / (axes + s[p23])
+        pull = c_play[2:] + s_play[2:] * v[rows.axes]
+        v[rows.passive] = (links_push + pull) / (links + s_play[2:])
+        return v
+
+    # -- the convex function -------------------------------------------------------------------
+
+    def _search(self, start: Array, end: Array) -> Array:
+        """The lowest point of the convex function on the way from start to end."""
+        way = end - start
+        low, high = np.zeros(start.shape[1]), np.ones(start.shape[1])
+        falling = self._slope_along(end, way) <= 0
+        for _ in range(HALVINGS):
+            middle = (low + high) / 2
+            rising = self._slope_along(start + middle * way, way) > 0
+            low, high = np.where(rising, low, middle), np.where(rising, middle, high)
+        return np.asarray(start + np.where(falling, 1.0, (low + high) / 2) * way)
+
+    def _slope_along(self, v: Array, way: Array) -> Array:
+        held, pressed = self.torques(v)
+        limited, play = self.relative(way)
+        limited[:2] -= self.reference
+        own = np.sum(way * (self.drag * v - self.push), axis=0)
+        return np.asarray(own + np.sum(limited * held, axis=0) + np.sum(play * pressed, axis=0))
+
+
+def _drawn(c: Array, s: Array, drag: Array, push: Array) -> tuple[Array, Array]:
+    """What a body, and all behind it, asks of the body before it through a law c + s w.
+
+    Returns:
+        a and b of the torque a + b (speed that comes without slip), N m and N m s/rad.
+    """
+    share = 1.0 / (drag + s)
+    return (c * drag - s * push) * share, s * drag * share

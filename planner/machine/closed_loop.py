@@ -1,0 +1,167 @@
+"""Closed loop: who reads the encoders now and then, and commands the motors.
+
+What a controller tells the servos: held for a tick, then delayed and at their resolution.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.machine.commands import ROUNDING, merged, rounded, subdivided
+from planner.machine.machine import Draws, Machine
+from planner.plan.plan import Plan
+from planner.support.arrays import Array
+from planner.systems.triangular_system import TriangularSystem
+
+
+class Controller(Protocol):
+    """Commands S samples that follow a plan together.
+
+    Times are the plan's: 0 where it starts. Before the first command and after the last the motors
+    are told to rest.
+
+    Attributes:
+        period_s: Time between two readings, s.
+        tick_s: How long each command is held, s; the period is a multiple of it.
+        lead_s: How long before the plan's start it begins, s, ≥ 0.
+        end_s: When its last command ends, s.
+        fallbacks: How often it had to command something cruder than it should, shape (S,).
+    """
+
+    period_s: float
+    tick_s: float
+    lead_s: float
+    end_s: float
+    fallbacks: NDArray[np.int64]
+
+    def __call__(self, t: float, measured: Array) -> Array:
+        """What the motors are told in the M ticks from t until the next reading.
+
+        Args:
+            t: Now, s.
+            measured: What the encoders read (see `measured`), (N, S).
+
+        Returns:
+            Speeds before delay, resolution and limits of the drive, shape (M, 2, S), rad/s.
+        """
+
+
+class Feedback(Protocol):
+    """Makes controllers."""
+
+    def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> Controller:
+        """A fresh controller of the samples `numbers` (S,), of which it knows the machine's kind.
+
+        Nothing that it is given tells one sample from another but what the encoders read.
+        """
+
+
+def measured(system: TriangularSystem, draws: Draws, q: Array) -> Array:
+    """What the encoders read.
+
+    Args:
+        system: Says which coordinates are angles.
+        draws: The machines, for the resolution of each joint.
+        q: True coordinates, (N, S) or (N, R, S).
+
+    Returns:
+        The same with the angles after the first at their encoders' resolution.
+    """
+    out = q.copy()
+    steps = np.deg2rad(draws["encoder_resolution_deg"])
+    steps = np.broadcast_to(steps, (len(q) - 1, q.shape[-1]))
+    for i, coordinate in enumerate(system.coordinates):
+        if i and coordinate.unit == "rad":
+            step = steps[i - 1]
+            rounded = np.round(out[i] / np.where(step > 0, step, 1.0)) * step
+            out[i] = np.where(step > 0, rounded, out[i])
+    return out
+
+
+class Fed:
+    """The commands of one controller on the time grid of its simulation; see `Orders`.
+
+    Args:
+        controller: Says when it reads and commands.
+        draws: The machines, for delay and resolution.
+        step: Largest step, s.
+        stops: Times (m,) that the grid must hold, s; the last ends the simulation.
+        one_delay: Whether the delay is one for all samples, of these and other runs; the grid then
+            holds every change of the command. Otherwise one inside a step is seen at its end.
+
+    Attributes:
+        t: The grid, shape (M+1,), s; it starts when the controller does.
+        running: Whether the controller is at work in each step, shape (M,).
+        readings: When the encoders are read, shape (K,), s.
+        values: What was commanded in each tick, (ticks, 2, S); zero until it is known.
+    """
+
+    def __init__(
+        self, controller: Controller, draws: Draws, step: float, stops: Array, one_delay: bool
+    ) -> None:
+        self._tick, self._begin = controller.tick_s, -controller.lead_s
+        self._delay = draws["delay_s"][0]
+        self._resolution = draws["velocity_resolution_rad_s"][:, :1]
+        span = controller.end_s - self._begin
+        count = int(np.ceil(span / self._tick - 1e-9))
+        self._per_reading = round(controller.period_s / self._tick)
+        ticks: Array = self._begin + self._tick * np.arange(count + 1, dtype=np.float64)
+        self.readings = ticks[:-1][:: self._per_reading]
+        self.values = np.zeros((count, 2, draws.count))
+        if one_delay:
+            ticks = ticks + self._delay[0]
+            ticks = ticks[ticks < stops[-1]]
+        else:
+            ticks = ticks[:0]
+        self.t = subdivided(merged(stops, self.readings, ticks), step)
+        self.running: NDArray[np.bool_] = self.t[:-1] + np.diff(self.t) / 2 < controller.end_s
+
+    @property
+    def reading_steps(self) -> list[int]:
+        """The steps that start with a reading."""
+        close = 4 * ROUNDING * max(1.0, float(np.max(np.abs(self.t))))
+        return [int(k) for k in np.searchsorted(self.t, self.readings - close)]
+
+    @property
+    def effort(self) -> Array:
+        """∫ u₁² + u₂² dt of what was commanded, shape (S,)."""
+        return np.asarray(self._tick * np.sum(self.values**2, axis=(0, 1)))
+
+    def tell(self, i: int, values: Array) -> None:
+        """Command (M, 2, S) from reading i on.
+
+        Raises:
+            InputError: If a number is not finite, or the shape is another.
+        """
+        first = i * self._per_reading
+        room = self.values[first : first + self._per_reading]
+        expected = (self._per_reading, *room.shape[1:])
+        if values.shape != expected:
+            raise InputError(f"feedback returns shape {values.shape}; it must be {expected}")
+        if not np.all(np.isfinite(values)):
+            raise InputError(
+                f"feedback asks for what is not finite at t = {self.readings[i]:.6g} s"
+            )
+        room[:] = values[: len(room)]
+
+    def at(self, k: int) -> Array:
+        """See `Orders`; a command has the same value at both of a step's points."""
+        return np.asarray(self.block(k, k + 1)[0])
+
+    def block(self, first: int, last: int) -> Array:
+        """See `Orders`."""
+        times = self.t[first:last, None] - self._delay - self._begin
+        index = np.floor(times / self._tick + 1e-9).astype(np.int64)
+        on = (index >= 0) & (index < len(self.values))
+        index = np.where(on, index, 0)
+        if index.shape[1] == 1 or np.all(index == index[:, :1]):
+            told = self.values[index[:, 0]]
+        else:
+            samples = np.arange(self.values.shape[2])
+            told = np.moveaxis(self.values[index, :, samples], -1, 1)
+        told = rounded(np.where(on[:, None], told, 0.0), self._resolution)
+        return np.broadcast_to(told[:, None], (len(told), 2, *told.shape[1:]))

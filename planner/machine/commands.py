@@ -1,0 +1,278 @@
+"""From a plan's u(t) to what the servos are told: sample and hold, delay, resolution.
+
+Before the plan's start and after its end the command is zero.
+
+The times of a simulation: no step crosses a jump of the command, none is too long.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import copy
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.machine.machine import Draws
+from planner.plan.plan import Plan
+from planner.support.arrays import Array
+
+
+class Source(Protocol):
+    """A command before delay and resolution.
+
+    Attributes:
+        jumps: Increasing times, s, between which it is smooth enough for the quadrature; the first
+            is the plan's start, the last its end.
+        parts: Where in a step it is read: 0 at the start, 1 just before the end.
+    """
+
+    jumps: Array
+    parts: tuple[float, ...]
+
+    def __call__(self, times: Array) -> Array:
+        """Values (…, 2) at plan times (…), s: right-hand limits, zero outside the plan."""
+
+
+class Held:
+    """Sample and hold: u at the start of each period, held until the next or the plan's end.
+
+    A sampling instant within rounding of a break of the plan reads what follows the break.
+    """
+
+    parts: tuple[float, ...] = (0.0, 1.0)
+
+    def __init__(self, plan: Plan, period: float) -> None:
+        end = plan.duration
+        ticks: Array = period * np.arange(int(np.ceil(end / period)), dtype=np.float64)
+        self.jumps = merged(np.array([0.0, end]), snapped(ticks, plan.t))
+        held = _finite(plan.u(self.jumps[:-1]), self.jumps[:-1])
+        self._values = np.concatenate([held, np.zeros((1, 2))])
+
+    def __call__(self, times: Array) -> Array:
+        """See `Source`."""
+        return np.asarray(self._values[np.searchsorted(self.jumps, times, side="right") - 1])
+
+
+class Continuous:
+    """The plan's own u(t)."""
+
+    parts: tuple[float, ...] = (0.0, 0.5, 1.0)
+
+    def __init__(self, plan: Plan, step: float) -> None:
+        self._plan = plan
+        self.jumps = refined(self, subdivided(plan.t, step))
+
+    def __call__(self, times: Array) -> Array:
+        """See `Source`."""
+        on = (times >= 0) & (times < self._plan.duration)
+        values = np.where(on[..., None], self._plan.u(times), 0.0)
+        return _finite(values, times)
+
+
+class Tabulated:
+    """A continuous source by linear interpolation, for when every sample reads it elsewhere."""
+
+    def __init__(self, source: Source) -> None:
+        self.jumps, self.parts = source.jumps, source.parts
+        self._times = np.stack(_points(self.jumps, self.parts), axis=-1).ravel()
+        self._values = source(self._times)
+
+    def __call__(self, times: Array) -> Array:
+        """See `Source`."""
+        columns = [np.interp(times, self._times, u, left=0, right=0) for u in self._values.T]
+        return np.stack(columns, axis=-1)
+
+
+class Orders(Protocol):
+    """What the servos are told on the time grid of one simulation.
+
+    Attributes:
+        t: The grid, shape (M+1,), s.
+        running: Whether something is being executed in each step, shape (M,).
+    """
+
+    t: Array
+    running: NDArray[np.bool_]
+
+    def at(self, k: int) -> Array:
+        """What step k asks of both motors at its P points, shape (P, 2, S or 1)."""
+
+    def block(self, first: int, last: int) -> Array:
+        """What the steps first ≤ k < last ask for, shape (K, P, 2, S or 1)."""
+
+
+class Command:
+    """The command of one plan on the time grid of one simulation.
+
+    Args:
+        plan: The plan; executable.
+        period: Sampling period, s, or None for a continuous command.
+        draws: The machines, for delay and resolution.
+        step: Largest step, s.
+        stops: Times (m,) that the grid must hold, s; the first is 0, the last ends the simulation.
+
+    Raises:
+        InputError: If the plan's input is not finite somewhere.
+
+    Attributes:
+        t: The grid, shape (M+1,), s. With one delay for all samples it holds every jump; otherwise
+            a jump inside a step is seen at the next point of it.
+        running: Whether each step lies before the plan's end, shape (M,).
+    """
+
+    def __init__(
+        self, plan: Plan, period: float | None, draws: Draws, step: float, stops: Array
+    ) -> None:
+        delay = draws["delay_s"][0]
+        source: Source = Continuous(plan, step) if period is None else Held(plan, period)
+        self._resolution = draws["velocity_resolution_rad_s"][:, :1]
+        self._table: Array | None = None
+        if np.all(delay == delay[0]):
+            jumps = source.jumps + delay[0]
+            self.t = subdivided(merged(stops, jumps[jumps < stops[-1]]), step)
+            plan_time = snapped(self.t - delay[0], source.jumps)
+            points = _points(plan_time, source.parts)
+            table = np.stack([source(t) for t in points], axis=1)
+            self._table = rounded(table[..., None], self._resolution)
+        else:
+            self.t = subdivided(stops, step)
+            self._source = Tabulated(source) if period is None else source
+            self._delay = delay
+            self._times = np.stack(_points(self.t, source.parts), axis=1)
+        self.running: NDArray[np.bool_] = self.t[:-1] + np.diff(self.t) / 2 < plan.duration
+
+    def part(self, chosen: slice) -> Command:
+        """The same command for a run of the samples."""
+        out = copy(self)
+        if self._table is None:
+            out._delay = self._delay[chosen]
+        return out
+
+    def at(self, k: int) -> Array:
+        """What step k asks of both motors at its P points, shape (P, 2, S or 1).
+
+        A held command has 2 points, the ends; a continuous one 3, the middle between them.
+        """
+        return np.asarray(self.block(k, k + 1)[0])
+
+    def block(self, first: int, last: int) -> Array:
+        """What the steps first ≤ k < last ask for, shape (K, P, 2, S or 1)."""
+        if self._table is not None:
+            return self._table[first:last]
+        times = self._times[first:last, :, None] - self._delay
+        return rounded(np.moveaxis(self._source(times), -1, 2), self._resolution)
+
+
+def rounded(values: Array, resolution: Array) -> Array:
+    """Values (…, 2, S) at the resolution (2, 1) of each motor's command; 0 leaves them."""
+    if not np.any(resolution):
+        return values
+    step = np.where(resolution > 0, resolution, 1.0)
+    return np.asarray(np.where(resolution > 0, np.round(values / step) * step, values))
+
+
+def _points(times: Array, parts: tuple[float, ...]) -> list[Array]:
+    return [inside(times[:-1], times[1:], part) for part in parts]
+
+
+def _finite(values: Array, times: Array) -> Array:
+    bad = ~np.all(np.isfinite(values), axis=-1)
+    if np.any(bad):
+        when = float(times[bad][0])
+        raise InputError(
+            f"the plan's input is not finite at t = {when:.6g} s; it cannot be replayed"
+        )
+    return values
+
+
+QUADRATURE_TOLERANCE = 1e-12
+"""Largest estimated error of Simpson's rule on a continuous command, in radians a step."""
+
+ROUNDING = 1e-12
+"""Times closer than this part of the longest (or of a second) are the same."""
+
+InputOfTime = Callable[[Array], Array]
+
+Steps = Callable[[int], None]
+"""Told how many steps are done."""
+
+
+def merged(*times: Array) -> Array:
+    """All these times, increasing; of those closer than rounding, the one named first."""
+    every = np.concatenate(times)
+    rank = np.concatenate([np.full(len(t), i) for i, t in enumerate(times)])
+    order = np.lexsort((rank, every))
+    every, rank = every[order], rank[order]
+    close = ROUNDING * max(1.0, float(np.max(np.abs(every))))
+    group = np.cumsum(np.concatenate([[0], np.diff(every) > close]))
+    first = np.lexsort((rank, group))
+    _, where = np.unique(group[first], return_index=True)
+    return np.asarray(every[first][where])
+
+
+def subdivided(times: Array, step: float) -> Array:
+    """`times` with equal steps between, none longer than `step`."""
+    gaps = np.diff(times)
+    counts = np.maximum(1, np.ceil(gaps / step - 1e-9)).astype(int)
+    starts = np.repeat(times[:-1], counts)
+    inner = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    return np.append(starts + inner * np.repeat(gaps / counts, counts), times[-1])
+
+
+def refined(command: InputOfTime, times: Array, tolerance: float = QUADRATURE_TOLERANCE) -> Array:
+    """`times` with steps halved until Simpson's rule integrates the command over each of them.
+
+    Args:
+        command: Times (…) to values (…, 2); smooth inside each step, right-hand limits at jumps.
+        times: Increasing; includes every jump.
+        tolerance: Largest estimated error a step, in the command's unit times seconds.
+
+    Returns:
+        The times, increasing, with what was added.
+    """
+    left, right = times[:-1], times[1:]
+    narrow = 4 * ROUNDING * max(1.0, abs(float(times[-1])))
+    added = [times]
+    while left.size:
+        rough = _simpson_gap(command, left, right) > tolerance
+        rough &= right - left > narrow
+        left, right = left[rough], right[rough]
+        middle = left + (right - left) / 2
+        added.append(middle)
+        left, right = np.concatenate([left, middle]), np.concatenate([middle, right])
+    return np.unique(np.concatenate(added))
+
+
+def lengths(times: Array) -> list[float]:
+    """Lengths of the steps, equal where they differ by rounding alone (their factors are kept)."""
+    return [float(f"{h:.11g}") for h in np.diff(times)]
+
+
+def snapped(times: Array, marks: Array) -> Array:
+    """`times`, each within rounding of one of the increasing `marks` moved onto it."""
+    index = np.clip(np.searchsorted(marks, times), 1, len(marks) - 1)
+    below, above = marks[index - 1], marks[index]
+    near = np.where(times - below < above - times, below, above)
+    close = ROUNDING * max(1.0, float(marks[-1]))
+    return np.where(np.abs(times - near) < close, near, times)
+
+
+def inside(left: Array, right: Array, part: float) -> Array:
+    """Times at a part (0 … 1) of each step, the last one just before its end."""
+    return np.minimum(left + part * (right - left), np.nextafter(right, left))
+
+
+def _simpson_gap(command: InputOfTime, left: Array, right: Array) -> Array:
+    """|Simpson on halves − Simpson on the whole|, the larger of both motors, shape (m,).
+
+    Fifteen times the error of the finer rule where the command is smooth; so a safe estimate.
+    """
+    u = np.stack([command(inside(left, right, p)) for p in (0.0, 0.25, 0.5, 0.75, 1.0)])
+    width = (right - left)[:, None]
+    whole = width / 6 * (u[0] + 4 * u[2] + u[4])
+    halves = width / 12 * (u[0] + 4 * u[1] + 2 * u[2] + 4 * u[3] + u[4])
+    gap = np.max(np.abs(halves - whole), axis=-1)
+    return np.where(np.isfinite(gap), gap, 0.0)

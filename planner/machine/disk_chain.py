@@ -1,0 +1,340 @@
+"""The manipulator in motion: motor 2 turns joint 1, motor 1 the chain of friction disks (eq. 6).
+
+    axis of joint i:  kᵢ cos³θᵢ₋₁ ∏_{j≤i−2} cosθⱼ · ω₁ · (what the contacts on the way pass on)
+
+The motion of joint i passes i + 1 friction contacts: P₁ of the stages 1 … i−1, then P₂ and P₃ of
+its branch; that of φₙ₋₁ passes the n − 2 of the stages before it (see `friction`). Into each of
+joints 2 … n lead bevel gears, belt and shaft (see `play`). Joint 1 has only the gearhead of motor 2
+before it, as the first disk has that of motor 1.
+
+Integration goes down the triangle: with θᵢ₋₁ known at the points of a step, the travel of axis i to
+each of them follows by quadrature: fourth order with three points, second with two.
+
+What the friction contacts of the manipulator's disk chain pass on under load.
+
+Disk Bⱼ drives disk A of its joint at contact P₁; that drives the next disk, φ̇ⱼ₊₁ = ρⱼ cosθⱼ φ̇ⱼ,
+and, through P₂ and P₃, joint j+1: θ̇ⱼ₊₁ = κ cos³θⱼ φ̇ⱼ (paper, Fig. 2). By geometry κ = k₂ and
+ρⱼ = kⱼ₊₂/kⱼ₊₁ = r₁/(λR).
+
+Every contact loses the fraction creep + creep_per_nm · |torque| of its rate, and passes at most its
+capacity: what needs more is slowed to what the capacity can drive, or stopped. Torques are referred
+to the driving disk B of the stage by virtual work: P₁ carries its joint and all later ones, P₂ and
+P₃ their joint alone. One capacity stands for all, since the paper does not print the other radii.
+
+From a driven axis to what it turns: backlash, and a soft shaft wound up by friction.
+
+With m the angle of the driven axis and θ that of the joint, quasi-static balance of the joint is
+
+    d θ̇ = k · dz(m − θ, w),   w = backlash/2 + coulomb/k,   dz(e, w) = e − clip(e, −w, w)
+
+for stiffness k and viscous friction d: the joint rests while the play and the wind-up that Coulomb
+friction can hold are not used up, and otherwise follows with the time constant d/k. Without
+viscous friction, or with a rigid shaft, this is the play operator θ ← clip(θ, m − w, m + w); with
+every effect off it is θ = m.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.machine.machine import Draws
+from planner.machine.servos import integrals, to_end
+from planner.support.arrays import Array
+from planner.systems.manipulator import Manipulator
+
+
+class Chain:
+    """S manipulators.
+
+    Args:
+        system: The manipulator as the planner knows it.
+        draws: The machines.
+        q: Coordinates at the start, (N, S).
+    """
+
+    def __init__(self, system: Manipulator, draws: Draws, q: Array) -> None:
+        k = system.k_g * system.K[:, None] * (1 + draws["gear_ratio_error"])
+        k = np.broadcast_to(k, (len(k), draws.count))
+        self._k, self._k_g = list(k), system.k_g
+        self._contacts = Contacts(draws, k)
+        self._motor = Play.gearhead(draws, 0, np.zeros(draws.count))
+        self._joints = [Play.gearhead(draws, 1, q[1].copy())]
+        self._joints += [Play.passive(draws, i, theta) for i, theta in enumerate(q[2:].copy())]
+        self._cosines = np.cos(q[1:-1])
+        self._state = q.copy()
+
+    @property
+    def q(self) -> Array:
+        """Coordinates (φₙ₋₁, θ₁ … θₙ), shape (N, S), rad."""
+        return self._state
+
+    def step(self, speed: Array, travel: Array, h: float) -> None:
+        """Advance by a step.
+
+        Args:
+            speed: Of the motors at the step's P points (2 or 3), (P, 2, S), rad/s.
+            travel: Of the motors from the start to each later point, (P−1, 2, S), rad.
+            h: Length of the step, s.
+        """
+        last = len(self._k) - 1
+        passed = self._contacts.passed(self._joints[1:], self._cosines, speed[-1, 0])
+        disk = self._geared(speed[:, 0], travel[-1, 0], h)
+        ways = list(travel[:, 1])
+        for j, k in enumerate(self._k):
+            c = self._turned(j, ways, h)
+            if j == last:
+                drive = self._k_g if passed is None else self._k_g * passed.disk
+                self._state[0] += drive * to_end(disk, h)
+            disk = disk * c
+            gain = k
+            if passed is not None:
+                disk *= passed.stage[j]
+                gain = k * passed.branch[j]
+            driven = disk * c
+            driven *= c
+            ways = [gain * way for way in integrals(driven, h)]
+        self._state[last + 2] = self._joints[last + 1].move(ways[-1], h)
+
+    def _geared(self, speed: Array, travel: Array, h: float) -> Array:
+        """Speed of the first disk: of motor 1, less what its gearhead's play takes up, (P, S)."""
+        if self._motor.exact:
+            return speed
+        before = self._motor.theta
+        turned = self._motor.move(travel, h) - before
+        still = travel == 0
+        return np.asarray(speed * np.where(still, 1.0, turned / np.where(still, 1.0, travel)))
+
+    def _turned(self, i: int, ways: list[Array], h: float) -> Array:
+        """Turn axis i by the travels to each later point; cosθᵢ at all points, (P, S)."""
+        joint, part = self._joints[i], h / len(ways)
+        c = np.empty((len(ways) + 1, len(joint.theta)))
+        c[0] = self._cosines[i]
+        np.cos(joint.move(ways[0], part), out=c[1])
+        if len(ways) > 1:
+            np.cos(joint.move(ways[1] - ways[0], part), out=c[2])
+        self._state[i + 1] = joint.theta
+        self._cosines[i] = c[-1]
+        return c
+
+
+TINY_NM = 1e-30
+
+
+@dataclass(frozen=True, eq=False)
+class Passed:
+    """Parts of the motion that are passed on, 0 … 1.
+
+    Attributes:
+        stage: By creep at P₁ of each stage, (n−1, S or 1).
+        branch: To joints 2 … n, by creep at P₂ and P₃ and by slip anywhere before, likewise.
+        disk: To disk Bₙ₋₁, by slip before it, (S,) or a number.
+    """
+
+    stage: Array
+    branch: Array
+    disk: Array | float
+
+
+class Contacts:
+    """The friction contacts of S manipulators.
+
+    Args:
+        draws: The machines.
+        k: Gear constants k₂ … kₙ of each, (n−1, S).
+    """
+
+    def __init__(self, draws: Draws, k: Array) -> None:
+        self._k, self._ratio = k, k[1:] / k[:-1]
+        self._creep = draws["creep"]
+        self._creep_per_nm = draws["creep_per_nm"]
+        self._capacity = draws["friction_capacity_nm"]
+        self._loaded = draws.on("friction_capacity_nm") or draws.on("creep_per_nm")
+        kept = np.repeat(1 - self._creep, len(k), axis=0)
+        self._unloaded = Passed(kept, kept**2, 1.0) if draws.on("creep") else None
+
+    def passed(self, joints: list[Play], cosines: Array, speed: Array) -> Passed | None:
+        """What is passed on now; None when all is.
+
+        Args:
+            joints: The connections of joints 2 … n, which know the torques.
+            cosines: Of θ₁ … θₙ₋₁, (n−1, S).
+            speed: Of motor 1, (S,), rad/s.
+        """
+        if not self._loaded:
+            return self._unloaded
+        turning = np.sign(speed)
+        steady = self._at_contacts(np.stack([j.torque(turning) for j in joints]), cosines)
+        rising = self._rising(joints, cosines, turning, speed)
+        whole = steady if rising is None else steady + rising
+        carried = np.minimum(np.abs(whole), self._capacity)
+        kept = np.maximum(1.0 - self._creep - self._creep_per_nm * carried, 0.0)
+        branch = kept[1] * kept[1]
+        if not (whole >= self._capacity).any():
+            return Passed(kept[0], branch, 1.0)
+        share = self._share(steady, rising)
+        before = np.minimum.accumulate(share[0], axis=0)
+        disk = before[-2] if len(before) > 1 else 1.0
+        return Passed(kept[0], branch * np.minimum(before, share[1]), disk)
+
+    def _at_contacts(self, torques: Array, cosines: Array) -> Array:
+        """Torques (n−1, S) of joints 2 … n as disk B of each stage feels them, (2, n−1, S).
+
+        First those that pass P₁, of the stage's joint and all later ones; then those that pass P₂
+        and P₃, of the stage's joint alone.
+        """
+        out = np.empty((2, *torques.shape))
+        out[1] = self._k[0] * cosines * cosines * cosines * torques
+        out[0, -1] = out[1, -1]
+        for j in range(len(torques) - 2, -1, -1):
+            out[0, j] = out[1, j] + self._ratio[j] * cosines[j] * out[0, j + 1]
+        return out
+
+    def _rising(
+        self, joints: list[Play], cosines: Array, turning: Array, speed: Array
+    ) -> Array | None:
+        """What the joints' damping adds at full speed, (2, n−1, S); None where there is none."""
+        if not any(joint.damped for joint in joints):
+            return None
+        torques, disk = np.empty_like(cosines), np.abs(speed)
+        for j, joint in enumerate(joints):
+            torques[j] = joint.damping(turning) * self._k[j] * cosines[j] ** 3 * disk
+            disk = disk * cosines[j]
+        return self._at_contacts(torques, cosines)
+
+    def _share(self, steady: Array, rising: Array | None) -> Array:
+        """Part of the speed at which each contact's torque stays within the capacity."""
+        if rising is None:
+            return np.asarray(steady < self._capacity, dtype=float)
+        room = (self._capacity - steady) / np.maximum(rising, TINY_NM)
+        return np.asarray(np.minimum(np.maximum(room, 0.0), 1.0))
+
+
+Value = float | Array
+
+TOUCH = 1e-9
+"""Play that counts as taken up, rad."""
+
+
+class Play:
+    """The connection of one driven axis to what it turns, for S samples.
+
+    Args:
+        theta: Angle of the joint at the start, (S,), rad; nothing is wound up then.
+        half_gap: Half of the backlash, rad; this and the following are (S,) or a number for all.
+        stiffness: Of the shaft, N m/rad; infinite when rigid.
+        coulomb: Friction of the joint, N m.
+        viscous: Friction of the joint, N m s/rad.
+        start: Where in its play the axis starts, −1 … 1; 0 is the middle.
+
+    Attributes:
+        theta: Joint angle, (S,), rad.
+        axis: Angle of the driven axis, (S,), rad, on the same scale.
+        exact: Whether the two are the same.
+        damped: Whether the axis feels viscous friction at once, as through a rigid shaft.
+    """
+
+    def __init__(
+        self,
+        theta: Array,
+        half_gap: Value = 0.0,
+        stiffness: Value = np.inf,
+        coulomb: Value = 0.0,
+        viscous: Value = 0.0,
+        start: Value = 0.0,
+    ) -> None:
+        self._half_gap, self._stiffness, self._coulomb, self._viscous = (
+            np.broadcast_to(value, theta.shape) for value in (half_gap, stiffness, coulomb, viscous)
+        )
+        self._soft = bool(np.all(np.isfinite(self._stiffness)))
+        self._rest = self._half_gap + self._coulomb / self._stiffness
+        self._constant = self._viscous / self._stiffness
+        self._lagging = bool(self._constant.any())
+        self.exact = not self._lagging and not self._rest.any()
+        self.damped = not self._soft and bool(self._viscous.any())
+        self._wound = np.zeros(theta.shape)
+        self._weight: dict[float, tuple[Array, Array]] = {}
+        self.theta = theta
+        self.axis = theta + start * self._half_gap
+
+    @classmethod
+    def gearhead(cls, draws: Draws, motor: int, angle: Array) -> Play:
+        """Between motor 0 or 1 and what it turns, from its angle (S,); starts in the middle."""
+        return cls(angle, np.deg2rad(_row(draws, "gearhead_backlash_deg", motor)) / 2)
+
+    @classmethod
+    def passive(cls, draws: Draws, i: int, theta: Array) -> Play:
+        """Into passive joint i (0: the paper's joint 2), from its angle (S,)."""
+        return cls(
+            theta,
+            half_gap=np.deg2rad(_row(draws, "backlash_deg", i)) / 2,
+            stiffness=_row(draws, "shaft_stiffness_nm_per_rad", i),
+            coulomb=_row(draws, "coulomb_friction_nm", i),
+            viscous=_row(draws, "viscous_friction_nms_per_rad", i),
+            start=_row(draws, "initial_play", i),
+        )
+
+    def move(self, travel: Array, h: float) -> Array:
+        """Turn the axis by `travel` (S,), rad, evenly over h seconds; returns θ (S,)."""
+        axis = self.axis = self.axis + travel
+        if self.exact:
+            self.theta = axis
+            return axis
+        still = self.theta
+        least, most = axis - self._rest, axis + self._rest
+        moved = np.minimum(np.maximum(still, least), most)
+        if self._lagging:
+            start, end = self._weight.get(h) or self._weigh(h)
+            moved = still + start * self._wound + end * (moved - still)
+            self._wound = np.minimum(np.maximum(moved, least), most) - moved
+        self.theta = moved
+        return np.asarray(moved)
+
+    def _weigh(self, h: float) -> tuple[Array, Array]:
+        """How much of the deflection at start and end of a step of length h the joint makes good.
+
+        The deflection is that of the shaft beyond rest, were the joint still. Exact while it
+        changes evenly; the step in which play is taken up counts as even from its start, an error
+        that dies out with the same time constant.
+        """
+        lag = self._constant / h
+        slow = np.where(lag > 0, lag, 1.0)
+        mean = np.where(lag > 0, -slow * np.expm1(-1 / slow), 0.0)
+        settled = np.where(lag > 0, -np.expm1(-1 / slow), 1.0)
+        self._weight[h] = (settled - (1 - mean), 1 - mean)
+        return self._weight[h]
+
+    def torque(self, turning: Array) -> Array:
+        """Torque that the joint asks of its driven axis whatever the speed, (S,), N m.
+
+        Positive against the motion; `turning` (S,) is the direction of that, −1, 0 or 1. A soft
+        shaft asks for what its twist gives. A rigid one asks for the joint's Coulomb friction once
+        its play is taken up.
+        """
+        ahead = (self.axis - self.theta) * turning
+        if self._soft:
+            return np.asarray(self._stiffness * _dead_zone(ahead, self._half_gap))
+        return np.asarray(self._touching(ahead, turning) * self._coulomb)
+
+    def damping(self, turning: Array) -> Array:
+        """Torque that comes on top for each rad/s of the joint, (S,), N m s/rad.
+
+        Only a rigid shaft asks for it; in the twist of a soft one it is contained.
+        """
+        if not self.damped:
+            return np.zeros_like(self.theta)
+        ahead = (self.axis - self.theta) * turning
+        return np.asarray(self._touching(ahead, turning) * self._viscous)
+
+    def _touching(self, ahead: Array, turning: Array) -> Array:
+        return np.asarray((ahead >= self._half_gap - TOUCH) & (turning != 0))
+
+
+def _row(draws: Draws, name: str, i: int) -> Array:
+    values = draws[name]
+    return np.asarray(values[i if len(values) > 1 else 0])
+
+
+def _dead_zone(e: Array, w: Array) -> Array:
+    return np.asarray(e - np.minimum(np.maximum(e, -w), w))

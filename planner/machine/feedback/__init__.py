@@ -1,0 +1,1 @@
+"""The tracker: `tracker` first, then `course`, `reference`, `run_up`, `estimate`, `programme`."""

@@ -1,0 +1,318 @@
+"""The course on the tracker's clock: feedforward, linear model and limits of each control period.
+
+A motor's command issued at time t acts as if at t + shift (shift: the machine's delay and lags,
+which are known; each motor has its own). Reading k is taken at tₖ, and commands that follow from it
+are issued from tₖ + wait on. When all earlier ones are carried out, at sₖ = tₖ + wait + shift, the
+motion deviates from the course by δqₖ, and a period later by
+
+    δqₖ₊₁ = Aₖ δqₖ + Bₖ vₖ₋₁→ₖ + Eₖ ε
+
+with v the correction, held over a period (or, where input rates are limited, going straight from
+the one before to the new one), and ε the relative errors of the passive coordinates' rates.
+
+The linear-quadratic regulator along the course: the tracker's law where no limit binds.
+
+The state is ξ = (δq, w, ε): deviation from the course, the correction of the period before, and the
+rates' relative errors, which stay as they are. The cost of a correction v over periods k … K−1 is
+
+    Σ (δqᵀ Q δq + vᵀ R v) τ + (v − w)ᵀ S (v − w)  +  δq_Kᵀ G δq_K
+
+(H. Kwakernaak, R. Sivan, *Linear Optimal Control Systems*, 1972, section 6.4). Errors of the path
+coordinate cost nothing where it is the disk's angle: nobody sees it, and play shifts it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.machine.feedback.course import Course, Timing
+from planner.problem.problem import Problem
+from planner.support.arrays import Array
+from planner.support.compiled_calls import Pointwise
+from planner.systems.chained_form import chained_form
+from planner.systems.triangular_system import TriangularSystem
+
+RESTING = 1e-3
+"""Part of the limit within which the drive counts as resting: less than its resolution."""
+
+FINE = 8
+"""Points at which the course's input is averaged over a tick."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """The course by periods; N coordinates, K periods of M ticks.
+
+    Attributes:
+        timing: The clock.
+        limit: Largest |u| of the tracker's commands, (2,).
+        rate: Largest |du/dt|, (2,); infinite where there is none.
+        start: The course at the first reading, (N,).
+        s: When each period's effect on the path begins, and the last one's ends, (K+1,), s.
+        q: The course then, (K+1, N).
+        feed: Its mean input in each tick, within the limit, (K, M, 2).
+        first: The same for the ticks before the first correction can act, (latency, 2).
+        A: ∂δqₖ₊₁/∂δqₖ, (K, N, N).
+        before: ∂δqₖ₊₁/∂v of the period before, (K, N, 2); zero for held corrections.
+        B: ∂δqₖ₊₁/∂v, (K, N, 2).
+        E: ∂δqₖ₊₁/∂ε, (K, N, N−2).
+        low: Least correction, (K, 2).
+        high: Greatest correction, (K, 2).
+        rows: Unit rows (K, c, N): c distances in δqₖ₊₁ that have limits.
+        floor: Their least values, (K, c).
+        ceiling: Their greatest values, (K, c).
+    """
+
+    timing: Timing
+    limit: Array
+    rate: Array
+    start: Array
+    s: Array
+    q: Array
+    feed: Array
+    first: Array
+    A: Array
+    before: Array
+    B: Array
+    E: Array
+    low: Array
+    high: Array
+    rows: Array
+    floor: Array
+    ceiling: Array
+
+
+def reference(
+    course: Course, timing: Timing, limit: Array, count: int, least_speed: float
+) -> Reference:
+    """Put a course on a clock.
+
+    Args:
+        course: What is followed.
+        timing: The clock.
+        limit: Largest |u|, (2,).
+        count: Number of periods K.
+        least_speed: Least speed along the path, as a part of the course's.
+    """
+    problem = course.plan.problem
+    issued = timing.begin + timing.wait + timing.period * np.arange(count + 1, dtype=np.float64)
+    s = issued + timing.shift[0]
+    tick, ticks = timing.tick, timing.ticks
+    told = issued[:-1, None] + tick * (np.arange(ticks) + 0.5)
+    feed = np.clip(_mean_input(course, told, timing), -limit, limit)
+    early = timing.begin + tick * (np.arange(timing.latency, dtype=float) + 0.5)
+    first = np.clip(_mean_input(course, early, timing), -limit, limit)
+    q = course.q(s)
+    q[:, 1] = course.q(issued + timing.shift[1])[:, 1]
+    middle = told + timing.shift[0]
+    ramp = bool(np.any(np.isfinite(problem.limits.input_rate)))
+    A, before, B, E = _model(problem.system, course.q(middle), course.u(middle), tick, ramp)
+    low, high = _bounds(feed, limit, np.where(s[:-1] >= 0, least_speed, 0.0))
+    rests = _resting(s, feed)
+    high[rests, 0], low[rests, 0] = RESTING * limit[0], -RESTING * limit[0]
+    rows, floor, ceiling = _state_limits(problem, q[1:], s[1:])
+    rate, start = problem.limits.input_rate, course.q(np.array(timing.begin))
+    return Reference(
+        timing,
+        limit,
+        rate,
+        start,
+        s,
+        q,
+        feed,
+        first,
+        A,
+        before,
+        B,
+        E,
+        low,
+        high,
+        rows,
+        floor,
+        ceiling,
+    )
+
+
+def resting(ref: Reference) -> NDArray[np.bool_]:
+    """Periods of the run-up in which the drive rests while θ₁ swings, (K,)."""
+    return _resting(ref.s, ref.feed)
+
+
+def _resting(s: Array, feed: Array) -> NDArray[np.bool_]:
+    return np.asarray((s[1:] <= 0) & np.all(feed[:, :, 0] == 0, axis=1))
+
+
+def _mean_input(course: Course, told: Array, timing: Timing) -> Array:
+    """The course's mean input (…, 2) in the ticks around `told` (…), each motor's when it acts."""
+    part = told[..., None] + timing.tick * ((np.arange(FINE) + 0.5) / FINE - 0.5)
+    means = [course.u(part + timing.shift[i])[..., i].mean(axis=-1) for i in range(2)]
+    return np.stack(means, axis=-1)
+
+
+@lru_cache(maxsize=32)
+def _derivatives(system: TriangularSystem) -> Pointwise:
+    """(q, u) → [∂q̇/∂q, ∂q̇/∂u, q̇ of each passive coordinate by itself], (N, N + 2 + N − 2)."""
+    q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
+    f = ca.vertcat(*system.rates_expr(q, u))
+    own = ca.diag(f)[:, 2:]
+    return Pointwise("deviation", [q, u], ca.horzcat(ca.jacobian(f, q), ca.jacobian(f, u), own))
+
+
+def _model(
+    system: TriangularSystem, q: Array, u: Array, tick: float, ramp: bool
+) -> tuple[Array, Array, Array, Array]:
+    """A, before, B and E by the midpoint rule over each tick, from q and u (K, M, ·) at middles."""
+    size, (count, ticks) = system.size, q.shape[:2]
+    slopes = _derivatives(system)(q, u)
+    effects = slopes.shape[-1] - size
+    A = np.broadcast_to(np.eye(size), (count, size, size))
+    before = np.zeros((count, size, effects))
+    now = np.zeros((count, size, effects))
+    for m in range(ticks):
+        own = slopes[:, m, :, :size]
+        step = np.eye(size) + tick * own + tick**2 / 2 * own @ own
+        effect = (tick * np.eye(size) + tick**2 / 2 * own) @ slopes[:, m, :, size:]
+        share = (m + 0.5) / ticks if ramp else 1.0
+        A, before = step @ A, step @ before + (1 - share) * effect
+        now = step @ now + share * effect
+    return A, before[..., :2], now[..., :2], (before + now)[..., 2:]
+
+
+def _bounds(feed: Array, limit: Array, least_speed: Array) -> tuple[Array, Array]:
+    """Least and greatest corrections (K, 2).
+
+    The drive of the path coordinate keeps the course's direction and the least speed; where the
+    course stands it may push on in that direction, but not turn back.
+    """
+    low, high = -limit - feed.min(axis=1), limit - feed.max(axis=1)
+    drive = feed[:, :, 0]
+    least, most = drive.min(axis=1), drive.max(axis=1)
+    way, spare = _direction(least, most), 1 - least_speed
+    low[:, 0] = np.where(way > 0, np.maximum(low[:, 0], -spare * least), low[:, 0])
+    high[:, 0] = np.where(way < 0, np.minimum(high[:, 0], -spare * most), high[:, 0])
+    return low, high
+
+
+def _direction(least: Array, most: Array) -> Array:
+    """1 forward, -1 backward, 0 free (K,), from the least and greatest drive of each period.
+
+    A period that stands takes the direction of those before and after it, if they agree; at the
+    end that of those before.
+    """
+    way = np.where(least >= 0, 1.0, 0.0) - np.where(most <= 0, 1.0, 0.0)
+    still = (least >= 0) & (most <= 0)
+    moving = np.nonzero(~still)[0]
+    if not len(moving):
+        return way
+    index = np.searchsorted(moving, np.nonzero(still)[0])
+    after = moving[np.minimum(index, len(moving) - 1)]
+    before = moving[np.maximum(index - 1, 0)]
+    way[still] = np.where(way[after] == way[before], way[before], 0.0)
+    return way
+
+
+@lru_cache(maxsize=32)
+def _second(system: TriangularSystem) -> Pointwise:
+    """Coordinates to z₂ and its gradient, (N + 1,)."""
+    q = ca.SX.sym("q", system.size)
+    z2 = chained_form(system).z_expr(q)[1]
+    return Pointwise("second", [q], ca.vertcat(z2, ca.jacobian(z2, q).T))
+
+
+def _state_limits(problem: Problem, q: Array, s: Array) -> tuple[Array, Array, Array]:
+    """Unit rows (K, c, N) with least and greatest values (K, c) at the course's q (K, N).
+
+    One row for each coordinate with a limit; one for z₂, along its gradient, where it has a margin
+    (linearised, and not before the plan's start).
+    """
+    limits, count = problem.limits, len(q)
+    chosen = np.nonzero(np.isfinite(limits.joint))[0]
+    rows = np.broadcast_to(np.eye(q.shape[1])[chosen], (count, len(chosen), q.shape[1]))
+    floor, ceiling = -limits.joint[chosen] - q[:, chosen], limits.joint[chosen] - q[:, chosen]
+    if limits.z2_margin is None:
+        return rows, floor, ceiling
+    out = _second(problem.system)(q)
+    z2, gradient = problem.z2_sign * out[:, 0], problem.z2_sign * out[:, 1:]
+    steep = np.maximum(np.linalg.norm(gradient, axis=1), 1e-9)
+    least = np.where(s >= 0, (limits.z2_margin - z2) / steep, -np.inf)
+    rows = np.concatenate([rows, (gradient / steep[:, None])[:, None]], axis=1)
+    floor = np.concatenate([floor, least[:, None]], axis=1)
+    ceiling = np.concatenate([ceiling, np.full((count, 1), np.inf)], axis=1)
+    return rows, floor, ceiling
+
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """The cost.
+
+    Attributes:
+        path: Diagonal of Q for each period's start, (K, N).
+        goal: Diagonal of G, (N,).
+        size: Diagonal of R for each period, (K, 2).
+        step: Diagonal of S, (2,).
+    """
+
+    path: Array
+    goal: Array
+    size: Array
+    step: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Regulator:
+    """The optimal law without limits, v = −gain ξ, and what deviating from it costs.
+
+    Attributes:
+        F: ξₖ₊₁ = Fₖ ξₖ + Gₖ v, (K, n, n) with n = N + 2 + N − 2.
+        G: The same, (K, n, 2).
+        gain: (K, 2, n).
+        root: (K, 2, 2): correcting by −gain ξ + root c costs |c|² more than the optimum.
+    """
+
+    F: Array
+    G: Array
+    gain: Array
+    root: Array
+
+
+def regulator(ref: Reference, weights: Weights) -> Regulator:
+    """Solve the Riccati recursion backwards."""
+    count, size = ref.A.shape[:2]
+    F, G = _augmented(ref)
+    n = F.shape[-1]
+    move = slice(size, size + 2)
+    S = np.diag(weights.step)
+    cost = np.zeros((n, n))
+    cost[range(size), range(size)] = weights.goal
+    gain, root = np.empty((count, 2, n)), np.empty((count, 2, 2))
+    for k in range(count - 1, -1, -1):
+        R = np.diag(weights.size[k]) * ref.timing.period
+        curvature = R + S + G[k].T @ cost @ G[k]
+        cross = G[k].T @ cost @ F[k]
+        cross[:, move] -= S
+        gain[k] = np.linalg.solve(curvature, cross)
+        root[k] = np.linalg.inv(np.linalg.cholesky(curvature)).T
+        cost = F[k].T @ cost @ F[k] - cross.T @ gain[k]
+        cost[range(size), range(size)] += weights.path[k] * ref.timing.period
+        cost[move, move] += S
+        cost = (cost + cost.T) / 2
+    return Regulator(F, G, gain, root)
+
+
+def _augmented(ref: Reference) -> tuple[Array, Array]:
+    count, size = ref.A.shape[:2]
+    n = size + 2 + ref.E.shape[-1]
+    F = np.zeros((count, n, n))
+    F[:, :size, :size] = ref.A
+    F[:, :size, size : size + 2] = ref.before
+    F[:, :size, size + 2 :] = ref.E
+    F[:, range(size + 2, n), range(size + 2, n)] = 1.0
+    G = np.zeros((count, n, 2))
+    G[:, :size] = ref.B
+    G[:, [size, size + 1], [0, 1]] = 1.0
+    return F, G

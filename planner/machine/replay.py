@@ -1,0 +1,331 @@
+"""A plan replayed on the emulated machine: its errors and their distribution."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.machine.closed_loop import Feedback, measured
+from planner.machine.machine import Draws, Machine
+from planner.machine.simulate import Progress, simulate
+from planner.plan.plan import Plan, expect_plan
+from planner.plan.samples import facts, imported
+from planner.support.arrays import Array
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+SETTLE_S = 0.5
+"""Default time after the plan's end with zero command, seconds."""
+
+RECORD_S = 0.02
+"""Default time between two recorded instants, seconds."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Replay:
+    """What became of a plan on S samples of a machine.
+
+    Attributes:
+        plan: The plan.
+        machine: The distribution that the samples come from.
+        seed: Seed of the draws; with `numbers` it gives every sample back.
+        numbers: Which samples, shape (S,).
+        draws: Each sample's parameters.
+        t: Recorded times, shape (R,), s; the last one is `settle_s` after the plan's end.
+        q: True coordinates, shape (S, R, N), in the coordinates' units.
+        motor_rates: Speeds of both motors, shape (S, R, 2), rad/s.
+        saturated_s: How long each motor was asked for more than its limit of speed or torque,
+            shape (S, 2), s.
+        terminal_error: True end minus plan's end, shape (S, N), in the coordinates' units.
+        deviation: Largest |true − plan| over time of the coordinates after the first, (S, N−1).
+        effort: ∫ u₁² + u₂² dt of what a controller commanded, (S,); None in open loop.
+        fallbacks: How often a controller commanded something cruder than it should, (S,).
+    """
+
+    plan: Plan
+    machine: Machine
+    seed: int
+    numbers: NDArray[np.int64]
+    draws: Draws
+    t: Array
+    q: Array
+    motor_rates: Array
+    saturated_s: Array
+    terminal_error: Array
+    deviation: Array
+    effort: Array | None
+    fallbacks: NDArray[np.int64]
+
+    def __repr__(self) -> str:
+        count = len(self.numbers)
+        low, high = self.percentile(50), self.percentile(95)
+        return (
+            f"Replay({self.plan.method} plan, {count} sample{'s' if count > 1 else ''},"
+            f" seed {self.seed}: E median {low:.3g} deg, 95 % {high:.3g} deg)"
+        )
+
+    def percentile(self, percent: float) -> float:
+        """Percentile of E over the samples, degrees; 50 is the median."""
+        return float(np.percentile(self.index_E_deg, percent))
+
+    @property
+    def angles(self) -> tuple[int, ...]:
+        """Array indices of the coordinates after the first that are angles (θ₁ … θₙ)."""
+        coordinates = self.plan.problem.system.coordinates
+        return tuple(i for i, c in enumerate(coordinates) if i and c.unit == "rad")
+
+    @property
+    def terminal_error_deg(self) -> Array:
+        """True end minus plan's end of each angle, shape (S, n), degrees, signed."""
+        return np.rad2deg(self.terminal_error[:, list(self.angles)])
+
+    @property
+    def largest_error_deg(self) -> Array:
+        """Largest |true − plan| of each angle over all steps, shape (S, n), degrees."""
+        return np.rad2deg(self.deviation[:, [i - 1 for i in self.angles]])
+
+    @property
+    def index_E_deg(self) -> Array:
+        """The paper's index of error, shape (S,), degrees: E = max |θ_r − θ_d|, eq. (29).
+
+        The paper writes a maximum over joints and leaves open over which times. We take all of
+        them, from the start until the servos have settled, since it applies the index to the curves
+        of Fig. 9 ("5 degree error on the θ3 curve"). `terminal_E_deg` is the other reading.
+        """
+        return np.asarray(self.largest_error_deg.max(axis=1))
+
+    @property
+    def terminal_E_deg(self) -> Array:
+        """Largest |error| over the angles at the end, shape (S,), degrees."""
+        return np.asarray(np.abs(self.terminal_error_deg).max(axis=1))
+
+    @property
+    def measured(self) -> Array:
+        """What the encoders read, shape (S, R, N): `q` with the angles at their resolution."""
+        return measured(self.plan.problem.system, self.draws, self.q.T).T
+
+    @property
+    def worst(self) -> int:
+        """Number of the sample with the largest E; `replay(…, samples=[worst])` gives it again."""
+        return int(self.numbers[np.argmax(self.index_E_deg)])
+
+    # Views are made of replays; these only make them easy to reach, and import them when asked.
+
+    def to_frame(self) -> pandas.DataFrame:
+        """One row a machine, errors and settings; see `planner.machine.replay.replay_frame`."""
+
+        return replay_frame(self)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Motions by sample, time and name; see `planner.machine.replay.replay_dataset`."""
+
+        return replay_dataset(self)
+
+    def summary(self) -> dict[str, Any]:
+        """The figures of a comparison table, JSON-ready, in degrees and seconds.
+
+        Median and 95th percentile of E and of the terminal error, over samples; the median of each
+        angle's terminal error; the longest time any sample's motors were saturated; and how many
+        steps of a controller fell back, over all samples.
+        """
+        end = self.terminal_E_deg
+        return {
+            "samples": len(self.numbers),
+            "seed": self.seed,
+            "E_median_deg": self.percentile(50),
+            "E_p95_deg": self.percentile(95),
+            "terminal_median_deg": float(np.median(end)),
+            "terminal_p95_deg": float(np.percentile(end, 95)),
+            "terminal_error_median_deg": np.median(self.terminal_error_deg, axis=0).tolist(),
+            "largest_error_median_deg": np.median(self.largest_error_deg, axis=0).tolist(),
+            "saturated_s": self.saturated_s.max(axis=0).tolist(),
+            "fallbacks": int(self.fallbacks.sum()),
+        }
+
+
+def replay(
+    plan: Plan,
+    machine: Machine | None = None,
+    samples: int | Sequence[int] = 1,
+    seed: int = 0,
+    feedback: bool | Feedback = False,
+    *,
+    settle_s: float = SETTLE_S,
+    record_s: float | None = RECORD_S,
+    progress: Progress | None = None,
+) -> Replay:
+    """Replay a plan on samples of an emulated machine, open loop or with feedback.
+
+    The same seed gives every plan the same machines, and sample k is the same machine whatever the
+    number of samples, so that plans can be compared sample by sample.
+
+    Args:
+        plan: An executable plan.
+        machine: The machine; the problem's `[machine]` table when left out.
+        samples: How many, or a list of sample numbers (from 0).
+        seed: Seed of the draws.
+        feedback: What closes the loop: True for the tracker with the problem's `[feedback]` table,
+            a `planner.Tracker`, or another `planner.machine.closed_loop.Feedback`; False: open
+            loop.
+        settle_s: Time after the plan's end with zero command, s, so that the lag of the servos is
+            not counted as a terminal error.
+        record_s: Time between recorded instants, s; None records the start, the plan's end and the
+            end alone. Errors are taken over all steps, recorded or not.
+        progress: Called with (steps done, steps in all).
+
+    Raises:
+        InputError: If the plan has no real inputs, the machine does not match the system, or an
+            argument is out of range.
+    """
+    refuse_inexecutable(plan)
+    closing = _feedback(feedback, plan)
+    numbers = sample_numbers(samples)
+    _check(seed, settle_s, record_s)
+    used = Machine.from_table(plan.problem.machine) if machine is None else machine
+    recording = simulate(
+        plan,
+        used,
+        numbers,
+        seed,
+        settle_s=settle_s,
+        record_s=record_s,
+        feedback=closing,
+        progress=progress,
+    )
+    return Replay(
+        plan=plan,
+        machine=used,
+        seed=seed,
+        numbers=numbers,
+        draws=recording.draws,
+        t=recording.t,
+        q=recording.q,
+        motor_rates=recording.speed,
+        saturated_s=recording.saturated_s,
+        terminal_error=recording.q[:, -1] - plan.q(plan.duration),
+        deviation=recording.deviation,
+        effort=recording.effort,
+        fallbacks=recording.fallbacks,
+    )
+
+
+def _feedback(feedback: bool | Feedback, plan: Plan) -> Feedback | None:
+    if feedback is True:
+        from planner.machine.feedback.tracker import Tracker  # with OSQP, which only this needs
+
+        return Tracker(plan.problem.feedback)
+    if feedback is False:
+        return None
+    if not callable(getattr(feedback, "start", None)):
+        raise InputError(f"feedback = {feedback!r}: must be True, False, or a planner.Tracker")
+    return feedback
+
+
+def refuse_inexecutable(plan: Plan) -> None:
+    """Refuse a plan that has no real inputs.
+
+    Raises:
+        InputError: Naming when and where it leaves the chart's domain.
+    """
+    expect_plan(plan)
+    if plan.executable:
+        return
+    domain = plan.domain
+    times = ", ".join(f"{t:.4g}" for t in domain.singular_times_s[:8]) or f"{domain.time_s:.4g}"
+    raise InputError(
+        f"this {plan.method} plan cannot be replayed: it leaves the chart's domain, so that it has"
+        f" no real inputs (crossings at t = {times} s; {domain.label}: {domain.margin:.4g})"
+    )
+
+
+MOST_MACHINES = 1_000_000
+"""Machines of one replay; so many take hours, and more take more memory than a computer has."""
+
+
+def sample_numbers(samples: int | Sequence[int]) -> NDArray[np.int64]:
+    """Numbers of the first so many samples, or those given, checked; shape (S,).
+
+    Raises:
+        InputError: If there is none, or one is not a whole number from 0.
+    """
+    if isinstance(samples, bool):
+        raise InputError(f"samples = {samples}: give how many, or a list of sample numbers")
+    if isinstance(samples, int) and samples > MOST_MACHINES:
+        raise InputError(f"samples = {samples}: at most {MOST_MACHINES} machines")
+    numbers = np.arange(samples) if isinstance(samples, int | np.integer) else np.asarray(samples)
+    if (
+        numbers.ndim != 1
+        or numbers.size == 0
+        or numbers.dtype.kind not in "iu"
+        or numbers.min() < 0
+    ):
+        raise InputError(
+            f"samples = {samples}: give how many (at least 1), or a list of sample numbers from 0"
+        )
+    return numbers.astype(np.int64)
+
+
+def _check(seed: int, settle_s: float, record_s: float | None) -> None:
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise InputError(f"seed = {seed}: must be an integer >= 0")
+    if not (np.isfinite(settle_s) and settle_s >= 0):
+        raise InputError(f"settle_s = {settle_s}: must be a time >= 0, in seconds")
+    if record_s is not None and not (np.isfinite(record_s) and record_s > 0):
+        raise InputError(f"record_s = {record_s}: must be a time > 0, in seconds, or None")
+
+
+def replay_frame(replay: Replay) -> pandas.DataFrame:
+    """One row a machine: its errors, and every setting of it that differs from machine to machine.
+
+    Index: number of the sample. Columns: E_deg (eq. 29), terminal_E_deg, terminal_NAME_deg for each
+    angle, then settings by name, with _1, _2 ... where there is one a motor or joint.
+
+    Raises:
+        InputError: If pandas is not installed.
+    """
+    columns: dict[str, Array] = {}
+    if replay.angles:
+        columns |= {"E_deg": replay.index_E_deg, "terminal_E_deg": replay.terminal_E_deg}
+    coordinates = replay.plan.problem.system.coordinates
+    for i, error in zip(replay.angles, replay.terminal_error_deg.T, strict=True):
+        columns[f"terminal_{coordinates[i].name}_deg"] = error
+    for name, values in replay.draws.values.items():
+        for k, row in enumerate(values, start=1):
+            if np.ptp(row) > 0:
+                columns[name if len(values) == 1 else f"{name}_{k}"] = row
+    pandas = imported("pandas")
+    frame = pandas.DataFrame(columns, index=pandas.Index(replay.numbers, name="sample"))
+    frame.attrs = {**facts(replay.plan), "seed": replay.seed}
+    return frame
+
+
+def replay_dataset(replay: Replay) -> xarray.Dataset:
+    """True motions and motor speeds of every machine: q and motor_rates over sample and time.
+
+    Raises:
+        InputError: If xarray is not installed.
+    """
+    system = replay.plan.problem.system
+    dataset: xarray.Dataset = imported("xarray").Dataset(
+        {
+            "q": (("sample", "time", "coordinate"), replay.q),
+            "motor_rates": (("sample", "time", "input"), replay.motor_rates),
+            "terminal_error": (("sample", "coordinate"), replay.terminal_error),
+        },
+        coords={
+            "sample": replay.numbers,
+            "time": ("time", replay.t, {"units": "s"}),
+            "coordinate": [c.name for c in system.coordinates],
+            "input": [c.name for c in system.inputs],
+            "unit_of_q": ("coordinate", [c.unit for c in system.coordinates]),
+        },
+        attrs={**facts(replay.plan), "seed": replay.seed},
+    )
+    return dataset

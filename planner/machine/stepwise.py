@@ -1,0 +1,300 @@
+"""Some samples of a machine in motion: the loop over steps, in NumPy, for any plant.
+
+Any system whose inputs are the motors themselves, with nothing between motor and motion.
+
+The manipulator with inertia: two masses an axis, backlash by Nordin and Gutman, real torques.
+
+The gap position is a state of its own (M. Nordin, P.-O. Gutman, Automatica 38, 2002, 1633): with
+twist x of the shaft and position b of the axis in its play, |b| <= gap/2,
+
+    x + b = axis − joint,    T = k x + c ẋ,    T in the normal cone of [−gap/2, gap/2] at b
+
+so that T = 0 inside the play and never pulls: the shaft's damping cannot hold the teeth together.
+Each servo is a velocity loop around what `servo` makes of the command, with that acceleration fed
+forward, integral action and a torque limit; the torque of the load acts back on the motor. Friction
+contacts hold up to their capacity; below it they slip by creep_per_nm times torque times rate.
+Creep without load counts as a smaller rolling radius: it costs travel and no power.
+
+Stepped by `dynamic.c` where it is compiled, else by `march`, with the same numbers to rounding.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.machine import compiled
+from planner.machine.commands import Orders, Steps, lengths
+from planner.machine.disk_chain import Chain
+from planner.machine.machine import Draws, Machine
+from planner.machine.march import GAMMA, March, begin
+from planner.machine.servos import Servos
+from planner.plan.plan import Plan
+from planner.support.arrays import Array
+from planner.systems.manipulator import Manipulator
+from planner.systems.triangular_system import TriangularSystem
+
+REPORT_EVERY = 250
+"""Steps between two reports of progress."""
+
+
+class Plant(Protocol):
+    """What the motors move."""
+
+    @property
+    def q(self) -> Array:
+        """Coordinates, (N, S)."""
+
+    def step(self, speed: Array, travel: Array, h: float) -> None:
+        """Advance by h seconds under motor speeds (P, 2, S) and travels (P−1, 2, S)."""
+
+
+class Motion(Protocol):
+    """S samples that advance together and can be looked at in between.
+
+    Attributes:
+        q: Recorded coordinates, (S, R, N).
+        speed: Recorded speeds of the motors, (S, R, 2).
+        deviation: Largest |true − plan| so far of each coordinate after the first, (S, N−1).
+        saturated_s: Seconds so far for which each motor was asked for more than its limit, (S, 2).
+    """
+
+    q: Array
+    speed: Array
+
+    @property
+    def now(self) -> Array:
+        """Coordinates, (N, S)."""
+
+    @property
+    def deviation(self) -> Array:
+        """See the class."""
+
+    @property
+    def saturated_s(self) -> Array:
+        """See the class."""
+
+    def advance(self, last: int, tell: Steps | None = None) -> None:
+        """Go on from where it stands to the point `last` of the command's grid."""
+
+
+class Stepwise:
+    """A `Motion` that steps any plant, all samples at once.
+
+    Args:
+        plan: The plan.
+        machine: What the samples have in common.
+        draws: The machines.
+        orders: What the servos are told, and the grid of M steps.
+        desired: The plan's coordinates after the first at the grid's points, (M+1, N−1, 1); NaN
+            where no deviation counts.
+        rows: Which points of the grid to record, increasing; the first is 0, the last M.
+        start: True coordinates at the start, (N, S).
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        machine: Machine,
+        draws: Draws,
+        orders: Orders,
+        desired: Array,
+        rows: NDArray[np.int64],
+        start: Array,
+    ) -> None:
+        self._orders, self._desired = orders, desired
+        self._rows = {int(k): row for row, k in enumerate(rows)}
+        self._lengths = lengths(orders.t)
+        self._servos = Servos(draws)
+        self._plant = plant(plan, machine, draws, start)
+        self._k = 0
+        self._gap = np.nan_to_num(np.abs(start[1:] - desired[0]))
+        self.q = np.empty((draws.count, len(rows), len(start)))
+        self.speed = np.empty((draws.count, len(rows), 2))
+
+    @property
+    def now(self) -> Array:
+        """See `Motion`."""
+        return self._plant.q
+
+    @property
+    def deviation(self) -> Array:
+        """See `Motion`."""
+        return np.asarray(self._gap.T)
+
+    @property
+    def saturated_s(self) -> Array:
+        """See `Motion`."""
+        limited = self._plant.limited_s if isinstance(self._plant, DynamicChain) else 0.0
+        return np.asarray((self._servos.saturated_s + limited).T)
+
+    def advance(self, last: int, tell: Steps | None = None) -> None:
+        """See `Motion`."""
+        orders, end = self._orders, len(self._lengths)
+        for k in range(self._k, last):
+            h = self._lengths[k]
+            speed, travel = self._servos.step(orders.at(k), h, bool(orders.running[k]))
+            self._record(k, speed[0])
+            self._plant.step(speed, travel, h)
+            gap = np.abs(self._plant.q[1:] - self._desired[k + 1])
+            np.fmax(self._gap, gap, out=self._gap)
+            if tell and (k + 1) % REPORT_EVERY == 0:
+                tell(k + 1)
+            if k + 1 == end:
+                self._record(end, speed[-1])
+        self._k = last
+
+    def _record(self, k: int, speed: Array) -> None:
+        row = self._rows.get(k)
+        if row is not None:
+            if isinstance(self._plant, DynamicChain):
+                speed = self._plant.motor_rates  # not what the drives aim at
+            self.q[:, row] = self._plant.q.T
+            self.speed[:, row] = speed.T
+
+
+def plant(plan: Plan, machine: Machine, draws: Draws, start: Array) -> Plant:
+    """What the motors move: the disk chain of a manipulator, or the bare system of any other."""
+    system = plan.problem.system
+    if isinstance(system, Manipulator) and machine.fidelity == "dynamic":
+        return DynamicChain(system, draws, start)
+    if isinstance(system, Manipulator):
+        return Chain(system, draws, start)
+    return Direct(system, start)
+
+
+class Direct:
+    """S copies of a system, integrated by the classical Runge–Kutta method (order 4).
+
+    Args:
+        system: The system.
+        q: Coordinates at the start, (N, S).
+    """
+
+    def __init__(self, system: TriangularSystem, q: Array) -> None:
+        self._system = system
+        self._q = q.T.copy()
+
+    @property
+    def q(self) -> Array:
+        """Coordinates, shape (N, S)."""
+        return self._q.T
+
+    def step(self, speed: Array, travel: Array, h: float) -> None:
+        """Advance by h seconds under motor speeds (P, 2, S) at the step's points.
+
+        Without a middle point (P = 2) the speeds are taken as linear between. `travel` is there for
+        systems with gears and is not used.
+        """
+        points = np.swapaxes(speed, 1, 2)
+        start, end = points[0], points[-1]
+        middle = points[1] if len(points) > 2 else (start + end) / 2
+        rates, q = self._system.rates, self._q
+        k1 = rates(q, start)
+        k2 = rates(q + h / 2 * k1, middle)
+        k3 = rates(q + h / 2 * k2, middle)
+        k4 = rates(q + h * k3, end)
+        self._q = q + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+
+class DynamicChain:
+    """S manipulators with inertia.
+
+    Args:
+        system: The manipulator as the planner knows it.
+        draws: The machines.
+        q: Coordinates at the start, (N, S); everything is at rest then.
+
+    Attributes:
+        limited_s: Seconds so far at each motor's torque limit, (2, S).
+    """
+
+    def __init__(self, system: Manipulator, draws: Draws, q: Array) -> None:
+        self._march = march = begin(system, draws, q)
+        self._at, self._masses, self._y = march.place, march.data, march.y
+        self._shape, self._energy = (2, draws.count), march.energy
+        self._compiled, self._last = _compiled(self._march), np.inf
+        self.limited_s = np.zeros(self._shape)
+
+    @property
+    def q(self) -> Array:
+        """Coordinates (φₙ₋₁, θ₁ … θₙ), shape (N, S), rad."""
+        return self._y[self._at.q]
+
+    @property
+    def motor_rates(self) -> Array:
+        """Speeds of the motors, behind their gearheads' ratio, (2, S), rad/s."""
+        return self._y[self._at.bodies.motors]
+
+    @property
+    def shaft_torque(self) -> Array:
+        """Of the shafts into joints 2 … n, springs and damping, (n−1, S), N m."""
+        return np.asarray(self._y[self._at.torque][2:])
+
+    @property
+    def gap(self) -> Array:
+        """Where the axes of joints 2 … n are in their play, (n−1, S), rad; 0 is the middle."""
+        return np.asarray(self._y[self._at.gap][2:])
+
+    @property
+    def stored_J(self) -> Array:
+        """Kinetic energy and that of the shafts, (S,), J."""
+        v, twist = self._y[self._at.v], self._y[self._at.twist]
+        kinetic = np.sum(self._masses.inertia * v * v, axis=0)
+        return np.asarray((kinetic + np.sum(self._masses.stiffness * twist * twist, axis=0)) / 2)
+
+    @property
+    def work_J(self) -> Array:
+        """Work of the motors so far, (S,), J."""
+        return np.asarray(self._energy[0])
+
+    @property
+    def lost_J(self) -> Array:
+        """What friction, slip and damping took of it, (S,), J; rigid teeth that meet take more."""
+        return np.asarray(self._energy[1])
+
+    def step(self, speed: Array, travel: Array, h: float) -> None:
+        """Advance by a step.
+
+        Args:
+            speed: That the motors should have at the step's P points (2 or 3), (P, 2, S), rad/s.
+            travel: Likewise, from the start to each later point, (P−1, 2, S), rad.
+            h: Length of the step, s.
+        """
+        mean = np.ascontiguousarray(np.broadcast_to(travel[-1] / h, self._shape))
+        swing = np.ascontiguousarray(np.broadcast_to(speed[-1] - speed[0], self._shape))
+        lead, self._last = min(1.0, h / self._last) / 2, h
+        step = self._compiled or self._march.step
+        step(mean, swing, h, lead)
+        self.limited_s += h * (self._march.pieces[:2] != 0)
+
+
+class _Compiled:
+    """`March.step` in compiled code."""
+
+    def __init__(self, function: Any, march: March) -> None:
+        function.argtypes = [ctypes.c_int64] * 3 + [ctypes.c_double] * 4 + [ctypes.c_void_p] * 7
+        kept = (march.table, march.y, march.pieces, march.gained, march.energy)
+        self._function, self._k_g, self._arrays = function, march.k_g, kept
+        self._size = (len(march.gained), len(march.y))
+        self._masses, *self._state = (array.ctypes.data for array in kept)
+
+    def fits(self) -> bool:
+        """Whether the compiled code has room for the joints, and the same rows."""
+        return not self._function(*self._size, 0, 1.0, 0.5, GAMMA, 1.0, *[None] * 7)
+
+    def __call__(self, mean: Array, swing: Array, h: float, lead: float) -> None:
+        """See `March.step`."""
+        inputs = (self._masses, mean.ctypes.data, swing.ctypes.data)
+        size = (*self._size, mean.shape[1])
+        self._function(*size, h, lead, GAMMA, self._k_g, *inputs, *self._state)
+
+
+def _compiled(march: March) -> _Compiled | None:
+    """None where there is no compiled code that fits."""
+    function = getattr(compiled.library(), "planner_dynamic_march", None)
+    found = _Compiled(function, march) if function is not None else None
+    return found if found is not None and found.fits() else None

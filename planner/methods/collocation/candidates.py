@@ -1,0 +1,280 @@
+"""First guesses: seeds that say how the two driven coordinates wander on the way to the goal.
+
+The path coordinate q₁ and the driven one q₂ follow a straight line plus the seed's excursion; the
+others follow a straight line. The guess does not obey the kinematics: the solver sees to that. An
+excursion matters where a straight line has no slope to follow, as at θ = 0, and where the path
+coordinate must turn back.
+
+Waypoints on the way: in which order and when they are passed, and guesses that pass them.
+
+A waypoint is an edge of the mesh at which some coordinates are fixed. One with a time has its place
+in the mesh; the others are first placed by distance. The systems are driftless, so how long each
+part of the way may take is settled afterwards: least effort moves at the same speed everywhere, and
+so parts get time in proportion to their length (`rebalanced`), which is repeated until it settles.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.methods.collocation.task import Task, task
+from planner.methods.collocation.transcription.form import Mesh, through, uniform
+from planner.methods.collocation.transcription.transcription import Transcription
+from planner.methods.collocation.transcription.unknowns import Iterate
+from planner.problem.problem import Problem
+from planner.problem.requirements.places import Waypoint
+from planner.support.arrays import Array
+
+Excursion = Callable[[Array], Array]
+SAMPLES = 1001
+LARGEST_GUESS_RAD = 1.3
+
+
+@dataclass(frozen=True)
+class Seed:
+    """A named excursion.
+
+    Attributes:
+        name: For reports.
+        path: Excursion of q₁ over s in [0, 1], in its unit for distances near one.
+        driven: Excursion of q₂.
+    """
+
+    name: str
+    path: Excursion
+    driven: Excursion
+
+
+def seeds(kind: str, count: int = 12) -> list[Seed]:
+    """Seeds of one kind, or for "auto" all of them in the order in which they are tried.
+
+    - straight: a line, with a slight excursion of q₂.
+    - bump: q₁ goes out and back, q₂ makes its excursion on the way back.
+    - reverse: q₁ first leaves the line, then returns late; q₂ goes out and back.
+    - wander: smooth random loops, from `count` fixed random seeds.
+    """
+    known = _known()
+    wander = [_wander(k) for k in range(max(count, 2))]
+    if kind != "auto":
+        return wander if kind == "wander" else [*known[kind]]
+    straight, bump, reverse = known.values()
+    first = [straight[0], bump[0], reverse[0], wander[0], wander[1], bump[1], reverse[1]]
+    return [*first, *wander[2:]][:count]
+
+
+@lru_cache(maxsize=1)
+def _known() -> dict[str, list[Seed]]:
+    return {
+        "straight": [_straight()],
+        "bump": [_bump(a, b) for a, b in ((1.0, 0.8), (-1.0, -0.8), (-1.0, 0.8), (1.0, -0.8))],
+        "reverse": [_reverse(a, b) for a, b in ((-0.7, 0.8), (0.7, -0.8), (0.7, 0.8))],
+    }
+
+
+def guess(problem: Problem, made: Transcription, mesh: Mesh, seed: Seed) -> Iterate:
+    """The unknowns along a seed."""
+    s = np.linspace(0.0, 1.0, SAMPLES)
+    q = _states(problem, mesh, seed, s)
+    rates = np.gradient(q[:, :2], s, axis=0)
+    rates[:, 0] /= _away_from_zero(problem.system.drive(q))
+    duration = problem.duration or _duration(problem, rates)
+    where = made.form.input_places(mesh)
+    return Iterate(
+        duration=duration,
+        nodes=_interpolate(mesh.edges, s, q),
+        points=_interpolate(mesh.at(made.form.scheme.points), s, q),
+        inputs=_interpolate(where, s, rates) / duration,
+    )
+
+
+def likely_travel(problem: Problem) -> float:
+    """Travel given, or the one that best fits the others' moves at the middle's slopes."""
+    if problem.travel is not None:
+        return problem.travel
+    moves = (problem.goal - problem.start)[2:]
+    middle = np.append(problem.start[0], (problem.start[1:] + problem.goal[1:]) / 2)
+    slopes = problem.system.slopes(middle)
+    size = float(slopes @ slopes)
+    return float(slopes @ moves) / size if size > 1e-12 else 0.0
+
+
+def _states(problem: Problem, mesh: Mesh, seed: Seed, s: Array) -> Array:
+    travel = likely_travel(problem)
+    q = through_waypoints(problem, mesh.knots, travel, s)
+    q[:, 0] += max(1.0, abs(travel) / 2) * seed.path(s)
+    q[:, 1] += seed.driven(s)
+    limit = problem.limits.joint.copy()
+    if problem.system.coordinates[1].unit == "rad":
+        limit[1] = min(limit[1], LARGEST_GUESS_RAD)
+    return np.clip(q, -limit, limit)
+
+
+def through_waypoints(problem: Problem, knots: Array, travel: float, s: Array) -> Array:
+    """Straight lines from start to goal by way of the waypoints, shape (S, N), at s (S,)."""
+    goal = problem.goal.copy()
+    goal[0] = problem.start[0] + travel
+    known = np.array([problem.start, *(w.q for w in problem.waypoints), goal])
+    return np.stack([_filled(s, knots, column) for column in known.T], axis=-1)
+
+
+def _filled(s: Array, knots: Array, values: Array) -> Array:
+    known = ~np.isnan(values)
+    return np.interp(s, knots[known], values[known])
+
+
+def _duration(problem: Problem, rates: Array) -> float:
+    limit = np.where(np.isfinite(problem.limits.input), problem.limits.input, 1.0)
+    return 1.5 * float(np.max(np.mean(np.abs(rates), axis=0) / limit)) + 0.01
+
+
+def _away_from_zero(values: Array) -> Array:
+    return np.where(np.abs(values) < 0.05, 0.05, values)
+
+
+def _interpolate(where: Array, s: Array, values: Array) -> Array:
+    return np.stack([np.interp(where, s, column) for column in values.T], axis=-1)
+
+
+def _straight() -> Seed:
+    return Seed("straight", np.zeros_like, lambda s: 0.1 * np.sin(np.pi * s))
+
+
+def _bump(path: float, driven: float) -> Seed:
+    return Seed(
+        f"bump {_sign(path)}{_sign(driven)}",
+        lambda s: path * np.sin(np.pi * s),
+        lambda s: driven * np.maximum(0.0, np.sin(2 * np.pi * (s - 0.5))),
+    )
+
+
+def _reverse(path: float, driven: float) -> Seed:
+    return Seed(
+        f"reverse {_sign(path)}{_sign(driven)}",
+        lambda s: 2 * path * s * np.sin(np.pi * s) ** 2,
+        lambda s: driven * np.sin(np.pi * s),
+    )
+
+
+def _wander(number: int) -> Seed:
+    terms = 3 + number % 4
+    path, driven = np.random.default_rng(number).normal(size=(2, terms)) * 0.75
+
+    def series(weights: Array) -> Excursion:
+        k = np.arange(1, terms + 1)
+        return lambda s: np.asarray(np.sin(np.pi * s[:, None] * k) @ weights)
+
+    return Seed(f"wander {number}", series(path), series(driven))
+
+
+def _sign(value: float) -> str:
+    return "+" if value > 0 else "-"
+
+
+MOST_ORDERS = 6
+"""Orders of waypoints without a time that are tried; the shortest by straight lines first."""
+
+MOST_SORTED = 5040
+"""Orders that are sorted: those of seven waypoints without a time, in about a second."""
+
+LEAST_SHARE = 0.02
+"""Least part of the duration between two waypoints where the planner chooses it."""
+
+
+def routes(problem: Problem) -> list[Problem]:
+    """The problem with its waypoints in each order worth trying, the shortest by straight lines
+    first; itself where there is no choice.
+
+    Raises:
+        InputError: If there are too many orders.
+    """
+    if len(problem.waypoints) < 2:
+        return [problem]
+    count = len(problem.waypoints)
+    free = sum(w.time_s is None for w in problem.waypoints)
+    if (ways := math.perm(count, free)) > MOST_SORTED:
+        raise InputError(
+            f"{problem.source}: {count} waypoints, {free} of them without a time, may be passed in"
+            f" {ways:.3g} orders; at most {MOST_SORTED} are looked at, so give more of them a time"
+        )
+    orders = sorted(_orders(problem), key=lambda order: _length(problem, order))
+    return [replace(problem, waypoints=order) for order in orders[:MOST_ORDERS]]
+
+
+def mesh_through(problem: Problem, intervals: int) -> Mesh:
+    """About as many intervals, even between the waypoints, with an edge at each in their order."""
+    if not problem.waypoints:
+        return uniform(intervals)
+    return through(intervals, _fractions(problem, problem.waypoints))
+
+
+def rebalanced(job: Task, iterate: Iterate) -> tuple[Task, Iterate] | None:
+    """The task and iterate with time shared out anew among the parts; None where it is settled."""
+    old = job.mesh.knots
+    new = _shared_out(job, iterate)
+    if np.max(np.abs(new - old)) < 0.002:
+        return None
+    edges = np.interp(job.mesh.edges, old, new)
+    mesh = Mesh(edges, job.mesh.marks)
+    pace = np.diff(job.mesh.edges) / np.diff(edges)
+    form = job.made.form
+    factor = pace[:, None]
+    if len(iterate.inputs) != len(pace):
+        factor = np.append(pace, pace[-1])[:, None]
+    moved = replace(iterate, inputs=iterate.inputs * factor)
+    fresh = task(job.problem, job.objective, form, mesh, job.asked, job.settings)
+    return fresh, moved
+
+
+def _orders(problem: Problem) -> list[tuple[Waypoint, ...]]:
+    """Every order of the waypoints in which those with a time follow their times."""
+    timed = [w for w in problem.waypoints if w.time_s is not None]
+    orders = [tuple(sorted(timed, key=lambda w: w.time_s or 0.0))]
+    for free in (w for w in problem.waypoints if w.time_s is None):
+        orders = [(*o[:k], free, *o[k:]) for o in orders for k in range(len(o) + 1)]
+    return orders
+
+
+def _length(problem: Problem, order: tuple[Waypoint, ...]) -> float:
+    return float(np.sum(_steps(problem, order)))
+
+
+def _steps(problem: Problem, order: tuple[Waypoint, ...]) -> Array:
+    """Straight-line distances from each place to the next, in joint space without q₁."""
+    places = np.linspace(0.0, 1.0, len(order) + 2)
+    q = through_waypoints(replace(problem, waypoints=order), places, 0.0, places)
+    return np.asarray(np.linalg.norm(np.diff(q[:, 1:], axis=0), axis=1))
+
+
+def _fractions(problem: Problem, order: tuple[Waypoint, ...]) -> list[float]:
+    """When each is passed: its time, or in proportion to distance between those that have one."""
+    total = problem.duration or 1.0
+    fixed = [0.0, *(np.nan if w.time_s is None else w.time_s / total for w in order), 1.0]
+    return list(_between(np.array(fixed), _steps(problem, order) + 1e-3)[1:-1])
+
+
+def _between(knots: Array, needs: Array) -> Array:
+    """Knots with those that are NaN placed between their neighbours in proportion to needs."""
+    covered = np.append(0.0, np.cumsum(needs))
+    known = ~np.isnan(knots)
+    out = np.interp(covered, covered[known], knots[known])
+    return np.where(known, knots, out)
+
+
+def _shared_out(job: Task, iterate: Iterate) -> Array:
+    left, right = iterate.input_ends()
+    weights = np.sqrt(job.objective.weights[1:3])
+    if job.problem.duration is None or not np.any(weights):
+        limit = job.problem.limits.input
+        weights = np.where(np.isfinite(limit), 1 / limit, 1.0)
+    speed = np.linalg.norm((left + right) / 2 * weights, axis=1) * job.mesh.widths
+    needs = np.add.reduceat(speed, [0, *job.mesh.marks])
+    needs = np.maximum(needs, LEAST_SHARE * np.sum(needs))
+    timed = [w.time_s is not None for w in job.problem.waypoints]
+    fixed = np.where([True, *timed, True], job.mesh.knots, np.nan)
+    return _between(fixed, needs)

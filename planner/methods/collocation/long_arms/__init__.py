@@ -1,0 +1,1 @@
+"""Paths for arms where no guess leads anywhere: `ladder`, `bridges`, `held`."""

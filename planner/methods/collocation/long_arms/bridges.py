@@ -1,0 +1,327 @@
+"""Gaps closed: at each step the nearest motion whose gaps are a little smaller.
+
+One piece of a path: constant inputs for a unit of time, by a few Runge-Kutta steps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.problem.problem import Problem
+from planner.support.arrays import Array
+from planner.support.ipopt import Ipopt
+from planner.systems.triangular_system import TriangularSystem
+
+Index = NDArray[np.int64]
+
+FIRST_SHARE, LEAST_SHARE = 0.3, 4e-3
+"""Shares of the gaps below which a step is given up: the first one soon, since a chain that cannot
+lose a third of its gaps at once has never been seen to lose less."""
+
+QUICK = 25
+"""Iterations after which a step counts as hard, and the next is no longer."""
+
+ITERATIONS = 40
+PATIENCE = 200
+"""Iterations in all after which a continuation is given up: others are quicker than a hard one."""
+
+RESIDUAL = 1e-6
+CORRECTIONS, PARTS = 2, 8
+"""Times that an exact chain is corrected, and parts in which each of its pieces is integrated: more
+than whoever judges it takes, or two equal errors would pass for none."""
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Pieces one after the other.
+
+    Attributes:
+        q: Coordinates before each piece and at the end, shape (K+1, N).
+        u: Integrals of the inputs over each piece, shape (K, 2).
+        gap: Jumps of the coordinates after each piece, shape (K, N).
+    """
+
+    q: Array
+    u: Array
+    gap: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Ends:
+    """What a closed chain must keep.
+
+    Attributes:
+        start: Shape (N,).
+        goal: Shape (N,), NaN where free.
+        limit: Largest |q|, shape (N,).
+    """
+
+    start: Array
+    goal: Array
+    limit: Array
+
+    @classmethod
+    def of(cls, problem: Problem, share: float = 1.0) -> Ends:
+        """Those of a problem, with a share of its limits, but start and goal always inside."""
+        given = np.fmax(np.abs(problem.start), np.abs(problem.target))
+        limit = np.fmax(share * problem.limits.joint, given)
+        return cls(problem.start, problem.target, limit)
+
+
+def finer(system: TriangularSystem, chain: Chain, limited: list[int], turn: float) -> Chain:
+    """The chain cut so that no limited coordinate turns by more than `turn` in a piece.
+
+    What the longer pieces got wrong becomes gaps.
+    """
+    parts, piece, share = cuts(chain.q, limited, turn)
+    before = ends_of(system, chain.q[:-1][piece], chain.u[piece] * share[:, None])
+    u = chain.u[piece] / parts[piece, None]
+    q = np.vstack([before, chain.q[-1:]])
+    return Chain(q, u, q[1:] - ends_of(system, q[:-1], u))
+
+
+def cuts(q: Array, limited: list[int], turn: float) -> tuple[Index, Index, Array]:
+    """How to cut pieces between q (K+1, N) so that no limited coordinate turns by more in a part.
+
+    Returns:
+        Parts of each piece, shape (K,); for each part its piece and the share of it that is before.
+    """
+    turns = np.max(np.abs(np.diff(q, axis=0)[:, limited]), axis=1)
+    parts = np.maximum(1, np.ceil(turns / turn)).astype(int)
+    share = np.concatenate([np.arange(n) / n for n in parts])
+    return parts, np.repeat(np.arange(len(parts)), parts), share
+
+
+def closed(system: TriangularSystem, chain: Chain, ends: Ends) -> tuple[Chain | None, float]:
+    """The chain without its gaps, or None where the continuation is stuck; and the share closed.
+
+    Args:
+        system: What moves.
+        chain: With gaps.
+        ends: What the answer keeps.
+    """
+    nearest = _nearest(system, len(chain.u))
+    share, step, iterations = 0.0, 1.0, 0
+    whole = chain.gap
+    while iterations < PATIENCE:
+        aim = min(1.0, share + step)
+        found, made = nearest(chain, (1.0 - aim) * whole, ends)
+        iterations += made
+        if found is None:
+            step /= 3
+            if step < (LEAST_SHARE if share else FIRST_SHARE):
+                break
+            continue
+        chain, share = found, aim
+        if share == 1.0:
+            return chain, share
+        step *= 2.0 if made < QUICK else 1.0
+    return None, share
+
+
+def exact(system: TriangularSystem, chain: Chain, ends: Ends) -> Chain | None:
+    """The nearest chain that is a motion to more digits than one piece's Runge-Kutta steps have."""
+    for _ in range(CORRECTIONS):
+        error = _finely(system, chain) - ends_of(system, chain.q[:-1], chain.u)
+        found, _ = _nearest(system, len(chain.u))(chain, error, ends)
+        if found is None:
+            return None
+        chain = found
+    return chain
+
+
+def _finely(system: TriangularSystem, chain: Chain) -> Array:
+    """Where the pieces lead, shape (K, N), in steps as short as parts of them."""
+    q = chain.q[:-1]
+    for _ in range(PARTS):
+        q = ends_of(system, q, chain.u / PARTS)
+    return q
+
+
+class _Nearest:
+    """The chain nearest to another, with given gaps, within limits, by IPOPT.
+
+    The unknowns are (q₀, u₀, q₁, u₁, …, q_K); the derivatives are those of one piece, repeated.
+    """
+
+    def __init__(self, system: TriangularSystem, count: int) -> None:
+        self._size, self._count = system.size, count
+        self._solver = Ipopt("nearest", *_programme(system, count))
+
+    def __call__(self, chain: Chain, gap: Array, ends: Ends) -> tuple[Chain | None, int]:
+        lower, upper = self._bounds(ends)
+        at = self._pack(chain.q, chain.u)
+        found = self._solver(
+            x0=np.clip(at, lower, upper),
+            p=at,
+            lbx=lower,
+            ubx=upper,
+            lbg=gap.ravel(),
+            ubg=gap.ravel(),
+        )
+        made = int(self._solver.stats()["iter_count"])
+        excess = float(np.max(np.abs(np.asarray(found["g"]).ravel() - gap.ravel())))
+        if not excess <= RESIDUAL:
+            return None, made
+        q, u = self._unpack(np.asarray(found["x"]).ravel())
+        return Chain(q, u, gap), made
+
+    def _pack(self, q: Array, u: Array) -> Array:
+        return np.concatenate([np.concatenate([q[:-1], u], axis=1).ravel(), q[-1]])
+
+    def _unpack(self, vector: Array) -> tuple[Array, Array]:
+        body = vector[: -self._size].reshape(self._count, self._size + 2)
+        return np.vstack([body[:, : self._size], vector[-self._size :]]), body[:, self._size :]
+
+    def _bounds(self, ends: Ends) -> tuple[Array, Array]:
+        upper = np.repeat(ends.limit[None], self._count + 1, axis=0)
+        lower = -upper
+        lower[0] = upper[0] = ends.start
+        known = ~np.isnan(ends.goal)
+        lower[-1, known] = upper[-1, known] = ends.goal[known]
+        free = np.full((self._count, 2), np.inf)
+        return self._pack(lower, -free), self._pack(upper, free)
+
+
+@lru_cache(maxsize=8)
+def _nearest(system: TriangularSystem, count: int) -> _Nearest:
+    return _Nearest(system, count)
+
+
+def _programme(system: TriangularSystem, count: int) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The problem and the solver's options, with the derivatives."""
+    size = system.size
+    w, near = (ca.MX.sym(name, count * (size + 2) + size) for name in ("w", "near"))
+    columns = ca.reshape(w[:-size], size + 2, count)
+    q, u = columns[:size, :], columns[size:, :]
+    after = ca.horzcat(q[:, 1:], w[-size:])
+    one = piece(system)
+    f, g = ca.sumsqr(w - near), ca.vec(after - one.end.map(count)(q, u))
+    scale, dual = ca.MX.sym("scale"), ca.MX.sym("dual", size * count)
+    curved = one.curvature.map(count)(q, u, ca.reshape(dual, size, count))
+    by_q, by_u = one.slopes.map(count)(q, u)
+    jacobian = _jacobian(size, count, by_q, by_u)
+    hessian = _hessian(size, count, scale, curved)
+    names = ["x", "p"]
+    derivatives = {
+        "jac_g": ca.Function("nlp_jac_g", [w, near], [g, jacobian], names, ["g", "jac_g_x"]),
+        "hess_lag": ca.Function(
+            "nlp_hess_l",
+            [w, near, scale, dual],
+            [hessian],
+            [*names, "lam_f", "lam_g"],
+            ["hess_gamma_x_x"],
+        ),
+    }
+    return {"x": w, "p": near, "f": f, "g": g}, {**_QUIET, **derivatives}
+
+
+def _jacobian(size: int, count: int, by_q: Any, by_u: Any) -> Any:
+    """Rows of piece k: minus its slopes at (q_k, u_k), and one at q_(k+1)."""
+    blocks = ca.vertcat(ca.reshape(by_q, size * size, count), ca.reshape(by_u, size * 2, count))
+    entries = ca.vertcat(ca.vec(-blocks), ca.MX(ca.DM.ones(size * count)))
+    k, column, row = np.meshgrid(
+        np.arange(count), np.arange(size + 2), np.arange(size), indexing="ij"
+    )
+    rows, columns = (size * k + row).ravel(), ((size + 2) * k + column).ravel()
+    following = (size + 2) * (np.arange(size * count) // size + 1) + np.arange(size * count) % size
+    rows = np.concatenate([rows, np.arange(size * count)])
+    columns = np.concatenate([columns, following])
+    return _sparse(size * count, (size + 2) * count + size, rows, columns, entries)
+
+
+def _hessian(size: int, count: int, scale: Any, curved: Any) -> Any:
+    """Upper triangle: blocks of the pieces, and the distance's on the diagonal."""
+    m = size + 2
+    row, column = np.triu_indices(m)
+    inside = (row + m * column).tolist()
+    blocks = ca.vec(ca.reshape(curved, m * m, count)[inside, :])
+    diagonal = np.tile(np.where(row == column, 2.0, 0.0), count)
+    entries = ca.vertcat(scale * ca.DM(diagonal) - blocks, scale * ca.DM(np.full(size, 2.0)))
+    offsets = m * np.arange(count)[:, None]
+    last = m * count + np.arange(size)
+    rows = np.concatenate([(offsets + row).ravel(), last])
+    columns = np.concatenate([(offsets + column).ravel(), last])
+    return _sparse(m * count + size, m * count + size, rows, columns, entries)
+
+
+def _sparse(height: int, width: int, rows: Any, columns: Any, entries: Any) -> Any:
+    order = np.lexsort((rows, columns))
+    pattern = ca.Sparsity.triplet(height, width, rows[order].tolist(), columns[order].tolist())
+    return ca.MX(pattern, entries[order.tolist()])
+
+
+_QUIET: dict[str, Any] = {
+    "print_time": False,
+    "show_eval_warnings": False,
+    "calc_lam_p": False,
+    "ipopt": {
+        "print_level": 0,
+        "sb": "yes",
+        "max_iter": ITERATIONS,
+        "tol": 1e-3,
+        "constr_viol_tol": 1e-10,
+        "acceptable_iter": 0,
+        "bound_relax_factor": 0.0,
+        "mu_init": 1e-3,
+        "bound_push": 1e-4,
+        "bound_frac": 1e-4,
+    },
+}
+
+
+STEPS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """CasADi functions of (q, u), u being the inputs' integrals over the piece.
+
+    Attributes:
+        end: Where the piece leads, N.
+        slopes: Jacobians of that with respect to q (N × N) and u (N × 2), dense.
+        curvature: Of (q, u, λ): Hessian of λ · end with respect to (q, u), dense.
+    """
+
+    end: Any
+    slopes: Any
+    curvature: Any
+
+
+@lru_cache(maxsize=16)
+def piece(system: TriangularSystem) -> Piece:
+    """The functions for a system."""
+    q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
+    end = q
+    for _ in range(STEPS):
+        end = _runge_kutta(system, end, u, 1.0 / STEPS)
+    jacobians = [ca.densify(ca.jacobian(end, q)), ca.densify(ca.jacobian(end, u))]
+    dual = ca.SX.sym("dual", system.size)
+    hessian = ca.densify(ca.hessian(ca.dot(dual, end), ca.vertcat(q, u))[0])
+    return Piece(
+        end=ca.Function("end", [q, u], [end]),
+        slopes=ca.Function("slopes", [q, u], jacobians),
+        curvature=ca.Function("curvature", [q, u, dual], [hessian]),
+    )
+
+
+def ends_of(system: TriangularSystem, q: Array, u: Array) -> Array:
+    """Where pieces lead, shape (M, N), from q (M, N) under u (M, 2)."""
+    return np.asarray(piece(system).end.map(len(q))(q.T, u.T)).T
+
+
+def _runge_kutta(system: TriangularSystem, q: Any, u: Any, h: float) -> Any:
+    def rates(at: Any) -> Any:
+        return ca.vertcat(*system.rates_expr(at, u))
+
+    k1 = rates(q)
+    k2 = rates(q + h / 2 * k1)
+    k3 = rates(q + h / 2 * k2)
+    k4 = rates(q + h * k3)
+    return q + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)

@@ -1,0 +1,131 @@
+"""A path kept as it is: made exact and run as fast as the limits allow, but no shorter.
+
+Where a path is too long for a solver to make it the best of its kind, it is a motion all the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from planner.methods.collocation.between_nodes import look
+from planner.methods.collocation.long_arms.bridges import (
+    Chain,
+    Ends,
+    closed,
+    cuts,
+    ends_of,
+    exact,
+    finer,
+)
+from planner.methods.collocation.path import needed_duration
+from planner.methods.collocation.solvers.solver import Solution
+from planner.methods.collocation.task import Task, can_jump, stretched, task
+from planner.methods.collocation.transcription.form import Mesh
+from planner.methods.collocation.transcription.unknowns import Iterate
+from planner.support.arrays import Array
+
+DEGREE = 5
+"""Collocation points in an interval of a path kept: few wide intervals are exact enough."""
+
+TURNS = (0.4, 0.25, 0.15)
+"""Most that a limited coordinate turns in an interval, rad; smaller where that is too coarse."""
+
+COARSE = 0.3
+"""The same for the pieces of a solution whose mesh was too coarse."""
+
+DRAWN_IN = 1e-4
+"""Share of the joint limits that is kept free, for what lies between the nodes."""
+
+
+def can_hold(job: Task) -> bool:
+    """Whether a task asks no more of a path than limits on joints and inputs."""
+    problem = job.problem
+    places = problem.waypoints or problem.obstacles or problem.limits.z2_margin is not None
+    return can_jump(job) and not places and job.made.form.augmented is None
+
+
+def held(job: Task, chain: Chain, accuracy: float) -> tuple[Task, Solution] | None:
+    """The task on the path's own mesh, and the path as its solution; None where it is none.
+
+    Args:
+        job: What is asked for, see `can_hold`.
+        chain: The path; small gaps are mended.
+        accuracy: As for `polish`.
+    """
+    system = job.problem.system
+    places = Ends.of(job.problem, 1 - DRAWN_IN)
+    for turn in TURNS:
+        cut = finer(system, chain, list(system.limited), turn)
+        whole, _ = closed(system, cut, places)
+        found = exact(system, whole, places) if whole is not None else None
+        if found is None:
+            return None
+        chain = found
+        own, path = follow(job, chain, DEGREE)
+        wanted = _duration(own, path)
+        if wanted is None:
+            return None
+        solution = own.judged(stretched(path, wanted))
+        if solution.ok and look(own, solution).error.fine(accuracy):
+            return own, solution
+    return None
+
+
+def _duration(job: Task, path: Iterate) -> float | None:
+    """The duration asked for, or the least that the limits allow; None if the one is too short."""
+    wanted, needed = job.problem.duration, needed_duration(job.problem, job.mesh, path)
+    if wanted is None:
+        return needed or path.duration
+    return wanted if needed <= wanted * (1 + 1e-9) else None
+
+
+def chain_of(job: Task, solution: Solution) -> Chain:
+    """A solution's path in pieces of constant input; what they get wrong are small gaps."""
+    iterate, limited = solution.iterate, list(job.problem.system.limited)
+    parts, interval, share = cuts(iterate.nodes, limited, COARSE)
+    width = job.mesh.widths[interval]
+    edges = np.append(job.mesh.edges[:-1][interval] + share * width, 1.0)
+    left, right = (end[interval] for end in iterate.input_ends())
+    middle = left + (right - left) * (share + 0.5 / parts[interval])[:, None]
+    u = middle * np.diff(edges)[:, None] * iterate.duration
+    q = job.curve(iterate).q(edges * iterate.duration)
+    return Chain(q, u, q[1:] - ends_of(job.problem.system, q[:-1], u))
+
+
+def follow(job: Task, chain: Chain, degree: int = 0) -> tuple[Task, Iterate]:
+    """The job on the path's mesh, and the path at the speed the limits allow.
+
+    With as many collocation points in each interval at least as `degree` says.
+    """
+    limit = job.problem.limits.input
+    box = np.where(np.isfinite(limit), limit, 1.0)
+    seconds = np.max(np.abs(chain.u) / box, axis=1)
+    kept = seconds > 1e-9 * np.sum(seconds)
+    seconds = seconds[kept]
+    nodes = np.vstack([chain.q[:-1][kept], chain.q[-1:]])
+    edges = np.append(0.0, np.cumsum(seconds))
+    own = _stepwise(job, degree).on(Mesh(edges / edges[-1]))
+    return own, _iterate(own, nodes, chain.u[kept] / seconds[:, None], float(edges[-1]))
+
+
+def _stepwise(job: Task, degree: int) -> Task:
+    """The job with constant inputs in each interval, as the path has them, where they may jump."""
+    form = job.made.form
+    wanted = replace(form, degree=max(form.degree, degree))
+    if can_hold(job):
+        wanted = replace(wanted, input="constant")
+    if wanted == form:
+        return job
+    return task(job.problem, job.objective, wanted, job.mesh, job.asked, job.settings)
+
+
+def _iterate(own: Task, nodes: Array, rates: Array, duration: float) -> Iterate:
+    tau = own.made.form.scheme.points
+    points = nodes[:-1, None] + tau[:, None] * np.diff(nodes, axis=0)[:, None]
+    inputs = rates
+    if own.made.form.input == "linear":
+        padded = np.vstack([rates[:1], rates, rates[-1:]])
+        inputs = (padded[:-1] + padded[1:]) / 2
+    return Iterate(duration=duration, nodes=nodes, points=points, inputs=inputs)

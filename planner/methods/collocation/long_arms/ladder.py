@@ -1,0 +1,288 @@
+"""Paths of long arms by way of shorter ones: rung by rung a joint is put in front.
+
+The arm of the last few joints finds its path by the search for paths; each joint more is made to
+drive what is behind it (`planner.methods.collocation.long_arms.ladder`), which always succeeds
+where stretches are short. The path is then timed; one that is too long for a solver, or that it
+cannot better, is kept as it is.
+
+A path of an arm from a path of the arm without its first joint.
+
+With joint 1 at rest at θ₁ the drive moves all joints after the second, and φ, cosθ₁ times as fast
+as it does in the shorter arm, and θ₂ cos³θ₁ k₂ times as fast as u₁. So driving at two angles of
+joint 1 in turn moves the shorter arm by any drive and any turn of its own first joint, whatever
+their ratio: along any path of the shorter arm, as closely as the stretches are short.
+
+Sources: the reduction of one stage at a time is that of Lafferriere and Sussmann, A differential
+geometric approach to motion planning (Nonholonomic Motion Planning, Kluwer 1993).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.methods.collocation.candidates import seeds
+from planner.methods.collocation.long_arms.bridges import Chain, Ends, Index, closed
+from planner.methods.collocation.long_arms.bridges import ends_of as ends_of
+from planner.methods.collocation.long_arms.held import can_hold, chain_of, follow, held
+from planner.methods.collocation.path import path_task, search
+from planner.methods.collocation.solvers.backends import RUNGS, way
+from planner.methods.collocation.solvers.solver import ACCEPTED_RESIDUAL
+from planner.methods.collocation.task import Task, offer_chain, stretched, task
+from planner.methods.collocation.timing import Timed, hasty, timed
+from planner.methods.collocation.transcription.bounds import Asked
+from planner.methods.collocation.transcription.form import Form
+from planner.methods.collocation.transcription.unknowns import Iterate
+from planner.support import progress
+from planner.support.arrays import Array
+from planner.systems.manipulator import Manipulator
+
+ENOUGH = 6
+"""Paths of the arm of the last joints that are enough."""
+
+GAPS = (0.12, 0.05, 0.02)
+"""Largest gaps, rad, that a joint in front may leave; smaller where only a part of them closes."""
+
+MOST_SHORTENED = 5000
+"""Most pieces of a path that is shortened."""
+
+DRAWN_IN = 0.02
+"""Share of the joint limits that is kept free a rung, for what the rungs above add."""
+
+MOST_SOLVED = 300
+"""Intervals beyond which a path is kept as it is."""
+
+
+@dataclass(frozen=True, eq=False)
+class Climbed:
+    """A path by way of shorter arms, and what its timing made of it.
+
+    Attributes:
+        name: For reports.
+        task: The job on the path's own mesh.
+        timed: The outcome.
+    """
+
+    name: str
+    task: Task
+    timed: Timed
+
+
+def climbed(job: Task, accuracy: float) -> Climbed | None:
+    """A motion within all limits; None where the system is no arm, or there is none.
+
+    z2, discs and waypoints are not looked at.
+    """
+    system = job.problem.system
+    if not isinstance(system, Manipulator) or system.n < 3 or not can_hold(job):
+        return None
+    progress.tell("looking for a path by way of shorter arms")
+    found = _by_shorter(job)
+    if found is None:
+        return None
+    chain, joints = found
+    offer_chain(job, chain)
+    progress.tell("timing that path")
+    own, path = follow(job, chain)
+    outcome = _timed(own, path) if len(own.mesh.widths) <= MOST_SOLVED else None
+    if outcome is None or not outcome.solution.ok:
+        own, outcome = _as_it_is(job, chain, accuracy) or (own, outcome)
+    if outcome is None:
+        return None
+    return Climbed(f"lifted from {joints} joints", own, outcome)
+
+
+def _timed(own: Task, path: Iterate) -> Timed:
+    """The path's timing; a last iterate that is a motion is one, if not the best."""
+    settings = own.settings
+    patient = replace(settings, max_iterations=max(settings.max_iterations, RUNGS["timing"]))
+    outcome = timed(replace(own, settings=patient), path)
+    last = outcome.solution
+    if last.ok or last.residual > ACCEPTED_RESIDUAL:
+        return outcome
+    status = f"{last.status} (a motion, not the best)"
+    return replace(outcome, solution=replace(last, ok=True, status=status))
+
+
+def _as_it_is(job: Task, chain: Chain, accuracy: float) -> tuple[Task, Timed] | None:
+    """The path kept, or where the duration asked for is too short for it, that and the fastest."""
+    kept = held(job, chain, accuracy)
+    if kept is not None:
+        return kept[0], Timed(kept[1], None)
+    kept = held(hasty(job), chain, accuracy) if job.problem.duration else None
+    if kept is None:
+        return None
+    own = kept[0].asking(job.problem, job.objective)
+    return own, Timed(replace(kept[1], ok=False), kept[1])
+
+
+def _by_shorter(job: Task) -> tuple[Chain, int] | None:
+    """The path, and the number of joints of the arm it began with."""
+    problem = job.problem
+    below = _path(_below(job))
+    if below is None:
+        return None
+    path, joints = below
+    assert isinstance(problem.system, Manipulator)
+    ends = Ends.of(problem)
+    for gap in GAPS:
+        whole, share = closed(problem.system, lifted(problem.system, path, ends, gap), ends)
+        if whole is not None:
+            return _shortened(job, whole, ends), joints
+        if share == 0:
+            break
+    return None
+
+
+def _shortened(job: Task, path: Chain, ends: Ends) -> Chain:
+    """The path, or the one of least effort next to it if that takes less driving and turning."""
+    own, iterate = follow(job, path)
+    if len(own.mesh.widths) > MOST_SHORTENED:
+        return path
+    settings = replace(own.settings, max_iterations=RUNGS["shortening"])
+    effort = path_task(replace(own, settings=settings))
+    assert effort.problem.duration is not None
+    found = effort.solve(stretched(iterate, effort.problem.duration))
+    shorter, _ = closed(job.problem.system, chain_of(effort, found), ends)
+    return shorter if shorter is not None and _length(shorter) < _length(path) else path
+
+
+def _length(path: Chain) -> float:
+    return float(np.sum(np.max(np.abs(path.u), axis=1)))
+
+
+def _path(job: Task) -> tuple[Chain, int] | None:
+    found = _searched(job)
+    if found is not None:
+        return found
+    return _by_shorter(job) if job.problem.system.size > 3 else None
+
+
+def _searched(job: Task) -> tuple[Chain, int] | None:
+    """The shortest path that a few guesses lead to, as `_by_shorter`.
+
+    None too where it is a path on its coarse mesh only.
+    """
+    guesses = way(job.made, job.settings).guesses
+    settings = replace(job.settings, max_iterations=RUNGS["guess"])
+    job = path_task(replace(job, settings=settings))
+    paths = search(job, seeds("auto", guesses), ENOUGH, simple=True)
+    if not paths.found:
+        return None
+    system, coarse = job.problem.system, chain_of(job, paths.found[0].solution)
+    chain, _ = closed(system, coarse, Ends.of(job.problem))
+    return None if chain is None else (chain, system.size - 1)
+
+
+def _below(job: Task) -> Task:
+    """The job of the arm without its first joint."""
+    problem, form = job.problem, job.made.form
+    assert isinstance(problem.system, Manipulator)
+    start, goal = (np.delete(q, 1) for q in (problem.start, problem.goal))
+    joint = np.delete(Ends.of(problem, 1 - DRAWN_IN).limit, 1)
+    limits = replace(problem.limits, joint=joint)
+    short = replace(problem, system=problem.system.shorter(), start=start, goal=goal, limits=limits)
+    plain = Form(form.intervals, form.scheme_kind, form.degree)
+    return task(short, job.objective, plain, job.mesh, Asked(), job.settings)
+
+
+SWING = np.deg2rad(60.0)
+"""The other angle of joint 1, beside zero: near it the sum of drives and turns is least."""
+
+LONGEST, HALVINGS = 0.8, 8
+"""Longest stretch, turn and drive added, rad, and times that it may be halved."""
+
+STILL = 1e-9
+"""Turns and drives, rad, that are left out."""
+
+
+def lifted(system: Manipulator, path: Chain, ends: Ends, gap: float) -> Chain:
+    """The path of joints 2 … n, made by all of them; with gaps.
+
+    Args:
+        system: The arm, n ≥ 3.
+        path: Of `system.shorter()`.
+        ends: Of the arm.
+        gap: Largest gap, rad, that is left, and four times what limits may be broken by; where
+            either is larger, stretches are cut in half.
+    """
+    known = np.append(0.0, np.cumsum(np.sum(np.abs(path.u), axis=1)))
+    edges = np.linspace(0.0, known[-1], 1 + max(1, int(np.ceil(known[-1] / LONGEST))))
+    for _ in range(HALVINGS):
+        chain, stretch = _along(system, path, known, ends, edges)
+        missed = np.max(np.abs(chain.gap), axis=1)
+        over = np.max(np.abs(chain.q[1:] - chain.gap) - ends.limit, axis=1)
+        wide = np.zeros(len(edges) - 1, dtype=bool)
+        np.logical_or.at(wide, stretch, np.maximum(missed, 4 * over) > gap)
+        if not np.any(wide):
+            break
+        edges = np.sort(np.concatenate([edges, (edges[:-1] + edges[1:])[wide] / 2]))
+    return chain
+
+
+def _along(
+    system: Manipulator, path: Chain, known: Array, ends: Ends, edges: Array
+) -> tuple[Chain, Index]:
+    """The chain for stretches between these lengths of path, and the stretch of each piece.
+
+    `known` are the lengths at the path's own nodes.
+    """
+    places, moves = _stretches(system.shorter(), path, known, edges)
+    u, before = _drives(system, moves, ends)
+    q = np.insert(places, 1, before, axis=1)
+    last = np.insert(places[-1], 1, ends.goal[1])
+    return _pieces(system, q, u, last)
+
+
+def _stretches(short: Manipulator, path: Chain, known: Array, edges: Array) -> tuple[Array, Array]:
+    """Places between the stretches, (S+1, n), drive and turn in each, (S, 2)."""
+    sums = np.vstack([np.zeros(2), np.cumsum(path.u, axis=0)])
+    at = np.stack([np.interp(edges, known, column) for column in sums.T], axis=-1)
+    piece = np.clip(np.searchsorted(known, edges[:-1], side="right") - 1, 0, len(path.u) - 1)
+    places = ends_of(short, path.q[piece], at[:-1] - sums[piece])
+    return np.vstack([places, path.q[-1]]), np.diff(at, axis=0)
+
+
+def _drives(system: Manipulator, moves: Array, ends: Ends) -> tuple[Array, Array]:
+    """Turn, drive, turn and drive in each stretch, shape (S+1, 4, 2), and θ₁ before each.
+
+    The last entry is the turn to the goal.
+    """
+    angle, out = ends.start[1], np.zeros((len(moves) + 1, 4, 2))
+    before = np.empty(len(moves) + 1)
+    rate = system.k_g * system.K[0]
+    other = min(SWING, 0.9 * ends.limit[1]) * (np.copysign(1.0, angle))
+    for k, (drive, turn) in enumerate(moves):
+        before[k] = angle
+        for part, (at, driven) in enumerate(_two(drive, turn / rate, angle, other)):
+            out[k, 2 * part, 1], out[k, 2 * part + 1, 0] = at - angle, driven
+            angle = at
+    before[-1], out[-1, 0, 1] = angle, ends.goal[1] - angle
+    return out, before
+
+
+def _two(drive: float, turn: float, angle: float, other: float) -> list[tuple[float, float]]:
+    """Angles of joint 1 and drives at them, the nearer angle first.
+
+    Σ xₖ cosαₖ = drive and Σ xₖ cos³αₖ = turn; one angle does where the ratio allows.
+    """
+    least = np.cos(other) ** 2
+    if least * drive**2 <= turn * drive <= drive**2 and drive:
+        share = np.sqrt(turn / drive)
+        return [(float(np.copysign(np.arccos(share), other)), drive / share)]
+    far = (drive - turn) / (np.cos(other) * (1 - least))
+    both = [(0.0, drive - far * np.cos(other)), (other, far)]
+    return both if abs(angle) < abs(other) / 2 else both[::-1]
+
+
+def _pieces(system: Manipulator, q: Array, u: Array, last: Array) -> tuple[Chain, Index]:
+    """One piece for each turn and drive; what lies between it and the next place is a gap."""
+    before = [q]
+    for part in range(u.shape[1] - 1):
+        before.append(ends_of(system, before[-1], u[:, part]))
+    kept = np.max(np.abs(u), axis=2) > STILL
+    at, moved = np.stack(before, axis=1)[kept], u[kept]
+    nodes = np.vstack([at, last])
+    stretch = np.minimum(np.nonzero(kept)[0], len(u) - 2)
+    return Chain(nodes, moved, nodes[1:] - ends_of(system, at, moved)), stretch

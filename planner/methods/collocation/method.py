@@ -1,0 +1,241 @@
+"""Direct collocation in the coordinates themselves: optimal plans that need no chart.
+
+Collocation once more, for a neighbouring problem: the plan at hand is the first guess.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.methods.collocation.best import holding
+from planner.methods.collocation.candidates import mesh_through, routes
+from planner.methods.collocation.early import ended_early, in_hand
+from planner.methods.collocation.pipeline import SEARCHED, Pipeline
+from planner.methods.collocation.refine import Polished, polish
+from planner.methods.collocation.refusals import NAME, refusal
+from planner.methods.collocation.solvers.backends import Settings
+from planner.methods.collocation.solvers.solver import Solution
+from planner.methods.collocation.task import Task, task
+from planner.methods.collocation.transcription.bounds import Asked
+from planner.methods.collocation.transcription.form import Form, InputKind, Mesh
+from planner.methods.collocation.transcription.objective import objective
+from planner.methods.collocation.transcription.unknowns import Iterate
+from planner.plan.plan import Plan
+from planner.problem.problem import Problem
+from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions
+from planner.support import deadline
+
+
+def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
+    """Minimise effort or time over motions that keep every limit.
+
+    The plan's q(t) is the scheme's own polynomial, its u(t) linear or constant in each interval.
+    How it is searched for is `planner.methods.collocation.pipeline`; `notes["stage"]` says what
+    found it, `notes["start"]` from which first guess, `notes["tried"]` what became of each. Where
+    time is up before the search has ended, the best found by then is refined: its status is
+    "time_limit", or "interrupted" after Ctrl-C, and `notes["ended_early"]` says so.
+
+    Raises:
+        InputError: If the options contradict each other or the problem.
+        TimeLimitError: If time was up before there was a motion.
+        InfeasibleError: If the duration is shorter than any motion can be; it names the shortest
+            one found.
+        NotConvergedError: If no motion is found, or none as short as the duration.
+    """
+    began = time.perf_counter()
+
+    def make(route: Problem, mesh: Mesh | int, direct: bool) -> Task:
+        return collocation_task(route, options, mesh, direct)
+
+    ways = routes(problem.within_reach())
+    search = Pipeline(ways, options, make)
+    limit = deadline.limited(options.time_limit_s)
+    with (
+        limit,
+        holding(ways, options.accuracy) as best,
+        deadline.limited(None, holds=best.holds) as span,
+    ):
+        try:
+            found = search.run(best.holds)
+        except deadline.TimeUpError:
+            found = in_hand(best, span, problem, options)
+        if found is None:
+            raise refusal(problem, search)
+        answer, done = found
+        notes = {"stage": answer.stage, "tried": search.log}
+        plan = finished(done, answer.start, notes, best.iterations, options, began)
+        plan = replace(plan, problem=problem)
+        return ended_early(plan, span) if span.reached else plan
+
+
+def collocation_task(
+    problem: Problem, options: CollocationOptions, mesh: Mesh | int, direct: bool = False
+) -> Task:
+    """The problem on a mesh, or on one of about so many intervals; waypoints lie on edges.
+
+    A direct one is to be solved from a straight line, soon or not at all.
+    """
+    goal = objective(problem, options)
+    kind = input_kind(problem, NAME, options, goal.smooth)
+    if isinstance(mesh, int):
+        mesh = mesh_through(problem, mesh if options.intervals == "auto" else options.intervals)
+    form = Form(
+        intervals=len(mesh.widths),
+        scheme_kind=options.scheme,
+        degree=options.degree,
+        input=kind,
+        chart=problem.limits.z2_margin is not None,
+        inner=bool(problem.obstacles),  # or links pass through a disc between two edges
+        compiled=options.compile,
+        obstacles=len(problem.obstacles),
+        edge=goal.edge,
+    )
+    settings = Settings(options.tolerance, options.max_iterations, solver=options.solver)
+    return task(problem, goal, form, mesh, Asked(options.rest), replace(settings, direct=direct))
+
+
+def input_kind(
+    problem: Problem,
+    method: str,
+    options: CollocationOptions | DesensitisedOptions,
+    slopes: bool = False,
+    auto: InputKind = "linear",
+) -> InputKind:
+    """The input asked for; `auto` where the choice is free.
+
+    Args:
+        problem: What is planned.
+        method: Whose options they are.
+        options: Its options.
+        slopes: Whether the objective reads the inputs' rates.
+        auto: What is chosen where nothing asks for inputs without jumps.
+
+    Raises:
+        InputError: If something asks for inputs without jumps and the options for such.
+    """
+    smooth = slopes or options.rest or bool(np.isfinite(problem.limits.input_rate).any())
+    if options.input == "auto":
+        return "linear" if smooth else auto
+    if options.input == "constant" and smooth:
+        what = "rest = true" if options.rest else "the limit on input rates"
+        what = "an objective that reads the inputs' rates" if slopes else what
+        raise InputError(
+            f"{problem.source}: method.{method}.input = 'constant' jumps between intervals,"
+            f" which contradicts {what}; use 'linear' or 'auto'"
+        )
+    return options.input
+
+
+def finished(
+    done: Polished,
+    start: str,
+    notes: dict[str, Any],
+    iterations: int,
+    options: CollocationOptions,
+    began: float,
+) -> Plan:
+    """The plan of a motion refined, with how it was come by; `began` by the clock of `time`."""
+    job, solution = done.task, done.solution
+    wall = time.perf_counter() - began
+    return Plan(
+        problem=job.problem,
+        method=NAME,
+        options=options.model_dump(),
+        trajectory=job.curve(solution.iterate),
+        objective=solution.objective,
+        objective_name=job.objective.name,
+        solve_time_s=wall - job.build_time_s,
+        build_time_s=job.build_time_s,
+        iterations=iterations,
+        notes={
+            "start": start,
+            **notes,
+            "largest_residual": solution.residual,
+            "resimulated_end_error": done.error,
+            **done.notes,
+        },
+    )
+
+
+def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan) -> Plan:
+    """As `plan_collocation`, from a plan of another problem of the same system.
+
+    The plan may come from any method and any start, goal, duration and limits; the nearer it is,
+    the sooner this is done. The answer is the optimum next to it: no other starts are tried unless
+    it leads nowhere. A plan of collocation also passes on its mesh.
+
+    Raises:
+        InputError: If the plan belongs to another system or cannot be executed.
+        NotConvergedError: As for `plan_collocation`.
+    """
+    began = time.perf_counter()
+    _refuse(problem, warm)
+    with deadline.limited(options.time_limit_s) as span:
+        found = _next_to(problem.within_reach(), options, warm)
+        if found is None:
+            return plan_collocation(problem, options)
+        job, solution = found
+        done = polish(job, solution, options.accuracy, options.refinements)
+        log = [{"start": "warm", "status": solution.status, "objective": solution.objective}]
+        notes = {"stage": "warm start", "tried": log}
+        iterations = solution.iterations + done.iterations
+        plan = finished(done, "warm", notes, iterations, options, began)
+        plan = replace(plan, problem=problem)
+        return ended_early(plan, span) if span.reached else plan
+
+
+def _refuse(problem: Problem, warm: Plan) -> None:
+    if warm.problem.system != problem.system:
+        raise InputError(
+            f"{problem.source}: warm is a plan of another system ({warm.problem.source}); a start"
+            " must belong to the same one"
+        )
+    if not warm.executable:
+        raise InputError(
+            f"{problem.source}: warm is a path that leaves the chart's domain ({warm.status});"
+            " it has no coordinates to start from"
+        )
+
+
+def _next_to(
+    problem: Problem, options: CollocationOptions, warm: Plan
+) -> tuple[Task, Solution] | None:
+    job = _prepared(problem, options, warm)
+    start = _resampled(job, warm)
+    solution = job.solve(start, near=True)
+    if not solution.ok:
+        solution = job.solve(start)
+    return (job, solution) if solution.ok else None
+
+
+def _prepared(problem: Problem, options: CollocationOptions, warm: Plan) -> Task:
+    """On the plan's own mesh where it has one and the problem or options ask for no other."""
+    own = warm.method == NAME and options.intervals == "auto" and not problem.waypoints
+    if not own:
+        return collocation_task(problem, options, SEARCHED)
+    job = collocation_task(problem, options, Mesh(warm.t / warm.duration))
+    return job.inside() if warm.notes.get("limits_inside", False) else job
+
+
+def _resampled(job: Task, warm: Plan) -> Iterate:
+    """The plan's motion on the task's mesh, its ends moved to start and goal, and all with them."""
+    problem, mesh, T = job.problem, job.mesh, warm.duration
+    duration = problem.duration or T
+    inside = mesh.at(job.made.form.scheme.points)
+    s = np.append(mesh.edges, inside)
+    states, last = warm.q(s * T), len(mesh.edges) - 1
+    first, final = problem.start - states[0], problem.target - states[last]
+    final[np.isnan(final)] = 0.0
+    moved = states + first + s[:, None] * (final - first)
+    nodes, points = moved[: last + 1], moved[last + 1 :]
+    return Iterate(
+        duration=duration,
+        nodes=nodes,
+        points=points.reshape(*inside.shape, -1),
+        inputs=warm.u(job.made.form.input_places(mesh) * T) * (T / duration),
+    )

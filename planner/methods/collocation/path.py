@@ -1,0 +1,158 @@
+"""The search for a path: several seeds, no limits on speed, the shortest kept.
+
+The systems are driftless, so what a path looks like and how fast it is run are two questions. The
+first alone is smooth and has no bound on inputs to run into; the second then starts from a motion
+that is feasible after stretching.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from planner.methods.collocation.between_nodes import clears
+from planner.methods.collocation.candidates import Seed, guess
+from planner.methods.collocation.solvers.backends import way
+from planner.methods.collocation.solvers.solver import Solution
+from planner.methods.collocation.task import Task, offer, stretched
+from planner.methods.collocation.transcription.form import Mesh
+from planner.methods.collocation.transcription.objective import shortest_path
+from planner.methods.collocation.transcription.unknowns import Iterate
+from planner.problem.problem import Problem
+from planner.support import progress
+
+INFEASIBLE = "Infeasible_Problem_Detected"
+
+OFTEN, AMONG = 3, 6
+"""Times that the shortest path is found, among at least so many, that end a search: so far from
+chance others are seldom shorter."""
+
+STANDSTILL = 1e-6
+"""Share of the greatest input that counts as none."""
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A solution and the seed it grew from."""
+
+    seed: str
+    solution: Solution
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """What a search leaves.
+
+    Attributes:
+        found: Paths, shortest first.
+        last: The last solution that failed, or None.
+        log: One entry a seed, JSON-ready.
+    """
+
+    found: list[Found]
+    last: Solution | None
+    log: list[dict[str, Any]]
+
+
+def search(
+    task: Task,
+    seeds: Sequence[Seed],
+    enough: int,
+    simple: bool = False,
+) -> Search:
+    """Solve the task's path problem from one seed after the other until enough have converged.
+
+    With `simple`, a path whose drive never turns back is enough by itself, and so is one that is
+    found again and again.
+    Two thirds of the seeds in a row found infeasible end the search too. A path whose links pass
+    through a disc between two nodes may come clear once it is timed, but counts half.
+    """
+    free = path_task(task)
+    result, clear = Search([], None, []), 0
+    for k, seed in enumerate(seeds):
+        progress.tell(f"looking for a path from the start '{seed.name}'")
+        start = guess(free.problem, task.made, task.mesh, seed)
+        solution = free.solve(start)
+        if solution.ok and clears(free, solution):
+            clear += 1
+            _offered(task, solution.iterate)
+        result = _with(result, seed, solution)
+        hopeless = 3 * (k + 1) >= 2 * len(seeds) and all(
+            entry["status"] == INFEASIBLE for entry in result.log
+        )
+        found = simple and solution.ok and (one_way(solution.iterate) or _again(result))
+        if hopeless or found or clear >= enough or len(result.found) >= 2 * enough:
+            break
+    return replace(result, found=_distinct(result.found))
+
+
+def _again(result: Search) -> bool:
+    """Whether the shortest path comes back."""
+    if len(result.found) < AMONG:
+        return False
+    shortest = min(path.solution.objective for path in result.found)
+    return sum(same_path(shortest, path) for path in result.found) >= OFTEN
+
+
+def path_task(task: Task) -> Task:
+    """The path problem of a task: least effort, no limits on inputs, a reference duration."""
+    problem, free = task.problem, np.full(2, np.inf)
+    limits = replace(problem.limits, input=free, input_rate=free)
+    reference = way(task.made, task.settings).reference_s
+    unhurried = replace(problem, limits=limits, duration=reference)
+    return replace(task, problem=unhurried, objective=shortest_path(task.objective))
+
+
+def needed_duration(problem: Problem, mesh: Mesh, iterate: Iterate) -> float:
+    """Seconds this path takes, all of it stretched alike, within the limits on inputs and rates."""
+    left, right = iterate.input_ends()
+    peaks = np.max(np.abs([left, right]), axis=(0, 1))
+    widths = mesh.widths[:, None] * iterate.duration
+    slopes = np.max(np.abs(right - left) / widths, axis=0)
+    factors = [*(peaks / problem.limits.input), *np.sqrt(slopes / problem.limits.input_rate)]
+    return iterate.duration * float(max(factors))
+
+
+def _offered(task: Task, path: Iterate) -> None:
+    """Offer the path at one pace as a motion, in case there is no time for a better one."""
+    needed, wanted = needed_duration(task.problem, task.mesh, path), task.problem.duration
+    if wanted is None or needed <= wanted:
+        offer(task, task.judged(stretched(path, wanted or needed or path.duration)))
+
+
+def one_way(iterate: Iterate) -> bool:
+    """Whether the drive never turns back."""
+    drive = iterate.inputs[:, 0]
+    slack = STANDSTILL * np.max(np.abs(drive))
+    return bool(np.all(drive >= -slack) or np.all(drive <= slack))
+
+
+def _with(result: Search, seed: Seed, solution: Solution) -> Search:
+    entry = {
+        "start": seed.name,
+        "status": solution.status,
+        "path_effort": solution.objective if solution.ok else None,
+        "iterations": solution.iterations,
+    }
+    return Search(
+        found=[*result.found, Found(seed.name, solution)] if solution.ok else result.found,
+        last=result.last if solution.ok else solution,
+        log=[*result.log, entry],
+    )
+
+
+def same_path(effort: float, path: Found) -> bool:
+    """Whether a path of that effort is taken for the same as another."""
+    return abs(effort - path.solution.objective) <= 1e-6 * path.solution.objective
+
+
+def _distinct(found: Sequence[Found]) -> list[Found]:
+    """Shortest first, without repetitions of the same path."""
+    kept: list[Found] = []
+    for candidate in sorted(found, key=lambda f: f.solution.objective):
+        if not kept or not same_path(candidate.solution.objective, kept[-1]):
+            kept.append(candidate)
+    return kept

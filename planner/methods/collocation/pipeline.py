@@ -1,0 +1,270 @@
+"""The search for a motion in one loop: which stage is next, and what is kept.
+
+    straight line -> paths -> timing -> refinement;  the ladder where no path is found
+
+The systems are driftless: what a path looks like and how fast it is run are two questions. Paths of
+least effort come from many first guesses (`guess`, `search`); the shortest few get the duration,
+the limits and the objective asked for (`timing`), and the best of these a mesh on which it is the
+machine's true motion (`polish`). A stage is tried only where those before it have no answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from planner.methods.collocation.between_nodes import clears
+from planner.methods.collocation.candidates import Seed, guess, rebalanced, seeds
+from planner.methods.collocation.long_arms.held import can_hold
+from planner.methods.collocation.long_arms.ladder import climbed
+from planner.methods.collocation.path import needed_duration, same_path, search
+from planner.methods.collocation.refine import Polished, polish
+from planner.methods.collocation.solvers.solver import Solution
+from planner.methods.collocation.task import Task, stretched, transferred
+from planner.methods.collocation.timing import HASTE, Timed, hasty, timed
+from planner.methods.collocation.transcription.form import Mesh, uniform
+from planner.problem.feasibility import travel_window
+from planner.problem.problem import Problem
+from planner.problem.tables.method_options import CollocationOptions
+from planner.support import deadline, progress
+
+DIRECT, SEARCHED = 14, 40
+"""Mesh intervals near a straight line in a given time, and for what may wind more than once."""
+
+REACH, FAST, LONGEST = 0.5, 80, 400
+"""A timed path's mesh: most that an input integrates to in an interval, rad; the fewest intervals
+where the duration is free or short, since a linear input needs them to switch; and the most."""
+
+TIMED, TIMED_INTERVALS = 6, 800
+"""Paths that are timed, the shortest first, and intervals of all their meshes after which no more
+are: most often the best is among them, and for long paths each takes long."""
+
+MORE = 3
+"""Times as many guesses again where every motion found is too slow for the duration given."""
+
+SHARINGS = 6
+"""Times that the duration is shared out anew among the parts between waypoints."""
+
+RESOLVED = 1e-4
+"""Difference at the end, rad, between a motion and its interpolant up to which it is believed."""
+
+Tasks = Callable[[Problem, Mesh | int, bool], Task]
+"""From a problem, a mesh or about how many intervals, and whether a straight line is to lead to the
+answer soon or not at all, to the task."""
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """A motion, the task it solves, and how it was come by.
+
+    Attributes:
+        start: Name of the start it grew from.
+        stage: Name of the stage that found it.
+        task: What it solves.
+        solution: It.
+    """
+
+    start: str
+    stage: str
+    task: Task
+    solution: Solution
+
+
+class Pipeline:
+    """One search, and what it keeps.
+
+    Attributes:
+        log: One entry a start, JSON-ready.
+        fastest: Where every motion found is too slow for the duration given: the fastest, refined.
+        pathless: Whether no guess leads to a path that keeps clear of all discs.
+        last: What is no answer, for want of one: the last, and its task.
+    """
+
+    def __init__(self, routes: list[Problem], options: CollocationOptions, make: Tasks) -> None:
+        """Set up a search.
+
+        Args:
+            routes: The problem with its waypoints in each order worth trying.
+            options: Of the method.
+            make: The problem on a mesh.
+        """
+        self.routes, self.options, self.make = routes, options, make
+        self.log: list[dict[str, Any]] = []
+        self.fastest: Polished | None = None
+        self.pathless = True
+        self.last: tuple[Task, Solution] | None = None
+        self._slow: list[Answer] = []
+        self._free = options.start == "auto"
+
+    def run(self, holds: Callable[[], bool]) -> tuple[Answer, Polished] | None:
+        """The best motion of the first stage that has one, on a mesh fine enough to believe it.
+
+        Args:
+            holds: Whether anything is held by now; with nothing held there is nothing to refine.
+        """
+        stages = self._stages()
+        while True:
+            with deadline.share(once=holds):
+                motions = next(stages, None)
+            if motions is None:
+                return None
+            for answer in sorted(motions, key=lambda each: each.solution.objective):
+                done = self._polished(answer)
+                if done.error <= RESOLVED or not self._free or self.options.refinements == 0:
+                    return answer, done
+                self.last = answer.task, answer.solution
+
+    def _stages(self) -> Iterator[list[Answer]]:
+        """The motions of one stage after the other; each is gone through only if it is asked for.
+
+        Where all paths found are too slow for the duration given more guesses are worth their time;
+        else the ladder is, which finds paths of long arms that no guess leads to.
+        """
+        every, few = _guesses(self.options), self.options.attempts
+        if self.options.start in ("auto", "straight"):
+            yield self._straight()
+        yield self._along("guesses", every[:few])
+        if self._slow and self._free:
+            yield self._along("more guesses", every[few : (1 + MORE) * few])
+        elif self._free:
+            yield self._by_ladder()
+        if self._slow:
+            yield self._slowed_down()
+
+    def _straight(self) -> list[Answer]:
+        """From the straight line at once, where the motion can be one way in a given time."""
+        out = []
+        for problem in self.routes:
+            if problem.duration is None or (self._free and not _one_way(problem)):
+                return []
+            few = DIRECT if self.options.input != "constant" else SEARCHED
+            job, seed = self.make(problem, few, True), seeds("straight")[0]
+            solution = job.solve(guess(job.problem, job.made, job.mesh, seed))
+            if not solution.ok:
+                return []
+            later = replace(job, settings=replace(job.settings, direct=False))
+            entry = {"start": seed.name, "status": solution.status}
+            self.log.append(entry | {"objective": solution.objective})
+            out.append(Answer(seed.name, "straight line", later, solution))
+        return [self._shared_out(answer) for answer in out]
+
+    def _along(self, stage: str, guesses: list[Seed]) -> list[Answer]:
+        """Motions along the paths that guesses lead to."""
+        out = []
+        for problem in self.routes:
+            job = self.make(problem, SEARCHED, False)
+            enough = self.options.starts if self.options.start in ("auto", "wander") else 1
+            paths = search(job, guesses, enough, self._free and not problem.obstacles)
+            log = paths.log
+            progress.tell(f"timing {min(TIMED, len(paths.found))} paths")
+            spent = 0
+            for path in paths.found[:TIMED]:
+                if spent > TIMED_INTERVALS:
+                    break
+                own, iterate = self._meshed(job, path.solution.iterate)
+                spent += len(own.mesh.widths)
+                outcome = timed(own, iterate)
+                answer = Answer(path.seed, stage, own, outcome.solution)
+                if outcome.solution.ok and clears(own, outcome.solution):
+                    out.append(self._shared_out(answer))
+                    self.pathless = False
+                elif not outcome.solution.ok:
+                    self._note_slow(answer, outcome)
+                for entry in log:
+                    effort = entry["path_effort"]
+                    if effort is not None and same_path(effort, path):
+                        found = outcome.solution.objective if outcome.solution.ok else None
+                        entry["objective"] = found
+            if self.pathless:
+                failed = [paths.last, *(path.solution for path in paths.found)]
+                self.last = next(((job, last) for last in failed if last), self.last)
+            self.log += log
+        return out
+
+    def _by_ladder(self) -> list[Answer]:
+        """The motion along a path by way of shorter arms."""
+        job = self.make(self.routes[0], SEARCHED, False)
+        found = climbed(job, self.options.accuracy) if can_hold(job) else None
+        if found is None:
+            return []
+        solution = found.timed.solution
+        objective = solution.objective if solution.ok else None
+        entry = {"start": found.name, "status": solution.status, "objective": objective}
+        self.log.append(entry)
+        answer = Answer(found.name, "ladder", found.task, solution)
+        if solution.ok:
+            return [answer]
+        self._note_slow(answer, found.timed)
+        return []
+
+    def _slowed_down(self) -> list[Answer]:
+        """The fastest motion found, bettered in the duration given, or else as it is but slower."""
+        fastest = min(self._slow, key=lambda each: each.solution.iterate.duration)
+        job, wanted = fastest.task, self.routes[0].duration
+        assert wanted is not None
+        done = self._polished(replace(fastest, task=hasty(job)))
+        if done.error > RESOLVED:
+            return []
+        self.fastest = done
+        motion = done.solution.iterate
+        if motion.duration * HASTE > wanted:
+            return []
+        own = done.task.asking(job.problem, job.objective)
+        solution = own.solve(stretched(motion, wanted))
+        if not solution.ok and motion.duration <= wanted:
+            solution = own.judged(stretched(motion, wanted))
+        return [replace(fastest, stage="slowed down", task=own, solution=solution)][: solution.ok]
+
+    def _meshed(self, job: Task, path: Any) -> tuple[Task, Any]:
+        """A path on a mesh as fine as its length wants; waypoints keep theirs."""
+        if job.mesh.marks or self.options.intervals != "auto":
+            return job, path
+        left, right = path.input_ends()
+        steps = np.abs(left + right) / 2 * (job.mesh.widths * path.duration)[:, None]
+        limit = job.problem.limits.input
+        steps = steps / (limit / np.max(limit) if np.isfinite(limit).all() else 1.0)
+        joints = job.problem.limits.joint[list(job.problem.system.limited)]
+        room = min(1.0, float(np.min(joints, initial=1.4)) / 1.4)
+        wanted = job.problem.duration
+        hurried = wanted is None or needed_duration(job.problem, job.mesh, path) > wanted
+        least = FAST if hurried else len(job.mesh.widths)
+        count = int(np.sum(np.max(steps, axis=1)) / (REACH * room))
+        own = job.on(uniform(int(np.clip(count, least, LONGEST))))
+        return own, transferred(job, path, own)
+
+    def _note_slow(self, answer: Answer, outcome: Timed) -> None:
+        self.pathless, self.last = False, (answer.task, outcome.solution)
+        if outcome.quick is not None and outcome.quick.ok:
+            self._slow.append(replace(answer, solution=outcome.quick))
+
+    def _shared_out(self, answer: Answer) -> Answer:
+        """With the time shared out among the parts between waypoints as the objective wants it."""
+        for _ in range(SHARINGS if answer.task.mesh.marks else 0):
+            moved = rebalanced(answer.task, answer.solution.iterate)
+            if moved is None:
+                break
+            solution = moved[0].solve(moved[1], near=True)
+            if not solution.ok or solution.objective >= answer.solution.objective:
+                break
+            answer = replace(answer, task=moved[0], solution=solution)
+        return answer
+
+    def _polished(self, answer: Answer) -> Polished:
+        options = self.options
+        return polish(answer.task, answer.solution, options.accuracy, options.refinements)
+
+
+def _guesses(options: CollocationOptions) -> list[Seed]:
+    if options.start == "auto":
+        return seeds("auto", (1 + MORE) * options.attempts)
+    return seeds(options.start, options.attempts)
+
+
+def _one_way(problem: Problem) -> bool:
+    window = travel_window(problem)
+    if window is None or window.empty or problem.obstacles:
+        return False
+    return problem.travel is None or problem.travel in window

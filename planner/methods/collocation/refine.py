@@ -1,0 +1,169 @@
+"""After the solve: limits kept between the nodes, and a mesh fine enough for the true motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from planner.methods.collocation.between_nodes import INTERPOLANT, Look, MeshError, excess, look
+from planner.methods.collocation.solvers.solver import Solution
+from planner.methods.collocation.task import Task, transferred
+from planner.methods.collocation.transcription.form import Mesh
+from planner.support import progress
+from planner.support.deadline import TimeUpError, share
+
+EVENNESS = 0.35
+"""Least density of a refined mesh, relative to its greatest."""
+
+LARGEST_MESH = 2000
+TIGHTENING_ROUNDS = 6
+
+REFINING = 0.6
+"""Share of the time that is left which refining may take; then what there is by then is held."""
+
+ELSEWHERE = 0.01
+"""Share of the greatest excess over a limit by which it is drawn in where it is kept so far: a
+motion that gives way in one place moves a little in all."""
+
+
+@dataclass(frozen=True, eq=False)
+class Polished:
+    """A solution, the task it belongs to now, and what was done to it.
+
+    Attributes:
+        task: With its final mesh and limits drawn in.
+        solution: The answer.
+        error: Largest difference at the end between true motion and interpolant, over coordinates.
+        notes: JSON-ready.
+        iterations: Iterations of the solver.
+    """
+
+    task: Task
+    solution: Solution
+    error: float
+    notes: dict[str, Any]
+    iterations: int
+
+
+def polish(task: Task, solution: Solution, accuracy: float, refinements: int) -> Polished:
+    """Refine the mesh until the re-simulated end is accurate, then draw limits in where needed.
+
+    Where time is up, what is refined by then is made a motion as
+    `planner.methods.collocation.long_arms.held` does.
+    """
+    build, iterations = task.build_time_s, 0
+    meshes = [len(task.mesh.widths)]
+    seen = look(task, solution)
+    try:
+        with share(REFINING):
+            for _ in range(refinements):
+                if seen.error.fine(accuracy):
+                    break
+                progress.tell("refining the mesh")
+                finer = task.on(_finer(task, seen.error, accuracy))
+                start = transferred(task, solution.iterate, finer)
+                better = finer.solve(start, near=True)
+                iterations += better.iterations
+                build += finer.build_time_s
+                if not better.ok:
+                    break
+                task, solution = finer, better
+                meshes.append(len(task.mesh.widths))
+                seen = look(task, solution)
+            coarse = refinements > 0 and not seen.error.fine(accuracy)
+            if coarse and (kept := _held(task, solution, accuracy)):
+                task, solution = kept
+                meshes.append(len(task.mesh.widths))
+                seen = look(task, solution)
+            drawn = _draw_in(replace(task, build_time_s=build), solution, seen)
+    except TimeUpError:
+        task, solution = _held_in_time(task, solution, accuracy)
+        meshes.append(len(task.mesh.widths))
+        drawn = _drawn(task, solution, look(task, solution), 0, 0)
+    notes = {"intervals": meshes, **drawn.notes}
+    return replace(
+        drawn,
+        notes=notes,
+        iterations=drawn.iterations + iterations,
+    )
+
+
+def _held(task: Task, solution: Solution, accuracy: float) -> tuple[Task, Solution] | None:
+    """The path as it is, where no solver gets from it to the best of a finer mesh."""
+    from planner.methods.collocation.long_arms.held import (  # slow to import, and seldom needed
+        can_hold,
+        chain_of,
+        held,
+    )
+
+    return held(task, chain_of(task, solution), accuracy) if can_hold(task) else None
+
+
+def _held_in_time(task: Task, solution: Solution, accuracy: float) -> tuple[Task, Solution]:
+    """The same in the rest of the time; as it was where that is not enough."""
+    try:
+        return _held(task, solution, accuracy) or (task, solution)
+    except TimeUpError:
+        return task, solution
+
+
+def _finer(task: Task, error: MeshError, accuracy: float) -> Mesh:
+    """Intervals as dense as the errors ask for, at most three times as many, and evenly graded.
+
+    Errors shrink with the interval's width to the power 2d at the nodes and d + 1 inside it. The
+    next solution may move where this one rests, so that no interval is much wider than another.
+    """
+    d, widths = task.made.form.degree, task.mesh.widths
+    at_nodes = (error.nodes * np.sqrt(len(widths)) / accuracy) ** (1 / (2 * d))
+    inside = (error.inside / (INTERPOLANT * accuracy)) ** (1 / (d + 1))
+    density = np.maximum(at_nodes, inside) / widths
+    density = np.maximum(density, EVENNESS * np.max(density))
+    wanted = int(np.ceil(1.1 * np.sum(density * widths)))
+    count = min(max(wanted, len(widths) * 5 // 4), 3 * len(widths), LARGEST_MESH)
+    covered = np.concatenate([[0.0], np.cumsum(density * widths)])
+    edges = np.interp(np.linspace(0, covered[-1], count + 1), covered, task.mesh.edges)
+    edges[0], edges[-1] = 0.0, 1.0
+    return task.mesh.snapped(edges)
+
+
+def _draw_in(task: Task, solution: Solution, seen: Look) -> Polished:
+    """Keep limits between the edges: solve again with them at the collocation points too, then
+    with limits drawn in by what is still broken, at first little elsewhere, then everywhere alike.
+    """
+    iterations, rounds = 0, 0
+    for _ in range(TIGHTENING_ROUNDS):
+        over = excess(task, seen)
+        if not over:
+            break
+        progress.tell("keeping limits between the nodes")
+        if not task.made.form.inner:
+            built = task.build_time_s
+            task = task.inside()
+            task = replace(task, build_time_s=built + task.build_time_s)
+        else:
+            tightening = task.tightening + over.everywhere(ELSEWHERE if rounds == 0 else 1.0)
+            task, rounds = replace(task, tightening=tightening), rounds + 1
+        better = task.solve(solution.iterate, near=True)
+        if not better.ok:
+            better = task.solve(solution.iterate)
+        iterations += better.iterations
+        if not better.ok:
+            break
+        solution, seen = better, look(task, better)
+    return _drawn(task, solution, seen, iterations, rounds)
+
+
+def _drawn(task: Task, solution: Solution, seen: Look, iterations: int, rounds: int) -> Polished:
+    tightening = task.tightening
+    notes = {
+        "limits_inside": task.made.form.inner,
+        "limits_drawn_in": {
+            "rounds": rounds,
+            "joint": float(tightening.joint.max()),
+            "z2": float(tightening.z2.max()),
+            "obstacles": float(tightening.discs.max(initial=0.0)),
+        },
+    }
+    return Polished(task, solution, seen.error.end, notes, iterations)

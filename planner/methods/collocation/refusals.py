@@ -1,0 +1,107 @@
+"""How collocation says no: what the last motion breaks as `verify` sees it, and changes to try."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planner.errors import InfeasibleError, NoPlanError, NotConvergedError, Violation
+from planner.methods.collocation.path import needed_duration
+from planner.methods.collocation.pipeline import Pipeline
+from planner.methods.collocation.refine import Polished
+from planner.methods.collocation.solvers.solver import Solution
+from planner.methods.collocation.task import Task, stretched
+from planner.methods.refusal import Change, free_travel, in_other_time, lasting, on_other_paths
+from planner.plan.plan import Plan
+from planner.problem.feasibility import why_too_short
+from planner.problem.problem import Problem
+from planner.problem.tables.method_options import CollocationOptions
+from planner.verification.verify import verify
+
+NAME = "collocation"
+
+LONGER = 1.05
+"""Times the fastest motion found that is tried as a duration where that itself has no plan."""
+
+
+def refusal(problem: Problem, search: Pipeline) -> NoPlanError:
+    """Why a search has no answer."""
+    assert search.last is not None
+    if search.fastest is not None:
+        return too_short(problem, search.fastest, search.options)
+    return no_motion(problem, search)
+
+
+def too_short(problem: Problem, fastest: Polished, options: CollocationOptions) -> NoPlanError:
+    """The fastest motion found, squeezed into the duration asked for, shows what that breaks."""
+    found, wanted = fastest.solution.iterate.duration, problem.duration
+    proof = why_too_short(problem)
+    why = f"{proof}. The" if proof else f"goal.duration = {wanted:g} s is too short: the"
+    plan, broken = iterate_plan(problem, fastest.task, fastest.solution, options)
+    return (InfeasibleError if proof else NotConvergedError)(
+        f"{problem.source}: {why} fastest motion found takes {found:.4g} s. Squeezed into"
+        f" {wanted:g} s it breaks:",
+        plan=plan,
+        violations=broken,
+        changes=[lasting(found), lasting(LONGER * found)],
+        advice="wider limits on the inputs",
+    )
+
+
+def no_motion(problem: Problem, search: Pipeline) -> NoPlanError:
+    """No start led to a path, or no path to a motion.
+
+    A path is one in any time: where none was found, what may stand in the way is what paths keep.
+    """
+    assert search.last is not None
+    solution, options = search.last[1], search.options
+    plan, broken = iterate_plan(problem, *search.last, options)
+    proof = why_too_short(problem)
+    changes = on_other_paths(problem)
+    if search.pathless:
+        changes += free_travel(problem, "the travel")
+    else:
+        changes = in_other_time(problem) + changes
+    if options != CollocationOptions(time_limit_s=options.time_limit_s):
+        words = "the default options of method.collocation"
+        changes.append(Change({"method.collocation": {}}, words, defaults=True))
+    count = len(search.log)
+    starts = f"{count} start{'s' * (count != 1)}" if search.pathless else "the paths found"
+    said = f" (it says {solution.status} after {solution.iterations} iterations)"
+    return (InfeasibleError if proof else NotConvergedError)(
+        f"{problem.source}: {f'{proof}; and ' if proof else ''}the solver found no motion"
+        f" from {starts}{'' if solution.ok else said}",
+        plan=plan,
+        violations=broken,
+        changes=changes,
+        advice="another start or goal, or wider limits",
+    )
+
+
+def iterate_plan(
+    problem: Problem, job: Task, solution: Solution, options: CollocationOptions
+) -> tuple[Plan | None, list[Violation]]:
+    """A last iterate in the time asked for, for study, and what it breaks.
+
+    The problem is the one that was asked, not what the task made of it. None and nothing if even
+    the iterate's duration is no number any more.
+    """
+    iterate = solution.iterate
+    if not np.isfinite(iterate.duration):
+        return None, []
+    needed = needed_duration(problem, job.mesh, iterate)
+    iterate = stretched(iterate, problem.duration or needed or iterate.duration)
+    plan = Plan(
+        problem=problem,
+        method=NAME,
+        options=options.model_dump(),
+        trajectory=job.curve(iterate),
+        status=NotConvergedError.status,
+        objective=solution.objective,
+        objective_name=job.objective.name,
+        iterations=solution.iterations,
+        notes={"solver_status": solution.status, "largest_residual": solution.residual},
+    )
+    try:
+        return plan, list(verify(plan).violations)
+    except (ArithmeticError, ValueError):  # an iterate may be anything
+        return plan, []

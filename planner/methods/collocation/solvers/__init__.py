@@ -1,0 +1,1 @@
+"""Who solves the programme, and with what patience: `backends`, then `solver`."""

@@ -1,0 +1,188 @@
+"""One problem on one transcription, ready to be solved from any start."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from planner.methods.collocation.long_arms.bridges import Chain
+from planner.methods.collocation.solvers.backends import Settings
+from planner.methods.collocation.solvers.solver import Solution, judged, prepare, solve
+from planner.methods.collocation.transcription.bounds import Asked, Bounds, Tightening, bounds
+from planner.methods.collocation.transcription.form import Form, Mesh
+from planner.methods.collocation.transcription.objective import Objective
+from planner.methods.collocation.transcription.obstacles import link_count
+from planner.methods.collocation.transcription.transcription import Transcription
+from planner.methods.collocation.transcription.unknowns import (
+    STEPS,
+    Iterate,
+    Motion,
+    curve,
+    pieces,
+    resimulate,
+)
+from planner.plan.trajectory import StateTrajectory
+from planner.problem.problem import Problem
+from planner.support.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What is solved, and how.
+
+    Attributes:
+        problem: Start, goal and limits.
+        objective: What is made least.
+        made: The transcription.
+        mesh: Its mesh.
+        asked: What is asked of the inputs beside the problem's limits.
+        settings: Options of the solver.
+        tightening: By how much limits are drawn in.
+        build_time_s: Seconds it took to make the transcription; zero if it was there.
+    """
+
+    problem: Problem
+    objective: Objective
+    made: Transcription
+    mesh: Mesh
+    asked: Asked
+    settings: Settings
+    tightening: Tightening
+    build_time_s: float
+
+    @property
+    def bounds(self) -> Bounds:
+        """The problem's numbers."""
+        return bounds(
+            self.problem, self.made, self.mesh, self.objective, self.asked, self.tightening
+        )
+
+    def solve(self, start: Iterate, near: bool = False) -> Solution:
+        """Solve from a start, which may be near the answer."""
+        found = solve(self.made, self.bounds, start, replace(self.settings, near=near))
+        offer(self, found)
+        return found
+
+    def judged(self, iterate: Iterate) -> Solution:
+        """An iterate as it is, by the task's rows."""
+        return judged(self.made, self.bounds, iterate)
+
+    def curve(self, iterate: Iterate) -> StateTrajectory:
+        """The motion an iterate describes."""
+        return curve(self.made.system, self.made.form, self.mesh, iterate)
+
+    def motion(self, iterate: Iterate) -> Motion:
+        """The system's motion that the iterate's input really makes."""
+        made = self.made
+        motion = resimulate(made.moved, self.mesh, iterate, made.start(self.problem))
+        return replace(motion, states=motion.states[..., : made.system.size])
+
+    def on(self, mesh: Mesh) -> Task:
+        """The same task on another mesh, limits not drawn in."""
+        form = replace(self.made.form, intervals=len(mesh.widths))
+        return task(self.problem, self.objective, form, mesh, self.asked, self.settings)
+
+    def asking(self, problem: Problem, objective: Objective) -> Task:
+        """The same mesh and limits drawn in for another problem of the same system."""
+        made = self.made.form, self.mesh, self.asked, self.settings
+        return replace(task(problem, objective, *made), tightening=self.tightening)
+
+    def inside(self) -> Task:
+        """The same task with limits kept at the collocation points too."""
+        form = replace(self.made.form, inner=True)
+        return task(self.problem, self.objective, form, self.mesh, self.asked, self.settings)
+
+
+def task(
+    problem: Problem,
+    objective: Objective,
+    form: Form,
+    mesh: Mesh,
+    asked: Asked,
+    settings: Settings,
+) -> Task:
+    """Prepare a task: the transcription is made now unless it was made before.
+
+    Whether the duration is an unknown of the form is for the problem to say.
+    """
+    form = replace(form, free_duration=problem.duration is None)
+    made, seconds = prepare(problem.system, form, settings)
+    pairs = form.obstacles * link_count(problem.system)
+    none = Tightening.none(form.intervals, problem.system.size, pairs)
+    return Task(problem, objective, made, mesh, asked, settings, none, seconds)
+
+
+class Listener(Protocol):
+    """Who hears of all motions and paths that a search finds, wherever it does."""
+
+    def take(self, task: Task, solution: Solution) -> None:
+        """Hear of a solution, which may be none."""
+
+    def take_chain(self, task: Task, chain: Chain) -> None:
+        """Hear of a path within the joint limits that is not timed yet."""
+
+
+_listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
+
+
+@contextmanager
+def told(listener: Listener) -> Iterator[None]:
+    """Tell a listener of all that is found inside."""
+    token = _listener.set(listener)
+    try:
+        yield
+    finally:
+        _listener.reset(token)
+
+
+def offer(task: Task, solution: Solution) -> None:
+    """Offer a solution, which may be none, to the search around."""
+    if listener := _listener.get():
+        listener.take(task, solution)
+
+
+def offer_chain(task: Task, chain: Chain) -> None:
+    """Offer a path within the joint limits."""
+    if listener := _listener.get():
+        listener.take_chain(task, chain)
+
+
+def can_jump(job: Task) -> bool:
+    """Whether nothing asks for inputs without jumps."""
+    rates = job.problem.limits.input_rate
+    return not (job.asked.rest or job.objective.smooth or np.isfinite(rates).any())
+
+
+def transferred(old: Task, iterate: Iterate, new: Task) -> Iterate:
+    """An iterate of one task as a start for another that differs in mesh or input kind."""
+    q, u = pieces(old.made.form, old.mesh, iterate)
+    mesh, T = new.mesh, iterate.duration
+    return Iterate(
+        duration=T,
+        nodes=q(mesh.edges * T),
+        points=q(mesh.at(new.made.form.scheme.points) * T),
+        inputs=u(new.made.form.input_places(mesh) * T),
+    )
+
+
+def driven(job: Task, duration: float, inputs: Array) -> Iterate:
+    """The iterate that inputs, in the shape of `Iterate.inputs`, lead to from the start."""
+    made, tau = job.made, job.made.form.scheme.points * STEPS
+    shape = made.form.intervals, made.form.degree, made.moved.size
+    still = Iterate(duration, np.empty(0), np.empty(shape), inputs)
+    states = resimulate(made.moved, job.mesh, still, made.start(job.problem)).states
+    before = np.minimum(tau.astype(int), STEPS - 1)
+    share = (tau - before)[:, None]
+    points = (1 - share) * states[:, before] + share * states[:, before + 1]
+    return replace(still, nodes=np.vstack([states[:, 0], states[-1:, -1]]), points=points)
+
+
+def stretched(iterate: Iterate, duration: float) -> Iterate:
+    """The same path in another time: the systems are driftless, so it stays a motion."""
+    factor = iterate.duration / duration
+    return replace(iterate, duration=duration, inputs=iterate.inputs * factor)

@@ -1,0 +1,334 @@
+"""One mesh interval as symbols: where it leads, what it costs, and its rows, labelled where made.
+
+All intervals are alike, so the whole problem is this one, repeated (see `assembly`).
+
+Closeness to the edge of the chart's domain, as a term of the objective.
+
+Which collocation values are unknowns, and which follow from the others.
+
+A collocation method is implicit, but where no coordinate's rate depends on that coordinate, not
+even by way of others, its equations are solved one coordinate after the other: the manipulator's
+θ₁ from the input, θ₂ from θ₁, and so on. Coordinates on a circle of dependencies are cut out of it:
+their values at the collocation points stay unknowns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+
+from planner.methods.collocation.transcription.augmented import Augmented, Moved
+from planner.methods.collocation.transcription.form import TERMS, Form
+from planner.methods.collocation.transcription.obstacles import clearances, link_count
+from planner.support.arrays import Array
+from planner.systems.chained_form import chained_form
+from planner.systems.triangular_system import TriangularSystem
+
+RowKind = Literal["motion", "carried", "defect", "joint", "z2", "obstacle"]
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Rows of one meaning.
+
+    Attributes:
+        kind: Its family. motion: the next state is where this interval leads; carried: the
+            duration and a linear input's corners are those of the next interval; defect: a lifted
+            coordinate obeys its rate at the collocation points; joint: a coordinate keeps its
+            limit inside the interval; z2: z₂ keeps its margin; obstacle: a link clears a disc.
+        index: Coordinate or input it is about.
+        tau: Where in the interval each row holds, shape (m,), in [0, 1].
+        first: Position of its first row among the interval's rows.
+    """
+
+    kind: RowKind
+    index: int
+    tau: Array
+    first: int
+
+    @property
+    def positions(self) -> slice:
+        """Positions among the interval's rows."""
+        return slice(self.first, self.first + len(self.tau))
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """The symbols of one interval.
+
+    Attributes:
+        state: y at its left edge.
+        control: c.
+        width: Its share of the duration.
+        weights: The interval's numbers, see `Form.parameters`.
+        inside: Inputs, coordinates and their rates at the collocation points, as columns of
+            symbols of their own.
+        meaning: What each column is, from state, control and columns before it.
+        cost: Its share of the objective; it and all below also in terms of `inside`.
+        end: What a state costs beside that where the motion ends.
+        after: The state it leads to; the first rows are the next state minus this one.
+        rows: The rows that follow them.
+        points: Coordinates at the collocation points, N × d.
+        labels: What all rows mean, the first ones included.
+    """
+
+    state: Any
+    control: Any
+    width: Any
+    weights: Any
+    inside: tuple[Any, ...]
+    meaning: tuple[Any, ...]
+    cost: Any
+    end: Any
+    after: Any
+    rows: Any
+    points: Any
+    labels: tuple[Rows, ...]
+
+    @property
+    def height(self) -> int:
+        """Number of rows of an interval."""
+        return int(self.after.numel() + self.rows.numel())
+
+
+class _Symbols:
+    """The interval's unknowns by name; u(τ) is linear from u_left to u_right."""
+
+    def __init__(self, system: Moved, form: Form, lifted: tuple[int, ...]) -> None:
+        self.X, self.width = ca.SX.sym("X", system.size), ca.SX.sym("h")
+        self.weights = ca.SX.sym("weights", form.parameters)
+        self.T = ca.SX.sym("T") if form.free_duration else self.weights[-1]
+        self.lifted = ca.SX.sym("P", len(lifted), form.degree)
+        self.seconds = self.width * self.T
+        first = ca.SX.sym("U", 2)
+        state, control = [self.X], [first]
+        if form.free_duration:
+            state.append(self.T)
+        self.u_left = self.u_right = first
+        if form.input == "linear":
+            self.u_left = ca.SX.sym("V", 2)
+            self.u_right = self.u_left + self.seconds * first
+            state.append(self.u_left)
+        self.state = ca.vertcat(*state)
+        self.control = ca.vertcat(*control, ca.vec(self.lifted))
+
+    def input_at(self, tau: float) -> Any:
+        return self.u_left + tau * (self.u_right - self.u_left)
+
+
+class _RowList:
+    """Collects rows together with their labels."""
+
+    def __init__(self) -> None:
+        self.expressions: list[Any] = []
+        self.labels: list[Rows] = []
+
+    def add(self, kind: RowKind, index: int, tau: Array, expressions: list[Any]) -> None:
+        self.labels.append(Rows(kind, index, tau, len(self.expressions)))
+        self.expressions += expressions
+
+
+def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
+    """Write down one interval of a transcription."""
+    moved = form.augmented or system
+    x, rows = _Symbols(moved, form, order.lifted), _RowList()
+    points, rates, defects, inside = _collocation(moved, form, order, x)
+    after = _motion(moved, form, x, rates, rows)
+    for i, residuals in defects.items():
+        rows.add("defect", i, form.scheme.points, residuals)
+    columns = [ca.vertcat(*column) for column in points]
+    _limits(system, form, x, columns, rows)
+    if form.augmented and form.augmented.backoff:
+        _backed_off(form, form.augmented, [*columns, after[: moved.size]], rows)
+    cost = _cost(system, form, x, columns)
+    return Stage(
+        state=x.state,
+        control=x.control,
+        width=x.width,
+        weights=x.weights,
+        inside=tuple(symbols for symbols, _ in inside),
+        meaning=tuple(meaning for _, meaning in inside),
+        cost=cost,
+        end=form.augmented.end_cost_expr(x.X) if form.augmented else ca.SX(0),
+        after=after,
+        rows=ca.vertcat(*rows.expressions[after.numel() :]),
+        points=ca.horzcat(*columns),
+        labels=tuple(rows.labels),
+    )
+
+
+def _collocation(
+    system: Moved, form: Form, order: Order, x: _Symbols
+) -> tuple[list[list[Any]], dict[int, list[Any]], dict[int, list[Any]], list[tuple[Any, Any]]]:
+    """Values and rates at the collocation points, one coordinate after the other.
+
+    Returns:
+        Values, first index the point; rates of each coordinate at the points; for each lifted
+        coordinate its values minus what its rates make of them, which must vanish; and the inputs,
+        rates and other values as symbols, each with its meaning.
+    """
+    s, places = form.scheme, range(form.degree)
+    inputs = [ca.SX.sym(f"u{j}", 2) for j in places]
+    wanted = [x.input_at(tau) for tau in s.points.tolist()]
+    inside = [(ca.vertcat(*inputs), ca.vertcat(*wanted))]
+    points = [[ca.SX.sym(f"q{i}_{j}") for i in range(system.size)] for j in places]
+    for row, i in enumerate(order.lifted):
+        for j in places:
+            points[j][i] = x.lifted[row, j]
+    rates: dict[int, list[Any]] = {}
+    defects = {}
+    for i, rate in zip(order.sequence, _rates(system, order.sequence), strict=True):
+        columns = [ca.vertcat(*column) for column in points]
+        r = ca.SX.sym(f"r{i}", form.degree)
+        meant = [rate(q, u) for q, u in zip(columns, inputs, strict=True)]
+        inside.append((r, ca.vertcat(*meant)))
+        moved = x.X[i] + x.seconds * (ca.DM(s.integration) @ r)
+        rates[i] = ca.vertsplit(r)
+        if i in order.lifted:
+            defects[i] = [points[j][i] - moved[j] for j in places]
+        else:
+            inside.append((ca.vertcat(*(points[j][i] for j in places)), moved))
+    return points, rates, defects, inside
+
+
+def _rates(system: Moved, coordinates: tuple[int, ...]) -> list[Any]:
+    """Functions (q, u) to the rate of each coordinate."""
+    q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
+    rates = system.rates_expr(q, u)
+    return [ca.Function("rate", [q, u], [rates[i]]) for i in coordinates]
+
+
+def _motion(
+    system: Moved,
+    form: Form,
+    x: _Symbols,
+    rates: dict[int, list[Any]],
+    rows: _RowList,
+) -> Any:
+    """The state at the right edge."""
+    weights, end = ca.DM(form.scheme.quadrature), np.ones(1)
+    after = []
+    for i in range(system.size):
+        after.append(x.X[i] + x.seconds * ca.dot(weights, ca.vertcat(*rates[i])))
+        rows.add("motion", i, end, [after[-1]])
+    if form.free_duration:
+        after.append(x.T)
+        rows.add("carried", 0, end, [x.T])
+    if form.input == "linear":
+        for i in range(len(system.inputs)):
+            after.append(x.u_right[i])
+            rows.add("carried", i, end, [after[-1]])
+    return ca.vertcat(*after)
+
+
+def _limits(
+    system: TriangularSystem, form: Form, x: _Symbols, points: list[Any], rows: _RowList
+) -> None:
+    """Limits that are not bounds on unknowns; edges' coordinates and lifted ones are unknowns."""
+    inside = form.scheme.points if form.inner else np.empty(0)
+    if form.inner:
+        for i in system.limited:
+            rows.add("joint", i, inside, [q[i] for q in points])
+    if form.chart:
+        places = [x.X, *points] if form.inner else [x.X]
+        z2 = [chained_form(system).z_expr(q[: system.size])[1] for q in places]
+        rows.add("z2", 1, np.append(0.0, inside), z2)
+
+    for k in range(form.obstacles):
+        disc = x.weights[TERMS + 3 * k : TERMS + 3 * k + 3]
+        places = [x.X, *points] if form.inner else [x.X]
+        links = zip(*(clearances(system, q, disc) for q in places), strict=True)
+        for i, clear in enumerate(links):
+            pair = k * link_count(system) + i
+            rows.add("obstacle", pair, np.append(0.0, inside), list(clear))
+
+
+def _backed_off(form: Form, moved: Augmented, places: list[Any], rows: _RowList) -> None:
+    """Limits on coordinates and z₂ to either side by the response, at points and the right edge."""
+    system, q = moved.system, ca.SX.sym("q", moved.system.size)
+    tau = np.repeat(np.append(form.scheme.points, 1.0), 2)
+    for i in system.limited:
+        rows.add("joint", i, tau, moved.sides(q, q[i], places))
+    if form.chart:
+        rows.add("z2", 1, tau, moved.sides(q, chained_form(system).z_expr(q)[1], places))
+
+
+def _cost(system: TriangularSystem, form: Form, x: _Symbols, points: list[Any]) -> Any:
+    """The interval's share of the objective; `Form` and `Objective` say which terms there are."""
+    rate = ca.dot(x.weights[1:3], _mean_square(x, form))
+    if form.input == "linear":
+        slope = (x.u_right - x.u_left) / x.seconds
+        rate += ca.dot(x.weights[3:5], slope**2)
+    cost = x.width * x.T * (x.weights[0] + rate)
+    if form.edge:
+        nearness = [edge_cost(system, x.weights[5], q) for q in points]
+        means = zip(form.scheme.quadrature, nearness, strict=True)
+        cost += x.width * sum(w * each for w, each in means)
+    if form.augmented:
+        way = zip(form.scheme.quadrature, map(form.augmented.path_cost_expr, points), strict=True)
+        cost += x.width * sum(w * each for w, each in way)
+    return cost
+
+
+def _mean_square(x: _Symbols, form: Form) -> Any:
+    """Mean of each input's square over the interval, exact for the kind of input."""
+    if form.input == "constant":
+        return x.u_left**2
+    return (x.u_left**2 + x.u_left * x.u_right + x.u_right**2) / 3
+
+
+NEAR = 0.05
+"""Margin (sin squared of an angle, for the manipulator) at which closeness has fallen to 1/e."""
+
+
+def edge_cost(system: TriangularSystem, weight: Any, q: Any) -> Any:
+    """weight × Σ exp(−|margin|/NEAR) over the chart's margins at q: a smooth least margin.
+
+    It grows towards an edge from either side, so that it needs no branch and is defined where a
+    motion leaves the chart, too.
+    """
+    margins = system.chart_margins_expr(q, np.ones(system.size))
+    return weight * sum(ca.exp(-ca.fabs(margin) / NEAR) for margin in margins)
+
+
+@dataclass(frozen=True)
+class Order:
+    """In which order collocation values are computed.
+
+    Attributes:
+        sequence: All coordinates; each one's rate depends on earlier and on lifted ones only.
+        lifted: Those whose collocation values are unknowns, increasing.
+    """
+
+    sequence: tuple[int, ...]
+    lifted: tuple[int, ...]
+
+
+def order(system: Moved) -> Order:
+    """The order for a system, with few coordinates lifted."""
+    needs = _dependencies(system)
+    sequence: list[int] = []
+    lifted: set[int] = set()
+    while waiting := [i for i in range(system.size) if i not in sequence]:
+        known = lifted | set(sequence)
+        ready = [i for i in waiting if needs[i] <= known]
+        sequence += ready
+        if not ready:
+            open_ends = [i for i in waiting if i not in lifted]
+            itself = [i for i in open_ends if i in needs[i]]
+            lifted.add((itself or open_ends)[0])
+    return Order(tuple(sequence), tuple(sorted(lifted)))
+
+
+def _dependencies(system: Moved) -> list[set[int]]:
+    """For each coordinate, those that its rate depends on."""
+    q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
+    rates = ca.vertcat(*system.rates_expr(q, u))
+    rows, columns = ca.jacobian(rates, q).sparsity().get_triplet()
+    out: list[set[int]] = [set() for _ in range(system.size)]
+    for i, j in zip(rows, columns, strict=True):
+        out[i].add(j)
+    return out

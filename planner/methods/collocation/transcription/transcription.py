@@ -1,0 +1,249 @@
+"""The whole problem from one interval: CasADi functions with exact sparse derivatives.
+
+The derivatives of one interval are formed symbolically once and mapped over all intervals. Since
+unknowns and rows come stage by stage, the nonzeros of the whole matrices are those of the intervals
+one after the other: nothing is gathered, added up or differentiated again. Building takes
+milliseconds and does not grow with the mesh.
+
+Jacobian pattern (y: state at an edge, c: control; one block row an interval):
+
+    y c 1
+        y c 1
+            y c 1
+
+The Hessian of the Lagrangian has one block (y, c) an interval, and at the last state what the end
+costs.
+
+The transcription of a system: built once for each form, then reused with any numbers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from planner.methods.collocation.transcription.augmented import Moved
+from planner.methods.collocation.transcription.derivatives import (
+    IntervalFunctions,
+    compiled,
+    interval_functions,
+)
+from planner.methods.collocation.transcription.form import Form
+from planner.methods.collocation.transcription.interval import Rows, Stage, order, stage
+from planner.methods.collocation.transcription.unknowns import Index, Iterate, Layout, layout
+from planner.problem.problem import Problem
+from planner.support.arrays import Array
+from planner.support.compiled_calls import Call
+from planner.systems.triangular_system import TriangularSystem
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """A nonlinear programme min f(x, p), with bounds on x and on g(x, p).
+
+    Attributes:
+        problem: The expressions x, p, f, g; p = (`Form.parameters` numbers, K widths).
+        f: Function (x, p) to f.
+        g: Function (x, p) to g.
+        gradient: Function (x, p) to the gradient of f.
+        value_gradient: Function (x, p) to f and its gradient.
+        jacobian: Function (x, p) to g and its Jacobian.
+        hessian: Function (x, p, lam_f, lam_g) to gradient and Hessian of lam_f f + lam_g g.
+        triangle: The same, to the Hessian's upper triangle alone.
+        outcome: From arrays (x, p) to one of f, g, and the coordinates at the collocation points.
+    """
+
+    problem: dict[str, Any]
+    f: Any
+    g: Any
+    gradient: Any
+    value_gradient: Any
+    jacobian: Any
+    hessian: Any
+    triangle: Any
+    outcome: Call
+
+
+def assemble(stage: Stage, layout: Layout, functions: IntervalFunctions) -> Program:
+    """Repeat one interval over the mesh."""
+    return _Assembly(stage, layout, functions).program()
+
+
+class _Assembly:
+    """Symbols of the whole: unknowns cut into one column an interval, then the last state."""
+
+    def __init__(self, stage: Stage, layout: Layout, functions: IntervalFunctions) -> None:
+        self.K, self.ny, self.nc = layout.intervals, layout.state, layout.control
+        self.height, self.m = stage.height, layout.state + layout.control
+        self.functions, own = functions, stage.weights.numel()
+        self.x, self.p = ca.MX.sym("x", layout.size), ca.MX.sym("p", own + self.K)
+        self.columns = ca.reshape(self.x[: self.K * self.m], self.m, self.K)
+        self.last = self.x[self.K * self.m :]
+        self.end = ca.Function("end", [stage.state], [stage.end])(self.last)
+        self.bend, self.slope = ca.hessian(self.end, self.x)
+        self.parameters = ca.vertcat(ca.repmat(self.p[:own], 1, self.K), self.p[own:].T)
+
+    def program(self) -> Program:
+        f = ca.sum2(*self._mapped(self.functions.cost)) + self.end
+        g = self._rows(*self._mapped(self.functions.rows))
+        gradient, names = self._gradient(), ["x", "p"]
+        return Program(
+            problem={"x": self.x, "p": self.p, "f": f, "g": g},
+            f=ca.Function("nlp_f", self._xp, [f], names, ["f"]),
+            g=ca.Function("nlp_g", self._xp, [g], names, ["g"]),
+            gradient=ca.Function("nlp_grad_f", self._xp, [gradient], names, ["grad_f_x"]),
+            value_gradient=ca.Function(
+                "nlp_grad_f", self._xp, [f, gradient], names, ["f", "grad_f_x"]
+            ),
+            jacobian=self._jacobian(),
+            hessian=self._hessian(),
+            triangle=self._triangle(),
+            outcome=Call(ca.Function("outcome", self._xp, [self._outcome(f, g)])),
+        )
+
+    @property
+    def _xp(self) -> list[Any]:
+        return [self.x, self.p]
+
+    def _outcome(self, f: Any, g: Any) -> Any:
+        (points,) = self._mapped(self.functions.points)
+        return ca.vertcat(f, g, ca.vec(points))
+
+    def _mapped(self, function: Any, *more: Any) -> list[Any]:
+        out = function.map(self.K)(self.columns, self.parameters, *more)
+        return list(out) if isinstance(out, tuple) else [out]
+
+    def _rows(self, rows: Any) -> Any:
+        """The interval's own rows begin with minus the state it leads to; the state is added."""
+        following = ca.horzcat(self.columns[: self.ny, 1:], self.last)
+        return ca.vec(ca.vertcat(rows[: self.ny, :] + following, rows[self.ny :, :]))
+
+    def _gradient(self) -> Any:
+        (columns,) = self._mapped(self.functions.gradient)
+        return ca.vertcat(ca.vec(columns), ca.MX.zeros(self.ny)) + self.slope
+
+    def _jacobian(self) -> Any:
+        """A state's column begins with the row of the interval before, which the first lacks."""
+        rows, nonzeros = self._mapped(self.functions.jacobian)
+        row, column = self.functions.jacobian_pattern
+        stages, last = np.arange(self.K)[:, None], np.arange(self.ny)
+        row = np.append(self.height * stages + row, self.height * (self.K - 1) + last)
+        column = np.append(self.m * stages + column, self.m * self.K + last)
+        there = row >= 0
+        values = ca.vertcat(ca.vec(nonzeros), ca.MX.ones(self.ny))[np.flatnonzero(there).tolist()]
+        pattern = self._pattern(self.K * self.height, row[there], column[there])
+        outputs = [self._rows(rows), ca.MX(pattern, values)]
+        return ca.Function("nlp_jac_g", self._xp, outputs, ["x", "p"], ["g", "jac_g_x"])
+
+    def _lagrangian(self) -> tuple[list[Any], Any, Any]:
+        """Arguments, gradient and Hessian nonzeros of each interval."""
+        scale, duals = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.K * self.height)
+        columns = ca.reshape(duals, self.height, self.K)
+        scales = ca.repmat(scale, 1, self.K)
+        gradients, nonzeros = self._mapped(self.functions.hessian, scales, columns)
+        following = ca.vertcat(ca.MX.zeros(self.nc, self.K), columns[: self.ny, :])
+        gradient = ca.vertcat(ca.vec(gradients), ca.MX.zeros(self.ny))
+        gradient += ca.vertcat(ca.MX.zeros(self.ny), ca.vec(following))
+        return [*self._xp, scale, duals], gradient + scale * self.slope, nonzeros
+
+    def _hessian(self) -> Any:
+        inputs, gradient, nonzeros = self._lagrangian()
+        names = ["x", "p", "lam_f", "lam_g"], ["grad_gamma_x", "hess_gamma_x_x"]
+        whole = self._blocks(nonzeros, *self.functions.hessian_pattern) + inputs[2] * self.bend
+        return ca.Function("nlp_hess_l", inputs, [gradient, whole], *names)
+
+    def _triangle(self) -> Any:
+        inputs, _, nonzeros = self._lagrangian()
+        row, column = self.functions.hessian_pattern
+        upper = np.flatnonzero(row <= column)
+        whole = self._blocks(nonzeros[upper.tolist(), :], row[upper], column[upper])
+        whole += inputs[2] * ca.triu(self.bend)
+        names = ["x", "p", "lam_f", "lam_g"], ["hess_gamma_x_x"]
+        return ca.Function("nlp_hess_l", inputs, [whole], *names)
+
+    def _blocks(self, nonzeros: Any, row: Index, column: Index) -> Any:
+        stages = self.m * np.arange(self.K)[:, None]
+        pattern = self._pattern(self.x.numel(), (stages + row).ravel(), (stages + column).ravel())
+        return ca.MX(pattern, ca.vec(nonzeros))
+
+    def _pattern(self, height: int, row: Index, column: Index) -> Any:
+        return ca.Sparsity.triplet(height, self.x.numel(), row.tolist(), column.tolist())
+
+
+@dataclass(frozen=True, eq=False)
+class Transcription:
+    """A nonlinear programme with names; start, goal, limits, mesh and weights are numbers.
+
+    Attributes:
+        system: What is steered.
+        form: Its shape.
+        layout: Where each unknown sits.
+        labels: What the rows of one interval mean.
+        height: Rows of one interval.
+        program: The functions.
+        solvers: Those made for it, by their settings: they live as long as it does.
+    """
+
+    system: TriangularSystem
+    form: Form
+    layout: Layout
+    labels: tuple[Rows, ...]
+    height: int
+    program: Program
+    solvers: dict[Any, Any] = field(default_factory=dict)
+
+    @property
+    def moved(self) -> Moved:
+        """What moves: the system, or more."""
+        return self.form.augmented or self.system
+
+    def start(self, problem: Problem) -> Array:
+        """All that moves, at the start: what is not of the system begins at zero."""
+        return np.append(problem.start, np.zeros(self.moved.size - self.system.size))
+
+    def outcome(self, vector: Array, parameters: Array) -> tuple[float, Array, Iterate]:
+        """What the unknowns lead to.
+
+        Returns:
+            The objective, the values of all rows, and the unknowns by name, with the collocation
+            values that follow from them.
+        """
+        at, known = self.layout, parameters[self.form.parameters - 1]
+        found = self.program.outcome(vector, parameters)
+        end = 1 + at.intervals * self.height
+        rows, points = found[1:end], found[end:]
+        iterate = Iterate(
+            duration=float(vector[at.durations[0]] if self.form.free_duration else known),
+            nodes=vector[at.nodes],
+            points=points.reshape(at.intervals, self.form.degree, -1),
+            inputs=vector[at.inputs],
+        )
+        return float(found[0]), rows, iterate
+
+
+@lru_cache(maxsize=64)
+def transcription(system: TriangularSystem, form: Form) -> Transcription:
+    """Build the transcription, or return the one built before.
+
+    Raises:
+        InputError: If it is to be compiled and cannot be.
+    """
+    moved = form.augmented or system
+    dependencies = order(moved)
+    places = layout(form, moved.size, dependencies.lifted)
+    symbols = stage(system, form, dependencies)
+    functions = interval_functions(symbols)
+    if form.compiled:
+        functions = compiled(functions)
+    return Transcription(
+        system=system,
+        form=form,
+        layout=places,
+        labels=symbols.labels,
+        height=symbols.height,
+        program=assemble(symbols, places, functions),
+    )

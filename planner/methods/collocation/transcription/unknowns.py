@@ -1,0 +1,213 @@
+"""Where each quantity sits in the solver's vector of unknowns.
+
+    w = (y₀, c₀, y₁, c₁, …, y_K)        y = (X, [T], [V])        c = (U, P)
+
+Stage by stage, as solvers want it that know the structure of optimal control: the state y at an
+edge of the mesh, then the control c of the interval that begins there. X are the coordinates. The
+duration T, if free, is a state that stays what it is, so that no unknown belongs to all stages.
+The input U is a constant; or, where it must not jump, the slope of a line that starts at V, which
+is then part of the state. P are the collocation values of the lifted coordinates (see `order`):
+none for the manipulator.
+
+From the unknowns to the motion: the interpolant that the scheme itself uses.
+
+The motion that an input really makes, by a Runge–Kutta method with small fixed steps.
+
+It samples the true motion between the nodes, for drawing limits in and for judging the mesh. It is
+fast, and shares the system's expressions with the transcription; the independent judge is `verify`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BPoly
+
+from planner.methods.collocation.transcription.augmented import Moved
+from planner.methods.collocation.transcription.form import Form, Mesh
+from planner.plan.trajectory import StateTrajectory
+from planner.support.arrays import Array
+from planner.support.compiled_calls import Call
+from planner.systems.triangular_system import TriangularSystem
+
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """The unknowns, and what follows from them, by name.
+
+    Attributes:
+        duration: T in seconds.
+        nodes: States at the mesh's edges, shape (K+1, N).
+        points: States at the collocation points, shape (K, d, N).
+        inputs: Shape (K, 2) if constant in each interval, (K+1, 2) at the edges if linear.
+    """
+
+    duration: float
+    nodes: Array
+    points: Array
+    inputs: Array
+
+    def input_ends(self) -> tuple[Array, Array]:
+        """Inputs at the left and right end of each interval, shapes (K, 2)."""
+        if len(self.inputs) == len(self.points):
+            return self.inputs, self.inputs
+        return self.inputs[:-1], self.inputs[1:]
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Positions in the vector of unknowns.
+
+    Attributes:
+        intervals: Number K.
+        state: Entries of y.
+        control: Entries of c.
+        nodes: Positions of X, shape (K+1, N).
+        durations: Positions of T, shape (K+1,), or (0,) if it is known.
+        inputs: Positions of inputs, in the shape of `Iterate.inputs`.
+        slopes: Positions of the slopes of a linear input, shape (K, 2), else (0, 2).
+        points: Positions of P, shape (K, d, L).
+        lifted: The L lifted coordinates.
+    """
+
+    intervals: int
+    state: int
+    control: int
+    nodes: Index
+    durations: Index
+    inputs: Index
+    slopes: Index
+    points: Index
+    lifted: tuple[int, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.intervals * (self.state + self.control) + self.state
+
+    def pack(self, iterate: Iterate, widths: Array) -> Array:
+        """Names to vector, shape (size,), on a mesh of these widths (K,)."""
+        w = np.empty(self.size)
+        w[self.nodes] = iterate.nodes
+        w[self.durations] = iterate.duration
+        w[self.inputs] = iterate.inputs
+        if len(self.slopes):
+            left, right = iterate.input_ends()
+            w[self.slopes] = (right - left) / (widths[:, None] * iterate.duration)
+        w[self.points] = iterate.points[:, :, list(self.lifted)]
+        return w
+
+
+def layout(form: Form, size: int, lifted: tuple[int, ...]) -> Layout:
+    """The layout for a system of `size` coordinates, some of them lifted."""
+    K, d = form.intervals, form.degree
+    linear = form.input == "linear"
+    corners = size + form.free_duration
+    state = corners + (2 if linear else 0)
+    control = 2 + d * len(lifted)
+    edges = (state + control) * np.arange(K + 1)
+    controls = edges[:-1, None] + state + np.arange(control)
+    return Layout(
+        intervals=K,
+        state=state,
+        control=control,
+        nodes=edges[:, None] + np.arange(size),
+        durations=edges + size if form.free_duration else np.empty(0, dtype=np.int64),
+        inputs=edges[:, None] + corners + np.arange(2) if linear else controls[:, :2],
+        slopes=controls[:, :2] if linear else np.empty((0, 2), dtype=np.int64),
+        points=controls[:, 2:].reshape(K, d, len(lifted)),
+        lifted=lifted,
+    )
+
+
+def curve(system: TriangularSystem, form: Form, mesh: Mesh, iterate: Iterate) -> StateTrajectory:
+    """The motion of a system, which may not be all that moves."""
+    q, u = pieces(form, mesh, iterate)
+    return StateTrajectory(system, BPoly(q.c[..., : system.size], q.x), u)
+
+
+def pieces(form: Form, mesh: Mesh, iterate: Iterate) -> tuple[BPoly, BPoly]:
+    """Piecewise polynomials in time: all states of degree d, u of degree 0 or 1."""
+    breaks = mesh.edges * iterate.duration
+    values = np.concatenate([iterate.nodes[:-1, None], iterate.points], axis=1)
+    q = (form.scheme.bernstein @ values).swapaxes(0, 1)
+    q[0], q[-1] = iterate.nodes[:-1], iterate.nodes[1:]
+    left, right = iterate.input_ends()
+    u = np.stack([left, right]) if form.input == "linear" else left[None]
+    return BPoly(q, breaks), BPoly(u, breaks)
+
+
+STEPS = 12
+"""Steps an interval."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Samples of the true motion.
+
+    Attributes:
+        fractions: Of the duration, shape (K, STEPS + 1).
+        states: Shape (K, STEPS + 1, N); an interval's last sample is the next one's first.
+    """
+
+    fractions: Array
+    states: Array
+
+    @property
+    def end(self) -> Array:
+        """The state reached, shape (N,)."""
+        return np.asarray(self.states[-1, -1])
+
+
+def resimulate(system: Moved, mesh: Mesh, iterate: Iterate, start: Array) -> Motion:
+    """Integrate an iterate's input from `start` (N,)."""
+    K = len(mesh.widths)
+    given = start, mesh.widths * iterate.duration, *iterate.input_ends()
+    states = np.empty((K, STEPS + 1, system.size))
+    states[:, 1:] = _runner(system, K)(*given).reshape(K, STEPS, system.size)
+    states[0, 0], states[1:, 0] = start, states[:-1, -1]
+    return Motion(mesh.at(np.arange(STEPS + 1) / STEPS), states)
+
+
+@lru_cache(maxsize=32)
+def _runner(system: Moved, intervals: int) -> Call:
+    """From the start, the intervals' seconds and the inputs at their ends to all samples."""
+    whole = _interval(system).mapaccum(intervals)
+    inputs = [ca.MX.sym(name, whole.sparsity_in(k)) for k, name in enumerate("qsab")]
+    return Call(ca.Function("resimulate", inputs, whole(*inputs)[1:]))
+
+
+@lru_cache(maxsize=32)
+def _interval(system: Moved) -> Any:
+    """To the end of one interval, and all samples, step by step."""
+    q, seconds, a, b = (
+        ca.SX.sym(name, size) for name, size in zip("qsab", (system.size, 1, 2, 2), strict=True)
+    )
+    h, samples = seconds / STEPS, [q]
+    for k in range(STEPS):
+        u = [a + (2 * k + j) / (2 * STEPS) * (b - a) for j in range(3)]
+        samples.append(_step(system)(samples[-1], h, *u))
+    return ca.Function("interval", [q, seconds, a, b], [samples[-1], ca.horzcat(*samples[1:])])
+
+
+@lru_cache(maxsize=32)
+def _step(system: Moved) -> Any:
+    """One step of the classical Runge–Kutta method of order 4."""
+    q, h = ca.SX.sym("q", system.size), ca.SX.sym("h")
+    u = [ca.SX.sym(name, 2) for name in ("first", "middle", "last")]
+
+    def rates(q: Any, u: Any) -> Any:
+        return ca.vertcat(*system.rates_expr(q, u))
+
+    a = rates(q, u[0])
+    b = rates(q + h / 2 * a, u[1])
+    c = rates(q + h / 2 * b, u[1])
+    d = rates(q + h * c, u[2])
+    return ca.Function("step", [q, h, *u], [q + h / 6 * (a + 2 * b + 2 * c + d)])

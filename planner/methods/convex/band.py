@@ -1,0 +1,230 @@
+"""The convex part of the chart's domain, a floor and a concave cap on ±z₂, and what leaves it.
+
+    n = 2:  p = z₂            0 < p < K₂                    cos³θ₁ = p/K₂
+    n = 3:  p = −sign(θ₂) z₂  0 < p < g(z₃)                 cos²θ₁ = p/g(z₃)
+            g(z₃) = 3K₂K₃ c²√(1−c²),  c = cosθ₂ = (z₃/K₃)^{1/3},  concave on (0, K₃)
+
+There the band is the whole domain. The cap is lowered by the factor that keeps sin²θ₁ ≥ edge, and
+the floor is raised to the margin asked for; both keep the set convex. The sign of θ₁ plays no part:
+the cap knows cos²θ₁ only. For longer chains and other systems the band is the margin of z₂ alone.
+
+Between the nodes the band is proven, not sampled. On an interval, z₃ lies between the least and
+greatest of its Bernstein coefficients, and there a concave cap lies above its chord. So
+
+    p − cap(z₃) ≤ p − chord(z₃) ≤ greatest Bernstein coefficient of the polynomial p − chord(z₃)
+
+and halving the interval (de Casteljau) tightens the bound with the square of its length.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.problem.problem import Problem
+from planner.support.arrays import Array
+from planner.systems.manipulator import Manipulator
+
+DEFAULT_FLOOR = 1e-4
+"""Least |z₂| where the problem sets no margin; half the nearer end's if that is less."""
+
+Indices = NDArray[np.intp]
+
+MAX_HALVINGS = 40
+
+COARSE = 0.02
+"""Where a limit is broken, how finely the breach is located, relative to the worst one."""
+
+
+@dataclass(frozen=True)
+class Band:
+    """floor ≤ p ≤ cap(z₃), p = sign · z₂.
+
+    Attributes:
+        sign: ±1.
+        floor: Least p; −inf where there is none.
+        cap_factor: Factor on g (n = 3) or K₂ (n = 2) that keeps the distance from θ₁ = 0.
+        K: (K₂,) or (K₂, K₃); empty where there is no cap.
+    """
+
+    sign: float
+    floor: float
+    cap_factor: float
+    K: Array
+
+    @property
+    def complete(self) -> bool:
+        """Whether the band is the whole domain of the chart."""
+        return len(self.K) > 0
+
+    @property
+    def z3_range(self) -> tuple[float, float]:
+        """Where the cap is concave."""
+        return (0.0, float(self.K[1])) if len(self.K) == 2 else (-np.inf, np.inf)
+
+    @property
+    def top(self) -> float:
+        """Greatest value the cap takes anywhere."""
+        if len(self.K) == 1:
+            return float(self.cap_factor * self.K[0])
+        return float(self.cap_factor * 2 * self.K[0] * self.K[1] / np.sqrt(3))
+
+    def cap(self, z3: Array) -> Array:
+        """Greatest p at z₃, any shape; z₃ is clipped to [0, K₃]."""
+        if len(self.K) == 1:
+            return np.full(np.shape(z3), self.cap_factor * self.K[0])
+        c2 = np.clip(z3 / self.K[1], 0.0, 1.0) ** (2 / 3)
+        return np.asarray(3 * self.cap_factor * self.K[0] * self.K[1] * c2 * np.sqrt(1 - c2))
+
+    def tangent(self, z3: Array) -> tuple[Array, Array]:
+        """The cap's tangent slope · z₃ + offset at z₃ (moved a little inside its domain).
+
+        Returns:
+            (slope, offset), each of the shape of z₃; no cap value lies above the tangent.
+        """
+        if len(self.K) == 1:
+            return np.zeros(np.shape(z3)), self.cap(z3)
+        at = np.clip(z3, 1e-9 * self.K[1], (1 - 1e-9) * self.K[1])
+        c = np.cbrt(at / self.K[1])
+        slope = self.cap_factor * self.K[0] * (2 - 3 * c**2) / (c * np.sqrt(1 - c**2))
+        return np.asarray(slope), np.asarray(self.cap(at) - slope * at)
+
+
+def band_of(problem: Problem, start: Array, goal: Array, edge: float) -> Band:
+    """The band of a problem whose ends lie in one branch.
+
+    Args:
+        problem: Supplies the constants, the margin of z₂ and, for n = 2, the limit of θ₁.
+        start: z(0), shape (N,).
+        goal: z(T), shape (N,).
+        edge: Least sin²θ₁ wanted; half the nearer end's if that is less.
+    """
+    system, margin = problem.system, problem.limits.z2_margin
+    if not isinstance(system, Manipulator) or system.n > 3:
+        floor = -np.inf if margin is None else margin
+        return Band(problem.z2_sign or 1.0, floor, 1.0, np.zeros(0))
+    two = system.n == 2
+    sign = 1.0 if two else -float(problem.branch[2])
+    ends = sign * np.array([start[1], goal[1]])
+    floor = min(DEFAULT_FLOOR, float(ends.min()) / 2) if margin is None else margin
+    if two and np.isfinite(problem.limits.joint[1]):
+        floor = max(floor, float(system.K[0] * np.cos(problem.limits.joint[1]) ** 3))
+    widest = Band(sign, floor, 1.0, system.K)
+    nearest = float(np.min(1 - ends / widest.cap(np.array([start[2], goal[2]]))))
+    wanted = min(1 - (1 - edge) ** 1.5 if two else edge, nearest / 2)
+    return Band(sign, floor, 1 - wanted, system.K)
+
+
+@dataclass(frozen=True)
+class Excess:
+    """How far the pieces exceed a limit.
+
+    Attributes:
+        proven: No point of any piece exceeds it by more than this.
+        piece: Piece numbers (k,) whose excess is above the tolerance.
+        local: Where in each of them it is greatest, as a fraction of the piece, shape (k,).
+        value: The excess there, shape (k,).
+    """
+
+    proven: float
+    piece: Indices
+    local: Array
+    value: Array
+
+
+NO_EXCESS = Excess(-np.inf, np.zeros(0, int), np.zeros(0), np.zeros(0))
+
+
+def floor_excess(band: Band, z2: Array, tolerance: float, proof: bool) -> Excess:
+    """Where p falls below the floor.
+
+    Args:
+        band: The floor.
+        z2: Bernstein coefficients (d+1, pieces) of z₂.
+        tolerance: Precision of the bound; coarser where the floor is broken by more.
+        proof: Refine pieces that seem to keep the floor until that is proven, or disproven.
+    """
+    if not np.isfinite(band.floor):
+        return NO_EXCESS
+    polynomial = band.floor - band.sign * z2.T
+    return _search(polynomial, np.zeros((len(polynomial), 1)), None, tolerance, proof)
+
+
+def cap_excess(band: Band, z2: Array, z3: Array, tolerance: float, proof: bool) -> Excess:
+    """Where p rises above the cap; with z₃ by Bernstein coefficients (e+1, pieces) beside z₂."""
+    if not band.complete:
+        return NO_EXCESS
+    return _search(band.sign * z2.T, z3.T, band, tolerance, proof)
+
+
+def _search(p: Array, z: Array, band: Band | None, tolerance: float, proof: bool) -> Excess:
+    """Branch and bound on all pieces at once; p (pieces, d+1), z (pieces, e+1)."""
+    pieces = len(p)
+    p = _elevate(p, z.shape[1] - 1)
+    best, where = np.full(pieces, -np.inf), np.zeros(pieces)
+    proven = -np.inf
+    piece, low, width = np.arange(pieces), np.zeros(pieces), 1.0
+    for _ in range(MAX_HALVINGS):
+        for end, at in ((0, low), (-1, low + width)):
+            value = p[:, end] - (0.0 if band is None else band.cap(z[:, end]))
+            _keep_best(best, where, piece, value, at)
+        bound = _upper_bound(p, z, band)
+        broken = best[piece] > 0 if proof else True
+        slack = max(tolerance, COARSE * float(best.max()))
+        open_ = bound > np.where(broken, np.maximum(best[piece], 0.0) + slack, 0.0)
+        proven = max(proven, float(np.max(bound[~open_], initial=-np.inf)))
+        if not open_.any():
+            break
+        p, z = _halves(p[open_]), _halves(z[open_])
+        width /= 2
+        piece = np.concatenate([piece[open_]] * 2)
+        low = np.concatenate([low[open_], low[open_] + width])
+    else:
+        proven = max(proven, float(np.max(_upper_bound(p, z, band))))
+    bad = np.flatnonzero(best > tolerance)
+    return Excess(proven, bad, where[bad], best[bad])
+
+
+def _keep_best(best: Array, where: Array, piece: Indices, value: Array, at: Array) -> None:
+    order = np.argsort(value, kind="stable")  # the last of equal pieces wins, so the greatest
+    piece, value, at = piece[order], value[order], at[order]
+    top = np.full(len(best), -np.inf)
+    place = np.zeros(len(best))
+    top[piece], place[piece] = value, at
+    better = top > best
+    best[better], where[better] = top[better], place[better]
+
+
+def _upper_bound(p: Array, z: Array, band: Band | None) -> Array:
+    if band is None:
+        return np.asarray(p.max(axis=1))
+    low, high = z.min(axis=1), z.max(axis=1)
+    at_low, at_high = band.cap(low), band.cap(high)
+    rise = high - low
+    slope = np.divide(at_high - at_low, rise, out=np.zeros_like(rise), where=rise > 0)
+    chord = at_low[:, None] + slope[:, None] * (z - low[:, None])
+    inside = (low >= band.z3_range[0]) & (high <= band.z3_range[1])
+    chord[~inside] = 0.0  # beyond its domain the cap is taken as zero, which is not concave
+    return np.asarray((p - chord).max(axis=1))
+
+
+def _elevate(c: Array, degree: int) -> Array:
+    """Bernstein coefficients (k, d+1) written at a higher degree."""
+    while c.shape[1] - 1 < degree:
+        share = np.arange(c.shape[1] + 1) / c.shape[1]
+        c = share * np.concatenate([c[:, :1], c], 1) + (1 - share) * np.concatenate(
+            [c, c[:, -1:]], 1
+        )
+    return c
+
+
+def _halves(c: Array) -> Array:
+    """Both halves of every interval by de Casteljau: (k, d+1) to (2k, d+1), left halves first."""
+    left, right, row = [c[:, 0]], [c[:, -1]], c
+    while row.shape[1] > 1:
+        row = (row[:, 1:] + row[:, :-1]) / 2
+        left.append(row[:, 0])
+        right.append(row[:, -1])
+    return np.concatenate([np.stack(left, 1), np.stack(right[::-1], 1)])

@@ -1,0 +1,205 @@
+"""Cutting planes at one travel: the global optimum of a class with its gap, or a certificate.
+
+The relaxation keeps the floor and tangents of the cap at a growing list of points, so its optimum
+bounds every path of the class from below. When no piece leaves the band by more than a tolerance,
+all rows are tightened by twice that and the programme solved again; a path proven inside the
+band bounds the optimum from above.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.methods.convex.band import Band, cap_excess, floor_excess
+from planner.methods.convex.paths import Frame
+from planner.methods.convex.programme import Farkas, Optimum, Programme, StalledError
+from planner.support import deadline
+from planner.support.arrays import Array
+
+TOLERANCE = 1e-10
+"""Excess over the band, in z₂, below which cutting stops: what the engines resolve."""
+
+FAR = 1e6
+"""Bound on |y|, the root mean square of dz₂/dτ, of the paths considered where z₂ has no bounds."""
+
+
+@dataclass(frozen=True)
+class Touch:
+    """What rows stand for: p(τ) ≥ floor, or p(τ) ≤ the cap's tangent at some z₃.
+
+    Attributes:
+        tau: Path fractions, shape (m,).
+        at: z₃ where the tangent touches, shape (m,); NaN for the floor.
+    """
+
+    tau: Array
+    at: Array
+
+    def only(self, keep: NDArray[np.bool_]) -> Touch:
+        """Those kept."""
+        return Touch(self.tau[keep], self.at[keep])
+
+    def plus(self, other: Touch) -> Touch:
+        """These, then the others."""
+        return Touch(np.append(self.tau, other.tau), np.append(self.at, other.at))
+
+
+NO_TOUCH = Touch(np.zeros(0), np.zeros(0))
+
+
+@dataclass(frozen=True)
+class Best:
+    """The optimum of a class at one travel, from below and above.
+
+    Attributes:
+        frame: The class.
+        final: The path and its objective, from the last programme; its rows are tightened.
+        bound: What no path of the class can be below, as the programme measures it.
+        touch: The rows beside the nodes' that the path leans on.
+        rounds: Programmes solved.
+        proven: Greatest possible excess over the band between the nodes; ≤ 0.
+    """
+
+    frame: Frame
+    final: Optimum = field(repr=False)
+    bound: float
+    touch: Touch
+    rounds: int
+    proven: float
+
+    @property
+    def y(self) -> Array:
+        """The path's free coefficients."""
+        return self.final.y
+
+    @property
+    def value(self) -> float:
+        """Objective of the path, as the programme measures it."""
+        return self.final.value
+
+    @property
+    def gap(self) -> float:
+        """(value − bound) / |value|."""
+        return (self.value - self.bound) / max(abs(self.value), 1e-300)
+
+
+@dataclass(frozen=True)
+class Above:
+    """The optimum was not sought further, since it cannot be below `bound`."""
+
+    bound: float
+
+
+@dataclass(frozen=True)
+class Impossible:
+    """A certificate that a class holds no path inside the band.
+
+    Attributes:
+        frame: The class.
+        touch: What each row stands for.
+        A: Rows of unit length in the free coefficients, shape (m, size).
+        b: Right-hand sides, shape (m,).
+        proof: The multipliers and what they show.
+    """
+
+    frame: Frame
+    touch: Touch = field(repr=False)
+    A: Array = field(repr=False)
+    b: Array = field(repr=False)
+    proof: Farkas = field(repr=False)
+
+
+def cut(
+    frame: Frame,
+    band: Band,
+    programme: Programme,
+    extra: Touch = NO_TOUCH,
+    max_rounds: int = 100,
+    ceiling: float = np.inf,
+) -> Best | Impossible | Above:
+    """Solve one class at one travel.
+
+    Args:
+        frame: The class and its ends.
+        band: The convex domain.
+        programme: The objective, see `Programme`.
+        extra: Rows beside the nodes'; any will do, those of a neighbour help.
+        max_rounds: Programmes allowed.
+        ceiling: Stop as soon as the bound exceeds this.
+
+    Raises:
+        StalledError: If the rounds run out, or the last of the feasible is too thin to be proven.
+    """
+    touch = _at_nodes(frame, band)
+    nodes, touch = len(touch.tau), touch.plus(extra)
+    A, b = band_rows(frame, band, touch)
+    radius, relaxed, tighten = _radius(frame, band), None, 0.0
+    for round_ in range(1, max_rounds + 1):
+        deadline.check()
+        answer = programme.solve(frame, A, b - tighten, radius)
+        if isinstance(answer, Farkas):
+            if relaxed is not None:
+                raise StalledError("feasible only within the tolerance of the cuts")
+            length = np.linalg.norm(A, axis=1)
+            return Impossible(frame, touch, A / length[:, None], b / length, answer)
+        if relaxed is None and answer.bound > ceiling:
+            return Above(answer.bound)
+        broken, proven = _broken(frame, band, answer.y, relaxed is not None)
+        if len(broken.tau) == 0:
+            relaxed = relaxed or answer
+            tighten = 2 * max(tighten, TOLERANCE)
+        if relaxed is not None and proven <= 0:
+            leant = (answer.multipliers > 0) & (np.arange(len(b)) >= nodes)
+            return Best(frame, answer, relaxed.bound, touch.only(leant), round_, proven)
+        touch = touch.plus(broken)
+        more = band_rows(frame, band, broken)
+        A, b = np.concatenate([A, more[0]]), np.append(b, more[1])
+    raise StalledError(f"cuts did not settle in {max_rounds} rounds")
+
+
+def band_rows(frame: Frame, band: Band, touch: Touch) -> tuple[Array, Array]:
+    """A y ≤ b for what is given, in its order."""
+    A, c = frame.z_rows(1, touch.tau)
+    cap = ~np.isnan(touch.at)
+    side = np.where(cap, band.sign, -band.sign)
+    A, b = side[:, None] * A, -side * c
+    b[~cap] -= band.floor
+    if cap.any():
+        slope, offset = band.tangent(touch.at[cap])
+        z3, at = frame.z_rows(2, touch.tau[cap])
+        A[cap] -= slope[:, None] * z3
+        b[cap] += offset + slope * at
+    return A, b
+
+
+def _at_nodes(frame: Frame, band: Band) -> Touch:
+    """Floor, then cap, at every inner node, the tangents along a straight z₃; where they exist."""
+    nodes = frame.shape.breaks[1:-1]
+    floor = nodes if np.isfinite(band.floor) else nodes[:0]
+    touch = Touch(floor, np.full(len(floor), np.nan))
+    if not band.complete:
+        return touch
+    return touch.plus(Touch(nodes, frame.start[2] + (frame.goal[2] - frame.start[2]) * nodes))
+
+
+def _broken(frame: Frame, band: Band, y: Array, proof: bool) -> tuple[Touch, float]:
+    """Rows where a path leaves the band, and what its excess is proven not to exceed."""
+    _, z2, z3, *_ = frame.bernstein(y)
+    low, high = floor_excess(band, z2, TOLERANCE, proof), cap_excess(band, z2, z3, TOLERANCE, proof)
+    floor, cap = ((e.piece + e.local) / frame.shape.pieces for e in (low, high))
+    rows, at = frame.z_rows(2, cap)
+    touch = Touch(floor, np.full(len(floor), np.nan)).plus(Touch(cap, rows @ y + at))
+    return touch, max(low.proven, high.proven)
+
+
+def _radius(frame: Frame, band: Band) -> float:
+    """A bound on |y| of every path inside the band: 0 ≤ p ≤ top and Markov's inequality.
+
+    Where the band has no top there is none, and paths beyond `FAR` are left out of account.
+    """
+    if not band.complete:
+        return FAR
+    return float((frame.shape.degree + 1) ** 2 * frame.shape.pieces * band.top)

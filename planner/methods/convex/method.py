@@ -1,0 +1,289 @@
+"""The path that is best in the chart, and the clock that runs it: see `planner.convex`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import BPoly
+
+from planner.errors import InfeasibleError, InputError, NoPlanError, NotConvergedError
+from planner.methods.convex.band import Band, band_of
+from planner.methods.convex.global_optimum import Above, Best, Impossible, Touch, cut
+from planner.methods.convex.paths import Frame, Shape, input_shape
+from planner.methods.convex.programme import Programme, StalledError
+from planner.methods.convex.search import Found, search
+from planner.methods.laws.free_numbers import candidate_travels
+from planner.methods.laws.law import chart_ends
+from planner.methods.refusal import BY_COLLOCATION, Change, free_travel, lasting
+from planner.plan.fastest_timing import fastest_motion
+from planner.plan.measures import peak_inputs, peak_rates, worst_margin
+from planner.plan.plan import Plan
+from planner.plan.trajectory import ChainedTrajectory, Trajectory
+from planner.problem.feasibility import travel_window
+from planner.problem.problem import Problem
+from planner.problem.tables.method_options import ConvexOptions
+from planner.support.arrays import Array
+from planner.support.one_variable import elevate, sample_times
+from planner.systems.manipulator import Manipulator
+
+NAME = "convex"
+
+OBJECTIVES = {
+    "smooth": "smoothness: half the integral of (dz2/dz1)^2 over |z1|",
+    "peak": "peak |v2| with v1 constant",
+}
+
+SLACK = 1e-4
+"""Part of the fastest motion's time that is added to it: with less, the certificate's enclosures
+cannot tell an input at its limit from one above."""
+
+
+def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
+    """Plan the best path of a class: dz₂/dz₁ of one shape on equal pieces of the travel.
+
+    For n = 2 and 3 the chart's domain is convex: at a given travel the path is the global optimum
+    of its class with a proven gap, or there is a certificate that the class is empty; with the
+    travel free it is the best of the travels tried. For longer chains and other systems the optimum
+    without the domain is taken, if it stays inside; `plan.notes["optimality"]` says what is proven.
+
+    Input limits concern the timing only: v₁ is constant where that keeps them, else the motion is
+    in proportion to the path's fastest one, which is taken where the duration is free. Limits of
+    joints that are not convex in the chart (θ₁ for n = 3, all for longer chains), obstacles and
+    waypoints play no part: `verify` refuses a path that breaks them.
+
+    Raises:
+        InfeasibleError: With `certificate`, if no path of the class meets travel, domain and z₂
+            margin; or without, if no one-way motion at all meets travel and duration.
+        NotConvergedError: If no path was found and that proves nothing, or the best one takes
+            longer than the duration within the input limits.
+        SingularError: If start or goal are not in one branch of the chart.
+        InputError: If there are too few pieces, or the duration is free and an input has no limit.
+    """
+    began = time.perf_counter()
+    start, goal = chart_ends(problem, problem.travel or 1.0)
+    _refuse_input(problem, options, 2 * len(start))
+    travels = _travels(problem, options)
+    rated = bool(np.any(np.isfinite(problem.limits.input_rate)))
+    linear = options.input == "linear" or (options.input == "auto" and rated)
+    frame = Frame(input_shape(options.pieces, int(linear)), start, goal, 1.0)
+    band = band_of(problem, start, goal, options.edge)
+    built = time.perf_counter()
+    found = _best_path(problem, options, frame, band, travels)
+    if found.best is None:
+        raise _no_path(problem, frame.shape, band, found)
+    trajectory, timing = _timed(problem, _path(problem, found.best.frame, found.best.y))
+    value = found.best.value
+    return Plan(
+        problem=problem,
+        method=NAME,
+        options=options.model_dump(),
+        trajectory=trajectory,
+        objective=value / trajectory.duration if options.objective == "peak" else value,
+        objective_name=OBJECTIVES[options.objective],
+        iterations=found.best.rounds,
+        build_time_s=built - began,
+        solve_time_s=time.perf_counter() - built,
+        notes=_notes(problem, band, found, found.best) | {"timing": timing},
+    )
+
+
+def _refuse_input(problem: Problem, options: ConvexOptions, fewest: int) -> None:
+    if options.pieces < fewest:
+        raise InputError(
+            f"{problem.source}: method.convex.pieces = {options.pieces} is too few for"
+            f" {fewest // 2} coordinates; use at least {fewest}"
+        )
+    limits = problem.limits
+    for i in np.flatnonzero(np.isinf(limits.input) & np.isinf(limits.input_rate)):
+        if problem.duration is None:
+            raise InputError(
+                f"{problem.source}: goal.duration is free but [limits] holds no limit of input"
+                f" {problem.system.inputs[i].name}, so that no motion is the fastest; set one, or"
+                " a duration"
+            )
+
+
+def _travels(problem: Problem, options: ConvexOptions) -> Array:
+    """The travel, or those to scan, increasing."""
+    window, travel = travel_window(problem), problem.travel
+    if window is not None and window.empty:
+        raise _infeasible(problem, f"no one-way motion exists: {window.reason}", [])
+    if travel == 0:
+        why = f"{problem.travel_key} = 0, and a path of this method moves one way"
+        raise _infeasible(problem, why, [])
+    words = "" if window is None else f"between {window.low:.6g} and {window.high:.6g} rad"
+    if travel is not None and window is not None and travel not in window:
+        why = f"goal.travel = {travel:.6g} rad: one-way motions of any kind have travels {words}"
+        raise _infeasible(problem, why, free_travel(problem))
+    if window is not None and problem.duration is not None:
+        assert isinstance(problem.system, Manipulator)  # no other has a window
+        top = problem.system.k_g * problem.limits.input[0] * problem.duration
+        shortest = min(abs(window.low), abs(window.high)) if travel is None else abs(travel)
+        if shortest > top:
+            why = (
+                f"a one-way motion must travel {shortest:.4g} rad, and |u1| <="
+                f" {problem.limits.input[0]:.4g} rad/s allows at most {top:.4g} rad in"
+                f" {problem.duration:.4g} s"
+            )
+            raise _infeasible(problem, why, [Change({"goal.duration": "free"})])
+    return candidate_travels(problem, options.scan) if travel is None else np.array([travel])
+
+
+def _best_path(
+    problem: Problem, options: ConvexOptions, frame: Frame, band: Band, travels: Array
+) -> Found:
+    programme = Programme(options.objective, "osqp" if options.solver == "osqp" else "active set")
+    ends = np.stack([problem.start, np.where(np.isnan(problem.goal), problem.start, problem.goal)])
+    least_margin = min(
+        options.edge, float(np.min(problem.system.chart_margins(ends, problem.branch))) / 2
+    )
+
+    def solve(travel: float, rows: Touch, ceiling: float) -> Best | Impossible | Above:
+        answer = cut(frame.at(travel), band, programme, rows, options.max_cuts, ceiling)
+        if isinstance(answer, Best) and not band.complete:
+            path = _path(problem, answer.frame, answer.y)
+            if np.min(worst_margin(path.margins(sample_times(path.breaks)))) < least_margin:
+                raise StalledError("the path leaves the chart's domain")
+        return answer
+
+    middle = options.travel == "middle" and len(travels) > 1
+    found = search(solve, travels, prune=not middle)
+    if middle and found.best is not None:
+        return search(solve, np.array([sum(found.range) / 2]))
+    return found
+
+
+def _path(problem: Problem, frame: Frame, y: Array) -> ChainedTrajectory:
+    """The path run at constant v₁ over the problem's duration, or one second."""
+    duration = problem.duration or 1.0
+    breaks = frame.shape.breaks
+    omega, *rest = frame.bernstein(y)
+    z1 = frame.start[0] + frame.travel * np.stack([breaks[:-1], breaks[1:]])
+    degree = len(rest[-1]) - 1
+    z = np.stack([elevate(c, degree) for c in (z1, *rest)], axis=-1)
+    v = np.stack([np.full_like(omega, frame.travel), omega], axis=-1) / duration
+    times = breaks * duration
+    return ChainedTrajectory(problem.system, BPoly(z, times), BPoly(v, times), problem.branch)
+
+
+def _timed(problem: Problem, path: ChainedTrajectory) -> tuple[Trajectory, str]:
+    """The path within the input limits, in the problem's duration or as fast as they allow."""
+    limits, duration = problem.limits, problem.duration
+    peaks, kept = peak_inputs(path), duration is not None
+    if np.any(np.isnan(peaks)):  # no angles somewhere, which is for the verification to say
+        return path, "v1 constant"
+    if kept and np.any(np.isfinite(limits.input)):
+        kept = bool(np.all(peaks <= limits.input))
+    if kept and np.any(np.isfinite(limits.input_rate)):
+        kept = bool(np.all(peak_rates(path) <= limits.input_rate))
+    if kept:
+        return path, "v1 constant"
+    # An input without a limit goes no faster than with v1 constant.
+    unlimited = np.isinf(limits.input) & np.isinf(limits.input_rate)
+    limits = replace(limits, input=np.where(unlimited, peaks, limits.input))
+    fastest = fastest_motion(path, limits, peaks > 1e-12)[0].slowed(1 + SLACK)
+    if duration is None:
+        return fastest, "as fast as the input limits allow"
+    if fastest.duration > duration:
+        raise NotConvergedError(
+            f"{problem.source}: the best path takes {fastest.duration:.4g} s within the input"
+            f" limits; goal.duration is {duration:.4g} s",
+            changes=[lasting(fastest.duration), BY_COLLOCATION],
+        )
+    return fastest.slowed(duration / fastest.duration), "in proportion to the fastest motion"
+
+
+def _class_words(shape: Shape) -> str:
+    kind = "continuous and linear" if shape.degree else "constant"
+    return f"paths with dz2/dz1 {kind} on each of {shape.pieces} equal pieces"
+
+
+def _notes(problem: Problem, band: Band, found: Found, best: Best) -> dict[str, Any]:
+    where = f", at travel {best.frame.travel:.6g}"
+    if problem.travel is None:
+        where = f", the best of {found.tried} travels tried (over travel it need not be convex)"
+    proof = "the optimum without the chart's domain stays inside it"
+    return {
+        "travels_tried": found.tried,
+        "travel_range": list(found.range),
+        "optimality": {
+            "kind": "global",
+            "of": _class_words(best.frame.shape) + where,
+            "objective": best.value,
+            "lower_bound": best.bound,
+            "relative_gap": best.gap,
+            "proof": "cutting planes; the domain proven on every piece" if band.complete else proof,
+            "domain_excess_bound": best.proven if band.complete else None,
+        },
+        "solver": {
+            "engine": best.final.engine,
+            "programmes": best.rounds,
+            "row_excess": max(best.final.excess, -1.0),
+            "osqp_s": best.final.time_s,
+        },
+    }
+
+
+# -- refusals --------------------------------------------------------------------------------------
+
+
+def _no_path(problem: Problem, shape: Shape, band: Band, found: Found) -> NoPlanError:
+    """No path of the class was found inside the domain; with a certificate where there is one."""
+    changes = [*free_travel(problem), BY_COLLOCATION]
+    if not found.refusals:
+        why = f"no programme settled ({found.tried} tried), for {_class_words(shape)}"
+        ways: str | None = "other method.convex.pieces"
+        if not band.complete:
+            why = (
+                f"the best of all {_class_words(shape)} leaves the chart's domain at every travel"
+                f" tried ({found.tried}); for this system the domain is not convex, so the method"
+                " cannot keep to it"
+            )
+            ways = None
+        return NotConvergedError(f"{problem.source}: {why}", advice=ways, changes=changes)
+    first = found.refusals[0]
+    floor = f", with |z2| >= {band.floor:.4g}," if np.isfinite(band.floor) else ""
+    proof = (
+        f"of {_class_words(shape)} none inside the chart's domain{floor} reaches the goal at travel"
+        f" {first.frame.travel:.6g}: certificate of {int(np.sum(first.proof.multipliers > 1e-9))}"
+        f" conditions, margin {first.proof.margin:.2g}"
+    )
+    window = travel_window(problem)
+    if window is not None:
+        proof += f"; one-way motions of any kind have travels between {window.low:.6g} and"
+        proof += f" {window.high:.6g} rad"
+    ways = "a smaller limits.z2_margin, or more method.convex.pieces"
+    if problem.travel is None:
+        why = f"{len(found.refusals)} of {found.tried} travels tried are proven to have no path"
+        why = f"{problem.source}: {why}; for one, {proof}"
+        return NotConvergedError(why, advice=ways, changes=changes)
+    error = _infeasible(problem, proof, free_travel(problem), ways)
+    error.certificate = _certificate(first)
+    return error
+
+
+def _certificate(refusal: Impossible) -> dict[str, Any]:
+    """As plain arrays: multipliers u >= 0 show that A y <= b has no |y| <= radius."""
+    return {
+        "travel": refusal.frame.travel,
+        "A": refusal.A,
+        "b": refusal.b,
+        "multipliers": refusal.proof.multipliers,
+        "residual": refusal.proof.residual,
+        "value": refusal.proof.value,
+        "radius": refusal.proof.radius,
+        "margin": refusal.proof.margin,
+        "tau": refusal.touch.tau,
+        "tangent_at_z3": refusal.touch.at,
+    }
+
+
+def _infeasible(
+    problem: Problem, why: str, changes: Sequence[Change], ways: str | None = None
+) -> InfeasibleError:
+    changes = [*changes, BY_COLLOCATION]
+    return InfeasibleError(f"{problem.source}: {why}", advice=ways, changes=changes)

@@ -1,0 +1,158 @@
+"""The class of paths, and z along them as affine functions of its free coefficients.
+
+Over τ ∈ [0, 1], the fraction of the travel Δ, ω = dz₂/dτ is constant, or continuous and linear, on
+equal pieces. Its coefficients are whitened, so that ∫ω² dτ = |x|². With z₁ = z₁(0) + Δ τ the chain
+integrates to
+
+    zᵢ(τ) = Σ_{k=0}^{i−2} zᵢ₋ₖ(0) (Δτ)ᵏ/k! + Δ^{i−2} (I^{i−1}ω)(τ)        (i = 2 … N)
+
+and the end conditions fix N−1 combinations of the coefficients, which are eliminated:
+x = x₀ + Q₂ y, x₀ ⊥ Q₂. Whatever y is, the path starts at z(0) and ends at z(T) to rounding, and
+∫ω² dτ = |x₀|² + |y|².
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from math import factorial
+
+import numpy as np
+
+from planner.support.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """One class of ω; build it with `input_shape`.
+
+    Attributes:
+        pieces: Number of equal pieces.
+        degree: 0 for constant pieces, 1 for continuous linear ones.
+        whiten: W, shape (m, m), from whitened to plain coefficients.
+    """
+
+    pieces: int
+    degree: int
+    whiten: Array
+
+    @property
+    def breaks(self) -> Array:
+        """τ of the nodes, shape (pieces+1,)."""
+        return np.linspace(0.0, 1.0, self.pieces + 1)
+
+    def integral(self, order: int, tau: Array) -> Array:
+        """The `order`-fold integral of ω from 0, order ≥ 1: rows (len(tau), m) on x."""
+        power = order + self.degree
+        ramps = np.maximum(tau[:, None] - self.breaks, 0.0) ** power / factorial(power)
+        if self.degree == 0:
+            return np.asarray((ramps[:, :-1] - ramps[:, 1:]) @ self.whiten)
+        ramps = np.pad(ramps * self.pieces, ((0, 0), (1, 1)))
+        hats = ramps[:, :-2] - 2 * ramps[:, 1:-1] + ramps[:, 2:]
+        hats[:, 0] = ramps[:, 2] - ramps[:, 1] + tau**order / factorial(order)
+        return np.asarray(hats @ self.whiten)
+
+    def bernstein(self, x: Array) -> Array:
+        """Bernstein coefficients of ω on every piece, shape (degree+1, pieces)."""
+        c = self.whiten @ x
+        return c[None, :] if self.degree == 0 else np.stack([c[:-1], c[1:]])
+
+
+@lru_cache(maxsize=32)
+def input_shape(pieces: int, degree: int) -> Shape:
+    """The class with that many pieces, built once and kept."""
+    if degree == 0:
+        return Shape(pieces, 0, np.sqrt(pieces) * np.eye(pieces))
+    diagonal = np.full(pieces + 1, 4.0)
+    diagonal[[0, -1]] = 2.0
+    mass = np.diag(diagonal) + np.eye(pieces + 1, k=1) + np.eye(pieces + 1, k=-1)
+    factor = np.linalg.cholesky(mass / (6 * pieces))
+    return Shape(pieces, 1, np.linalg.inv(factor).T)
+
+
+@lru_cache(maxsize=32)
+def end_basis(shape: Shape, orders: int) -> tuple[Array, Array, Array]:
+    """The end conditions, the integrals of orders 1 … `orders` at τ = 1, as E = RᵀQ₁ᵀ.
+
+    Returns:
+        Q₁ (m, orders), R (orders, orders) and the null space Q₂ (m, m − orders), orthonormal.
+    """
+    ends = np.concatenate([shape.integral(j, np.ones(1)) for j in range(1, orders + 1)])
+    q, r = np.linalg.qr(ends.T, mode="complete")
+    return q[:, :orders], r[:orders], q[:, orders:]
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """All paths of one shape between two ends at one travel, which is not zero.
+
+    Array indices of z start at 0, as everywhere in the code: z₂ is z[1].
+
+    Attributes:
+        shape: The class of ω.
+        start: z(0), shape (N,).
+        goal: z(T), shape (N,); its first entry is not read.
+        travel: Δ = z₁(T) − z₁(0).
+    """
+
+    shape: Shape
+    start: Array
+    goal: Array
+    travel: float
+
+    @cached_property
+    def _basis(self) -> tuple[Array, Array, Array]:
+        return end_basis(self.shape, len(self.start) - 1)
+
+    @property
+    def size(self) -> int:
+        """Number of free coefficients y."""
+        return int(self._basis[2].shape[1])
+
+    @cached_property
+    def least(self) -> Array:
+        """x₀, shape (m,): the coefficients of least ∫ω² that meet the ends."""
+        ones = np.ones(1)
+        ends = [
+            (self.goal[i] - self._drift(i, ones)[0]) / self.travel ** (i - 1)
+            for i in range(1, len(self.start))
+        ]
+        q1, r, _ = self._basis
+        return np.asarray(q1 @ np.linalg.solve(r.T, np.array(ends)))
+
+    def x(self, y: Array) -> Array:
+        """All coefficients, shape (m,), of free ones y."""
+        return np.asarray(self.least + self._basis[2] @ y)
+
+    def z_rows(self, i: int, tau: Array) -> tuple[Array, Array]:
+        """z[i] at τ (k,) as A y + c: A (k, size), c (k,); i ≥ 1."""
+        rows = self.shape.integral(i, tau) * self.travel ** (i - 1)
+        return rows @ self._basis[2], rows @ self.least + self._drift(i, tau)
+
+    def coefficient_rows(self) -> tuple[Array, Array]:
+        """The plain coefficients of ω as A y + c: its extremes in either class."""
+        return self.shape.whiten @ self._basis[2], self.shape.whiten @ self.least
+
+    def _drift(self, i: int, tau: Array) -> Array:
+        """z[i] at τ of the path with ω = 0."""
+        terms = [self.start[i - k] * (self.travel * tau) ** k / factorial(k) for k in range(i)]
+        return np.asarray(np.sum(terms, axis=0))
+
+    def bernstein(self, y: Array) -> list[Array]:
+        """Bernstein coefficients on every piece of ω, z[1] … z[N−1]: arrays (degree+1, pieces)."""
+        out = [self.shape.bernstein(self.x(y))]
+        width = 1.0 / self.shape.pieces
+        for i in range(1, len(self.start)):
+            rate = out[-1] * (self.travel if i > 1 else 1.0)
+            grown = np.cumsum(rate, axis=0) * width / len(rate)
+            left = self.start[i] + np.concatenate([[0.0], np.cumsum(grown[-1])[:-1]])
+            out.append(left + np.concatenate([np.zeros((1, grown.shape[1])), grown]))
+        return out
+
+    def peak(self, y: Array) -> float:
+        """max |dz₂/dτ|."""
+        return float(np.max(np.abs(self.shape.whiten @ self.x(y))))
+
+    def at(self, travel: float) -> Frame:
+        """The same class and ends at another travel."""
+        return Frame(self.shape, self.start, self.goal, travel)

@@ -1,0 +1,238 @@
+"""The programme over linear rows A y ≤ b: its optimum measured, its infeasibility proven.
+
+Two objectives, ½∫(dz₂/dz₁)² |dz₁| and max |dz₂/dτ|, both by way of min ½|y|². Two engines for that:
+least-distance programming (Lawson and Hanson, *Solving Least Squares Problems*, 1974, ch. 23) on
+SciPy's non-negative least squares, an active-set method that ends at rounding error and yields a
+Farkas vector when there is no solution; and OSQP (operator splitting, polished). Neither's word is
+taken: the residuals, the bound and the certificate are computed here from the vectors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.optimize import nnls
+
+from planner.methods.convex.paths import Frame
+from planner.support.arrays import Array
+from planner.support.interrupts import osqp_result
+
+Engine = Literal["active set", "osqp"]
+
+GAP_TOLERANCE = 1e-9
+"""Largest gap between value and bound that is accepted, relative to 1 + value."""
+
+EXCESS_TOLERANCE = 2e-11
+"""Largest violation accepted, on rows of unit length."""
+
+PROX = 1e-4
+"""Weight of ½|y − centre|² beside ½t² in the least peak; small enough for the first step to end at
+the least t, great enough to keep the rows' scales within what the active set resolves."""
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """A solution with its own proof.
+
+    Attributes:
+        y: The point.
+        multipliers: λ ≥ 0, one a row.
+        excess: Largest violation over rows of unit length; ≤ 0 when all hold.
+        value: The objective at y.
+        bound: What no feasible point's objective can be below, from the multipliers alone.
+        engine: "active set", "osqp" or "none needed".
+        time_s: OSQP's own count of seconds; 0 otherwise.
+    """
+
+    y: Array
+    multipliers: Array
+    excess: float
+    value: float
+    bound: float
+    engine: str
+    time_s: float = 0.0
+
+    @property
+    def accurate(self) -> bool:
+        """Whether violation and gap are within tolerance."""
+        gap = (self.value - self.bound) / (1 + self.value)
+        return bool(self.excess <= EXCESS_TOLERANCE and abs(gap) <= GAP_TOLERANCE)
+
+
+@dataclass(frozen=True)
+class Farkas:
+    """A proof that no |y| ≤ radius satisfies A y ≤ b: u ≥ 0 with bᵀu + radius |Aᵀu| < 0.
+
+    Attributes:
+        multipliers: u, one a row, scaled so that Σ u = 1 on rows of unit length.
+        residual: |Aᵀu|, computed here.
+        value: bᵀu, computed here.
+        radius: Bound on |y| that every path of the class obeys.
+    """
+
+    multipliers: Array
+    residual: float
+    value: float
+    radius: float
+
+    @property
+    def margin(self) -> float:
+        """−(value + radius · residual); the proof holds when it is positive."""
+        return -(self.value + self.radius * self.residual)
+
+
+class StalledError(ArithmeticError):
+    """Neither a solution nor a certificate within tolerance."""
+
+
+@dataclass(frozen=True)
+class Programme:
+    """What to make least over linear rows.
+
+    Attributes:
+        objective: "smooth": ½∫(dz₂/dz₁)² |dz₁|; "peak": max |dz₂/dτ|, and of all paths that attain
+            it nearly the smoothest.
+        engine: Who is asked first.
+    """
+
+    objective: Literal["smooth", "peak"]
+    engine: Engine = "active set"
+
+    def solve(self, frame: Frame, A: Array, b: Array, radius: float) -> Optimum | Farkas:
+        """The least over A y ≤ b, or the proof that there is no such |y| ≤ radius.
+
+        Raises:
+            StalledError: If there is neither within tolerance.
+        """
+        if self.objective == "peak":
+            return _lowest_peak(frame, A, b, radius)
+        answer = solve_quadratic(A, b, radius, self.engine)
+        if isinstance(answer, Farkas):
+            return answer
+        fixed, scale = float(frame.least @ frame.least) / 2, abs(frame.travel)
+        value, bound = (answer.value + fixed) / scale, (answer.bound + fixed) / scale
+        return replace(answer, value=value, bound=bound)
+
+
+def _lowest_peak(frame: Frame, A: Array, b: Array, radius: float) -> Optimum | Farkas:
+    """min t over |ω| ≤ t, solved as min ½t² + ½ε|y − c|² with c the last y.
+
+    That proximal iteration ends exactly after finitely many steps (Rockafellar, *Monotone operators
+    and the proximal point algorithm*, 1976); two are usual.
+    """
+    feasible = solve_quadratic(A, b, radius)
+    if isinstance(feasible, Farkas):
+        return feasible
+    C, d = frame.coefficient_rows()
+    unit = float(np.mean(np.linalg.norm(C, axis=1)))
+    one = np.ones((len(C), 1))
+    rows = np.block([[C / unit, -one], [-C / unit, -one], [A, np.zeros((len(A), 1))]])
+    limit = np.concatenate([-d / unit, d / unit, b])
+    shrink = np.append(np.full(frame.size, PROX**-0.5), 1.0)
+    centre = np.zeros(frame.size + 1)
+    for _ in range(8):
+        answer = solve_quadratic(rows * shrink, limit - rows @ centre, np.inf)
+        assert isinstance(answer, Optimum)  # an infinite radius leaves no certificate a margin
+        y = centre[:-1] + answer.y[:-1] * shrink[0]
+        value = float(np.max(np.abs(C @ y + d)))
+        # The least of the Lagrangian of min t over |y| ≤ radius, the multipliers scaled to suit t.
+        dual = answer.multipliers / -(rows[:, -1] @ answer.multipliers)
+        slack = radius * float(np.linalg.norm(rows[:, :-1].T @ dual))
+        bound = unit * float(-dual @ limit - slack)
+        centre = np.append(y, 0.0)
+        if value - bound <= 1e-9 * value:
+            own = answer.multipliers[2 * len(C) :]
+            return replace(answer, y=y, multipliers=own, value=value, bound=bound)
+    raise StalledError("the least peak did not settle")
+
+
+def solve_quadratic(
+    A: Array, b: Array, radius: float, engine: Engine = "active set"
+) -> Optimum | Farkas:
+    """The least ½|y|² over A y ≤ b, or the proof that no |y| ≤ radius is feasible.
+
+    Args:
+        A: Rows, shape (m, p); none may be zero.
+        b: Right-hand sides, shape (m,).
+        radius: Bound on |y| that is known from elsewhere.
+        engine: Who is asked first; the other takes over where that is not accurate.
+
+    Raises:
+        StalledError: If neither engine reaches the tolerance.
+    """
+    length = np.linalg.norm(A, axis=1)
+    G, h = A / length[:, None], b / length
+    if np.all(h >= 0):  # y = 0; OSQP would polish nothing, and say so on standard output
+        return _optimum(G, h, np.zeros(A.shape[1]), np.zeros(len(h)), "none needed")
+    order = (_by_osqp, _by_active_set) if engine == "osqp" else (_by_active_set, _by_osqp)
+    for attempt in order:
+        answer = attempt(G, h, radius)
+        if isinstance(answer, Farkas) and answer.margin > 0:
+            return answer
+        if isinstance(answer, Optimum) and answer.accurate:
+            return replace(answer, multipliers=answer.multipliers / length)
+    raise StalledError("no solution and no certificate within tolerance")
+
+
+def _optimum(
+    G: Array, h: Array, y: Array, multipliers: Array, engine: str, time_s: float = 0.0
+) -> Optimum:
+    kept = np.maximum(multipliers, 0.0)
+    pull = G.T @ kept
+    bound = float(-(pull @ pull) / 2 - h @ kept)
+    excess = float(np.max(G @ y - h, initial=-np.inf))
+    return Optimum(y, kept, excess, float(y @ y / 2), bound, engine, time_s)
+
+
+def _farkas(G: Array, h: Array, raw: Array, radius: float) -> Farkas | None:
+    kept = np.maximum(raw, 0.0)
+    if not np.any(kept > 0) or not np.all(np.isfinite(kept)):
+        return None
+    kept /= kept.sum()
+    return Farkas(kept, float(np.linalg.norm(G.T @ kept)), float(h @ kept), radius)
+
+
+def _by_active_set(G: Array, h: Array, radius: float) -> Optimum | Farkas | None:
+    target = np.zeros(G.shape[1] + 1)
+    target[-1] = 1.0
+    stacked = -np.concatenate([G.T, h[None]])
+    try:
+        raw, _ = nnls(stacked, target, maxiter=20 * len(h))
+    except RuntimeError:
+        return None
+    proof = _farkas(G, h, raw, radius)
+    if proof is not None and proof.margin > 0:
+        return proof
+    remainder = stacked @ raw - target
+    if remainder[-1] == 0:
+        return None
+    return _optimum(G, h, -remainder[:-1] / remainder[-1], raw / -remainder[-1], "active set")
+
+
+def _by_osqp(G: Array, h: Array, radius: float) -> Optimum | Farkas | None:
+    import osqp  # a tenth of a second, which only this needs
+
+    solver = osqp.OSQP()
+    size = G.shape[1]
+    solver.setup(
+        sp.eye(size, format="csc"),
+        np.zeros(size),
+        sp.csc_matrix(G),
+        np.full(len(h), -np.inf),
+        h,
+        verbose=False,
+        eps_abs=GAP_TOLERANCE,
+        eps_rel=GAP_TOLERANCE,
+        eps_prim_inf=GAP_TOLERANCE,
+        polishing=True,
+        scaling=0,
+        max_iter=4000,
+    )
+    result = osqp_result(solver)
+    if np.all(np.isfinite(result.x)) and np.all(np.isfinite(result.y)):
+        return _optimum(G, h, result.x, result.y, "osqp", result.info.run_time)
+    proof = result.prim_inf_cert
+    return None if proof is None else _farkas(G, h, np.asarray(proof), radius)

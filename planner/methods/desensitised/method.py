@@ -1,0 +1,341 @@
+"""Plans that errors of inputs, start and constants disturb least, against their effort.
+
+What is refused before the search, and what an iterate breaks after it, in words.
+
+The errors a plan is designed against: which, and how large.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from planner.errors import InfeasibleError, InputError, NotConvergedError, Violation
+from planner.methods.collocation.early import believed
+from planner.methods.collocation.method import input_kind, plan_collocation
+from planner.methods.collocation.refine import polish
+from planner.methods.collocation.solvers.backends import Settings
+from planner.methods.collocation.solvers.solver import ACCEPTED_RESIDUAL, Solution
+from planner.methods.collocation.task import Task, task
+from planner.methods.collocation.transcription.augmented import Augmented
+from planner.methods.collocation.transcription.bounds import Asked
+from planner.methods.collocation.transcription.form import Form, uniform
+from planner.methods.collocation.transcription.objective import Objective
+from planner.methods.desensitised.starts import guess, seeds
+from planner.plan.measures import effort
+from planner.plan.plan import Plan
+from planner.problem.feasibility import travel_window
+from planner.problem.problem import Problem
+from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions
+from planner.support.arrays import Array
+from planner.support.deadline import Span, TimeUpError, limited, share
+from planner.systems.chained_form import chained_form
+from planner.systems.linearised import Parameter, parameters
+from planner.systems.triangular_system import TriangularSystem
+from planner.verification.verify import verify
+
+NAME = "desensitised"
+
+EASY = 0.5
+"""Share of the time, where that is limited, for the plan of least effort."""
+
+REFINEMENTS = 4
+"""Times the mesh may be refined."""
+
+
+def plan_desensitised(
+    problem: Problem, options: DesensitisedOptions, near: Plan | None = None
+) -> Plan:
+    """Minimise the response to the design errors, weighed against effort.
+
+    Motion and response are one collocation problem
+    (`planner.methods.collocation.transcription.augmented`). It is solved from the plan of least
+    effort and from excursions about it that let φ turn back, since optima are local; the best is
+    kept (`notes["start"]`, `notes["tried"]`).
+
+    Args:
+        problem: What to solve.
+        options: Weights, spreads and form.
+        near: A plan of the same problem to start from, instead of all other starts: a neighbour on
+            a trade-off curve.
+
+    Raises:
+        InputError: If a spread does not fit the system or options contradict each other.
+        InfeasibleError: If one way is asked for and impossible, or the start has no room to back
+            off.
+        NotConvergedError: If no motion is found.
+    """
+    with limited(None, holds=lambda: False) as span:  # the plan of least effort is no answer
+        return _planned(problem, options, near, span)
+
+
+def _planned(problem: Problem, options: DesensitisedOptions, near: Plan | None, span: Span) -> Plan:
+    began = time.perf_counter()
+    refuse_waypoints(problem)
+    if not options.reversal:
+        refuse_one_way(problem)
+    job = _task(problem.within_reach(), options)
+    refuse_no_room(job)
+    if near is None:
+        plain = CollocationOptions(rest=options.rest, intervals=options.intervals)
+        with share(EASY):
+            easy = plan_collocation(problem, plain)
+    else:
+        easy = near
+    if not options.reversal:
+        job = replace(job, asked=replace(job.asked, way=1.0 if easy.travel >= 0 else -1.0))
+    start, solution, log = _searched(job, options, easy, near is not None)
+    done = polish(job, solution, options.accuracy, REFINEMENTS)
+    if span.reached and not believed(done, options.accuracy):
+        raise TimeUpError
+    plan = _plan(done.task, done.solution, options)
+    return replace(
+        plan,
+        problem=problem,
+        solve_time_s=time.perf_counter() - began - done.task.build_time_s,
+        build_time_s=done.task.build_time_s,
+        iterations=sum(entry["iterations"] for entry in log) + done.iterations,
+        notes={"start": start, "tried": log, **plan.notes, **done.notes},
+    )
+
+
+def _task(problem: Problem, options: DesensitisedOptions) -> Task:
+    spread = spreads(problem.system, options)
+    moved = Augmented(
+        problem.system,
+        tuple(spread.items()),
+        options.passive,
+        options.terminal,
+        options.path,
+        options.backoff,
+        metered=options.effort_limit is not None,
+    )
+    form = Form(
+        intervals=options.intervals,
+        scheme_kind="legendre",
+        input=input_kind(problem, NAME, options, auto="constant"),
+        chart=problem.limits.z2_margin is not None,
+        obstacles=len(problem.obstacles),
+        inner=True,
+        augmented=moved,
+    )
+    asked = Asked(options.rest, effort=options.effort_limit or np.inf)
+    settings = Settings(options.tolerance, options.max_iterations)
+    goal = _objective(options, options.time if problem.duration is None else 0.0)
+    return task(problem, goal, form, uniform(options.intervals), asked, settings)
+
+
+def _objective(options: DesensitisedOptions, time_weight: float) -> Objective:
+    terms = [
+        (options.passive, "passive block^2"),
+        (options.terminal, "terminal response^2"),
+        (options.path, "response along the path^2"),
+        (options.effort, "effort"),
+        (time_weight, "duration"),
+    ]
+    name = " + ".join(f"{weight:g} x {term}" for weight, term in terms if weight)
+    weights = np.array([time_weight, options.effort, options.effort, 0.0, 0.0, 0.0])
+    return Objective(NAME, f"{NAME}: {name} (deg^2)", weights)
+
+
+def _searched(
+    job: Task, options: DesensitisedOptions, easy: Plan, near: bool
+) -> tuple[str, Solution, list[dict[str, Any]]]:
+    """The best of all starts, the name of its own, and what became of each."""
+    log: list[dict[str, Any]] = []
+    found: list[tuple[str, Solution]] = []
+    for seed in seeds(options.reversal)[: 1 if near else options.starts]:
+        start, name = guess(job, easy.trajectory, seed), "the plan given" if near else seed.name
+        last = job.solve(start, near)
+        if not last.ok:  # the other barrier takes another way
+            other = job.solve(start, not near)
+            last = replace(other, iterations=last.iterations + other.iterations)
+        value = last.objective if last.ok else None
+        log.append({"start": name, "status": last.status, "objective": value, **_sizes(job, last)})
+        if last.ok:
+            found.append((name, last))
+    if not found:
+        raise _not_converged(job, last, options, len(log))
+    name, solution = min(found, key=lambda each: each[1].objective)
+    return name, solution, log
+
+
+def _sizes(job: Task, solution: Solution) -> dict[str, Any]:
+    moved, iterate = job.made.form.augmented, solution.iterate
+    assert moved is not None
+    passive, total = moved.sizes_deg(iterate.nodes[-1])
+    spent = effort(job.curve(iterate))
+    sizes = {"passive_deg": passive, "total_deg": total, "effort": spent}
+    return sizes | {"iterations": solution.iterations}
+
+
+def _plan(job: Task, solution: Solution, options: DesensitisedOptions) -> Plan:
+    moved = job.made.form.augmented
+    assert moved is not None
+    return Plan(
+        problem=job.problem,
+        method=NAME,
+        options=options.model_dump(),
+        trajectory=job.curve(solution.iterate),
+        objective=solution.objective,
+        objective_name=job.objective.name,
+        iterations=solution.iterations,
+        notes={"spread": dict(moved.spread), **_sizes(job, solution)},
+    )
+
+
+def _not_converged(
+    job: Task, solution: Solution, options: DesensitisedOptions, tried: int
+) -> NotConvergedError:
+    ways = [] if options.reversal else ["method.desensitised.reversal = true"]
+    ways += ["method.desensitised.backoff smaller"] if options.backoff else []
+    ways += ["a larger method.desensitised.effort_limit"] if options.effort_limit else []
+    ways += ["more method.desensitised.starts, wider limits, or more time"]
+    plan = replace(_plan(job, solution, options), status=NotConvergedError.status)
+    return NotConvergedError(
+        f"{job.problem.source}: no desensitised motion was found from {tried} start"
+        f"{'s' if tried > 1 else ''} (the last one: {solution.status} after"
+        f" {solution.iterations} iterations)",
+        plan=plan,
+        violations=_broken(job, plan, solution.iterate.nodes),
+        advice=", or ".join(ways),
+    )
+
+
+def _broken(job: Task, plan: Plan, nodes: Array) -> list[Violation]:
+    """What an iterate breaks: as `verify` sees it, then its effort and what is backed off."""
+    problem, moved, spent = job.problem, job.made.form.augmented, effort(plan.trajectory)
+    assert moved is not None
+    out = list(verify(plan).violations)
+    if spent > job.asked.effort:
+        out.append(Violation("effort", None, spent, job.asked.effort, "", spent / job.asked.effort))
+    if not moved.backoff:
+        return out
+    system, limits = problem.system, problem.limits
+    q, x = ca.SX.sym("q", system.size), ca.SX.sym("x", moved.size)
+    named = [(f"joint {system.coordinates[i].name}", q[i], limits.joint[i]) for i in system.limited]
+    if limits.z2_margin is not None:
+        z2 = problem.z2_sign * chained_form(system).z_expr(q)[1]
+        named.append(("z2 margin", -z2, -limits.z2_margin))
+    for label, value, most in named:
+        reach = ca.Function("reach", [x], [ca.vertcat(*moved.sides(q, value, [x]))])
+        sides = np.asarray(reach(nodes.T))
+        worst = np.max(np.abs(sides) if label != "z2 margin" else sides, axis=0)
+        k = int(np.argmax(worst))
+        if worst[k] > most + ACCEPTED_RESIDUAL:
+            sign, unit = (-1, "") if label == "z2 margin" else (1, "rad")
+            label += f" with {moved.backoff:g} standard deviations of back-off"
+            found, limit = sign * float(worst[k]), sign * float(most)
+            time_s = float(job.mesh.edges[k] * plan.duration)
+            out.append(Violation(label, time_s, found, limit, unit, float(worst[k] - most)))
+    return out
+
+
+def refuse_waypoints(problem: Problem) -> None:
+    """Raise NotConvergedError for a problem with waypoints, unknown to the programme."""
+    if problem.waypoints:
+        raise NotConvergedError(
+            f"{problem.source}: desensitised plans do not pass waypoints",
+            advice="the method 'collocation', which does; or leave out the waypoints",
+        )
+
+
+def refuse_one_way(problem: Problem) -> None:
+    """Raise InfeasibleError where no one-way motion exists."""
+    window = travel_window(problem)
+    if window is None:
+        return
+    if window.empty:
+        reason = window.reason
+    elif problem.travel is not None and problem.travel not in window:
+        reason = (
+            f"one-way motions travel between {window.low:.5g} and {window.high:.5g} rad, not"
+            f" {problem.travel:.5g}"
+        )
+    else:
+        return
+    raise InfeasibleError(
+        f"{problem.source}: no one-way motion exists: {reason}",
+        advice="method.desensitised.reversal = true",
+    )
+
+
+def refuse_no_room(job: Task) -> None:
+    """Raise InfeasibleError where the start has no room to back off.
+
+    There the spread is the design's own, so that no path helps.
+    """
+    problem, moved = job.problem, job.made.form.augmented
+    if moved is None or not moved.backoff:
+        return
+    start, N = job.made.start(problem), problem.system.size
+    W = moved.response(start)
+    rooms = [
+        (problem.system.coordinates[i].name, problem.limits.joint[i] - abs(start[i]), W[i])
+        for i in problem.system.limited
+    ]
+    if problem.limits.z2_margin is not None:
+        form, q, h = chained_form(problem.system), problem.start, 1e-6
+        slope = (form.z(q + h * np.eye(N)) - form.z(q - h * np.eye(N)))[:, 1] / (2 * h)
+        z2 = problem.z2_sign * form.z(q)[1]
+        rooms.append(("z2", float(z2) - problem.limits.z2_margin, slope @ W))
+    for name, room, response in rooms:
+        needed = moved.backoff * float(np.linalg.norm(response))
+        if needed > room:
+            raise InfeasibleError(
+                f"{problem.source}: method.desensitised.backoff = {moved.backoff:g} needs"
+                f" {needed:.4g} of room to the limit on {name} and the start has {room:.4g}",
+                advice=f"method.desensitised.backoff = {moved.backoff * room / needed * 0.99:.3g}"
+                f" or less, or a wider limit on {name}",
+            )
+
+
+def spreads(system: TriangularSystem, options: DesensitisedOptions) -> dict[str, float]:
+    """Standard deviation of each error by its name, in SI units; those without any are left out.
+
+    Raises:
+        InputError: If a list does not have one number an input, joint or constant, or all are zero.
+    """
+    families: dict[str, list[Parameter]] = {}
+    for parameter in parameters(system):
+        families.setdefault(parameter.family, []).append(parameter)
+    starts = families["start"][1:]
+    angles = [p for p in starts if p.unit == "rad"]
+    lengths = [p for p in starts if p.unit != "rad"]
+    given = [
+        ("gain", families["gain"], options.gain, 1.0),
+        ("bias", families["bias"], options.bias, 1.0),
+        ("delay_s", families["delay"], options.delay_s, 1.0),
+        ("stretch", families["stretch"], options.stretch, 1.0),
+        ("start_deg", angles, options.start_deg, np.pi / 180),
+        ("start_m", lengths, options.start_m, 1.0),
+        ("gear", families.get("gear", []), options.gear, 1.0),
+    ]
+    out: dict[str, float] = {}
+    for key, members, numbers, unit in given:
+        out |= _family(key, members, numbers, unit)
+    if not out:
+        raise InputError(
+            "method.desensitised: every spread is zero, so there is nothing to plan against; give"
+            " gain, start_deg, bias, delay_s, stretch or gear a value"
+        )
+    return out
+
+
+def _family(
+    key: str, members: Sequence[Parameter], numbers: float | list[float], unit: float
+) -> Mapping[str, float]:
+    values = numbers if isinstance(numbers, list) else [numbers] * len(members)
+    if len(values) != len(members):
+        names = ", ".join(p.name for p in members) or "no parameter of this system"
+        raise InputError(
+            f"method.desensitised.{key} has {len(values)} values; give one number, or"
+            f" {len(members)} for {names}"
+        )
+    named = zip(members, values, strict=True)
+    return {p.name: float(value) * unit for p, value in named if value > 0}

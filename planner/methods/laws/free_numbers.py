@@ -1,0 +1,260 @@
+"""The choice of travel for laws that leave it free: scan, keep what stays in the domain, refine.
+
+The free numbers of the sinusoidal laws: how far z₁ swings, and how far it travels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from planner.errors import InfeasibleError, SingularError
+from planner.methods.laws.scores import Criterion, Scores, end_margin, score, search
+from planner.methods.refusal import BY_COLLOCATION
+from planner.plan.trajectory import ChainedTrajectory
+from planner.problem.feasibility import travel_window
+from planner.problem.problem import Problem
+from planner.problem.tables.method_options import LegOptions, SinusoidOptions, SinusoidStepsOptions
+from planner.support.arrays import Array
+
+Make = Callable[[float], ChainedTrajectory | None]
+
+_OPEN_WINDOW = 3.0
+"""Largest travel tried, either way, where no window is known: radians for arms."""
+
+_OPEN_RATIO = 10.0
+"""The same for vehicles, in distances between start and goal across the path coordinate."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A travel chosen, and the ranges of travels it was chosen from.
+
+    Attributes:
+        travel: The travel.
+        ranges: Ranges (low, high) of travels for which the law stays inside the domain.
+    """
+
+    travel: float
+    ranges: tuple[tuple[float, float], ...]
+
+
+def travel_of(problem: Problem, make: Make, options: LegOptions) -> Choice:
+    """The problem's travel where it is given, otherwise the one chosen by the options.
+
+    Raises:
+        InfeasibleError, SingularError: As `choose_travel`.
+    """
+    if problem.travel is not None:
+        return Choice(problem.travel, ())
+    return choose_travel(problem, make, options.travel, options.criterion)
+
+
+def choose_travel(
+    problem: Problem,
+    make: Make,
+    rule: str = "auto",
+    criterion: Criterion = "peak",
+    scans: tuple[int, ...] = (60, 600),
+) -> Choice:
+    """Choose a travel for which `make(travel)` stays inside the chart's domain.
+
+    Args:
+        problem: Supplies the window of travels, and the limits that scale peaks and are kept where
+            some travel inside the domain keeps them.
+        make: The law, from travel to trajectory; None where it has no solution.
+        rule: "auto" for the best by the criterion, "middle" for the middle of the widest range.
+        criterion: "peak" for the least peak input, "margin" for the largest margin.
+        scans: Numbers of travels tried, the next one only if none of the last stays inside.
+
+    Raises:
+        InfeasibleError: If no one-way motion exists at all.
+        SingularError: If the law leaves the domain for every travel tried.
+    """
+    for count in scans:
+        travels = candidate_travels(problem, count)
+        good = score(problem, [make(float(d)) for d in travels]).inside
+        if good.any():
+            break
+    else:
+        raise SingularError(
+            f"{problem.source}: no travel between {travels[0]:.5g} and {travels[-1]:.5g}"
+            f" {problem.system.coordinates[0].unit} keeps this law inside the domain of the"
+            f" chained-form chart ({len(travels)} tried)",
+            advice="other constraint points",
+            changes=[BY_COLLOCATION],
+        )
+    ranges = _ranges(problem, travels, good, make)
+    if rule == "middle":
+        low, high = max(ranges, key=lambda r: r[1] - r[0])
+        return Choice((low + high) / 2, ranges)
+    return Choice(_best(problem, make, ranges, criterion), ranges)
+
+
+def candidate_travels(problem: Problem, count: int) -> Array:
+    """About `count` travels, increasing, spread over the window of one-way motions; none is zero.
+
+    Raises:
+        InfeasibleError: If the window is empty.
+    """
+    window = travel_window(problem)
+    if window is None:
+        half = np.linspace(0, _open_window(problem), count // 2 + 1)[1:]
+        return np.concatenate([-half[::-1], half])
+    if window.empty:
+        raise InfeasibleError(
+            f"{problem.source}: no one-way motion exists: {window.reason}",
+            advice="goal.travel = 0 (two legs, out and back)",
+            changes=[BY_COLLOCATION],
+        )
+    low, high = sorted((window.low, window.high), key=abs)
+    if not np.isfinite(high):
+        high = 5 * low
+    inner = np.arange(1, count + 1) / (count + 1)
+    return np.sort(low + (high - low) * inner)
+
+
+def _open_window(problem: Problem) -> float:
+    aside = [
+        abs(problem.goal[i] - problem.start[i])
+        for i, coordinate in enumerate(problem.system.coordinates)
+        if i > 0 and coordinate.unit == problem.system.coordinates[0].unit != "rad"
+    ]
+    return _OPEN_RATIO * max(aside) if aside and max(aside) > 0 else _OPEN_WINDOW
+
+
+def _ranges(
+    problem: Problem, travels: Array, good: Array, make: Make
+) -> tuple[tuple[float, float], ...]:
+    padded = np.concatenate([[False], good, [False]])
+    reverses = np.diff(np.sign(travels)) != 0  # a range does not reach across travel zero
+    starts = np.flatnonzero(padded[1:] & ~(padded[:-1] & ~np.array([False, *reverses, False])))
+    ends = np.flatnonzero(padded[:-1] & ~(padded[1:] & ~np.array([False, *reverses, False]))) - 1
+    out = []
+    for a, b in zip(starts, ends, strict=True):
+        low, high = travels[a], travels[b]
+        if a > 0 and not good[a - 1]:
+            low = _edge(problem, travels[a], travels[a - 1], make)
+        if b < len(travels) - 1 and not good[b + 1]:
+            high = _edge(problem, travels[b], travels[b + 1], make)
+        out.append((float(low), float(high)))
+    return tuple(out)
+
+
+def _edge(problem: Problem, inner: float, outer: float, make: Make) -> float:
+    """The last travel inside the domain between one inside and one outside, by bisection."""
+    for _ in range(28):
+        middle = (inner + outer) / 2
+        good = score(problem, [make(middle)]).inside[0]
+        inner, outer = (middle, outer) if good else (inner, middle)
+    return float(inner)
+
+
+def _best(
+    problem: Problem, make: Make, ranges: tuple[tuple[float, float], ...], criterion: Criterion
+) -> float:
+    best_margin = end_margin(problem)
+
+    def scores(travels: Array) -> Scores:
+        return score(problem, [make(float(d)) for d in travels])
+
+    def cost(travel: float) -> float:
+        return float(scores(np.array([travel])).cost(criterion, best_margin)[0])
+
+    best = (np.inf, ranges[0][0])
+    for low, high in ranges:
+        grid = np.linspace(low, high, 25)
+        costs = scores(grid).cost(criterion, best_margin)
+        k = int(np.argmin(costs))
+        bounds = (grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)])
+        xatol = 1e-7 * (bounds[1] - bounds[0])
+        found = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": xatol})
+        best = min(best, (float(found.fun), float(found.x)), (float(costs[k]), float(grid[k])))
+    return best[1]
+
+
+_SIZES = np.geomspace(0.02, 4.0, 12)
+"""Amplitudes scanned, over the size of the travel (over 1 where that is zero), with both signs."""
+
+_TRAVELS = 24
+
+
+@dataclass(frozen=True)
+class Swing:
+    """Free numbers of a sinusoidal law.
+
+    Attributes:
+        travel: z₁(T) − z₁(0).
+        amplitude: a₁/ω or α/ω, in the unit of z₁; a common factor where steps have their own.
+    """
+
+    travel: float
+    amplitude: float
+
+
+def choose_swing(
+    problem: Problem,
+    make: Callable[[Swing], ChainedTrajectory],
+    options: SinusoidOptions | SinusoidStepsOptions,
+) -> tuple[Swing, dict[str, Any]]:
+    """Travel and amplitude: the given ones, and the best by the criterion for what is left free.
+
+    Where no choice stays inside the domain, the one that leaves it least is returned.
+
+    Returns:
+        The choice, and notes for the plan.
+
+    Raises:
+        InfeasibleError: If the travel is free and no one-way motion exists.
+    """
+    given = _given_amplitude(options)
+    if problem.travel is not None and given is not None:
+        return Swing(problem.travel, given), {}
+
+    def read(x: Array) -> Swing:
+        rest = iter(x.tolist())
+        travel = next(rest) if problem.travel is None else problem.travel
+        return Swing(travel, next(rest) if given is None else given)
+
+    def attempt(x: Array) -> ChainedTrajectory | None:
+        swing = read(x)
+        if swing.amplitude == 0:
+            return None
+        try:
+            return make(swing)
+        except SingularError:
+            return None
+
+    grid, sizes = _grid(problem, given)
+    found = search(problem, attempt, grid, sizes, options.criterion, starts=3)
+    notes = {"auto_motions_tried": found.tried, "auto_found_inside": found.inside}
+    return read(found.x), notes
+
+
+def _given_amplitude(options: SinusoidOptions | SinusoidStepsOptions) -> float | None:
+    if options.amplitude == "auto":
+        return None
+    return 1.0 if isinstance(options.amplitude, list) else float(options.amplitude)
+
+
+def _grid(problem: Problem, given: float | None) -> tuple[Array, Array]:
+    """Candidates (C, d) and the size of a first step from each."""
+    if problem.travel is None:
+        travels = candidate_travels(problem, _TRAVELS)
+    else:
+        travels = np.array([problem.travel])
+    width = np.ptp(travels) / len(travels)
+    rows, steps = [], []
+    for travel in travels:
+        sizes = _SIZES * (abs(travel) or 1.0)
+        amplitudes = np.concatenate([-sizes, sizes]) if given is None else np.array([given])
+        for amplitude in amplitudes:
+            row = [travel] if problem.travel is None else []
+            step = [width] if problem.travel is None else []
+            rows.append(row + ([amplitude] if given is None else []))
+            steps.append(step + ([0.3 * amplitude] if given is None else []))
+    return np.array(rows), np.array(steps)

@@ -1,0 +1,224 @@
+"""What all laws of the chained form share once their motion is made: timing, refusal, the Plan.
+
+What every method that plans inside the chart asks first, and how it refuses.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from planner.errors import InputError, SingularError
+from planner.methods.laws.legs import Leg, LegMotion
+from planner.methods.refusal import BY_COLLOCATION
+from planner.plan.measures import effort, peak_inputs, peak_rates
+from planner.plan.plan import Plan
+from planner.plan.trajectory import ChainedTrajectory, Trajectory
+from planner.problem.problem import Problem
+from planner.problem.tables.method_options import LawOptions
+from planner.support.arrays import Array
+from planner.systems.chained_form import chained_form
+
+
+@dataclass(frozen=True)
+class Ends:
+    """Start and goal in chained coordinates, checked once for every travel a law may try.
+
+    Attributes:
+        problem: Whose they are.
+        start: z(0), shape (N,).
+    """
+
+    problem: Problem
+    start: Array
+    _goal: Array
+
+    @classmethod
+    def of(cls, problem: Problem) -> Ends:
+        """The ends of a problem.
+
+        Raises:
+            SingularError: As `chart_ends`.
+        """
+        return cls(problem, *chart_ends(problem, 0.0))
+
+    def goal(self, travel: float) -> Array:
+        """z(T), shape (N,): no other chained coordinate depends on q₁."""
+        goal = self._goal.copy()
+        goal[0] = self.start[0] + travel
+        return goal
+
+    @property
+    def duration(self) -> float:
+        """Seconds; one where the problem leaves it free, since the path does not depend on it."""
+        return self.problem.duration or 1.0
+
+    def offset(self, given: float | None, method: str) -> float:
+        """Travel of the first of the two legs of step 4: the given one, or the mean of z(0).
+
+        The paper writes offset = Σzᵢ/n; z has n+1 coordinates, over which the mean is taken here.
+
+        Raises:
+            InputError: If it is zero.
+        """
+        chosen = float(np.mean(self.start)) if given is None else given
+        if chosen == 0:
+            raise InputError(
+                f"{self.problem.source}: the two-leg rule needs an offset that is not zero; set"
+                f" method.{method}.offset (radians)"
+            )
+        return chosen
+
+
+def finish(
+    problem: Problem,
+    name: str,
+    options: LawOptions,
+    trajectory: ChainedTrajectory,
+    notes: Mapping[str, Any],
+    began: float,
+) -> Plan:
+    """The plan of a law's motion.
+
+    Args:
+        problem: What it solves; a free duration is fitted to the input limits.
+        name: The method's name.
+        options: As used.
+        trajectory: The motion, over the problem's duration (one second where that is free).
+        notes: Facts of the method.
+        began: When the method began, by `time.perf_counter`.
+
+    Raises:
+        SingularError: If the motion leaves the chart's domain, unless `options.allow_singular`.
+    """
+    plan = Plan(
+        problem=problem,
+        method=name,
+        options=options.model_dump(),
+        trajectory=trajectory,
+        objective_name="effort: integral of u1^2 + u2^2 dt (not minimised by this law)",
+        solve_time_s=time.perf_counter() - began,
+        notes=notes,
+    )
+    if not plan.domain.ok:
+        if options.allow_singular:
+            return replace(plan, status="singular")
+        refuse_outside(plan)
+    fitted = fit_duration(problem, trajectory)
+    return replace(plan, trajectory=fitted, objective=effort(fitted))
+
+
+def even_legs(duration: float, travel: float, offset: float, count: int, terms: int) -> list[Leg]:
+    """`count` equal legs over the travel; with travel zero, `count` out by offset and back."""
+    if travel != 0:
+        return [Leg(duration / count, travel / count, terms)] * count
+    out = Leg(duration / 2 / count, offset / count, terms)
+    back = Leg(duration / 2 / count, -offset / count, terms)
+    return [out] * count + [back] * count
+
+
+def trajectory_of(problem: Problem, motion: LegMotion) -> ChainedTrajectory:
+    """The trajectory of a motion made of legs."""
+    return ChainedTrajectory(problem.system, motion.z, motion.v, problem.branch)
+
+
+def summary(motion: LegMotion) -> dict[str, float]:
+    """How well a motion's linear system was solved, for a plan's notes."""
+    return {"endpoint_residual": motion.residual, "condition_number": motion.condition}
+
+
+def chart_ends(problem: Problem, travel: float) -> tuple[Array, Array]:
+    """z(0) and z(T), shape (N,) each, of a problem that a chart method can take.
+
+    Raises:
+        SingularError: If the start or goal lies on a singularity of the chart, or the goal lies on
+            another branch than the start.
+    """
+    goal = problem.goal.copy()
+    goal[0] = problem.start[0] + travel
+    labels = problem.system.margin_labels
+    for name, q in (("start", problem.start), ("goal", goal)):
+        margins = problem.system.chart_margins(q, problem.branch)
+        if np.min(margins) > 0:
+            continue
+        worst = int(np.argmin(margins))
+        reason = _edge(problem, name, q, *labels[worst], abs(float(margins[worst])) < 1e-15)
+        raise SingularError(f"{problem.source}: {reason}", changes=[BY_COLLOCATION])
+    form = chained_form(problem.system)
+    return form.z(problem.start), form.z(goal)
+
+
+def _edge(problem: Problem, name: str, q: Array, i: int, label: str, on_it: bool) -> str:
+    coordinate = problem.system.coordinates[i]
+    unit = "deg" if coordinate.unit == "rad" else coordinate.unit
+    start, here = (np.rad2deg(v[i]) if unit == "deg" else v[i] for v in (problem.start, q))
+    if problem.branch[i] == 0 or on_it:
+        return (
+            f"the {name} has {coordinate.name} = {here:.6g} {unit},"
+            " where the chained-form chart is singular"
+        )
+    if f"{coordinate.name} = 0" in label:
+        return f"{coordinate.name} changes sign on the way, which no path in the chart can do"
+    return (
+        f"{coordinate.name} goes from {start:.6g} to {here:.6g} {unit}, past an edge of the"
+        f" chained-form chart ({label}), which no path in the chart can do"
+    )
+
+
+def fit_duration(problem: Problem, trajectory: Trajectory) -> Trajectory:
+    """With the duration free, the fastest uniform timing of a path within the input limits.
+
+    A driftless path does not depend on its timing, so inputs scale with 1/T and rates with 1/T².
+
+    Raises:
+        InputError: If the duration is free and no input has a limit.
+    """
+    if problem.duration is not None:
+        return trajectory
+    limits = problem.limits
+    if not np.any(np.isfinite(limits.input)):
+        raise InputError(
+            f"{problem.source}: goal.duration is free but [limits] holds no limit of an input;"
+            " set one of them"
+        )
+    factor = float(np.max(peak_inputs(trajectory) / limits.input))
+    if np.any(np.isfinite(limits.input_rate)):
+        factor = max(factor, float(np.sqrt(np.max(peak_rates(trajectory) / limits.input_rate))))
+    if not np.isfinite(factor):  # outside the domain, which is for the caller to refuse
+        return trajectory
+    return trajectory.slowed(factor * (1 + 1e-9))
+
+
+def refuse_outside(plan: Plan) -> None:
+    """Refuse a plan that leaves the chart's domain.
+
+    Raises:
+        SingularError: With the times at which it leaves and re-enters.
+    """
+    report = plan.domain
+    if report.ok:
+        return
+    exits = ", ".join(f"{t:.4f}" for t in report.exits_s) or f"{report.time_s:.4f}"
+    crossings = ", ".join(f"{t:.4f}" for t in report.z2_crossings_s)
+    zero = (
+        f"; z2 = 0 at t = {crossings} s"
+        if crossings
+        else "; z2 keeps its sign, yet no real angle exists there"
+    )
+    tried = plan.notes.get("auto_motions_tried")
+    which = (
+        f"the {plan.method} plan" if tried is None else f"the best {plan.method} plan of {tried}"
+    )
+    raise SingularError(
+        f"{plan.problem.source}: {which} leaves the domain of the chained-form chart"
+        f" at t = {exits} s (worst margin {report.margin:.4g} at t = {report.time_s:.4f} s:"
+        f" {report.label}){zero}",
+        times_s=report.singular_times_s,
+        plan=plan,
+        advice=f"another {plan.problem.travel_key} (or 'free') or constraint point",
+        changes=[BY_COLLOCATION],
+    )

@@ -1,0 +1,176 @@
+"""Motions of the chained form made of legs: v₁ constant and v₂ polynomial on each.
+
+On such legs z is polynomial in time and its end is affine in the coefficients of v₂, so every law
+that steers with them is one linear solve. v₂ is written in shifted Legendre polynomials on the
+leg's own unit time, for which the system of eq. (27) becomes triangular and well scaled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from math import comb
+
+import numpy as np
+from scipy.interpolate import BPoly
+
+from planner.support.arrays import Array
+from planner.support.one_variable import elevate
+
+
+@dataclass(frozen=True)
+class Leg:
+    """One leg.
+
+    Attributes:
+        duration: Seconds.
+        travel: Change of z₁ over the leg.
+        terms: Number of coefficients of v₂ (its degree plus one).
+    """
+
+    duration: float
+    travel: float
+    terms: int
+
+
+@dataclass(frozen=True)
+class Point:
+    """A constraint point: z₂(time_s) = value (eq. 28)."""
+
+    time_s: float
+    value: float
+
+
+@dataclass(frozen=True)
+class LegMotion:
+    """The solved motion: z and v as piecewise polynomials, and how well the ends are met.
+
+    Attributes:
+        z: BPoly with values (N,).
+        v: BPoly with values (2,).
+        residual: Largest |zᵢ(T) − goalᵢ| of the solved motion, each over the largest |zᵢ| on the
+            way (or 1 if that is less).
+        condition: Condition number of the scaled linear system.
+    """
+
+    z: BPoly
+    v: BPoly
+    residual: float
+    condition: float
+
+
+def steer(
+    start: Array, goal: Array, legs: Sequence[Leg], points: Sequence[Point] = ()
+) -> LegMotion:
+    """Steer z from start to goal over the given legs, through the given points.
+
+    With more coefficients than conditions, the solution of least ∫(T v₂)² is taken.
+
+    Args:
+        start: z(0), shape (N,).
+        goal: z(T), shape (N,); its first entry is the sum of the legs' travels.
+        legs: In order.
+        points: Conditions on z₂ at times within the legs.
+
+    Raises:
+        numpy.linalg.LinAlgError: If the conditions are dependent (two points at one time, or a
+            leg without travel alone).
+    """
+    blocks = [_basis(leg.terms) / leg.duration for leg in legs]
+    rows, offset = _conditions(start, legs, points, blocks)
+    wanted = np.concatenate([goal[1:], [p.value for p in points]]) - offset
+    scale = 1.0 / np.linalg.norm(rows, axis=1)
+    matrix = rows * scale[:, None]
+    condition = float(np.linalg.cond(matrix))
+    if condition > 1e14:
+        raise np.linalg.LinAlgError("conditions are dependent")
+    orthogonal, triangular = np.linalg.qr(matrix.T)
+    coefficients = orthogonal @ np.linalg.solve(triangular.T, wanted * scale)
+    remainder = (wanted - rows @ coefficients) * scale
+    coefficients += orthogonal @ np.linalg.solve(triangular.T, remainder)
+    v2, at = [], 0
+    for leg, block in zip(legs, blocks, strict=True):
+        v2.append(coefficients[at : at + leg.terms] @ block)
+        at += leg.terms
+    z = _propagate(start, legs, v2)
+    curve = _stack(z, legs)
+    size = np.maximum(np.max(np.abs(curve.c), axis=(0, 1)), 1.0)
+    residual = float(np.max(np.abs(z[-1][-1] - goal) / size))
+    return LegMotion(curve, _stack(_inputs(legs, v2), legs), residual, condition)
+
+
+@lru_cache(maxsize=64)
+def _basis(terms: int) -> Array:
+    """Bernstein coefficients, (terms, terms), of the orthonormal shifted Legendre polynomials."""
+    out = np.zeros((terms, terms))
+    for j in range(terms):
+        own = np.array([(-1.0) ** (j + i) * comb(j, i) for i in range(j + 1)])
+        out[j] = np.sqrt(2 * j + 1) * elevate(own, terms - 1)
+    return out
+
+
+def _integral(c: Array, duration: float) -> Array:
+    """Bernstein coefficients of the integral from the leg's start, one degree higher."""
+    return np.concatenate([np.zeros_like(c[:1]), np.cumsum(c, axis=0)]) * duration / len(c)
+
+
+def _propagate(start: Array, legs: Sequence[Leg], v2: Sequence[Array]) -> list[Array]:
+    """Bernstein coefficients of z on every leg, each (degree+1, N, …), from start (N, …)."""
+    out = []
+    for leg, w in zip(legs, v2, strict=True):
+        columns = [
+            np.stack([start[0], start[0] + leg.travel]),
+            start[1] + _integral(w, leg.duration),
+        ]
+        for i in range(2, len(start)):
+            columns.append(
+                start[i] + _integral(columns[-1], leg.duration) * leg.travel / leg.duration
+            )
+        degree = len(columns[-1]) - 1
+        out.append(np.stack([elevate(c, degree) for c in columns], axis=1))
+        start = out[-1][-1]
+    return out
+
+
+def _conditions(
+    start: Array, legs: Sequence[Leg], points: Sequence[Point], blocks: Sequence[Array]
+) -> tuple[Array, Array]:
+    """The affine map coefficients → (z₂(T) … z_N(T), z₂ at the points): matrix and offset.
+
+    One propagation carries all columns: the first is the drift from `start`, each other one the
+    response to one coefficient alone.
+    """
+    total = sum(len(block) for block in blocks)
+    v2, at = [], 1
+    for block in blocks:
+        own = np.zeros((block.shape[1], 1 + total))
+        own[:, at : at + len(block)] = block.T
+        v2.append(own)
+        at += len(block)
+    z = _propagate(np.concatenate([start[:, None], np.zeros((len(start), total))], 1), legs, v2)
+    rows = np.concatenate([z[-1][-1, 1:], *(_z2_at(z, legs, p.time_s)[None] for p in points)])
+    return rows[:, 1:], rows[:, 0]
+
+
+def _z2_at(z: Sequence[Array], legs: Sequence[Leg], time: float) -> Array:
+    """z₂ of every column at one time."""
+    ends = np.cumsum([leg.duration for leg in legs])
+    k = min(int(np.searchsorted(ends, time)), len(legs) - 1)
+    x = 1 - (ends[k] - time) / legs[k].duration
+    d = len(z[k]) - 1
+    weights = [comb(d, i) * x**i * (1 - x) ** (d - i) for i in range(d + 1)]
+    return np.asarray(np.tensordot(weights, z[k][:, 1], axes=1))
+
+
+def _inputs(legs: Sequence[Leg], v2: Sequence[Array]) -> list[Array]:
+    out = []
+    for leg, w in zip(legs, v2, strict=True):
+        out.append(np.stack([np.full(len(w), leg.travel / leg.duration), w], axis=1))
+    return out
+
+
+def _stack(pieces: Sequence[Array], legs: Sequence[Leg]) -> BPoly:
+    degree = max(len(c) - 1 for c in pieces)
+    breaks = np.concatenate([[0.0], np.cumsum([leg.duration for leg in legs])])
+    return BPoly(np.stack([elevate(c, degree) for c in pieces], axis=1), breaks)

@@ -1,0 +1,244 @@
+"""The paper's polynomial law (section 4.2, eqs 25–28), for any n and any constraint points.
+
+The paper's step 5 without the hand: constraint points and travel chosen by the program.
+
+A point at a given time adds one coefficient to v₂ and its value fixes it; another time for the same
+point gives the same family of motions. So k points are k free numbers, their values at k fixed
+times, and the search is over those and the travel.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, product
+from typing import Any
+
+import numpy as np
+
+from planner.errors import InputError, SingularError
+from planner.methods.laws.free_numbers import candidate_travels, travel_of
+from planner.methods.laws.law import Ends, even_legs, finish, summary, trajectory_of
+from planner.methods.laws.legs import LegMotion, Point, steer
+from planner.methods.laws.scores import Found, search
+from planner.plan.plan import Plan
+from planner.plan.trajectory import ChainedTrajectory
+from planner.problem.problem import Problem
+from planner.problem.tables.method_options import PolynomialOptions
+from planner.support.arrays import Array
+
+NAME = "polynomial"
+
+
+def plan_polynomial(problem: Problem, options: PolynomialOptions) -> Plan:
+    """Steer with v₁ constant and v₂ a polynomial, through given or chosen constraint points.
+
+    With travel zero the motion has two legs (step 4 of the paper). The paper does not say which
+    z₂ … z_N to pass at the turn; the one that makes ∫v₂² least is taken.
+
+    Raises:
+        SingularError: If start or goal are not in one branch of the chart, or the path leaves its
+            domain (unless `options.allow_singular`), with the times; or if it does so for every
+            choice of points and travel tried.
+        InfeasibleError: If the travel is free and no one-way motion exists.
+        InputError: If a constraint point lies outside the motion or contradicts another.
+    """
+    began = time.perf_counter()
+    points = _given(problem, options)
+    ends = Ends.of(problem)
+    offset = ends.offset(options.offset, NAME) if problem.travel == 0 else 0.0
+
+    def solve(travel: float, points: Sequence[Point]) -> LegMotion:
+        return _motion(ends, offset, travel, points)
+
+    notes: dict[str, Any]
+    if points is None:
+        chosen = choose_points(ends, solve, options)
+        travel, points, notes = chosen.travel, chosen.points, chosen.notes
+    else:
+        given = points
+        choice = travel_of(problem, lambda d: trajectory_of(problem, solve(d, given)), options)
+        travel = choice.travel
+        notes = {"travel_ranges_in_domain": [list(r) for r in choice.ranges]}
+    motion = solve(travel, points)
+    notes |= summary(motion)
+    plan = finish(problem, NAME, options, trajectory_of(problem, motion), notes, began)
+    stretch = plan.duration / ends.duration
+    used = [[p.time_s * stretch, p.value] for p in points]
+    return replace(plan, notes={"points": used, **plan.notes})
+
+
+def _given(problem: Problem, options: PolynomialOptions) -> tuple[Point, ...] | None:
+    """The constraint points of the options, checked; None when they are to be chosen."""
+    if options.points == "auto":
+        return None
+    points = tuple(Point(*p) for p in options.points)
+    if points and problem.duration is None:
+        raise InputError(
+            f"{problem.source}: method.polynomial.points are times in seconds and need a fixed"
+            " goal.duration"
+        )
+    for p in points:
+        if not 0 < p.time_s < (problem.duration or np.inf):
+            raise InputError(
+                f"{problem.source}: method.polynomial.points: time {p.time_s:g} s is not inside the"
+                f" motion (0, {problem.duration:g}) s"
+            )
+    if len({p.time_s for p in points}) < len(points):
+        raise InputError(f"{problem.source}: method.polynomial.points: two points at one time")
+    return points
+
+
+def _motion(ends: Ends, offset: float, travel: float, points: Sequence[Point]) -> LegMotion:
+    terms = len(ends.start) - 1 + len(points)
+    legs = even_legs(ends.duration, travel, offset, 1, terms)
+    try:
+        return steer(ends.start, ends.goal(travel), legs, points)
+    except np.linalg.LinAlgError:
+        raise SingularError(
+            f"{ends.problem.source}: travel {travel:g} with these constraint points leaves the"
+            " polynomial's coefficients undetermined",
+            advice=f"move the constraint points apart, or change {ends.problem.travel_key}",
+        ) from None
+
+
+Solve = Callable[[float, Sequence[Point]], LegMotion]
+
+MOST_POINTS = 2
+
+_TRAVELS = (60, 30, 15)
+"""Travels scanned with 0, 1 and 2 points."""
+
+_DEVIATIONS = (np.zeros(1), np.linspace(-1.5, 1.5, 13), np.linspace(-1.5, 1.5, 7))
+"""Values scanned at each point: off the plain law's z₂ there, over the largest |z₂|."""
+
+_SHARES = np.arange(1, 12) / 12
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What `choose_points` found best.
+
+    Attributes:
+        travel: The travel; the problem's where it is given.
+        points: The constraint points.
+        notes: For the plan: how many motions were tried, and the cost reached with 0, 1, 2 points.
+    """
+
+    travel: float
+    points: tuple[Point, ...]
+    notes: dict[str, Any]
+
+
+def choose_points(ends: Ends, solve: Solve, options: PolynomialOptions) -> Chosen:
+    """Choose 0, 1 or 2 constraint points, and the travel where it is free.
+
+    More points are taken only where they lower the cost by more than one percent. Where no choice
+    keeps the motion inside the domain, the one that leaves it least is returned.
+
+    Args:
+        ends: Start and goal.
+        solve: The law, from travel and points to a motion.
+        options: Supplies the criterion.
+
+    Raises:
+        InfeasibleError: If the travel is free and no one-way motion exists.
+    """
+    best: Found | None = None
+    known: LegMotion | None = None
+    family, costs, tried = _Family(ends, solve, 0), [], 0
+    for count in range(MOST_POINTS + 1):
+        wider = _Family(ends, solve, count)
+        if best is not None and best.inside:
+            known = family.motion(best.x)
+        found = wider.search(options, known)
+        tried += found.tried
+        costs.append(found.cost)
+        if best is None or found.cost < 0.99 * best.cost:
+            best, family = found, wider
+    assert best is not None
+    travel, points = family.read(best.x)
+    notes = {
+        "auto_motions_tried": tried,
+        "auto_cost_with_0_1_2_points": costs,
+        "auto_found_inside": best.inside,
+    }
+    return Chosen(travel, points, notes)
+
+
+class _Family:
+    """All motions with a given number of points: free numbers (travel where free, values)."""
+
+    def __init__(self, ends: Ends, solve: Solve, count: int) -> None:
+        self.ends, self.solve, self.count = ends, solve, count
+        self.free = ends.problem.travel is None
+        self.times = self._best_times()
+
+    def read(self, x: Array) -> tuple[float, tuple[Point, ...]]:
+        """Travel and points of free numbers x."""
+        given = self.ends.problem.travel
+        travel, values = (float(x[0]), x[1:]) if given is None else (given, x)
+        return travel, tuple(Point(t, float(v)) for t, v in zip(self.times, values, strict=True))
+
+    def motion(self, x: Array) -> LegMotion:
+        """The motion of free numbers x."""
+        return self.solve(*self.read(x))
+
+    def make(self, x: Array) -> ChainedTrajectory | None:
+        """The trajectory of free numbers x; None where the law has none."""
+        if self.free and x[0] == 0:
+            return None
+        try:
+            return trajectory_of(self.ends.problem, self.motion(x))
+        except SingularError:
+            return None
+
+    def search(self, options: PolynomialOptions, known: LegMotion | None) -> Found:
+        """The best of the family: from a known motion inside the domain, or from a scan."""
+        travels = self._travels()
+        width = np.ptp(travels) / len(travels) if self.free else 0.0
+        if known is not None:
+            travel = float(known.z.c[-1, -1, 0] - known.z.c[0, 0, 0])
+            grid, size = self._around(known, travel, np.zeros(1))
+        else:
+            around = [
+                self._around(self.solve(float(d), ()), float(d), _DEVIATIONS[self.count])
+                for d in travels
+            ]
+            grid = np.concatenate([g for g, _ in around])
+            size = float(np.median([s for _, s in around]))
+        steps = np.full(grid.shape[1], 0.05 * size)
+        if self.free:
+            steps[0] = width
+        if grid.shape[1] == 0:  # nothing is free: one candidate
+            return search(self.ends.problem, self.make, grid, steps, options.criterion, starts=0)
+        return search(self.ends.problem, self.make, grid, steps, options.criterion)
+
+    def _travels(self) -> Array:
+        given = self.ends.problem.travel
+        if given is None:
+            return candidate_travels(self.ends.problem, _TRAVELS[self.count])
+        return np.array([given])
+
+    def _around(self, motion: LegMotion, travel: float, deviations: Array) -> tuple[Array, float]:
+        """Free numbers whose values deviate from a motion's z₂, and the size of that z₂."""
+        z2 = motion.z(np.asarray(self.times, dtype=float))[:, 1]
+        size = float(np.max(np.abs(motion.z(np.linspace(0, self.ends.duration, 50))[:, 1])))
+        rows = [z2 + size * np.array(d) for d in product(deviations, repeat=self.count)]
+        return np.array([[travel, *row] if self.free else row for row in rows]), size
+
+    def _best_times(self) -> tuple[float, ...]:
+        """Times that make the points' conditions as independent of the others as can be."""
+        if self.count == 0:
+            return ()
+        travel = float(self._travels()[0])
+
+        def condition(times: tuple[float, ...]) -> float:
+            try:
+                return self.solve(travel, [Point(t, 0.0) for t in times]).condition
+            except SingularError:
+                return np.inf
+
+        shares = (_SHARES * self.ends.duration).tolist()
+        return min(combinations(shares, self.count), key=condition)

@@ -1,0 +1,272 @@
+"""How good a trajectory in the chart is, for many candidates at once.
+
+All candidates' samples go through the chart in one call, which is what makes scans cheap.
+
+The choice of a law's free numbers: a scan, then Nelder–Mead from the best of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+from scipy.interpolate import BPoly
+from scipy.optimize import minimize
+from scipy.special import comb
+
+from planner.plan.measures import worst_margin
+from planner.plan.trajectory import ChainedTrajectory
+from planner.problem.problem import Problem
+from planner.support import deadline
+from planner.support.arrays import Array
+from planner.systems.chained_form import chained_form
+
+_CLOSE = 0.1
+"""Margin, over that of the ends, below which a motion counts as too close to the domain's edge.
+
+There θ₁ bounces off zero and the inputs are quotients of small numbers."""
+
+Criterion = Literal["peak", "margin"]
+
+
+@dataclass(frozen=True)
+class Scores:
+    """What samples of C candidates say; arrays of shape (C,).
+
+    Attributes:
+        margin: Least chart margin (dimensionless, negative outside the domain).
+        slack: Least slack to the problem's joint limits and z₂ margin, relative to each; infinite
+            where the problem has none, negative where one is broken, NaN outside the domain.
+        peak: Largest input, each over its limit where it has one; NaN outside the domain.
+    """
+
+    margin: Array
+    slack: Array
+    peak: Array
+
+    @property
+    def inside(self) -> Array:
+        """Whether all samples lie inside the domain."""
+        return np.asarray(self.margin > 0)
+
+    def cost(self, criterion: Criterion, ends: float) -> Array:
+        """One number to minimise, shape (C,): what is worse in kind always costs more.
+
+        Below 1: keeps limits and a distance from the domain's edge; 1 to 2: breaks a limit or comes
+        ten times closer to the edge than the ends do; 2 to 3: leaves the domain.
+
+        Args:
+            criterion: "peak" compares peak inputs; "margin" compares margins, and by their peaks
+                those that reach the ends' margin, which no path can exceed.
+            ends: The least margin of start and goal; see `end_margin`.
+        """
+        with np.errstate(invalid="ignore"):
+            outside = 2 + _bounded(-self.margin)
+            close = 1 - self.margin / (_CLOSE * ends)
+            broken = 1 + _bounded(np.maximum(close, -self.slack))
+            kept = _bounded(self.peak)
+            if criterion == "margin":
+                short = self.margin < ends * (1 - 1e-6)
+                kept = np.where(short, 1 - 0.5 * self.margin / ends, 0.5 * kept)
+            cost = np.where((self.slack < -1e-9) | (close > 0), broken, kept)
+            cost = np.where(self.margin > 0, cost, outside)
+        return np.where(np.isnan(cost), 3.0, cost)
+
+
+def score(
+    problem: Problem, candidates: Sequence[ChainedTrajectory | None], samples: int = 400
+) -> Scores:
+    """Score candidates of one law by about `samples` samples each.
+
+    Args:
+        problem: Supplies limits; where an input has none, its peak counts in its own unit.
+        candidates: Trajectories on equally many pieces; None for one that could not be made.
+    """
+    deadline.check()
+    out = np.full((3, len(candidates)), np.nan)
+    made = [k for k, c in enumerate(candidates) if c is not None]
+    if not made:
+        return Scores(*out)
+    chosen = [c for c in candidates if c is not None]
+    form, branch = chained_form(problem.system), chosen[0].branch
+    z = _sampled([c.z_curve for c in chosen], samples)
+    pieces = z.shape[1] // _count(samples, chosen[0].z_curve)
+    worst = worst_margin(form.margins(z, branch)).reshape(len(chosen), pieces, -1)
+    margin = np.minimum(np.min(worst, axis=(1, 2)), _dips(worst))
+    out[0, made] = margin
+    good = np.flatnonzero(margin > 0)
+    if good.size:
+        v = _sampled([chosen[k].v_curve for k in good], samples)
+        q = form.q(z[good], branch)
+        at = np.asarray(made)[good]
+        out[1, at] = _slack(problem, z[good], q)
+        peaks = np.max(np.abs(form.inputs(z[good], v, branch)), axis=1)
+        out[2, at] = np.max(peaks / input_scale(problem), axis=-1)
+    return Scores(*out)
+
+
+def _sampled(curves: Sequence[BPoly], samples: int) -> Array:
+    """Values (C, S, D) of curves with the same pieces, crowded towards each piece's ends.
+
+    The ends themselves belong to both neighbours, each with its own limit.
+    """
+    c = np.stack([curve.c for curve in curves])
+    weights = _weights(c.shape[1] - 1, _count(samples, curves[0]))
+    values = weights @ np.moveaxis(c, 1, 2)  # (C, P, D+1, N) → (C, P, S, N)
+    return np.asarray(values.reshape(len(c), -1, c.shape[-1]))
+
+
+def _count(samples: int, curve: BPoly) -> int:
+    """Samples of each piece."""
+    return max(9, samples // len(curve.x[1:]))
+
+
+def _points(count: int) -> Array:
+    """Chebyshev–Lobatto points of the unit interval."""
+    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.arange(count) / (count - 1)))
+
+
+def _dips(values: Array) -> Array:
+    """Least value (C,) of values (C, P, S) between their samples.
+
+    A dip can be narrower than the samples are apart; a parabola through the three around each local
+    minimum follows it.
+    """
+    step = np.diff(_points(values.shape[-1]))
+    slope = np.diff(values, axis=-1) / step
+    before, after, width = step[:-1], step[1:], step[:-1] + step[1:]
+    bend = (slope[..., 1:] - slope[..., :-1]) / width
+    tangent = (slope[..., :-1] * after + slope[..., 1:] * before) / width
+    with np.errstate(divide="ignore", invalid="ignore"):
+        lowest = values[..., 1:-1] - tangent**2 / (4 * bend)
+    is_dip = (slope[..., :-1] <= 0) & (slope[..., 1:] >= 0) & (bend > 0)
+    return np.asarray(np.min(np.where(is_dip, lowest, np.inf), axis=(1, 2)))
+
+
+@lru_cache(maxsize=64)
+def _weights(degree: int, count: int) -> Array:
+    """Bernstein polynomials (count, degree+1) at Chebyshev–Lobatto points of the unit interval."""
+    x = _points(count)[:, None]
+    i = np.arange(degree + 1)
+    return np.asarray(comb(degree, i) * x**i * (1 - x) ** (degree - i))
+
+
+def input_scale(problem: Problem) -> Array:
+    """What peak inputs are measured by, shape (2,): their limits, or 1 where there is none."""
+    limit = problem.limits.input
+    return np.where(np.isfinite(limit), limit, 1.0)
+
+
+def end_margin(problem: Problem) -> float:
+    """Least chart margin of start and goal: no path between them has a larger one."""
+    ends = np.stack([problem.start, np.nan_to_num(problem.goal)])
+    return float(np.min(problem.system.chart_margins(ends, problem.branch)))
+
+
+def _slack(problem: Problem, z: Array, q: Array) -> Array:
+    """Least relative slack (C,) of joint limits and z₂ margin; z, q of shape (C, S, N)."""
+    limits = problem.limits
+    joint = np.min(1 - np.abs(q) / limits.joint, axis=(1, 2))
+    slack = np.where(np.any(np.isfinite(limits.joint)), joint, np.inf)
+    if limits.z2_margin is None:
+        return slack
+    room = np.min(problem.z2_sign * z[..., 1], axis=1) - limits.z2_margin
+    return np.asarray(np.minimum(slack, room / max(limits.z2_margin, 1e-3)))
+
+
+def _bounded(x: Array) -> Array:
+    """Increasing map of [0, ∞] onto [0, 1]."""
+    return np.where(np.isinf(x), 1.0, x / (1 + np.abs(x)))
+
+
+Make = Callable[[Array], ChainedTrajectory | None]
+
+_CHUNK = 128
+_RESTARTS = 6
+_COARSE, _FINE = 200, 6000
+"""Samples of a candidate while searching, and of the one found."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """The best candidate of a search.
+
+    Attributes:
+        x: Its free numbers, shape (d,).
+        cost: See `Scores.cost`; below 1 when domain and limits are kept.
+        tried: Number of candidates made.
+    """
+
+    x: Array
+    cost: float
+    tried: int
+
+    @property
+    def inside(self) -> bool:
+        """Whether it stays inside the chart's domain."""
+        return self.cost < 2
+
+
+def search(
+    problem: Problem,
+    make: Make,
+    grid: Array,
+    steps: Array,
+    criterion: Criterion = "peak",
+    starts: int = 2,
+) -> Found:
+    """Find the free numbers of least cost.
+
+    Args:
+        problem: Supplies limits and the chart's branch.
+        make: From free numbers (d,) to a trajectory; None where the law has no solution.
+        grid: Candidates to scan, shape (C, d).
+        steps: Size of the first simplex, shape (d,) or (C, d).
+        criterion: What to make best; domain and limits come first.
+        starts: How many of the best candidates to refine; 0 to scan only.
+    """
+    best_margin = end_margin(problem)
+    tried = 0
+
+    def costs(points: Array, samples: int) -> Array:
+        nonlocal tried
+        tried += len(points)
+        return score(problem, [make(x) for x in points], samples).cost(criterion, best_margin)
+
+    def refine(x: Array, step: Array, samples: int) -> tuple[float, Array]:
+        result = minimize(
+            lambda p: float(costs(p[None], samples)[0]),
+            x,
+            method="Nelder-Mead",
+            options={
+                "initial_simplex": np.concatenate([x[None], x + np.diag(step)]),
+                "xatol": 1e-6 * float(np.max(np.abs(step))),
+                "fatol": 1e-8,
+                "maxfev": 80 * len(x),
+            },
+        )
+        return float(result.fun), np.asarray(result.x)
+
+    chunks = [grid[k : k + _CHUNK] for k in range(0, len(grid), _CHUNK)]
+    scanned = np.concatenate([costs(chunk, _COARSE) for chunk in chunks])
+    steps = np.broadcast_to(steps, grid.shape)
+    order = np.argsort(scanned, kind="stable")
+    best, x, step = float(scanned[order[0]]), grid[order[0]], steps[order[0]]
+    for k in order[:starts]:
+        cost, there = refine(grid[k], steps[k], _COARSE)
+        if cost < best:
+            best, x, step = cost, there, steps[k]
+    for _ in range(_RESTARTS if starts else 0):  # a fresh simplex frees one collapsed on a kink
+        cost, there = refine(x, 0.1 * step, _COARSE)
+        gain = best - cost
+        if gain > 0:
+            best, x = cost, there
+        if gain < 1e-4 * best:
+            break
+    true = float(costs(x[None], _FINE)[0])
+    if starts and true > best + 1e-3:  # it hid an excursion between samples
+        true, x = refine(x, 0.1 * step, _FINE)
+    return Found(x, true, tried)

@@ -1,0 +1,227 @@
+"""The methods that make plans: one file each, one registry.
+
+Methods with options in one line of text, as in `polynomial:travel=middle`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+from planner.errors import InputError
+from planner.plan.plan import Plan
+from planner.problem.problem import Problem
+from planner.problem.tables.method_options import (
+    CollocationOptions,
+    ConvexOptions,
+    DesensitisedOptions,
+    PiecewiseOptions,
+    PolynomialOptions,
+    SinusoidOptions,
+    SinusoidStepsOptions,
+)
+from planner.support.files import parse_toml
+from planner.support.tables import line
+from planner.support.user_tables import nearest, parse
+
+
+@dataclass(frozen=True)
+class Method:
+    """An entry of the registry.
+
+    Attributes:
+        name: As users write it; also the name of its `[method.*]` table.
+        summary: One line for listings.
+        options: The table of its options.
+        plan: From problem and options to a plan that is not verified yet.
+        replan: The same from a plan of a neighbouring problem, or None.
+        refines: The method whose plan it starts from, or None. Where that finds none this finds
+            none, so that `check` does not try it.
+        finds_time: Whether it says itself that a duration is too short, and finds one that is not.
+    """
+
+    name: str
+    summary: str
+    options: type[Any]
+    plan: Callable[[Problem, Any], Plan]
+    replan: Callable[[Problem, Any, Plan], Plan] | None = None
+    refines: str | None = None
+    finds_time: bool = False
+
+
+def _later(module: str, name: str) -> Callable[..., Plan]:
+    """A method's function, whose module (and with it, say, OSQP) is imported when it is called."""
+
+    def call(*arguments: Any) -> Plan:
+        plan: Plan = getattr(import_module(f"{__package__}.{module}"), name)(*arguments)
+        return plan
+
+    return call
+
+
+_ALL = (
+    Method(
+        "polynomial",
+        "the paper's law: v1 constant, v2 polynomial, with constraint points",
+        PolynomialOptions,
+        _later("laws.polynomial", "plan_polynomial"),
+    ),
+    Method(
+        "piecewise",
+        "multirate: v1 constant, v2 piecewise constant",
+        PiecewiseOptions,
+        _later("laws.piecewise", "plan_piecewise"),
+    ),
+    Method(
+        "sinusoid",
+        "one period of v1 = a0 + a1 sin wt, v2 = sum of bj cos jwt",
+        SinusoidOptions,
+        _later("laws.sinusoids", "plan_sinusoid"),
+    ),
+    Method(
+        "sinusoid_steps",
+        "z1, z2 first, then one further coordinate by each period of sinusoids",
+        SinusoidStepsOptions,
+        _later("laws.sinusoids", "plan_sinusoid_steps"),
+    ),
+    Method(
+        "collocation",
+        "optimal plans in the coordinates themselves, within all limits, by direct collocation",
+        CollocationOptions,
+        _later("collocation.method", "plan_collocation"),
+        _later("collocation.method", "replan_collocation"),
+        finds_time=True,
+    ),
+    Method(
+        "convex",
+        "the optimal path in the chart: global with a gap, or a certificate that there is none",
+        ConvexOptions,
+        _later("convex.method", "plan_convex"),
+    ),
+    Method(
+        "desensitised",
+        "least response to errors of inputs, start and constants, weighed against effort",
+        DesensitisedOptions,
+        _later("desensitised.method", "plan_desensitised"),
+        refines="collocation",
+        finds_time=True,
+    ),
+)
+
+METHODS = {method.name: method for method in _ALL}
+
+
+def find_method(name: str) -> Method:
+    """The registry's entry of that name.
+
+    Raises:
+        InputError: If there is none; names the nearest.
+    """
+    if name not in METHODS:
+        raise InputError(f"unknown method '{name}'; {nearest(str(name), list(METHODS))}")
+    return METHODS[name]
+
+
+def merged_options(problem: Problem, method: Method, options: dict[str, Any]) -> Any:
+    """The method's option table: the problem's, overridden by keywords."""
+    own = getattr(problem.methods, method.name).model_dump(exclude_unset=True)
+    return parse(method.options, {**own, **options}, f"options of method '{method.name}'")
+
+
+@dataclass(frozen=True)
+class Spec:
+    """A method and what to change in its options.
+
+    Attributes:
+        label: The text it was read from; names it in tables and figures.
+        method: Name of the method.
+        options: Options that override the problem's table of that method.
+    """
+
+    label: str
+    method: str
+    options: Mapping[str, Any]
+
+
+def parse_spec(text: str) -> Spec:
+    """Read `method` or `method:key=value:key=value`.
+
+    Values are TOML values; a plain word may go without quotes.
+
+    Raises:
+        InputError: If the method is unknown (names the nearest) or an option is not `key=value`.
+    """
+    name, *settings = (part.strip() for part in _split(text, ":"))
+    find_method(name)
+    options: dict[str, Any] = {}
+    for setting in settings:
+        key, equals, value = setting.partition("=")
+        key = key.strip()
+        if not equals or not key or not value.strip():
+            raise InputError(
+                f"'{text}': option '{setting}' is not key=value; write for example"
+                f" '{name}:key=value'"
+            )
+        if key in options:
+            raise InputError(f"'{text}': option '{key}' is given twice")
+        options[key] = _value(text, key, value.strip())
+    return Spec(line(text), name, options)
+
+
+def parse_specs(problem: Problem, specs: str | Sequence[str]) -> list[Spec]:
+    """Read several specs and check their options, before any of them is run.
+
+    Args:
+        problem: Supplies the option tables that the specs override.
+        specs: A list, or one text with commas between (outside brackets and quotes).
+
+    Raises:
+        InputError: If there is none, one is wrong, or two are the same.
+    """
+    texts = list(_split(specs, ",")) if isinstance(specs, str) else list(specs)
+    parsed = [parse_spec(text) for text in texts]
+    if not parsed:
+        raise InputError("no method named; give at least one, for example 'collocation'")
+    labels = [spec.label for spec in parsed]
+    for label in labels:
+        if labels.count(label) > 1:
+            raise InputError(f"'{label}' is named twice; give each method and its options once")
+    for spec in parsed:
+        merged_options(problem, find_method(spec.method), dict(spec.options))
+    return parsed
+
+
+def _value(text: str, key: str, value: str) -> Any:
+    try:
+        table = parse_toml(f"value = {value}")
+    except ValueError:
+        table = {}
+    if table.keys() == {"value"}:
+        return table["value"]
+    if re.fullmatch(r"[A-Za-z][\w.+-]*", value):
+        return value
+    raise InputError(
+        f"'{text}': option '{key}' = {value} is not a value; write a number, true, false, a word,"
+        " or a list as in [[5.0, -0.2]]"
+    )
+
+
+def _split(text: str, separator: str) -> Iterator[str]:
+    """Split at a separator outside brackets and quotes."""
+    depth, quote, start = 0, "", 0
+    for k, character in enumerate(text):
+        if quote:
+            quote = "" if character == quote else quote
+        elif character in "'\"":
+            quote = character
+        elif character in "[{(":
+            depth += 1
+        elif character in ")}]":
+            depth -= 1
+        elif character == separator and depth == 0:
+            yield text[start:k]
+            start = k + 1
+    yield text[start:]

@@ -1,0 +1,365 @@
+"""The prototype preset, calibrated against what the paper says of its experiment.
+
+The page that goes with a calibration.
+
+The calibrated prototype beside the paper's motion, and what is known of its parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from textwrap import fill
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.machine.machine import Machine
+from planner.machine.replay import Replay, replay
+from planner.paper.fit import (
+    ENCODER_DEG,
+    READ_DEG,
+    READ_PERCENT,
+    SPEEDS,
+    Data,
+    Fit,
+    fit,
+    identify,
+    leading,
+    rounded,
+)
+from planner.paper.statements import (
+    FITTED,
+    FIXED,
+    SPREADS,
+    STATEMENTS,
+    Motion,
+    calibration_plan,
+    move,
+    nominal,
+)
+from planner.plan.plan import Plan
+from planner.problem.tables.machine_effects import EFFECTS
+from planner.report.figures.style import COLOURS, GRID
+from planner.support.files import folder
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MACHINES = 500
+"""Samples whose median is compared with the paper."""
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """What `calibrate` found.
+
+    Attributes:
+        plan: The plan that stands for the paper's experiment.
+        fit: The most probable parameters.
+        data: What the paper's words, its curves and better records tell about them.
+        motions: The plan on the nominal machine, by fidelity.
+        replays: The plan on machines with all spreads, by fidelity.
+    """
+
+    plan: Plan
+    fit: Fit
+    data: tuple[Data, ...]
+    motions: dict[str, Motion]
+    replays: dict[str, Replay]
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The fitted part of the prototype preset, as it stands in `planner.machine.machine`."""
+        return {name: setting(name, value) for name, value in self.fit.parameters.items()}
+
+    def to_dict(self) -> dict[str, Any]:
+        """The preset's entries, the paper's statements, and what is identified; JSON-ready."""
+        statements = [
+            {"text": s.text, "target": s.target, "unit": s.unit, "found": float(value)}
+            for s, value in zip(STATEMENTS, self.fit.found, strict=True)
+        ]
+        identified = [
+            {
+                "data": d.name,
+                "rank": d.rank,
+                "singular_values": d.singular.tolist(),
+                "left": dict(zip(self.settings, d.left.tolist(), strict=True)),
+            }
+            for d in self.data
+        ]
+        return {"preset": self.settings, "statements": statements, "identified": identified}
+
+
+def setting(name: str, value: float) -> Any:
+    """A number, or value and spread for what differs from machine to machine."""
+    spread = SPREADS.get(name)
+    return {"value": value, "spread": rounded(value * spread)} if spread else value
+
+
+def calibrate(progress: Progress | None = None, seed: int = 0) -> Calibration:
+    """Fit the prototype to the paper, and find out what the paper cannot tell.
+
+    Args:
+        progress: Called with what is being done and the share done, 0 … 1.
+        seed: Of the machines with spreads.
+    """
+    say = progress or (lambda what, share: None)
+    say("planning the paper's motion", 0.0)
+    plan = calibration_plan()
+    say("fitting", 0.05)
+    found = fit(plan)
+    say("finding out what can be told", 0.5)
+    data = identify(plan, found)
+    say("replaying in both fidelities", 0.75)
+    machine = nominal(found.parameters)
+    spread = {name: setting(name, value) for name, value in found.parameters.items()}
+    motions, replays = {}, {}
+    for fidelity in ("quasi-static", "dynamic"):
+        motions[fidelity] = move(plan, machine.with_(fidelity=fidelity), [found.parameters])
+        many = Machine.prototype(step_s=machine.step_s, fidelity=fidelity, **spread)
+        replays[fidelity] = replay(plan, many, MACHINES, seed, record_s=None)
+    return Calibration(plan, found, data, motions, replays)
+
+
+def write(calibration: Calibration, path: str | Path) -> Path:
+    """Write README.md and the figure.
+
+    Args:
+        calibration: What to write.
+        path: The folder; an earlier run's is replaced, and only when all is written.
+
+    Raises:
+        InputError: If the folder cannot be written or holds something else.
+    """
+    c = calibration
+    medians = {
+        name: np.median(run.largest_error_deg, axis=0).tolist() for name, run in c.replays.items()
+    }
+    with folder(path) as place:
+        figure = picture(c.plan, c.motions, c.data)
+        figure.savefig(place / "calibration.png", dpi=110, bbox_inches="tight")
+        text = page(c.fit, c.settings, c.data, c.motions, medians, MACHINES)
+        (place / "README.md").write_text(text, encoding="utf-8")
+    return Path(path)
+
+
+_HEAD = """# The prototype preset: calibrated, not measured
+
+The paper gives no data sheet of its prototype. It says that the error of theta3 reached 5 degrees
+(Fig. 9, eq. 29), that the speed of the motors was controlled precisely (Fig. 10), and blames
+backlash of the bevel gears, the low stiffness of the long shaft, transmission parts of low
+resolution and a lack of drive torque. `Machine.prototype()` has the most probable parameters given
+that and the range of parts of each kind. Made by
+
+    planner calibrate --out results/calibration
+
+The experiment's travel and inputs are not printed; it is replaced by the paper's polynomial law at
+the travel of least peak input that stays inside the chart's domain.
+
+![errors, motor speeds, and what is left of each range](calibration.png)
+"""
+
+
+def page(
+    fit: Fit,
+    settings: Mapping[str, Any],
+    data: Sequence[Data],
+    motions: Mapping[str, Motion],
+    medians: Mapping[str, Sequence[float]],
+    machines: int,
+) -> str:
+    """Markdown.
+
+    Args:
+        fit: The most probable parameters.
+        settings: The preset's entries for them.
+        data: What can be told from what.
+        motions: The nominal machine, by fidelity.
+        medians: Median of the largest error of each angle over machines with spreads, deg.
+        machines: How many.
+    """
+    return "\n".join(
+        [
+            _HEAD,
+            "## What the paper says, and what the preset does\n",
+            _statements(fit),
+            "## The two fidelities\n",
+            _fidelities(motions, medians, machines),
+            "## Parameters\n",
+            _parameters(settings, data),
+            "## What can be identified\n",
+            _identified(data),
+            "## Not fitted\n",
+            _fixed(),
+        ]
+    )
+
+
+def _statements(fit: Fit) -> str:
+    rows = [
+        [s.text, f"{s.target:g} {s.unit}", f"{s.tolerance:g} {s.unit}", f"{found:.2f} {s.unit}"]
+        for s, found in zip(STATEMENTS, fit.found, strict=True)
+    ]
+    return _table(["statement", "target", "taken as known to", "preset"], rows)
+
+
+def _fidelities(
+    motions: Mapping[str, Motion], medians: Mapping[str, Sequence[float]], machines: int
+) -> str:
+    rows = []
+    for name, motion in motions.items():
+        largest, gap = motion.largest[0], motion.statements[0, 1:]
+        rows.append(
+            [name, _degrees(largest), _degrees(motion.error[0, -1]), _degrees(medians[name]),
+             " / ".join(f"{g:.2f}" for g in gap)]
+        )  # fmt: skip
+    head = ["fidelity", "largest errors (deg)", "at the end (deg)"]
+    head += [f"median largest of {machines} machines (deg)", "motors off (% of peak, rms)"]
+    still, moving = (motions[name].error[0] for name in ("quasi-static", "dynamic"))
+    apart = np.max(np.abs(still - moving), axis=0)
+    text = f"theta1 / theta2 / theta3. The two differ by at most {_degrees(apart)} deg at any time."
+    more = (
+        " theta2 is off by as much as theta3, since both joints are given equal parts; the paper"
+        " does not say how far theta2 was off."
+    )
+    return _table(head, rows) + "\n" + text + more + "\n"
+
+
+def _parameters(settings: Mapping[str, Any], data: Sequence[Data]) -> str:
+    rows = []
+    for i, r in enumerate(FITTED):
+        value = settings[r.name]
+        shown = (
+            f"{value['value']:g} ± {value['spread']:g}" if isinstance(value, dict) else f"{value:g}"
+        )
+        left = [f"{d.left[i]:.2f}" for d in data]
+        rows.append([f"`{r.name}`", EFFECTS[r.name].unit or "1", f"{r.low:g} ... {r.high:g}", shown,
+                     *left, r.source])  # fmt: skip
+    head = ["parameter", "unit", "range (95 %)", "preset"]
+    text = (
+        "± is the spread from machine to machine. The columns after it tell which part of the range"
+        " is left once something is known: 1 means not identifiable from it.\n\n"
+    )
+    return text + _table([*head, *(d.name for d in data), "source of the range"], rows)
+
+
+def _identified(data: Sequence[Data]) -> str:
+    text = (
+        "Singular values of the sensitivity of what is observed, in units of its error of reading,"
+        " to the parameters, in units of their ranges (dynamic fidelity). Along a direction with a"
+        " value above 1 the data say more than the range does; along the others nothing is known"
+        f" but the range. Curves read off a figure: {READ_DEG:g} deg, {READ_PERCENT:g} % of the"
+        f" peak; encoders: {ENCODER_DEG:g} deg, at {', '.join(f'{f:g}' for f in SPEEDS)} times the"
+        " duration.\n\n"
+    )
+    rows = []
+    for d in data:
+        values = ", ".join(f"{s:.3g}" for s in d.singular[:8])
+        blind = [f"`{r.name}`" for r, left in zip(FITTED, d.left, strict=True) if left > 0.9]
+        rows.append(
+            [d.name, str(d.count), f"{d.rank} of {len(d.left)}", values, "; ".join(blind) or "none"]
+        )
+    table = _table(
+        ["data", "numbers", "identified directions", "largest singular values",
+         "parameters left as they were (> 0.9)"], rows
+    )  # fmt: skip
+    said = data[0]
+    lines = [
+        f"{k + 1}. s = {said.singular[k]:.3g}: "
+        + ", ".join(f"{part:+.2f} `{name}`" for name, part in leading(said, k).items())
+        for k in range(3)
+    ]
+    return (
+        text + table + "\nWhat the paper's words fix is the first of these directions and nothing"
+        " else (parts of a unit vector of standardised logarithms):\n\n" + "\n".join(lines) + "\n\n"
+        "So one number cannot tell wind-up (friction over stiffness), play and creep apart: a"
+        " machine with more of one and less of another fits as well. Half of a joint's play goes"
+        " into its error, all of its wind-up does, and the range of the latter is the wider one:"
+        " hence the weights. Torque limits and the capacity of the contacts, the paper's 'lack of"
+        " drive torque', are not reached at the paper's speed, so that nothing is learnt of them.\n"
+    )
+
+
+def _fixed() -> str:
+    effects = Machine.prototype().to_dict()
+    rows = []
+    for name, why in FIXED.items():
+        value = effects[name]
+        shown = (
+            f"{value['value']:g} ± {value['spread']:g}" if isinstance(value, dict) else f"{value:g}"
+        )
+        rows.append([f"`{name}`", shown, EFFECTS[name].unit or "1", why])
+    return _table(["parameter", "preset", "unit", "why"], rows)
+
+
+def _degrees(numbers: Any) -> str:
+    return " / ".join(f"{x:.2f}" for x in numbers)
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+
+
+DASHES = {"quasi-static": "-", "dynamic": "--"}
+
+
+def picture(plan: Plan, motions: Mapping[str, Motion], data: Sequence[Data]) -> Figure:
+    """Errors of the joints, speeds of the motors, and the part of each range that is left."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11.5, 6.2), dpi=100, layout="constrained")
+    grid = figure.add_gridspec(2, 2, width_ratios=[1.1, 1.0])
+    errors: Any = figure.add_subplot(grid[0, 0])
+    motors: Any = figure.add_subplot(grid[1, 0], sharex=errors)
+    for axes in (errors, motors):
+        axes.grid(**GRID)
+        axes.spines[["top", "right"]].set_visible(False)
+    _errors(errors, motions)
+    _motors(motors, plan, motions)
+    _left(figure.add_subplot(grid[:, 1]), data)
+    return figure
+
+
+def _errors(ax: Any, motions: Mapping[str, Motion]) -> None:
+    for name, motion in motions.items():
+        for i in range(motion.error.shape[2]):
+            label = f"$\\theta_{i + 1}$, {name}"
+            curve = {"color": COLOURS[i], "linestyle": DASHES[name], "linewidth": 1.5}
+            ax.plot(motion.t, motion.error[0, :, i], label=label, **curve)
+    for level in (-5, 5):
+        ax.axhline(level, color="#555555", linewidth=0.8, linestyle=":")
+    ax.set_ylabel("true minus planned (deg)")
+    ax.set_title("errors of the nominal machine; dotted: the paper's 5 deg", fontsize=10)
+    ax.legend(fontsize=7, ncols=2)
+
+
+def _motors(ax: Any, plan: Plan, motions: Mapping[str, Motion]) -> None:
+    t = next(iter(motions.values())).t
+    command = np.where((t < plan.duration)[:, None], plan.u(t), 0.0)
+    peak = np.max(np.abs(command), axis=0) / 100
+    for i in range(2):
+        ax.plot(t, command[:, i], color="#BBBBBB", linewidth=4, label="command" if i else None)
+        for name, motion in motions.items():
+            speed = motion.motors[0, :, i] * peak[i]
+            curve = {"color": COLOURS[i], "linestyle": DASHES[name], "linewidth": 1.2}
+            ax.plot(t, speed, label=f"motor {i + 1}, {name}", **curve)
+    ax.set_xlabel("time (s)")
+    ax.set_ylabel("speed (rad/s)")
+    ax.legend(fontsize=7, ncols=2)
+
+
+def _left(ax: Any, data: Sequence[Data]) -> None:
+    share = np.array([d.left for d in data]).T
+    ax.imshow(share, cmap="Blues_r", vmin=0, vmax=1, aspect="auto")
+    for i, row in enumerate(share):
+        for j, part in enumerate(row):
+            dark = part < 0.5
+            ax.text(j, i, f"{part:.2f}", ha="center", va="center", color="w" if dark else "k")
+    ax.set_yticks(range(len(FITTED)), [r.name for r in FITTED], fontsize=8)
+    ax.set_xticks(range(len(data)), [fill(d.name, 16) for d in data], fontsize=8)
+    ax.set_title("part of each range that is left (1: not identifiable)", fontsize=10)

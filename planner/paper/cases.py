@@ -1,0 +1,61 @@
+"""The plans that the paper's section 4.3 is about, and the ones that stand in where it fails."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from planner.machine.machine import Machine
+from planner.machine.replay import Replay, replay
+from planner.plan.plan import Plan
+from planner.problem.problem import Problem
+from planner.solve import solve
+
+TRAVEL = float(np.pi / 4)
+"""Travel of the disk at which the paper's Figs 4 and 5 are reproduced; it is not printed."""
+
+POINT = [5.0, -0.2]
+"""The paper's constraint point (time in s, z₂)."""
+
+DATA: dict[str, Any] = {
+    "title": "the paper's example",
+    "system": {"kind": "manipulator", "joints": 3, "K": [0.870125, 0.711625], "k_g": 0.668811},
+    "start": {"theta_deg": [1.0, 1.0, 1.0]},
+    "goal": {"theta_deg": [30.0, 30.0, 30.0], "travel": "free", "duration": 10.0},
+}
+
+
+@dataclass(frozen=True)
+class Cases:
+    """The plans.
+
+    Attributes:
+        free: z without any constraint point (the paper's Fig. 4).
+        point: z with the constraint point (its Fig. 5); not executable.
+        valid: The same law at the travel of least peak input inside the domain.
+        replay: `valid` on samples of the emulated prototype.
+    """
+
+    free: Plan
+    point: Plan
+    valid: Plan
+    replay: Replay
+
+
+def paper_problem(**goal: Any) -> Problem:
+    """The paper's example without limits; keywords change its `[goal]` table."""
+    return Problem.from_dict({**DATA, "goal": {**DATA["goal"], **goal}}, "the paper's example")
+
+
+def cases(samples: int, seed: int) -> Cases:
+    """Plan and replay everything the figures show."""
+    printed = paper_problem(travel=TRAVEL)
+    valid = solve(paper_problem(), "polynomial")
+    return Cases(
+        free=solve(printed, "polynomial", allow_singular=True),
+        point=solve(printed, "polynomial", points=[POINT], allow_singular=True),
+        valid=valid,
+        replay=replay(valid, Machine.prototype(), samples=samples, seed=seed),
+    )

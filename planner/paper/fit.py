@@ -1,0 +1,187 @@
+"""The most probable parameters, given their ranges and what the paper says.
+
+With x the parameters, standardised by their ranges, and f(x) what replays give for the paper's
+statements, the most probable x minimises
+
+    |x|² + |(f(x) − target) / tolerance|²
+
+(least squares; a normal prior on x and normal errors of reading). The largest error of θ₃ comes
+from the quasi-static model, the usual one; how well motors follow from the dynamic one, in which
+the load acts on them.
+
+Which parameters what was measured can tell, and which it cannot.
+
+For observables f(x) with errors of reading σ, at standardised parameters x, the scaled sensitivity
+S = (∂f/∂x)/σ has the singular values s₁ ≥ s₂ ≥ …; the data say more than the ranges along the
+directions in parameter space whose s > 1, and nothing where s = 0. Of the spread of a parameter
+over its range, the part √((1 + SᵀS)⁻¹)ᵢᵢ is left (linear theory, normal errors): 1 means not
+identifiable, 0 known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from planner.machine.machine import Machine
+from planner.paper.statements import FITTED, STATEMENTS, Motion, move, nominal, values
+from planner.plan.plan import Plan
+from planner.support.arrays import Array
+
+DELTA = 0.1
+"""Half of a central difference, in standard deviations of the range."""
+
+TOLERANCE = 5e-3
+"""Of the fit, in standard deviations of the ranges."""
+
+DIGITS = 3
+"""Significant digits of the preset."""
+
+TARGETS = np.array([s.target for s in STATEMENTS])
+TOLERANCES = np.array([s.tolerance for s in STATEMENTS])
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The result.
+
+    Attributes:
+        x: Standardised parameters, (P,).
+        parameters: The same in their units, rounded to the digits of the preset.
+        found: What the paper's statements come to with them.
+        evaluations: How many times x was looked at.
+    """
+
+    x: Array
+    parameters: dict[str, float]
+    found: Array
+    evaluations: int
+
+
+def around(x: Array) -> list[dict[str, float]]:
+    """x itself, and x with each coordinate a little more and a little less; 1 + 2 P of them."""
+    steps = DELTA * np.eye(len(x))
+    return [values(p) for p in (x, *(x + steps), *(x - steps))]
+
+
+def differences(seen: Array) -> Array:
+    """Derivatives by standardised parameters (…, P) from values (1 + 2 P, …) at `around`."""
+    count = len(seen) // 2
+    return np.moveaxis((seen[1 : 1 + count] - seen[1 + count :]) / (2 * DELTA), 0, -1)
+
+
+def said(plan: Plan, points: list[dict[str, float]]) -> Array:
+    """What the paper's statements are about, (S, 3)."""
+    machine = nominal(points[0])
+    still = move(plan, machine, points).statements
+    moving = move(plan, machine.with_(fidelity="dynamic"), points).statements
+    return np.column_stack([still[:, :1], moving[:, 1:]])
+
+
+def fit(plan: Plan) -> Fit:
+    """Fit the parameters of `FITTED`."""
+    slopes: dict[bytes, Array] = {}
+
+    def residuals(x: Array) -> Array:
+        seen = (said(plan, around(x)) - TARGETS) / TOLERANCES
+        slopes[x.tobytes()] = np.concatenate([np.eye(len(x)), differences(seen)])
+        return np.concatenate([x, seen[0]])
+
+    found = least_squares(
+        residuals,
+        np.zeros(len(FITTED)),
+        lambda x: slopes[x.tobytes()],
+        xtol=TOLERANCE,
+        ftol=TOLERANCE**2,
+    )
+    parameters = {name: rounded(value) for name, value in values(found.x).items()}
+    return Fit(found.x, parameters, said(plan, [parameters])[0], int(found.nfev))
+
+
+def rounded(value: float) -> float:
+    """To the digits of the preset."""
+    return float(f"{value:.{DIGITS}g}")
+
+
+READ_DEG, READ_PERCENT = 0.25, 1.0
+"""How well a curve can be read off the paper's figures: half a line's width."""
+
+ENCODER_DEG, TACHO_PERCENT = 0.088, 0.1
+"""How well the prototype could record itself."""
+
+SPEEDS = (0.5, 1.0, 4.0)
+"""Durations, over that of the paper's motion, of the runs that would tell most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """Something measured.
+
+    Attributes:
+        name: What.
+        count: How many numbers.
+        singular: Singular values of the scaled sensitivity, (P,), decreasing.
+        directions: Their directions among the standardised parameters, (P, P), one a row.
+        left: Part of each parameter's spread that it leaves, (P,).
+    """
+
+    name: str
+    count: int
+    singular: Array
+    directions: Array
+    left: Array
+
+    @property
+    def rank(self) -> int:
+        """Number of directions along which the data say more than the ranges."""
+        return int(np.sum(self.singular > 1))
+
+
+def identify(plan: Plan, fit: Fit) -> tuple[Data, ...]:
+    """What three sets of data tell: the paper's words, its curves, and what it might record."""
+    points = around(fit.x)
+    machine = nominal(points[0], fidelity="dynamic")
+    usual = move(plan, machine, points)
+    said = differences(usual.statements) / TOLERANCES[:, None]
+    every = [
+        _curves(_run(plan, f, usual, machine, points), ENCODER_DEG, TACHO_PERCENT) for f in SPEEDS
+    ]
+    return (
+        _data("the paper's words", said),
+        _data("its curves in Figs 9 and 10", _curves(usual, READ_DEG, READ_PERCENT)),
+        _data("encoders and tachometers, three speeds", np.concatenate(every)),
+    )
+
+
+def _run(
+    plan: Plan, slower: float, usual: Motion, machine: Machine, points: list[dict[str, float]]
+) -> Motion:
+    if slower == 1.0:
+        return usual
+    problem = plan.problem.changed({"goal.duration": plan.duration * slower})
+    same = Plan(problem, plan.method, plan.options, plan.trajectory.slowed(slower))
+    return move(same, machine, points)
+
+
+def _curves(motion: Motion, degrees: float, percent: float) -> Array:
+    """Scaled sensitivities of all recorded angles and motor speeds, (numbers, P)."""
+    seen = np.concatenate([motion.error / degrees, motion.motors / percent], axis=2)
+    return differences(seen.reshape(len(seen), -1))
+
+
+def _data(name: str, scaled: Array) -> Data:
+    size = scaled.shape[1]
+    full = np.concatenate([scaled, np.zeros((max(0, size - len(scaled)), size))])
+    _, singular, directions = np.linalg.svd(full, full_matrices=False)
+    left = np.sqrt(np.sum(directions**2 / (1 + singular[:, None] ** 2), axis=0))
+    return Data(name, len(scaled), singular, directions, left)
+
+
+def leading(data: Data, k: int, least: float = 0.15) -> dict[str, float]:
+    """The parameters that direction k of some data is mostly made of, with their parts."""
+    names = list(values(np.zeros(len(data.left))))
+    row = data.directions[k] * np.sign(data.directions[k][np.argmax(np.abs(data.directions[k]))])
+    order = np.argsort(-np.abs(row))
+    return {names[i]: float(row[i]) for i in order if abs(row[i]) >= least}

@@ -1,0 +1,215 @@
+"""What the paper says of its prototype, as numbers that a replay gives for any parameters.
+
+What the parts of the paper's prototype can be, and why.
+
+The paper gives no data sheet: two servo motors, friction disks, bevel gears, timing belts and long
+shafts on a bench (its Figs 2 and 3). So every parameter has the range of parts of that kind, taken
+as the central 95 % of a log-normal distribution. What the paper does say then moves them within
+these ranges (`planner.paper.fit`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.machine.machine import Draws, Machine, draw
+from planner.machine.simulate import simulate_draws
+from planner.paper.cases import paper_problem
+from planner.plan.plan import Plan
+from planner.solve import solve
+from planner.support.arrays import Array
+
+STEP_S = 0.01
+"""Step of the replays: their error, some 0.0002 deg, is far below what can be read off a figure."""
+
+RECORD_S = 0.05
+SETTLE_S = 0.5
+
+BEGUN_S = 0.5
+"""Before it, the first command's jump is a line in the figure that no one can read a gap off."""
+
+
+@dataclass(frozen=True)
+class Statement:
+    """One sentence of the paper.
+
+    Attributes:
+        text: It.
+        target: Its number.
+        tolerance: How well it is known (standard deviation).
+        unit: Of both.
+    """
+
+    text: str
+    target: float
+    tolerance: float
+    unit: str
+
+
+STATEMENTS = (
+    Statement("largest error of theta3 (Fig. 9: '5 degree error')", 5.0, 0.1, "deg"),
+    Statement("motor 1 off its command, rms (Fig. 10: 'precisely controlled')", 0.0, 1.0, "%"),
+    Statement("motor 2 off its command, rms (Fig. 10: 'precisely controlled')", 0.0, 1.0, "%"),
+)
+
+
+def calibration_plan() -> Plan:
+    """The paper's polynomial law at the travel of least peak input inside the chart's domain."""
+    return solve(paper_problem(), "polynomial")
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Replays of one plan on S single machines.
+
+    Attributes:
+        t: Recorded times, (R,), s.
+        error: True minus planned angle, (S, R, n), deg.
+        motors: Speed of the motors, (S, R, 2), as a percentage of each command's peak.
+        gap: That minus the command, likewise.
+        largest: Largest |error| over all steps, (S, n), deg.
+    """
+
+    t: Array
+    error: Array
+    motors: Array
+    gap: Array
+    largest: Array
+
+    @property
+    def statements(self) -> Array:
+        """What the paper's statements are about, (S, 3)."""
+        on = (self.t >= BEGUN_S) & (self.t < self.t[-1] - SETTLE_S - 1e-9)
+        rms = np.sqrt(np.mean(self.gap[:, on] ** 2, axis=1))
+        return np.column_stack([self.largest[:, 2], rms])
+
+
+def nominal(values: Mapping[str, float], **changes: object) -> Machine:
+    """The prototype with these parameters, no spread, and whatever else is changed."""
+    return Machine.prototype(step_s=STEP_S).nominal().with_(**{**values, **changes})
+
+
+def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) -> Motion:
+    """Replay a plan on single machines that differ from `machine` in some parameters."""
+    joints = plan.problem.system.size - 1
+    base = draw(machine, joints, np.arange(len(points)), 0)
+    changed = {
+        name: np.stack([np.full(len(base[name]), p[name]) for p in points], axis=1)
+        for name in points[0]
+    }
+    draws = Draws(base.numbers, {**base.values, **changed})
+    run = simulate_draws(plan, machine, draws, settle_s=SETTLE_S, record_s=RECORD_S)
+    u = np.where((run.t < plan.duration)[:, None], plan.u(run.t), 0.0)
+    peak = np.max(np.abs(u), axis=0) / 100
+    return Motion(
+        t=run.t,
+        error=np.rad2deg(run.q - plan.q(run.t))[:, :, 1:],
+        motors=run.speed / peak,
+        gap=(run.speed - u) / peak,
+        largest=np.rad2deg(run.deviation),
+    )
+
+
+def values(x: Array) -> dict[str, float]:
+    """Parameters at standardised coordinates x (P,): 0 the centre of each range, ±2 its ends."""
+    return {r.name: r.centre * float(np.exp(r.width * xi)) for r, xi in zip(FITTED, x, strict=True)}
+
+
+def coordinates(parameters: Mapping[str, float]) -> Array:
+    """The inverse of `values`, (P,)."""
+    return np.array([np.log(parameters[r.name] / r.centre) / r.width for r in FITTED])
+
+
+@dataclass(frozen=True)
+class Range:
+    """A parameter that is fitted.
+
+    Attributes:
+        name: Effect of the machine; its unit is that of the `[machine]` table.
+        low, high: Of its range.
+        source: Why.
+    """
+
+    name: str
+    low: float
+    high: float
+    source: str
+
+    @property
+    def centre(self) -> float:
+        """Geometric mean of the range."""
+        return float(np.sqrt(self.low * self.high))
+
+    @property
+    def width(self) -> float:
+        """Standard deviation of the logarithm."""
+        return float(np.log(self.high / self.low) / 4)
+
+
+FITTED = (
+    Range("servo_bandwidth_rad_s", 30, 150, "profile filters of small servo drives: 5 to 25 Hz"),
+    Range("motor_inertia_kgm2", 0.01, 0.04, "rotors of 10 to 40 g cm^2 (20 to 60 W) behind 1:100"),
+    Range("servo_gain_nms_per_rad", 2.5, 10, "loops of 20 to 80 Hz around 0.02 kg m^2"),
+    Range("servo_integral_time_s", 0.01, 0.04, "2 to 5 times the time constant of that loop"),
+    Range("torque_limit_nm", 1, 6, "continuous torque of planetary gearheads of 32 mm"),
+    Range("creep", 0.001, 0.01, "rolling radius of a loaded polymer tread: 0.1 to 1 % less"),
+    Range("creep_per_nm", 0.001, 0.02, "0.1 to 1 % of creepage at half of the torque that slips"),
+    Range(
+        "friction_capacity_nm", 0.5, 5, "mu N r: 0.15 to 0.4, 150 to 300 N, 20 to 40 mm of radius"
+    ),
+    Range("disk_inertia_kgm2", 5e-5, 5e-4, "two steel disks, 40 to 80 mm by 8 mm: m r^2/2"),
+    Range(
+        "gearhead_backlash_deg",
+        0.25,
+        1.0,
+        "planetary gearheads of 32 mm; preloaded ones have 0.15 to 0.5 (maxon GP 32 BZ)",
+    ),
+    Range(
+        "backlash_deg",
+        1.3,
+        5.2,
+        "0.1 to 0.4 mm between the teeth of bevel gears on 8 mm (0.7 to 2.9) and of belts on 10 mm",
+    ),
+    Range("axis_inertia_kgm2", 2e-6, 5e-5, "bevel gear, shaft and pulley: 40 to 200 g on 10 mm"),
+    Range(
+        "shaft_stiffness_nm_per_rad",
+        1.7,
+        7.5,
+        "G pi d^4/(32 L) of steel, 3 to 4 mm by 0.2 to 0.3 m (2.1 to 9.9), and a belt (10 to 30)",
+    ),
+    Range("shaft_damping_nms_per_rad", 0.005, 0.08, "1 to 10 % of critical: belt and bearings"),
+    Range(
+        "link_inertia_kgm2", 0.01, 0.1, "0.25 to 1.5 kg at 0.2 m: a link and the mechanism it bears"
+    ),
+    Range("base_friction_nm", 0.05, 0.5, "bearings and seals under the weight of the arm"),
+    Range("coulomb_friction_nm", 0.05, 0.5, "bearings, belt tension, disks of the next joint"),
+    Range("viscous_friction_nms_per_rad", 0.01, 0.2, "grease: a tenth to all of it at 1 rad/s"),
+)
+"""In the order of the signal path."""
+
+FIXED: dict[str, str] = {
+    "control_period_s": "a PC of 2010 commanding two drives over a bus",
+    "delay_s": "half a period; it shifts a motion and hardly changes it",
+    "velocity_resolution_rad_s": "one motor rpm behind 1:100",
+    "input_gain_error": "drives with encoders hold 0.1 to 0.5 % of speed; mean 0, drawn",
+    "input_bias_rad_s": "drift of a command's zero, some 0.03 deg/s at the output; mean 0, drawn",
+    "velocity_limit_rad_s": "3000 to 4000 rpm behind 1:100; the paper's motion needs a fifth",
+    "acceleration_limit_rad_s2": "a tenth of a second to that speed",
+    "gear_ratio_error": "radii of disks and contacts to 0.1 mm on 20 mm; mean 0, drawn",
+    "initial_play": "nobody knows where in its play a joint begins; mean 0, drawn",
+    "initial_angle_error_deg": "set by eye or against a stop before each run; mean 0, drawn",
+    "encoder_resolution_deg": "1024 lines, four edges a line; it acts on what is read, not on this",
+}
+"""What is not fitted, and why it is what it is: no statement of the paper depends on it."""
+
+SPREADS: dict[str, float] = {
+    "friction_capacity_nm": 0.1,
+    "gearhead_backlash_deg": 0.2,
+    "backlash_deg": 0.2,
+    "shaft_stiffness_nm_per_rad": 0.1,
+    "coulomb_friction_nm": 0.2,
+}
+"""From machine to machine, as a part of the value: tolerances of manufacture and assembly."""

@@ -1,0 +1,155 @@
+"""What is proven of a plan, limit by limit: the words and numbers of `planner.certify`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from planner.support.tables import html_table
+
+Status = Literal["proven", "undecided", "violated"]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One requirement, over all time.
+
+    Attributes:
+        label: What is required, in the words of `verify` ("input u2", "joint theta3").
+        status: "proven"; "violated", which is proven too; or "undecided".
+        guaranteed: The margin is nowhere less than this; −inf where nothing could be bounded.
+        attained: The margin is this small, or smaller, at `time_s`; NaN where unknown.
+        time_s: When the margin is least as far as known, in seconds; None without one.
+        unit: Unit of the margin.
+        required: Whether the problem asks for it; otherwise it is information.
+        why: What kept it from being decided; empty otherwise.
+    """
+
+    label: str
+    status: Status
+    guaranteed: float
+    attained: float
+    time_s: float | None
+    unit: str
+    required: bool = True
+    why: str = ""
+
+    def __repr__(self) -> str:
+        return f"Claim({self})"
+
+    def __str__(self) -> str:
+        when = "" if self.time_s is None else f" at t = {self.time_s:.6g} s"
+        unit = f" {self.unit}" if self.unit else ""
+        if self.status == "proven":
+            return f"{self.label}: proven, margin {self.guaranteed:.4g}{unit} or more"
+        if self.status == "violated" and not self.required:
+            return f"{self.label}: left{when}, which the problem allows"
+        if self.status == "violated":
+            return f"{self.label}: violated by {-self.attained:.4g}{unit}{when}"
+        return f"{self.label}: not proven{when}: {self.why}"
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What is proven of a plan's true motion over each whole interval, not at samples.
+
+    Attributes:
+        claims: One a requirement.
+        motion_error: Proven bound on |plan.q(t) − true motion| over all time, by coordinate name,
+            in the coordinates' units; infinite where there is none.
+        cells: Number of subintervals the proof rests on.
+        seconds: How long it took.
+    """
+
+    claims: tuple[Claim, ...]
+    motion_error: Mapping[str, float]
+    cells: int
+    seconds: float
+
+    @property
+    def ok(self) -> bool:
+        """Whether everything required is proven."""
+        required = [c for c in self.claims if c.required]
+        return bool(required) and all(c.status == "proven" for c in required)
+
+    @property
+    def open(self) -> tuple[Claim, ...]:
+        """What is required and not proven; violations first."""
+        left = [c for c in self.claims if c.required and c.status != "proven"]
+        return tuple(sorted(left, key=lambda c: c.status != "violated"))
+
+    def __getitem__(self, label: str) -> Claim:
+        for claim in self.claims:
+            if claim.label == label:
+                return claim
+        raise KeyError(f"no claim '{label}'; there are: {', '.join(c.label for c in self.claims)}")
+
+    def __repr__(self) -> str:
+        return f"Certificate({self})"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: one row a claim."""
+        rows = [
+            (
+                claim.label,
+                claim.status if claim.required else f"{claim.status} (not asked for)",
+                f"{claim.guaranteed:.4g} {claim.unit}".strip(),
+                "" if claim.time_s is None else f"{claim.time_s:.4g}",
+            )
+            for claim in self.claims
+        ]
+        return html_table(("requirement", "status", "margin", "least at (s)"), rows, str(self))
+
+    def __str__(self) -> str:
+        required = [c for c in self.claims if c.required]
+        if self.ok:
+            return f"all {len(required)} requirements proven between the nodes; {self._distance()}"
+        first = self.open[0]
+        more = f" (and {len(self.open) - 1} more)" if len(self.open) > 1 else ""
+        proven = len(required) - len(self.open)
+        return f"{proven} of {len(required)} requirements proven; {first}{more}"
+
+    def _distance(self) -> str:
+        return f"true motion within {max(self.motion_error.values()):.1e} of the plan's"
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready form, null where nothing is known; `certificate_from_dict` reads it."""
+        return {
+            "ok": self.ok,
+            "text": str(self),
+            "claims": [_claim_to_dict(c) for c in self.claims],
+            "motion_error": {name: _finite(e) for name, e in self.motion_error.items()},
+            "cells": self.cells,
+            "seconds": self.seconds,
+        }
+
+
+def certificate_from_dict(data: Mapping[str, Any]) -> Certificate:
+    """Read back what `Certificate.to_dict` wrote."""
+    errors = {n: np.inf if e is None else e for n, e in data["motion_error"].items()}
+    claims = tuple(_claim_from_dict(c) for c in data["claims"])
+    return Certificate(claims, errors, data["cells"], data["seconds"])
+
+
+def _claim_to_dict(claim: Claim) -> dict[str, Any]:
+    numbers = {"guaranteed": _finite(claim.guaranteed), "attained": _finite(claim.attained)}
+    return {**asdict(claim), **numbers, "text": str(claim)}
+
+
+def _claim_from_dict(data: Mapping[str, Any]) -> Claim:
+    unknown = {"guaranteed": -np.inf, "attained": np.nan}
+    filled: dict[str, Any] = {k: unknown.get(k) if v is None else v for k, v in data.items()}
+    filled.pop("text", None)
+    return Claim(**filled)
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def undecided(label: str, unit: str, why: str, required: bool = True) -> Claim:
+    """A claim of which nothing is known."""
+    return Claim(label, "undecided", -np.inf, np.nan, None, unit, required, why)

@@ -1,0 +1,279 @@
+"""The fastest clock along a path under limits on inputs and their rates: a convex programme.
+
+With s the length of `arclength`, w(s) the inputs per unit of ds/dt and b = (ds/dt)² (so that
+b' = 2 d²s/dt²), inputs and rates are |wᵢ| √b and |wᵢ' b + wᵢ b'/2|: linear in b. The time ∫ ds/√b
+is convex in b. So with b linear between nodes the programme has one optimum, which IPOPT finds to
+its tolerance (Verscheure et al., IEEE Trans. Automatic Control 54(10), 2009, for robot arms).
+
+toppra poses the same problem, but has wheels for Linux on x86-64 only (0.6.10) and needs a compiler
+elsewhere; CasADi with IPOPT is a dependency anyway.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BPoly
+
+from planner.errors import NotConvergedError
+from planner.plan.measures import peak_inputs, peak_rates
+from planner.plan.retimed import Inverse, RetimedTrajectory, arc_length
+from planner.plan.trajectory import Trajectory
+from planner.problem.problem import Limits
+from planner.support.arrays import Array
+from planner.support.one_variable import DEGREE, Grid
+
+_HELD = [0, DEGREE // 2, DEGREE]
+"""Points of each interval at which the programme holds the rates."""
+
+_ROUNDS = 5
+_EXCESS = 1e-5
+"""How far inputs and rates may pass their limits between the points before that; what is left is
+taken away by slowing the whole motion."""
+
+_CORNER = 5e-8
+"""Change of direction at a node, in units of the limits, from which it is a corner."""
+
+_STRAIGHT = 1e-6
+"""Change of direction over a whole path, in units of the limits, below which it is rounding."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A path cut into intervals of length.
+
+    Attributes:
+        nodes: Lengths, shape (M+1,).
+        stations: The path's own times there, shape (M+1,).
+        stops: Where the motion must stand still, shape (M+1,): corners, and the ends if at rest.
+        w: Inputs per unit of ds/dt at each interval's Chebyshev points, shape (M, D, 2).
+        dw: dw/ds there.
+    """
+
+    nodes: Array
+    stations: Array
+    stops: NDArray[np.bool_]
+    w: Array
+    dw: Array
+
+
+def cut(path: Trajectory, length: BPoly, scale: Array, intervals: int, rest: bool) -> Stretch:
+    """Cut a path into about `intervals` intervals, finer where its direction turns."""
+    edges = np.append(length.c[0], length.c[-1, -1])
+    rough = _directions(path, length, Grid(edges))
+    turning = np.sum(np.linalg.norm(np.diff(rough / scale, axis=1), axis=-1), axis=1)
+    share = np.diff(edges) / edges[-1] + turning / max(float(np.sum(turning)), _STRAIGHT)
+    counts = np.maximum(2, np.ceil(0.5 * intervals * share)).astype(int)
+    corners = _stops(rough / scale, rest)
+    unit = [_spaced(n, *ends) for n, ends in zip(counts, pairwise(corners), strict=True)]
+    cuts = [a + (b - a) * x[:-1] for (a, b), x in zip(pairwise(edges), unit, strict=True)]
+    nodes = np.concatenate([*cuts, edges[-1:]])
+    grid = Grid(nodes)
+    w = _directions(path, length, grid)
+    # Inside a piece of the length the path is smooth, however fast it turns.
+    stops = _stops(w / scale, rest) & np.isin(nodes, edges)
+    return Stretch(nodes, _stations(length, nodes), stops, w, grid.derivative(w))
+
+
+def _stops(w: Array, rest: bool) -> NDArray[np.bool_]:
+    """Where a motion with directions w (M, D, 2) must stand still, shape (M+1,)."""
+    jump = np.linalg.norm(w[1:, 0] - w[:-1, -1], axis=-1) > _CORNER
+    return np.concatenate([[rest], jump, [rest]])
+
+
+def _spaced(count: int, first: bool, last: bool) -> Array:
+    """Points of the unit interval, shape (count+1,), denser towards ends where the motion stops.
+
+    There the length grows with the square of time.
+    """
+    x = np.linspace(0.0, 1.0, count + 1)
+    if first and last:
+        return np.asarray(x**2 * (3 - 2 * x))
+    if first:
+        return np.asarray(x**2)
+    return np.asarray(1 - (1 - x) ** 2) if last else x
+
+
+def fastest(stretch: Stretch, top: Array, rate: Array) -> BPoly:
+    """The clock s(t), piecewise quadratic.
+
+    Limits are held at three points of each interval; where one is exceeded between, it is tightened
+    there and the programme solved again.
+
+    Args:
+        stretch: The path.
+        top: Largest |u|, shape (2,), infinite where there is none.
+        rate: Largest |du/dt|, shape (2,), the same.
+
+    Raises:
+        NotConvergedError: If the solver stops without a solution.
+    """
+    b = np.zeros(len(stretch.nodes))
+    fast, tight = np.tile(top, (len(stretch.w), 1)), np.tile(rate, (len(stretch.w), 1))
+    for _ in range(_ROUNDS):
+        b = _solve(stretch, fast, tight)
+        inside = _between(b)
+        speed = np.max(np.abs(stretch.w) * np.sqrt(inside)[..., None], axis=1) / top
+        excess = np.max(np.abs(_rates(stretch, b)), axis=1) / rate
+        if max(np.max(speed), np.max(excess)) <= 1 + _EXCESS:
+            break
+        fast, tight = fast / np.maximum(speed, 1.0), tight / np.maximum(excess, 1.0)
+    return _clock(stretch.nodes, b)
+
+
+def _directions(path: Trajectory, length: BPoly, grid: Grid) -> Array:
+    """w at the grid's points, each piece's ends a little inside it."""
+    left, right = grid.breaks[:-1, None], grid.breaks[1:, None]
+    nudge = 1e-7 * (right - left)
+    s = np.clip(grid.times, left + nudge, right - nudge)
+    k = np.searchsorted(length.c[0], s, side="right") - 1
+    inverse = Inverse(length)
+    sigma = inverse(s, length.x[k], length.x[k + 1])
+    return np.asarray(path.u(sigma) / inverse.slope(sigma)[..., None])
+
+
+def _stations(length: BPoly, nodes: Array) -> Array:
+    """Own times at the nodes, exact at the pieces' edges."""
+    edges = np.append(length.c[0], length.c[-1, -1])
+    k = np.minimum(np.searchsorted(edges, nodes, side="right") - 1, len(edges) - 2)
+    found = Inverse(length)(nodes, length.x[k], length.x[k + 1])
+    at = np.minimum(np.searchsorted(edges, nodes), len(edges) - 1)
+    return np.where(edges[at] == nodes, length.x[at], found)
+
+
+def _rates(stretch: Stretch, b: Array) -> Array:
+    """du/dt at every point, shape (M, D, 2)."""
+    slope = np.diff(b) / (2 * np.diff(stretch.nodes))
+    return np.asarray(stretch.dw * _between(b)[..., None] + stretch.w * slope[:, None, None])
+
+
+def _between(b: Array) -> Array:
+    """b at every point, shape (M, D)."""
+    return np.asarray(b[:-1, None] + np.diff(b)[:, None] * Grid(np.array([0.0, 1.0])).times[0])
+
+
+def _ceiling(stretch: Stretch, top: Array) -> Array:
+    """Largest b that keeps the inputs at the nodes, from both sides; top of shape (M, 2)."""
+    with np.errstate(divide="ignore"):
+        left = np.min((top / np.abs(stretch.w[:, 0])) ** 2, axis=-1)
+        right = np.min((top / np.abs(stretch.w[:, -1])) ** 2, axis=-1)
+    return np.asarray(np.minimum(np.append(left, np.inf), np.append(np.inf, right)))
+
+
+def _solve(stretch: Stretch, top: Array, rate: Array) -> Array:
+    """b at the nodes, with limits (M, 2) of each interval."""
+    ceiling = _ceiling(stretch, top)
+    free = np.flatnonzero(~stretch.stops)
+    spread = ca.DM.zeros(len(stretch.nodes), len(free))
+    for column, row in enumerate(free):
+        spread[int(row), column] = 1
+    spread = ca.sparsify(spread)
+    x = ca.MX.sym("b", len(free))
+    step = np.diff(stretch.nodes)
+    b, root = spread @ x, spread @ ca.sqrt(x)
+    time = ca.sum1(2 * step / (root[:-1] + root[1:]))
+    rows = [
+        (stretch.dw[:, j, i] * (b[:-1] + at * (b[1:] - b[:-1])) + stretch.w[:, j, i] * slope)
+        / rate[:, i]
+        for slope in [(b[1:] - b[:-1]) / (2 * step)]
+        for j, at in zip(_HELD, (0.0, 0.5, 1.0), strict=True)
+        for i in range(2)
+        if np.all(np.isfinite(rate[:, i]))
+    ]
+    solver = ca.nlpsol("timing", "ipopt", {"x": x, "f": time, "g": ca.vertcat(*rows)}, _QUIET)
+    guess = 0.1 * np.minimum(ceiling[free], _safe(stretch, rate))
+    result = solver(x0=guess, lbx=0.0, ubx=ceiling[free], lbg=-1.0, ubg=1.0)
+    if not solver.stats()["success"]:
+        raise NotConvergedError(
+            f"retiming: the solver stopped with {solver.stats()['return_status']}",
+            advice="fewer or more intervals",
+        )
+    out = np.zeros(len(stretch.nodes))
+    out[free] = np.maximum(np.ravel(np.asarray(result["x"])), 0.0)
+    return out
+
+
+_QUIET: dict[str, Any] = {
+    "print_time": False,
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    "ipopt.tol": 1e-9,
+    "ipopt.bound_relax_factor": 0.0,
+    "ipopt.mu_strategy": "adaptive",
+    "ipopt.max_iter": 500,
+}
+
+
+def _safe(stretch: Stretch, rate: Array) -> float:
+    """A constant b that keeps the rates."""
+    steepest = np.max(np.abs(stretch.dw), axis=1) / rate
+    return float(1 / max(np.max(steepest), 1e-6))
+
+
+def _clock(nodes: Array, b: Array) -> BPoly:
+    """s(t) with ds/dt = √b at the nodes and constant acceleration between."""
+    speed, step = np.sqrt(b), np.diff(nodes)
+    times = 2 * step / (speed[:-1] + speed[1:])
+    c = np.stack([nodes[:-1], nodes[:-1] + speed[:-1] * times / 2, nodes[1:]])
+    return BPoly(c, np.concatenate([[0.0], np.cumsum(times)]))
+
+
+Moving = NDArray[np.bool_]
+
+
+def fastest_motion(
+    path: Trajectory, limits: Limits, moving: Moving, rest: bool = False, intervals: int = 200
+) -> tuple[RetimedTrajectory, dict[str, Any]]:
+    """The fastest timing of a path within limits of inputs and of their rates, not verified yet.
+
+    Args:
+        path: A trajectory with inputs at all times.
+        limits: Of inputs and of their rates; one of them for each input that moves.
+        moving: Which inputs move, shape (2,).
+        rest: Whether inputs are zero at both ends; needs rate limits.
+        intervals: Intervals of the programme, where rates are limited.
+
+    Returns:
+        The motion, and what to note of it.
+
+    Raises:
+        NotConvergedError: If the programme is not solved.
+    """
+    if np.any(np.isfinite(limits.input_rate[moving])):
+        trajectory, notes = _with_rates(path, limits, moving, rest, intervals)
+    else:
+        trajectory, notes = _without_rates(path, limits, moving), {}
+    return _within(trajectory, limits), notes
+
+
+def _without_rates(path: Trajectory, limits: Limits, moving: Moving) -> RetimedTrajectory:
+    scale = np.where(moving, limits.input, 1.0)
+    length = arc_length(path, scale, "max")
+    edges = np.append(length.c[0], length.c[-1, -1])
+    clock = BPoly(np.stack([edges[:-1], edges[1:]]), edges)
+    return RetimedTrajectory(path, length, clock, length.x)
+
+
+def _with_rates(
+    path: Trajectory, limits: Limits, moving: Moving, rest: bool, intervals: int
+) -> tuple[RetimedTrajectory, dict[str, Any]]:
+    scale = np.where(np.isfinite(limits.input), limits.input, limits.input_rate)
+    scale = np.where(moving & np.isfinite(scale), scale, 1.0)
+    length = arc_length(path, scale, "euclid")
+    stretch = cut(path, length, scale, intervals, rest)
+    clock = fastest(stretch, limits.input, limits.input_rate)
+    notes = {"stops": int(np.sum(stretch.stops[1:-1]))}
+    return RetimedTrajectory(path, length, clock, stretch.stations), notes
+
+
+def _within(trajectory: RetimedTrajectory, limits: Limits) -> RetimedTrajectory:
+    """Slowed by what little the interpolants exceed the limits between their nodes."""
+    factor = float(np.max(peak_inputs(trajectory) / limits.input))
+    if np.any(np.isfinite(limits.input_rate)):
+        factor = max(factor, float(np.sqrt(np.max(peak_rates(trajectory) / limits.input_rate))))
+    return trajectory.slowed(factor) if factor > 1 else trajectory

@@ -1,0 +1,176 @@
+"""Figures of a trajectory that every method is compared by: effort and peak inputs.
+
+Where a trajectory lies in the chart's domain: margins, exits and crossings over all time.
+
+The paper tests z₂ < 0 only. The inverse exists exactly where every cos²θᵢ that the inverse asks for
+lies in (0, 1]; it is smooth where every one lies in (0, 1). `domain_report` tests all of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.plan.quadrature import greatest, jumps, largest, read, slopes
+from planner.plan.retimed import RetimedTrajectory
+from planner.plan.trajectory import (
+    ChainedTrajectory,
+    Trajectory,
+    polynomial_range,
+    polynomial_roots,
+)
+from planner.support.arrays import Array
+from planner.support.one_variable import maximum, minimum, sample_times, zeros
+from planner.systems.chained_form import chained_form
+
+_GAUSS = np.polynomial.legendre.leggauss(4)
+
+
+def effort(trajectory: Trajectory) -> float:
+    """∫ u₁² + u₂² dt, by Gauss quadrature between samples that crowd towards the ends of pieces."""
+    times, weights = _quadrature(trajectory)
+    return float(np.sum(weights[..., None] * trajectory.u(times) ** 2))
+
+
+def beyond(trajectory: Trajectory, limit: Array) -> Array:
+    """Part of each input's travel ∫|u| dt that lies above a limit (2,) of |u|, 0 ... 1, (2,)."""
+    times, weights = _quadrature(trajectory)
+    speed = np.abs(trajectory.u(times))
+    above = np.maximum(speed - limit, 0.0)
+    travel, lost = (np.einsum("ij,ijk->k", weights, rate) for rate in (speed, above))
+    return np.asarray(np.divide(lost, travel, out=np.zeros(2), where=travel > 0))
+
+
+def _quadrature(trajectory: Trajectory) -> tuple[Array, Array]:
+    """Times and weights of Gauss quadrature between samples that crowd at the ends of pieces."""
+    edges = np.unique(np.concatenate([sample_times(trajectory.breaks, 1000), trajectory.breaks]))
+    nodes, weights = _GAUSS
+    half = np.diff(edges)[:, None] / 2
+    return edges[:-1, None] + half * (1 + nodes), half * weights
+
+
+def peak_inputs(trajectory: Trajectory) -> Array:
+    """Largest |u₁| and |u₂| over all time, shape (2,); NaN where an input is undefined."""
+    reading = read(trajectory)
+    return largest(reading.cells, reading.u)
+
+
+def peak_rates(trajectory: Trajectory) -> Array:
+    """Largest |du₁/dt| and |du₂/dt|, shape (2,); infinite where an input jumps on the way."""
+    reading = read(trajectory)
+    peaks = largest(reading.cells, slopes(reading.cells, reading.u))
+    return np.where(jumps(reading.cells, reading.u), np.inf, peaks)
+
+
+@dataclass(frozen=True)
+class DomainReport:
+    """What `domain_report` finds.
+
+    Attributes:
+        ok: Whether the trajectory stays strictly inside the chart's domain at all times.
+        margin: Least signed margin (cos²θ or 1 − cos²θ, dimensionless); negative outside.
+        time_s: When it is least, in seconds.
+        label: Which margin that is.
+        exits_s: Times at which the trajectory leaves or re-enters the domain, in seconds.
+        z2_crossings_s: Times at which z₂ = 0, in seconds.
+        z2_max: Greatest z₂ over all time.
+        z2_min: Least z₂ over all time.
+    """
+
+    ok: bool
+    margin: float
+    time_s: float
+    label: str
+    exits_s: tuple[float, ...]
+    z2_crossings_s: tuple[float, ...]
+    z2_max: float
+    z2_min: float
+
+    @property
+    def singular_times_s(self) -> tuple[float, ...]:
+        """All times at which the chart is singular or left, increasing; none when `ok`."""
+        if self.ok:  # z2 = 0 is singular for the paper's arm of three joints, not for every system
+            return ()
+        times = sorted((*self.exits_s, *self.z2_crossings_s))
+        return tuple(t for k, t in enumerate(times) if k == 0 or t - times[k - 1] > 1e-9)
+
+
+def worst_margin(margins: Array) -> Array:
+    """Least margin over the last axis; undefined (NaN) ones follow from others and are skipped."""
+    return np.asarray(np.min(np.where(np.isnan(margins), np.inf, margins), axis=-1))
+
+
+def domain_report(trajectory: Trajectory) -> DomainReport:
+    """Examine a trajectory over all time.
+
+    Inside the domain margins and z₂ are series, whose extremes are exact. A path that leaves it has
+    no coordinates there: polynomial roots for z₂, and root-finding on the margins.
+    """
+    if isinstance(trajectory, RetimedTrajectory):
+        path = domain_report(trajectory.path)
+        if path.ok:
+            crossings = tuple(trajectory.time_of(t) for t in path.z2_crossings_s)
+            return replace(path, time_s=trajectory.time_of(path.time_s), z2_crossings_s=crossings)
+    return _inside(trajectory) or _outside(trajectory)
+
+
+def _inside(trajectory: Trajectory) -> DomainReport | None:
+    """The report of a path that stays strictly inside; None for another."""
+    system, form = trajectory.system, chained_form(trajectory.system)
+    with np.errstate(all="ignore"):
+        branch = system.branch(trajectory.q(0.0))
+
+        def watched(q: Array, _: Array) -> Array:
+            return np.concatenate([-system.chart_margins(q, branch), form.z(q)[..., 1:2]], axis=-1)
+
+        reading = read(trajectory, watched)
+        values = watched(reading.q, reading.u)
+        tops, times = greatest(reading.cells, np.concatenate([values, -values[..., -1:]], axis=-1))
+    if not np.all(tops[:-2] < 0):
+        return None
+    worst = int(np.argmax(tops[:-2]))
+    high, low = float(tops[-2]), -float(tops[-1])
+    crossings = _z2(trajectory, sample_times(trajectory.breaks))[0] if low <= 0 <= high else []
+    return DomainReport(
+        ok=True,
+        margin=-float(tops[worst]),
+        time_s=float(times[worst]),
+        label=system.margin_labels[worst][1],
+        exits_s=(),
+        z2_crossings_s=tuple(crossings),
+        z2_max=high,
+        z2_min=low,
+    )
+
+
+def _outside(trajectory: Trajectory) -> DomainReport:
+    times = sample_times(trajectory.breaks)
+
+    def worst(t: Array) -> Array:
+        return worst_margin(trajectory.margins(t))
+
+    margin, when = minimum(worst, times)
+    row = trajectory.margins(when)
+    index = int(np.argmin(np.where(np.isnan(row), np.inf, row)))
+    crossings, low, high = _z2(trajectory, times)
+    return DomainReport(
+        ok=margin > 0,
+        margin=margin,
+        time_s=when,
+        label=trajectory.system.margin_labels[index][1],
+        exits_s=tuple(zeros(worst, times)),
+        z2_crossings_s=tuple(crossings),
+        z2_max=high,
+        z2_min=low,
+    )
+
+
+def _z2(trajectory: Trajectory, times: Array) -> tuple[list[float], float, float]:
+    if isinstance(trajectory, ChainedTrajectory):
+        return polynomial_roots(trajectory.z_curve, 1), *polynomial_range(trajectory.z_curve, 1)
+
+    def z2(t: Array) -> Array:
+        return np.asarray(trajectory.z(t)[..., 1])
+
+    return zeros(z2, times), minimum(z2, times)[0], maximum(z2, times)[0]

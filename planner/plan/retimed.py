@@ -1,0 +1,355 @@
+"""A path of one trajectory under another timing.
+
+How far the inputs have moved along a path: the parameter in which retiming is posed.
+
+With inputs u(σ) over a trajectory's own time σ and scales c, the length s(σ) = ∫ ‖u/c‖ dσ belongs
+to the path alone, and any timing s(t) of the path has inputs u(σ(s)) / ‖u(σ(s))/c‖ · ds/dt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import BPoly, PPoly
+
+from planner.plan.trajectory import (
+    Pieces,
+    Trajectory,
+    at_times,
+    curve_from_dict,
+    curve_to_dict,
+    expect_curve,
+    on_pieces,
+    trajectory_from_dict,
+    undefined,
+)
+from planner.support.arrays import Array
+from planner.support.one_variable import Grid, sample_times, zeros
+from planner.systems.triangular_system import TriangularSystem
+
+SAME = 1e-12
+"""Distance of two lengths, or two own times, over the whole, that is the rounding of an inverse."""
+
+
+@dataclass(frozen=True)
+class RetimedTrajectory(Trajectory):
+    """q(t) = path.q(σ) with length(σ) = clock(t).
+
+    The system is driftless, so any increasing clock gives a motion along the same path, whose
+    inputs are the path's times dσ/dt.
+
+    Attributes:
+        path: The trajectory whose path it follows.
+        length: BPoly of the length s over the path's own time σ, scalar, increasing.
+        clock: BPoly of s over time t, scalar, increasing; it ends at the whole length.
+        stations: σ at the clock's breaks, shape (K+1,); every break of `length` is one of them, and
+            every break of the path is one of `length`.
+
+    Raises:
+        ValueError: If a curve is not scalar, its breaks do not increase from 0, or there is another
+            number of stations than breaks of the clock.
+    """
+
+    kind: ClassVar[str] = "retimed"
+    path: Trajectory
+    length: BPoly
+    clock: BPoly
+    stations: Array
+
+    @property
+    def system(self) -> TriangularSystem:  # type: ignore[override]
+        """The path's."""
+        return self.path.system
+
+    @property
+    def breaks(self) -> Array:
+        """Times at which the clock or the path has a corner."""
+        return np.asarray(self.clock.x)
+
+    def __post_init__(self) -> None:
+        expect_curve("length", self.length, ())
+        expect_curve("clock", self.clock, ())
+        if np.shape(self.stations) != np.shape(self.clock.x):
+            raise ValueError("there must be one station for each break of the clock")
+
+    @property
+    def in_coordinates(self) -> bool:
+        """As the path."""
+        return self.path.in_coordinates
+
+    @cached_property
+    def flaw(self) -> str:
+        """Whether the clock goes all the way along the path, piece by piece, and never jumps.
+
+        Ends and joints are compared to the last bit: whoever makes a clock takes them from the
+        length. That the length grows wherever the path moves is not looked at here.
+        """
+        path, length, clock, stations = self.path, self.length, self.clock, self.stations
+        (begin, end), (first, last) = (
+            (float(c[0, 0]), float(c[-1, -1])) for c in (length.c, clock.c)
+        )
+        slack = SAME * (end - begin)
+        after = np.clip(np.searchsorted(stations, length.x), 1, len(stations) - 1)
+        away = np.minimum(*(np.abs(stations[k] - length.x) for k in (after, after - 1)))
+        astray = np.abs(length(stations) - np.append(clock.c[0], last))
+        jumps = [np.any(curve.c[0, 1:] != curve.c[-1, :-1]) for curve in (length, clock)]
+        ends = f"from {first:.6g} to {last:.6g} of a path that goes from {begin:.6g} to {end:.6g}"
+        numbers = undefined(length=length.c, clock=clock.c, stations=stations)
+        checks = (
+            (path.flaw, path.flaw),
+            (numbers, numbers),
+            (length.x[-1] != path.duration, "the length does not end where the path does"),
+            (
+                stations[0] != 0 or stations[-1] != path.duration or np.any(np.diff(stations) <= 0),
+                "the stations do not increase from the path's start to its end",
+            ),
+            (not np.all(np.isin(path.breaks, length.x)), "a break of the path is none of length"),
+            (first != begin or last != end, f"the clock goes {ends}"),
+            (any(jumps), "the clock or the length jumps"),
+            (
+                not end > begin or np.any(np.diff(clock.c, axis=0) < -slack),
+                "the clock does not increase",
+            ),
+            (np.any(away > SAME * path.duration), "a break of the path is none of the stations"),
+            (np.any(astray > slack), "the clock is not at its stations when it should be"),
+        )
+        return next((words for bad, words in checks if bad), "")
+
+    def q(self, t: ArrayLike) -> Array:
+        """The path's own, where the clock is."""
+        return self.path.q(self.place(t))
+
+    def z(self, t: ArrayLike) -> Array:
+        """The path's own, where the clock is."""
+        return self.path.z(self.place(t))
+
+    def margins(self, t: ArrayLike) -> Array:
+        """The path's own, where the clock is."""
+        return self.path.margins(self.place(t))
+
+    def u(self, t: ArrayLike) -> Array:
+        """The path's inputs times dσ/dt; zero outside [0, duration]."""
+        sigma, pace = self._pace(t)
+        return self.path.u(sigma) * pace
+
+    def v(self, t: ArrayLike) -> Array:
+        """The path's chained inputs times dσ/dt; zero outside [0, duration]."""
+        sigma, pace = self._pace(t)
+        return self.path.v(sigma) * pace
+
+    def inside(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
+        """The path's own where the clock is, with its inputs times dσ/dt."""
+        low, high = self.stations[piece], self.stations[piece + 1]
+        own = self._inverse(on_pieces(self.clock, piece, fraction), low, high)
+        sigma, pace = self._paced(own, low, high, on_pieces(self._rate, piece, fraction))
+        breaks = self.path.breaks
+        at = np.clip(np.searchsorted(breaks, low, side="right") - 1, 0, len(breaks) - 2)
+        left, right = breaks[at], breaks[at + 1]
+        if np.all((sigma >= left) & (sigma <= right) & (own >= left) & (own <= right)):
+            q, u = self.path.inside(at, (own - left) / (right - left))
+            if sigma is not own:
+                _, u = self.path.inside(at, (sigma - left) / (right - left))
+            return q, u * pace
+        return self.path.q(own), self.path.u(sigma) * pace  # a break of the path inside a piece
+
+    def slowed(self, factor: float) -> RetimedTrajectory:
+        """The same path in `factor` times the time."""
+        clock = BPoly(self.clock.c, self.clock.x * factor)
+        return RetimedTrajectory(self.path, self.length, clock, self.stations)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready form."""
+        return {
+            "kind": self.kind,
+            "path": self.path.to_dict(),
+            "length": curve_to_dict(self.length),
+            "clock": curve_to_dict(self.clock),
+            "stations": self.stations.tolist(),
+        }
+
+    @classmethod
+    def from_dict(cls, system: TriangularSystem, data: Mapping[str, Any]) -> RetimedTrajectory:
+        """Read back what `to_dict` wrote."""
+        path = trajectory_from_dict(system, data["path"])
+        length, clock = curve_from_dict(data["length"]), curve_from_dict(data["clock"])
+        return cls(path, length, clock, np.asarray(data["stations"], dtype=float))
+
+    @cached_property
+    def _inverse(self) -> Inverse:
+        return Inverse(self.length)
+
+    @cached_property
+    def _rate(self) -> BPoly:
+        return self.clock.derivative()
+
+    def place(self, t: ArrayLike) -> Array:
+        """The path's own time σ at t, on the side of each break that t belongs to."""
+        times = self._clip(t)
+        low, high = self._between(times)
+        found = self._inverse(self.clock(times), low, high)
+        return np.where(times < self.duration, found, high)
+
+    def time_of(self, sigma: float) -> float:
+        """The time at which the path's own time is σ."""
+        k = int(
+            np.clip(np.searchsorted(self.stations, sigma, "right") - 1, 0, len(self.clock.x) - 2)
+        )
+        s, (low, high) = float(self.length(sigma)), self.clock.x[k : k + 2]
+        for _ in range(60):  # bisection, to rounding
+            middle = (low + high) / 2
+            low, high = (middle, high) if self.clock(middle) < s else (low, middle)
+        return float((low + high) / 2)
+
+    def _between(self, times: Array) -> tuple[Array, Array]:
+        k = np.searchsorted(self.clock.x, times, side="right") - 1
+        k = np.minimum(k, len(self.stations) - 2)
+        return self.stations[k], self.stations[k + 1]
+
+    def _pace(self, t: ArrayLike) -> tuple[Array, Array]:
+        """σ and dσ/dt (…, 1) at t."""
+        times = self._clip(t)
+        sigma, pace = self._paced(self.place(t), *self._between(times), self._rate(times))
+        return sigma, pace * self._running(t)
+
+    def _paced(self, sigma: Array, low: Array, high: Array, rate: Array) -> tuple[Array, Array]:
+        """σ and dσ/dt (…, 1) for a clock that runs at `rate` there, between stations.
+
+        Where the path itself stands still dσ/dt is infinite and its product with the path's inputs
+        has a limit, taken a little further inside the piece.
+        """
+        slope = self._inverse.slope
+        still = slope(sigma) <= 1e-9 * self.length.c[-1, -1] / self.length.x[-1]
+        if np.any(still):
+            nudge = 1e-7 * (high - low)
+            sigma = np.where(still, np.clip(sigma, low + nudge, high - nudge), sigma)
+        return sigma, (rate / slope(sigma))[..., None]
+
+
+Norm = Literal["max", "euclid"]
+
+_RESOLVED = 1e-9
+"""Chebyshev tail of ‖u/c‖ at which a piece is fine enough, over the piece's largest value."""
+
+_NOISE = 1e-6
+"""Tail below which a half no better than its whole shows rounding noise in u, not shape."""
+
+_NEGLIGIBLE = 1e-10
+"""Tail that does not count, over the mean of the whole path."""
+
+
+def arc_length(path: Trajectory, scale: Array, norm: Norm) -> BPoly:
+    """s over the path's own time, increasing from 0; its pieces are smooth.
+
+    Args:
+        path: Any trajectory with inputs at all times.
+        scale: c, shape (2,).
+        norm: "max" for max|uᵢ/cᵢ|, "euclid" for the root of the sum of squares.
+    """
+
+    def speed(sigma: Array) -> Array:
+        scaled = np.abs(path.u(sigma)) / scale
+        size = np.max(scaled, axis=-1) if norm == "max" else np.linalg.norm(scaled, axis=-1)
+        return np.asarray(size)
+
+    samples = sample_times(path.breaks)
+    mean = float(np.mean(speed(samples)))
+    edges = _merged(path.breaks, _corners(path, scale, norm, samples, mean))
+    grid = _resolved(speed, edges, _NEGLIGIBLE * mean)
+    return grid.curve(np.maximum(speed(_inner(grid)), 0.0)).antiderivative()
+
+
+class Inverse:
+    """Own time σ at a length s: Newton's method inside a shrinking bracket, to rounding.
+
+    Args:
+        length: As `arc_length` returns it.
+    """
+
+    def __init__(self, length: BPoly) -> None:
+        self._length, self._slope = length, length.derivative()
+        self._quick = PPoly.from_bernstein_basis(length)  # faster, good to about 1e-9
+        self._quick_slope = self._quick.derivative()
+
+    def slope(self, sigma: Array) -> Array:
+        """ds/dσ, shape as sigma."""
+        return at_times(self._slope, sigma)
+
+    def __call__(self, s: Array, low: Array, high: Array) -> Array:
+        """σ at lengths s (…), known to lie between own times low and high (…) of one piece."""
+        high = np.nextafter(high, low)  # at the very end the next piece would answer
+        base, top = self._quick(low), self._quick(high)
+        at = low + (high - low) * np.clip((s - base) / np.maximum(top - base, 1e-300), 0.0, 1.0)
+        left, right = low, high
+        for _ in range(60):
+            gap = self._quick(at) - s
+            left, right = np.where(gap <= 0, at, left), np.where(gap >= 0, at, right)
+            new = _step(at, gap, self._quick_slope(at))
+            new = np.where((new >= left) & (new <= right), new, (left + right) / 2)
+            moved, at = np.abs(new - at), new
+            if np.all(moved <= 1e-8 * (high - low)):
+                break
+        for _ in range(2):
+            new = np.clip(_step(at, at_times(self._length, at) - s, self.slope(at)), low, high)
+            at = np.where(np.isnan(new), at, new)
+        return np.asarray(at)
+
+
+def _step(at: Array, gap: Array, slope: Array) -> Array:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(at - gap / slope)
+
+
+def _merged(breaks: Array, extra: Array) -> Array:
+    """Breaks and the extra times that are not next to one, or to one another."""
+    apart = 1e-9 * breaks[-1]
+    kept = list(breaks)
+    for time in np.sort(extra):
+        if np.min(np.abs(np.array(kept) - time)) > apart:
+            kept.append(time)
+    return np.sort(kept)
+
+
+def _corners(path: Trajectory, scale: Array, norm: Norm, samples: Array, mean: float) -> Array:
+    """Times inside pieces at which the speed has a kink: a stop, or the larger input changes."""
+
+    def scaled(sigma: Array) -> Array:
+        return np.where(np.abs(u := path.u(sigma) / scale) < 1e-12 * mean, 0.0, u)
+
+    found: list[float] = []
+    for i in range(2):
+        still = zeros(lambda t, i=i: scaled(t)[..., i], samples)  # type: ignore[misc]
+        found += [t for t in still if np.max(np.abs(scaled(np.array(t)))) < 1e-6 * mean]
+    if norm == "max":
+        found += zeros(lambda t: np.abs(scaled(t)[..., 0]) - np.abs(scaled(t)[..., 1]), samples)
+    return np.array(found)
+
+
+def _resolved(function: Callable[[Array], Array], edges: Array, atol: float) -> Grid:
+    """Pieces between the edges, halved until the function's interpolant is as good as it gets."""
+    work = [(float(a), float(b), np.inf) for a, b in pairwise(edges)]
+    starts: list[float] = []
+    shortest = 1e-12 * (edges[-1] - edges[0])
+    while work:
+        left, right, before = work.pop()
+        grid = Grid(np.array([left, right]))
+        values = function(_inner(grid))
+        size = float(np.max(values))
+        tail = max(float(grid.tail(values)[0]) - atol, 0.0)
+        noise = 0.2 * before < tail < _NOISE * size
+        if tail <= _RESOLVED * size or noise or right - left <= shortest:
+            starts.append(left)
+        else:
+            middle = (left + right) / 2
+            work += [(left, middle, tail), (middle, right, tail)]
+    return Grid(np.append(np.sort(starts), edges[-1]))
+
+
+def _inner(grid: Grid) -> Array:
+    """The grid's points, the last of each piece just before its end, where inputs may jump."""
+    return np.minimum(grid.times, np.nextafter(grid.breaks[1:, None], -np.inf))

@@ -1,0 +1,238 @@
+"""A plan at evenly spaced times, as arrays with named columns, and how to read such files back.
+
+Plans and replays as pandas frames and xarray datasets.
+"""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import io
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.plan.plan import Plan
+from planner.support.arrays import Array
+from planner.support.files import SAMPLES_BYTES, read_bytes, read_text
+from planner.support.package import how_to_install
+from planner.systems.triangular_system import Coordinate
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+MAX_ROWS = 2_000_000
+RATE_HZ = 100.0
+"""Default number of samples a second, that of the emulated machine's controller."""
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """A motion at R times.
+
+    Attributes:
+        coordinates: Names of the columns of `q`, with units, as in "theta1_rad".
+        inputs: Names of the columns of `u`, as in "u1_rad_s".
+        t: Times, shape (R,), s; the first is 0, the last the duration.
+        q: Coordinates, shape (R, N); NaN where no real ones exist.
+        u: Inputs, shape (R, 2); at a jump the value after it. NaN where undefined.
+        z: Chained coordinates, shape (R, N).
+        v: Chained inputs, shape (R, 2).
+    """
+
+    coordinates: tuple[str, ...]
+    inputs: tuple[str, str]
+    t: Array
+    q: Array
+    u: Array
+    z: Array
+    v: Array
+
+    def __repr__(self) -> str:
+        return f"Samples({len(self.t)} instants to {self.t[-1]:.4g} s: {', '.join(self.columns)})"
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of all columns: t_s, those of q and u, z1 … zN, v1, v2."""
+        chained = [f"z{i + 1}" for i in range(len(self.coordinates))]
+        return ("t_s", *self.coordinates, *self.inputs, *chained, "v1", "v2")
+
+    @property
+    def table(self) -> Array:
+        """All of it, shape (R, 2N + 5), one column for each of `columns`."""
+        return np.column_stack([self.t, self.q, self.u, self.z, self.v])
+
+    @classmethod
+    def from_table(cls, columns: Sequence[str], table: Array) -> Samples:
+        """Samples from what `columns` and `table` give.
+
+        Raises:
+            ValueError: If they are not of that form.
+        """
+        size = (len(columns) - 5) // 2
+        if size < 2 or table.ndim != 2 or table.shape[1] != len(columns):
+            raise ValueError(f"{len(columns)} columns")
+        cuts = np.cumsum([1, size, 2, size])
+        t, q, u, z, v = np.split(table, cuts, axis=1)
+        names = tuple(columns[1 : 1 + size])
+        made = cls(names, (columns[1 + size], columns[2 + size]), t[:, 0], q, u, z, v)
+        if made.columns != tuple(columns):
+            raise ValueError(f"columns {', '.join(columns)}")
+        return made
+
+
+def sample(plan: Plan, rate_hz: float = RATE_HZ) -> Samples:
+    """A plan at evenly spaced times.
+
+    Args:
+        plan: Any plan.
+        rate_hz: Samples a second; the spacing is made a little finer where that is needed for the
+            last sample to fall on the plan's end.
+
+    Raises:
+        InputError: If the rate is not positive, or gives more than two million samples.
+    """
+    if isinstance(rate_hz, bool) or not (np.isfinite(rate_hz) and rate_hz > 0):
+        raise InputError(f"rate_hz = {rate_hz}: must be a positive number of samples a second")
+    steps = max(1, int(np.ceil(min(plan.duration * rate_hz, 1e15) - 1e-9)))
+    if steps >= MAX_ROWS:
+        raise InputError(
+            f"rate_hz = {rate_hz:g} gives {steps + 1} samples, allowed {MAX_ROWS}; lower the rate"
+        )
+    t = np.linspace(0.0, plan.duration, steps + 1)
+    system = plan.problem.system
+    first, second = system.inputs
+    return Samples(
+        coordinates=tuple(_named(c) for c in system.coordinates),
+        inputs=(_named(first), _named(second)),
+        t=t,
+        q=plan.q(t),
+        u=plan.u(t),
+        z=plan.z(t),
+        v=plan.v(t),
+    )
+
+
+def load_samples(path: str | Path) -> Samples:
+    """Read back a CSV or MATLAB file that `export` wrote.
+
+    Raises:
+        InputError: If the file is missing, is neither .csv nor .mat, or is not of that form.
+    """
+    readers: dict[str, Callable[[Path], Samples]] = {".csv": _from_csv, ".mat": _from_mat}
+    suffix = Path(path).suffix.lower()
+    if suffix not in readers:
+        raise InputError(f"cannot read samples from {path}: its name must end in .csv or .mat")
+    try:
+        return readers[suffix](Path(path))
+    except InputError:
+        raise
+    # What SciPy makes of broken bytes has no end of kinds.
+    except Exception as error:
+        raise InputError(f"{path} does not hold the samples of a plan: {error}") from None
+
+
+def _from_csv(path: Path) -> Samples:
+    text = read_text(path, SAMPLES_BYTES, "samples are CSV")
+    header, *rows = csv.reader(io.StringIO(text, newline=""))
+    values = [[float(cell) if cell else np.nan for cell in row] for row in rows]
+    return Samples.from_table(header, np.array(values, dtype=float))
+
+
+def _from_mat(path: Path) -> Samples:
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        data: dict[str, Any] = loadmat(
+            io.BytesIO(read_bytes(path, SAMPLES_BYTES)), simplify_cells=True
+        )
+    except (MatReadError, zlib.error) as error:
+        raise ValueError(error) from None
+    arrays = {name: np.asarray(data[name], dtype=float) for name in ("t", "q", "u", "z", "v")}
+    table = np.column_stack(list(arrays.values()))
+    names = [str(name) for name in (*data["coordinates"], *data["inputs"])]
+    chained = [f"z{i + 1}" for i in range(arrays["z"].shape[1])]
+    return Samples.from_table(["t_s", *names, *chained, "v1", "v2"], table)
+
+
+def _named(coordinate: Coordinate) -> str:
+    """Name and unit in one word, as in theta1_rad and speed_m_s; "1" for what has no unit."""
+    return f"{coordinate.name}_{(coordinate.unit or '1').replace('/', '_').replace('^', '')}"
+
+
+def to_frame(plan: Plan, rate_hz: float = RATE_HZ) -> pandas.DataFrame:
+    """The plan at even times as a frame: index t_s, columns with units in their names.
+
+    Raises:
+        InputError: If pandas is not installed or the rate is wrong.
+    """
+    samples = sample(plan, rate_hz)
+    frame = (
+        imported("pandas").DataFrame(samples.table, columns=list(samples.columns)).set_index("t_s")
+    )
+    frame.attrs = facts(plan)
+    return frame
+
+
+def to_xarray(plan: Plan, rate_hz: float = RATE_HZ) -> xarray.Dataset:
+    """The plan at even times as a dataset: q, u, z, v over time, coordinate and input by name.
+
+    `dataset.q.sel(coordinate="theta1")` is one angle; units are in the coordinates `unit_of_q` and
+    `unit_of_u`.
+
+    Raises:
+        InputError: If xarray is not installed or the rate is wrong.
+    """
+    samples, system = sample(plan, rate_hz), plan.problem.system
+    chained = [f"z{i + 1}" for i in range(system.size)]
+    dataset: xarray.Dataset = imported("xarray").Dataset(
+        {
+            "q": (("time", "coordinate"), samples.q),
+            "u": (("time", "input"), samples.u),
+            "z": (("time", "chained"), samples.z),
+            "v": (("time", "chained_input"), samples.v),
+        },
+        coords={
+            "time": ("time", samples.t, {"units": "s"}),
+            "coordinate": [c.name for c in system.coordinates],
+            "input": [c.name for c in system.inputs],
+            "chained": chained,
+            "chained_input": ["v1", "v2"],
+            "unit_of_q": ("coordinate", [c.unit for c in system.coordinates]),
+            "unit_of_u": ("input", [c.unit for c in system.inputs]),
+        },
+        attrs=facts(plan),
+    )
+    return dataset
+
+
+def imported(name: str) -> Any:
+    """A library of the extra `tables`.
+
+    Raises:
+        InputError: If it is not installed.
+    """
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise InputError(
+            f"this view needs {name}; install it with: {how_to_install('tables')}"
+        ) from None
+
+
+def facts(plan: Plan) -> dict[str, Any]:
+    """What frames and datasets say of their plan."""
+    return {
+        "problem": plan.problem.name,
+        "method": plan.method,
+        "status": plan.status,
+        "verified": int(plan.verified),
+        "duration_s": plan.duration,
+    }

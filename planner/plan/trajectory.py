@@ -1,0 +1,404 @@
+"""Curves in time that evaluate anywhere: the continuous form of every plan.
+
+Both kinds store piecewise polynomials in the Bernstein basis (`scipy.interpolate.BPoly`), whose
+coefficients bound the curve, and derive the rest through the system's chained form.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from math import comb
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import BPoly, PPoly
+
+from planner.errors import InputError
+from planner.support.arrays import Array
+from planner.systems.chained_form import chained_form
+from planner.systems.triangular_system import TriangularSystem
+
+Pieces = NDArray[np.int_]
+"""Numbers of pieces, from 0."""
+
+
+class Trajectory(ABC):
+    """q(t), u(t), z(t) and v(t) on [0, duration], vectorised over t.
+
+    Times before 0 and after the duration are taken at the nearest end; inputs are zero there.
+    """
+
+    kind: ClassVar[str]
+    kinds: ClassVar[dict[str, type[Trajectory]]] = {}
+    system: TriangularSystem
+
+    def __init_subclass__(cls) -> None:
+        Trajectory.kinds[cls.kind] = cls
+
+    def __repr__(self) -> str:
+        pieces = len(self.breaks) - 1
+        return f"{type(self).__name__}({self.system.kind}, {pieces} pieces, {self.duration:.4g} s)"
+
+    @property
+    @abstractmethod
+    def breaks(self) -> Array:
+        """Times (K+1,) between which the curve is smooth, in seconds."""
+
+    @abstractmethod
+    def q(self, t: ArrayLike) -> Array:
+        """Coordinates, shape (…, N), at times t (…)."""
+
+    @abstractmethod
+    def u(self, t: ArrayLike) -> Array:
+        """Inputs, shape (…, 2), at times t (…); the right-hand limit at a break."""
+
+    @abstractmethod
+    def z(self, t: ArrayLike) -> Array:
+        """Chained coordinates, shape (…, N), at times t (…)."""
+
+    @abstractmethod
+    def v(self, t: ArrayLike) -> Array:
+        """Chained inputs, shape (…, 2), at times t (…)."""
+
+    @abstractmethod
+    def margins(self, t: ArrayLike) -> Array:
+        """Signed chart margins, shape (…, M), at times t (…); see `ChainedForm.margins`."""
+
+    @abstractmethod
+    def inside(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
+        """q (P, C, N) and u (P, C, 2) at fractions 0 … 1, shape (P, C), of the pieces (C,).
+
+        A fraction of 0 or 1 is read from inside its piece, where q or u may jump at the break. Many
+        points on few pieces cost a tenth of what they cost by time.
+        """
+
+    @abstractmethod
+    def slowed(self, factor: float) -> Trajectory:
+        """The same path in `factor` times the time."""
+
+    @abstractmethod
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready form; `trajectory_from_dict` gives it back exactly."""
+
+    @classmethod
+    @abstractmethod
+    def from_dict(cls, system: TriangularSystem, data: Mapping[str, Any]) -> Trajectory:
+        """Read back what `to_dict` wrote."""
+
+    @property
+    def in_coordinates(self) -> bool:
+        """Whether q and u exist at all times without the help of the chart."""
+        return False
+
+    @property
+    def flaw(self) -> str:
+        """What keeps it from being the motion its kind describes, in words; empty if nothing does.
+
+        What is proven of a trajectory rests on this being empty.
+        """
+        return ""
+
+    @cached_property
+    def duration(self) -> float:
+        """Seconds from start to end."""
+        return float(self.breaks[-1])
+
+    def _clip(self, t: ArrayLike) -> Array:
+        return np.asarray(np.asarray(t, dtype=float).clip(0.0, self.duration))
+
+    def _running(self, t: ArrayLike) -> Array:
+        times = np.asarray(t, dtype=float)
+        return np.asarray((times >= 0) & (times <= self.duration), dtype=float)[..., None]
+
+
+@dataclass(frozen=True, repr=False)
+class ChainedTrajectory(Trajectory):
+    """A curve given in chained coordinates.
+
+    Attributes:
+        system: The system it belongs to.
+        z_curve: BPoly of z, values (N,).
+        v_curve: BPoly of v, values (2,), on the same breaks.
+        branch: Signs (N,) of the chart's branch.
+
+    Raises:
+        ValueError: If the curves differ in their breaks or have another number of values, or the
+            breaks do not increase from 0.
+    """
+
+    kind: ClassVar[str] = "chained"
+    system: TriangularSystem
+    z_curve: BPoly
+    v_curve: BPoly
+    branch: Array
+
+    def __post_init__(self) -> None:
+        expect_curve("z_curve", self.z_curve, (self.system.size,))
+        expect_curve("v_curve", self.v_curve, (2,))
+        if not np.array_equal(self.z_curve.x, self.v_curve.x):
+            raise ValueError("z_curve and v_curve must have the same breaks")
+        if np.shape(self.branch) != (self.system.size,):
+            raise ValueError(f"branch must have {self.system.size} entries")
+
+    @property
+    def breaks(self) -> Array:
+        """Times between the polynomial pieces."""
+        return np.asarray(self.z_curve.x)
+
+    @property
+    def flaw(self) -> str:
+        """Whether every coefficient is a number."""
+        return undefined(z_curve=self.z_curve.c, v_curve=self.v_curve.c, branch=self.branch)
+
+    def z(self, t: ArrayLike) -> Array:
+        """The polynomials themselves."""
+        return np.asarray(self.z_curve(self._clip(t)))
+
+    def v(self, t: ArrayLike) -> Array:
+        """The polynomials themselves; zero outside [0, duration]."""
+        return np.asarray(self.v_curve(self._clip(t))) * self._running(t)
+
+    def q(self, t: ArrayLike) -> Array:
+        """By the inverse chart; NaN outside its domain."""
+        return chained_form(self.system).q(self.z(t), self.branch)
+
+    def u(self, t: ArrayLike) -> Array:
+        """By the feedback transformation."""
+        times = self._clip(t)
+        z, v = np.asarray(self.z_curve(times)), np.asarray(self.v_curve(times))
+        u = chained_form(self.system).inputs(z, v, self.branch)
+        return np.where(self._running(t) > 0, u, 0.0)
+
+    def margins(self, t: ArrayLike) -> Array:
+        """From z, so defined where q is not."""
+        return chained_form(self.system).margins(self.z(t), self.branch)
+
+    def inside(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
+        """By the inverse chart and the feedback transformation; NaN outside the chart's domain."""
+        z = on_pieces(self.z_curve, piece, fraction)
+        v = on_pieces(self.v_curve, piece, fraction)
+        return chained_form(self.system).both(z, v, self.branch)
+
+    def slowed(self, factor: float) -> ChainedTrajectory:
+        """The same path in `factor` times the time."""
+        z, v = _stretched(self.z_curve, factor), _stretched(self.v_curve, factor, 1 / factor)
+        return ChainedTrajectory(self.system, z, v, self.branch)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready form."""
+        return {
+            "kind": self.kind,
+            "branch": self.branch.tolist(),
+            "z": curve_to_dict(self.z_curve),
+            "v": curve_to_dict(self.v_curve),
+        }
+
+    @classmethod
+    def from_dict(cls, system: TriangularSystem, data: Mapping[str, Any]) -> ChainedTrajectory:
+        """Read back what `to_dict` wrote."""
+        branch = np.asarray(data["branch"], dtype=float)
+        return cls(system, curve_from_dict(data["z"]), curve_from_dict(data["v"]), branch)
+
+
+@dataclass(frozen=True, repr=False)
+class StateTrajectory(Trajectory):
+    """A curve given in coordinates and inputs.
+
+    Attributes:
+        system: The system it belongs to.
+        q_curve: BPoly of q, values (N,).
+        u_curve: BPoly of u, values (2,), on the same breaks.
+
+    Raises:
+        ValueError: If the curves differ in their breaks or have another number of values, or the
+            breaks do not increase from 0.
+    """
+
+    kind: ClassVar[str] = "state"
+    system: TriangularSystem
+    q_curve: BPoly
+    u_curve: BPoly
+
+    def __post_init__(self) -> None:
+        expect_curve("q_curve", self.q_curve, (self.system.size,))
+        expect_curve("u_curve", self.u_curve, (2,))
+        if not np.array_equal(self.q_curve.x, self.u_curve.x):
+            raise ValueError("q_curve and u_curve must have the same breaks")
+
+    @property
+    def breaks(self) -> Array:
+        """Times between the polynomial pieces."""
+        return np.asarray(self.q_curve.x)
+
+    @property
+    def flaw(self) -> str:
+        """Whether every coefficient is a number."""
+        return undefined(q_curve=self.q_curve.c, u_curve=self.u_curve.c)
+
+    def q(self, t: ArrayLike) -> Array:
+        """The polynomials themselves."""
+        return np.asarray(self.q_curve(self._clip(t)))
+
+    def u(self, t: ArrayLike) -> Array:
+        """The polynomials themselves; zero outside [0, duration]."""
+        return np.asarray(self.u_curve(self._clip(t))) * self._running(t)
+
+    def z(self, t: ArrayLike) -> Array:
+        """By the chart, which is defined at every configuration."""
+        return chained_form(self.system).z(self.q(t))
+
+    def v(self, t: ArrayLike) -> Array:
+        """By the feedback transformation."""
+        return chained_form(self.system).v(self.q(t), self.u(t))
+
+    def margins(self, t: ArrayLike) -> Array:
+        """From q, on the branch of the start."""
+        branch = self.system.branch(self.q(0.0))
+        return self.system.chart_margins(self.q(t), branch)
+
+    def inside(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
+        """The polynomials themselves."""
+        return on_pieces(self.q_curve, piece, fraction), on_pieces(self.u_curve, piece, fraction)
+
+    def slowed(self, factor: float) -> StateTrajectory:
+        """The same path in `factor` times the time."""
+        q, u = _stretched(self.q_curve, factor), _stretched(self.u_curve, factor, 1 / factor)
+        return StateTrajectory(self.system, q, u)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready form."""
+        return {
+            "kind": self.kind,
+            "q": curve_to_dict(self.q_curve),
+            "u": curve_to_dict(self.u_curve),
+        }
+
+    @classmethod
+    def from_dict(cls, system: TriangularSystem, data: Mapping[str, Any]) -> StateTrajectory:
+        """Read back what `to_dict` wrote."""
+        return cls(system, curve_from_dict(data["q"]), curve_from_dict(data["u"]))
+
+    @property
+    def in_coordinates(self) -> bool:
+        """True."""
+        return True
+
+
+def trajectory_from_dict(system: TriangularSystem, data: Mapping[str, Any]) -> Trajectory:
+    """Read back what `Trajectory.to_dict` wrote.
+
+    Raises:
+        InputError: If the kind is unknown.
+    """
+    kind = data["kind"]
+    if kind not in Trajectory.kinds:
+        raise InputError(
+            f"trajectory kind {kind!r} is unknown; allowed: {', '.join(Trajectory.kinds)}"
+        )
+    return Trajectory.kinds[kind].from_dict(system, data)
+
+
+def expect_curve(name: str, curve: BPoly, values: tuple[int, ...]) -> None:
+    """Refuse a curve that cannot be evaluated over [0, duration].
+
+    Raises:
+        ValueError: If its breaks do not increase from 0 or its values have another shape.
+    """
+    breaks, shape = np.asarray(curve.x), curve.c.shape[2:]
+    if breaks[0] != 0 or not np.all(np.diff(breaks) > 0) or not np.isfinite(breaks[-1]):
+        raise ValueError(f"the breaks of {name} must increase from 0 and be finite")
+    if shape != values or np.iscomplexobj(curve.c):
+        raise ValueError(f"{name} must have real values of shape {values}, not {shape}")
+
+
+def undefined(**parts: Array) -> str:
+    """Which of some arrays holds what is no finite number, in words; empty if none does."""
+    bad = [name for name, part in parts.items() if not np.all(np.isfinite(part))]
+    return f"{' and '.join(bad)} hold numbers that are not finite" if bad else ""
+
+
+def on_pieces(curve: BPoly, piece: Pieces, fraction: Array) -> Array:
+    """Values (P, C, …) of a piecewise polynomial at fractions (P, C) of its pieces (C,).
+
+    The Bernstein basis at the fractions, times the coefficients.
+    """
+    degree, shape = len(curve.c) - 1, (*fraction.shape, *curve.c.shape[2:])
+    c = curve.c[:, piece].reshape(degree + 1, len(piece), -1)
+    if np.all(fraction == fraction[:, :1]):  # the same in all pieces: one matrix
+        return product(_bernstein(degree, fraction[:, 0]).T, c.reshape(degree + 1, -1)).reshape(
+            shape
+        )
+    basis = np.transpose(_bernstein(degree, fraction), (2, 1, 0))
+    return np.asarray(np.swapaxes(basis @ np.swapaxes(c, 0, 1), 0, 1).reshape(shape))
+
+
+def at_times(curve: BPoly, t: Array) -> Array:
+    """Values (…) of a scalar piecewise polynomial at many times (…): its own call, but faster."""
+    piece = np.clip(np.searchsorted(curve.x, t, side="right") - 1, 0, len(curve.x) - 2)
+    basis = _bernstein(len(curve.c) - 1, (t - curve.x[piece]) / np.diff(curve.x)[piece])
+    return np.asarray(np.sum(basis * curve.c[:, piece], axis=0))
+
+
+def _bernstein(degree: int, x: Array) -> Array:
+    """All Bernstein polynomials of a degree at x, on a new first axis."""
+    up, down = np.ones((2, degree + 1, *x.shape))
+    rest = 1 - x
+    for k in range(1, degree + 1):
+        up[k], down[k] = up[k - 1] * x, down[k - 1] * rest
+    up *= down[::-1]
+    up *= _binomials(degree).reshape(-1, *[1] * x.ndim)
+    return np.asarray(up)
+
+
+@lru_cache(maxsize=32)
+def _binomials(degree: int) -> Array:
+    return np.array([float(comb(degree, k)) for k in range(degree + 1)])
+
+
+def product(matrix: Array, columns: Array) -> Array:
+    """The matrix times columns (K, M), a few at a time.
+
+    OpenBLAS starts threads for products of more than 2^18 multiplications (its default,
+    GEMM_MULTITHREAD_THRESHOLD 4); on a computer that is busy they cost more than they gain.
+    """
+    most = max(1, 2**18 // matrix.size)
+    if columns.shape[1] <= most:
+        return np.asarray(matrix @ columns)
+    out = np.empty((len(matrix), columns.shape[1]))
+    for k in range(0, columns.shape[1], most):
+        np.matmul(matrix, columns[:, k : k + most], out=out[:, k : k + most])
+    return out
+
+
+def polynomial_roots(curve: BPoly, component: int) -> list[float]:
+    """Times at which one component of a piecewise polynomial is zero, by polynomial roots."""
+    scalar = BPoly(np.ascontiguousarray(curve.c[:, :, component]), curve.x)
+    roots = PPoly.from_bernstein_basis(scalar).roots(extrapolate=False)
+    return sorted({float(r) for r in np.atleast_1d(roots) if np.isfinite(r)})
+
+
+def polynomial_range(curve: BPoly, component: int) -> tuple[float, float]:
+    """Least and greatest value of one component over all time, by the roots of its derivative."""
+    times = np.concatenate([curve.x, polynomial_roots(curve.derivative(), component)])
+    values = curve(times)[:, component]
+    return float(values.min()), float(values.max())
+
+
+def _stretched(curve: BPoly, factor: float, gain: float = 1.0) -> BPoly:
+    return BPoly(curve.c * gain, curve.x * factor)
+
+
+def curve_to_dict(curve: BPoly) -> dict[str, Any]:
+    """JSON-ready form of a piecewise polynomial."""
+    return {"breaks": curve.x.tolist(), "bernstein": curve.c.tolist()}
+
+
+def curve_from_dict(data: Mapping[str, Any]) -> BPoly:
+    """Read back what `curve_to_dict` wrote."""
+    return BPoly(
+        np.asarray(data["bernstein"], dtype=float), np.asarray(data["breaks"], dtype=float)
+    )

@@ -1,0 +1,241 @@
+"""The start and the goal of a problem, seen in the chained-form chart.
+
+The least time a problem's input limits allow: a bound that no plan of any method can beat.
+
+Every joint's rate is its gear constant times cosines times an input, so |θ̇₁| ≤ max|u₂|,
+|θ̇ᵢ| ≤ k_g Kᵢ max|u₁| and |φ̇| ≤ k_g max|u₁| (eq. 6).
+
+What one-way motion of the disk can reach: signs, and the window of travels (theory of eq. 7).
+
+While φ moves one way every passive joint θ₂ … θₙ moves the same way, because each θᵢ' is positive.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from planner.errors import InfeasibleError
+from planner.problem.problem import Problem
+from planner.support.arrays import Array
+from planner.systems.chained_form import chained_form
+from planner.systems.manipulator import Manipulator
+
+
+@dataclass(frozen=True)
+class End:
+    """One end of the motion.
+
+    Attributes:
+        name: "start" or "goal".
+        q: Coordinates, shape (N,); NaN for a free path coordinate.
+        z: Chained coordinates, shape (N,); NaN for a free path coordinate.
+        branch: The chart's branch it lies on, shape (N,).
+        margins: Distance from each edge of the chart, on the start's branch: label to value,
+            negative beyond the edge.
+        singular: Names of the coordinates that lie on a singularity of the chart.
+        crossed: Names of the coordinates whose branch differs from the start's.
+    """
+
+    name: str
+    q: Array
+    z: Array
+    branch: Array
+    margins: dict[str, float]
+    singular: tuple[str, ...]
+    crossed: tuple[str, ...]
+
+    @property
+    def in_chart(self) -> bool:
+        """Whether a chart method can begin or end here."""
+        return not self.singular and not self.crossed
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready form (NaN where undefined)."""
+        return {
+            "q": self.q.tolist(),
+            "z": self.z.tolist(),
+            "branch": self.branch.tolist(),
+            "margins": self.margins,
+            "singular": list(self.singular),
+            "crossed": list(self.crossed),
+            "in_chart": self.in_chart,
+        }
+
+
+def chart_ends_report(problem: Problem) -> tuple[End, End]:
+    """The start and the goal."""
+    return _end("start", problem, problem.start), _end("goal", problem, problem.target)
+
+
+def _end(name: str, problem: Problem, q: Array) -> End:
+    system, home = problem.system, problem.branch
+    known = np.where(np.isnan(q), 0.0, q)
+    z = chained_form(system).z(known)
+    z[0] = q[0]
+    branch = system.branch(known)
+    names = [c.name for c in system.coordinates]
+    labels = [label for _, label in system.margin_labels]
+    margins = system.chart_margins(known, home)
+    moved = (branch != home) & (branch != 0) & (home != 0)
+    return End(
+        name=name,
+        q=q,
+        z=z,
+        branch=branch,
+        margins=dict(zip(labels, (float(m) for m in margins), strict=True)),
+        singular=tuple(n for n, b in zip(names, branch, strict=True) if b == 0),
+        crossed=tuple(n for n, m in zip(names, moved, strict=True) if m),
+    )
+
+
+@dataclass(frozen=True)
+class DurationBound:
+    """Seconds below which no plan exists, and why; zero when nothing bounds it."""
+
+    seconds: float
+    reason: str
+
+
+def least_duration(problem: Problem) -> DurationBound:
+    """The bound, from the coordinate that needs the most time at its top rate.
+
+    It is necessary, not sufficient: a plan may need longer.
+    """
+    distance = np.abs(problem.goal - problem.start)
+    distance[0] = abs(problem.travel or 0.0)
+    rates = _top_rates(problem)
+    needed = distance / rates
+    i = int(np.argmax(needed))
+    coordinate, unit = problem.system.coordinates[i], problem.system.coordinates[i].unit
+    reason = (
+        f"{coordinate.name} must move {_shown(distance[i], unit)} and moves at most"
+        f" {_shown(rates[i], unit)}/s within the input limits"
+    )
+    return DurationBound(float(needed[i]), reason if needed[i] > 0 else "")
+
+
+def why_too_short(problem: Problem) -> str | None:
+    """Why no plan of any kind keeps the duration, in words; None where nothing shows that."""
+    bound = least_duration(problem)
+    if problem.duration is None or problem.duration >= bound.seconds * (1 - 1e-9):
+        return None
+    return (
+        f"no plan of any kind exists: {bound.reason}, which takes {bound.seconds:.4g} s;"
+        f" goal.duration is {problem.duration:.4g} s"
+    )
+
+
+def refuse_too_short(problem: Problem) -> None:
+    """Refuse a duration that no plan can keep, before any method tries.
+
+    Raises:
+        InfeasibleError: With the coordinate that proves it.
+    """
+    if why := why_too_short(problem):
+        raise InfeasibleError(
+            f"{problem.source}: {why}",
+            advice='goal.duration = "free", which finds the time needed; or wider input limits',
+        )
+
+
+def _top_rates(problem: Problem) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Largest |q̇|, shape (N,), infinite where unknown."""
+    rates = np.full(problem.system.size, np.inf)
+    u1, u2 = problem.limits.input
+    rates[1] = u2
+    if isinstance(problem.system, Manipulator):
+        rates[0] = problem.system.k_g * u1
+        rates[2:] = problem.system.k_g * problem.system.K * u1
+    return rates
+
+
+def _shown(value: float, unit: str) -> str:
+    return f"{np.rad2deg(value):.4g} deg" if unit == "rad" else f"{value:.4g} {unit}"
+
+
+@dataclass(frozen=True)
+class TravelWindow:
+    """Travels Δφ for which a one-way motion can exist, in radians.
+
+    Attributes:
+        low: Least travel; the ends themselves are limits that no motion attains.
+        high: Greatest travel; infinite when there is none.
+        exact: Whether every travel strictly inside is attained by some one-way motion when joints
+            and inputs have no limits (n = 2 and 3); otherwise travels outside are impossible and
+            those inside are open.
+        reason: Why the window is empty, in words; empty when it is not.
+    """
+
+    low: float
+    high: float
+    exact: bool
+    reason: str = ""
+
+    @property
+    def empty(self) -> bool:
+        """Whether no one-way motion exists at all."""
+        return bool(self.reason)
+
+    def __contains__(self, travel: float) -> bool:
+        return not self.empty and self.low < travel < self.high
+
+
+def travel_window(problem: Problem) -> TravelWindow | None:
+    """The window of one-way travels between the problem's start and goal.
+
+    Returns:
+        The window, or None for systems other than the manipulator.
+    """
+    if not isinstance(problem.system, Manipulator):
+        return None
+    start, goal = problem.start[1:], problem.goal[1:]
+    moved = goal[1:] - start[1:]
+    if np.any(moved > 0) and np.any(moved < 0):
+        return _none("the passive joints must move in opposite directions")
+    if np.all(moved == 0):
+        return _none("the passive joints must end where they started")
+    if np.any(moved == 0):
+        return _none("one passive joint must stay while another moves")
+    if np.all(moved < 0):  # the same motion run backwards
+        ahead = _forward(problem.system, goal, start)
+        return TravelWindow(-ahead.high, -ahead.low, ahead.exact, ahead.reason)
+    return _forward(problem.system, start, goal)
+
+
+def _none(reason: str) -> TravelWindow:
+    return TravelWindow(np.nan, np.nan, True, f"{reason}, so the disk must reverse")
+
+
+def _forward(system: Manipulator, start: Array, goal: Array) -> TravelWindow:
+    K, n = system.K, system.n
+    if n == 2:
+        return TravelWindow(float((goal[1] - start[1]) / K[0]), np.inf, True)
+    a, b = float(start[n - 2]), float(goal[n - 2])
+    fast, slow = _cos3_range(a, b)
+    last = float(goal[-1] - start[-1])
+    if n > 3:
+        return TravelWindow(last / (K[-1] * fast), last / (K[-1] * slow), False)
+    # θ₂ runs at its top rate K₂ (θ₁ = 0) and the rest of θ₃ is made up by dwelling at one θ₂.
+    swept = K[1] / K[0] * (_sine_integral(b) - _sine_integral(a))
+    spare = last - swept
+    if spare <= 0:
+        return _none(
+            f"theta2 cannot move {np.rad2deg(b - a):.4g} deg while theta3 moves only"
+            f" {np.rad2deg(last):.4g} deg (at least {np.rad2deg(swept):.4g} deg)"
+        )
+    base = (b - a) / K[0]
+    return TravelWindow(base + spare / (K[1] * fast), base + spare / (K[1] * slow), True)
+
+
+def _cos3_range(a: float, b: float) -> tuple[float, float]:
+    ends = np.cos([a, b]) ** 3
+    fast = 1.0 if a <= 0 <= b else float(ends.max())
+    return fast, float(ends.min())
+
+
+def _sine_integral(angle: float) -> float:
+    """∫ cos³ = sin − sin³/3."""
+    return float(np.sin(angle) - np.sin(angle) ** 3 / 3)

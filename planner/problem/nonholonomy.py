@@ -1,0 +1,277 @@
+"""Section 3.2 of the paper for a problem: is the system controllable where the problem is?
+
+The paper's proof of controllability, eqs (9)–(17), tried on its own mechanism.
+
+The paper builds a basis X₁ … Xₙ, Yₙ of all directions by
+
+    Xᵢ₊₁ = (cᵢYᵢ − sᵢZᵢ)/(cᵢ² kᵢ₊₁)  (12)     Yᵢ₊₁ = sᵢYᵢ + cᵢZᵢ  (13)
+    Zᵢ = [Xᵢ, Yᵢ] = ∂Yᵢ/∂θᵢ  (16)
+
+and claims Xᵢ₊₁ = ∂/∂θᵢ₊₁ (14), Yᵢ₊₁ = (0, yᵢ₊₁) (15) and a determinant that vanishes nowhere (17).
+With the fields of eq. (6) none of that holds. What does hold, where sinθᵢ ≠ 0, is
+
+    Xᵢ₊₁ = (sᵢYᵢ + cᵢZᵢ)/(−2kᵢ₊₁cᵢ³sᵢ)     Yᵢ₊₁ = cᵢYᵢ − sᵢZᵢ − kᵢ₊₁cᵢ²(1 + 2sᵢ²)Xᵢ₊₁     i ≤ n − 2
+    Xₙ = Zₙ₋₁/(−3kₙcₙ₋₁²sₙ₋₁)              Yₙ = Yₙ₋₁ − kₙcₙ₋₁³Xₙ
+
+The last step differs because cosθₙ₋₁ drives neither θₙ further nor the disk: eq. (6) ends at n − 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from planner.errors import InputError
+from planner.problem.problem import Problem
+from planner.support.arrays import Array
+from planner.systems.controllability import Controllability, controllability, lie_bracket
+from planner.systems.manipulator import Manipulator
+from planner.systems.triangular_system import TriangularSystem
+
+SINGULAR = 1e-12
+"""|sinθᵢ| or |cosθᵢ| below which a step divides by zero."""
+
+Step = Callable[[int, Any, Any, Any], tuple[Any, Any]]
+
+
+@dataclass(frozen=True)
+class Family:
+    """One recursion at one configuration.
+
+    Attributes:
+        x_error: Largest |Xᵢ₊₁ − ∂/∂θᵢ₊₁| of each step i = 1 … n−1; NaN after a division by zero.
+        y_error: Largest |Yᵢ₊₁ − (0, yᵢ₊₁)| of each step, likewise.
+        divides_by_zero: Steps i whose divisor vanishes at q.
+        determinant: det(X₁ … Xₙ, Yₙ), rows in the order θ₁ … θₙ, φ; NaN after a division by zero.
+    """
+
+    x_error: tuple[float, ...]
+    y_error: tuple[float, ...]
+    divides_by_zero: tuple[int, ...]
+    determinant: float
+
+
+@dataclass(frozen=True)
+class PaperRecursion:
+    """What `paper_recursion` finds: the recursion as printed, and corrected."""
+
+    printed: Family
+    corrected: Family
+
+    @property
+    def printed_holds(self) -> tuple[bool, ...]:
+        """Of each step i = 1 … n−1 as printed, whether it gives what (14) and (15) claim."""
+        return tuple(_holds(x, y) for x, y in zip(*_errors(self.printed), strict=True))
+
+    def __str__(self) -> str:
+        lines = ["as printed, (12) and (13) with the fields of eq. (6):"]
+        lines += _steps(self.printed)
+        lines.append(f"  determinant (17): {self.printed.determinant:.6g}")
+        lines.append("corrected for the cos^3 law:")
+        lines += _steps(self.corrected)
+        lines.append(f"  determinant: {self.corrected.determinant:.6g}")
+        if self.corrected.divides_by_zero:
+            lines.append(
+                "  at sin(theta_i) = 0 no basis of this form exists: the first bracket vanishes and"
+                " longer ones are needed (see controllability)"
+            )
+        return "\n".join(lines)
+
+
+def paper_recursion(system: Manipulator, q: ArrayLike) -> PaperRecursion:
+    """Build the paper's family by its recursion as printed and as corrected.
+
+    Args:
+        system: The paper's manipulator.
+        q: Configuration (φₙ₋₁, θ₁ … θₙ), shape (n+1,), radians.
+
+    Returns:
+        Where each step holds, where it divides by zero, and the determinants.
+
+    Raises:
+        InputError: If the system is not the manipulator or q does not fit it.
+    """
+    if not isinstance(system, Manipulator):
+        raise InputError(f"the paper's recursion is for the manipulator, not the {system.kind}")
+    point = np.asarray(q, dtype=float)
+    if point.shape != (system.size,) or not np.all(np.isfinite(point)):
+        raise InputError(f"q = {point.tolist()}: the manipulator needs {system.size} numbers")
+    sines, cosines = np.abs(np.sin(point[1:-1])), np.abs(np.cos(point[1:-1]))
+    flat = {i for i, c in enumerate(cosines, start=1) if c < SINGULAR}
+    straight = {i for i, s in enumerate(sines, start=1) if s < SINGULAR}
+    k = system.k_g * system.K
+    return PaperRecursion(
+        printed=_family(system, point, _printed(k), flat),
+        corrected=_family(system, point, _corrected(k, system.n), flat | straight),
+    )
+
+
+def _printed(k: Array) -> Step:
+    def step(i: int, angle: Any, Y: Any, Z: Any) -> tuple[Any, Any]:
+        s, c = ca.sin(angle), ca.cos(angle)
+        return (c * Y - s * Z) / (c**2 * k[i - 1]), s * Y + c * Z
+
+    return step
+
+
+def _corrected(k: Array, n: int) -> Step:
+    def step(i: int, angle: Any, Y: Any, Z: Any) -> tuple[Any, Any]:
+        s, c = ca.sin(angle), ca.cos(angle)
+        if i == n - 1:
+            X = Z / (-3 * k[i - 1] * c**2 * s)
+            return X, Y - k[i - 1] * c**3 * X
+        X = (s * Y + c * Z) / (-2 * k[i - 1] * c**3 * s)
+        return X, c * Y - s * Z - k[i - 1] * c**2 * (1 + 2 * s**2) * X
+
+    return step
+
+
+def _family(system: Manipulator, point: Array, step: Step, zero: set[int]) -> Family:
+    """Run a recursion symbolically and evaluate it; rows are (φ, θ₁ … θₙ) until the end."""
+    n, q = system.n, ca.SX.sym("q", system.size)
+    X, Y = ca.SX.eye(system.size)[:, 1], ca.vertcat(*system.rates_expr(q, [1.0, 0.0]))
+    family, remainders = [X], [Y]
+    for i in range(1, n):
+        X, Y = step(i, q[i], Y, lie_bracket(X, Y, q))
+        family.append(X)
+        remainders.append(Y)
+    columns = ca.densify(ca.horzcat(*family, *remainders))
+    values = np.array(ca.Function("family", [q], [columns])(point))
+    xs, ys = values[:, :n], values[:, n:]
+    known = min(zero, default=n)
+    x_error = [np.max(np.abs(xs[:, i] - np.eye(n + 1)[:, i + 1])) for i in range(1, n)]
+    y_error = [np.max(np.abs(ys[:, i] - _remaining(ys[:, 0], point, i))) for i in range(1, n)]
+    basis = np.roll(np.column_stack([xs, ys[:, -1]]), -1, axis=0)
+    return Family(
+        x_error=tuple(float(e) if i < known else np.nan for i, e in enumerate(x_error, start=1)),
+        y_error=tuple(float(e) if i < known else np.nan for i, e in enumerate(y_error, start=1)),
+        divides_by_zero=tuple(sorted(zero)),
+        determinant=float(np.linalg.det(basis)) if known == n else np.nan,
+    )
+
+
+def _remaining(first: Array, point: Array, i: int) -> Array:
+    """(0, yᵢ₊₁): the field Y₁ from joint i+2 on, without the factors of joints 1 … i."""
+    n = len(point) - 1
+    out = np.zeros(n + 1)
+    passed = np.prod(np.cos(point[1 : i + 1]))
+    out[i + 2 :] = first[i + 2 :] / passed
+    out[0] = first[0] / (passed if i < n - 1 else np.prod(np.cos(point[1 : n - 1])))
+    return out
+
+
+def _errors(family: Family) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    return family.x_error, family.y_error
+
+
+def _holds(x_error: float, y_error: float) -> bool:
+    return max(x_error, y_error) < 1e-9
+
+
+def _steps(family: Family) -> list[str]:
+    out = []
+    for i, (x, y) in enumerate(zip(*_errors(family), strict=True), start=1):
+        if i in family.divides_by_zero:
+            out.append(f"  step {i}: divides by zero")
+        elif np.isnan(x):
+            out.append(f"  step {i}: not reached")
+        else:
+            holds = "holds" if _holds(x, y) else "does not hold"
+            out.append(f"  step {i}: {holds} (X off by {x:.3g}, Y off by {y:.3g})")
+    return out
+
+
+DEEPEST = 8
+"""Greatest bracket length examined here; `planner.controllability` goes as deep as it is told."""
+
+RECURSION_JOINTS = 6
+"""Most joints for which the paper's recursion is examined: a second; with each more eight times."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A configuration and what was found there; `finding` is None where the kinematics end."""
+
+    name: str
+    finding: Controllability | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready form."""
+        found = None if self.finding is None else self.finding.to_dict()
+        return {"at": self.name, "controllability": found}
+
+    def __str__(self) -> str:
+        if self.finding is None:
+            return "the kinematics are infinite here"
+        f = self.finding
+        growth = ", ".join(str(g) for g in f.growth)
+        frobenius = "involutive: holonomic" if f.involutive else "not involutive: nonholonomic"
+        chow = "controllable" if f.chow else f"not shown up to bracket length {f.depth}"
+        return f"growth vector ({growth}), N = {f.size}; Frobenius: {frobenius}; Chow: {chow}"
+
+
+@dataclass(frozen=True)
+class Nonholonomy:
+    """What `nonholonomy` finds.
+
+    Attributes:
+        places: Start, goal, and for the manipulator the start with θ₁ = 0.
+        recursion: The paper's recursion (12)–(15) at the start; None for other systems and arms of
+            more than six joints.
+    """
+
+    places: tuple[Place, ...]
+    recursion: PaperRecursion | None
+
+    @property
+    def recursion_verdict(self) -> str:
+        """Where the recursion fails, in one line."""
+        if self.recursion is None:
+            return ""
+        failing = [str(i) for i, holds in enumerate(self.recursion.printed_holds, 1) if not holds]
+        zeros = [str(i) for i in self.recursion.corrected.divides_by_zero]
+        text = f"as printed fails at step {', '.join(failing)}" if failing else "as printed holds"
+        corrected = (
+            f"divides by zero at step {', '.join(zeros)}"
+            if zeros
+            else "holds here, and divides by zero where a theta is 0"
+        )
+        return f"{text} (it belongs to a sine law); corrected for cos^3 it {corrected}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready form."""
+        verdict = self.recursion_verdict or None
+        return {"places": [p.to_dict() for p in self.places], "paper_recursion": verdict}
+
+
+def nonholonomy(problem: Problem) -> Nonholonomy:
+    """Examine start, goal and, for the manipulator, what happens on θ₁ = 0."""
+    start, goal = problem.start, np.where(np.isnan(problem.goal), problem.start, problem.goal)
+    places = [_place(problem.system, "start", start), _place(problem.system, "goal", goal)]
+    recursion = None
+    if isinstance(problem.system, Manipulator):
+        straight = start.copy()
+        straight[1] = 0.0
+        places.append(_place(problem.system, "start with theta1 = 0", straight))
+        if problem.system.n <= RECURSION_JOINTS:
+            recursion = paper_recursion(problem.system, start)
+    return Nonholonomy(tuple(places), recursion)
+
+
+def _place(system: TriangularSystem, name: str, q: Array) -> Place:
+    try:
+        return Place(name, controllability(system, q, _depth(system, q)))
+    except InputError:
+        return Place(name, None)
+
+
+def _depth(system: TriangularSystem, q: Array) -> int | None:
+    """As deep as full rank needs, unless that could be very deep."""
+    angles = q[1:-1]
+    flat = int(np.sum(np.abs(angles) < 1e-12))
+    return DEEPEST if system.size - 1 + flat > DEEPEST else None

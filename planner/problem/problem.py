@@ -1,0 +1,361 @@
+"""A motion-planning problem and its file form (TOML).
+
+Waypoints and obstacles of a problem file that no plan could meet, refused before any tries.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.problem.requirements.places import Obstacle, Waypoint
+from planner.problem.tables.kinds import parse_file
+from planner.problem.tables.machine_effects import MachineTable
+from planner.problem.tables.method_options import MethodsTable
+from planner.problem.tables.problem_file import FeedbackTable, ProblemFile
+from planner.support.arrays import Array
+from planner.support.files import read_toml
+from planner.support.tables import line
+from planner.systems.chained_form import chained_form
+from planner.systems.triangular_system import TriangularSystem
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits a plan keeps at all times; infinite (or None) where there is none.
+
+    Attributes:
+        input: Largest |u|, shape (2,), in the inputs' units (rad/s).
+        input_rate: Largest |du/dt|, shape (2,) (rad/s²).
+        joint: Largest |q|, shape (N,), in the coordinates' units (rad).
+        z2_margin: Least |z₂|, on the side the start lies on; None when z₂ is free.
+    """
+
+    input: Array
+    input_rate: Array
+    joint: Array
+    z2_margin: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """From where, to where, with what, within which limits. Build it with `load_problem`.
+
+    Attributes:
+        name: Title, or the file's name.
+        system: What is steered.
+        start: q(0), shape (N,).
+        goal: q(T), shape (N,); NaN for the path coordinate, of which `travel` speaks.
+        travel: q₁(T) − q₁(0), or None when free.
+        duration: Seconds, or None when free.
+        limits: What every plan keeps.
+        methods: Options of each method.
+        machine: Changes to the emulated machine.
+        feedback: Options of the tracker that closes the loop.
+        waypoints: Places every plan passes through.
+        obstacles: Discs that the links of an arm clear in every plan.
+        source: Where the problem came from, for messages.
+    """
+
+    name: str
+    system: TriangularSystem
+    start: Array
+    goal: Array
+    travel: float | None
+    duration: float | None
+    limits: Limits
+    methods: MethodsTable
+    machine: MachineTable
+    feedback: FeedbackTable
+    waypoints: tuple[Waypoint, ...]
+    obstacles: tuple[Obstacle, ...]
+    source: str
+    _data: Mapping[str, Any]
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], source: str = "problem") -> Problem:
+        """Build a problem from the tables of a problem file.
+
+        Raises:
+            InputError: If a key, value or combination is wrong; the message names it.
+        """
+        tables = parse_file(copy.deepcopy(dict(data)), source)
+        system = tables.build_system()
+        mismatch = tables.machine.mismatch(system.size - 1)
+        if mismatch:
+            raise InputError(f"{source}: {mismatch}")
+        problem = cls(
+            name=line(tables.title) or line(Path(source).stem),
+            system=system,
+            start=tables.start_state(),
+            goal=tables.goal_state(),
+            travel=tables.path_travel(),
+            duration=None if tables.goal.duration == "free" else float(tables.goal.duration),
+            limits=Limits(
+                input=tables.limits.inputs(),
+                input_rate=tables.limits.input_rates(),
+                joint=tables.joint_limits(),
+                z2_margin=tables.limits.least_z2(),
+            ),
+            methods=tables.method,
+            machine=tables.machine,
+            feedback=tables.feedback,
+            waypoints=tuple(waypoints_of(tables, system, source)),
+            obstacles=tuple(obstacles_of(tables)),
+            source=source,
+            _data=_plain(tables),
+        )
+        _refuse_contradictions(problem)
+        refuse_misplaced(problem)
+        return problem
+
+    def __repr__(self) -> str:
+        duration = "free duration" if self.duration is None else f"{self.duration:g} s"
+        return f"Problem({self.name!r}, {self.system.kind}, {duration})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The tables of a problem file that give this problem back."""
+        return copy.deepcopy(dict(self._data))
+
+    def changed(self, changes: Mapping[str, Any]) -> Problem:
+        """This problem with some keys changed, checked anew.
+
+        Args:
+            changes: Dotted keys to values, as in {"goal.travel": 0.8, "limits.joint_deg": 60}.
+
+        Raises:
+            InputError: As for `from_dict`.
+        """
+        return Problem.from_dict(with_changes(self.to_dict(), changes), self.source)
+
+    def within_reach(self) -> Problem:
+        """The problem without the discs that no link can touch, whatever the joints' angles."""
+        lengths = getattr(self.system, "link_lengths", None)
+        if lengths is None:
+            return self
+        reach = float(np.sum(lengths))
+        near = [d for d in self.obstacles if np.hypot(*d.centre) - d.radius <= reach * (1 + 1e-9)]
+        if len(near) == len(self.obstacles):
+            return self
+        return replace(self, obstacles=tuple(near))
+
+    def with_travel(self, travel: float | None) -> Problem:
+        """This problem with another travel of the path coordinate (None: free), checked anew.
+
+        Which key says so depends on the system: `goal.travel` of arms, `goal.x_m` of vehicles.
+
+        Raises:
+            InputError: As for `from_dict`.
+        """
+        return self.changed(self.travel_change(travel))
+
+    def travel_change(self, travel: float | None) -> dict[str, Any]:
+        """The dotted key that sets this travel (None: free), and its value."""
+        return parse_file(self.to_dict(), self.source).travel_change(travel)
+
+    @property
+    def travel_key(self) -> str:
+        """The dotted key of the travel, for messages."""
+        return next(iter(self.travel_change(None)))
+
+    @property
+    def target(self) -> Array:
+        """q(T), shape (N,): the goal, with the path coordinate where the travel is given."""
+        out = self.goal.copy()
+        if self.travel is not None:
+            out[0] = self.start[0] + self.travel
+        return out
+
+    @property
+    def branch(self) -> Array:
+        """The chart's branch at the start, shape (N,)."""
+        return self.system.branch(self.start)
+
+    @cached_property
+    def z2_sign(self) -> float:
+        """Sign of z₂ at the start."""
+        return float(np.sign(chained_form(self.system).z(self.start)[1]))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Problem) and self._data == other._data
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def expect_problem(value: object) -> None:
+    """Refuse what is no problem, such as the name of its file.
+
+    Raises:
+        InputError: If it is none; the message says how to get one.
+    """
+    if not isinstance(value, Problem):
+        raise InputError(f"{value!r:.60} is not a Problem; planner.load_problem(path) reads one")
+
+
+def load_problem(path: str | Path, changes: Mapping[str, Any] | None = None) -> Problem:
+    """Read a problem file.
+
+    Args:
+        path: A TOML file; `planner schema` prints its keys.
+        changes: Dotted keys to values that override the file's.
+
+    Raises:
+        InputError: If the file is missing, not TOML, or says something that cannot be.
+    """
+    data = read_toml(path, "a problem file")
+    if not data:
+        raise InputError(f"{path} is empty; a problem needs [system], [start] and [goal]")
+    return Problem.from_dict(with_changes(data, changes or {}), str(path))
+
+
+def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """`data` itself, a problem file's tables, with dotted keys set in it.
+
+    Raises:
+        InputError: If a key leads through what is not a table.
+    """
+    for dotted, value in changes.items():
+        table = data
+        *parents, key = dotted.split(".")
+        for parent in parents:
+            table = table.setdefault(parent, {})
+            if not isinstance(table, dict):
+                raise InputError(f"cannot set '{dotted}': '{parent}' is not a table")
+        table[key] = value
+    return data
+
+
+def _plain(tables: ProblemFile) -> dict[str, Any]:
+    return tables.model_dump(mode="json", by_alias=True, exclude_unset=True)
+
+
+def _refuse_contradictions(problem: Problem) -> None:
+    """Refuse what no method could satisfy, before any of them tries."""
+    for name, q in (("start", problem.start), ("goal", problem.goal)):
+        for i in problem.system.limited:
+            if abs(q[i]) > problem.limits.joint[i]:
+                value, unit = _readable(q[i], problem.system.coordinates[i].unit)
+                limit, _ = _readable(problem.limits.joint[i], problem.system.coordinates[i].unit)
+                raise InputError(
+                    f"{problem.source}: contradiction: {name} {problem.system.coordinates[i].name}"
+                    f" = {value:.6g} {unit} lies outside its limit of {limit:.6g} {unit};"
+                    " move it or widen the limit"
+                )
+        _refuse_z2(problem, name, np.nan_to_num(q))
+
+
+def _refuse_z2(problem: Problem, name: str, q: Array) -> None:
+    margin, sign = problem.limits.z2_margin, problem.z2_sign
+    if margin is None:
+        return
+    z2 = float(chained_form(problem.system).z(q)[1])
+    if sign * z2 < margin or sign == 0:
+        raise InputError(
+            f"{problem.source}: contradiction: z2 at the {name} is {z2:.6g}, but limits.z2_margin"
+            f" = {margin:g} keeps it at least that far from zero on the side of the start;"
+            " lower or remove limits.z2_margin"
+        )
+
+
+def _readable(value: float, unit: str) -> tuple[float, str]:
+    return (float(np.rad2deg(value)), "deg") if unit == "rad" else (float(value), unit)
+
+
+APART_S = 1e-6
+"""Least time between two waypoints, relative to the duration."""
+
+
+def waypoints_of(tables: ProblemFile, system: TriangularSystem, source: str) -> list[Waypoint]:
+    """The waypoints of a problem file.
+
+    Raises:
+        InputError: If one names a coordinate that there is not.
+    """
+    try:
+        states = tables.waypoint_states([c.name for c in system.coordinates])
+    except ValueError as error:
+        raise InputError(f"{source}: {error}") from None
+    pairs = zip(tables.waypoints, states, strict=True)
+    return [Waypoint(k, q, table.time) for k, (table, q) in enumerate(pairs, 1)]
+
+
+def obstacles_of(tables: ProblemFile) -> list[Obstacle]:
+    """The obstacles of a problem file."""
+    discs = enumerate(tables.discs(), 1)
+    return [Obstacle(k, np.array(disc.centre_m), disc.radius_m) for k, disc in discs]
+
+
+def refuse_misplaced(problem: Problem) -> None:
+    """Refuse waypoints and obstacles that contradict the rest.
+
+    Raises:
+        InputError: Names the waypoint or obstacle, and the way out.
+    """
+    for point in problem.waypoints:
+        _refuse_outside(problem, point)
+    _refuse_times(problem)
+    for name, q in (("start", problem.start), ("goal", problem.goal)):
+        _refuse_touching(problem, name, q)
+    for point in problem.waypoints:
+        if not np.any(np.isnan(point.q[1:])):
+            _refuse_touching(problem, f"waypoint {point.number}", point.q)
+
+
+def _refuse_outside(problem: Problem, point: Waypoint) -> None:
+    for i in problem.system.limited:
+        if abs(point.q[i]) > problem.limits.joint[i]:
+            named = problem.system.coordinates[i]
+            factor, unit = (180 / np.pi, "deg") if named.unit == "rad" else (1.0, named.unit)
+            raise InputError(
+                f"{problem.source}: contradiction: waypoint {point.number} has {named.name} ="
+                f" {point.q[i] * factor:.6g} {unit}, outside its limit of"
+                f" {problem.limits.joint[i] * factor:.6g} {unit}; move it or widen the limit"
+            )
+
+
+def _refuse_times(problem: Problem) -> None:
+    timed = sorted((p.time_s, p.number) for p in problem.waypoints if p.time_s is not None)
+    if not timed:
+        return
+    if problem.duration is None:
+        raise InputError(
+            f"{problem.source}: waypoints[{timed[0][1] - 1}].time needs a fixed goal.duration;"
+            " give one or leave out the time"
+        )
+    before = [(0.0, 0), *timed]
+    for (earlier, first), (later, second) in zip(
+        before, [*timed, (problem.duration, 0)], strict=True
+    ):
+        if later - earlier > APART_S * problem.duration:
+            continue
+        if first and second:
+            raise InputError(
+                f"{problem.source}: waypoints {first} and {second} have the same time {later:g} s;"
+                " make them one or set them apart"
+            )
+        number, time = (second, later) if second else (first, earlier)
+        raise InputError(
+            f"{problem.source}: waypoints[{number - 1}].time = {time:g} s must lie inside the"
+            f" motion, between 0 and goal.duration = {problem.duration:g} s"
+        )
+
+
+def _refuse_touching(problem: Problem, name: str, q: Any) -> None:
+    if not problem.obstacles:
+        return
+    points = problem.system.arm_points(q[1:])  # type: ignore[attr-defined]
+    for disc in problem.obstacles:
+        clearances = disc.clearances(points)
+        link = int(np.argmin(clearances))
+        if clearances[link] < 0:
+            raise InputError(
+                f"{problem.source}: contradiction: at the {name} link {link + 1} reaches"
+                f" {-clearances[link]:.3g} m into obstacle {disc.number}; move one of them"
+            )

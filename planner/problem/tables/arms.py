@@ -1,0 +1,272 @@
+"""What the problem files of both arms share: start, goal and limits in joint angles.
+
+The tables of a problem file for `system.kind = "ball-gear"`.
+
+The tables of a problem file for `system.kind = "manipulator"`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from planner.problem.requirements.requirement import BaseLimits, PerInput, bound, bound_deg
+from planner.problem.tables.problem_file import (
+    MOST_OBSTACLES,
+    MOST_WAYPOINTS,
+    Free,
+    GoalTable,
+    JointWaypoint,
+    ObstacleTable,
+    ProblemFile,
+)
+from planner.support.arrays import Array
+from planner.support.user_tables import Positive, Table
+from planner.systems.ball_gear import BallGear
+from planner.systems.manipulator import Gear, Manipulator
+
+
+class ArmLimits(BaseLimits):
+    """Limits every plan must keep at all times; each may be left out."""
+
+    input_rad_s: PerInput = Field(
+        None, description="Largest |u1|, |u2| in rad/s: one number for both, or two."
+    )
+    input_rate_rad_s2: PerInput = Field(
+        None, description="Largest |du/dt| in rad/s^2: one number for both inputs, or two."
+    )
+    joint_deg: (
+        Annotated[float, Field(gt=0, lt=90)] | list[Annotated[float, Field(gt=0, lt=90)]] | None
+    ) = Field(None, description="Largest |theta| in degrees, below 90: one number, or one a joint.")
+
+    def inputs(self) -> Array:
+        """Largest |u|, shape (2,), rad/s."""
+        return bound(self.input_rad_s, 2)
+
+    def input_rates(self) -> Array:
+        """Largest |du/dt|, shape (2,), rad/s²."""
+        return bound(self.input_rate_rad_s2, 2)
+
+
+class LimitsTable(ArmLimits):
+    """Limits every plan must keep at all times; each may be left out."""
+
+    z2_margin: Annotated[float, Field(ge=0)] | None = Field(
+        None, description="Keep z2 at least this far from zero, on the side it starts on."
+    )
+
+    def least_z2(self) -> float | None:
+        """Least |z₂| on the side of the start."""
+        return self.z2_margin
+
+
+AngleDeg = Annotated[float, Field(gt=-90, lt=90)]
+MAX_TRAVEL_RAD = 8 * np.pi
+
+MOST_JOINTS = 8
+"""The expressions of the chained form are three times as long with each joint more: with eight a
+choice of travel takes half a minute already, with twelve nothing answers in that time."""
+
+MOST_RATIO = 1000.0
+"""Ratios of an arm's gears are about one; with 1e8 a search goes on for minutes in vain."""
+
+Ratio = Annotated[float, Field(gt=0, le=MOST_RATIO)]
+Joints = Annotated[int, Field(ge=2, le=MOST_JOINTS)]
+
+
+class JointStart(Table):
+    """Where the arm starts."""
+
+    theta_deg: list[AngleDeg] = Field(description="Joint angles in degrees, each within (-90, 90).")
+    phi_rad: float = Field(0.0, description="Disk angle in radians.")
+
+
+class JointGoal(GoalTable):
+    """Where the arm ends."""
+
+    theta_deg: list[AngleDeg] = Field(description="Joint angles in degrees, each within (-90, 90).")
+    travel: Free | float = Field(
+        "free", description="Change of the disk angle in radians, or 'free'."
+    )
+
+    @field_validator("travel")
+    @classmethod
+    def _plausible(cls, travel: Free | float) -> Free | float:
+        if isinstance(travel, float | int) and abs(travel) > MAX_TRAVEL_RAD:
+            raise ValueError(
+                f"is in radians and at most {MAX_TRAVEL_RAD:.4g} either way;"
+                f" {travel:g} looks like degrees ({np.deg2rad(travel):.4g} rad)"
+            )
+        return travel
+
+
+class ArmFile(ProblemFile):
+    """A problem file for an arm of `system.joints` joints."""
+
+    start: JointStart
+    goal: JointGoal
+    limits: ArmLimits = Field(default_factory=ArmLimits)
+    waypoints: list[JointWaypoint] = Field(
+        default_factory=list,
+        max_length=MOST_WAYPOINTS,
+        description="Places the motion must pass through.",
+    )
+    obstacles: list[ObstacleTable] = Field(
+        default_factory=list,
+        max_length=MOST_OBSTACLES,
+        description="Discs in the plane that the links must clear.",
+    )
+
+    @model_validator(mode="after")
+    def _lengths(self) -> ArmFile:
+        n = self.system.joints
+        given: list[tuple[str, Sequence[float | str]]] = [
+            ("start", self.start.theta_deg),
+            ("goal", self.goal.theta_deg),
+            *((f"waypoints[{k}]", w.theta_deg) for k, w in enumerate(self.waypoints)),
+        ]
+        for name, angles in given:
+            if len(angles) != n:
+                raise ValueError(
+                    f"{name}.theta_deg has {len(angles)} angles but system.joints = {n}"
+                )
+        limit = self.limits.joint_deg
+        if isinstance(limit, list) and len(limit) != n:
+            raise ValueError(f"limits.joint_deg has {len(limit)} values but system.joints = {n}")
+        return self
+
+    def start_state(self) -> Array:
+        """q(0), shape (n+1,), radians."""
+        return np.array([self.start.phi_rad, *np.deg2rad(self.start.theta_deg)])
+
+    def goal_state(self) -> Array:
+        """q(T), shape (n+1,), radians; NaN first, since `travel` speaks of that coordinate."""
+        return np.array([np.nan, *np.deg2rad(self.goal.theta_deg)])
+
+    def path_travel(self) -> float | None:
+        """Change of the disk angle, radians, or None when free."""
+        return None if self.goal.travel == "free" else float(self.goal.travel)
+
+    def travel_change(self, travel: float | None) -> dict[str, Any]:
+        """The key that sets the travel, and its value."""
+        return {"goal.travel": "free" if travel is None else travel}
+
+    def joint_limits(self) -> Array:
+        """Largest |q|, shape (n+1,), radians; infinite where there is none."""
+        return np.array([np.inf, *bound_deg(self.limits.joint_deg, self.system.joints)])
+
+    def waypoint_states(self, coordinates: list[str]) -> list[Array]:
+        """q of each waypoint, shape (n+1,), radians, NaN where free."""
+        out = []
+        for point in self.waypoints:
+            travel = np.nan if point.travel is None else point.travel
+            angles = [np.nan if isinstance(a, str) else np.deg2rad(a) for a in point.theta_deg]
+            out.append(np.array([self.start.phi_rad + travel, *angles]))
+        return out
+
+    def discs(self) -> list[ObstacleTable]:
+        """Obstacles."""
+        return self.obstacles
+
+
+class BallGearTable(Table):
+    """Nakamura's manipulator."""
+
+    kind: Literal["ball-gear"]
+    joints: Joints = Field(description=f"Number of joints n, at most {MOST_JOINTS}.")
+    K: list[Ratio] = Field(description=f"K2 ... Kn, n-1 numbers, at most {MOST_RATIO:g}.")
+    k_g: Positive = Field(1.0, description="Drive constant; it only scales u1.")
+    link_lengths: list[Positive] | None = Field(None, description="Link lengths for drawing.")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> BallGearTable:
+        n = self.joints
+        if len(self.K) != n - 1:
+            raise ValueError(
+                f"joints = {n} needs {n - 1} values in K (K2 ... K{n}), not {len(self.K)}"
+            )
+        if self.link_lengths is not None and len(self.link_lengths) != n:
+            raise ValueError(f"link_lengths needs {n} values, not {len(self.link_lengths)}")
+        return self
+
+
+class BallGearFile(ArmFile):
+    """A problem file for the ball-gear manipulator."""
+
+    system: BallGearTable
+
+    def build_system(self) -> BallGear:
+        """The system described."""
+        return BallGear(self.system.K, self.system.k_g, self.system.link_lengths)
+
+
+class GearTable(Table):
+    """Gear geometry; lengths share one unit."""
+
+    r1: Positive = Field(description="Radius of disk B.")
+    R: Positive = Field(description="Distance from the axle of disk A to its driving contact.")
+    r3: Positive = Field(description="Distance from the axle of disk A to the joint's contact.")
+    lam: Positive = Field(alias="lambda", description="Bevel and spur gear ratio.")
+    eta: Positive = Field(description="Timing belt ratio.")
+
+
+class ManipulatorTable(Table):
+    """The manipulator: its constants, directly or by gear geometry."""
+
+    kind: Literal["manipulator"]
+    joints: Joints = Field(description=f"Number of joints n, at most {MOST_JOINTS}.")
+    K: list[Ratio] | None = Field(
+        None, description=f"K2 ... Kn, n-1 numbers, at most {MOST_RATIO:g}."
+    )
+    gear: GearTable | None = Field(None, description="Gear geometry in place of K.")
+    k_g: Positive | None = Field(
+        None, description="Drive constant; needed with K, by rule with gear."
+    )
+    k_g_rule: Literal["printed", "chain"] = Field(
+        "printed",
+        description="Default of k_g with gear: rho^2 as printed, or rho^(n-2) by the chain.",
+    )
+    link_lengths: list[Positive] | None = Field(None, description="Link lengths for drawing.")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> ManipulatorTable:
+        if (self.K is None) == (self.gear is None):
+            raise ValueError("give either K (with k_g) or gear, exactly one of them")
+        if self.K is not None and len(self.K) != self.joints - 1:
+            raise ValueError(
+                f"joints = {self.joints} needs {self.joints - 1} values in K"
+                f" (K2 ... K{self.joints}), not {len(self.K)}"
+            )
+        if self.K is not None and self.k_g is None:
+            raise ValueError("K needs k_g beside it")
+        if self.link_lengths is not None and len(self.link_lengths) != self.joints:
+            raise ValueError(
+                f"link_lengths needs {self.joints} values, not {len(self.link_lengths)}"
+            )
+        return self
+
+    def build(self) -> Manipulator:
+        """The system described."""
+        if self.gear is not None:
+            g = self.gear
+            gear = Gear(g.r1, g.R, g.r3, g.lam, g.eta)
+            return Manipulator.from_gear(
+                self.joints, gear, k_g=self.k_g, rule=self.k_g_rule, link_lengths=self.link_lengths
+            )
+        assert self.K is not None
+        assert self.k_g is not None
+        return Manipulator(self.K, self.k_g, self.link_lengths)
+
+
+class ManipulatorFile(ArmFile):
+    """A problem file for the manipulator."""
+
+    system: ManipulatorTable
+    limits: LimitsTable = Field(default_factory=LimitsTable)
+
+    def build_system(self) -> Manipulator:
+        """The system described."""
+        return self.system.build()

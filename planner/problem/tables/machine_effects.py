@@ -1,0 +1,328 @@
+"""The `[machine]` table: the emulated machine's preset and what to change in it.
+
+What a setting of the `[machine]` table may be: its unit, range, and who has one of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, GetCoreSchemaHandler
+from pydantic_core import CoreSchema, core_schema
+
+from planner.support.user_tables import Table, nearest
+
+Per = Literal["machine", "motor", "joint", "passive"]
+Numbers = float | list[float]
+
+
+class Spread(Table):
+    """A setting that differs from machine to machine."""
+
+    value: Numbers = Field(description="Mean: one number, or one a motor or joint.")
+    spread: Numbers = Field(
+        0.0, description="Standard deviation in the same unit (normal, truncated to the range)."
+    )
+
+
+Setting = float | list[float] | Spread | Literal[False]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What one effect of the machine is measured in, and which values it may have.
+
+    As an annotation of a field it validates that field, with one message for each mistake.
+
+    Attributes:
+        unit: Unit of value and spread; "" for plain numbers.
+        per: What has a value of its own: the machine, each of 2 motors, each of n joints, or each
+            of the n−1 passive ones, 2 … n, which the disk chain drives.
+        off: The value that means "no such effect".
+        low: Least value; not allowed itself when `positive`.
+        high: Greatest value.
+        positive: Whether zero is impossible.
+        spreads: Whether it may differ from machine to machine.
+        dynamic: Whether it acts in dynamic fidelity alone.
+    """
+
+    unit: str
+    per: Per
+    off: float = 0.0
+    low: float = -math.inf
+    high: float = math.inf
+    positive: bool = False
+    spreads: bool = True
+    dynamic: bool = False
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_wrap_validator_function(
+            lambda value, _: self.checked(value), handler(source)
+        )
+
+    def checked(self, setting: Any) -> Any:
+        """The setting in its plain form; raises ValueError with one line when it cannot be."""
+        if setting is None or setting is False:
+            return setting
+        if isinstance(setting, Spread):
+            setting = setting.model_dump()
+        if isinstance(setting, Mapping):
+            return self._table(setting)
+        numbers = self._numbers(setting)
+        self._in_range(numbers)
+        return numbers
+
+    def _table(self, table: Mapping[str, Any]) -> Spread:
+        for key in table:
+            if key not in ("value", "spread"):
+                raise ValueError(f"unknown key '{key}'; {nearest(str(key), ['value', 'spread'])}")
+        if "value" not in table:
+            raise ValueError("needs a value beside its spread: { value = ..., spread = ... }")
+        value = self._numbers(table["value"])
+        self._in_range(value)
+        spread = self._numbers(table.get("spread", 0.0))
+        if min(_flat(spread)) < 0:
+            raise ValueError("spread is a standard deviation and must be >= 0")
+        if max(_flat(spread)) > 0 and not self.spreads:
+            raise ValueError("is the same for every sample; it cannot have a spread")
+        return Spread(value=value, spread=spread)
+
+    def _numbers(self, value: Any) -> Numbers:
+        if _is_number(value):
+            return _finite(value)
+        if isinstance(value, str) or not isinstance(value, Sequence):
+            raise ValueError(
+                "must be a number, a list of numbers, { value = ..., spread = ... },"
+                " or false to switch it off"
+            )
+        if self.per == "machine":
+            raise ValueError("is one number for the whole machine, not a list")
+        if not value or not all(_is_number(v) for v in value):
+            raise ValueError(f"must hold numbers, one for each of {self.every}")
+        if self.per == "motor" and len(value) != 2:
+            raise ValueError(f"has {len(value)} values; give one, or one for each of 2 motors")
+        return [_finite(v) for v in value]
+
+    def count(self, joints: int) -> int:
+        """How many values it can have on a system of so many joints."""
+        return {"machine": 1, "motor": 2, "joint": joints, "passive": joints - 1}[self.per]
+
+    def mismatch(self, key: str, numbers: Sequence[float], joints: int) -> str | None:
+        """What is wrong with so many numbers on a system of so many joints, or None."""
+        count = self.count(joints)
+        if len(numbers) in (1, count):
+            return None
+        return f"{key} has {len(numbers)} values, but needs one, or {count} for {self.every}"
+
+    @property
+    def every(self) -> str:
+        """What a list has one number for, in words."""
+        return _EVERY[self.per]
+
+    def _in_range(self, numbers: Numbers) -> None:
+        unit = f" {self.unit}" if self.unit else ""
+        for number in _flat(numbers):
+            if self.positive and number <= self.low:
+                raise ValueError(f"must be > {self.low:g}{unit}; false switches it off")
+            if number < self.low:
+                raise ValueError(f"must be >= {self.low:g}{unit}")
+            if number > self.high:
+                raise ValueError(f"must be <= {self.high:g}{unit}")
+
+
+_EVERY = {
+    "machine": "the machine",
+    "motor": "2 motors",
+    "joint": "joints 1 ... n",
+    "passive": "joints 2 ... n",
+}
+
+
+def _flat(numbers: Numbers) -> list[float]:
+    return numbers if isinstance(numbers, list) else [numbers]
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _finite(value: Any) -> float:
+    if not math.isfinite(value):
+        raise ValueError("must be a finite number; false switches an effect off")
+    return float(value)
+
+
+class MachineTable(Table):
+    """Overrides of a machine preset.
+
+    Each effect is a number, a list (one for each motor or joint), `{ value = …, spread = … }` or
+    false, which switches it off. What is left out is as in the preset.
+    """
+
+    preset: Literal["prototype", "ideal"] = Field("prototype", description="What to start from.")
+    step_s: Annotated[float, Field(gt=0, le=0.01)] | None = Field(
+        None, description="Largest simulation step in seconds."
+    )
+    fidelity: Literal["quasi-static", "dynamic"] | None = Field(
+        None,
+        description="quasi-static: joints follow by balance of torques, without inertia; dynamic:"
+        " two masses a joint, motors with limited torque. Default: quasi-static.",
+    )
+
+    control_period_s: Annotated[
+        Setting | None, Effect("s", "machine", low=0, high=1, positive=True, spreads=False)
+    ] = Field(None, description="Sample and hold: the command is read once in so many seconds.")
+    delay_s: Annotated[Setting | None, Effect("s", "machine", low=0, high=1)] = Field(
+        None, description="Time from command to motor, seconds."
+    )
+    velocity_resolution_rad_s: Annotated[
+        Setting | None, Effect("rad/s", "motor", low=0, spreads=False)
+    ] = Field(None, description="Smallest step of the velocity command, rad/s.")
+    input_gain_error: Annotated[Setting | None, Effect("", "motor", low=-0.9)] = Field(
+        None, description="Motor runs at (1 + this) times its command (fraction)."
+    )
+    input_bias_rad_s: Annotated[Setting | None, Effect("rad/s", "motor")] = Field(
+        None, description="Added to each motor's speed while a plan runs, rad/s."
+    )
+    velocity_limit_rad_s: Annotated[
+        Setting | None, Effect("rad/s", "motor", low=0, off=math.inf, positive=True)
+    ] = Field(None, description="Largest motor speed, rad/s.")
+    acceleration_limit_rad_s2: Annotated[
+        Setting | None, Effect("rad/s^2", "motor", low=0, off=math.inf, positive=True)
+    ] = Field(None, description="Largest motor acceleration, rad/s^2.")
+    servo_bandwidth_rad_s: Annotated[
+        Setting | None, Effect("rad/s", "motor", low=0, off=math.inf, positive=True)
+    ] = Field(
+        None,
+        description="Velocity loop: corner frequency of a first-order lag, or natural frequency"
+        " when servo_damping is given, rad/s.",
+    )
+    servo_damping: Annotated[
+        Setting | None, Effect("", "motor", low=0, off=math.nan, positive=True)
+    ] = Field(None, description="Damping ratio of a second-order velocity loop; off: first order.")
+    motor_inertia_kgm2: Annotated[
+        Setting | None, Effect("kg m^2", "motor", low=0, dynamic=True)
+    ] = Field(
+        None,
+        description="Inertia of each motor with its gearhead, at the gearhead's output, kg m^2"
+        " (dynamic).",
+    )
+    servo_gain_nms_per_rad: Annotated[
+        Setting | None,
+        Effect("N m s/rad", "motor", low=0, off=math.inf, positive=True, dynamic=True),
+    ] = Field(
+        None,
+        description="Velocity loop: torque for each rad/s of lag behind the drive's own"
+        " reference, at the gearhead's output, N m s/rad (dynamic); off: rigid.",
+    )
+    servo_integral_time_s: Annotated[
+        Setting | None, Effect("s", "motor", low=0, off=math.inf, positive=True, dynamic=True)
+    ] = Field(
+        None,
+        description="Velocity loop: integral time in seconds (dynamic); off: no integral action.",
+    )
+    torque_limit_nm: Annotated[
+        Setting | None, Effect("N m", "motor", low=0, off=math.inf, positive=True, dynamic=True)
+    ] = Field(
+        None, description="Largest torque of each motor at its gearhead's output, N m (dynamic)."
+    )
+
+    creep: Annotated[Setting | None, Effect("", "machine", low=0, high=1)] = Field(
+        None, description="Rate lost at each friction contact under no load (fraction)."
+    )
+    creep_per_nm: Annotated[Setting | None, Effect("1/(N m)", "machine", low=0)] = Field(
+        None, description="Rate lost at each contact for each N m it transmits (fraction per N m)."
+    )
+    friction_capacity_nm: Annotated[
+        Setting | None, Effect("N m", "machine", low=0, off=math.inf, positive=True)
+    ] = Field(
+        None,
+        description="Largest torque a contact transmits, mu N r of its driving disk, N m;"
+        " beyond it slips.",
+    )
+    disk_inertia_kgm2: Annotated[
+        Setting | None, Effect("kg m^2", "passive", low=0, dynamic=True)
+    ] = Field(
+        None,
+        description="Inertia of the disks between two stages, about the axle of the first one's"
+        " driving disk, kg m^2 (dynamic).",
+    )
+    gear_ratio_error: Annotated[Setting | None, Effect("", "passive", low=-0.9)] = Field(
+        None, description="Error of the gear constants K2 ... Kn (fraction)."
+    )
+    gearhead_backlash_deg: Annotated[Setting | None, Effect("deg", "motor", low=0, high=45)] = (
+        Field(None, description="Whole play of each motor's gearhead at its output, degrees.")
+    )
+    backlash_deg: Annotated[Setting | None, Effect("deg", "passive", low=0, high=45)] = Field(
+        None,
+        description="Whole play of the bevel gears and belt into each of joints 2 ... n, at the"
+        " joint, degrees.",
+    )
+    initial_play: Annotated[Setting | None, Effect("", "passive", low=-1, high=1)] = Field(
+        None,
+        description="Where in its play each of joints 2 ... n starts: 0 in the middle, 1 in contact"
+        " for a motion upwards, -1 for one downwards.",
+    )
+    axis_inertia_kgm2: Annotated[
+        Setting | None, Effect("kg m^2", "passive", low=0, dynamic=True)
+    ] = Field(
+        None,
+        description="Inertia of the gears and pulleys that drive joints 2 ... n, before their"
+        " play, at the joint, kg m^2 (dynamic).",
+    )
+    shaft_stiffness_nm_per_rad: Annotated[
+        Setting | None, Effect("N m/rad", "passive", low=0, off=math.inf, positive=True)
+    ] = Field(None, description="Torsional stiffness of the shaft into joints 2 ... n, N m/rad.")
+    shaft_damping_nms_per_rad: Annotated[
+        Setting | None, Effect("N m s/rad", "passive", low=0, dynamic=True)
+    ] = Field(None, description="Damping of the twist of those shafts, N m s/rad (dynamic).")
+    link_inertia_kgm2: Annotated[Setting | None, Effect("kg m^2", "joint", low=0, dynamic=True)] = (
+        Field(
+            None,
+            description="Inertia of each link, with all that it carries, about its joint, kg m^2"
+            " (dynamic).",
+        )
+    )
+    base_friction_nm: Annotated[Setting | None, Effect("N m", "machine", low=0, dynamic=True)] = (
+        Field(None, description="Coulomb friction of joint 1, N m (dynamic).")
+    )
+    coulomb_friction_nm: Annotated[Setting | None, Effect("N m", "passive", low=0)] = Field(
+        None,
+        description="Coulomb friction of joints 2 ... n, N m: loads the contacts, and winds up a"
+        " shaft that is not rigid.",
+    )
+    viscous_friction_nms_per_rad: Annotated[
+        Setting | None, Effect("N m s/rad", "passive", low=0)
+    ] = Field(None, description="Viscous friction of joints 2 ... n, N m s/rad; likewise.")
+    initial_angle_error_deg: Annotated[Setting | None, Effect("deg", "joint")] = Field(
+        None, description="True minus assumed angle of each joint at the start, degrees."
+    )
+    encoder_resolution_deg: Annotated[
+        Setting | None, Effect("deg", "joint", low=0, spreads=False)
+    ] = Field(None, description="Smallest step of the joint encoders, degrees.")
+
+    def mismatch(self, joints: int) -> str | None:
+        """The first list whose length does not fit a system of so many joints, in words."""
+        for name, effect in EFFECTS.items():
+            setting = getattr(self, name)
+            parts = [setting.value, setting.spread] if isinstance(setting, Spread) else [setting]
+            for numbers in parts:
+                if isinstance(numbers, list):
+                    wrong = effect.mismatch(f"machine.{name}", numbers, joints)
+                    if wrong:
+                        return wrong
+        return None
+
+
+EFFECTS: dict[str, Effect] = {
+    name: meta
+    for name, field in MachineTable.model_fields.items()
+    for meta in field.metadata
+    if isinstance(meta, Effect)
+}
+"""Every effect by its key, in the order of the signal path."""

@@ -1,0 +1,215 @@
+"""The problem file: the tables all systems share, and the hooks each system fills in.
+
+The `[feedback]` table: the tracker that closes the loop.
+
+The `[[waypoints]]` and `[[obstacles]]` of a problem file.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, field_validator
+
+from planner.problem.requirements.requirement import BaseLimits
+from planner.problem.tables.machine_effects import MachineTable
+from planner.problem.tables.method_options import MethodsTable
+from planner.support.arrays import Array
+from planner.support.user_tables import Table, nearest
+from planner.systems.triangular_system import TriangularSystem
+
+
+class FeedbackTable(Table):
+    """Options of the receding-horizon tracker."""
+
+    period_s: Annotated[float, Field(gt=0, le=1)] = Field(
+        0.1, description="Time between two readings of the encoders, seconds."
+    )
+    latency_s: Annotated[float, Field(ge=0, le=1)] = Field(
+        0.01,
+        description="Time from a reading to the first command that follows from it, seconds;"
+        " rounded up to the machine's control period.",
+    )
+    horizon_s: Annotated[float, Field(gt=0, le=60)] = Field(
+        1.0,
+        description="How far ahead limits are looked at, seconds. The cost looks to the end.",
+    )
+    overtime_s: Annotated[float, Field(ge=0, le=60)] = Field(
+        0.3,
+        description="How long it goes on correcting after the plan's end, seconds; no longer than a"
+        " replay's settle time, or the rest is cut off.",
+    )
+    run_up: Literal["auto"] | bool = Field(
+        "auto",
+        description="Whether the arm goes back and returns before the plan's start, so that play"
+        " and wind-up are taken up. auto: where the machine's passive joints have any, there are at"
+        " most two of them, and the plan's drive keeps one direction.",
+    )
+    path_error_deg: Annotated[float, Field(gt=0)] = Field(
+        0.1,
+        description="Error on the way that weighs as much as one unit of correction, degrees (a"
+        " length in metres counts as an angle in radians).",
+    )
+    goal_error_deg: Annotated[float, Field(gt=0)] = Field(
+        0.02,
+        description="The same at the end, degrees: the smaller, the further theta1 leaves its path"
+        " so that all joints arrive.",
+    )
+    correction: Annotated[float, Field(gt=0)] = Field(
+        0.2, description="Unit of correction, as a part of each input's limit (or of its peak)."
+    )
+    correction_step: Annotated[float, Field(gt=0)] = Field(
+        0.05,
+        description="Unit of its change from one period to the next, likewise: the smaller, the"
+        " less the joints' shafts are made to swing.",
+    )
+    least_speed: Annotated[float, Field(ge=0, le=1)] = Field(
+        0.5,
+        description="Least speed along the path, as a part of the plan's: the drive neither stops"
+        " nor turns back on its way, since turning back costs all play.",
+    )
+    take_up_play: bool = Field(
+        True, description="Whether commands that reverse a motor first cross its gearhead's play."
+    )
+    max_iterations: Annotated[int, Field(ge=10)] = Field(
+        2000, description="Iterations after which a quadratic programme counts as late."
+    )
+
+
+Positive = Annotated[float, Field(gt=0)]
+AngleDeg = Annotated[float, Field(gt=-90, lt=90)]
+
+
+MOST_WAYPOINTS, MOST_OBSTACLES = 50, 100
+"""A motion through more places has more parts than a mesh has intervals to begin with; each disc
+costs a row for each link at each place, and its share of the verification."""
+
+
+class WaypointTable(Table):
+    """A place the motion must pass through."""
+
+    time: Positive | None = Field(
+        None,
+        description="When, in seconds; needs a fixed goal.duration. Left out: at any time and, with"
+        " others of that kind, in any order.",
+    )
+
+
+class NamedWaypoint(WaypointTable):
+    """A waypoint by coordinate names."""
+
+    q: dict[str, float] = Field(
+        min_length=1,
+        description="Some coordinates by name, in their units (rad, m); the rest is free.",
+    )
+
+
+class JointWaypoint(WaypointTable):
+    """A waypoint in joint angles."""
+
+    theta_deg: list[AngleDeg | Free] = Field(
+        description="Joint angles in degrees, each within (-90, 90), or 'free'."
+    )
+    travel: float | None = Field(
+        None, description="Change of the disk angle since the start in radians; free if left out."
+    )
+
+    @field_validator("theta_deg")
+    @classmethod
+    def _says_something(cls, angles: list[float | str]) -> list[float | str]:
+        if all(isinstance(angle, str) for angle in angles):
+            raise ValueError("leaves every joint free; give at least one angle")
+        return angles
+
+
+class ObstacleTable(Table):
+    """A disc in the arm's plane that every link must clear; the arm's base is the origin."""
+
+    centre_m: Annotated[list[float], Field(min_length=2, max_length=2)] = Field(
+        description="Its centre [x, y] in metres (in the unit of system.link_lengths, 1 each)."
+    )
+    radius_m: Positive = Field(description="Its radius in metres.")
+
+
+Free = Literal["free"]
+
+
+class GoalTable(Table):
+    """What every goal says."""
+
+    duration: Free | Annotated[float, Field(gt=0)] = Field(
+        10.0, description="Duration in seconds, or 'free'."
+    )
+
+
+class ProblemFile(Table):
+    """A problem file; one subclass a system kind, which types the tables left open here."""
+
+    title: str = Field("", description="One line that says what the problem shows.")
+    system: Any
+    start: Any
+    goal: Any
+    limits: BaseLimits
+    method: MethodsTable = Field(default_factory=MethodsTable)
+    machine: MachineTable = Field(default_factory=MachineTable)
+    feedback: FeedbackTable = Field(default_factory=FeedbackTable)
+    waypoints: Any = Field(default_factory=list, description="Places to pass through.")
+
+    @abstractmethod
+    def build_system(self) -> TriangularSystem:
+        """The system described."""
+
+    @abstractmethod
+    def start_state(self) -> Array:
+        """q(0), shape (N,)."""
+
+    @abstractmethod
+    def goal_state(self) -> Array:
+        """q(T), shape (N,), NaN for the path coordinate."""
+
+    @abstractmethod
+    def path_travel(self) -> float | None:
+        """q₁(T) − q₁(0), or None when free."""
+
+    @abstractmethod
+    def travel_change(self, travel: float | None) -> dict[str, Any]:
+        """The dotted key that sets this travel (None: free), and its value."""
+
+    @abstractmethod
+    def joint_limits(self) -> Array:
+        """Largest |q|, shape (N,), infinite where there is none."""
+
+    @abstractmethod
+    def waypoint_states(self, coordinates: list[str]) -> list[Array]:
+        """q of each waypoint, shape (N,), NaN where free.
+
+        Raises:
+            ValueError: If one names a coordinate that there is not.
+        """
+
+    def discs(self) -> list[ObstacleTable]:
+        """Obstacles; only arms have links that could touch them."""
+        return []
+
+
+class NamedFile(ProblemFile):
+    """A problem file whose waypoints name coordinates."""
+
+    waypoints: list[NamedWaypoint] = Field(
+        default_factory=list,
+        max_length=MOST_WAYPOINTS,
+        description="Places the motion must pass through.",
+    )
+
+    def waypoint_states(self, coordinates: list[str]) -> list[Array]:
+        """q of each waypoint, shape (N,), NaN where free."""
+        for number, point in enumerate(self.waypoints):
+            for name in point.q:
+                if name not in coordinates:
+                    raise ValueError(
+                        f"waypoints[{number}].q has no coordinate '{name}';"
+                        f" {nearest(name, coordinates)}"
+                    )
+        return [np.array([p.q.get(name, np.nan) for name in coordinates]) for p in self.waypoints]

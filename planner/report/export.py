@@ -1,0 +1,262 @@
+"""One plan as a file for another program.
+
+The motion of both motors as the ROS 2 message trajectory_msgs/JointTrajectory.
+
+The message definition (ROS 2 `common_interfaces`, trajectory_msgs/msg/JointTrajectory.msg and
+JointTrajectoryPoint.msg) asks for as many positions, velocities and accelerations as there are
+joint names, and for points in increasing order of `time_from_start`. The joint trajectory
+controller of ros2_control besides refuses a last point that moves.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.plan.measures import peak_inputs
+from planner.plan.plan import Plan, expect_plan
+from planner.plan.samples import RATE_HZ, Samples, sample
+from planner.support.arrays import Array
+from planner.support.files import refuse_unwritable, write_bytes, write_text
+from planner.support.tables import csv_text
+from planner.support.user_tables import nearest
+from planner.verification.verify import verify
+
+FORMATS = {
+    "csv": "table of t, q, u, z, v at even times, one header line with units",
+    "json": "the plan itself, exact, as `planner plan --out` writes it (planner schema plan)",
+    "ros2": "trajectory_msgs/JointTrajectory as YAML, the two motors; needs rest at both ends",
+    "mat": "MATLAB: t, q, u, z, v, names of coordinates and inputs, and facts of the plan",
+}
+"""Formats by name, each with what it holds."""
+
+_SUFFIXES = {".csv": "csv", ".json": "json", ".yaml": "ros2", ".yml": "ros2", ".mat": "mat"}
+
+
+def export(
+    plan: Plan,
+    path: str | Path,
+    format: str | None = None,
+    *,
+    rate_hz: float = RATE_HZ,
+    joint_names: Sequence[str] | None = None,
+) -> Path:
+    """Write a plan as a file for another program, whole or not at all.
+
+    Args:
+        plan: The plan. One that is kept for study only goes into every format but "ros2", with NaN
+            (in CSV: nothing) where no real angles or inputs exist.
+        path: The file; an existing one is replaced.
+        format: One of `FORMATS`; by the ending of `path` (.csv, .json, .yaml, .mat) when left out.
+        rate_hz: Samples a second, for all but "json"; see `sample`.
+        joint_names: For "ros2"; see `joint_trajectory`.
+
+    Raises:
+        InputError: If the format is unknown, the plan is not fit for it, or the file cannot be
+            written.
+    """
+    expect_plan(plan)
+    name = find_format(path, format)
+    refuse_unwritable(path)
+    if joint_names is not None and name != "ros2":
+        raise InputError(f"the format '{name}' has no joint names; they belong to 'ros2'")
+    match name:
+        case "csv":
+            return write_text(path, _csv(sample(plan, rate_hz)))
+        case "mat":
+            return write_bytes(path, _mat(plan, sample(plan, rate_hz)))
+        case "ros2":
+            return write_text(path, yaml_text(joint_trajectory(plan, rate_hz, joint_names)))
+        case _:
+            return plan.save(path)
+
+
+def find_format(path: str | Path, format: str | None) -> str:
+    """The format asked for, or that of the path's ending.
+
+    Raises:
+        InputError: If there is no such format.
+    """
+    if format is None:
+        format = _SUFFIXES.get(Path(path).suffix.lower())
+        if format is None:
+            endings = ", ".join(_SUFFIXES)
+            raise InputError(
+                f"the ending of {path} tells no format ({endings}); name it with --format:"
+                f" {', '.join(FORMATS)}"
+            )
+    if format not in FORMATS:
+        raise InputError(f"no format '{format}'; {nearest(format, list(FORMATS))}")
+    return format
+
+
+def _csv(samples: Samples) -> str:
+    rows = samples.table.tolist()
+    shown = (["" if np.isnan(x) else repr(x) for x in row] for row in rows)
+    return csv_text([samples.columns, *shown])
+
+
+def _mat(plan: Plan, samples: Samples) -> bytes:
+    from scipy.io import savemat
+
+    about = {
+        "format": "planner-samples",
+        "version": 1,
+        "method": plan.method,
+        "status": plan.status,
+        "verified": plan.verified,
+        "duration_s": plan.duration,
+        "objective": plan.objective,
+        "objective_name": plan.objective_name,
+        "problem_json": json.dumps(plan.problem.to_dict()),
+    }
+    arrays = {name: getattr(samples, name) for name in ("t", "q", "u", "z", "v")}
+    names = {
+        "coordinates": np.array(samples.coordinates, dtype=object),
+        "inputs": np.array(samples.inputs, dtype=object),
+    }
+    stream = io.BytesIO()
+    savemat(stream, {**arrays, **names, "about": about}, oned_as="column", do_compression=True)
+    return stream.getvalue()
+
+
+REST = 1e-6
+"""Largest |u| at an end that counts as rest, relative to the input's peak."""
+
+STEP = 1e-6
+"""Half width of the differences for accelerations, relative to the smooth piece."""
+
+
+def joint_trajectory(
+    plan: Plan, rate_hz: float = RATE_HZ, joint_names: Sequence[str] | None = None
+) -> dict[str, Any]:
+    """The message as nested dictionaries and lists.
+
+    Positions are those of the two motors' axes: the integral of u₁ from 0 (the first axis has no
+    absolute zero in the model) and, for the second, q₂ (θ₁ of an arm). Velocities are the inputs,
+    accelerations their slopes (the one after it at a corner). Radians, or metres where the input is
+    a speed.
+
+    Args:
+        plan: A plan that starts and ends at rest and passes `verify`.
+        rate_hz: Points a second.
+        joint_names: Two names, as the robot's controller knows them; by default "phi1" and the name
+            of the second coordinate for arms, the inputs' names elsewhere.
+
+    Raises:
+        InputError: If the plan breaks a requirement, moves at an end, or its inputs jump; the
+            message says what to do.
+    """
+    names = _names(plan, joint_names)
+    _refuse_unfit(plan)
+    t = sample(plan, rate_hz).t
+    u, slopes = plan.u(t), input_slopes(plan, t)
+    u[[0, -1]] = 0.0
+    positions = np.column_stack([_integral(plan, t), plan.q(t)[:, 1]])
+    points = [
+        {
+            "positions": positions[k].tolist(),
+            "velocities": u[k].tolist(),
+            "accelerations": slopes[k].tolist(),
+            "effort": [],
+            "time_from_start": _stamp(t[k]),
+        }
+        for k in range(len(t))
+    ]
+    header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
+    return {"header": header, "joint_names": names, "points": points}
+
+
+def yaml_text(message: Mapping[str, Any]) -> str:
+    """The message as YAML, as `ros2 topic pub` and `ros2 action send_goal` take it."""
+    lines = [
+        f"header: {_flow(message['header'])}",
+        f"joint_names: {_flow(message['joint_names'])}",
+        "points:",
+    ]
+    for point in message["points"]:
+        entries = [f"{key}: {_flow(value)}" for key, value in point.items()]
+        lines += [f"- {entries[0]}", *(f"  {entry}" for entry in entries[1:])]
+    return "\n".join(lines) + "\n"
+
+
+def input_slopes(plan: Plan, t: Array) -> Array:
+    """du/dt, shape (m, 2), at times t (m,); the right-hand one at a corner, the left at the end.
+
+    Central differences inside the smooth piece that t belongs to.
+    """
+    k = np.clip(np.searchsorted(plan.t, t, side="right") - 1, 0, len(plan.t) - 2)
+    left, right = plan.t[k], plan.t[k + 1]
+    step = STEP * (right - left)
+    middle = np.clip(t, left + step, right - 1.001 * step)
+    before, after = middle - step, middle + step
+    return np.asarray((plan.u(after) - plan.u(before)) / (after - before)[:, None])
+
+
+def _integral(plan: Plan, t: Array) -> Array:
+    """∫₀ᵗ u₁ dt at increasing times t (m,) from 0, by Gauss quadrature on smooth pieces."""
+    edges = np.unique(np.concatenate([t, plan.t]))
+    nodes, weights = np.polynomial.legendre.leggauss(5)
+    half = np.diff(edges)[:, None] / 2
+    u1 = plan.u(edges[:-1, None] + half * (1 + nodes))[..., 0]
+    total = np.concatenate([[0.0], np.cumsum(np.sum(half * weights * u1, axis=1))])
+    return np.asarray(total[np.searchsorted(edges, t)])
+
+
+def _refuse_unfit(plan: Plan) -> None:
+    check = verify(plan)
+    if not check.ok:
+        raise InputError(f"this {plan.method} plan is not fit for a robot: {check.violations[0]}")
+    peaks = np.maximum(peak_inputs(plan.trajectory), 1e-12)
+    inputs = plan.problem.system.inputs
+    for time, when in ((0.0, "start"), (plan.duration, "end")):
+        moving = np.abs(plan.u(time))
+        for i in np.flatnonzero(moving > REST * peaks):
+            raise InputError(
+                f"this {plan.method} plan does not {when} at rest: |{inputs[i].name}| ="
+                f" {moving[i]:.4g} {inputs[i].unit} at its {when}; plan it with rest = true"
+                " (--set method.collocation.rest=true), or give its path another timing with"
+                " planner.retime(plan, {'input_rate_rad_s2': ...}, rest=True)"
+            )
+    inner = plan.t[1:-1]
+    jumps = np.abs(plan.u(inner) - plan.u(np.nextafter(inner, 0.0)))
+    for k, i in np.argwhere(jumps > REST * peaks):
+        raise InputError(
+            f"{inputs[i].name} of this {plan.method} plan jumps by {jumps[k, i]:.4g}"
+            f" {inputs[i].unit} at t = {inner[k]:.4g} s, which no motor follows; plan it with"
+            " rest = true (--set method.collocation.rest=true)"
+        )
+
+
+def _names(plan: Plan, given: Sequence[str] | None) -> list[str]:
+    system = plan.problem.system
+    if given is None:
+        arm = hasattr(system, "arm_points")
+        return ["phi1", system.coordinates[1].name] if arm else [c.name for c in system.inputs]
+    names = [str(name).strip() for name in given]
+    if len(set(names)) != 2 or len(names) != 2 or not all(names):
+        raise InputError(f"joint names {', '.join(names)!r}: give two different names")
+    return names
+
+
+def _stamp(t: float) -> dict[str, int]:
+    sec, nanosec = divmod(round(float(t) * 1_000_000_000), 1_000_000_000)
+    return {"sec": sec, "nanosec": nanosec}
+
+
+def _flow(value: Any) -> str:
+    """JSON is YAML, but for exponents, which YAML 1.1 wants after a decimal point."""
+    if isinstance(value, float):
+        text = repr(value)
+        return text if "e" not in text or "." in text else text.replace("e", ".0e")
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key}: {_flow(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(_flow(item) for item in value) + "]"
+    return json.dumps(value)

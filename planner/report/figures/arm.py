@@ -1,0 +1,136 @@
+"""The motion in the plane: the arm's poses and the path of its tip, or a vehicle's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.problem.problem import Problem
+from planner.report.figures.style import TAG, Curve, Plans, curves, grid, heading, times
+from planner.support.arrays import Array
+from planner.systems.triangular_system import TriangularSystem
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+COLOUR_MAP = "viridis"
+
+
+def plot_arm(plans: Plans, *, axes: Any = None, poses: int = 12) -> tuple[Figure, Any]:
+    """The arm at equal steps of time, coloured by time, and the path of its tip; one panel a plan.
+
+    Vehicles are drawn by their axles, other systems with coordinates x and y by that point.
+
+    Args:
+        plans: One plan, several, or several by label; those without real angles are left out.
+        axes: Axes to draw into, one an executable plan.
+        poses: Number of poses.
+
+    Returns:
+        The figure and its axes, shape (1, plans), or (plans, 1) for motions wider than high.
+
+    Raises:
+        InputError: If no plan is executable, `axes` do not fit, or the system has no place in the
+            plane (see `drawable`).
+    """
+    drawn = curves(plans, executable=True)
+    problem = drawn[0].plan.problem
+    if not drawable(problem.system):
+        raise InputError(f"a {problem.system.kind} has neither an arm nor x and y to draw")
+    ours = axes is None
+    shape, size = arrangement(drawn)
+    figure, axes = grid(*shape, axes, size=size, share=("all", "all"))
+    scale = _time_scale(max(curve.plan.duration for curve in drawn))
+    arm = _is_arm(problem)
+    for curve, ax in zip(drawn, axes.flat, strict=True):
+        _draw(ax, curve, scale, poses)
+        ax.set_title(curve.title, fontsize=10)
+        ax.set_aspect("equal", adjustable="box")
+    for ax in axes[-1]:
+        ax.set_xlabel("x (link lengths)" if arm else "x (m)")
+    for ax in axes[:, 0]:
+        ax.set_ylabel("y (link lengths)" if arm else "y (m)")
+    what = "The arm and the path of its tip" if arm else "Path"
+    heading(figure, f"{what}, time as colour: {problem.name}", ours=ours)
+    figure.colorbar(scale, ax=list(axes.flat), label="time (s)", shrink=0.8)
+    return figure, axes
+
+
+def drawable(system: TriangularSystem) -> bool:
+    """Whether `plot_arm` can draw the system."""
+    names = {c.name for c in system.coordinates}
+    return hasattr(system, "arm_points") or {"x", "y"} <= names
+
+
+def body(problem: Problem, q: Array) -> Array:
+    """Points of the body in the plane at q (…, N): shape (…, P, 2); the tip, or (x, y), is last."""
+    system: Any = problem.system
+    if hasattr(system, "arm_points"):
+        return np.asarray(system.arm_points(q[..., 1:]))
+    if hasattr(system, "axle_points"):
+        return np.asarray(system.axle_points(q))
+    names = [c.name for c in system.coordinates]
+    place = np.stack([q[..., names.index("x")], q[..., names.index("y")]], axis=-1)
+    return np.asarray(place[..., None, :])
+
+
+def draw_places(ax: Any, problem: Problem) -> None:
+    """Obstacles as discs, and waypoints as dotted poses where every joint is given."""
+    from matplotlib.patches import Circle
+
+    for disc in problem.obstacles:
+        ax.add_patch(Circle(tuple(disc.centre), disc.radius, color="0.55", alpha=0.6, zorder=1))
+        ax.annotate(f"obstacle {disc.number}", disc.centre, fontsize=8, ha="center", va="center")
+    for point in problem.waypoints:
+        q = np.where(np.isnan(point.q), [0.0, *[np.nan] * (len(point.q) - 1)], point.q)
+        if np.all(np.isfinite(q)):
+            points = body(problem, q)
+            ax.plot(*points.T, "o:", color="black", linewidth=1, markersize=3, zorder=4)
+            name = f"waypoint {point.number}"
+            ax.annotate(name, points[-1], (6, 4), textcoords="offset points", fontsize=8, bbox=TAG)
+
+
+def waypoint_tips(problem: Problem) -> Array:
+    """Where waypoints that fix the whole pose put the tip, shape (m, 2)."""
+    tips = [body(problem, point.q)[-1] for point in problem.waypoints]
+    return np.array([tip for tip in tips if np.all(np.isfinite(tip))]).reshape(-1, 2)
+
+
+def arrangement(drawn: Sequence[Curve]) -> tuple[tuple[int, int], tuple[float, float]]:
+    """Rows and columns, and the size of a panel (inches): wide motions one below the other."""
+    seen = [body(c.plan.problem, c.plan.q(times(c.plan, 200))).reshape(-1, 2) for c in drawn]
+    wide, high = np.ptp(np.concatenate(seen), axis=0)
+    if wide < 2 * high:
+        return (1, len(drawn)), (3.8, 3.6)
+    return (len(drawn), 1), (7.5, max(1.4, 7 * float(high / wide) + 0.8))
+
+
+def _draw(ax: Any, curve: Curve, scale: Any, poses: int) -> None:
+    plan = curve.plan
+    draw_places(ax, plan.problem)
+    path = body(plan.problem, plan.q(times(plan)))[:, -1]
+    ax.plot(*path.T, color=curve.colour, linestyle=curve.dashes, linewidth=1.6, zorder=3)
+    for t in np.linspace(0, plan.duration, poses):
+        points = body(plan.problem, plan.q(t))
+        style = {"linewidth": 1.8, "markersize": 2.5 if len(points) > 2 else 4, "alpha": 0.75}
+        order = 2 if len(points) > 2 else 4
+        ax.plot(*points.T, "-o", color=scale.to_rgba(t), zorder=order, **style)
+    for point, text in ((path[0], "start"), (path[-1], "end")):
+        ax.plot(*point, "o", color="black", markersize=4, zorder=5)
+        ax.annotate(
+            text, point, (6, -10), textcoords="offset points", fontsize=8, zorder=6, bbox=TAG
+        )
+
+
+def _is_arm(problem: Problem) -> bool:
+    return hasattr(problem.system, "arm_points")
+
+
+def _time_scale(longest: float) -> Any:
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    return ScalarMappable(Normalize(0, longest), COLOUR_MAP)

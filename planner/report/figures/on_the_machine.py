@@ -1,0 +1,223 @@
+"""The motion on the machine against the plan.
+
+Effort against error on the machine: what a plan costs and what it is worth.
+
+How large the error on the machine is, over many sampled machines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from planner.comparison.rows import FEEDBACK, Row
+from planner.errors import InputError
+from planner.machine.replay import Replay
+from planner.report.figures.style import axis_label, colours, grid, heading, legend
+from planner.support.arrays import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from planner.comparison.comparison import Comparison
+
+
+def plot_replays(
+    replays: Replay | Mapping[str, Replay | None], *, axes: Any = None
+) -> tuple[Figure, Any]:
+    """Angles on the machine and in the plan over time; one row a plan, one column an angle.
+
+    The line is the sample with the median error index E; the shade holds 90 % of the samples.
+
+    Args:
+        replays: One replay, or several by label; None for a plan that was not replayed.
+        axes: Axes to draw into: plans × angles, in reading order.
+
+    Returns:
+        The figure and its axes, shape (plans, angles).
+
+    Raises:
+        InputError: If there is nothing to draw or `axes` do not fit.
+    """
+    if isinstance(replays, Replay):
+        replays = {replays.plan.method: replays}
+    colour = colours(list(replays))
+    runs = {label: run for label, run in replays.items() if run is not None}
+    first = next(iter(runs.values()), None)
+    if first is None or not first.angles:
+        raise InputError("no plan with angles was replayed, so there is nothing to draw")
+    ours = axes is None
+    angles = first.angles
+    figure, axes = grid(len(runs), len(angles), axes, size=(3.4, 2.2), share=("all", "col"))
+    for row, (label, run) in enumerate(runs.items()):
+        _draw_replay(axes[row], run, colour[label])
+        axes[row, 0].set_title(label, fontsize=10, loc="left", color=colour[label])
+    for ax in axes[-1]:
+        ax.set_xlabel("time (s)")
+    text = f"Machine ({first.machine.preset}, {len(first.numbers)} samples) against plan"
+    heading(figure, text, ours=ours)
+    legend(figure, axes, axes[0, 0].get_legend_handles_labels()[0], ours=ours)
+    return figure, axes
+
+
+def median_sample(run: Replay) -> int:
+    """Place in the replay of the sample whose E is the (lower) median."""
+    order = np.argsort(run.index_E_deg, kind="stable")
+    return int(order[(len(order) - 1) // 2])
+
+
+def _draw_replay(axes: Any, run: Replay, colour: str) -> None:
+    plan = run.plan
+    planned, median = np.rad2deg(plan.q(run.t)), median_sample(run)
+    for ax, i in zip(axes, run.angles, strict=True):
+        low, high = np.rad2deg(np.percentile(run.q[:, :, i], [5, 95], axis=0))
+        style = {"color": colour, "linewidth": 0}
+        ax.fill_between(run.t, low, high, alpha=0.2, label="90 % of the machines", **style)
+        ax.plot(run.t, planned[:, i], "k--", linewidth=1.1, label="plan")
+        actual = np.rad2deg(run.q[median, :, i])
+        ax.plot(run.t, actual, color=colour, linewidth=1.6, label="machine of median error")
+        ax.set_ylabel(axis_label(plan.problem.system.coordinates[i]))
+
+
+CLOSED = "the same plan with feedback"
+
+
+def plot_efforts(comparison: Comparison, *, ax: Any = None) -> tuple[Figure, Any]:
+    """Effort of each plan against its error on the machines.
+
+    The dot is the median of E with its 95 % interval, the line reaches up to the 95th percentile.
+    Plans with feedback have hollow dots in their plan's colour, joined to those without.
+
+    Args:
+        comparison: What to draw; rows without replay are left out.
+        ax: Axes to draw into.
+
+    Returns:
+        The figure and its axes.
+
+    Raises:
+        InputError: If no plan was replayed.
+    """
+    rows = [row for row in comparison.rows if np.isfinite([row.effort, row.E_median_deg]).all()]
+    if not rows:
+        raise InputError("no plan was replayed, so there are no errors to draw")
+    colour = colours([row.spec for row in comparison.rows if not row.feedback])
+    ours = ax is None
+    figure, axes = grid(1, 1, ax, size=(6.4, 4.6))
+    ax = axes[0, 0]
+    for row in rows:
+        _draw_row(ax, row, colour[row.spec])
+    _join(ax, rows, colour)
+    _scale(ax.xaxis, [row.effort for row in rows])
+    _scale(ax.yaxis, [row.E_median_deg for row in rows])
+    ax.set_xlabel("effort: integral of u1^2 + u2^2 dt")
+    ax.set_ylabel("error index E (deg): median to 95 %")
+    ax.set_title(f"Effort against error on {comparison.samples} emulated machines", fontsize=11)
+    handles = ax.get_legend_handles_labels()[0]
+    if any(row.feedback for row in rows):
+        handles += ax.plot([], [], "o", color="#444444", markerfacecolor="white", label=CLOSED)
+    legend(figure, ax, handles, ours=ours, abreast=2)
+    return figure, ax
+
+
+def _scale(axis: Any, values: list[float]) -> None:
+    """Logarithmic where values differ by more than ten times, with plain numbers on it."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    if max(values) <= 10 * min(values):
+        return
+    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _draw_row(ax: Any, row: Row, colour: str) -> None:
+    low, high = row.E_median_interval_deg
+    ax.plot([row.effort] * 2, [row.E_median_deg, row.E_p95_deg], color=colour, linewidth=1.0)
+    ax.plot([row.effort] * 2, [low, high], color=colour, linewidth=4.0, alpha=0.5)
+    ax.plot(
+        [row.effort],
+        [row.E_median_deg],
+        "o",
+        color=colour,
+        markerfacecolor="white" if row.feedback else colour,
+        label=None if row.feedback else row.label if row.solved else f"{row.label} (refused)",
+        linestyle="none",
+    )
+    ax.plot([row.effort], [row.E_p95_deg], "_", color=colour, markersize=9)
+
+
+def _join(ax: Any, rows: list[Row], colour: dict[str, str]) -> None:
+    free = {row.spec: row for row in rows if not row.feedback}
+    for row in rows:
+        if row.feedback and row.spec in free:
+            before = free[row.spec]
+            ax.annotate(
+                "",
+                (row.effort, row.E_median_deg),
+                (before.effort, before.E_median_deg),
+                arrowprops={"arrowstyle": "->", "color": colour[row.spec], "linestyle": ":"},
+            )
+
+
+def plot_errors(errors: Mapping[str, ArrayLike | None], *, ax: Any = None) -> tuple[Figure, Any]:
+    """Share of machines with an error below each value; median and 95th percentile as dots.
+
+    Plans with feedback are dotted, in the colour of the plan without.
+
+    Args:
+        errors: For each plan its error index E on every sampled machine, shape (samples,), degrees;
+            None for a plan that was not replayed (it keeps its colour).
+        ax: Axes to draw into.
+
+    Returns:
+        The figure and its axes.
+
+    Raises:
+        InputError: If no plan was replayed.
+    """
+    known = {k: np.asarray(e, dtype=float) for k, e in errors.items() if e is not None}
+    if not known:
+        raise InputError("no plan was replayed, so there are no errors to draw")
+    colour = colours(list(errors))
+    ours = ax is None
+    figure, axes = grid(1, 1, ax, size=(6.4, 4.0))
+    ax = axes[0, 0]
+    for label, error in known.items():
+        _distribution(ax, label, np.sort(error), colour[label])
+    if _decades(list(known.values())) > 1.0:
+        ax.set_xscale("log")
+        from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        ax.xaxis.set_minor_formatter(NullFormatter())
+    else:
+        ax.set_xlim(left=0)
+    ax.set_ylim(0, 1.02)
+    ax.set_xlabel("error index E (deg): largest joint error during the motion, eq. (29)")
+    ax.set_ylabel("share of machines with a smaller error")
+    count = max(len(e) for e in known.values())
+    ax.set_title(f"Error on {count} emulated machines", fontsize=11)
+    legend(figure, ax, ax.get_legend_handles_labels()[0], ours=ours, abreast=1)
+    return figure, ax
+
+
+def _distribution(ax: Any, label: str, error: Array, colour: str) -> None:
+    share = np.arange(1, len(error) + 1) / len(error)
+    median, high = np.percentile(error, [50, 95])
+    text = f"{label}: median {median:.3g}, 95 % {high:.3g} deg"
+    closed = label.endswith(FEEDBACK)
+    style, fill = (":", "white") if closed else ("-", colour)
+    ax.step(error, share, style, where="post", color=colour, linewidth=1.8, label=text)
+    ax.plot([median, high], [0.5, 0.95], "o", color=colour, markerfacecolor=fill, markersize=5)
+
+
+def _decades(errors: list[Array]) -> float:
+    every = np.concatenate(errors)
+    low = float(np.percentile(every, 1))
+    return float(np.log10(np.max(every) / low)) if low > 0 else 0.0

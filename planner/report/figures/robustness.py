@@ -1,0 +1,315 @@
+"""Heat maps of what errors do to the end of a plan, and how the response grows along it.
+
+Error budgets: as tables, as bars, and as a folder, written whole or not at all.
+
+A trade-off curve as one picture: what is bought, what the machine makes of it, by which path.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.report.figures.style import COLOURS, grid, heading, legend, symbol
+from planner.robustness.budget import Budget, Cost, total
+from planner.robustness.machine_sensitivity import MachineEntry, MachineSensitivity
+from planner.robustness.sensitivity import PAPER_SPREAD, Sensitivity
+from planner.robustness.sobol import Index
+from planner.robustness.trade_off import TradeOff
+from planner.robustness.trade_off_points import Point
+from planner.support.arrays import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MAP = "Blues"
+"""Light for no response, dark for the largest."""
+
+
+def plot_sensitivity(
+    found: Sensitivity, spread: Mapping[str, float] = PAPER_SPREAD, *, ax: Any = None
+) -> tuple[Figure, Any]:
+    """Degrees of each angle at the end for one reference error of each parameter.
+
+    Boxes mark the passive block, dots what start and goal alone decide (irreducible).
+
+    Args:
+        found: The sensitivities.
+        spread: Standard deviations; where there is none the usual size is taken.
+        ax: Axes to draw into.
+
+    Returns:
+        The figure and its axes.
+    """
+    names = [found.plan.problem.system.coordinates[i].name for i in found.angles]
+    first = found.plan.problem.system.coordinates[0].name
+    kept = [p for p, name in enumerate(found.parameters) if name != f"start {first}"]
+    labels = [
+        f"{_named(found.parameters[p])}\n{_size(found.reference(spread)[p], found.units[p])}"
+        for p in kept
+    ]
+    values = found.contribution_deg(spread)[:, kept]
+    figure, ax, ours = _heat(values, [symbol(n) for n in names], labels, ax)
+    for row, column in np.argwhere(found.irreducible[np.ix_(found.angles, kept)]):
+        ax.plot(column - 0.38, row - 0.34, "o", color="#D55E00", markersize=4)
+    _box_passive(ax, found, kept)
+    total, floor = found.total_deg(spread), found.floor_deg(spread)
+    text = (
+        f"{found.plan.method}: total {total:.4g} deg, of it irreducible (dots) {floor:.4g};"
+        f" passive block (boxes) {found.passive_block_deg(spread):.3g}"
+    )
+    heading(figure, text, ours=ours)
+    return figure, ax
+
+
+def plot_machine_sensitivity(
+    found: MachineSensitivity, *, most: int = 24, ax: Any = None
+) -> tuple[Figure, Any]:
+    """Degrees of each angle at the end for one spread (or step) of each parameter of the machine.
+
+    Args:
+        found: The sensitivities.
+        most: Parameters shown: those of the largest response.
+        ax: Axes to draw into.
+
+    Returns:
+        The figure and its axes.
+    """
+    loud = [e for e in found.entries if not e.silent]
+    loud = sorted(loud, key=lambda e: -float(np.max(np.abs(e.contribution))))[:most]
+    labels = [f"{entry_name(e)}: {e.reference:.3g} {e.unit}".strip() for e in loud]
+    values = np.stack([e.contribution for e in loud], axis=0)
+    angles = [symbol(n) for n in found.angles]
+    figure, ax, ours = _heat(values, labels, angles, ax, tall=True)
+    nominal = ", ".join(f"{e:.2g}" for e in found.nominal_error_deg)
+    text = f"{found.plan.method} on the machine; nominal errors {nominal} deg"
+    heading(figure, text, ours=ours)
+    return figure, ax
+
+
+def plot_responses(
+    found: Sensitivity, spread: Mapping[str, float] = PAPER_SPREAD, *, ax: Any = None
+) -> tuple[Figure, Any]:
+    """Standard deviation of each angle along the plan, degrees.
+
+    Args:
+        found: The sensitivities.
+        spread: Standard deviations of the errors.
+        ax: Axes to draw into.
+
+    Returns:
+        The figure and its axes.
+    """
+    ours = ax is None
+    figure, axes = grid(1, 1, ax, size=(6.4, 3.4))
+    ax = axes[0, 0]
+    for k, (i, values) in enumerate(zip(found.angles, found.along_deg(spread).T, strict=True)):
+        name = symbol(found.plan.problem.system.coordinates[i].name)
+        ax.plot(found.t, values, color=COLOURS[k % len(COLOURS)], linewidth=1.6, label=name)
+    ax.set_ylim(bottom=0)
+    ax.set_xlabel("time (s)")
+    ax.set_ylabel("standard deviation (deg)")
+    heading(figure, f"Response to the design errors along the {found.plan.method} plan", ours=ours)
+    legend(figure, ax, ax.get_legend_handles_labels()[0], ours=ours)
+    return figure, ax
+
+
+def _heat(
+    values: Array, rows: Sequence[str], columns: Sequence[str], ax: Any, *, tall: bool = False
+) -> tuple[Figure, Any, bool]:
+    ours = ax is None
+    size = (4.6, 0.28 * len(rows) + 0.9) if tall else (0.72 * len(columns), 0.5 * len(rows) + 1.2)
+    figure, axes = grid(1, 1, ax, size=size)
+    ax = axes[0, 0]
+    ax.grid(False)
+    shade = np.abs(values) ** 0.5  # small responses stay visible beside large ones
+    ax.imshow(shade, cmap=MAP, aspect="auto", vmin=0, vmax=max(float(np.max(shade)), 1e-12) * 1.3)
+    for (i, j), value in np.ndenumerate(values):
+        if abs(value) >= 5e-4:
+            ax.text(j, i, f"{value:.2g}", ha="center", va="center", fontsize=8)
+    ax.set_yticks(range(len(rows)), rows, fontsize=8)
+    ax.set_xticks(range(len(columns)), columns, fontsize=7 if not tall else 9)
+    ax.tick_params(length=0)
+    return figure, ax, ours
+
+
+def _box_passive(ax: Any, found: Sensitivity, kept: Sequence[int]) -> None:
+    from matplotlib.patches import Rectangle
+
+    system = found.plan.problem.system
+    passive = [k for k, i in enumerate(found.angles) if i >= 2]
+    for name in (f"start {system.coordinates[1].name}", f"gain {system.inputs[1].name}"):
+        column = kept.index(found.parameters.index(name))
+        for row in passive:
+            ax.add_patch(
+                Rectangle(
+                    (column - 0.47, row - 0.47), 0.94, 0.94, fill=False, edgecolor="black", lw=1.2
+                )
+            )
+
+
+def entry_name(entry: MachineEntry) -> str:
+    """A machine's parameter in words, without the unit that its key ends in."""
+    unit = r"(?<!_per)_(deg|nm|s|rad_s2?|nm_per_rad|nms_per_rad|kgm2)$"
+    words = re.sub(unit, "", entry.effect).replace("_nm", "_torque").replace("_", " ")
+    return f"{words} {entry.element}".strip()
+
+
+def _named(parameter: str) -> str:
+    word, _, which = parameter.partition(" ")
+    return f"{word} {symbol(which)}" if which else symbol(f"k{word[1:]}").replace("k", "K")
+
+
+def _size(value: float, unit: str) -> str:
+    if unit == "1":
+        return f"{100 * value:.3g} %"
+    if unit == "rad":
+        return f"{np.rad2deg(value):.3g} deg"
+    return f"{value:.3g} {unit}"
+
+
+def plot_budget(budget: Budget, *, axes: Any = None) -> tuple[Figure, Any]:
+    """What each effect costs, and its shares of the variance, as bars with 95 % intervals.
+
+    Args:
+        budget: The budget.
+        axes: Two axes to draw into.
+
+    Returns:
+        The figure and its axes, shape (1, 2).
+    """
+    ours = axes is None
+    high = 0.3 * len(budget.costs) + 1.2
+    figure, axes = grid(1, 2, axes, size=(5.2, high), share=("none", "all"))
+    left, right = axes[0]
+    places = np.arange(len(budget.costs))
+    costs = budget.costs
+    _bars(left, places - 0.2, [c.saves_deg for c in costs], _reach(costs, "saves"), 0, "saves")
+    _bars(left, places + 0.2, [c.alone_deg for c in costs], _reach(costs, "alone"), 1, "alone")
+    left.set_xlabel("error index E (deg)")
+    for k, kind in enumerate(("between", "switch")):
+        known = [getattr(c, kind) or Index(np.nan, np.nan, np.nan, np.nan) for c in costs]
+        half = np.array([i.total_half for i in known])
+        label = "between machines" if kind == "between" else "on or off"
+        values = [i.total for i in known]
+        _bars(right, places + (k - 0.5) * 0.4, values, np.stack([half, half]), 2 + k, label)
+    right.set_xlabel("total Sobol index: share of the variance of E")
+    right.set_xlim(left=min(0.0, right.get_xlim()[0]), right=min(1.2, right.get_xlim()[1]))
+    left.set_yticks(places, [_words(c.name) for c in costs])
+    left.set_ylim(len(costs) - 0.4, -0.6)
+    if ours:
+        figure.suptitle(f"Error budget of {budget.plan.method}: {total(budget)}", fontsize=11)
+    handles = [h for ax in (left, right) for h in ax.get_legend_handles_labels()[0]]
+    legend(figure, axes, handles, ours=ours, abreast=4)
+    return figure, axes
+
+
+def _bars(ax: Any, places: Any, values: Any, reach: Any, colour: int, label: str) -> None:
+    style = {"height": 0.38, "color": COLOURS[colour], "label": label}
+    ax.barh(places, values, xerr=reach, error_kw={"linewidth": 0.9, "ecolor": "#444444"}, **style)
+
+
+def _reach(costs: tuple[Cost, ...], kind: str) -> Any:
+    """How far the interval reaches to either side, (2, effects); nothing where it is unknown."""
+    middle = np.array([getattr(c, f"{kind}_deg") for c in costs])
+    ends = np.array([getattr(c, f"{kind}_interval_deg") for c in costs]).reshape(-1, 2)
+    return np.nan_to_num(np.maximum([middle - ends[:, 0], ends[:, 1] - middle], 0.0))
+
+
+def _words(name: str) -> str:
+    """An effect's name without its unit."""
+    units = r"(?<!per)_(deg|s|nm|nm_per_rad|nms_per_rad|rad_s|rad_s2|kgm2)$"
+    return re.sub(units, "", name).replace("_", " ")
+
+
+AXES = {
+    "effort": "effort: integral of u1^2 + u2^2 dt",
+    "duration": "duration (s)",
+    "peak": "largest input, share of its limit",
+}
+KNEE = {"marker": "o", "markersize": 11, "fillstyle": "none", "markeredgewidth": 1.8}
+
+
+def plot_trade_off(curve: TradeOff, *, axes: Any = None) -> tuple[Figure, Any]:
+    """Response against cost, errors on machines against cost, and the paths of three points.
+
+    Args:
+        curve: The curve.
+        axes: Three axes to draw into.
+
+    Returns:
+        The figure and its axes, shape (1, 3).
+
+    Raises:
+        InputError: If `axes` do not fit.
+    """
+    ours = axes is None
+    figure, axes = grid(1, 3, axes, size=(4.3, 3.6))
+    _responses(axes[0, 0], curve)
+    _machines(axes[0, 1], curve)
+    _paths(axes[0, 2], curve)
+    k = curve.knee
+    heading(
+        figure,
+        f"{curve.problem.name}: at the knee (ring) {curve.kind} {_cost(curve, k):.3g} buys"
+        f" a passive block of {k.passive_deg:.2g} deg instead of {curve.points[0].passive_deg:.2g}",
+        ours=ours,
+    )
+    return figure, axes
+
+
+def _responses(ax: Any, curve: TradeOff) -> None:
+    cost = curve.cost
+    for colour, label, values in (
+        (COLOURS[0], "total", [p.total_deg for p in curve.points]),
+        (COLOURS[1], "passive block", [p.passive_deg for p in curve.points]),
+    ):
+        ax.plot(cost, values, ".-", color=colour, label=label)
+        ax.plot(cost[curve.knee_index], values[curve.knee_index], color=colour, **KNEE)
+    floor = curve.points[0].floor_deg
+    ax.axhline(floor, color="#555555", linestyle=":", label="irreducible")
+    ax.set_ylim(bottom=0)
+    ax.set_xlabel(AXES[curve.kind])
+    ax.set_ylabel("response at the end (deg, one standard deviation)")
+    ax.legend(fontsize=8)
+
+
+def _machines(ax: Any, curve: TradeOff) -> None:
+    cost, at = curve.cost, curve.knee_index
+    rows = (
+        (COLOURS[0], "design errors alone, 95 %", "errors_alone", "terminal_p95_deg"),
+        (COLOURS[3], "whole machine, 95 %", "machine", "terminal_p95_deg"),
+        (COLOURS[4], "whole machine, median", "machine", "terminal_median_deg"),
+    )
+    for colour, label, which, key in rows:
+        found = [getattr(p, which) for p in curve.points]
+        if any(f is None for f in found):
+            continue
+        values = [f[key] for f in found]
+        ax.plot(cost, values, ".-", color=colour, label=label)
+        ax.plot(cost[at], values[at], color=colour, **KNEE)
+    ax.set_ylim(bottom=0)
+    ax.set_xlabel(AXES[curve.kind])
+    ax.set_ylabel("largest joint error at the end (deg)")
+    ax.legend(fontsize=8)
+
+
+def _paths(ax: Any, curve: TradeOff) -> None:
+    system = curve.problem.system
+    chosen = dict.fromkeys([0, curve.knee_index, len(curve.points) - 1])
+    for colour, k in zip(COLOURS, chosen, strict=False):
+        point = curve.points[k]
+        q = point.plan.q(np.linspace(0, point.plan.duration, 800))
+        turns = f", {point.reversals} reversals" if point.reversals else ", one way"
+        label = f"{curve.kind} {_cost(curve, point):.3g}{turns}"
+        ax.plot(np.rad2deg(q[:, 0] - q[0, 0]), np.rad2deg(q[:, 1]), color=colour, label=label)
+    ax.set_xlabel(f"travel of {symbol(system.coordinates[0].name)} (deg)")
+    ax.set_ylabel(f"{symbol(system.coordinates[1].name)} (deg)")
+    ax.legend(fontsize=8)
+
+
+def _cost(curve: TradeOff, point: Point) -> float:
+    return point.effort if curve.kind == "effort" else point.limit

@@ -1,0 +1,226 @@
+"""What all figures share: one colour a plan, names with units, grids of axes.
+
+Figures are made with `matplotlib.figure.Figure` itself, never through pyplot, so that they need no
+display and leave no global state; a notebook shows the figure that a function returns.
+
+Figures that a notebook shows by themselves, without pyplot.
+"""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from typing import Any, Literal
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from planner.comparison.rows import FEEDBACK
+from planner.errors import InputError
+from planner.plan.plan import Plan
+from planner.support.arrays import Array
+from planner.support.one_variable import sample_times
+from planner.support.tables import clean
+from planner.systems.triangular_system import Coordinate
+
+COLOURS = (
+    "#0072B2",
+    "#D55E00",
+    "#009E73",
+    "#CC79A7",
+    "#E69F00",
+    "#56B4E9",
+    "#000000",
+    "#882255",
+    "#999933",
+)
+"""Distinct in every common kind of colour vision (M. Okabe, K. Ito, 2008; P. Tol, 2021)."""
+
+DOMAIN = "#DCEBF5"
+OUTSIDE = "#F3D9D0"
+LIMIT = "#555555"
+TAG = {"boxstyle": "square,pad=0.1", "color": "white", "alpha": 0.7}
+"""Behind words that stand on curves."""
+
+GRID = {"color": "#DDDDDD", "linewidth": 0.6}
+
+Sharing = Literal["none", "all", "row", "col"]
+
+Plans = Plan | Sequence[Plan] | Mapping[str, Plan | None]
+"""One plan, several, or several by label; a label without a plan only takes up its colour."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """How one plan is drawn.
+
+    Attributes:
+        label: Its name in legends and titles.
+        plan: The plan.
+        colour: The same in all figures.
+    """
+
+    label: str
+    plan: Plan
+    colour: str
+
+    @property
+    def refused(self) -> bool:
+        """Whether it is drawn for study only."""
+        return not (self.plan.verified or self.plan.status == "solved") or not self.plan.executable
+
+    @property
+    def dashes(self) -> str:
+        """Line style: refused plans are dashed."""
+        return "--" if self.refused else "-"
+
+    @property
+    def name(self) -> str:
+        """The label, with a word on a refusal."""
+        return f"{self.label} (refused)" if self.refused else self.label
+
+    @property
+    def title(self) -> str:
+        """The name, broken where a narrow panel needs it."""
+        label = self.label.replace(":", ":\n", 1) if len(self.label) > 24 else self.label
+        return f"{label}\nrefused" if self.refused else label
+
+
+def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
+    """Label and colour plans; each keeps its colour when others are left out.
+
+    Args:
+        plans: See `Plans`.
+        executable: Leave out those that have no real coordinates.
+
+    Raises:
+        InputError: If nothing is left to draw.
+    """
+    if isinstance(plans, Plan):
+        plans = {plans.method: plans}
+    elif not isinstance(plans, Mapping):
+        plans = {f"{k + 1}: {plan.method}": plan for k, plan in enumerate(plans)}
+    colour = colours(list(plans))
+    found = [Curve(label, plan, colour[label]) for label, plan in plans.items() if plan is not None]
+    found = [c for c in found if c.plan.executable or not executable]
+    if not found:
+        kind = "executable plan" if executable else "plan"
+        raise InputError(f"there is no {kind} to draw")
+    return found
+
+
+def colours(labels: Sequence[str]) -> dict[str, str]:
+    """One colour a plan, by its place in the list; with feedback it keeps its colour."""
+    plans = list(dict.fromkeys(label.removesuffix(FEEDBACK) for label in labels))
+    place = {label: plans.index(label.removesuffix(FEEDBACK)) for label in labels}
+    return {label: COLOURS[k % len(COLOURS)] for label, k in place.items()}
+
+
+def times(plan: Plan, count: int = 1500) -> Array:
+    """Times that show a plan, crowded towards its breaks; shape (m,), seconds."""
+    return sample_times(plan.t, max(count, 12 * (len(plan.t) - 1)))
+
+
+def grid(
+    rows: int,
+    columns: int,
+    axes: Any = None,
+    *,
+    size: tuple[float, float] = (3.4, 2.6),
+    share: tuple[Sharing, Sharing] = ("none", "none"),
+) -> tuple[Figure, Any]:
+    """Axes (rows, columns) in a new figure, or those given.
+
+    Args:
+        rows: Number of rows.
+        columns: Number of columns.
+        axes: Axes to draw into, rows × columns of them in reading order, or None.
+        size: Width and height of one panel, inches.
+        share: Sharing of x and of y, as in `matplotlib.figure.Figure.subplots`.
+
+    Raises:
+        InputError: If `axes` are not as many as needed.
+    """
+    if axes is not None:
+        given = np.array(axes, dtype=object, ndmin=1)
+        if given.size != rows * columns:
+            raise InputError(
+                f"this figure needs {rows * columns} axes ({rows} x {columns}), not {given.size}"
+            )
+        given = given.reshape(rows, columns)
+        return given[0, 0].figure, given
+
+    figure = ShownFigure(
+        figsize=(max(size[0] * columns, 4.8), size[1] * rows + 0.5), dpi=100, layout="constrained"
+    )
+    made = figure.subplots(rows, columns, squeeze=False, sharex=share[0], sharey=share[1])
+    for ax in made.flat:
+        ax.grid(**GRID)
+        ax.set_axisbelow(True)
+        ax.spines[["top", "right"]].set_visible(False)
+    return figure, made
+
+
+def symbol(name: str) -> str:
+    """A coordinate's name as mathematics where it has a number: theta1 becomes θ₁."""
+    found = re.fullmatch(r"(theta|phi|alpha|beta|[a-z])(\d+)", name)
+    if not found:
+        return plain(name.replace("_", " "))
+    letter, number = found.groups()
+    return f"${letter if len(letter) == 1 else chr(92) + letter}_{{{number}}}$"
+
+
+def plain(text: str) -> str:
+    """Foreign text as Matplotlib draws it letter by letter; between two $ it reads mathematics."""
+    return clean(text).replace("$", r"\$")
+
+
+def axis_label(coordinate: Coordinate) -> str:
+    """Name and unit; angles are drawn in degrees."""
+    unit = "deg" if coordinate.unit == "rad" else coordinate.unit
+    return f"{symbol(coordinate.name)} ({plain(unit)})"
+
+
+def shown(values: Array, unit: str) -> Array:
+    """Values in the unit they are drawn in: degrees for angles."""
+    return np.rad2deg(values) if unit == "rad" else values
+
+
+def line(curve: Curve) -> Any:
+    """A legend's entry for a curve."""
+    from matplotlib.lines import Line2D
+
+    return Line2D(
+        [], [], color=curve.colour, linestyle=curve.dashes, linewidth=1.8, label=curve.name
+    )
+
+
+def legend(
+    figure: Figure, axes: Any, handles: Sequence[Any], *, ours: bool, abreast: int = 3
+) -> None:
+    """One legend: below the axes of a figure of ours, inside the first axes of another's."""
+    if ours:
+        columns = min(abreast, len(handles))
+        figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
+    else:
+        np.ravel(axes)[0].legend(handles=handles, fontsize=8, loc="upper right")
+
+
+def heading(figure: Figure, text: str, *, ours: bool) -> None:
+    """A title over a figure of ours."""
+    if ours:
+        letters = int(11 * figure.get_figwidth())
+        figure.suptitle(plain(textwrap.fill(text, letters)), fontsize=11)
+
+
+class ShownFigure(Figure):
+    """A figure that is drawn as a picture where it is the last expression of a notebook's cell."""
+
+    def _repr_png_(self) -> bytes:
+        """What IPython asks a value for."""
+        content = BytesIO()
+        self.savefig(content, format="png", bbox_inches="tight")
+        return content.getvalue()

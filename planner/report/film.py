@@ -1,0 +1,269 @@
+"""The motion itself, as GIF or MP4: the arm (the paper's Fig. 8) or a vehicle.
+
+Pictures as a film: GIF by Pillow (which Matplotlib brings), MP4 by ffmpeg.
+"""
+
+from __future__ import annotations
+
+import io
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.report.figures.arm import arrangement, body, draw_places, drawable
+from planner.report.figures.style import Curve, Plans, curves, grid, heading
+from planner.report.figures.style import times as fine_times
+from planner.support.arrays import Array
+from planner.support.files import refuse_unwritable, write_bytes
+from planner.support.package import how_to_install
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Progress = Callable[[int, int], None]
+"""Called with (frames done, frames in all)."""
+
+SUFFIXES = (".gif", ".mp4")
+HOLD_S = 1.0
+"""How long the last picture stays, seconds."""
+
+MAX_FRAMES = 5000
+GHOST = "#BBBBBB"
+BODY = "#222222"
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """One plan's panel: what moves in it, and where it is in each frame."""
+
+    axes: Any
+    line: Any
+    trail: Any
+    points: Array  # (frames, P, 2)
+    path: Array  # (m, 2), of the tip, closely sampled
+    passed: NDArray[np.intp]  # how many points of the path lie behind the tip, by frame
+
+    def move(self, k: int) -> None:
+        self.line.set_data(*self.points[k].T)
+        behind = np.vstack([self.path[: self.passed[k]], self.points[k, -1]])
+        self.trail.set_data(*behind.T)
+
+
+def animate(
+    plans: Plans,
+    path: str | Path,
+    *,
+    fps: int = 25,
+    speed: float = 1.0,
+    progress: Progress | None = None,
+) -> Path:
+    """Write the motion of one or several plans, side by side on the same clock, as a film.
+
+    Args:
+        plans: One plan, several, or several by label; those without real angles are left out.
+        path: A name that ends in .gif, or in .mp4, which needs ffmpeg (on the path, or by
+            the extra `video`). An existing file is replaced.
+        fps: Pictures a second, 1 to 60; a GIF keeps time in hundredths of a second.
+        speed: Seconds of the motion a second of the film; 2 is twice as fast as life.
+        progress: Told how many frames are done.
+
+    Returns:
+        The path.
+
+    Raises:
+        InputError: If the name ends otherwise, ffmpeg is missing, no plan can be drawn, a number
+            is out of range, or the file cannot be written.
+    """
+    suffix = check_film(path, fps, speed)
+    drawn = curves(plans, executable=True)
+    system = drawn[0].plan.problem.system
+    if not drawable(system):
+        raise InputError(f"a {system.kind} has neither an arm nor x and y to draw")
+    longest = max(curve.plan.duration for curve in drawn)
+    count = int(np.ceil(longest / speed * fps)) + 1
+    if count > MAX_FRAMES:
+        raise InputError(
+            f"{longest:g} s at speed {speed:g} and {fps} frames a second are {count} frames,"
+            f" allowed {MAX_FRAMES}; raise the speed"
+        )
+    times = np.minimum(np.arange(count) * speed / fps, longest)
+    frames = _frames(drawn, times, progress)
+    hold = round(HOLD_S * fps)
+    content = gif(frames, fps, hold) if suffix == ".gif" else mp4(frames, fps, hold)
+    return write_bytes(path, content)
+
+
+def check_film(path: str | Path, fps: int, speed: float) -> str:
+    """Refuse what `animate` could not write, before the work; the ending of the name.
+
+    Raises:
+        InputError: As for `animate`.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InputError(f"cannot animate to {path}: its name must end in {' or '.join(SUFFIXES)}")
+    refuse_unwritable(path)
+    if isinstance(fps, bool) or not 1 <= fps <= 60:
+        raise InputError(f"fps = {fps}: must be 1 to 60 frames a second")
+    if isinstance(speed, bool) or not (np.isfinite(speed) and speed > 0):
+        raise InputError(f"speed = {speed}: must be a positive number")
+    if suffix == ".mp4":
+        find_ffmpeg()
+    return suffix
+
+
+def _frames(drawn: Sequence[Curve], times: Array, progress: Progress | None) -> Iterator[Frame]:
+    """The pictures, each (height, width, 3); only what moves is drawn anew."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    figure, scenes, clock = _stage(drawn, times)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    figure.set_layout_engine("none")
+    for scene in scenes:
+        scene.line.set_animated(True)
+        scene.trail.set_animated(True)
+    clock.set_animated(True)
+    canvas.draw()
+    empty = canvas.copy_from_bbox(figure.bbox)
+    for k, t in enumerate(times):
+        canvas.restore_region(empty)
+        clock.set_text(f"t = {t:.2f} s")
+        figure.draw_artist(clock)
+        for scene in scenes:
+            scene.move(k)
+            scene.axes.draw_artist(scene.trail)
+            scene.axes.draw_artist(scene.line)
+        yield np.asarray(canvas.buffer_rgba())[..., :3].copy()
+        if progress is not None:
+            progress(k + 1, len(times))
+
+
+def _stage(drawn: Sequence[Curve], times: Array) -> tuple[Figure, list[_Scene], Any]:
+    shape, size = arrangement(drawn)
+    figure, axes = grid(*shape, size=size, share=("all", "all"))
+    arm = hasattr(drawn[0].plan.problem.system, "arm_points")
+    scenes = [_scene(ax, curve, times) for ax, curve in zip(axes.flat, drawn, strict=True)]
+    every = np.concatenate([scene.points.reshape(-1, 2) for scene in scenes])
+    low, high = every.min(axis=0), every.max(axis=0)
+    margin = 0.06 * float(np.max(high - low))
+    for ax in axes.flat:
+        ax.set_aspect("equal", adjustable="box")
+        ax.set_xlim(low[0] - margin, high[0] + margin)
+        ax.set_ylim(low[1] - margin, high[1] + margin)
+    for ax in axes[-1]:
+        ax.set_xlabel("x (link lengths)" if arm else "x (m)")
+    for ax in axes[:, 0]:
+        ax.set_ylabel("y (link lengths)" if arm else "y (m)")
+    heading(figure, drawn[0].plan.problem.name, ours=True)
+    clock = figure.text(0.01, 0.01, f"t = {times[-1]:.2f} s", family="monospace", fontsize=10)
+    return figure, scenes, clock
+
+
+def _scene(ax: Any, curve: Curve, times: Array) -> _Scene:
+    plan = curve.plan
+    points, close = body(plan.problem, plan.q(times)), fine_times(plan)
+    path = body(plan.problem, plan.q(close))[:, -1]
+    draw_places(ax, plan.problem)
+    for k in (0, -1):
+        ax.plot(*points[k].T, "-o", color=GHOST, linewidth=2, markersize=3, zorder=1)
+    ax.plot(*path.T, color=curve.colour, linewidth=0.8, alpha=0.4, zorder=2)
+    (trail,) = ax.plot([], [], color=curve.colour, linewidth=2.2, zorder=3)
+    (line,) = ax.plot(
+        [], [], "-o", color=BODY, linewidth=3, markersize=6, markerfacecolor="white", zorder=4
+    )
+    ax.set_title(curve.title, fontsize=10)
+    return _Scene(ax, line, trail, points, path, np.searchsorted(close, times))
+
+
+Frame = NDArray[np.uint8]
+"""A picture, shape (height, width, 3): red, green, blue."""
+
+COLOURS = 64
+
+
+def gif(frames: Iterator[Frame], fps: int, hold: int) -> bytes:
+    """A GIF that repeats; the last picture stays for `hold` frames more."""
+    from PIL import Image
+
+    pictures = [Image.fromarray(frame) for frame in frames]
+    last = pictures[-1]  # all that is drawn is in it
+    palette = last.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE)
+    small = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
+    period = max(2, round(100 / fps)) * 10  # a GIF counts in 10 ms, and viewers ask for two
+    times = [period] * (len(small) - 1) + [period * (1 + hold)]
+    stream = io.BytesIO()
+    small[0].save(
+        stream, "GIF", save_all=True, append_images=small[1:], duration=times, loop=0, disposal=1
+    )
+    return stream.getvalue()
+
+
+def mp4(frames: Iterator[Frame], fps: int, hold: int) -> bytes:
+    """An H.264 film that every browser plays.
+
+    Raises:
+        InputError: If ffmpeg is missing or fails; its own words are in the message.
+    """
+    program = find_ffmpeg()
+    first = next(frames)
+    height, width = (n - n % 2 for n in first.shape[:2])  # the codec wants even numbers
+    source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", str(fps)]
+    codec = ["-c:v", "libx264", "-crf", "20", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
+    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as said:
+        target = Path(folder) / "film.mp4"
+        words = [program, "-loglevel", "error", *source, "-i", "-", "-an", *codec, str(target)]
+        with subprocess.Popen(words, stdin=subprocess.PIPE, stderr=said) as job:
+            try:
+                _feed(job, chain([first], frames), hold, (height, width))
+            except BaseException:
+                job.kill()
+                raise
+        if job.returncode or not target.exists():
+            said.seek(0)
+            reason = said.read().decode(errors="replace").strip().splitlines()
+            raise InputError(f"ffmpeg ({program}) failed: {reason[-1] if reason else 'no word'}")
+        return target.read_bytes()
+
+
+def _feed(
+    job: subprocess.Popen[bytes], frames: Iterator[Frame], hold: int, size: tuple[int, int]
+) -> None:
+    assert job.stdin is not None
+    with suppress(BrokenPipeError):  # ffmpeg has stopped; it says why
+        for frame in frames:
+            picture = frame[: size[0], : size[1]].tobytes()
+            job.stdin.write(picture)
+        for _ in range(hold):
+            job.stdin.write(picture)
+        job.stdin.close()
+
+
+def find_ffmpeg() -> str:
+    """The program ffmpeg: on the path, or the one that imageio-ffmpeg brings.
+
+    Raises:
+        InputError: If there is none.
+    """
+    found = shutil.which("ffmpeg")
+    if found is not None:
+        return found
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe
+
+        return str(get_ffmpeg_exe())
+    except (ImportError, RuntimeError):
+        raise InputError(
+            f"an MP4 needs ffmpeg; install it, or: {how_to_install('video')}; a name that ends"
+            " in .gif needs nothing"
+        ) from None

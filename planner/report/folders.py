@@ -1,0 +1,245 @@
+"""A comparison as a folder, written whole or not at all.
+
+All figures of a comparison.
+
+Sensitivities as a folder, written whole or not at all.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.comparison.comparison import command, comparison_csv, comparison_markdown
+from planner.comparison.differences import csv_differences, markdown_differences
+from planner.errors import InputError
+from planner.report.figures.arm import drawable, plot_arm
+from planner.report.figures.on_the_machine import (
+    median_sample,
+    plot_efforts,
+    plot_errors,
+    plot_replays,
+)
+from planner.report.figures.over_time import plot_inputs, plot_joints, plot_z
+from planner.report.figures.robustness import (
+    plot_machine_sensitivity,
+    plot_responses,
+    plot_sensitivity,
+)
+from planner.report.page.page import write_report
+from planner.robustness.budget import Budget, budget_csv, budget_markdown
+from planner.robustness.machine_sensitivity import MachineSensitivity
+from planner.robustness.sensitivity import Sensitivity
+from planner.support.arrays import jsonable
+from planner.support.files import TOML_BYTES, folder, read_text, write_text
+from planner.support.package import versions
+from planner.support.tables import csv_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from planner.comparison.comparison import Comparison
+
+FIGURE_KINDS = ("png", "svg")
+MOTION = 300
+"""Instants kept of the median machine's motion."""
+
+
+def save(comparison: Comparison, path: str | Path, *, report: bool = False) -> Path:
+    """Write table.md, table.csv, comparison.json, replays.json, problem.toml, plans/ and figures/.
+
+    Plans that were refused are saved as `<label>.refused.json`.
+
+    Args:
+        comparison: What to write.
+        path: The folder; an earlier run's is replaced, and only when all is written.
+        report: Whether to add the page report.html; see `planner.report.page.page.write_report`.
+
+    Raises:
+        InputError: If the folder cannot be written or holds something else; nothing is left behind.
+    """
+    with folder(path) as place:
+        data = comparison.to_dict()
+        data["command"] = command(comparison, str(path), report=report)
+        write_text(place / "table.md", comparison_markdown(comparison))
+        write_text(place / "table.csv", comparison_csv(comparison))
+        if comparison.differences:
+            write_text(place / "differences.md", markdown_differences(comparison))
+            write_text(place / "differences.csv", csv_differences(comparison))
+        for row, file in zip(data["rows"], _write_plans(comparison, place), strict=True):
+            row["plan_file"] = file
+        text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False)
+        write_text(place / "comparison.json", text + "\n")
+        write_text(place / "replays.json", json.dumps(replay_data(comparison)) + "\n")
+        _copy_problem(comparison, place)
+        _write_figures(comparison, place)
+        if report:
+            write_report(place)
+    return Path(path)
+
+
+def replay_data(comparison: Comparison) -> dict[str, Any]:
+    """What is kept of the replays, by label, JSON-ready.
+
+    `E_deg` is the error index of every machine, in the order of their numbers; `median` the motion
+    of the machine whose E is the median: its `number`, times `t` (s) and coordinates `q` (rad, m).
+    """
+    out = {}
+    for row in comparison.rows:
+        run = row.replay
+        if run is None or not run.angles:
+            continue
+        k = median_sample(run)
+        some = np.unique(np.linspace(0, len(run.t) - 1, MOTION).round().astype(int))
+        motion = {"number": run.numbers[k], "t": run.t[some], "q": np.round(run.q[k, some], 9)}
+        out[row.label] = {"E_deg": np.round(run.index_E_deg, 6), "median": motion}
+    return dict(jsonable(out))
+
+
+def _copy_problem(comparison: Comparison, place: Path) -> None:
+    """The file as it is; changes against it are in the command of comparison.json."""
+    try:
+        text = read_text(comparison.problem.source, TOML_BYTES, "a problem file is TOML")
+    except InputError:
+        return
+    write_text(place / "problem.toml", text)
+
+
+def _write_plans(comparison: Comparison, place: Path) -> list[str | None]:
+    """Where each row's plan is, in the folder; None for rows without one."""
+    (place / "plans").mkdir()
+    out: list[str | None] = []
+    for k, row in enumerate(comparison.rows):
+        if row.plan is None:
+            out.append(None)
+            continue
+        name = re.sub(r"[^\w.=+-]+", "-", row.label).strip("-")
+        ending = ".json" if row.solved else ".refused.json"
+        target = place / "plans" / (name + ending)
+        if target.exists():
+            target = place / "plans" / f"{name}-{k + 1}{ending}"
+        row.plan.save(target)
+        out.append(f"plans/{target.name}")
+    return out
+
+
+def _write_figures(comparison: Comparison, place: Path) -> None:
+    import matplotlib as mpl
+
+    (place / "figures").mkdir()
+    with mpl.rc_context({"svg.hashsalt": "planner"}):
+        for name, figure in comparison.figures().items():
+            save_figure(figure, place / "figures" / name)
+
+
+def save_figure(figure: Figure, stem: Path) -> None:
+    """Write a figure in every kind of file, `stem` with each ending."""
+    engine = figure.get_layout_engine()
+    if engine is not None:  # place everything once: drawing twice as often is what takes time
+        engine.execute(figure)
+        figure.set_layout_engine("none")
+    for kind in FIGURE_KINDS:
+        metadata = {"Date": None} if kind == "svg" else {}
+        figure.savefig(f"{stem}.{kind}", dpi=120, metadata=metadata)
+
+
+FORMAT, VERSION = "planner-budget", 1
+
+
+def save_budget(
+    budgets: Mapping[str, Budget], path: str | Path, command: str | None = None
+) -> Path:
+    """Write budget.md, budget.csv, budget.json and a figure for each plan.
+
+    Raises:
+        InputError: If the folder cannot be written or holds something else; nothing is left behind.
+    """
+    import matplotlib as mpl
+
+    data = {
+        "format": FORMAT,
+        "version": VERSION,
+        "command": command,
+        "versions": versions(),
+        "budgets": {label: budget.to_dict() for label, budget in budgets.items()},
+    }
+    with folder(path) as place, mpl.rc_context({"svg.hashsalt": "planner"}):
+        write_text(place / "budget.md", budget_markdown(budgets, command))
+        write_text(place / "budget.csv", budget_csv(budgets))
+        text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False)
+        write_text(place / "budget.json", text + "\n")
+        for label, budget in budgets.items():
+            name = re.sub(r"[^\w.=+-]+", "-", label).strip("-")
+            save_figure(budget.figure(), place / f"budget-{name}")
+    return Path(path)
+
+
+def figures(comparison: Comparison) -> dict[str, Figure]:
+    """Figures by name; those for which no plan has what they show are left out."""
+    plans = comparison.plans
+    found = [plan for plan in plans.values() if plan is not None]
+    out: dict[str, Figure] = {}
+    if found:
+        out["z"] = plot_z(plans)[0]
+    if any(plan.executable for plan in found):
+        out["joints"] = plot_joints(plans)[0]
+        out["inputs"] = plot_inputs(plans)[0]
+        if drawable(comparison.problem.system):
+            out["arm"] = plot_arm(plans)[0]
+    replays = {row.label: row.replay for row in comparison.rows}
+    if any(runs is not None and runs.angles for runs in replays.values()):
+        errors = {k: None if runs is None else runs.index_E_deg for k, runs in replays.items()}
+        out["errors"] = plot_errors(errors)[0]
+        out["effort"] = plot_efforts(comparison)[0]
+        out["replay"] = plot_replays(replays)[0]
+    return out
+
+
+def save_sensitivity(
+    found: Sensitivity,
+    machine: MachineSensitivity | None,
+    spread: Mapping[str, float],
+    path: str | Path,
+    extra: Mapping[str, Any] | None = None,
+) -> Path:
+    """Write sensitivity.json, matrix.csv, plan.json, heat-map.png, along.png and machine.png.
+
+    Args:
+        found: Of a plan's own parameters.
+        machine: Of the machine's, or None.
+        spread: Standard deviations of the errors.
+        path: The folder; an earlier run's is replaced, and only when all is written.
+        extra: Further keys of sensitivity.json.
+
+    Raises:
+        InputError: If the folder cannot be written or holds something else; nothing is left behind.
+    """
+    with folder(path) as place:
+        data = {
+            **(extra or {}),
+            **found.to_dict(spread),
+            "machine": None if machine is None else machine.to_dict(),
+        }
+        text = json.dumps(jsonable(data), indent=1, allow_nan=False)
+        write_text(place / "sensitivity.json", text + "\n")
+        write_text(place / "matrix.csv", _csv(found))
+        found.plan.save(place / "plan.json")
+        plot_sensitivity(found, spread)[0].savefig(place / "heat-map.png", dpi=120)
+        plot_responses(found, spread)[0].savefig(place / "along.png", dpi=120)
+        if machine is not None:
+            plot_machine_sensitivity(machine)[0].savefig(place / "machine.png", dpi=120)
+    return Path(path)
+
+
+def _csv(found: Sensitivity) -> str:
+    """S(T): one row a coordinate, one column a parameter, units beside the names."""
+    named = zip(found.parameters, found.units, strict=True)
+    rows = [["coordinate", *(f"{name} ({unit})" for name, unit in named)]]
+    for c, row in zip(found.plan.problem.system.coordinates, found.terminal, strict=True):
+        rows.append([f"{c.name} ({c.unit})", *(f"{value:.10g}" for value in row)])
+    return csv_text(rows)

@@ -1,0 +1,193 @@
+"""A comparison as one page that opens from disk: no network, no other files."""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import numpy as np
+
+from planner.comparison.comparison import Comparison, columns
+from planner.comparison.rows import CLOSED, Row
+from planner.errors import InputError
+from planner.report.page.series import page_data
+from planner.report.page.words import answers, facts, places, question, subscripted, verdict
+from planner.report.saved import load_comparison, load_replays
+from planner.support.files import read_json, write_text
+from planner.support.tables import number
+
+SCRIPTS = ("scale.js", "chart.js", "kinds.js", "points.js", "motion.js", "main.js")
+"""Read in this order into one script."""
+
+
+def write_report(folder: str | Path, out: str | Path | None = None) -> Path:
+    """Write the page of a comparison's folder.
+
+    Args:
+        folder: A folder that `Comparison.save` (or `planner compare --out`) wrote.
+        out: The page; report.html in the folder when left out.
+
+    Returns:
+        The page's path.
+
+    Raises:
+        InputError: If the folder is not that of a comparison, a plan in it is none any more, or the
+            page cannot be written.
+    """
+    place = Path(folder)
+    comparison, replays = load_comparison(place, strict=True), load_replays(place)
+    made = read_json(place / "comparison.json")
+    target = place / "report.html" if out is None else Path(out)
+    try:
+        page = report_page(comparison, replays, made)
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{folder} is damaged, its files do not fit: {error!r:.200}") from None
+    return write_text(target, page)
+
+
+def report_page(comparison: Comparison, replays: Mapping[str, Any], made: Mapping[str, Any]) -> str:
+    """The page.
+
+    Args:
+        comparison: With its plans.
+        replays: What `load_replays` gives.
+        made: `command` and `versions`, as in comparison.json.
+    """
+    page = files("planner.report").joinpath("page")
+    script = "\n".join(page.joinpath(name).read_text(encoding="utf-8") for name in SCRIPTS)
+    data = json.dumps(page_data(comparison, replays), separators=(",", ":"), ensure_ascii=False)
+    return Template(page.joinpath("page.html").read_text(encoding="utf-8")).substitute(
+        title=html.escape(comparison.problem.name),
+        style=page.joinpath("page.css").read_text(encoding="utf-8"),
+        question=question(comparison.problem),
+        verdict=verdict(comparison),
+        answers=_answers(comparison),
+        facts=_definitions(facts(comparison)),
+        partial="" if comparison.complete else _PARTIAL,
+        table=_table(comparison),
+        differences=_differences(made.get("differences") or []),
+        worst=_worst(made.get("rows") or []),
+        samples=str(comparison.samples),
+        closed=CLOSED if any(row.feedback for row in comparison.rows) else "",
+        command=html.escape(made.get("command") or "made from Python"),
+        versions=_definitions(list(dict(made.get("versions") or {}).items())),
+        machine=html.escape(json.dumps(comparison.machine.to_dict(), indent=1)),
+        problem=html.escape(json.dumps(comparison.problem.to_dict(), indent=1)),
+        data=data.replace("<", "\\u003c"),
+        script=script,
+    )
+
+
+_PARTIAL = "<p><b>Partial: interrupted before all methods were done.</b></p>"
+
+
+def _answers(comparison: Comparison) -> str:
+    place = places(comparison)
+    return "\n".join(
+        f"<li>{_swatch(place[row.label], row)} <b>{html.escape(row.label)}</b> {text}</li>"
+        for row, text in zip(comparison.rows, answers(comparison), strict=True)
+    )
+
+
+def _definitions(pairs: Sequence[tuple[str, str]]) -> str:
+    return "\n".join(
+        f"<div><dt>{html.escape(name)}</dt><dd>{html.escape(value)}</dd></div>"
+        for name, value in pairs
+    )
+
+
+def _table(comparison: Comparison) -> str:
+    shown = columns(comparison)
+    heads = [(_symbols(c.title), html.escape(c.unit)) for c in shown]
+    head = "".join(
+        f'<th scope="col">{title}{f"<span class=unit>{unit}</span>" if unit else ""}</th>'
+        for title, unit in heads
+    )
+    body, place = [], places(comparison)
+    for row in comparison.rows:
+        cells = "".join(
+            f'<td data-head="{title}">{html.escape(c.text(row)).replace("-", "−")}'
+            f"{f'<span class=unit>{unit}</span>' if unit else ''}</td>"
+            for c, (title, unit) in zip(shown, heads, strict=True)
+        )
+        kind = "" if row.solved else " class=refused"
+        body.append(f"<tr{kind}>{_name(place[row.label], row)}{cells}</tr>")
+    return (
+        f'<thead><tr><th scope="col">plan</th>{head}</tr></thead>\n'
+        f"<tbody>\n{chr(10).join(body)}\n</tbody>"
+    )
+
+
+def _differences(pairs: Sequence[Mapping[str, Any]]) -> str:
+    """Every two plans on the same machines, as a table in a fold; nothing for less than two."""
+    if not pairs:
+        return ""
+    heads = ("difference of E", "95 % interval", "less on", "p (Holm)", "verdict")
+    body = []
+    for pair in pairs:
+        low, high = (number(np.nan if x is None else x) for x in pair["interval_deg"])
+        p = pair["p_corrected"]
+        cells = (
+            f"{number(pair['median_deg'])}°",
+            f"{low}° to {high}°",
+            f"{100 * pair['first_better']:.0f} %",
+            "< 0.001" if p < 1e-3 else f"{p:.2g}",
+            "differ" if pair["significant"] else "not shown to differ",
+        )
+        tds = "".join(
+            f'<td data-head="{head}">{html.escape(cell).replace("-", "−")}</td>'
+            for head, cell in zip(heads, cells, strict=True)
+        )
+        name = f"{html.escape(pair['first'])} <span class=why>against {html.escape(pair['second'])}"
+        body.append(f'<tr><th scope="row">{name}</span></th>{tds}</tr>')
+    head = "".join(f'<th scope="col">{text}</th>' for text in heads)
+    return Template(_FOLD).substitute(head=head, body="\n".join(body))
+
+
+_FOLD = """<details><summary>Plan against plan, machine by machine</summary>
+<div class="scroll" role="region" aria-label="Plan against plan" tabindex="0"><table>
+<thead><tr><th scope="col">plan</th>$head</tr></thead>
+<tbody>
+$body
+</tbody></table></div>
+<p class="note">Difference: the median over the machines of E of the first plan minus E of the other
+on the same machine. p: Wilcoxon's signed-rank test, corrected for all pairs.</p></details>"""
+
+
+def _worst(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Commands that replay each plan's worst machine alone, in a fold."""
+    known = [
+        f"# {row['label']}: machine {row['worst']}\n{row['worst_command']}"
+        for row in rows
+        if row.get("worst_command")
+    ]
+    if not known:
+        return ""
+    text = html.escape("\n\n".join(known))
+    return (
+        "<details><summary>The worst machine of each plan, alone</summary>"
+        f'<pre tabindex="0">{text}</pre></details>'
+    )
+
+
+def _name(k: int, row: Row) -> str:
+    badge = "solved" if row.solved else "refused"
+    label = html.escape(row.label).replace(":", ":<wbr>")
+    why = f'<span class="badge {badge}">{badge}</span> {html.escape(row.why)}'
+    return f'<th scope="row">{_swatch(k, row)} {label}<span class=why>{why}</span></th>'
+
+
+def _swatch(k: int, row: Row) -> str:
+    style = " closed" if row.feedback else "" if row.solved else " dashed"
+    return f'<span class="swatch plan-{k}{style}" aria-hidden="true"></span>'
+
+
+def _symbols(title: str) -> str:
+    """|u1| becomes |u₁|; a percent sign stays with its number."""
+    text = "|".join(subscripted(part) for part in title.split("|"))
+    return html.escape(text.replace(" %", "\N{NO-BREAK SPACE}%"))

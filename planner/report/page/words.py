@@ -1,0 +1,159 @@
+"""A comparison in words for the page: the question, the answer, names and numbers."""
+
+from __future__ import annotations
+
+import html
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from planner.comparison.comparison import Comparison
+from planner.comparison.rows import Row
+from planner.problem.problem import Problem
+from planner.report.figures.style import shown
+from planner.support.tables import number
+
+COLOURS = 9
+"""Colours that the page has for plans."""
+
+_LETTERS = {"theta": "θ", "phi": "φ", "alpha": "α", "beta": "β"}
+_DIGITS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+
+
+def subscripted(name: str) -> str:
+    """theta1 becomes θ₁, u2 u₂; other names lose their underscores."""
+    found = re.fullmatch(r"(theta|phi|alpha|beta|[a-z])(\d+)", name)
+    if not found:
+        return name.replace("_", " ")
+    letter, digits = found.groups()
+    return _LETTERS.get(letter, letter) + digits.translate(_DIGITS)
+
+
+def places(comparison: Comparison) -> dict[str, int]:
+    """Number of each row's colour; a row with feedback has that of the plan it follows."""
+    open_loop = [row.label for row in comparison.rows if not row.feedback]
+    known = {label: k % COLOURS for k, label in enumerate(open_loop)}
+    return {row.label: known.get(row.spec, 0) for row in comparison.rows}
+
+
+def question(problem: Problem) -> str:
+    """What is asked, one sentence of HTML."""
+    arm = hasattr(problem.system, "arm_points")
+    duration = "a free duration" if problem.duration is None else f"{problem.duration:g} s"
+    if arm:
+        start, goal = (_angles(q[1:]) for q in (problem.start, problem.goal))
+        what = f"the arm from θ = {start} to {goal}"
+    else:
+        what = f"the {html.escape(problem.system.kind)} from {_places(problem, problem.start)}"
+        what += f" to {_places(problem, problem.goal)}"
+    return (
+        f"Which plan brings {what} in {duration} within its limits, at what effort, and how far"
+        " from its path does a real machine stray?"
+    )
+
+
+def answers(comparison: Comparison) -> list[str]:
+    """One sentence of HTML for each row: solved or not, at what effort, with what error."""
+    return [_answer(comparison, row) for row in comparison.rows]
+
+
+def verdict(comparison: Comparison) -> str:
+    """The answer in one or two sentences of HTML."""
+    rows = [row for row in comparison.rows if not row.feedback]
+    solved = [row for row in rows if row.solved]
+    if not solved:
+        return "None of the methods gave a plan that keeps every limit."
+    least = min(solved, key=lambda row: row.effort if np.isfinite(row.effort) else np.inf)
+    name = f"<b>{html.escape(least.label)}</b>"
+    if len(solved) == 1:
+        return f"Only {name} gave a plan that reaches the goal and keeps every limit."
+    text = f"{len(solved)} of {len(rows)} plans reach the goal and keep every limit."
+    return f"{text} The least effort is that of {name}."
+
+
+def facts(comparison: Comparison) -> list[tuple[str, str]]:
+    """Names and values (plain text) of what was asked for."""
+    problem = comparison.problem
+    system, limits = problem.system, problem.limits
+    first = system.coordinates[0]
+    travel = "free" if problem.travel is None else f"{problem.travel:g} {first.unit}"
+    out = [
+        ("System", _constants(problem)),
+        ("Travel", f"{subscripted(first.name)}: {travel}"),
+        ("Duration", "free" if problem.duration is None else f"{problem.duration:g} s"),
+    ]
+    for c, most, rate in zip(system.inputs, limits.input, limits.input_rate, strict=True):
+        name = subscripted(c.name)
+        if np.isfinite(most):
+            out.append((f"Limit of {name}", f"|{name}| ≤ {most:g} {c.unit}"))
+        if np.isfinite(rate):
+            out.append((f"Limit of its rate, {name}", f"{rate:g} {c.unit}/s"))
+    out += _joint_limits(problem)
+    if limits.z2_margin is not None:
+        out.append(("Distance from z₂ = 0", f"at least {limits.z2_margin:g}"))
+    machines = f"{comparison.samples} drawn from “{comparison.machine.preset}”"
+    return [*out, ("Machines", machines), ("Seed", str(comparison.seed))]
+
+
+def _joint_limits(problem: Problem) -> list[tuple[str, str]]:
+    by_value: dict[str, list[str]] = {}
+    for i in problem.system.limited:
+        most, c = float(problem.limits.joint[i]), problem.system.coordinates[i]
+        if np.isfinite(most):
+            unit = "°" if c.unit == "rad" else f" {c.unit}"
+            value = f"{float(shown(np.array([most]), c.unit)[0]):g}{unit}"
+            by_value.setdefault(value, []).append(f"|{subscripted(c.name)}|")
+    return [("Limits of angles", f"{', '.join(who)} ≤ {most}") for most, who in by_value.items()]
+
+
+def _answer(comparison: Comparison, row: Row) -> str:
+    if not row.solved:
+        tried = "; replayed for study" if np.isfinite(row.E_median_deg) else ""
+        return f"refused: {html.escape(row.why)}{tried}."
+    text = f"{'takes' if row.feedback else 'solved with'} effort {number(row.effort, 4)}"
+    if np.isfinite(row.E_median_deg):
+        text += (
+            f"; on the machines its largest joint error is {number(row.E_median_deg)}°"
+            f"{_interval(row.E_median_interval_deg)} in the median and below"
+            f" {number(row.E_p95_deg)}°{_interval(row.E_p95_interval_deg)} for 95 %"
+        )
+    return text + "."
+
+
+def _interval(ends: tuple[float, float]) -> str:
+    if not np.all(np.isfinite(ends)):
+        return ""
+    return f" (95 % interval {number(ends[0])} to {number(ends[1])})"
+
+
+def _constants(problem: Problem) -> str:
+    data = problem.system.to_dict()
+    parts = [str(data.pop("kind"))]
+    for key, value in data.items():
+        if key != "link_lengths":
+            parts.append(f"{key} = {_plain(value)}")
+    return ", ".join(parts)
+
+
+def _plain(value: object) -> str:
+    if isinstance(value, list):
+        return "(" + ", ".join(_plain(v) for v in value) + ")"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _angles(radians: Sequence[float] | np.ndarray) -> str:
+    return "(" + ", ".join(f"{x:.4g}" for x in np.rad2deg(radians)) + ")°"
+
+
+def _places(problem: Problem, q: np.ndarray) -> str:
+    parts = []
+    for c, value in zip(problem.system.coordinates, q, strict=True):
+        if not np.isfinite(value):
+            if problem.travel is None:
+                continue
+            value = problem.start[0] + problem.travel
+        unit = "°" if c.unit == "rad" else f" {c.unit}"
+        amount = f"{float(shown(np.array([value]), c.unit)[0]):.4g}{unit}"
+        parts.append(f"{html.escape(subscripted(c.name))} = {html.escape(amount)}")
+    return ", ".join(parts)

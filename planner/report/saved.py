@@ -1,0 +1,105 @@
+"""A comparison read back from its folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from planner.comparison.comparison import FORMAT, VERSION, Comparison
+from planner.comparison.rows import Row
+from planner.errors import InputError
+from planner.machine.machine import Machine
+from planner.problem.problem import Problem
+from planner.support.files import read_json
+from planner.support.tables import line
+from planner.verification.load_plan import load_plan
+
+
+def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
+    """Read the folder that `Comparison.save` wrote, and judge its plans again.
+
+    Rows and plans come back; replays do not, since the folder keeps their errors only (see
+    `load_replays`). A row that says it is solved, and whose plan is none of this problem, comes
+    back unsolved: its `why` says what is wrong, and its numbers, those of another motion, are gone.
+
+    Args:
+        folder: The folder.
+        strict: Whether to refuse a folder with such a row.
+
+    Raises:
+        InputError: If the folder is missing, not that of a comparison, or damaged; or, if `strict`,
+            a row says it is solved and is not.
+    """
+    place = Path(folder)
+    try:
+        data = read_json(place / "comparison.json")
+    except InputError as error:
+        raise InputError(f"{folder} is not the folder of a comparison: {error}") from None
+    if data.get("format") != FORMAT or data.get("version") != VERSION:
+        raise InputError(
+            f"{place / 'comparison.json'} is not a comparison this planner reads: format"
+            f" {data.get('format')!r:.60}, version {data.get('version')!r:.60}"
+        )
+    try:
+        problem = Problem.from_dict(data["problem"], data["source"])
+        rows = [_row(row, place, problem) for row in data["rows"]]
+        said = (row["why"] for row in data["rows"])
+        fallen = [row.why for row, why in zip(rows, said, strict=True) if row.why != why]
+        if fallen and strict:
+            raise InputError("\n".join(f"{folder}: {why}" for why in fallen))
+        return Comparison(
+            problem=problem,
+            rows=tuple(rows),
+            machine=Machine.from_table(data["machine"]),
+            samples=data["samples"],
+            seed=data["seed"],
+            complete=data["complete"],
+        )
+    except (KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{place / 'comparison.json'} is damaged: {error!r}") from None
+
+
+def load_replays(folder: str | Path) -> dict[str, Any]:
+    """What the folder keeps of the replays, by label: see `planner.report.folders.replay_data`.
+
+    Empty if the folder holds nothing of the kind.
+
+    Raises:
+        InputError: If the file is damaged.
+    """
+    path = Path(folder) / "replays.json"
+    return read_json(path) if path.exists() else {}
+
+
+def _asked(problem: Problem) -> dict[str, Any]:
+    """What a problem asks for, whatever it is called."""
+    return {key: value for key, value in problem.to_dict().items() if key != "title"}
+
+
+def _row(data: Mapping[str, Any], place: Path, problem: Problem) -> Row:
+    file = data.get("plan_file")
+    plan = None if file is None else load_plan(place / file)
+    fault = "" if plan is None else plan.why
+    if plan is not None and _asked(plan.problem) != _asked(problem):
+        fault = "it is made for another problem than the folder's"
+    elif data["solved"] and not (plan and plan.verified):
+        fault = fault or "no verified plan is there"
+    if fault:
+        why = f"{file} was changed after it was made: {fault}; compare again"
+        return Row(data["label"], data["method"], False, why, plan=plan, feedback=data["feedback"])
+    known = {field.name: field for field in fields(Row)} | {"peak_u": None}
+    given = {**data, "peak_u": data["peak_u_rad_s"]}
+    values = {k: _read_back(v) for k, v in given.items() if k in known and k != "replay"}
+    values["domain_ok"] = data["domain_ok"]
+    return Row(**values, plan=plan)
+
+
+def _read_back(value: Any) -> Any:
+    """Null is a number that is not defined; a list is a tuple."""
+    if isinstance(value, list):
+        return tuple(_read_back(item) for item in value)
+    if isinstance(value, str):
+        return line(value, 2000)
+    return float("nan") if value is None else value

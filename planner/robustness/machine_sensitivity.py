@@ -1,0 +1,278 @@
+"""How every parameter of the emulated machine reaches the end of a plan, by paired differences.
+
+A machine with play, stick and limits is not smooth, so nothing is differentiated: the plan is
+replayed on machines that differ from the nominal one in one number, a step up and a step down, and
+the difference of the two motions is taken over their distance. The step is the machine's own
+spread where it has one. All these machines run side by side in one replay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.machine.machine import Draws, Machine, draw
+from planner.machine.simulate import simulate_draws
+from planner.plan.plan import Plan
+from planner.problem.tables.machine_effects import EFFECTS, Effect
+from planner.support.arrays import Array
+from planner.systems.triangular_system import TriangularSystem
+
+PART = 0.05
+"""Step of a parameter without spread, as a part of its value."""
+
+STEPS: Mapping[str, float] = {
+    "": 0.01,
+    "s": 0.005,
+    "rad/s": 0.001,
+    "deg": 0.1,
+    "N m": 0.02,
+    "1/(N m)": 0.002,
+    "N m s/rad": 0.01,
+    "kg m^2": 1e-4,
+}
+"""Step of a parameter that is zero, by its unit."""
+
+ALONE = ("control_period_s", "delay_s")
+"""Parameters that set the grid of times, which all machines of one replay share."""
+
+SETTLE_S = 0.5
+RECORDS = 200
+ALONG = 5
+"""Every so many of the recorded times are written out."""
+
+SILENT_DEG = 1e-9
+"""Change of an angle, over the step, below which a parameter counts as without effect."""
+
+
+@dataclass(frozen=True, eq=False)
+class MachineEntry:
+    """Response to one parameter of the machine.
+
+    Attributes:
+        effect: Key of the `[machine]` table.
+        element: Motor or joint it belongs to ("u1", "theta2"); empty for one of the whole machine.
+        unit: Its unit; empty for fractions.
+        value: Nominal value.
+        spread: Standard deviation from machine to machine.
+        low: Value of the lower of the two machines.
+        high: Value of the upper one.
+        along: Degrees of each angle for one unit, over the recorded times, shape (R, n).
+    """
+
+    effect: str
+    element: str
+    unit: str
+    value: float
+    spread: float
+    low: float
+    high: float
+    along: Array
+
+    @property
+    def name(self) -> str:
+        """Effect and element."""
+        return f"{self.effect} {self.element}".strip()
+
+    @property
+    def terminal(self) -> Array:
+        """Degrees of each angle at the end for one unit, shape (n,)."""
+        return np.asarray(self.along[-1])
+
+    @property
+    def reference(self) -> float:
+        """One spread, or where it has none, half the distance of the two machines."""
+        return self.spread or (self.high - self.low) / 2
+
+    @property
+    def contribution(self) -> Array:
+        """Degrees of each angle at the end for one `reference`, shape (n,)."""
+        return self.terminal * self.reference
+
+    @property
+    def silent(self) -> bool:
+        """Whether nothing changes, at any time."""
+        return bool(np.max(np.abs(self.along)) * (self.high - self.low) < SILENT_DEG)
+
+
+@dataclass(frozen=True, eq=False)
+class MachineSensitivity:
+    """Responses of one plan to the parameters of one machine.
+
+    Attributes:
+        plan: The plan.
+        machine: The machine; its nominal values are what is stepped from.
+        angles: Names of the n angles.
+        t: Recorded times, shape (R,), s; the last is after the servos have settled.
+        nominal_error_deg: Error of each angle at the end on the nominal machine, shape (n,).
+        entries: In the order of the signal path.
+        omitted: Parameters without a step, and why.
+    """
+
+    plan: Plan
+    machine: Machine
+    angles: tuple[str, ...]
+    t: Array
+    nominal_error_deg: Array
+    entries: tuple[MachineEntry, ...]
+    omitted: Mapping[str, str]
+
+    def __repr__(self) -> str:
+        return (
+            f"MachineSensitivity({self.plan.method} plan, {len(self.entries)} parameters: one"
+            f" spread of each {self.total_deg:.4g} deg at the end)"
+        )
+
+    @property
+    def matrix(self) -> Array:
+        """Degrees of each angle at the end for one unit of each parameter, shape (n, P)."""
+        return np.stack([e.terminal for e in self.entries], axis=1)
+
+    @property
+    def total_deg(self) -> float:
+        """Root sum of squares over angles and parameters of what one spread of each does."""
+        return float(np.sqrt(sum(np.sum((e.terminal * e.spread) ** 2) for e in self.entries)))
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready."""
+        return {
+            "angles": list(self.angles),
+            "nominal_error_deg": self.nominal_error_deg.tolist(),
+            "total_deg": self.total_deg,
+            "t_s": self.t[::ALONG].tolist(),
+            "parameters": [
+                {
+                    "effect": e.effect,
+                    "element": e.element,
+                    "unit": e.unit,
+                    "value": e.value,
+                    "spread": e.spread,
+                    "low": e.low,
+                    "high": e.high,
+                    "response_deg_per_unit": dict(zip(self.angles, e.terminal, strict=True)),
+                    "reference": e.reference,
+                    "response_deg": dict(zip(self.angles, e.contribution, strict=True)),
+                    "without_effect": e.silent,
+                    "along_deg_per_unit": e.along[::ALONG].tolist(),
+                }
+                for e in self.entries
+            ],
+            "omitted": dict(self.omitted),
+        }
+
+
+@dataclass(frozen=True)
+class _Step:
+    effect: str
+    index: int
+    element: str
+    value: float
+    spread: float
+    low: float
+    high: float
+
+
+def machine_sensitivity(plan: Plan, machine: Machine | None = None) -> MachineSensitivity:
+    """Paired differences of an executable plan's open-loop replay, one parameter at a time.
+
+    Args:
+        plan: Any executable plan.
+        machine: The machine; the problem's `[machine]` table when left out.
+
+    Raises:
+        InputError: If the plan cannot be executed or the machine does not match the system.
+    """
+    if not plan.executable:
+        raise InputError(
+            f"the {plan.method} plan leaves the chart's domain, so it has no inputs to replay"
+        )
+    used = Machine.from_table(plan.problem.machine) if machine is None else machine
+    system = plan.problem.system
+    steps, omitted = [], {}
+    for name, effect in EFFECTS.items():
+        found = list(_steps(used, system, name, effect))
+        steps += found
+        if not found:
+            omitted[name] = "off; it has no value to step from"
+    t, nominal, up, down = _motions(plan, used, steps)
+    angles = [i for i, c in enumerate(system.coordinates) if i and c.unit == "rad"]
+    entries = []
+    for k, step in enumerate(steps):
+        slope = np.rad2deg(up[k][:, angles] - down[k][:, angles]) / (step.high - step.low)
+        unit = EFFECTS[step.effect].unit
+        entries.append(
+            MachineEntry(
+                step.effect, step.element, unit, step.value, step.spread, step.low, step.high, slope
+            )
+        )
+    error = np.rad2deg(nominal[-1] - plan.q(plan.duration))[angles]
+    names = tuple(system.coordinates[i].name for i in angles)
+    return MachineSensitivity(plan, used, names, t, error, tuple(entries), omitted)
+
+
+def _steps(
+    machine: Machine, system: TriangularSystem, name: str, effect: Effect
+) -> Iterator[_Step]:
+    """One step for each element of an effect; none where it is off and has no finite neutral."""
+    on = machine.effects.get(name)
+    if on is None and not (np.isfinite(effect.off) and not effect.positive):
+        return
+    joints = system.size - 1
+    count = effect.count(joints)
+    values = np.broadcast_to([effect.off] if on is None else on.value, count)
+    spreads = np.broadcast_to([0.0] if on is None else on.spread, count)
+    for i, (value, spread) in enumerate(zip(values, spreads, strict=True)):
+        size = spread or (PART * abs(value) if value else STEPS.get(effect.unit, 0.01))
+        low, high = max(value - size, effect.low), min(value + size, effect.high)
+        if effect.positive:
+            low = max(low, value / 2)
+        yield _Step(name, i, _element(system, effect, i), value, float(spread), low, high)
+
+
+def _element(system: TriangularSystem, effect: Effect, i: int) -> str:
+    if effect.per == "machine":
+        return ""
+    if effect.per == "motor":
+        return system.inputs[i].name
+    return system.coordinates[i + (1 if effect.per == "joint" else 2)].name
+
+
+def _motions(
+    plan: Plan, machine: Machine, steps: list[_Step]
+) -> tuple[Array, Array, list[Array], list[Array]]:
+    """Recorded times, the nominal motion (R, N), and those of the upper and lower machines."""
+    nominal, joints = machine.nominal(), plan.problem.system.size - 1
+    record = plan.duration / RECORDS
+    own = [k for k, s in enumerate(steps) if s.effect not in ALONE]
+    count = 1 + 2 * len(own)
+    base = draw(nominal, joints, np.arange(count), 0)
+    values = {name: value.copy() for name, value in base.values.items()}
+    for at, k in enumerate(own):
+        step = steps[k]
+        effect = EFFECTS[step.effect]
+        if step.effect not in values:
+            values[step.effect] = np.full((effect.count(joints), count), effect.off)
+        values[step.effect][step.index, 1 + 2 * at : 3 + 2 * at] = step.high, step.low
+    drawn = Draws(base.numbers, values)
+    run = simulate_draws(plan, nominal, drawn, settle_s=SETTLE_S, record_s=record)
+    up, down = [run.q[0]] * len(steps), [run.q[0]] * len(steps)
+    for at, k in enumerate(own):
+        up[k], down[k] = run.q[1 + 2 * at], run.q[2 + 2 * at]
+    for k, step in enumerate(steps):
+        if step.effect in ALONE:
+            up[k], down[k] = (
+                _one(plan, nominal.with_(**{step.effect: value}), record)
+                for value in (step.high, step.low)
+            )
+    return run.t, run.q[0], up, down
+
+
+def _one(plan: Plan, machine: Machine, record_s: float) -> Array:
+    """Recorded motion (R, N) of one machine."""
+    drawn = draw(machine, plan.problem.system.size - 1, np.arange(1), 0)
+    run = simulate_draws(plan, machine, drawn, settle_s=SETTLE_S, record_s=record_s)
+    return np.asarray(run.q[0])

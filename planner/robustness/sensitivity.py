@@ -1,0 +1,368 @@
+"""How errors of inputs, start and constants reach the end of an open-loop plan.
+
+First-order sensitivities S(t) = ∂q(t)/∂p follow Ṡ = A S + ∂f/∂p along the plan; see
+`planner.systems.linearised` for the parameters p. Those of a machine, which is not smooth, are
+taken by paired differences: `planner.robustness.machine_sensitivity`.
+
+Figures by which a companion paper judges plans, in our reading of its abstract.
+
+L. Li, Y. Tan, Z. Li, "Nonholonomic Motion Planning Strategy for Underactuated Manipulator", Journal
+of Robotics 2014, 743857, says: "two evaluation indicators are defined and used to estimate control
+precision and linear approximation capability. In the end, the initial error sensitivity matrix is
+introduced to describe the interference sensitivity, which is called robustness." We had the
+abstract alone; the definitions below are **our reading of these words**, not the paper's formulas.
+
+- Control precision: the error at the goal when the plan's input is sampled and held, as a real
+  controller plays it, over an ideal machine. Nothing but the plan and the period decides it.
+- Linear approximation capability: how far the joints' path leaves the straight line between start
+  and goal in joint space, over the line's length; 0 for a path that is that line.
+- Initial error sensitivity matrix: ∂q(T)/∂q(0) under the plan's open-loop input.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from planner.errors import InputError
+from planner.plan.plan import Plan, expect_plan
+from planner.support.arrays import Array
+from planner.support.compiled_calls import Pointwise
+from planner.support.one_variable import maximum, sample_times
+from planner.systems.ball_gear import BallGear
+from planner.systems.linearised import linearised, parameters
+from planner.systems.manipulator import Manipulator
+from planner.systems.triangular_system import TriangularSystem
+
+PAPER_SPREAD: Mapping[str, float] = {"gain": 0.01, "start": float(np.deg2rad(0.5))}
+"""The spread the package compares plans by: 1 % input gains and 0.5° at every starting angle."""
+
+REFERENCE: Mapping[str, float] = {
+    "gain": 0.01,
+    "bias": 0.001,
+    "delay": 0.01,
+    "stretch": 0.01,
+    "start": float(np.deg2rad(0.5)),
+    "gear": 0.01,
+}
+"""An error of a usual size of each family, in its unit: what responses are shown for."""
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Sensitivities of one plan.
+
+    Attributes:
+        plan: The plan.
+        t: Times (m,), seconds.
+        along: S(t), shape (m, N, P): change of coordinate i for a unit of parameter j.
+        parameters: Names of the P parameters, in order.
+        units: Units of the parameters ("1" for relative errors).
+    """
+
+    plan: Plan
+    t: Array
+    along: Array
+    parameters: tuple[str, ...]
+    units: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return (
+            f"Sensitivity({self.plan.method} plan, {len(self.parameters)} parameters: at the end"
+            f" {self.total_deg():.4g} deg, of it irreducible {self.floor_deg():.4g}, passive block"
+            f" {self.passive_block_deg():.4g})"
+        )
+
+    @property
+    def terminal(self) -> Array:
+        """S(T), shape (N, P)."""
+        return np.asarray(self.along[-1])
+
+    def entry(self, coordinate: str, parameter: str) -> float:
+        """One entry of S(T) by names.
+
+        Raises:
+            InputError: If a name is unknown; lists the known ones.
+        """
+        names = [c.name for c in self.plan.problem.system.coordinates]
+        for name, known in ((coordinate, names), (parameter, list(self.parameters))):
+            if name not in known:
+                raise InputError(f"unknown name '{name}'; known: {', '.join(known)}")
+        row, column = names.index(coordinate), self.parameters.index(parameter)
+        return float(self.terminal[row, column])
+
+    def total_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> float:
+        """Root sum of squares over all joints and parameters, in degrees.
+
+        Args:
+            spread: Standard deviation of each parameter by its name, or of a family by its first
+                word ("gain", "bias", "delay", "stretch", "start"; "gear" for the constants); what
+                is not named has none.
+        """
+        return self._rss(spread, np.ones_like(self.terminal, dtype=bool))
+
+    def floor_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> float:
+        """The part of `total_deg` that no open-loop plan between the same ends can change."""
+        return self._rss(spread, self.irreducible)
+
+    def passive_block_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> float:
+        """Response of θ₂ … θₙ to the start of θ₁ and the gain of u₂, root sum of squares, degrees.
+
+        Only the path decides it, so it is the measure by which desensitised plans are compared.
+        """
+        mask = np.zeros_like(self.terminal, dtype=bool)
+        first = self.plan.problem.system.coordinates[1].name
+        second = self.plan.problem.system.inputs[1].name
+        for name in (f"start {first}", f"gain {second}"):
+            mask[2:, self.parameters.index(name)] = True
+        return self._rss(spread, mask)
+
+    def reference(self, spread: Mapping[str, float] = PAPER_SPREAD) -> Array:
+        """An error of each parameter to show responses by, shape (P,), in the parameters' units.
+
+        Its standard deviation; where it has none, the usual size in `REFERENCE`.
+        """
+        sigma = self._sigma(spread)
+        usual = [REFERENCE[p.family] for p in parameters(self.plan.problem.system)]
+        return np.where(sigma > 0, sigma, usual)
+
+    def contribution_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> Array:
+        """Response of each angle at the end to each `reference` error, shape (n, P), degrees."""
+        return np.asarray(np.rad2deg(self.terminal[self.angles] * self.reference(spread)))
+
+    @property
+    def angles(self) -> list[int]:
+        """Array indices of the coordinates after the first that are angles."""
+        return [
+            i for i, c in enumerate(self.plan.problem.system.coordinates) if i and c.unit == "rad"
+        ]
+
+    def along_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> Array:
+        """Standard deviation of each angle at the times `t`, shape (m, n), degrees."""
+        response = self.along[:, self.angles] * self._sigma(spread)
+        return np.asarray(np.rad2deg(np.sqrt(np.sum(response**2, axis=-1))))
+
+    def to_dict(self, spread: Mapping[str, float] = PAPER_SPREAD) -> dict[str, Any]:
+        """JSON-ready: the matrix in SI units, responses to reference errors (deg), and sums."""
+        names = [c.name for c in self.plan.problem.system.coordinates]
+        angles = [names[i] for i in self.angles]
+        shown = self.contribution_deg(spread)
+        fixed = self.irreducible
+        columns = [
+            {
+                "parameter": name,
+                "unit": self.units[p],
+                "standard_deviation": float(self._sigma(spread)[p]),
+                "reference": float(self.reference(spread)[p]),
+                "response_deg": dict(zip(angles, shown[:, p].tolist(), strict=True)),
+                "irreducible": [names[i] for i in np.flatnonzero(fixed[:, p])],
+            }
+            for p, name in enumerate(self.parameters)
+        ]
+        at = [int(np.argmin(np.abs(self.t - t))) for t in np.linspace(0, self.plan.duration, 51)]
+        along = self.along_deg(spread)[at]
+        return {
+            "coordinates": names,
+            "parameters": columns,
+            "matrix": self.terminal.tolist(),
+            "total_deg": self.total_deg(spread),
+            "floor_deg": self.floor_deg(spread),
+            "passive_block_deg": self.passive_block_deg(spread),
+            "along": {
+                "t_s": self.t[at].tolist(),
+                "standard_deviation_deg": dict(zip(angles, along.T.tolist(), strict=True)),
+                "matrix": self.along[at].tolist(),
+            },
+        }
+
+    @property
+    def irreducible(self) -> NDArray[np.bool_]:
+        """Mask (N, P) of the entries of S(T) that start and goal alone decide.
+
+        A coordinate's rate does not read the coordinate itself (q₂, and every θᵢ of the arms), so
+        its own start offset arrives whole; the gain of u₂ meets q₂ alone with its travel; a joint's
+        own constant, and for the first passive joint the gain of u₁, scale its travel.
+        """
+        return _irreducible(self.plan.problem.system, self.parameters)
+
+    def _sigma(self, spread: Mapping[str, float]) -> Array:
+        known = parameters(self.plan.problem.system)
+        return np.array([spread.get(p.name, spread.get(p.family, 0.0)) for p in known])
+
+    def _rss(self, spread: Mapping[str, float], mask: NDArray[np.bool_]) -> float:
+        response = np.where(mask, self.terminal, 0.0)[self.angles] * self._sigma(spread)
+        return float(np.rad2deg(np.sqrt(np.sum(response**2))))
+
+
+def sensitivity(plan: Plan, samples: int = 2000) -> Sensitivity:
+    """First-order sensitivity of an executable plan, along it and at its end.
+
+    Args:
+        plan: Any executable plan.
+        samples: About how many integration steps to take; they crowd where inputs are steep.
+
+    Raises:
+        InputError: If the plan cannot be executed.
+    """
+    expect_plan(plan)
+    if not plan.executable:
+        raise InputError(
+            f"the {plan.method} plan leaves the chart's domain, so it has no inputs to perturb"
+        )
+    system = plan.problem.system
+    known = parameters(system)
+    names, units = tuple(p.name for p in known), tuple(p.unit for p in known)
+    t = np.unique(sample_times(plan.t, samples))
+    S = np.zeros((len(t), system.size, len(names)))
+    first = names.index(f"start {system.coordinates[0].name}")
+    S[0, :, first : first + system.size] = np.eye(system.size)
+    ends = np.where(np.isin(t[1:], plan.t[1:-1]), np.nextafter(t[1:], 0.0), t[1:])
+    left, middle, right = (_linearised(plan, at) for at in (t[:-1], (t[:-1] + t[1:]) / 2, ends))
+    for k, h in enumerate(np.diff(t)):
+        S[k + 1] = _runge_kutta(S[k], h, *((A[k], B[k]) for A, B in (left, middle, right)))
+    return Sensitivity(plan, t, S, names, units)
+
+
+Linear = tuple[Array, Array]
+
+
+def _runge_kutta(S: Array, h: float, start: Linear, middle: Linear, end: Linear) -> Array:
+    """One classical step of Ṡ = A S + B with A, B given at its start, middle and end."""
+    k1 = start[0] @ S + start[1]
+    k2 = middle[0] @ (S + h / 2 * k1) + middle[1]
+    k3 = middle[0] @ (S + h / 2 * k2) + middle[1]
+    k4 = end[0] @ (S + h * k3) + end[1]
+    return np.asarray(S + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4))
+
+
+def _linearised(plan: Plan, t: Array) -> Linear:
+    """A (m, N, N) and B (m, N, P) at the times t (m,)."""
+    system = plan.problem.system
+    size = system.size
+    out = _derivatives(system)(plan.q(t), plan.u(t), t[:, None])
+    return out[:, :, :size], out[:, :, size:]
+
+
+@lru_cache(maxsize=32)
+def _derivatives(system: TriangularSystem) -> Pointwise:
+    """(q, u, t) → [A, B] side by side, columns of B in the order of `parameters`."""
+    form = linearised(system)
+    value = ca.horzcat(form.A, *(form.forcing[p.name] for p in parameters(system)))
+    return Pointwise("derivatives", [form.q, form.u, form.t], value)
+
+
+def _irreducible(system: TriangularSystem, names: tuple[str, ...]) -> NDArray[np.bool_]:
+    mask = np.zeros((system.size, len(names)), dtype=bool)
+    mask[1, names.index(f"gain {system.inputs[1].name}")] = True
+    mask[1, names.index(f"bias {system.inputs[1].name}")] = True
+    first = names.index(f"start {system.coordinates[0].name}")
+    mask[1, first + 1] = True
+    if isinstance(system, Manipulator | BallGear):
+        for i in range(2, system.size):
+            mask[i, first + i] = True
+            mask[i, names.index(f"K{i}")] = True
+        mask[2, names.index(f"gain {system.inputs[0].name}")] = True
+    return mask
+
+
+@dataclass(frozen=True)
+class Indicators:
+    """Our reading of the companion paper's indicators, for one plan.
+
+    Attributes:
+        joints: Names of the n angles they speak of: every angle after the path coordinate.
+        control_precision_deg: Largest terminal error of a joint, in degrees, with the input held
+            over `period_s`; smaller is better.
+        period_s: The controller's period, in seconds.
+        linear_deviation_deg: Greatest distance of the joints' path from the straight line between
+            its ends, in degrees.
+        linear_approximation: That over the line's length (dimensionless); smaller is better, NaN
+            where the ends coincide.
+        initial_error_matrix: ∂q(T)/∂q(0), shape (N, N), in the coordinates' units.
+        initial_error_gain: Largest singular value of its block of joints (dimensionless): how much
+            the worst initial error of the joints grows; smaller is better, 1 at least.
+    """
+
+    joints: tuple[str, ...]
+    control_precision_deg: float
+    period_s: float
+    linear_deviation_deg: float
+    linear_approximation: float
+    initial_error_matrix: Array
+    initial_error_gain: float
+
+
+def indicators(plan: Plan, period_s: float = 0.01) -> Indicators:
+    """The indicators of an executable plan.
+
+    Args:
+        plan: Any executable plan.
+        period_s: Seconds between two samples of the input, which is held between them.
+
+    Raises:
+        InputError: If the plan cannot be executed, the period is not positive, or the system has
+            no angles after its path coordinate.
+    """
+    if not plan.executable:
+        raise InputError(f"the {plan.method} plan leaves the chart's domain and has no inputs")
+    if not period_s > 0:
+        raise InputError(f"period_s = {period_s!r} must be a positive number of seconds")
+    coordinates = plan.problem.system.coordinates
+    joints = [i for i, c in enumerate(coordinates) if i > 0 and c.unit == "rad"]
+    if not joints:
+        raise InputError(f"a {plan.problem.system.kind} has no angles after its path coordinate")
+    error = held_end(plan, period_s) - plan.q(plan.duration)
+    deviation, length = _from_straight(plan, joints)
+    matrix = _initial_errors(plan)
+    return Indicators(
+        joints=tuple(coordinates[i].name for i in joints),
+        control_precision_deg=float(np.rad2deg(np.max(np.abs(error[joints])))),
+        period_s=period_s,
+        linear_deviation_deg=float(np.rad2deg(deviation)),
+        linear_approximation=deviation / length if length > 0 else np.nan,
+        initial_error_matrix=matrix,
+        initial_error_gain=float(np.linalg.norm(matrix[np.ix_(joints, joints)], 2)),
+    )
+
+
+def held_end(plan: Plan, period_s: float) -> Array:
+    """q(T), shape (N,), of the ideal machine under the input sampled and held every period."""
+    system, q = plan.problem.system, plan.problem.start
+    count = int(np.ceil(plan.duration / period_s * (1 - 1e-12)))
+    edges = np.append(period_s * np.arange(count), plan.duration)
+    for u, span in zip(plan.u(edges[:-1]), np.diff(edges), strict=True):
+        moved = solve_ivp(
+            lambda _, q, u=u: system.rates(q, u), (0, span), q, "DOP853", rtol=1e-9, atol=1e-11
+        )
+        q = moved.y[:, -1]
+    return np.asarray(q)
+
+
+def _from_straight(plan: Plan, joints: list[int]) -> tuple[float, float]:
+    """Greatest distance from the chord of the joints' path, and the chord's length, in radians."""
+    ends = plan.q(np.array([0.0, plan.duration]))[:, joints]
+    chord = ends[1] - ends[0]
+    length = float(np.linalg.norm(chord))
+    along = chord / length if length > 0 else chord
+
+    def distance(t: Array) -> Array:
+        offset = plan.q(t)[..., joints] - ends[0]
+        foot = np.clip(offset @ along, 0.0, length)[..., None] * along
+        return np.asarray(np.linalg.norm(offset - foot, axis=-1))
+
+    return maximum(distance, sample_times(plan.t))[0], length
+
+
+def _initial_errors(plan: Plan) -> Array:
+    response = sensitivity(plan)
+    columns = [
+        response.parameters.index(f"start {c.name}") for c in plan.problem.system.coordinates
+    ]
+    return np.asarray(response.terminal[:, columns])

@@ -1,0 +1,214 @@
+"""Sobol indices of the error index E: which effect explains how much of its variance.
+
+The variance of E is split among the effects and their interactions (I. M. Sobol, Math. Comput.
+Simul. 55, 2001, 271). First order: the share that goes when the effect alone is fixed. Total: the
+share in which it has a part. Sampled and estimated by SALib (J. Herman, W. Usher, J. Open Source
+Softw. 2, 2017, 97) with Saltelli's scheme; all values of one effect (one a joint) are one group.
+
+Two questions have two answers. *Between machines*: only effects with a spread are factors, each at
+its quantiles; what has no spread stays as it is. *On or off*: every effect is a factor that is off
+in one half of the runs and at its mean in the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.machine.machine import Draws, Machine, at_quantiles, draw
+from planner.problem.tables.machine_effects import EFFECTS
+from planner.support.arrays import Array
+from planner.support.package import how_to_install
+
+CONFIDENCE = 0.95
+
+LARGE = 1e6
+"""What stands for infinity (a rigid shaft, no limit): so many times the effect's value, or one."""
+
+TOGETHER = ("delay_s", "servo_bandwidth_rad_s", "acceleration_limit_rad_s2")
+"""Off for all samples of a simulation or for none: with one delay for all, the grid of time holds
+every jump of the command, and without lag and ramp the command is integrated to higher order."""
+
+INSIDE = 1e-9
+"""Quantiles are kept so far from 0 and 1."""
+
+Errors = Callable[[Machine, Draws], Array]
+"""E of given single machines, (S,), degrees."""
+
+
+@dataclass(frozen=True)
+class Index:
+    """Sobol indices of one effect, as shares of the variance of E.
+
+    Attributes:
+        first: First order.
+        first_half: Half of its 95 % interval (bootstrap).
+        total: Total.
+        total_half: Half of its 95 % interval.
+    """
+
+    first: float
+    first_half: float
+    total: float
+    total_half: float
+
+
+NONE = Index(0.0, 0.0, 0.0, 0.0)
+
+
+def between_machines(
+    machine: Machine, names: Sequence[str], joints: int, errors: Errors, base: int, seed: int
+) -> dict[str, Index]:
+    """Indices of the effects that differ from machine to machine.
+
+    Args:
+        machine: The distribution.
+        names: The effects to look at.
+        joints: Coordinates after the first, N−1.
+        errors: Simulates.
+        base: Number of base samples, a power of 2; (effects + 2) · base machines are simulated.
+        seed: Seed of the samples and of the bootstrap.
+    """
+    varying = {k: machine.effects[k] for k in names if machine.effects[k].varies}
+
+    def evaluate(places: Mapping[str, Array]) -> Array:
+        count = next(iter(places.values())).shape[1]
+        values = {}
+        for name, quantity in machine.effects.items():
+            middle = np.full((EFFECTS[name].count(joints), count), 0.5)
+            values[name] = at_quantiles(name, quantity, joints, places.get(name, middle))
+        return errors(machine, Draws(np.arange(count), values))
+
+    sizes = {name: EFFECTS[name].count(joints) for name in varying}
+    return indices(sizes, evaluate, base, seed)
+
+
+def on_or_off(
+    machine: Machine, names: Sequence[str], joints: int, errors: Errors, base: int, seed: int
+) -> dict[str, Index]:
+    """Indices of each effect as a switch; arguments as for `between_machines`."""
+    nominal = machine.nominal()
+
+    def evaluate(places: Mapping[str, Array]) -> Array:
+        off = {name: place[0] < 0.5 for name, place in places.items()}
+        out = np.empty(len(next(iter(off.values()))))
+        for shared, rows in _patterns(off):
+            there = nominal.without(*shared)
+            draws = draw(there, joints, np.arange(len(rows)), seed)
+            out[rows] = errors(there, switched(draws, {k: f[rows] for k, f in off.items()}))
+        return out
+
+    return indices(dict.fromkeys(names, 1), evaluate, base, seed)
+
+
+def check(base: int) -> None:
+    """Refuse what `indices` would, before the work that leads to it.
+
+    Raises:
+        InputError: If SALib is missing or `base` is no power of 2.
+    """
+    if base < 2 or base & (base - 1):
+        raise InputError(f"base = {base}: must be a power of 2, as 64, 128 or 256")
+    _salib()
+
+
+def indices(
+    sizes: Mapping[str, int],
+    evaluate: Callable[[Mapping[str, Array]], Array],
+    base: int,
+    seed: int,
+) -> dict[str, Index]:
+    """Indices of groups of independent factors, uniform on 0 … 1.
+
+    Args:
+        sizes: Number of factors of each group.
+        evaluate: From each group's factors (size, S) to the output (S,).
+        base: As for `between_machines`.
+        seed: Likewise.
+
+    Raises:
+        InputError: If SALib is missing or `base` is no power of 2.
+    """
+    check(base)
+    sample, analyze = _salib()
+    if not sizes:
+        return {}
+    owner = [name for name, size in sizes.items() for _ in range(size)]
+    problem: dict[str, Any] = {
+        "num_vars": len(owner),
+        "names": [f"{name} {k}" for k, name in enumerate(owner)],
+        "bounds": [[INSIDE, 1 - INSIDE]] * len(owner),
+    }
+    if len(sizes) > 1:
+        problem["groups"] = owner
+    places = sample(problem, base, calc_second_order=False, seed=seed)
+    columns = {name: places[:, [k for k, o in enumerate(owner) if o == name]].T for name in sizes}
+    output = evaluate(columns)
+    if np.ptp(output) == 0:
+        return dict.fromkeys(sizes, NONE)
+    if len(sizes) == 1:  # alone it explains everything
+        return dict.fromkeys(sizes, Index(1.0, 0.0, 1.0, 0.0))
+    found = analyze(problem, output, calc_second_order=False, conf_level=CONFIDENCE, seed=seed)
+    rows = zip(*(found[key] for key in ("S1", "S1_conf", "ST", "ST_conf")), strict=True)
+    return {name: Index(*map(float, row)) for name, row in zip(sizes, rows, strict=True)}
+
+
+def _patterns(off: Mapping[str, Array]) -> list[tuple[list[str], NDArray[np.int64]]]:
+    """Samples by what they must share: effects off for all of a simulation, and their places."""
+    shared = [name for name in off if not per_sample(name)]
+    count = len(next(iter(off.values())))
+    flags = np.stack([off[name] for name in shared]) if shared else np.zeros((1, count), dtype=bool)
+    kinds, which = np.unique(flags, axis=1, return_inverse=True)
+    which = which.ravel()
+    return [
+        ([n for n, is_off in zip(shared, kind, strict=False) if is_off], np.flatnonzero(which == k))
+        for k, kind in enumerate(kinds.T)
+    ]
+
+
+def per_sample(name: str) -> bool:
+    """Whether samples of one simulation may have an effect on or off each for itself."""
+    effect = EFFECTS[name]
+    return effect.spreads and not np.isnan(effect.off) and name not in TOGETHER
+
+
+def switched(draws: Draws, off: Mapping[str, Array]) -> Draws:
+    """Single machines with effects off that samples may have each for itself.
+
+    Args:
+        draws: The machines with all their effects, S of them.
+        off: Where each effect is off, (S,); the value that stands for off takes the place of its
+            own. What samples must share is left as it is.
+    """
+    values = {}
+    for name, own in draws.values.items():
+        effect = EFFECTS[name]
+        neutral = LARGE * np.maximum(own, 1.0) if np.isinf(effect.off) else effect.off
+        flags = off.get(name) if per_sample(name) else None
+        values[name] = own if flags is None else np.where(flags, neutral, own)
+    return Draws(draws.numbers, values)
+
+
+def refuse_without_salib() -> None:
+    """Refuse what needs SALib where it is missing, before the work that comes first.
+
+    Raises:
+        InputError: If it is missing.
+    """
+    _salib()
+
+
+def _salib() -> tuple[Any, Any]:
+    try:
+        from SALib.analyze import sobol as analysis
+        from SALib.sample import sobol as sampling
+    except ImportError:
+        raise InputError(
+            f"Sobol indices need SALib; install it with: {how_to_install('budget')}"
+        ) from None
+    return sampling.sample, analysis.analyze

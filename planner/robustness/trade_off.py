@@ -1,0 +1,274 @@
+"""The trade-off curve: points warm-started along it, each a verified plan replayed on machines.
+
+The knee of a trade-off curve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.errors import InputError, NoPlanError
+from planner.machine.machine import Machine
+from planner.methods.registry import find_method, merged_options
+from planner.plan.plan import Plan
+from planner.problem.problem import Problem
+from planner.problem.tables.method_options import DesensitisedOptions
+from planner.robustness.trade_off_axis import KINDS, Axis, Kind, axis
+from planner.robustness.trade_off_points import Point, Store, errors_machine, replayed, solved
+from planner.support.arrays import Array
+from planner.support.package import handed_to
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Progress = Callable[[str, float], None]
+"""Told what is being done, and the share done, 0 … 1."""
+
+SAME = 1e-4
+"""Relative change of the response below which a point counts as no better."""
+
+
+@dataclass(frozen=True, eq=False)
+class TradeOff:
+    """A curve of the least response against what is spent on it.
+
+    Attributes:
+        problem: What its plans solve.
+        kind: "effort", "duration" or "peak".
+        points: Points in the order of their limits; each responds less than those before it.
+        options: Weights and spreads.
+        machine: The machine that the plans were replayed on.
+        folder: Where the plans are, or None.
+    """
+
+    problem: Problem
+    kind: Kind
+    points: tuple[Point, ...]
+    options: DesensitisedOptions
+    machine: Machine
+    folder: Path | None
+
+    def __repr__(self) -> str:
+        knee = f", knee at {self.cost[self.knee_index]:.3g}" if self.points else ""
+        return (
+            f"TradeOff({self.problem.name!r} against {self.kind}, {len(self.points)} points{knee})"
+        )
+
+    @property
+    def cost(self) -> Array:
+        """What is spent at each point, shape (m,): effort, seconds, or part of the input limits."""
+        if self.kind == "effort":
+            return np.array([p.effort for p in self.points])
+        return np.array([p.limit for p in self.points])
+
+    @property
+    def response_deg(self) -> Array:
+        """What it brings down, shape (m,)."""
+        return np.array([p.response_deg for p in self.points])
+
+    @property
+    def knee(self) -> Point:
+        """The point farthest below the chord between the ends; see `knee`."""
+        return self.points[self.knee_index]
+
+    @property
+    def knee_index(self) -> int:
+        """Its index."""
+        return knee(self.cost, self.response_deg) if len(self.points) > 1 else 0
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready, without the plans."""
+        return {
+            "problem": self.problem.name,
+            "source": self.problem.source,
+            "kind": self.kind,
+            "knee": self.knee_index,
+            "knee_rule": "farthest below the chord between the ends, both axes scaled to the curve",
+            "options": self.options.model_dump(),
+            "machine": self.machine.to_dict(),
+            "points": [p.to_dict() for p in self.points],
+            "folder": None if self.folder is None else str(self.folder),
+        }
+
+    def figure(self) -> Figure:
+        """One picture of what is bought and for how much."""
+        drawn: tuple[Figure, Any] = handed_to("planner.report.figures.robustness.plot_trade_off")(
+            self
+        )
+        return drawn[0]
+
+
+def trade_off(
+    problem: Problem,
+    kind: Kind = "effort",
+    points: int = 10,
+    folder: str | Path | None = None,
+    *,
+    machine: Machine | None = None,
+    samples: int = 200,
+    seed: int = 0,
+    progress: Progress | None = None,
+    **options: Any,
+) -> TradeOff:
+    """Trace the curve of the least response to design errors against effort, duration or peak.
+
+    The limit is raised from point to point, and each plan starts from its neighbour's; a sweep back
+    then starts each from the other side, since optima are local. With a folder every finished point
+    is kept at once, and the same call goes on after an interruption.
+
+    Args:
+        problem: What to solve.
+        kind: What is limited.
+        points: Number of points, at least 3.
+        folder: Where to keep the points' plans.
+        machine: The machine to replay plans on; the problem's `[machine]` table when left out.
+        samples: Machines to replay each plan on.
+        seed: Seed of the machines.
+        progress: Told how far it is.
+        **options: Override the problem's `[method.desensitised]` table.
+
+    Raises:
+        InputError: If an argument is wrong or the folder holds something else.
+        NoPlanError: If the problem has no plan.
+        KeyboardInterrupt: If interrupted; finished points are kept in the folder.
+    """
+    if kind not in KINDS:
+        raise InputError(f"trade-off against {kind!r}: must be one of {', '.join(KINDS)}")
+    if isinstance(points, bool) or not isinstance(points, int) or not 3 <= points <= 200:
+        raise InputError(f"points = {points}: must be a whole number, 3 to 200")
+    design = merged_options(problem, find_method("desensitised"), options)
+    used = Machine.from_table(problem.machine) if machine is None else machine
+    asked = {
+        "problem": problem.to_dict(),
+        "kind": kind,
+        "count": points,
+        "options": design.model_dump(),
+        "machine": used.to_dict(),
+        "samples": samples,
+        "seed": seed,
+    }
+    store = Store(folder, asked)
+    tell = progress or (lambda _, __: None)
+    if len(store.points) < points or any(p.swept < 2 for p in store.points.values()):
+        tell("finding the ends of the curve", 0.0)
+        run = _Sweeps(problem, design, axis(problem, design, kind, points), store, tell)
+        run.upwards()
+        run.downwards()
+    _replay(store, problem, design, used, (samples, seed), tell)
+    kept = _descending([store.points[k] for k in sorted(store.points)])
+    return TradeOff(problem, kind, kept, design, used, store.path)
+
+
+class _Sweeps:
+    """Both sweeps over one axis."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        options: DesensitisedOptions,
+        along: Axis,
+        store: Store,
+        tell: Progress,
+    ) -> None:
+        self._problem, self._options, self._axis = problem, options, along
+        self._store, self._tell = store, tell
+
+    def upwards(self) -> None:
+        """From the least limit to the greatest, each from the point before it and from afresh."""
+        near, count = self._axis.least, len(self._axis.limits)
+        for k, limit in enumerate(self._axis.limits):
+            self._tell(f"point {k + 1} of {count}", 0.1 + 0.5 * k / count)
+            if k not in self._store.points:
+                found = [self._attempt(limit, near), self._attempt(limit, None)]
+                best = _better([p for p in found if p is not None])
+                if best is None:
+                    continue
+                self._store.put(k, best)
+            near = self._store.points[k].plan
+        if not self._store.points:  # say why: without points this raises
+            solved(*self._axis.posed(self._problem, self._options, self._axis.limits[-1]),
+                   self._axis.limits[-1], None)  # fmt: skip
+
+    def downwards(self) -> None:
+        """From the greatest limit to the least, each from the point after it."""
+        places = sorted(self._store.points, reverse=True)
+        after: Plan | None = None
+        for j, k in enumerate(places):
+            point = self._store.points[k]
+            self._tell(f"point {k + 1} from the other side", 0.6 + 0.2 * j / len(places))
+            if point.swept < 2:
+                again = None if after is None else self._attempt(float(point.limit), after)
+                best = _better([p for p in (point, again) if p is not None])
+                assert best is not None
+                self._store.put(k, replace(best, swept=2))
+            after = self._store.points[k].plan
+
+    def _attempt(self, limit: float, near: Plan | None) -> Point | None:
+        """The point found from there, or None."""
+        problem, options = self._axis.posed(self._problem, self._options, float(limit))
+        if near is None:
+            options = options.model_copy(update={"starts": min(options.starts, 2)})
+        try:
+            return solved(problem, options, float(limit), near)
+        except NoPlanError:
+            return None
+
+
+def _better(points: list[Point]) -> Point | None:
+    """The one of the least response; the first of those that hardly differ."""
+    best: Point | None = None
+    for point in points:
+        if best is None or point.response_deg < best.response_deg * (1 - SAME):
+            best = point
+    return best
+
+
+def _replay(
+    store: Store,
+    problem: Problem,
+    options: DesensitisedOptions,
+    machine: Machine,
+    drawn: tuple[int, int],
+    tell: Progress,
+) -> None:
+    alone = errors_machine(problem, options)
+    for j, k in enumerate(sorted(store.points)):
+        point = store.points[k]
+        tell(f"replaying point {k + 1}", 0.8 + 0.2 * j / len(store.points))
+        if point.machine is None:
+            runs = [replayed(point.plan, each, *drawn) for each in (machine, alone)]
+            store.put(k, replace(point, machine=runs[0], errors_alone=runs[1]))
+
+
+def _descending(points: list[Point]) -> tuple[Point, ...]:
+    """Points that respond less than all with a smaller limit: the others buy nothing."""
+    kept: list[Point] = []
+    for point in points:
+        if not kept or point.response_deg < kept[-1].response_deg * (1 - SAME):
+            kept.append(point)
+    return tuple(kept)
+
+
+def knee(cost: Array, response: Array) -> int:
+    """Index of the point farthest below the chord between the curve's ends.
+
+    Both axes are scaled to the curve's range first (V. Satopaa et al., "Finding a 'Kneedle' in a
+    Haystack", ICDCS Workshops 2011): beyond the knee a further share of the cost buys less than the
+    same share of the response.
+
+    Args:
+        cost: Increasing, shape (m,), m ≥ 2.
+        response: What the cost brings down, shape (m,).
+    """
+    x = (cost - cost[0]) / max(float(cost[-1] - cost[0]), 1e-300)
+    span = float(np.max(response) - np.min(response))
+    if span <= 0:
+        return 0
+    y = (response - np.min(response)) / span
+    chord = y[0] + (y[-1] - y[0]) * x
+    return int(np.argmax(chord - y))

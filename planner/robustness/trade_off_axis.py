@@ -1,0 +1,153 @@
+"""What a trade-off curve limits: the effort, the duration, or the peak of the inputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.methods.collocation.method import plan_collocation
+from planner.methods.desensitised.method import plan_desensitised
+from planner.plan.measures import effort, peak_inputs
+from planner.plan.plan import Plan
+from planner.problem.problem import Problem
+from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions
+from planner.solve import judged
+from planner.support.arrays import Array
+
+Kind = Literal["effort", "duration", "peak"]
+KINDS: tuple[Kind, ...] = ("effort", "duration", "peak")
+
+SETTLING = 1e-4
+"""Weight of the effort on the curve: it settles what the response leaves open."""
+
+MOST = 1e-3
+"""Weight of the effort at the costly end: what more would buy no longer shows."""
+
+ROOM = 1.02
+"""Least effort, duration and peak are exceeded by this: at the least only one plan is left."""
+
+LONGEST = 4.0
+"""The longest duration, in least durations, where the problem's own is not longer."""
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """The values that the points of a curve are limited to.
+
+    Attributes:
+        kind: What is limited.
+        limits: Increasing, shape (m,): effort, seconds, or parts of the base limits.
+        base: Input limits that "peak" takes parts of, shape (2,).
+        least: Plan at the lower end, from which the first point starts.
+    """
+
+    kind: Kind
+    limits: Array
+    base: Array
+    least: Plan
+
+    def posed(
+        self, problem: Problem, options: DesensitisedOptions, limit: float
+    ) -> tuple[Problem, DesensitisedOptions]:
+        """Problem and options of the point with this limit."""
+        if self.kind == "effort":
+            calm = {"effort": min(options.effort, SETTLING), "effort_limit": limit}
+            return problem, options.model_copy(update=calm)
+        calm_only = options.model_copy(update={"effort": min(options.effort, SETTLING)})
+        if self.kind == "duration":
+            return problem.changed({"goal.duration": float(limit)}), calm_only
+        return limited(problem, limit * self.base), calm_only
+
+
+def axis(problem: Problem, options: DesensitisedOptions, kind: Kind, points: int) -> Axis:
+    """Find the range of a curve, and cut it into geometric steps.
+
+    Raises:
+        InputError: If a duration is needed and free, or a limit on inputs is needed and missing.
+        NoPlanError: If the problem has no plan.
+    """
+    easy = CollocationOptions(rest=options.rest, intervals=options.intervals)
+    if kind == "duration":
+        return _durations(problem, easy, points)
+    if problem.duration is None:
+        raise InputError(
+            f"{problem.source}: a trade-off against {kind} needs goal.duration in seconds; or trade"
+            " against duration"
+        )
+    least = judged(plan_collocation(problem, easy))[0]
+    if kind == "effort":
+        calm = options.model_copy(update={"effort": MOST})
+        most = judged(plan_desensitised(problem, calm))[0]
+        ends = (
+            ROOM * effort(least.trajectory),
+            max(effort(most.trajectory), 1.1 * effort(least.trajectory)),
+        )
+        return Axis(kind, np.geomspace(*ends, points), problem.limits.input, least)
+    return _peaks(problem, options, easy, least, points)
+
+
+def _durations(problem: Problem, easy: CollocationOptions, points: int) -> Axis:
+    quickest = _quickest(problem, easy)
+    longest = max(LONGEST * quickest.duration, problem.duration or 0.0)
+    limits = np.geomspace(ROOM * quickest.duration, longest, points)
+    return Axis("duration", limits, problem.limits.input, quickest)
+
+
+def _quickest(problem: Problem, easy: CollocationOptions) -> Plan:
+    if not np.all(np.isfinite(problem.limits.input)):
+        raise InputError(
+            f"{problem.source}: a trade-off against duration needs limits on both inputs: without"
+            " them every path can be run in no time, and the response depends on the path alone"
+        )
+    fast = easy.model_copy(update={"objective": "time"})
+    return judged(plan_collocation(problem.changed({"goal.duration": "free"}), fast))[0]
+
+
+def _peaks(
+    problem: Problem,
+    options: DesensitisedOptions,
+    easy: CollocationOptions,
+    least: Plan,
+    points: int,
+) -> Axis:
+    """Parts of the input limits; where there is no limit, of what a desensitised plan takes."""
+    base = problem.limits.input.copy()
+    if not np.all(np.isfinite(base)):
+        calm = options.model_copy(update={"effort": MOST})
+        taken = peak_inputs(judged(plan_desensitised(problem, calm))[0].trajectory)
+        base = np.where(np.isfinite(base), base, taken)
+    quickest = _quickest(limited(problem, base), easy)
+    assert problem.duration is not None
+    lowest = ROOM * quickest.duration / problem.duration  # the systems are driftless
+    if lowest >= 1:
+        raise InputError(
+            f"{problem.source}: goal.duration = {problem.duration:g} s leaves the inputs no room:"
+            f" the fastest motion takes {quickest.duration:.4g} s; give more time"
+        )
+    start = limited(problem, lowest * base)
+    return Axis("peak", np.geomspace(lowest, 1.0, points), base, _slowed(quickest, start))
+
+
+def _slowed(plan: Plan, problem: Problem) -> Plan:
+    """The same path in the problem's duration, as a start."""
+    assert problem.duration is not None
+    factor = problem.duration / plan.duration
+    return replace(plan, problem=problem, trajectory=plan.trajectory.slowed(factor))
+
+
+def limited(problem: Problem, inputs: Array) -> Problem:
+    """The problem with these limits on the inputs' magnitudes.
+
+    Raises:
+        InputError: If its kind of system has no key limits.input_rad_s.
+    """
+    try:
+        return problem.changed({"limits.input_rad_s": [float(v) for v in inputs]})
+    except InputError:
+        raise InputError(
+            f"{problem.source}: a trade-off against peak needs a system whose limits have the key"
+            f" input_rad_s, which a {problem.system.kind} has not; trade against effort or duration"
+        ) from None

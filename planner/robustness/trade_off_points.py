@@ -1,0 +1,249 @@
+"""One plan of a trade-off curve, with what it is worth.
+
+A folder that keeps the finished points of a curve, so that an interrupted one goes on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.machine.machine import Machine
+from planner.machine.replay import replay
+from planner.methods.desensitised.method import plan_desensitised, spreads
+from planner.plan.measures import effort, peak_inputs
+from planner.plan.plan import Plan
+from planner.problem.problem import Problem
+from planner.problem.tables.method_options import DesensitisedOptions
+from planner.robustness.sensitivity import sensitivity
+from planner.solve import judged
+from planner.support.arrays import jsonable
+from planner.support.files import read_json, write_text
+from planner.verification.load_plan import load_plan
+
+TURN = 0.02
+"""A turn of the path coordinate counts from this part of its range."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A verified plan on the curve.
+
+    Attributes:
+        limit: Value of what the curve limits: effort, duration (s), or share of the input limits.
+        plan: The plan.
+        effort: ∫ u₁² + u₂² dt.
+        duration_s: Its duration.
+        peak_u: Largest |u₁| and |u₂|.
+        response_deg: What the curve makes least: root of the weighted mean of the squared passive
+            block and terminal response, by the weights of [method.desensitised].
+        passive_deg: Passive block.
+        total_deg: Whole terminal response.
+        floor_deg: The irreducible part of it.
+        reversals: How often the path coordinate turns back, by more than 2 % of its range.
+        swept: Sweeps of the curve it has been through: 1 upwards, 2 downwards too.
+        machine: Replays on the problem's machine: percentiles of errors, degrees; None before.
+        errors_alone: The same on a machine with the design errors and nothing else.
+    """
+
+    limit: float
+    plan: Plan
+    effort: float
+    duration_s: float
+    peak_u: tuple[float, float]
+    response_deg: float
+    passive_deg: float
+    total_deg: float
+    floor_deg: float
+    reversals: int
+    swept: int = 1
+    machine: dict[str, Any] | None = None
+    errors_alone: dict[str, Any] | None = field(default=None)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready facts, without the plan."""
+        return {key: value for key, value in vars(self).items() if key != "plan"}
+
+
+def solved(
+    problem: Problem, options: DesensitisedOptions, limit: float, near: Plan | None
+) -> Point:
+    """Plan, verify and measure.
+
+    Raises:
+        NoPlanError: If there is no plan, or it fails its verification.
+    """
+    plan, _ = judged(plan_desensitised(problem, options, near))
+    return measured(plan, options, limit)
+
+
+def measured(plan: Plan, options: DesensitisedOptions, limit: float) -> Point:
+    """A verified plan's figures."""
+    spread = spreads(plan.problem.system, options)
+    found = sensitivity(plan)
+    passive, total = found.passive_block_deg(spread), found.total_deg(spread)
+    weights = np.array([options.passive, options.terminal])
+    if not np.any(weights):
+        weights = np.ones(2)
+    mean = float(weights @ [passive**2, total**2] / np.sum(weights))
+    peaks = peak_inputs(plan.trajectory)
+    return Point(
+        limit=limit,
+        plan=plan,
+        effort=effort(plan.trajectory),
+        duration_s=plan.duration,
+        peak_u=(float(peaks[0]), float(peaks[1])),
+        response_deg=float(np.sqrt(mean)),
+        passive_deg=passive,
+        total_deg=total,
+        floor_deg=found.floor_deg(spread),
+        reversals=_reversals(plan),
+    )
+
+
+def _reversals(plan: Plan) -> int:
+    """Turns of the path coordinate by more than `TURN` of its range."""
+    way = plan.q(np.linspace(0, plan.duration, 2001))[:, 0]
+    least = TURN * float(np.ptp(way))
+    turns, heading, extreme = -1, 0.0, way[0]
+    for value in way:
+        ahead = (value - extreme) * heading
+        if heading and ahead >= 0:
+            extreme = value
+        elif abs(value - extreme) > least:
+            heading, extreme, turns = float(np.sign(value - extreme)), value, turns + 1
+    return max(turns, 0)
+
+
+def replayed(plan: Plan, machine: Machine, samples: int, seed: int) -> dict[str, Any]:
+    """Errors of a plan on samples of a machine, degrees: E of eq. (29), and at the end."""
+    run = replay(plan, machine, samples, seed, record_s=None)
+    return {
+        "samples": samples,
+        "seed": seed,
+        "E_median_deg": run.percentile(50),
+        "E_p95_deg": run.percentile(95),
+        "terminal_median_deg": float(np.median(run.terminal_E_deg)),
+        "terminal_p95_deg": float(np.percentile(run.terminal_E_deg, 95)),
+        "terminal_rms_deg": float(np.sqrt(np.mean(np.sum(run.terminal_error_deg**2, axis=1)))),
+    }
+
+
+def errors_machine(problem: Problem, options: DesensitisedOptions) -> Machine:
+    """An ideal machine with the design errors as its spreads; clock rates have no such effect."""
+    spread = spreads(problem.system, options)
+    system, joints = problem.system, problem.system.size - 1
+    passive = [f"K{i}" for i in range(2, joints + 1)]
+    families = {
+        "input_gain_error": ([f"gain {i.name}" for i in system.inputs], 1.0),
+        "input_bias_rad_s": ([f"bias {i.name}" for i in system.inputs], 1.0),
+        "gear_ratio_error": (passive, 1.0),
+        "initial_angle_error_deg": (
+            [f"start {c.name}" for c in system.coordinates[1:]],
+            180 / np.pi,
+        ),
+    }
+    effects = {}
+    for name, (members, unit) in families.items():
+        values = [spread.get(member, 0.0) * unit for member in members]
+        if any(values):
+            effects[name] = {"value": 0.0, "spread": values}
+    return Machine.ideal(step_s=0.01, **effects)
+
+
+FORMAT = "planner-trade-off"
+VERSION = 1
+INDEX = "trade-off.json"
+
+
+class Store:
+    """Points by their place on the curve, in memory and, where a folder is given, on disk.
+
+    Each point is its plan, `plans/NN.json`, and an entry of the index `trade-off.json`; both are
+    written at once when the point is found or improved.
+
+    Args:
+        path: The folder, made when missing; None keeps nothing.
+        asked: What the curve is of; a folder made for something else is refused.
+
+    Raises:
+        InputError: If the folder holds another curve or other files, or cannot be written.
+    """
+
+    def __init__(self, path: str | Path | None, asked: Mapping[str, Any]) -> None:
+        self.path = None if path is None else Path(path)
+        self.asked = dict(jsonable(asked))
+        text = json.dumps(self.asked, sort_keys=True)
+        self.key = hashlib.sha256(text.encode()).hexdigest()[:16]
+        self.points: dict[int, Point] = {}
+        self.facts: dict[str, Any] = {}
+        if self.path is not None:
+            self._open(self.path)
+
+    def put(self, place: int, point: Point) -> None:
+        """Keep a point."""
+        self.points[place] = point
+        if self.path is not None:
+            point.plan.save(self.path / "plans" / f"{place:02d}.json")
+            self.write()
+
+    def write(self) -> None:
+        """Write the index."""
+        if self.path is None:
+            return
+        data = {
+            "format": FORMAT,
+            "version": VERSION,
+            "key": self.key,
+            **self.asked,
+            **self.facts,
+            "points": {
+                f"{place:02d}": jsonable(self.points[place].to_dict())
+                for place in sorted(self.points)
+            },
+        }
+        write_text(self.path / INDEX, json.dumps(data, indent=1, allow_nan=False) + "\n")
+
+    def _open(self, path: Path) -> None:
+        if path.exists() and not path.is_dir():
+            raise InputError(f"{path} is a file; name a folder")
+        try:
+            (path / "plans").mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot write {path}: {error.strerror or error}") from None
+        index = path / INDEX
+        if not index.exists():
+            if any(p.name != "plans" for p in path.iterdir()) or any((path / "plans").iterdir()):
+                raise InputError(
+                    f"{path} holds files that are not from an earlier run; name another folder"
+                )
+            return
+        data = self._read(index)
+        for name, entry in data["points"].items():
+            known = {f.name for f in fields(Point)} - {"plan"}
+            plan = load_plan(path / "plans" / f"{name}.json", strict=True)
+            values = {key: entry[key] for key in known}
+            self.points[int(name)] = Point(plan=plan, **values)
+
+    def _read(self, index: Path) -> dict[str, Any]:
+        try:
+            data = read_json(index)
+            same = data["format"] == FORMAT and data["key"] == self.key
+            points = data["points"]
+        except (ValueError, KeyError, TypeError):
+            raise InputError(
+                f"{index} is not the index of a trade-off; name another folder"
+            ) from None
+        if not same or not isinstance(points, dict):
+            raise InputError(
+                f"{index.parent} holds another trade-off (problem, options, points, samples or seed"
+                " differ); name another folder"
+            )
+        return dict(data)

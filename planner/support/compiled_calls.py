@@ -1,0 +1,125 @@
+"""CasADi functions of points, called on NumPy arrays of any shape without copying twice.
+
+Calls of compiled code that may never return.
+
+Nothing can interrupt such code, but CasADi gives Python's lock away while it runs: in a thread of
+its own it can be left behind. That thread goes on until the process ends.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+import casadi as ca
+import numpy as np
+
+from planner.support import deadline
+from planner.support.arrays import Array
+
+
+class Call(threading.local):
+    """A CasADi function's first value on NumPy arrays; each thread has a buffer of its own.
+
+    The arrays' own memory is handed over; neither their shapes nor their sizes are checked.
+    """
+
+    def __init__(self, function: Any) -> None:
+        self._buffer, self._evaluate = function.buffer()
+        self._size = function.nnz_out(0)
+
+    def __call__(self, *arguments: Array) -> Array:
+        """All nonzeros, shape (n,); those of matrices by columns, as CasADi stores them."""
+        out, buffer = np.empty(self._size), self._buffer
+        held = [np.ascontiguousarray(a, dtype=float) for a in arguments]
+        for i, array in enumerate(held):
+            buffer.set_arg(i, array.reshape(-1).data)
+        buffer.set_res(0, out.data)
+        self._evaluate()
+        return out
+
+
+class Pointwise:
+    """A function of column vectors that maps over the leading axes of its arguments.
+
+    CasADi stores matrices by columns, so a row-major array (m, k) of m points is the (k, m) matrix
+    its `map` wants: the arrays' own memory is handed over.
+
+    Args:
+        name: For messages.
+        arguments: CasADi column vectors.
+        value: Expression of them, a column vector or matrix.
+    """
+
+    def __init__(self, name: str, arguments: Sequence[Any], value: Any) -> None:
+        self.function = ca.Function(name, list(arguments), [ca.densify(value)])
+        self.shape = self.function.size_out(0)
+        self._mapped = {0: Call(self.function)}  # by the power of two of the points they take
+
+    def __call__(self, *arguments: Array) -> Array:
+        """Values at points given by arrays (…, k) whose leading axes agree.
+
+        Returns:
+            Array (…, r) of a column of r, or (…, r, c) of a matrix.
+        """
+        lead = arguments[0].shape[:-1]
+        count = math.prod(lead)
+        rows, columns = self.shape
+        out = self._values(count, [a.reshape(-1, a.shape[-1]) for a in arguments])
+        out = out.reshape(count, columns, rows)
+        if columns == 1:
+            return out.reshape(*lead, rows)
+        return np.ascontiguousarray(out.swapaxes(-1, -2)).reshape(*lead, rows, columns)
+
+    def _values(self, count: int, points: Sequence[Array]) -> Array:
+        """By maps over powers of two: any count is a sum of few, and a map takes long to make."""
+        done, parts = 0, []
+        for power in range(count.bit_length() - 1, -1, -1):
+            if count & 2**power:
+                if power not in self._mapped:
+                    self._mapped[power] = Call(self.function.map(2**power))
+                parts.append(self._mapped[power](*(p[done : done + 2**power] for p in points)))
+                done += 2**power
+        if len(parts) == 1:
+            return parts[0]
+        return np.concatenate(parts) if parts else np.empty(0)
+
+
+Value = TypeVar("Value")
+
+LOOK_S = 0.5
+"""Time between two looks at the clock; a call that returns is noticed at once."""
+
+
+def within(seconds: float, call: Callable[[], Value]) -> Value | None:
+    """What a call returns; None if that takes the process more of the processor's time than this.
+
+    A loaded machine slows the call and this clock alike, so that it changes no answer.
+
+    Raises:
+        TimeUpError: If time is up sooner; the call is left behind too, but may yet return.
+        Exception: Whatever the call raises.
+    """
+    out: list[Value] = []
+    errors: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            out.append(call())
+        except BaseException as error:
+            errors.append(error)
+
+    caller = threading.Thread(target=run, daemon=True)
+    began = time.process_time()
+    caller.start()
+    while caller.is_alive() and time.process_time() - began <= seconds:
+        left = deadline.remaining()
+        caller.join(min(LOOK_S, left))
+        if caller.is_alive() and left <= 0:
+            raise deadline.time_up()
+    if errors:
+        raise errors[0]
+    return out[0] if out else None

@@ -1,0 +1,258 @@
+"""Ctrl-C and SIGTERM: not swallowed by compiled code, and held back where steps belong together.
+
+Lines of solvers that tell a user nothing, kept from standard output and standard error.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from types import FrameType
+from typing import Any, Literal, TextIO, cast
+
+SIGNALS = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
+"""Signals that end a command: Ctrl-C, what `kill` and batch systems send, a closed terminal."""
+
+
+class Terminated(BaseException):
+    """SIGTERM or SIGHUP: end at once, but clean up. Not an `Exception`, which handlers swallow."""
+
+
+class Hearing:
+    """What the command line has heard of `SIGNALS`.
+
+    Attributes:
+        heard: Numbers of the signals since `hear_signals` began.
+        over: Whether the outcome is decided; what is heard from then on changes nothing.
+        instead: What the first Ctrl-C does in place of raising, where it finds something to do.
+        spared: Whether it did.
+    """
+
+    def __init__(self) -> None:
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget what was heard."""
+        self.heard: list[int] = []
+        self.over = False
+        self.instead: Callable[[], bool] | None = None
+        self.spared = False
+        self._held: set[object] = set()
+        self._late = False
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        """The handler: raises, unless the outcome is decided or `undisturbed` holds it back."""
+        if self.over:
+            return
+        if number == signal.SIGINT and self.instead and not self.spared and self.instead():
+            self.spared = True
+            return
+        self.heard.append(number)
+        if self._held:
+            self._late = True
+            return
+        raise self.exception
+
+    @property
+    def exception(self) -> BaseException:
+        """What a signal raises; the strongest of those heard decides."""
+        return KeyboardInterrupt() if self.status == 128 + signal.SIGINT else Terminated()
+
+    @property
+    def status(self) -> int:
+        """The exit status that says which signal ended the command."""
+        return 128 + next((n for n in self.heard if n != signal.SIGINT), signal.SIGINT)
+
+    @contextmanager
+    def undisturbed(self) -> Iterator[Callable[[], bool]]:
+        """Hold signals back until the block has ended: for steps that belong together, and short.
+
+        Yields:
+            Whether a signal waits. It raises when the block ends.
+        """
+        if threading.current_thread() is not threading.main_thread():  # it hears no signals
+            yield lambda: False
+            return
+        token = object()
+        try:
+            self._held.add(token)
+            yield lambda: self._late
+        finally:
+            self._held.discard(token)
+            if self._late and not self._held:
+                self._late = False
+                raise self.exception
+
+
+hearing = Hearing()
+"""There is one main thread, and so one."""
+
+undisturbed = hearing.undisturbed
+
+
+@contextmanager
+def hear_signals(last: bool = False) -> Iterator[None]:
+    """Have `hearing` take the signals.
+
+    Where one is ignored it stays so: a script's jobs in the background begin like that, and Ctrl-C
+    is for what runs before them.
+
+    Args:
+        last: Whether the process ends after the block: signals are ignored from there on, so that
+            the interpreter shuts down in peace.
+    """
+    hearing.begin()
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    mine = [number for number in SIGNALS if before[number] not in (signal.SIG_IGN, None)]
+    if threading.current_thread() is not threading.main_thread():
+        mine = []
+    for number in mine:
+        signal.signal(number, hearing)
+    try:
+        yield
+    finally:
+        hearing.over = True
+        for number in mine:
+            signal.signal(number, signal.SIG_IGN if last else before[number])
+
+
+@contextmanager
+def heed_interrupts() -> Iterator[None]:
+    """Raise after the block what a signal raised in it.
+
+    CasADi catches the exception inside its solvers and returns as if the solver had failed; a
+    caller would then try the next start instead of stopping.
+
+    Raises:
+        KeyboardInterrupt: If Ctrl-C was pressed.
+        Terminated: If the command line has heard SIGTERM.
+    """
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    mine = {number: handler for number, handler in before.items() if callable(handler)}
+    if threading.current_thread() is not threading.main_thread():
+        mine = {}
+    raised: list[BaseException] = []
+
+    def note(number: int, frame: FrameType | None) -> None:
+        try:
+            mine[number](number, frame)
+        except BaseException as error:
+            raised.append(error)
+            raise
+
+    for number in mine:
+        signal.signal(number, note)
+    try:
+        with unsaid("KeyboardInterruptException", "stderr"):  # CasADi's warning of it
+            yield
+    except SystemError:  # Python 3.13 finds the exception that CasADi has left set, and says so
+        if not raised:
+            raise
+    finally:
+        for number, handler in mine.items():
+            signal.signal(number, handler)
+    if raised:
+        raise raised[-1]
+
+
+HANDOVER_S = 0.05
+"""Time for the main thread to take a signal before OSQP takes signals again."""
+
+_osqp_alone = threading.RLock()
+"""OSQP puts back the handler of Ctrl-C that it found: where two threads solve at once, the first to
+end brings back the second's own, which stays for good, and the process never hears Ctrl-C again."""
+
+
+def osqp_result(solver: Any) -> Any:
+    """Run a set-up OSQP solver, and return its result whatever that is.
+
+    While it runs OSQP takes Ctrl-C for itself, says so on standard output and returns as if it had
+    failed; a caller would then try the next solver, or count it as late, instead of stopping. In
+    its last iteration it takes it and says nothing at all.
+    Here whoever would have had Ctrl-C without OSQP gets it; if that does not raise, as in a thread
+    beside the main one, OSQP goes on from where it was.
+
+    Raises:
+        KeyboardInterrupt: If Ctrl-C was pressed, and Python's own handler is in place.
+    """
+    from osqp import SolverStatus
+
+    with _osqp_alone:
+        while True:
+            with unsaid("Solver interrupted", "stdout"):
+                result = solver.solve(raise_error=False)
+            stopped = result.info.status_val == SolverStatus.OSQP_SIGINT
+            if stopped or _osqp_mark()():
+                _pass_on()
+            if not stopped:
+                return result
+
+
+@cache
+def _osqp_mark() -> Callable[[], int]:
+    """OSQP's own mark of a Ctrl-C since its last solve began, where its library shows that."""
+    try:
+        from osqp import ext_builtin
+
+        mark: Callable[[], int] = ctypes.CDLL(ext_builtin.__file__).osqp_is_interrupted
+    except (ImportError, OSError, AttributeError):
+        return lambda: 0
+    return mark
+
+
+def _pass_on() -> None:
+    """Give Ctrl-C to the main thread, which may be asleep; only while OSQP does not run."""
+    main = threading.main_thread()
+    if threading.current_thread() is main or sys.platform == "win32":
+        signal.raise_signal(signal.SIGINT)
+        return
+    assert main.ident is not None
+    signal.pthread_kill(main.ident, signal.SIGINT)
+    time.sleep(HANDOVER_S)
+
+
+@contextmanager
+def unsaid(words: str, stream: Literal["stdout", "stderr"]) -> Iterator[None]:
+    """Keep lines with these words from a stream of the main thread, to which it belongs."""
+    target = getattr(sys, stream)
+    if threading.current_thread() is not threading.main_thread() or target is None:
+        yield
+        return
+    redirect = contextlib.redirect_stdout if stream == "stdout" else contextlib.redirect_stderr
+    sieve = _Sieve(target, words)
+    with redirect(cast(TextIO, sieve)):
+        try:
+            yield
+        finally:
+            sieve.end()
+
+
+class _Sieve:
+    """A stream that passes on line by line, and some lines not at all."""
+
+    def __init__(self, stream: TextIO, words: str) -> None:
+        self._stream, self._words, self._begun = stream, words, ""
+
+    def write(self, text: str) -> int:
+        *lines, self._begun = (self._begun + text).split("\n")
+        for line in lines:
+            if self._words not in line:
+                self._stream.write(f"{line}\n")
+        return len(text)
+
+    def end(self) -> None:
+        """Pass on a line that has not ended."""
+        if self._begun:
+            self._stream.write(self._begun)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)

@@ -1,0 +1,250 @@
+"""Extremes and zeros of a function of time, between the samples as well as on them.
+
+Functions of time on pieces: values at Chebyshev points, and Bernstein coefficients.
+
+On each piece a function is held by its values at Chebyshev–Lobatto points, where products are exact
+and integrals are one small matrix; `BPoly` curves are made from them at the end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from math import comb
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+from scipy.interpolate import BPoly
+from scipy.optimize import brentq, minimize_scalar
+
+from planner.support.arrays import Array
+
+Function = Callable[[Array], Array]
+
+MOST_STEPS = 4000
+"""Brent's method may take the square of bisection's steps where a zero is flat or a jump."""
+
+
+def sample_times(breaks: Array, count: int = 2000) -> Array:
+    """About `count` times over the pieces between `breaks`, crowded towards each piece's ends.
+
+    The crowding (Chebyshev–Lobatto) finds the short, steep starts that plans have close to a
+    singularity. Interior breaks appear from both sides.
+    """
+    per_piece = max(9, count // (len(breaks) - 1))
+    unit = 0.5 - 0.5 * np.cos(np.pi * np.arange(per_piece) / (per_piece - 1))
+    left, right = breaks[:-1, None], np.nextafter(breaks[1:, None], -np.inf)
+    times = np.minimum(left + (breaks[1:, None] - left) * unit, right).ravel()
+    times[-1] = breaks[-1]
+    return times
+
+
+def minimum(function: Function, times: Array, refine: int = 3) -> tuple[float, float]:
+    """Least value of `function` and its time.
+
+    Args:
+        function: Vectorised, times (m,) to values (m,); NaN values are passed over.
+        times: Increasing samples; the `refine` dips among them whose parabola through three
+            samples goes lowest are polished.
+
+    Returns:
+        (value, time); (nan, nan) if every value is NaN.
+    """
+    values = function(times)
+    if np.all(np.isnan(values)):
+        return np.nan, np.nan
+    filled = np.where(np.isnan(values), np.inf, values)
+    best = int(np.argmin(filled))
+    found = (float(filled[best]), float(times[best]))
+    dips = np.array(_dips(filled), dtype=int)
+    likely = np.argsort(_bottoms(filled, times, dips), kind="stable")
+    for k in dips[likely[:refine]]:
+        candidate = _polish(function, times, int(k))
+        found = min(found, candidate)
+    return found
+
+
+def maximum(function: Function, times: Array, refine: int = 3) -> tuple[float, float]:
+    """Greatest value of `function` and its time; see `minimum`."""
+    value, time = minimum(lambda t: -function(t), times, refine)
+    return -value, time
+
+
+def zeros(function: Function, times: Array) -> list[float]:
+    """Times at which `function` changes sign, found to rounding by Brent's method.
+
+    Dips between two samples of the same sign are polished first, so that a short excursion between
+    samples is not missed. NaN counts as negative.
+    """
+    values = _nan_negative(function(times))
+    extra = []
+    for sign in (1.0, -1.0):
+        dips = _dips(np.where(sign * values > 0, sign * values, np.inf))
+        for k in dips[:20]:
+            value, time = _polish(lambda t, s=sign: s * _nan_negative(function(t)), times, k)  # type: ignore[misc]
+            if value < 0:
+                extra.append(time)
+    grid = np.unique(np.concatenate([times, extra]))
+    values = _nan_negative(function(grid))
+    inside = values > 0
+    return [_root(function, grid[k], grid[k + 1]) for k in _changes(inside)]
+
+
+def _root(function: Function, a: float, b: float) -> float:
+    def scalar(t: float) -> float:
+        return float(_nan_negative(function(np.array([t])))[0])
+
+    if scalar(a) == 0.0:
+        return float(a)
+    if scalar(a) * scalar(b) > 0:  # an exact zero at one end counts as outside
+        return float(b)
+    return float(brentq(scalar, a, b, xtol=1e-13, rtol=1e-14, maxiter=MOST_STEPS))
+
+
+def _changes(inside: NDArray[np.bool_]) -> list[int]:
+    return [int(k) for k in np.flatnonzero(inside[1:] != inside[:-1])]
+
+
+def _nan_negative(values: Array) -> Array:
+    return np.where(np.isnan(values), -1.0, values)
+
+
+def _dips(values: Array) -> list[int]:
+    """Indices of finite interior local minima, lowest first."""
+    middle = values[1:-1]
+    with np.errstate(invalid="ignore"):
+        is_dip = (middle <= values[:-2]) & (middle <= values[2:]) & np.isfinite(middle)
+    indices = np.flatnonzero(is_dip) + 1
+    return [int(k) for k in indices[np.argsort(values[indices], kind="stable")]]
+
+
+def _bottoms(values: Array, times: Array, dips: NDArray[np.int_]) -> Array:
+    """Lowest value of the parabola through each dip and its neighbours; the dip's own value where
+    a neighbour is not finite.
+    """
+    t = times[dips[:, None] + [-1, 0, 1]] - times[dips, None]
+    f = values[dips[:, None] + [-1, 0, 1]]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        left, right = (f[:, 0] - f[:, 1]) / t[:, 0], (f[:, 2] - f[:, 1]) / t[:, 2]
+        bend = (right - left) / (t[:, 2] - t[:, 0])
+        slope = right - bend * t[:, 2]
+        lowest = f[:, 1] - slope**2 / (4 * bend)
+    return np.asarray(np.where(np.isfinite(lowest) & (bend > 0), lowest, f[:, 1]))
+
+
+def _polish(function: Function, times: Array, k: int) -> tuple[float, float]:
+    def scalar(t: float) -> float:
+        value = float(function(np.array([t]))[0])
+        return np.inf if np.isnan(value) else value
+
+    result = minimize_scalar(
+        scalar,
+        bounds=(times[k - 1], times[k + 1]),
+        method="bounded",
+        options={"xatol": 1e-10 * max(1.0, abs(times[-1]))},
+    )
+    return float(result.fun), float(result.x)
+
+
+DEGREE = 14
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Pieces and their points.
+
+    Attributes:
+        breaks: Times between the pieces, shape (P+1,).
+    """
+
+    breaks: Array
+
+    @property
+    def times(self) -> Array:
+        """The points, shape (P, DEGREE+1); piece ends appear twice."""
+        left, width = self.breaks[:-1, None], np.diff(self.breaks)[:, None]
+        return np.asarray(left + width * _points())
+
+    def integral(self, f: Array) -> Array:
+        """∫ f from the first break to every point; f of shape (P, DEGREE+1, …)."""
+        width = np.diff(self.breaks).reshape(-1, *[1] * (f.ndim - 1))
+        own = _apply(_integration(), f) * width
+        before = np.cumsum(own[:, -1], axis=0) - own[:, -1]
+        return own + before[:, None]
+
+    def derivative(self, f: Array) -> Array:
+        """df/dt at the points."""
+        width = np.diff(self.breaks).reshape(-1, *[1] * (f.ndim - 1))
+        return _apply(_differentiation(), f) / width
+
+    def tail(self, f: Array) -> Array:
+        """Largest of the last two Chebyshev coefficients, shape (P, …)."""
+        return np.asarray(np.max(np.abs(_apply(_to_chebyshev()[-2:], f)), axis=1))
+
+    def curve(self, f: Array) -> BPoly:
+        """The interpolating piecewise polynomial of values f (P, DEGREE+1, …)."""
+        return BPoly(np.swapaxes(_apply(_to_bernstein(), f), 0, 1), self.breaks)
+
+
+def elevate(c: Array, degree: int) -> Array:
+    """The same polynomial with Bernstein coefficients c (d+1, …) written at a higher degree."""
+    return np.tensordot(_elevation(len(c) - 1, degree), c, axes=1)
+
+
+@lru_cache(maxsize=256)
+def _elevation(low: int, high: int) -> Array:
+    """Matrix (high+1, low+1) that raises Bernstein coefficients from one degree to another."""
+    out = np.eye(low + 1)
+    for d in range(low + 1, high + 1):
+        share = (np.arange(d + 1) / d)[:, None]
+        out = share * np.concatenate([out[:1], out]) + (1 - share) * np.concatenate([out, out[-1:]])
+    return out
+
+
+def _apply(matrix: Array, f: Array) -> Array:
+    """The matrix (M, D) on the second axis of f (P, D, …)."""
+    flat = matrix @ f.reshape(*f.shape[:2], -1)
+    return np.asarray(flat.reshape(len(f), len(matrix), *f.shape[2:]))
+
+
+@lru_cache(maxsize=1)
+def _points() -> Array:
+    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE))
+
+
+@lru_cache(maxsize=1)
+def _to_chebyshev() -> Array:
+    """Values at the points → Chebyshev coefficients, both on [0, 1], (DEGREE+1)²."""
+    return np.asarray(np.linalg.inv(chebyshev.chebvander(2 * _points() - 1, DEGREE)))
+
+
+@lru_cache(maxsize=1)
+def _integration() -> Array:
+    """Values of f at the points → values of ∫₀ f at the points."""
+    integrals = chebyshev.chebint(np.eye(DEGREE + 1), lbnd=-1) / 2
+    return np.asarray(chebyshev.chebval(2 * _points() - 1, integrals).T @ _to_chebyshev())
+
+
+@lru_cache(maxsize=1)
+def _differentiation() -> Array:
+    """Values of f at the points → values of df/dx at the points, on the unit interval."""
+    slopes = 2 * chebyshev.chebder(np.eye(DEGREE + 1))
+    return np.asarray(chebyshev.chebval(2 * _points() - 1, slopes).T @ _to_chebyshev())
+
+
+@lru_cache(maxsize=1)
+def _to_bernstein() -> Array:
+    """Values at the points → Bernstein coefficients.
+
+    Tₙ(2x−1) has the coefficients (−1)^{n−i} C(2n, 2i)/C(n, i) at its own degree; they are raised to
+    the common one.
+    """
+    out = np.zeros((DEGREE + 1, DEGREE + 1))
+    for n in range(DEGREE + 1):
+        own = np.array([(-1.0) ** (n - i) * comb(2 * n, 2 * i) / comb(n, i) for i in range(n + 1)])
+        out[:, n] = elevate(own, DEGREE)
+    out = out @ _to_chebyshev()
+    out[0], out[-1] = np.eye(DEGREE + 1)[[0, -1]]  # ends exact, so that pieces join
+    return np.asarray(out)

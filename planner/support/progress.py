@@ -1,0 +1,108 @@
+"""What a search tells of itself while it runs: to callbacks, and to the logger `planner`.
+
+Like the time it may take (`planner.support.deadline`) this belongs to the context: any part of a
+search tells, whoever asked hears it.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+
+logger = logging.getLogger("planner")
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a search has come; `str` gives one line.
+
+    Attributes:
+        doing: What it does now, in words.
+        seconds: Since it began.
+        solves: Times that a solver was called so far.
+        best: The best motion found so far, in words; None while there is none.
+    """
+
+    doing: str
+    seconds: float
+    solves: int
+    best: str | None
+
+    def __str__(self) -> str:
+        best = "no motion yet" if self.best is None else f"best so far {self.best}"
+        return f"{self.doing}; {self.solves} solves, {best}, {self.seconds:.0f} s"
+
+
+Listener = Callable[[Progress], None]
+
+
+class _Run:
+    def __init__(self, listener: Listener | None, outer: _Run | None) -> None:
+        self.listener, self.outer = listener, outer
+        self.began, self.doing = time.monotonic(), "preparing"
+        self.solves, self.best = 0, None
+
+    solves: int
+    best: str | None
+
+    @property
+    def now(self) -> Progress:
+        return Progress(self.doing, time.monotonic() - self.began, self.solves, self.best)
+
+
+_run: ContextVar[_Run | None] = ContextVar("run", default=None)
+
+
+@contextmanager
+def listening(listener: Listener | None) -> Iterator[None]:
+    """What is told in the block goes to the listener, and to those around."""
+    token = _run.set(_Run(listener, _run.get()))
+    try:
+        yield
+    finally:
+        _run.reset(token)
+
+
+def tell(doing: str) -> None:
+    """Say what is done now."""
+    logger.info("%s", doing)
+    for run in _runs():
+        run.doing = doing
+    _heard()
+
+
+def found(best: str) -> None:
+    """Say that there is a motion better than all before."""
+    logger.info("best so far %s", best)
+    for run in _runs():
+        run.best = best
+    _heard()
+
+
+def solved() -> None:
+    """Count one call of a solver."""
+    for run in _runs():
+        run.solves += 1
+
+
+def now() -> Progress | None:
+    """How far the search around has come; None outside of any."""
+    run = _run.get()
+    return None if run is None else run.now
+
+
+def _heard() -> None:
+    for run in _runs():
+        if run.listener is not None:
+            run.listener(run.now)
+
+
+def _runs() -> Iterator[_Run]:
+    run = _run.get()
+    while run is not None:
+        yield run
+        run = run.outer

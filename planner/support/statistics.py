@@ -1,0 +1,102 @@
+"""How sure the figures of replays are, and whether two plans differ on the same machines.
+
+Nothing is assumed about the distribution of the errors. Intervals of percentiles come from order
+statistics (W. J. Conover, Practical Nonparametric Statistics, 3rd ed., section 3.2); they are exact
+for any distribution, need no resampling and no seed. Plans meet the same machines, so that they are
+compared machine by machine: Wilcoxon's signed-rank test, corrected for the number of pairs by
+Holm's method (S. Holm, Scand. J. Statist. 6, 1979, 65), and the size of the difference beside it,
+since with a thousand machines any difference is significant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.stats import quantile_test, wilcoxon
+
+from planner.support.arrays import Array
+
+CONFIDENCE = 0.95
+
+LEVEL = 0.05
+"""Corrected p-values below this are called significant."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One plan against another on the same machines.
+
+    Attributes:
+        first: Label of one plan.
+        second: Label of the other.
+        median_deg: Median over machines of E(first) − E(second), degrees; negative when the first
+            is better.
+        interval_deg: Its 95 % interval, (2,); NaN where there are too few machines to bound it.
+        first_better: Share of machines on which the first plan has the smaller E; ties count half.
+        p_value: Of Wilcoxon's signed-rank test, two-sided.
+        p_corrected: The same after Holm's correction for all pairs of the comparison.
+    """
+
+    first: str
+    second: str
+    median_deg: float
+    interval_deg: tuple[float, float]
+    first_better: float
+    p_value: float
+    p_corrected: float
+
+    @property
+    def significant(self) -> bool:
+        """Whether the difference is more than chance, at the level 0.05 for all pairs together."""
+        return self.p_corrected < LEVEL
+
+
+def percentile_interval(values: Array, percent: float) -> tuple[float, float]:
+    """95 % confidence interval of a percentile of the distribution that values (S,) come from.
+
+    Returns:
+        Its ends, two of the values; NaN where so few values cannot bound it.
+    """
+    test = quantile_test(values, q=np.median(values), p=percent / 100)
+    low, high = test.confidence_interval(CONFIDENCE)
+    return float(low), float(high)
+
+
+def differences(errors: Mapping[str, Array]) -> tuple[Difference, ...]:
+    """Every pair of plans.
+
+    Args:
+        errors: E of each plan on the same machines, shape (S,), degrees, by label.
+
+    Returns:
+        One entry a pair, in the order of the labels.
+    """
+    pairs = list(combinations(errors, 2))
+    found = [_p_value(errors[a] - errors[b]) for a, b in pairs]
+    return tuple(
+        _difference(a, b, errors[a] - errors[b], p, corrected)
+        for (a, b), p, corrected in zip(pairs, found, holm(found), strict=True)
+    )
+
+
+def holm(p_values: list[float]) -> list[float]:
+    """Holm's correction of p-values for their number, in the order given."""
+    p = np.array(p_values)
+    order = np.argsort(p, kind="stable")
+    steps = np.minimum(1.0, p[order] * np.arange(len(p), 0, -1))
+    corrected = np.empty_like(p)
+    corrected[order] = np.maximum.accumulate(steps)
+    return [float(value) for value in corrected]
+
+
+def _difference(first: str, second: str, gaps: Array, p: float, corrected: float) -> Difference:
+    better = np.mean(gaps < 0) + np.mean(gaps == 0) / 2
+    median, interval = float(np.median(gaps)), percentile_interval(gaps, 50)
+    return Difference(first, second, median, interval, float(better), p, corrected)
+
+
+def _p_value(gaps: Array) -> float:
+    return 1.0 if not np.any(gaps) else float(wilcoxon(gaps).pvalue)

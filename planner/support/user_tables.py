@@ -1,0 +1,222 @@
+"""What every table of a problem file shares: strict types, no unknown keys, one clear message.
+
+From pydantic's errors to one plain line a key: key, value, what is allowed, nearest key.
+"""
+
+from __future__ import annotations
+
+import difflib
+import reprlib
+from collections.abc import Collection, Mapping, Sequence
+from itertools import islice
+from typing import Annotated, Any, TypeVar, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from planner.errors import InputError
+from planner.support.tables import brief
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class Table(BaseModel):
+    """A table of a problem file."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        strict=True,
+        frozen=True,
+        allow_inf_nan=False,
+        defer_build=True,  # until a table is used: most problems use a few of them
+    )
+
+
+def parse(model: type[Model], data: Any, source: str, at: Sequence[str] = ()) -> Model:
+    """Validate `data` as `model`.
+
+    Args:
+        model: The table's model.
+        data: The raw table.
+        source: What to name in messages: a file, or "options of method polynomial".
+        at: Keys that lead to the table.
+
+    Raises:
+        InputError: One line a key: source, key, value, what is allowed, nearest valid key.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        lines = explain(model, data, error.errors(), at)
+        raise InputError("\n".join(f"{source}: {line}" for line in lines)) from None
+
+
+Positive = Annotated[float, Field(gt=0)]
+
+
+Path = tuple[Any, ...]
+
+MOST = 10
+"""Errors that are told of one table; who has more has one reason for them."""
+
+_limited = reprlib.Repr()  # a list of a million numbers is not written out to be cut short
+_limited.maxlist = _limited.maxtuple = _limited.maxdict = 20
+_limited.maxstring = _limited.maxother = _limited.maxlong = 80
+
+_PHRASES = {
+    "literal_error": "{expected}",
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "bool_type": "true or false",
+    "string_type": "a text in quotes",
+    "list_type": "a list",
+    "tuple_type": "a list",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "greater_than": "greater than {gt:g}",
+    "greater_than_equal": "at least {ge:g}",
+    "less_than": "less than {lt:g}",
+    "less_than_equal": "at most {le:g}",
+    "too_short": "a list of at least {min_length} values, not {actual_length}",
+    "too_long": "a list of at most {max_length} values, not {actual_length}",
+}
+
+
+def explain(
+    model: type[BaseModel], data: Any, errors: Sequence[Any], at: Sequence[str] = ()
+) -> list[str]:
+    """One line a key.
+
+    Args:
+        model: What `data` was validated as.
+        data: The raw table.
+        errors: `ValidationError.errors()`.
+        at: Keys that lead to the table, for the names in the lines.
+    """
+    grouped: dict[Path, list[Any]] = {}
+    for error in errors:
+        grouped.setdefault(_path(data, error), []).append(error)
+    above = {path[:k] for path in grouped for k in range(len(path))}
+    kept = {p: e for p, e in grouped.items() if not _told_below(p, e, above)}
+    typos = _typos(model, kept)
+    told = {p: e for p, e in kept.items() if e[0]["type"] != "missing" or p not in typos}
+    lines = [_line(model, data, path, group, at) for path, group in islice(told.items(), MOST)]
+    return lines + ([f"and {len(told) - MOST} more errors"] if len(told) > MOST else [])
+
+
+def nearest(word: str, allowed: Sequence[str]) -> str:
+    """A sentence on what is allowed, led by the nearest match if one is near."""
+    close = _closest(word, allowed)
+    hint = f"did you mean '{close}'? " if close else ""
+    return f"{hint}allowed: {', '.join(allowed)}"
+
+
+def _closest(word: str, allowed: Sequence[str]) -> str | None:
+    found = difflib.get_close_matches(word[:100], allowed, n=1, cutoff=0.5)
+    return found[0] if found else None
+
+
+def _path(data: Any, error: Any) -> Path:
+    """The error's location without the tags that pydantic adds for the options of a union."""
+    out: list[Any] = []
+    *parents, last = error["loc"] or (None,)
+    for part in parents:
+        if _has(data, part):
+            out.append(part)
+            data = data[part]
+    if _has(data, last) or error["type"] in ("missing", "extra_forbidden"):
+        out.append(last)
+    return tuple(out)
+
+
+def _has(data: Any, part: Any) -> bool:
+    if isinstance(data, Mapping):
+        return part in data
+    return isinstance(data, list) and isinstance(part, int) and part < len(data)
+
+
+def _told_below(path: Path, errors: Sequence[Any], above: Collection[Path]) -> bool:
+    """Whether an entry of the list at `path` is at fault, so that the list as such is not."""
+    return path in above and all(e["type"] != "value_error" for e in errors)
+
+
+def _typos(model: type[BaseModel], grouped: Mapping[Path, Any]) -> set[Path]:
+    """Paths that a misspelt key beside them was meant for."""
+    every = (p for p, group in grouped.items() if group[0]["type"] == "extra_forbidden")
+    unknown = list(islice(every, MOST))
+    meant = {p: _closest(str(p[-1]), _keys_at(model, p[:-1])) for p in unknown}
+    return {(*p[:-1], key) for p, key in meant.items() if key is not None}
+
+
+def _line(
+    model: type[BaseModel], data: Any, path: Path, group: Sequence[Any], at: Sequence[str]
+) -> str:
+    where, value = _dotted([*at, *path]), _shown(group[0]["input"])
+    match group[0]["type"]:
+        case "extra_forbidden":
+            hint = _elsewhere(model, path) or nearest(str(path[-1]), _keys_at(model, path[:-1]))
+            return f"unknown key '{where}' (value {value}); {hint}"
+        case "missing":
+            return f"missing key '{where}'"
+        case "value_error":
+            text = str(group[0]["ctx"]["error"])
+            if not where:
+                return text
+            shown = "" if isinstance(group[0]["input"], Mapping) else f" = {value}"
+            return f"'{where}'{shown}: {text}"
+    options = list(dict.fromkeys(_phrase(e) for e in group))
+    return f"'{where}' = {value}: must be {' or '.join(options)}"
+
+
+def _phrase(error: Any) -> str:
+    phrase = _PHRASES.get(error["type"])
+    if phrase is None:
+        return str(error["msg"]).replace("Input should be ", "", 1)
+    return phrase.format(**error.get("ctx", {}))
+
+
+def _dotted(parts: Sequence[Any]) -> str:
+    out = ""
+    for part in parts:
+        out += f"[{part}]" if isinstance(part, int) else f".{brief(str(part))}"
+    return out.lstrip(".")
+
+
+def _shown(value: Any) -> str:
+    return brief(_limited.repr(value))
+
+
+def _elsewhere(model: type[BaseModel], path: Path) -> str:
+    """Where an unknown key belongs when another table has a key of exactly that name."""
+    homes = [
+        name
+        for name, table in _fields(model).items()
+        if (name,) != path[:-1] and path[-1] in _fields(_table_in(table.annotation))
+    ]
+    return f"it belongs to [{'] or ['.join(homes)}]" if homes else ""
+
+
+def _fields(model: Any) -> dict[str, Any]:
+    """The keys of a table, with aliases where a field has one."""
+    fields = getattr(model, "model_fields", {})
+    return {f.alias or name: f for name, f in fields.items()}
+
+
+def _keys_at(model: type[BaseModel], path: Path) -> list[str]:
+    """Keys of the table that `path` leads to."""
+    current: Any = model
+    for part in path:
+        if part in _fields(current):
+            current = _table_in(_fields(current)[part].annotation)
+    return list(_fields(current))
+
+
+def _table_in(annotation: Any) -> Any:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for option in get_args(annotation):
+        found = _table_in(option)
+        if found is not None:
+            return found
+    return None

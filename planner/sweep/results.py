@@ -1,0 +1,153 @@
+"""The results of a sweep as a table: a pandas frame, CSV, Parquet."""
+
+from __future__ import annotations
+
+import io
+import json
+import tempfile
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from planner.errors import InputError
+from planner.plan.plan import Plan
+from planner.support.files import refuse_unwritable, write_bytes, write_text
+from planner.support.package import how_to_install
+from planner.support.tables import csv_text
+from planner.sweep.case import RESULTS
+from planner.sweep.store import Store
+from planner.verification.load_plan import load_plan
+
+if TYPE_CHECKING:
+    import pandas
+
+FIXED = ("method", *(name for name in RESULTS if name != "plan"), "case", "finished_at")
+"""Columns after those of the varied keys."""
+
+SUFFIXES = (".csv", ".parquet")
+
+Record = dict[str, Any]
+
+
+def load_sweep(db: str | Path, which: int | None = None) -> pandas.DataFrame:
+    """The finished cases of a sweep, one row a point and method, in the sweep's order.
+
+    Args:
+        db: A database file of `planner sweep`.
+        which: Number of the sweep among those run into the file, from 0; the one started last
+            when left out.
+
+    Returns:
+        A frame with one column a varied key (named by the dotted key), then `method`, the results
+        (`planner.sweep.RESULTS`, with units in their names), `case` (the key for `load_case_plan`)
+        and `finished_at`.
+
+    Raises:
+        InputError: If pandas is not installed, or the file is missing or not a sweep's.
+    """
+    pandas = _pandas()
+    columns, records = read(db, which)
+    return pandas.DataFrame.from_records(records, columns=columns)
+
+
+def load_case_plan(db: str | Path, case: str) -> Plan:
+    """The plan of a case of a sweep that kept its plans (`plans = true`).
+
+    Args:
+        db: A database file of `planner sweep`.
+        case: The case's key, or enough of its beginning.
+
+    Raises:
+        InputError: If there is no such case, or no plan was kept.
+    """
+    with Store(db) as store:
+        text = store.plan(case)
+    if text is None:
+        raise InputError(
+            f"{db} holds no plan for case {case}: it has none, or the sweep lacks plans = true"
+        )
+    with tempfile.TemporaryDirectory() as folder:
+        return load_plan(write_text(Path(folder) / "plan.json", text))
+
+
+def export(db: str | Path, path: str | Path, which: int | None = None) -> Path:
+    """Write the finished cases of a sweep to a file, whole or not at all.
+
+    Lists, tables and columns of mixed types become JSON text.
+
+    Args:
+        db: A database file of `planner sweep`.
+        path: A name that ends in .csv or .parquet.
+        which: As for `load_sweep`.
+
+    Raises:
+        InputError: If the name ends otherwise, pandas or pyarrow is missing (Parquet only), or a
+            file cannot be read or written.
+    """
+    refuse_unexportable(path)
+    columns, records = read(db, which)
+    cells = _cells(columns, records)
+    if Path(path).suffix == ".csv":
+        return write_text(path, csv_text([columns, *zip(*cells.values(), strict=True)]))
+    buffer = io.BytesIO()
+    _pandas().DataFrame(cells).to_parquet(buffer, engine="pyarrow", index=False)
+    return write_bytes(path, buffer.getvalue())
+
+
+def refuse_unexportable(path: str | Path) -> None:
+    """Refuse what `export` could not write, before the work that fills it.
+
+    Raises:
+        InputError: As for `export`.
+    """
+    if Path(path).suffix not in SUFFIXES:
+        raise InputError(f"cannot export to {path}: its name must end in {' or '.join(SUFFIXES)}")
+    refuse_unwritable(path)
+    if Path(path).suffix == ".parquet":
+        _pandas()
+        try:
+            import pyarrow  # noqa: F401
+        except ImportError:
+            raise _lacks("Parquet", "pyarrow") from None
+
+
+def read(db: str | Path, which: int | None = None) -> tuple[list[str], list[Record]]:
+    """Columns and records of a sweep, as `load_sweep` orders them."""
+    with Store(db) as store:
+        sweeps = store.sweeps()
+        if not sweeps:
+            raise InputError(f"{db} holds no sweep yet")
+        number = len(sweeps) - 1 if which is None else which
+        if not 0 <= number < len(sweeps):
+            raise InputError(f"{db} holds {len(sweeps)} sweeps; there is no number {which}")
+        keys = sweeps[number]["keys"]
+        columns = [*keys, *FIXED]
+        records = []
+        for row in store.rows(sweeps[number]["id"]):
+            row |= {"solved": bool(row["solved"])}
+            records.append({**dict.fromkeys(columns), **row.pop("changes"), **row})
+    return columns, records
+
+
+def _cells(columns: Iterable[str], records: list[Record]) -> Mapping[str, list[Any]]:
+    """Each column's values, of one type."""
+    out = {}
+    for column in columns:
+        values = [record[column] for record in records]
+        kinds = {float if type(v) is int else type(v) for v in values if v is not None}
+        if len(kinds) > 1 or kinds & {list, dict}:
+            values = [v if v is None or type(v) is str else json.dumps(v) for v in values]
+        out[column] = values
+    return out
+
+
+def _pandas() -> Any:
+    try:
+        import pandas
+    except ImportError:
+        raise _lacks("this table", "pandas") from None
+    return pandas
+
+
+def _lacks(what: str, library: str) -> InputError:
+    return InputError(f"{what} needs {library}; install it with: {how_to_install('tables')}")

@@ -1,0 +1,167 @@
+"""Theorem 1 (eqs 1–5): from a triangular system to the chained form, and back.
+
+    z_N = q_N,  zᵢ = Σ_{j>i} (∂zᵢ₊₁/∂qⱼ) fⱼ  (i = N−1 … 2),  z₁ = q₁
+    ż₁ = v₁,    ż₂ = v₂,    żᵢ = zᵢ₋₁ v₁
+
+The derivatives are taken by CasADi, so the chain may have any length. Splitting off j = i+1
+gives zᵢ = aᵢ + cᵢ fᵢ₊₁(qᵢ; qᵢ₊₁ …), where aᵢ and cᵢ read only later coordinates: the inverse goes
+down the chain from q_N, and each step is one scalar equation that the system solves
+(`link_from_slope`).
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from planner.support.arrays import Array
+from planner.support.compiled_calls import Pointwise
+from planner.systems.triangular_system import TriangularSystem
+
+
+class ChainedForm:
+    """Coordinate and feedback transformation of one system; build it with `chained_form`.
+
+    All methods take the coordinate on the last axis and broadcast over the others.
+    """
+
+    def __init__(self, system: TriangularSystem) -> None:
+        self.system = system
+        q = ca.SX.sym("q", system.size)
+        z, links = _chain(system, q)
+        gradient = ca.jacobian(z[1], q)
+        slopes = ca.vertcat(*system.slopes_expr(q))
+        drift = gradient[0, 2:] @ slopes
+        self._z = Pointwise("z", [q], ca.vertcat(*z))
+        self._links = {i: Pointwise(f"link{i}", [q], ca.vertcat(*ac)) for i, ac in links.items()}
+        feedback = ca.vertcat(system.drive_expr(q), gradient[0, 1], drift)
+        self._feedback = Pointwise("feedback", [q], feedback)
+        self._state: Pointwise | None = None
+        self._inputs: Pointwise | None = None
+        self._both: Pointwise | None = None
+        if compiled := _compiled(system, links, q, feedback):
+            self._state, self._inputs, self._both = compiled
+
+    def __repr__(self) -> str:
+        return f"ChainedForm({self.system!r})"
+
+    def z_expr(self, q: Any) -> Any:
+        """Chained coordinates as a CasADi expression in q (N)."""
+        return self._z.function(q)
+
+    def q_expr(self, z: Any, branch: Any) -> Any | None:
+        """Coordinates as a CasADi expression in z (N) on a branch (N); None without one."""
+        return None if self._state is None else self._state.function(z, branch)
+
+    def inputs_expr(self, z: Any, v: Any, branch: Any) -> Any | None:
+        """Inputs as a CasADi expression in z (N) and v (2) on a branch; None without one."""
+        return None if self._inputs is None else self._inputs.function(z, v, branch)
+
+    def z(self, q: Array) -> Array:
+        """Chained coordinates (…, N) of q (…, N); eq. (3)."""
+        return self._z(q)
+
+    def v(self, q: Array, u: Array) -> Array:
+        """Chained inputs (…, 2) of inputs u (…, 2) at q (…, N); eq. (4)."""
+        drive, slope, drift = np.moveaxis(self._feedback(q), -1, 0)
+        v1 = drive * u[..., 0]
+        return np.stack([v1, slope * u[..., 1] + drift * v1], axis=-1)
+
+    def u(self, q: Array, v: Array) -> Array:
+        """Inputs (…, 2) that give chained inputs v (…, 2) at q (…, N); infinite where singular."""
+        drive, slope, drift = np.moveaxis(self._feedback(q), -1, 0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            u1 = v[..., 0] / drive
+            u2 = (v[..., 1] - drift * v[..., 0]) / slope
+        return np.stack([u1, u2], axis=-1)
+
+    def q(self, z: Array, branch: Array) -> Array:
+        """Coordinates (…, N) of z (…, N) on the given branch; NaN outside the domain."""
+        if self._state is None:
+            return self._invert(z, branch)
+        return self._state(z, np.broadcast_to(branch, z.shape))
+
+    def inputs(self, z: Array, v: Array, branch: Array) -> Array:
+        """Inputs (…, 2) of z (…, N) and chained inputs v (…, 2): `u` at `q`, in one call."""
+        if self._inputs is None:
+            return self.u(self.q(z, branch), v)
+        return self._inputs(z, v, np.broadcast_to(branch, z.shape))
+
+    def both(self, z: Array, v: Array, branch: Array) -> tuple[Array, Array]:
+        """`q` and `inputs`, in one call."""
+        if self._both is None:
+            q = self._invert(z, branch)
+            return q, self.u(q, v)
+        values = self._both(z, v, np.broadcast_to(branch, z.shape))
+        return values[..., : self.system.size], values[..., self.system.size :]
+
+    def margins(self, z: Array, branch: Array) -> Array:
+        """Signed margins (…, M) of the chart's domain at z (…, N); > 0 strictly inside.
+
+        Labels are `system.margin_labels`. Once one coordinate has no real value the margins of the
+        earlier ones are undefined: NaN.
+        """
+        margins: list[Array] = []
+        self._invert(z, branch, margins)
+        return np.stack(margins, axis=-1)
+
+    def _invert(self, z: Array, branch: Array, margins: list[Array] | None = None) -> Array:
+        """q of z; the margins met on the way go to the front of `margins`, if wanted."""
+        q = np.full(z.shape, np.nan)
+        q[..., 0], q[..., -1] = z[..., 0], z[..., -1]
+        for i in range(self.system.size - 2, 0, -1):
+            known = np.where(np.arange(z.shape[-1]) > i, q, 0.0)
+            a, c = np.moveaxis(self._links[i](known), -1, 0)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                slope = (z[..., i] - a) / c
+            q[..., i] = self.system.link_from_slope(i, slope, q, branch)
+            if margins is not None:
+                margins[:0] = self.system.link_margins(i, slope, q, branch)
+        return q
+
+
+@lru_cache(maxsize=64)
+def chained_form(system: TriangularSystem) -> ChainedForm:
+    """The chained form of a system, built once and kept."""
+    return ChainedForm(system)
+
+
+def _compiled(
+    system: TriangularSystem, links: dict[int, tuple[Any, Any]], q: Any, feedback: Any
+) -> tuple[Pointwise, Pointwise, Pointwise] | None:
+    """(z, branch) → q, (z, v, branch) → u and → (q, u), if every link has an expression."""
+    size = system.size
+    z, v, branch = ca.SX.sym("z", size), ca.SX.sym("v", 2), ca.SX.sym("branch", size)
+    known: list[Any] = [z[0], *[ca.SX(0)] * (size - 2), z[size - 1]]
+    for i in range(size - 2, 0, -1):
+        a, c = ca.substitute(list(links[i]), [q], [ca.vertcat(*known)])
+        link = system.link_expr(i, (z[i] - a) / c, known, branch)
+        if link is None:
+            return None
+        known[i] = link
+    state = ca.vertcat(*known)
+    (values,) = ca.substitute([feedback], [q], [state])
+    u = ca.vertcat(v[0] / values[0], (v[1] - values[2] * v[0]) / values[1])
+    every = [z, v, branch]
+    both = Pointwise("both", every, ca.vertcat(state, u))
+    return Pointwise("state", [z, branch], state), Pointwise("inputs", every, u), both
+
+
+def _chain(system: TriangularSystem, q: Any) -> tuple[list[Any], dict[int, tuple[Any, Any]]]:
+    """Expressions of z, and the pair (aᵢ, cᵢ) of every step of the inverse."""
+    size = system.size
+    f = [None, None, *system.slopes_expr(q)]
+    z: list[Any] = [q[0], *[None] * (size - 2), q[size - 1]]
+    links = {}
+    for i in range(size - 2, 0, -1):
+        gradient = ca.jacobian(z[i + 1], q)
+        c = gradient[0, i + 1]
+        a = ca.SX(0)
+        for j in range(i + 2, size):
+            a += gradient[0, j] * f[j]
+        z[i] = a + c * f[i + 1]
+        links[i] = (a, c)
+    return z, links

@@ -1,0 +1,313 @@
+"""Is the system controllable here? Lie brackets, growth vector, Frobenius and Chow.
+
+Section 3.2 of the paper, by computation instead of by its recursion, which does not hold for its
+own mechanism (`planner.problem.nonholonomy`).
+
+Lie brackets of a system's two input fields, symbolically, one bracket a Lyndon word.
+
+The brackets of the Lyndon words of length ≤ k over {g₁, g₂} span every bracket of that length
+(C. Reutenauer, Free Lie Algebras, 1993, ch. 5): 2, 3, 5, 8, 14, 23, 41 … of them for k = 1, 2, 3 ….
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from planner.errors import InputError
+from planner.support.arrays import Array
+from planner.support.compiled_calls import Pointwise
+from planner.systems.triangular_system import TriangularSystem
+
+RANK_TOLERANCE = 1e-14
+"""A singular value counts towards the rank when it exceeds this share of the largest."""
+
+_NEIGHBOURS = 8
+_RADIUS = 0.1
+_INFINITE = 1e12
+
+
+@dataclass(frozen=True)
+class Controllability:
+    """What `controllability` finds at one configuration.
+
+    Attributes:
+        system: Kind of the system.
+        q: The configuration, in the coordinates' units.
+        size: Number N of coordinates.
+        growth: Growth vector: dimension spanned by all brackets of length ≤ 1, 2, … at q.
+        degree: Degree of nonholonomy: the length at which that dimension reaches N; None if it
+            does not up to the depth examined.
+        basis: Names of brackets that span, shortest first: N of them when `chow` holds.
+        singular_values: Of the matrix of all brackets examined, largest first.
+        tolerance: Share of the largest above which a singular value counts.
+        involutive: Whether [g₁, g₂] stays in span{g₁, g₂} at q and around it (Frobenius).
+        chow: Whether the brackets span all N directions (Chow): if so, the system is locally
+            controllable at q; if not, that is not shown up to this depth.
+        neighbours: Growth vectors at seeded points around q, each once. The point is regular
+            when its own is the only one.
+    """
+
+    system: str
+    q: tuple[float, ...]
+    size: int
+    growth: tuple[int, ...]
+    degree: int | None
+    basis: tuple[str, ...]
+    singular_values: tuple[float, ...]
+    tolerance: float
+    involutive: bool
+    chow: bool
+    neighbours: tuple[tuple[int, ...], ...]
+
+    @property
+    def depth(self) -> int:
+        """Greatest bracket length examined."""
+        return len(self.growth)
+
+    @property
+    def regular(self) -> bool:
+        """Whether the growth vector is the same all around q."""
+        return self.neighbours == (self.growth,)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready form."""
+        return {
+            "system": self.system,
+            "q": list(self.q),
+            "growth_vector": list(self.growth),
+            "degree_of_nonholonomy": self.degree,
+            "depth": self.depth,
+            "basis": list(self.basis),
+            "singular_values": list(self.singular_values),
+            "rank_tolerance": self.tolerance,
+            "frobenius_involutive": self.involutive,
+            "chow_controllable": self.chow,
+            "regular": self.regular,
+            "growth_vectors_around": [list(g) for g in self.neighbours],
+        }
+
+    def __str__(self) -> str:
+        values = ", ".join(f"{s:.4g}" for s in self.singular_values)
+        around = " and ".join(_vector(g) for g in self.neighbours)
+        lines = [
+            f"growth vector {_vector(self.growth)}, N = {self.size}, "
+            + ("regular point" if self.regular else f"singular point (around it: {around})"),
+            "degree of nonholonomy "
+            + (f"{self.degree}" if self.degree else f"above {self.depth}, the depth examined"),
+            f"spanned by {', '.join(self.basis)}",
+            f"singular values {values} (rank counts those above {self.tolerance:g} of the largest)",
+            "Frobenius: span{g1, g2} is "
+            + (
+                "involutive as far as sampled: it can be integrated, the constraints are holonomic"
+                if self.involutive
+                else "not involutive, so it cannot be integrated: the constraints are nonholonomic"
+            ),
+            "Chow: brackets up to length "
+            + (
+                f"{self.degree} span all {self.size} directions: locally controllable here"
+                if self.chow
+                else f"{self.depth} span {self.growth[-1]} of {self.size} directions:"
+                " controllability is not shown to this depth"
+            ),
+        ]
+        return "\n".join(lines)
+
+
+def controllability(
+    system: TriangularSystem,
+    q: ArrayLike,
+    depth: int | None = None,
+    *,
+    tolerance: float = RANK_TOLERANCE,
+) -> Controllability:
+    """Examine the brackets of g₁ and g₂ (q̇ = g₁u₁ + g₂u₂) at one configuration.
+
+    Args:
+        system: Any system.
+        q: Configuration, shape (N,), in the coordinates' units.
+        depth: Greatest bracket length; when left out, as many as full rank needs, at most 2N − 3
+            (what the paper's manipulator needs with every θᵢ = 0).
+        tolerance: Share of the largest singular value above which one counts.
+
+    Returns:
+        The findings; `str()` of them is a short report.
+
+    Raises:
+        InputError: If q does not fit the system, the depth is not positive, or the kinematics are
+            infinite at q.
+    """
+    point = _checked(system, q, depth)
+    family, limit = brackets(system), depth or max(2, 2 * system.size - 3)
+    if not np.all(np.abs(family.values(point, 1)) < _INFINITE):
+        raise InputError(
+            f"the kinematics of the {system.kind} are infinite at q = {point.tolist()}"
+        )
+    blocks: list[Array] = []
+    names: list[str] = []
+    for length in range(1, limit + 1):
+        blocks.append(family.values(point, length))
+        names += family.names(length)
+        if depth is None and _rank(blocks, tolerance) == system.size:
+            break
+    growth, around = _growth(blocks, tolerance), _around(point)
+    reached = [k for k, rank in enumerate(growth, start=1) if rank == system.size]
+    return Controllability(
+        system=system.kind,
+        q=tuple(point.tolist()),
+        size=system.size,
+        growth=growth,
+        degree=reached[0] if reached else None,
+        basis=_basis(blocks, names, growth),
+        singular_values=tuple(_values(blocks).tolist()),
+        tolerance=tolerance,
+        involutive=all(_growth(_blocks(family, p, 2), tolerance)[1] == 2 for p in [point, *around]),
+        chow=bool(reached),
+        neighbours=_distinct(_growth(_blocks(family, p, len(growth)), tolerance) for p in around),
+    )
+
+
+def _checked(system: TriangularSystem, q: ArrayLike, depth: int | None) -> Array:
+    point = np.asarray(q, dtype=float)
+    if point.shape != (system.size,) or not np.all(np.isfinite(point)):
+        raise InputError(
+            f"q = {point.tolist()}: the {system.kind} needs {system.size} finite numbers"
+            f" ({', '.join(c.name for c in system.coordinates)})"
+        )
+    if depth is not None and depth < 1:
+        raise InputError(f"depth = {depth}: a bracket has a length of at least 1")
+    return point
+
+
+def _values(blocks: Sequence[Array]) -> Array:
+    return np.asarray(np.linalg.svd(np.concatenate(blocks), compute_uv=False))
+
+
+def _rank(blocks: Sequence[Array], tolerance: float) -> int:
+    values = _values(blocks)
+    return int(np.sum(values > tolerance * values[0]))
+
+
+def _basis(blocks: Sequence[Array], names: Sequence[str], growth: Sequence[int]) -> tuple[str, ...]:
+    """Independent brackets, as many of each length as the growth vector gains there.
+
+    Among those of one length, the one that sticks out furthest is taken first.
+    """
+    chosen: list[int] = []
+    left, at = [block.copy() for block in blocks], 0
+    for k, gain in enumerate(np.diff([0, *growth])):
+        for _ in range(gain):
+            best = int(np.argmax(np.linalg.norm(left[k], axis=1)))
+            unit = left[k][best] / np.linalg.norm(left[k][best])
+            left = [rest - np.outer(rest @ unit, unit) for rest in left]
+            chosen.append(at + best)
+        at += len(blocks[k])
+    return tuple(names[k] for k in sorted(chosen))
+
+
+def _around(point: Array) -> list[Array]:
+    rng = np.random.default_rng(0)
+    steps = rng.uniform(-_RADIUS, _RADIUS, (_NEIGHBOURS, len(point)))
+    return list(point + steps)
+
+
+def _blocks(family: Brackets, q: Array, depth: int) -> list[Array]:
+    return [family.values(q, length) for length in range(1, depth + 1)]
+
+
+def _growth(blocks: Sequence[Array], tolerance: float) -> tuple[int, ...]:
+    return tuple(_rank(blocks[: k + 1], tolerance) for k in range(len(blocks)))
+
+
+def _distinct(vectors: Any) -> tuple[tuple[int, ...], ...]:
+    return tuple(dict.fromkeys(vectors))
+
+
+def _vector(growth: Sequence[int]) -> str:
+    return f"({', '.join(map(str, growth))})"
+
+
+Word = tuple[int, ...]
+
+
+def lie_bracket(f: Any, g: Any, q: Any) -> Any:
+    """[f, g] = (∂g/∂q) f − (∂f/∂q) g of two columns in the CasADi vector q."""
+    return ca.cse(ca.jtimes(g, q, f) - ca.jtimes(f, q, g))
+
+
+def lyndon_words(length: int) -> list[Word]:
+    """The Lyndon words of that length over {1, 2}, in order (Duval's algorithm)."""
+    words, word = [], [0]
+    while word:
+        word[-1] += 1
+        if len(word) == length:
+            words.append(tuple(word))
+        period = len(word)
+        while len(word) < length:
+            word.append(word[-period])
+        while word and word[-1] == 2:
+            word.pop()
+    return words
+
+
+def split(word: Word) -> tuple[Word, Word]:
+    """The standard factorisation: the second factor is the longest proper Lyndon suffix."""
+    for k in range(1, len(word)):
+        suffix = word[k:]
+        if all(suffix < suffix[j:] for j in range(1, len(suffix))):
+            return word[:k], suffix
+    raise ValueError(f"{word} is a letter")
+
+
+def bracket_name(word: Word) -> str:
+    """As people write it: (1, 1, 2) is "[g1,[g1,g2]]"."""
+    if len(word) == 1:
+        return f"g{word[0]}"
+    a, b = split(word)
+    return f"[{bracket_name(a)},{bracket_name(b)}]"
+
+
+class Brackets:
+    """All brackets of a system up to any length, derived when first asked for."""
+
+    def __init__(self, system: TriangularSystem) -> None:
+        self._q = ca.SX.sym("q", system.size)
+        self._fields: dict[Word, Any] = {
+            (1,): ca.SX(ca.vertcat(*system.rates_expr(self._q, [1.0, 0.0]))),
+            (2,): ca.SX(ca.vertcat(*system.rates_expr(self._q, [0.0, 1.0]))),
+        }
+        self._values: dict[int, tuple[list[str], Pointwise]] = {}
+
+    def names(self, length: int) -> list[str]:
+        """Names of the brackets of exactly that length."""
+        return self._of_length(length)[0]
+
+    def values(self, q: Array, length: int) -> Array:
+        """The brackets of exactly that length at q (…, N), shape (…, count, N)."""
+        names, function = self._of_length(length)
+        return function(q).reshape(*q.shape[:-1], len(names), q.shape[-1])
+
+    def _of_length(self, length: int) -> tuple[list[str], Pointwise]:
+        if length not in self._values:
+            words = lyndon_words(length)
+            function = Pointwise("brackets", [self._q], ca.vertcat(*map(self._field, words)))
+            self._values[length] = ([bracket_name(w) for w in words], function)
+        return self._values[length]
+
+    def _field(self, word: Word) -> Any:
+        if word not in self._fields:
+            f, g = (self._field(part) for part in split(word))
+            self._fields[word] = lie_bracket(f, g, self._q)
+        return self._fields[word]
+
+
+@lru_cache(maxsize=16)
+def brackets(system: TriangularSystem) -> Brackets:
+    """The brackets of a system, derived once and kept."""
+    return Brackets(system)

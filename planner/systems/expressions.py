@@ -1,0 +1,162 @@
+"""Expressions as text: what problem files write and CasADi computes with, both ways."""
+
+from __future__ import annotations
+
+import ast
+import operator
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from planner.errors import InputError
+from planner.support.tables import brief
+
+_NAMES = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh")
+
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    name: getattr(ca, name) for name in (*_NAMES, "exp", "log", "sqrt", "fabs")
+}
+"""Functions an expression may call."""
+
+_BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+}
+
+
+def parse_expression(text: str, symbols: Mapping[str, Any], where: str = "expression") -> Any:
+    """Turn text such as "tan(theta) / cos(phi)**2" into a CasADi expression.
+
+    Args:
+        text: Numbers, names, `pi`, + - * / **, and the functions of `FUNCTIONS`.
+        symbols: What the names stand for.
+        where: What to name in messages.
+
+    Raises:
+        InputError: If the text is not such an expression; names the part that is wrong.
+    """
+    try:
+        tree = ast.parse(text.strip(), mode="eval")
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise InputError(f"{where}: {brief(text)!r} is not an expression") from None
+    try:
+        return _Reader(brief(text), {"pi": np.pi, **symbols}, where).build(tree.body)
+    except RecursionError:
+        raise InputError(
+            f"{where}: {brief(text)!r} has too many terms or brackets ({len(text)} characters);"
+            " at most some hundred can be read"
+        ) from None
+
+
+@dataclass(frozen=True)
+class _Reader:
+    text: str
+    known: Mapping[str, Any]
+    where: str
+
+    def build(self, node: ast.expr) -> Any:
+        value = ca.SX(self._translated(node))
+        if value.is_constant() and not value.is_regular():
+            raise InputError(
+                f"{self.where}: {_source(node)!r} in {self.text!r} has no finite value"
+            )
+        return value
+
+    def _translated(self, node: ast.expr) -> Any:
+        match node:
+            case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
+                return _finite(number, self.where)
+            case ast.Name(id=name) if name in self.known:
+                return self.known[name]
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
+                return _BINARY[type(op)](self.build(left), self.build(right))
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                return -self.build(operand)
+            case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+                return self.build(operand)
+            case ast.Call(func=ast.Name(id=name), args=args, keywords=[]) if name in FUNCTIONS:
+                return _call(name, [self.build(a) for a in args], self.where)
+        raise InputError(
+            f"{self.where}: {_source(node)!r} in {self.text!r} is not understood; names:"
+            f" {', '.join(self.known)}; functions: {', '.join(FUNCTIONS)}; operators: + - * / **"
+        )
+
+
+def _finite(number: float, where: str) -> float:
+    try:
+        return float(number)
+    except OverflowError:
+        raise InputError(f"{where}: a whole number of hundreds of digits") from None
+
+
+def _source(node: ast.expr) -> str:
+    return brief(ast.unparse(node))
+
+
+def _call(name: str, args: list[Any], where: str) -> Any:
+    wanted = 2 if name == "atan2" else 1
+    if len(args) != wanted:
+        raise InputError(f"{where}: {name} takes {wanted} argument{'s' if wanted > 1 else ''}")
+    return FUNCTIONS[name](*args)
+
+
+_WRITTEN = {
+    ca.OP_ADD: "({} + {})",
+    ca.OP_SUB: "({} - {})",
+    ca.OP_MUL: "({} * {})",
+    ca.OP_DIV: "({} / {})",
+    ca.OP_POW: "({} ** {})",
+    ca.OP_CONSTPOW: "({} ** {})",
+    ca.OP_NEG: "(-{})",
+    ca.OP_SQ: "({} ** 2)",
+    ca.OP_TWICE: "(2 * {})",
+    ca.OP_INV: "(1 / {})",
+    ca.OP_SQRT: "sqrt({})",
+    ca.OP_EXP: "exp({})",
+    ca.OP_LOG: "log({})",
+    ca.OP_SIN: "sin({})",
+    ca.OP_COS: "cos({})",
+    ca.OP_TAN: "tan({})",
+    ca.OP_ASIN: "asin({})",
+    ca.OP_ACOS: "acos({})",
+    ca.OP_ATAN: "atan({})",
+    ca.OP_ATAN2: "atan2({}, {})",
+    ca.OP_SINH: "sinh({})",
+    ca.OP_COSH: "cosh({})",
+    ca.OP_TANH: "tanh({})",
+    ca.OP_FABS: "fabs({})",
+}
+
+
+def write_expression(expression: Any, where: str = "expression") -> str:
+    """The text of a scalar CasADi SX expression, which `parse_expression` reads back.
+
+    Raises:
+        InputError: If it is not a scalar SX or uses an operation that text does not have.
+    """
+    scalar = ca.SX(expression)
+    if scalar.numel() != 1:
+        raise InputError(f"{where}: not a scalar but of shape {scalar.shape}")
+    if scalar.nnz() == 0:
+        return "0.0"
+
+    def text(node: Any) -> str:
+        if node.is_constant():
+            return repr(float(node))
+        if node.is_symbolic():
+            return str(node.name())
+        if node.op() not in _WRITTEN:
+            raise InputError(f"{where}: {node} cannot be written in a file; use {_allowed()}")
+        return _WRITTEN[node.op()].format(*(text(node.dep(k)) for k in range(node.n_dep())))
+
+    return text(scalar)
+
+
+def _allowed() -> str:
+    return f"+ - * / ** and {', '.join(FUNCTIONS)}"

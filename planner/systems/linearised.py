@@ -1,0 +1,110 @@
+"""Linearised motion, symbolically: what a small error of start, inputs or constants does.
+
+Along a motion, δq̇ = A δq + b for each error of unit size, with A = ∂f/∂q (H. K. Khalil, Nonlinear
+Systems, 3rd ed., section 3.3). The errors:
+
+    gain u1, gain u2        uᵢ becomes (1 + p) uᵢ
+    bias u1, bias u2        p is added to uᵢ, in its unit
+    delay u1, delay u2      the input arrives p seconds late (and then ends p seconds late)
+    stretch u1, stretch u2  its clock runs slow by the fraction p: it arrives p t late, travel kept
+    start <coordinate>      offset of the start, in the coordinate's unit
+    K2, K3 …                relative error of a gear constant (manipulator, ball-gear arm)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from planner.support.arrays import Array
+from planner.systems.ball_gear import BallGear
+from planner.systems.manipulator import Manipulator
+from planner.systems.triangular_system import TriangularSystem
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """An error: its name ("gain u1", "start theta2", "K3") and unit ("1" for relative errors)."""
+
+    name: str
+    unit: str
+
+    @property
+    def family(self) -> str:
+        """First word of the name; "gear" for the constants Kᵢ."""
+        return self.name.split()[0] if " " in self.name else "gear"
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """CasADi expressions of the linearised motion.
+
+    Attributes:
+        q: Symbol of the coordinates (N).
+        u: Symbol of the inputs (2).
+        t: Symbol of the time since the start, s.
+        rates: q̇ (N).
+        A: ∂q̇/∂q (N, N).
+        forcing: For each error by name: b (N), for an error of one unit.
+        initial: For each error by name: δq(0), shape (N,).
+    """
+
+    q: Any
+    u: Any
+    t: Any
+    rates: Any
+    A: Any
+    forcing: Mapping[str, Any]
+    initial: Mapping[str, Array]
+
+
+@lru_cache(maxsize=32)
+def parameters(system: TriangularSystem) -> tuple[Parameter, ...]:
+    """The errors of a system, in the order of the module's table."""
+    u = system.inputs
+    return (
+        *(Parameter(f"gain {i.name}", "1") for i in u),
+        *(Parameter(f"bias {i.name}", i.unit) for i in u),
+        *(Parameter(f"delay {i.name}", "s") for i in u),
+        *(Parameter(f"stretch {i.name}", "1") for i in u),
+        *(Parameter(f"start {c.name}", c.unit) for c in system.coordinates),
+        *(Parameter(f"K{i}", "1") for i in range(2, geared(system) + 2)),
+    )
+
+
+def geared(system: TriangularSystem) -> int:
+    """Number of gear constants Kᵢ."""
+    return system.n - 1 if isinstance(system, Manipulator | BallGear) else 0
+
+
+@lru_cache(maxsize=32)
+def linearised(system: TriangularSystem) -> Linearised:
+    """Form the expressions for a system.
+
+    A late input uᵢ(t − p) acts through the Lie bracket alone: after integrating −u̇ᵢ gᵢ by parts
+    the forcing is u₁u₂[gⱼ, gᵢ], j ≠ i, which has no derivative of the input and needs no care at
+    its jumps. A slow clock is a delay that grows with the time, by the same integration. So δq of
+    these two is that of a late input that has caught up, as it has at the end.
+    """
+    q, u, t = ca.SX.sym("q", system.size), ca.SX.sym("u", 2), ca.SX.sym("t")
+    f = ca.vertcat(*system.rates_expr(q, u))
+    g1, g2 = (ca.jacobian(f, u)[:, i] for i in range(2))
+    late = u[0] * u[1] * (ca.jacobian(g2, q) @ g1 - ca.jacobian(g1, q) @ g2)  # u1 u2 [g1, g2]
+    columns = [g1 * u[0], g2 * u[1], g1, g2, -late, late, -t * late, t * late]
+    columns += [ca.SX(system.size, 1) for _ in system.coordinates]
+    for i in range(2, geared(system) + 2):
+        column = ca.SX(system.size, 1)
+        column[i] = f[i]
+        columns.append(column)
+    names = [p.name for p in parameters(system)]
+    initial = {name: np.zeros(system.size) for name in names}
+    for i, c in enumerate(system.coordinates):
+        initial[f"start {c.name}"][i] = 1.0
+    return Linearised(
+        q, u, t, f, ca.jacobian(f, q), dict(zip(names, columns, strict=True)), initial
+    )

@@ -1,0 +1,281 @@
+"""The class of systems the paper's Theorem 1 steers: driftless, two inputs, triangular.
+
+    q̇₁ = v₁ = γ(q) u₁,   q̇₂ = u₂,   q̇ᵢ = fᵢ(qᵢ₋₁, qᵢ, …, q_N) v₁   (i = 3 … N)
+
+Coordinate numbers in the documentation are the paper's (from 1); array indices start at 0.
+
+Triangular systems whose every link is a tangent: cars, trailers, the ball-gear manipulator.
+
+    fᵢ₊₁(qᵢ; qᵢ₊₁ … q_N) = offset + gain · tan qᵢ,   offset and gain read later coordinates only
+
+The inverse is qᵢ = arctan((fᵢ₊₁ − offset)/gain), which exists for every slope: the chart covers all
+chained coordinates and its only edge is qᵢ = ±90°, where the path coordinate stands still.
+
+Small helpers the systems share: constants that must be positive, products, a planar arm.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import casadi as ca
+import numpy as np
+
+from planner.errors import InputError
+from planner.support.arrays import Array
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """Name and unit of one coordinate or input ("theta1", "rad")."""
+
+    name: str
+    unit: str
+
+    @property
+    def rate_unit(self) -> str:
+        """Unit of its rate ("rad/s" gives "rad/s^2")."""
+        return f"{self.unit}^2" if self.unit.endswith("/s") else f"{self.unit}/s"
+
+
+class TriangularSystem(ABC):
+    """A driftless two-input system in triangular form.
+
+    A subclass gives the functions fᵢ twice: as CasADi expressions, from which the chained form and
+    the optimal planners are derived, and as NumPy code, which only the verifier and the emulated
+    machine use. Neither calls the other, so each checks the other.
+
+    All array methods take the coordinate on the last axis and broadcast over the others.
+    """
+
+    kind: ClassVar[str]
+
+    def __repr__(self) -> str:
+        names = ", ".join(c.name for c in self.coordinates)
+        inputs = ", ".join(c.name for c in self.inputs)
+        return f"{type(self).__name__}({names}; inputs {inputs})"
+
+    @property
+    @abstractmethod
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """The N coordinates in triangular order."""
+
+    @property
+    @abstractmethod
+    def inputs(self) -> tuple[Coordinate, Coordinate]:
+        """The two inputs u₁, u₂ with their units."""
+
+    @cached_property
+    def size(self) -> int:
+        """Number of coordinates N."""
+        return len(self.coordinates)
+
+    @property
+    def limited(self) -> tuple[int, ...]:
+        """Indices of the coordinates that joint limits apply to (all but the path coordinate)."""
+        return tuple(range(1, self.size))
+
+    # -- symbolic form -------------------------------------------------------------------------
+
+    @abstractmethod
+    def slopes_expr(self, q: Any) -> list[Any]:
+        """CasADi expressions of f₃ … f_N (a list of N−2) in the CasADi vector q (N)."""
+
+    @abstractmethod
+    def drive_expr(self, q: Any) -> Any:
+        """CasADi expression of γ(q), with v₁ = γ(q) u₁."""
+
+    def rates_expr(self, q: Any, u: Any) -> list[Any]:
+        """CasADi expressions of q̇ (a list of N) for inputs u (2)."""
+        v1 = self.drive_expr(q) * u[0]
+        return [v1, u[1], *(f * v1 for f in self.slopes_expr(q))]
+
+    # -- numeric form --------------------------------------------------------------------------
+
+    @abstractmethod
+    def slopes(self, q: Array) -> Array:
+        """f₃ … f_N, shape (…, N−2), at q (…, N): the path form dqᵢ/dq₁."""
+
+    @abstractmethod
+    def drive(self, q: Array) -> Array:
+        """γ(q), shape (…,), at q (…, N)."""
+
+    def rates(self, q: Array, u: Array) -> Array:
+        """q̇, shape (…, N), at q (…, N) under inputs u (…, 2)."""
+        v1 = self.drive(q) * u[..., 0]
+        tail = self.slopes(q) * v1[..., None]
+        return np.concatenate([v1[..., None], u[..., 1:2], tail], axis=-1)
+
+    # -- the chart -----------------------------------------------------------------------------
+
+    @abstractmethod
+    def branch(self, q: Array) -> Array:
+        """Numbers (N,) that tell which of the chart's branches q lies on; 0 on a singularity."""
+
+    @abstractmethod
+    def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
+        """Solve fᵢ₊₁(qᵢ; qᵢ₊₁ … q_N) = slope for qᵢ, with array index i (1 ≤ i ≤ N−2).
+
+        Args:
+            i: Array index of the coordinate wanted.
+            slope: Required values, shape (…,).
+            q: Coordinates, shape (…, N); only those after i are read.
+            branch: From `branch`, shape (N,).
+
+        Returns:
+            The coordinate, shape (…,); NaN where no real solution exists.
+        """
+
+    def link_expr(self, i: int, slope: Any, q: list[Any], branch: Any) -> Any | None:
+        """`link_from_slope` as a CasADi expression, NaN where no real solution exists.
+
+        Where every link has one the whole inverse is compiled into one function; None, the default,
+        leaves it to `link_from_slope`.
+        """
+        return None
+
+    @abstractmethod
+    def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
+        """Signed margins of `link_from_slope` at index i, one array (…,) per label; > 0 inside."""
+
+    @abstractmethod
+    def chart_margins(self, q: Array, branch: Array) -> Array:
+        """The same margins from coordinates: shape (…, M), signed by branch, q on (…, N)."""
+
+    def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
+        """`chart_margins` as CasADi expressions (a list of M); the default, none, has no proof."""
+        return []
+
+    @property
+    @abstractmethod
+    def margin_labels(self) -> tuple[tuple[int, str], ...]:
+        """For each margin: the array index of its coordinate, and its meaning in words."""
+
+    # -- identity ------------------------------------------------------------------------------
+
+    @abstractmethod
+    def to_dict(self) -> dict[str, Any]:
+        """The `[system]` table of a problem file that gives this system back."""
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, TriangularSystem) and self._text == other._text
+
+    def __hash__(self) -> int:
+        return hash(self._text)
+
+    @cached_property
+    def _text(self) -> str:
+        return repr(self.to_dict())
+
+
+SINGULAR = 1e-12
+"""|cos qᵢ| below which a coordinate counts as lying on the chart's edge."""
+
+
+class TangentSystem(TriangularSystem):
+    """A triangular system that gives its links as offset and gain of a tangent."""
+
+    @abstractmethod
+    def _link(self, i: int, q: Array) -> tuple[Array, Array]:
+        """Offset and gain, each of shape (…,), of fᵢ₊₁ at array index i; reads q after i only."""
+
+    def branch(self, q: Array) -> Array:
+        """For each link 2k + 1 when the angle is within 90° of k half turns, and 0 on the edge.
+
+        The usual branch, |qᵢ| < 90°, is 1, and so is the entry of a coordinate without a link.
+        """
+        out = np.ones(self.size)
+        angle = np.asarray(q[1:-1], dtype=float)
+        on_edge = np.abs(np.cos(angle)) < SINGULAR
+        out[1:-1] = np.where(on_edge, 0.0, 2 * np.round(angle / np.pi) + 1)
+        return out
+
+    def _tangent(self, i: int, slope: Array, q: Array) -> Array:
+        offset, gain = self._link(i, q)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray((slope - offset) / gain)
+
+    def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
+        """The angle on the given branch; it exists for every finite slope."""
+        return np.asarray(np.arctan(self._tangent(i, slope, q)) + _centre(branch)[i])
+
+    def link_expr(self, i: int, slope: Any, q: list[Any], branch: Any) -> Any:
+        """The same, with offset and gain read off the link at 0 and 45 degrees."""
+        at = [*q]
+        at[i] = ca.SX(0)
+        offset = self.slopes_expr(at)[i - 1]
+        at[i] = ca.SX(np.pi / 4)
+        gain = self.slopes_expr(at)[i - 1] - offset
+        return ca.atan((slope - offset) / gain) + (branch[i] - 1) / 2 * np.pi
+
+    def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
+        """(cos²qᵢ,)."""
+        with np.errstate(over="ignore"):
+            return [np.asarray(1 / (1 + self._tangent(i, slope, q) ** 2))]
+
+    def chart_margins(self, q: Array, branch: Array) -> Array:
+        """±cos²qᵢ for each link, shape (…, N−2); negative once a coordinate has left its branch."""
+        c = np.cos(q[..., 1:-1] - _centre(branch)[1:-1])
+        return np.asarray(np.where(branch[1:-1] == 0, -np.abs(c), c) * np.abs(c))
+
+    def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
+        """The same."""
+        cosines = [ca.cos(q[i] - _centre(branch)[i]) for i in range(1, self.size - 1)]
+        signs = np.where(branch[1:-1] == 0, -1.0, 1.0)
+        return [
+            c * ca.fabs(c) if sign > 0 else -c * c for c, sign in zip(cosines, signs, strict=True)
+        ]
+
+    @property
+    def margin_labels(self) -> tuple[tuple[int, str], ...]:
+        """Margins in the order of `chart_margins`."""
+        names = [c.name for c in self.coordinates]
+        return tuple(
+            (i, f"cos^2({names[i]}): distance from {names[i]} = 90 deg")
+            for i in range(1, self.size - 1)
+        )
+
+
+def _centre(branch: Array) -> Array:
+    """Middle of each branch, radians."""
+    return np.asarray(np.pi * (branch - 1) / 2)
+
+
+def positive(name: str, values: Sequence[float]) -> Array:
+    """The values as an array, each positive and finite.
+
+    Raises:
+        InputError: If one is not, or there is none; names it.
+    """
+    array = np.asarray(values, dtype=float)
+    if array.ndim != 1 or array.size == 0 or not np.all(np.isfinite(array) & (array > 0)):
+        raise InputError(f"{name} = {list(np.ravel(values))} must be positive finite numbers")
+    return array
+
+
+def product(factors: Sequence[Any]) -> Any:
+    """Product of numbers, arrays or CasADi expressions; 1 when there is none."""
+    out: Any = 1.0
+    for factor in factors:
+        out = out * factor
+    return out
+
+
+def arm_points(theta: Array, lengths: Array) -> Array:
+    """Forward kinematics of a planar arm.
+
+    Args:
+        theta: Joint angles, shape (…, n), radians; each measured from the link before.
+        lengths: Link lengths, shape (n,).
+
+    Returns:
+        Base, joints and tip, shape (…, n+1, 2), in the unit of `lengths`.
+    """
+    heading = np.cumsum(theta, axis=-1)
+    steps = lengths[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+    base = np.zeros((*steps.shape[:-2], 1, 2))
+    return np.concatenate([base, np.cumsum(steps, axis=-2)], axis=-2)

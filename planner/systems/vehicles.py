@@ -1,0 +1,326 @@
+"""The unicycle: the simplest member of the class (N = 3).
+
+The kinematic car (N = 4).
+
+The car with n trailers, in the coordinates of the last one (N = n + 4).
+
+Source: O. J. Sørdalen, "Conversion of the kinematics of a car with n trailers into a chained form",
+IEEE ICRA 1993. The position of the last trailer, not of the car, makes the system triangular; its
+path y(x) determines every angle (flatness; P. Rouchon, M. Fliess, J. Lévine, P. Martin, "Flatness
+and motion planning: the car with n trailers", ECC 1993).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import casadi as ca
+import numpy as np
+
+from planner.support.arrays import Array
+from planner.systems.triangular_system import Coordinate, TangentSystem, positive, product
+
+
+class Unicycle(TangentSystem):
+    """A wheel, or a robot with two driven wheels, with state q = (x, heading, y).
+
+    ẋ = cosθ u₁,  θ̇ = u₂,  ẏ = sinθ u₁  with u₁ the forward speed in m/s, u₂ the turn rate in
+    rad/s. Along x: y' = tanθ. The chart ends where the heading is across the x axis.
+    """
+
+    kind: ClassVar[str] = "unicycle"
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """(x, heading, y) in m, rad, m."""
+        return Coordinate("x", "m"), Coordinate("heading", "rad"), Coordinate("y", "m")
+
+    @property
+    def inputs(self) -> tuple[Coordinate, Coordinate]:
+        """Forward speed and turn rate."""
+        return Coordinate("speed", "m/s"), Coordinate("turn_rate", "rad/s")
+
+    @property
+    def limited(self) -> tuple[int, ...]:
+        """The heading."""
+        return (1,)
+
+    def slopes_expr(self, q: Any) -> list[Any]:
+        """y' = tanθ."""
+        return [ca.tan(q[1])]
+
+    def drive_expr(self, q: Any) -> Any:
+        """γ = cosθ."""
+        return ca.cos(q[1])
+
+    def rates_expr(self, q: Any, u: Any) -> list[Any]:
+        """Regular at every heading."""
+        return [ca.cos(q[1]) * u[0], u[1], ca.sin(q[1]) * u[0]]
+
+    def slopes(self, q: Array) -> Array:
+        """y', shape (…, 1)."""
+        return np.tan(q[..., 1:2])
+
+    def drive(self, q: Array) -> Array:
+        """γ, shape (…,)."""
+        return np.cos(q[..., 1])
+
+    def rates(self, q: Array, u: Array) -> Array:
+        """q̇, shape (…, 3), from the velocity as a complex number."""
+        velocity = u[..., 0] * np.exp(1j * q[..., 1])
+        return np.stack(np.broadcast_arrays(velocity.real, u[..., 1], velocity.imag), axis=-1)
+
+    def axle_points(self, q: Array) -> Array:
+        """Where the wheel touches the ground, shape (…, 1, 2), m."""
+        return np.stack([q[..., 0], q[..., -1]], axis=-1)[..., None, :]
+
+    def _link(self, i: int, q: Array) -> tuple[Array, Array]:
+        ones = np.ones_like(q[..., -1])
+        return 0 * ones, ones
+
+    def to_dict(self) -> dict[str, Any]:
+        """The `[system]` table."""
+        return {"kind": self.kind}
+
+
+class Car(TangentSystem):
+    """A car driven at its rear axle, with state q = (x, steering, heading, y) of that axle.
+
+    ẋ = cosθ u₁,  φ̇ = u₂,  θ̇ = (tanφ/L) u₁,  ẏ = sinθ u₁  with u₁ the speed in m/s and u₂ the
+    steering rate in rad/s (R. M. Murray, S. S. Sastry, "Nonholonomic motion planning: steering
+    using sinusoids", IEEE Transactions on Automatic Control 38(5), 1993). Along x:
+    θ' = tanφ/(L cosθ), y' = tanθ.
+
+    Heading 90° is an edge of the chart only; steering 90° is a singularity of the car.
+
+    Args:
+        wheelbase_m: Distance L of the axles, m.
+
+    Raises:
+        InputError: If the wheelbase is not positive and finite.
+    """
+
+    kind: ClassVar[str] = "car"
+
+    def __init__(self, wheelbase_m: float = 1.0) -> None:
+        self.wheelbase_m = float(positive("wheelbase_m", [wheelbase_m])[0])
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """(x, steering, heading, y) in m, rad, rad, m."""
+        return (
+            Coordinate("x", "m"),
+            Coordinate("steering", "rad"),
+            Coordinate("heading", "rad"),
+            Coordinate("y", "m"),
+        )
+
+    @property
+    def inputs(self) -> tuple[Coordinate, Coordinate]:
+        """Speed of the rear axle and steering rate."""
+        return Coordinate("speed", "m/s"), Coordinate("steering_rate", "rad/s")
+
+    @property
+    def limited(self) -> tuple[int, ...]:
+        """Steering and heading."""
+        return 1, 2
+
+    # -- symbolic form -------------------------------------------------------------------------
+
+    def slopes_expr(self, q: Any) -> list[Any]:
+        """θ' and y'."""
+        return [ca.tan(q[1]) / (self.wheelbase_m * ca.cos(q[2])), ca.tan(q[2])]
+
+    def drive_expr(self, q: Any) -> Any:
+        """γ = cosθ."""
+        return ca.cos(q[2])
+
+    def rates_expr(self, q: Any, u: Any) -> list[Any]:
+        """Regular at every heading."""
+        turn = ca.tan(q[1]) / self.wheelbase_m
+        return [ca.cos(q[2]) * u[0], u[1], turn * u[0], ca.sin(q[2]) * u[0]]
+
+    # -- numeric form --------------------------------------------------------------------------
+
+    def slopes(self, q: Array) -> Array:
+        """θ' and y', shape (…, 2)."""
+        secant = np.hypot(1.0, np.tan(q[..., 2])) * np.sign(np.cos(q[..., 2]))
+        curvature = np.tan(q[..., 1]) / self.wheelbase_m
+        return np.stack([curvature * secant, np.tan(q[..., 2])], axis=-1)
+
+    def drive(self, q: Array) -> Array:
+        """γ, shape (…,)."""
+        return np.cos(q[..., 2])
+
+    def rates(self, q: Array, u: Array) -> Array:
+        """q̇, shape (…, 4), from the velocity as a complex number and the turning radius."""
+        velocity = u[..., 0] * np.exp(1j * q[..., 2])
+        turn = u[..., 0] * np.tan(q[..., 1]) / self.wheelbase_m
+        parts = np.broadcast_arrays(velocity.real, u[..., 1], turn, velocity.imag)
+        return np.stack(parts, axis=-1)
+
+    def axle_points(self, q: Array) -> Array:
+        """Front and rear axle, shape (…, 2, 2), m."""
+        rear = np.stack([q[..., 0], q[..., 3]], axis=-1)
+        ahead = np.stack([np.cos(q[..., 2]), np.sin(q[..., 2])], axis=-1)
+        return np.stack([rear + self.wheelbase_m * ahead, rear], axis=-2)
+
+    # -- the chart -----------------------------------------------------------------------------
+
+    def _link(self, i: int, q: Array) -> tuple[Array, Array]:
+        ones = np.ones_like(q[..., -1])
+        return 0 * ones, ones if i == 2 else 1 / (self.wheelbase_m * np.cos(q[..., 2]))
+
+    # -- identity ------------------------------------------------------------------------------
+
+    def to_dict(self) -> dict[str, Any]:
+        """The `[system]` table."""
+        return {"kind": self.kind, "wheelbase_m": self.wheelbase_m}
+
+
+class Trailers(TangentSystem):
+    """A car that pulls n ≥ 1 trailers, each hitched at the middle of the axle before it.
+
+    State q = (x, φ, β₁, …, βₙ, θ, y): steering φ, hitch angles βₖ (heading of the vehicle before
+    trailer k minus its own), and heading and position of the last trailer. With ℓ₀ the wheelbase,
+    ℓₖ the length of trailer k, β₀ = φ and Pₖ = cosθ ∏_{j>k} cosβⱼ:
+
+        γ = P₀,   θₖ' = tanβₖ/(ℓₖ Pₖ),   βₖ' = θₖ₋₁' − θₖ',   θ' = θₙ',   y' = tanθ
+
+    u₁ is the speed of the car's rear axle in m/s, u₂ the steering rate in rad/s. Only φ = 90° is a
+    singularity of the vehicle; hitch angles or a heading of 90° are edges of the chart.
+
+    Args:
+        trailer_lengths_m: From each hitch to the axle of the trailer behind it, first trailer
+            first, m.
+        wheelbase_m: Distance of the car's axles, m.
+
+    Raises:
+        InputError: If a length is not positive and finite, or there is no trailer.
+    """
+
+    kind: ClassVar[str] = "trailers"
+
+    def __init__(self, trailer_lengths_m: Sequence[float], wheelbase_m: float = 1.0) -> None:
+        self.trailer_lengths_m = positive("trailer_lengths_m", trailer_lengths_m)
+        self.wheelbase_m = float(positive("wheelbase_m", [wheelbase_m])[0])
+        self.n = len(self.trailer_lengths_m)
+        self._lengths = np.array([self.wheelbase_m, *self.trailer_lengths_m])
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """(x, steering, hitch1 … hitchn, heading, y) in m and rad."""
+        hitches = (Coordinate(f"hitch{k}", "rad") for k in range(1, self.n + 1))
+        return (
+            Coordinate("x", "m"),
+            Coordinate("steering", "rad"),
+            *hitches,
+            Coordinate("heading", "rad"),
+            Coordinate("y", "m"),
+        )
+
+    @property
+    def inputs(self) -> tuple[Coordinate, Coordinate]:
+        """Speed of the car's rear axle and steering rate."""
+        return Coordinate("speed", "m/s"), Coordinate("steering_rate", "rad/s")
+
+    @property
+    def limited(self) -> tuple[int, ...]:
+        """Every angle."""
+        return tuple(range(1, self.size - 1))
+
+    # -- symbolic form -------------------------------------------------------------------------
+
+    def _P(self, k: int, q: Any) -> Any:
+        return product([ca.cos(q[j]) for j in range(k + 2, self.n + 3)])
+
+    def slopes_expr(self, q: Any) -> list[Any]:
+        """βₖ' for k = 1 … n, then θ' and y'."""
+        turn = [ca.tan(q[k + 1]) / (self._lengths[k] * self._P(k, q)) for k in range(self.n + 1)]
+        hitches = [turn[k - 1] - turn[k] for k in range(1, self.n + 1)]
+        return [*hitches, turn[-1], ca.tan(q[self.n + 2])]
+
+    def drive_expr(self, q: Any) -> Any:
+        """γ = P₀."""
+        return self._P(0, q)
+
+    def rates_expr(self, q: Any, u: Any) -> list[Any]:
+        """Each speed as a product of the hitch cosines before it; regular but for φ = 90°."""
+        c = [ca.cos(q[k + 1]) for k in range(1, self.n + 1)]
+        pulled = [
+            product(c[: k - 1]) * ca.sin(q[k + 1]) / self._lengths[k] * u[0]
+            for k in range(1, self.n + 1)
+        ]
+        turn = [ca.tan(q[1]) / self.wheelbase_m * u[0], *pulled]
+        last, heading = product(c) * u[0], q[self.n + 2]
+        hitches = [turn[k - 1] - turn[k] for k in range(1, self.n + 1)]
+        return [ca.cos(heading) * last, u[1], *hitches, turn[-1], ca.sin(heading) * last]
+
+    # -- numeric form --------------------------------------------------------------------------
+
+    def slopes(self, q: Array) -> Array:
+        """Path form, shape (…, n+2), from the last trailer forward: speeds grow by 1/cosβₖ."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            speed = 1 / np.cos(q[..., -2])
+            behind, out = None, [np.tan(q[..., -2])]
+            for k in range(self.n, -1, -1):
+                turn = speed * np.tan(q[..., k + 1]) / self._lengths[k]
+                out.append(turn if behind is None else turn - behind)
+                behind = turn
+                speed = speed / np.cos(q[..., k + 1])
+        return np.stack(out[::-1], axis=-1)
+
+    def drive(self, q: Array) -> Array:
+        """γ, shape (…,)."""
+        return np.asarray(np.prod(np.cos(q[..., 2:-1]), axis=-1))
+
+    def rates(self, q: Array, u: Array) -> Array:
+        """q̇, shape (…, N), by the usual recursion from the car back, axle by axle.
+
+        vₖ = vₖ₋₁ cosβₖ,  θ̇ₖ = vₖ₋₁ sinβₖ / ℓₖ.
+        """
+        speed = u[..., 0]
+        turn = speed * np.tan(q[..., 1]) / self.wheelbase_m
+        hitches = []
+        for k, length in enumerate(self.trailer_lengths_m):
+            angle = q[..., k + 2]
+            own = speed * np.sin(angle) / length
+            speed = speed * np.cos(angle)
+            hitches.append(turn - own)
+            turn = own
+        x, y = speed * np.cos(q[..., -2]), speed * np.sin(q[..., -2])
+        return np.stack(np.broadcast_arrays(x, u[..., 1], *hitches, turn, y), axis=-1)
+
+    def axle_points(self, q: Array) -> Array:
+        """Front axle, rear axle and each trailer's axle, shape (…, n+2, 2), m."""
+        heading, point = q[..., -2], np.stack([q[..., 0], q[..., -1]], axis=-1)
+        points = [point]
+        for k in range(self.n, -1, -1):
+            ahead = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+            points.append(points[-1] + self._lengths[k] * ahead)
+            heading = heading + q[..., k + 1]
+        return np.stack(points[::-1], axis=-2)
+
+    # -- the chart -----------------------------------------------------------------------------
+
+    def _link(self, i: int, q: Array) -> tuple[Array, Array]:
+        k = i - 1
+        zero = np.zeros_like(q[..., -1])
+        if k == self.n + 1:
+            return zero, zero + 1
+        turn_gain = 1 / (self._lengths[k] * np.prod(np.cos(q[..., k + 2 : -1]), axis=-1))
+        if k == self.n:
+            return zero, np.asarray(turn_gain)
+        after = np.prod(np.cos(q[..., k + 3 : -1]), axis=-1)
+        return -np.tan(q[..., k + 2]) / (self._lengths[k + 1] * after), np.asarray(turn_gain)
+
+    # -- identity ------------------------------------------------------------------------------
+
+    def to_dict(self) -> dict[str, Any]:
+        """The `[system]` table."""
+        return {
+            "kind": self.kind,
+            "wheelbase_m": self.wheelbase_m,
+            "trailer_lengths_m": self.trailer_lengths_m.tolist(),
+        }

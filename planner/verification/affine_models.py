@@ -1,0 +1,199 @@
+"""Functions on many cells at once, each held as a polynomial and a proven remainder.
+
+A model stands for every function f with |f(τ) − Σ cₖ Tₖ(τ)| ≤ r on each cell, τ in [−1, 1]. Balls
+become models where their least value is asked for; what is cut off and what rounding may do goes
+into r. Source: M. Joldes, "Rigorous polynomial approximations and applications", 2011 (Chebyshev
+models); K. Makino, M. Berz, "Taylor models and other validated functional inclusion methods", 2003.
+
+Matrices of polynomials on [−1, 1] by Chebyshev coefficients, each made once and kept.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property, lru_cache
+from math import comb
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+from planner.support.arrays import Array
+
+UNIT = 1.2e-16
+"""Unit of rounding, 2⁻⁵³, a little enlarged for what its own bounds lose by rounding."""
+
+Index = NDArray[Any]
+"""Indices, or a mask."""
+
+INFLATE = 1 + 1e-14
+"""Covers the rounding of the few sums of positive numbers that make up one remainder."""
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Polynomials and remainders on C cells.
+
+    Attributes:
+        c: Chebyshev coefficients, shape (C, width), width ≤ `series.POINTS`.
+        r: Remainders, shape (C,), ≥ 0; infinite where the function could not be bounded.
+    """
+
+    c: Array
+    r: Array
+
+    @classmethod
+    def cut(cls, c: Array, r: Array) -> Model:
+        """Of coefficients of any width: those beyond the common degree go to the remainder."""
+        tail = np.sum(np.abs(c[:, POINTS:]), axis=1)
+        r = np.asarray((r + tail) * INFLATE)
+        bad = ~np.isfinite(r)
+        if np.any(bad):
+            c, r = np.where(bad[:, None], 0.0, c), np.where(bad, np.inf, r)
+        return cls(c[:, :POINTS], r)
+
+    @cached_property
+    def norm(self) -> Array:
+        """Σ|cₖ|, shape (C,): no value of the polynomial is greater."""
+        return np.asarray(np.sum(np.abs(self.c), axis=1))
+
+    @cached_property
+    def wander(self) -> Array:
+        """Greatest distance of f from c₀, shape (C,)."""
+        inner = np.sum(np.abs(self.c[:, 1:]), axis=1)
+        return np.asarray((inner + self.r + 4 * UNIT * self.norm) * INFLATE)
+
+    @property
+    def low(self) -> Array:
+        """Lower bound of f, shape (C,)."""
+        return np.asarray(self.c[:, 0] - self.wander)
+
+    @property
+    def high(self) -> Array:
+        """Upper bound of f, shape (C,)."""
+        return np.asarray(self.c[:, 0] + self.wander)
+
+    @property
+    def size(self) -> Array:
+        """Upper bound of |f|, shape (C,)."""
+        return np.asarray((self.norm + self.r) * INFLATE)
+
+    def only(self, cells: Index) -> Model:
+        """Some of the cells, by index or mask."""
+        return Model(self.c[cells], self.r[cells])
+
+    # -- arithmetic ----------------------------------------------------------------------------
+
+    def __neg__(self) -> Model:
+        return Model(-self.c, self.r)
+
+    def __add__(self, other: Model | float) -> Model:
+        if not isinstance(other, Model):
+            other = Model(np.full((len(self.c), 1), other), np.zeros(len(self.c)))
+        long, short = (self, other) if self.c.shape[1] >= other.c.shape[1] else (other, self)
+        c = long.c.copy()
+        c[:, : short.c.shape[1]] += short.c
+        return Model.cut(c, self.r + other.r + UNIT * np.sum(np.abs(c), axis=1))
+
+    def __sub__(self, other: Model | float) -> Model:
+        return self + (-other)
+
+    def scaled(self, by: Array) -> Model:
+        """Times a number on each cell, shape (C,)."""
+        c = self.c * by[:, None]
+        return Model.cut(c, np.abs(by) * self.r + UNIT * np.sum(np.abs(c), axis=1))
+
+    def at_begin(self) -> tuple[Array, Array]:
+        """Value at the left end and its uncertainty, each (C,)."""
+        signs = np.where(np.arange(self.c.shape[1]) % 2 == 0, 1.0, -1.0)
+        return Model(self.c * signs, self.r).at_end()
+
+    def at_end(self) -> tuple[Array, Array]:
+        """Value at the right end and its uncertainty, each (C,)."""
+        rounding = self.c.shape[1] * UNIT * self.norm
+        return np.sum(self.c, axis=1), np.asarray((self.r + rounding) * INFLATE)
+
+
+POINTS = 16
+"""Chebyshev points of a cell; models have this many coefficients."""
+
+
+def _cosines(m: NDArray[np.int_]) -> Array:
+    """cos(π m/(2 POINTS)) for whole m: brought to the first quadrant, right to 4 units."""
+    m = m % (4 * POINTS)
+    m = np.minimum(m, 4 * POINTS - m)
+    near = np.cos(np.pi / (2 * POINTS) * np.minimum(m, 2 * POINTS - m))
+    return np.asarray(np.where(m == POINTS, 0.0, np.where(m > POINTS, -near, near)))
+
+
+@lru_cache(maxsize=1)
+def nodes() -> Array:
+    """The Chebyshev points of the first kind, increasing, shape (POINTS,)."""
+    return evaluation(2)[:, 1]
+
+
+@lru_cache(maxsize=64)
+def evaluation(width: int) -> Array:
+    """Coefficients (width) to values at the nodes, shape (POINTS, width)."""
+    return _cosines(np.outer(2 * np.arange(POINTS)[::-1] + 1, np.arange(width)))
+
+
+@lru_cache(maxsize=1)
+def interpolation() -> Array:
+    """Values at the nodes to coefficients, shape (POINTS, POINTS)."""
+    out = evaluation(POINTS).T * (2 / POINTS)
+    out[0] /= 2
+    return out
+
+
+@lru_cache(maxsize=1)
+def integration() -> Array:
+    """Values at the nodes to integrals from −1 to each of them, to 0 and to 1: (POINTS+2, POINTS).
+
+    ∫ Tₖ = (Tₖ₊₁/(k+1) − Tₖ₋₁/(k−1))/2.
+    """
+    whole = chebyshev.chebint(np.eye(POINTS), lbnd=-1)
+    ends = chebyshev.chebvander(np.array([0.0, 1.0]), POINTS)
+    return np.asarray(np.vstack([evaluation(POINTS + 1), ends]) @ whole @ interpolation())
+
+
+@lru_cache(maxsize=32)
+def slopes(width: int, order: int) -> Array:
+    """Coefficients to those of a derivative, (width, width): whole numbers, the last rows zero."""
+    out = np.zeros((width, width))
+    out[: max(width - order, 1)] = chebyshev.chebder(np.eye(width), order)
+    return out
+
+
+SUMS = float(np.sum(np.abs(interpolation()))) * (1 + 1e-12)
+"""No coefficients' sizes together exceed this times the greatest value."""
+
+LEBESGUE = float(np.sum(1 / np.tan(np.pi / (4 * POINTS) * (2 * np.arange(POINTS) + 1)))) / POINTS
+LEBESGUE *= 1 + 1e-12
+"""No interpolant exceeds this times the greatest value."""
+
+REACHES = float(np.max(np.sum(np.abs(integration()), axis=1))) * (1 + 1e-12)
+"""No integral of an interpolant exceeds this times the greatest value."""
+
+
+@lru_cache(maxsize=64)
+def from_bernstein(width: int) -> Array:
+    """Bernstein coefficients to Chebyshev coefficients of the same degree, (width, width).
+
+    The basis is C(d, i) (1+τ)^i (1−τ)^{d−i} / 2^d, and τⁿ = 2^{1−n} Σ C(n, (n−k)/2) Tₖ over the k
+    of n's parity, the term of T₀ halved; in whole numbers, as above.
+    """
+    d = width - 1
+    out = np.zeros((width, width))
+    for i in range(width):
+        power = [0] * width
+        for a in range(i + 1):
+            for b in range(d - i + 1):
+                power[a + b] += comb(i, a) * comb(d - i, b) * (-1) ** b
+        for k in range(width):
+            terms = ((n, comb(n, (n - k) // 2)) for n in range(k, width, 2))
+            total = sum(Fraction(2 * power[n] * c, 2**n) for n, c in terms)
+            out[k, i] = float(total * comb(d, i) / 2**d / (2 if k == 0 else 1))
+    return out

@@ -1,0 +1,338 @@
+"""Functions on many cells at once, each enclosed at points and on ellipses.
+
+On each cell, τ in [−1, 1], a ball stands for every function f with
+
+    |f(τ_k) − c_k| ≤ r_k               at the 16 Chebyshev points τ_k
+    |f(τ) − c − b τ| ≤ r               on the segment [−1, 1] itself (the ellipse of ρ = 1)
+    |f(z) − c − b z| ≤ r               for every complex z in the Bernstein ellipse of ρ, where f is
+                                       analytic; one triple (c, b, r) for each of eight ρ
+
+where all are columns of three arrays, b being zero at points. f is real on the segment, so c and b
+are. Where r is infinite or not a number, nothing is known. The points give f, and the ellipses
+bound what interpolation at the points leaves over (`models`): with |f − c − b z| ≤ r in the
+ellipse it is at most 4 r ρ⁻¹⁵/(ρ − 1), since c + b z is interpolated exactly.
+Source: L. N. Trefethen, "Approximation Theory and Approximation Practice", 2013, theorem 8.2.
+
+One formula serves every column. With R the greatest |z| of the column (zero at points), f = c + d
+where |d| ≤ δ = |b| R + r, and a function g has g(f) = g(c) + g'(c) d + rest, so that
+
+    c' = g(c),   b' = g'(c) b,   r' = |g'(c)| r + rest(δ) + rounding
+
+Each function states a bound of the rest that holds for all complex |d| ≤ δ. NumPy's elementary
+functions are taken to be right within four units of rounding, which the tests check. δ is rounded
+upwards and every rest grows with it; a difference of such floats is right to one unit, so what its
+digits lose is not lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from planner.support.arrays import Array
+from planner.verification import affine_models
+from planner.verification.affine_models import INFLATE, UNIT, Index, Model
+
+RHO = np.array([1.0, 1.6, 2.25, 3.15, 4.4, 6.2, 8.7, 12.2, 17.0])
+"""Of the segment and of the ellipses. On 1.6 cells too wide for the others still have a bound; on
+17 what is left over is rounding (17⁻¹⁵ = 4e-19)."""
+
+POINTS = affine_models.POINTS
+_REAL = np.arange(POINTS + len(RHO)) <= POINTS
+"""Columns on which f is real: the points and the segment."""
+
+
+def _column(at_points: float, on_ellipses: Array) -> Array:
+    """A bound for every column, rounded upwards."""
+    return np.append(np.full(POINTS, at_points), on_ellipses) * (1 + 8 * UNIT)
+
+
+RADIUS = _column(0.0, (RHO + 1 / RHO) / 2)
+"""R, the greatest |z|."""
+
+SQUARE = _column(0.0, (RHO**2 + RHO**-2) / 4)
+"""Bound of |z² − 1/2|: z = (w + 1/w)/2 with |w| ≤ ρ has z² − 1/2 = (w² + w⁻²)/4."""
+
+HALF = np.append(np.zeros(POINTS), np.full(len(RHO), 0.5))
+
+with np.errstate(divide="ignore"):
+    CUT = 4 * RHO ** (1 - POINTS) / (RHO - 1) * (1 + 64 * UNIT)
+"""What interpolation leaves over, for r = 1; infinite on the segment."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ball:
+    """Centres, slopes and radii, shape (C, 25): 16 points, the segment, eight ellipses."""
+
+    c: Array
+    b: Array
+    r: Array
+
+    @classmethod
+    def constant(cls, value: float) -> Ball:
+        """One number on all cells, shape (1, 1)."""
+        return cls(np.full((1, 1), value), np.zeros((1, 1)), np.zeros((1, 1)))
+
+    @cached_property
+    def size(self) -> Array:
+        """Bound of |c + b z|."""
+        return np.abs(self.c) + np.abs(self.b) * RADIUS
+
+    @cached_property
+    def reach(self) -> Array:
+        """δ, a bound of |f − c|."""
+        return (np.abs(self.b) * RADIUS + self.r) * INFLATE
+
+    def updated(self, rows: Index, fresh: Index, new: Ball) -> Ball:
+        """Some rows, those of a mask `fresh` replaced by other ones."""
+        out = [x[rows] for x in _parts(self)]
+        for own, other in zip(out, _parts(new), strict=True):
+            own[fresh] = other
+        return Ball(*out)
+
+    # -- to real intervals ---------------------------------------------------------------------
+
+    @cached_property
+    def left_over(self) -> Array:
+        """Bound of what interpolation at the points leaves over, shape (C,)."""
+        return np.asarray(np.fmin.reduce(self.r[:, POINTS:] * CUT, axis=1))
+
+    @cached_property
+    def points_wrong(self) -> Array:
+        """The greatest radius at a point, shape (C,)."""
+        return np.asarray(np.max(self.r[:, :POINTS], axis=1))
+
+    @property
+    def rough(self) -> Array:
+        """The same over the greatest value or one, and zero where rounding hides it; infinite
+        where nothing is known."""
+        size = np.maximum(np.max(np.abs(self.c[:, :POINTS]), axis=1), 1.0)
+        hidden = self.left_over <= self.points_wrong
+        rough = np.where(hidden, 0.0, self.left_over / size)
+        return np.asarray(np.where(np.isnan(rough), np.inf, rough))
+
+    @property
+    def range(self) -> tuple[Array, Array]:
+        """Lower and upper bound on each cell's segment, shape (C,)."""
+        c, reach = self.c[:, POINTS], self.reach[:, POINTS] * INFLATE
+        slip = UNIT * np.abs(c)
+        return c - reach - slip, c + reach + slip
+
+    # -- arithmetic ----------------------------------------------------------------------------
+
+    def __neg__(self) -> Ball:
+        return Ball(-self.c, -self.b, self.r)
+
+    def __add__(self, other: Ball | float) -> Ball:
+        if not isinstance(other, Ball):
+            c = self.c + other
+            return Ball(c, self.b, (self.r + UNIT * np.abs(c)) * INFLATE)
+        c, b = self.c + other.c, self.b + other.b
+        r = self.r + other.r + UNIT * (np.abs(c) + np.abs(b) * RADIUS)
+        return Ball(c, b, r * INFLATE)
+
+    def __sub__(self, other: Ball | float) -> Ball:
+        return self + (-other)
+
+    def __mul__(self, other: Ball | float) -> Ball:
+        """(c + bz + e)(c' + b'z + e'), where bb'z² = bb'/2 + bb'(z² − 1/2).
+
+        Rounding: three units of |cc'| + |bb'|/2 + R (|cb'| + |bc'|), at most three of the sizes'
+        product as R² ≥ 1/2 off the points.
+        """
+        if not isinstance(other, Ball):
+            return self.scaled(np.float64(other))
+        bent = self.b * other.b
+        c = self.c * other.c + bent * HALF
+        b = self.c * other.b + self.b * other.c
+        r = self.r * (other.size + other.r) + other.r * self.size + np.abs(bent) * SQUARE
+        return Ball(c, b, (r + 3 * UNIT * self.size * other.size) * INFLATE)
+
+    __radd__ = __add__
+    __rmul__ = __mul__
+
+    def scaled(self, by: Array | np.float64) -> Ball:
+        """Times a number, or one on each cell (C, 1)."""
+        r = self.r + UNIT * self.size
+        return Ball(self.c * by, self.b * by, np.abs(by) * r * INFLATE)
+
+    def widened(self, by: Array) -> Ball:
+        """With greater radii; shape (C, 1) or (C, 25)."""
+        return Ball(self.c, self.b, (self.r + by) * INFLATE)
+
+
+def _through(p: Ball, value: Array, slope: Array, rest: Array, units: float = 8.0) -> Ball:
+    """g(p), from g(c), g'(c) and a bound of the rest; both right to `units` of their sizes."""
+    steep = np.abs(slope)
+    rounding = units * UNIT * (np.abs(value) + steep * p.reach)
+    return Ball(value, slope * p.b, (steep * p.r + rest + rounding) * INFLATE)
+
+
+# -- functions ---------------------------------------------------------------------------------
+
+
+def sine_cosine(p: Ball) -> tuple[Ball, Ball]:
+    """sin and cos: rest of sin = |sin c| (cosh δ − 1) + |cos c| (sinh δ − δ), cos likewise.
+
+    sinh δ − δ ≤ δ (cosh δ − 1)/3, term by term; cosh δ − 1 = 2 sinh²(δ/2).
+    """
+    s, c, reach = np.sin(p.c), np.cos(p.c), p.reach
+    bow = 2 * np.sinh(reach / 2) ** 2
+    third = bow * reach / 3
+    size = np.abs(s), np.abs(c)
+    slip = 4 * UNIT * (1 + reach)  # also where sin or cos is nearly zero
+    of_s = _through(p, s, c, size[0] * bow + size[1] * third + slip)
+    return of_s, _through(p, c, -s, size[1] * bow + size[0] * third + slip)
+
+
+def reciprocal(p: Ball) -> Ball:
+    """1/p where |c| > δ: rest = d²/(c² (c + d))."""
+    value, gap = 1 / p.c, np.abs(p.c) - p.reach
+    rest = np.where(gap > 0, (p.reach * value) ** 2 / gap, np.inf)
+    return _through(p, value, -value * value, rest)
+
+
+def power(p: Ball, a: float) -> Ball:
+    """p^a: whole 0 ≤ a ≤ 8 by products, others where c > δ.
+
+    rest = c^a |a(a − 1)|/2 t² max((1 − t)^{a−2}, (1 + t)^{a−2}) with t = δ/c: Lagrange's bound, as
+    |w^{a−2}| = |w|^{a−2} for real a.
+    """
+    if a == int(a) and 0 <= a <= 8:
+        out = Ball.constant(1.0) if a == 0 else p
+        for _ in range(int(a) - 1):
+            out = out * p
+        return out
+    t = p.reach / p.c * INFLATE
+    value = np.abs(p.c) ** a
+    most = np.maximum((1 - t) ** (a - 2), (1 + t) ** (a - 2)) * (1 + 2 * abs(a) * UNIT)
+    rest = np.where((p.c > 0) & (t < 1), value * (abs(a * (a - 1)) / 2) * t * t * most, np.inf)
+    return _through(p, value, a * value / p.c, rest)
+
+
+def exponential(p: Ball) -> Ball:
+    """e^p: rest = e^c (e^δ − 1 − δ), and e^δ − 1 − δ ≤ δ (e^δ − 1)/2 term by term."""
+    value = np.exp(p.c)
+    return _through(p, value, value, value * p.reach * np.expm1(p.reach) / 2)
+
+
+def logarithm(p: Ball) -> Ball:
+    """log p where c > δ: rest = Σ tᵏ/k over k ≥ 2, at most t²/(2 (1 − t)) with t = δ/c."""
+    t = p.reach / p.c * INFLATE
+    rest = np.where((p.c > 0) & (t < 1), t * t / 2 / (1 - t), np.inf)
+    return _through(p, np.log(p.c), 1 / p.c, rest)
+
+
+def arctangent(p: Ball) -> Ball:
+    """arctan where δ < h = √(1 + c²), the distance to its poles ±i.
+
+    |g''| = |2z/((z − i)² (z + i)²)| ≤ 2 (|c| + δ)/(h − δ)⁴.
+    """
+    square, reach = 1 + p.c * p.c, p.reach
+    gap = np.sqrt(square) * (1 - 4 * UNIT) - reach
+    rest = np.where(gap > 0, reach**2 * (np.abs(p.c) + reach) / gap**4, np.inf)
+    return _through(p, np.arctan(p.c), 1 / square, rest)
+
+
+def arcsine(p: Ball) -> Ball:
+    """arcsin where |c| + δ < 1.
+
+    g'' = z (1 − z²)^{−3/2} and |1 − z²| ≥ (1 − |c| − δ)(1 + |c| − δ).
+    """
+    size, reach = np.abs(p.c), p.reach
+    near = 1 - size - reach
+    gap = near * (1 + size - reach)
+    rest = np.where(near > 1e-6, reach**2 / 2 * (size + reach) / gap**1.5 * (1 + 1e-9), np.inf)
+    slope = 1 / np.sqrt((1 - p.c) * (1 + p.c))
+    return _through(p, np.arcsin(p.c), slope, rest)
+
+
+def arctangent2(y: Ball, x: Ball) -> Ball:
+    """The angle of (x, y) where y keeps its sign or x > 0: ±π/2 − arctan(x/y), or arctan(y/x)."""
+    low = np.abs(y.c) - y.reach, x.c - x.reach
+    upright = low[0] > np.maximum(low[1], 0.0)
+    over, under = (
+        Ball(*(np.where(upright, *pair) for pair in zip(_parts(m), _parts(n), strict=True)))
+        for m, n in ((x, y), (y, x))
+    )
+    angle = arctangent(over * reciprocal(under))
+    quarter = np.where(upright, np.copysign(np.pi / 2, y.c), 0.0)
+    turned = angle.scaled(np.where(upright, -1.0, 1.0)) + Ball(quarter, 0 * quarter, 0 * quarter)
+    slip = np.where(upright | (low[1] > 0), UNIT, np.inf)  # π/2 itself is rounded
+    return turned.widened(slip)
+
+
+def polynomial_balls(c: Array, r: Array) -> list[Ball]:
+    """k polynomials with coefficients (k, C, width), wrong by no more than r (k, C) together.
+
+    |Tₖ| ≤ (ρᵏ + ρ⁻ᵏ)/2 on an ellipse. Values at points are sums of width terms whose factors are
+    right to 4 units.
+    """
+    width = c.shape[2]
+    size, most = np.abs(c), _most(width)
+    slip = (width + 6) * UNIT * np.sum(size, axis=2) + r
+    centre, slope, radius = np.zeros((3, *r.shape, len(RADIUS)))
+    centre[..., :POINTS] = c @ affine_models.evaluation(width).T
+    centre[..., POINTS:] = c[..., :1]
+    if width > 1:
+        slope[..., POINTS:] = c[..., 1:2]
+    radius[..., :POINTS] = slip[..., None]
+    radius[..., POINTS:] = (size[..., 2:] @ most[2:] + r[..., None] * most[-1]) * (1 + 64 * UNIT)
+    return [Ball(*parts) for parts in zip(centre, slope, radius, strict=True)]
+
+
+@lru_cache(maxsize=32)
+def _most(width: int) -> Array:
+    """Bounds of |Tₖ| on the segment and the ellipses, shape (width, 9)."""
+    k = np.arange(width)[:, None]
+    return np.asarray((RHO**k + RHO ** (-1.0 * k)) / 2)
+
+
+def models(balls: Sequence[Ball], cells: int) -> list[Model]:
+    """Interpolants and their remainders; the segment's line where the ellipses say nothing.
+
+    Errors of the values grow by Lebesgue's constant at most; a sum of 16 products whose factors are
+    right to 4 units is wrong by less than 28 units of the sum of their sizes.
+    """
+    c, b, r = np.empty((3, len(balls), cells, len(RADIUS)))
+    for i, ball in enumerate(balls):
+        c[i], b[i], r[i] = _parts(ball)
+    v, line = c[:, :, :POINTS], r[:, :, POINTS]
+    left_over = np.fmin.reduce(r[:, :, POINTS + 1 :] * CUT[1:], axis=2)
+    wrong = affine_models.LEBESGUE * np.max(r[:, :, :POINTS], axis=2)
+    rest = left_over + wrong + 28 * UNIT * affine_models.SUMS * np.max(np.abs(v), axis=2)
+    out = v @ affine_models.interpolation().T
+    rough = ~(rest <= line)
+    out[rough] = 0.0
+    out[rough, 0], out[rough, 1] = c[rough, POINTS], b[rough, POINTS]
+    rest = np.where(rough, line, rest) * INFLATE
+    unknown = ~np.isfinite(rest)
+    out[unknown], rest[unknown] = 0.0, np.inf
+    return [Model(*pair) for pair in zip(out, rest, strict=True)]
+
+
+def _parts(p: Ball) -> tuple[Array, Array, Array]:
+    return p.c, p.b, p.r
+
+
+def _sign(p: Ball) -> Array:
+    """Of the function on each cell's segment, shape (C, 1); zero where it may change."""
+    c, reach = p.c[:, -len(RHO) :][:, :1], p.reach[:, -len(RHO) :][:, :1]
+    return np.asarray(np.where(np.abs(c) > reach, np.sign(c), 0.0))
+
+
+def absolute(p: Ball) -> Ball:
+    """±p where the sign is kept; else, on real columns only, its range [0, |c| + δ]."""
+    sign, half = _sign(p), np.where(_REAL, (np.abs(p.c) + p.reach) / 2, np.inf)
+    c = np.where(sign == 0, half, p.c * sign)
+    return Ball(c, p.b * sign, np.where(sign == 0, half * (1 + 4 * UNIT), p.r))
+
+
+def signum(p: Ball) -> Ball:
+    """±1 where the sign is kept; else, on real columns only, [−1, 1]."""
+    sign = _sign(p) + 0.0 * p.c
+    doubt = np.where(sign == 0, np.where(_REAL, 1.0, np.inf), 0.0)
+    return Ball(sign, np.zeros_like(sign), doubt)

@@ -1,0 +1,362 @@
+"""The true motion under a plan's input, enclosed, coordinate after coordinate.
+
+A coordinate whose rate reads earlier coordinates only is an integral of what is known by then: its
+errors add up, no exponential enters. Coordinates that read themselves or each other (trailers, some
+custom systems) are enclosed together, in a tube about a reference p that comes from a few
+Newton–Picard sweeps, of which nothing is proven. With P(t) = x(0) + ∫ f(p, t), of which balls know
+E = p − P, the distance of the true motion x from P obeys, in the greatest of these coordinates,
+
+    D⁺‖x − P‖ ≤ μ ‖x − P‖ + ‖J‖ ‖E‖,   μ = maxᵢ (Jᵢᵢ + Σ_{j≠i} |Jᵢⱼ|)
+
+with the Jacobian J bounded over the tube. The tube must contain the result, or nothing is claimed
+(continuation argument). On ellipses Picard's map X ↦ x(middle) + ∫ f(X, z) dz is applied to balls:
+where it maps a ball into itself, the motion is analytic there and lies in the image (Schauder).
+Source: G. Dahlquist's logarithmic norm, 1958; R. E. Moore, "Interval Analysis", 1966.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from planner.plan.trajectory import Trajectory
+from planner.support.arrays import Array
+from planner.support.compiled_calls import Pointwise
+from planner.systems.triangular_system import TriangularSystem
+from planner.verification import affine_models
+from planner.verification.affine_models import INFLATE, UNIT, Model
+from planner.verification.balls import POINTS, RADIUS, SQUARE, Ball, models, polynomial_balls
+from planner.verification.cells import Cells
+from planner.verification.functions import Expression
+
+TUBES = (1e-6, 1e-3)
+"""Radii of the tube tried, in the coordinates' units."""
+
+SWEEPS = 12
+SETTLED = 1e-15
+"""Change by a sweep, in the coordinates' units, that is rounding."""
+
+TRIES = 3
+"""Images of a ball under Picard's map."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Where the true motion is.
+
+    Attributes:
+        cells: C subintervals, in order of time.
+        q: A ball a coordinate.
+        u: The inputs as balls.
+        rates: Of the coordinates, as far as they are enclosed.
+    """
+
+    cells: Cells
+    q: list[Ball]
+    u: list[Ball]
+    rates: list[Ball] = field(default_factory=list)
+
+    @cached_property
+    def states(self) -> list[Model]:
+        """Models of the coordinates."""
+        return self.models(*self.q)
+
+    def models(self, *values: Ball) -> list[Model]:
+        """Models of functions of them."""
+        return models(values, len(self.cells.piece))
+
+
+def enclose(path: Trajectory, cells: Cells, u: list[Ball], start: Array) -> Motion:
+    """Enclose the motion from a start under given inputs.
+
+    Args:
+        path: Its q(t) is near the motion; nothing else of it is used.
+        cells: In order of time, without gaps.
+        u: The two inputs on the cells.
+        start: q(0), shape (N,).
+    """
+    system, width = path.system, cells.width
+    rates = rates_of(system)
+    q: dict[int, Ball] = {}
+    done: dict[object, Ball] = {}
+    near, every = None, []
+    for block in blocks(system):
+        if not _circular(system, block):
+            found = [whole(rates.entry(i, (q, u), done), cells) for i in block]
+            q |= {i: integral(f, width, start[i]) for i, f in zip(block, found, strict=True)}
+        else:
+            if near is None:
+                guess = path.q(cells.times(affine_models.nodes()))
+                near = _reference(system, cells, guess, u, start)
+            tubed, found = _tube(system, block, cells, (q, u), near, start)
+            q |= tubed
+        every += found
+    return Motion(cells, [q[i] for i in range(system.size)], u, every)
+
+
+def integral(f: Ball, width: Array, start: float) -> Ball:
+    """start + ∫ f over all cells.
+
+    On the real line the integral of the interpolant; the errors of f add up. On an ellipse, from
+    the middle, ∫ (c + bz + e) = cz + bz²/2 + ∫ e with z² = 1/2 + (z² − 1/2) and |∫ e| ≤ r R along
+    the straight way. Rounding: an integral is a sum of 16 products whose factors are right to a few
+    units of one, at most 400 units of the greatest value in all, the width's own included.
+    """
+    half, v = width / 2, f.c[:, :POINTS]
+    steps = v @ affine_models.integration().T * half[:, None]
+    most = np.max(np.abs(v), axis=1)
+    wrong = half * (affine_models.REACHES * f.points_wrong + 2 * f.left_over + 400 * UNIT * most)
+    left = start + np.append(0.0, np.cumsum(steps[:, -1])[:-1])
+    slips = wrong + 2 * UNIT * (np.abs(left) + np.abs(steps[:, -1]))
+    doubt = wrong + 4 * UNIT * np.abs(left)
+    doubt = (doubt + np.append(0.0, np.cumsum(slips)[:-1]))[:, None] * (1 + 1e-12)
+    at = left[:, None] + steps[:, :-1]
+    inside = Ball(at[:, :-1], np.zeros_like(v), np.repeat(doubt, POINTS, 1))
+    return _beside(inside, *_outwards(f, half[:, None], at[:, -1:], doubt))
+
+
+def _outwards(f: Ball, half: Array, middle: Array, doubt: Array) -> tuple[Array, Array, Array]:
+    """middle + ∫ f from the middle, on the segment and the ellipses."""
+    slope, bend, r = (x[:, POINTS:] for x in (f.c, f.b, f.r))
+    c, b = middle + half * bend / 4, half * slope
+    rest = half * (np.abs(bend) * SQUARE[POINTS:] / 2 + r * RADIUS[POINTS:])
+    rest = rest + doubt + 4 * UNIT * (np.abs(c) + np.abs(b) * RADIUS[POINTS:])
+    return c, b, rest * INFLATE
+
+
+def whole(f: Ball, cells: Cells) -> Ball:
+    """The ball with a row for each cell and all columns, also where it is a constant."""
+    shape = (len(cells.piece), len(RADIUS))
+    if f.c.shape == shape:
+        return f
+    return Ball(*(np.broadcast_to(x, shape) for x in (f.c, f.b, f.r)))
+
+
+@lru_cache(maxsize=32)
+def rates_of(system: TriangularSystem) -> Expression:
+    """q̇ of (q, u) on balls."""
+    q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
+    return Expression([q, u], ca.vertcat(*system.rates_expr(q, u)))
+
+
+@lru_cache(maxsize=32)
+def blocks(system: TriangularSystem) -> list[list[int]]:
+    """The coordinates, those first that others read; together those that read each other."""
+    rates, size = rates_of(system), system.size
+    reach = np.eye(size, dtype=bool)
+    for i in range(size):
+        reach[i, list(rates.reads(i, 0))] = True
+    for _ in range(size):
+        reach = reach @ reach
+    groups = {tuple(np.flatnonzero(reach[i] & reach[:, i]).tolist()) for i in range(size)}
+    return [list(g) for g in sorted(groups, key=lambda g: (int(np.sum(reach[g[0]])), g))]
+
+
+def _circular(system: TriangularSystem, block: list[int]) -> bool:
+    return any(set(block) & rates_of(system).reads(i, 0) for i in block)
+
+
+# -- coordinates that read themselves ----------------------------------------------------------
+
+
+def _tube(
+    system: TriangularSystem,
+    block: list[int],
+    cells: Cells,
+    given: tuple[dict[int, Ball], list[Ball]],
+    guess: Array,
+    start: Array,
+) -> tuple[dict[int, Ball], list[Ball]]:
+    """Balls of a block's coordinates, and of their rates at the reference."""
+    (known, u), width = given, cells.width
+    c = guess.transpose(2, 0, 1)[block] @ affine_models.interpolation().T
+    p = {i: Model(own, 0 * width) for i, own in zip(block, c, strict=True)}
+    core = dict(zip(block, polynomial_balls(c, 0 * c[:, :, 0]), strict=True))
+    found = _rates(system, block, cells, known | core, u)
+    moved = [integral(f, width, start[i]) for i, f in zip(block, found, strict=True)]
+    images = models(moved, len(width))
+    gaps = [(image - p[i]).size for i, image in zip(block, images, strict=True)]
+    error = np.max(gaps, axis=0)
+    for most in TUBES:
+        wide = {i: ball.widened(np.array([[most]])) for i, ball in core.items()}
+        size, high = _growth(system, cells, known | wide, u, block)
+        off = size[block][:, block].copy()
+        off[range(len(block)), range(len(block))] = high[block]
+        mu, norm = np.max(np.sum(off, axis=1), axis=0), np.max(np.sum(size[block], axis=1), axis=0)
+        radius = _transported(mu, norm, error, width) + error
+        if np.all(radius * (1 + 1e-12) < most):
+            break
+    inside = np.logical_and.accumulate(radius * (1 + 1e-12) < most)
+    doubt = np.where(inside, radius * (1 + 1e-12), np.inf)[:, None]
+    return _on_ellipses(system, block, cells, (known, u), p, core, doubt), found
+
+
+def _rates(
+    system: TriangularSystem, block: list[int], cells: Cells, q: dict[int, Ball], u: list[Ball]
+) -> list[Ball]:
+    done: dict[object, Ball] = {}
+    return [whole(rates_of(system).entry(i, (q, u), done), cells) for i in block]
+
+
+def _growth(
+    system: TriangularSystem,
+    cells: Cells,
+    q: dict[int, Ball],
+    u: list[Ball],
+    block: list[int],
+) -> tuple[Array, Array]:
+    """|∂q̇/∂q| between coordinates of a block on the cells' segments, shape (N, N, C), and its
+    diagonal from above, (N, C)."""
+    entries, row, column, _ = _jacobian(system)
+    done: dict[object, Ball] = {}
+    size = np.zeros((system.size, system.size, len(cells.piece)))
+    diagonal = np.zeros(size.shape[1:])
+    for k, (i, j) in enumerate(zip(row, column, strict=True)):
+        if i in block and j in block:
+            low, high = whole(entries.entry(k, (q, u), done), cells).range
+            size[i, j] = np.maximum(np.abs(low), np.abs(high))
+            if i == j:
+                diagonal[i] = high
+    return size, diagonal
+
+
+def strayed(system: TriangularSystem, motion: Motion, off: Array) -> Motion:
+    """The motion under inputs that differ from the motion's own by no more than `off` (2,), anyhow.
+
+    With s the difference and J from the widened coordinates, the distance δ obeys, block by block,
+    ‖δ‖' ≤ μ ‖δ‖ + max (|J| |δ of earlier ones| + |rates(q, s)|), as rates are linear in the inputs.
+    At any one time the coordinates are those of the motion and a constant, which balls widened in
+    all columns contain; so what is evaluated on them holds at that time.
+    """
+    cells, every = motion.cells, list(range(system.size))
+    still = np.zeros((len(cells.piece), len(RADIUS)))
+    astray = [Ball(still, still, still + by) for by in off]
+    for most in TUBES:
+        wide = {i: ball.widened(np.array([[most]])) for i, ball in enumerate(motion.q)}
+        size, high = _growth(system, cells, wide, motion.u, every)
+        ranges = [f.range for f in _rates(system, every, cells, wide, astray)]
+        push = np.array([np.maximum(np.abs(low), np.abs(up)) for low, up in ranges])
+        far = np.zeros_like(push)
+        for block in blocks(system):
+            force = push[block] + np.einsum("ijc,jc->ic", size[block], far)
+            own = size[block][:, block].copy()
+            own[range(len(block)), range(len(block))] = high[block]
+            mu, forced = np.max(np.sum(own, axis=1), axis=0), np.max(force, axis=0)
+            far[block] = _transported(mu, np.ones_like(mu), forced, cells.width)
+        if np.all(far < most):
+            break
+    inside = np.logical_and.accumulate(np.all(far < most, axis=0))
+    far = np.where(inside, far, np.inf)
+    q = [ball.widened(by[:, None]) for ball, by in zip(motion.q, far, strict=True)]
+    return Motion(cells, q, motion.u, motion.rates)
+
+
+def _transported(mu: Array, norm: Array, error: Array, width: Array) -> Array:
+    """Bounds (C,) of ‖x − P‖ anywhere in each cell, by the comparison equation cell after cell."""
+    most = np.exp(np.maximum(mu, 0.0) * width) * (1 + 1e-9)
+    across, pushed = np.exp(mu * width) * (1 + 1e-9), norm * error * width * most
+    out, now = np.empty(len(mu)), 0.0
+    for k in range(len(mu)):
+        out[k] = most[k] * now + pushed[k]
+        now = across[k] * now + pushed[k]
+    return out
+
+
+def _on_ellipses(
+    system: TriangularSystem,
+    block: list[int],
+    cells: Cells,
+    given: tuple[dict[int, Ball], list[Ball]],
+    p: dict[int, Model],
+    core: dict[int, Ball],
+    doubt: Array,
+) -> dict[int, Ball]:
+    """The tube on the real columns, and beside it what Picard's map proves."""
+    (known, u), half, signs = given, cells.width[:, None] / 2, (-1.0) ** np.arange(POINTS // 2)
+    nowhere = np.where(np.arange(len(RADIUS)) > POINTS, np.inf, doubt)
+    out = {i: ball.widened(nowhere) for i, ball in core.items()}
+    trial = {i: ball.widened(doubt + 0.2 * ball.reach) for i, ball in core.items()}
+    for _ in range(TRIES):
+        fits, images = np.ones((len(half), len(RADIUS) - POINTS), dtype=bool), []
+        for i, f in zip(block, _rates(system, block, cells, known | trial, u), strict=True):
+            middle, slip = p[i].c[:, ::2] @ signs, 2 * POINTS * UNIT * p[i].norm
+            c, b, r = _outwards(f, half, middle[:, None], doubt + slip[:, None])
+            now = trial[i].c[:, POINTS:], trial[i].b[:, POINTS:], trial[i].r[:, POINTS:]
+            gap = np.abs(c - now[0]) + np.abs(b - now[1]) * RADIUS[POINTS:] + r
+            fits &= gap * INFLATE <= now[2]
+            images.append((c, b, r))
+        for i, (c, b, r) in zip(block, images, strict=True):
+            own = out[i].c[:, POINTS:], out[i].b[:, POINTS:], out[i].r[:, POINTS:]
+            pairs = zip((c, b, r), own, strict=True)
+            out[i] = _beside(out[i], *(np.where(fits, new, old) for new, old in pairs))
+            trial[i] = _beside(out[i], c, b, 1.2 * r)
+    return out
+
+
+def _beside(ball: Ball, c: Array, b: Array, r: Array) -> Ball:
+    """The ball with other columns off the points."""
+    pairs = zip((ball.c, ball.b, ball.r), (c, b, r), strict=True)
+    return Ball(*(np.concatenate([old[:, :POINTS], new], axis=1) for old, new in pairs))
+
+
+@lru_cache(maxsize=32)
+def _jacobian(system: TriangularSystem) -> tuple[Expression, Array, Array, Pointwise]:
+    """∂q̇/∂q: its nonzero entries on balls, their rows and columns, and the whole at points."""
+    q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
+    matrix: Any = ca.jacobian(ca.vertcat(*system.rates_expr(q, u)), q)
+    row, column = (np.array(x, dtype=int) for x in matrix.sparsity().get_triplet())
+    return (
+        Expression([q, u], matrix.nz[:]),
+        row,
+        column,
+        Pointwise("jacobian", [q, u], matrix),
+    )
+
+
+def _reference(
+    system: TriangularSystem, cells: Cells, guess: Array, u: list[Ball], start: Array
+) -> Array:
+    """Values near the motion: Picard's integral in each cell, Newton's step across them."""
+    inputs = np.stack([x.c[:, :POINTS] for x in u], axis=-1)
+    width, middle = cells.width, POINTS // 2
+    flow = _change(_jacobian(system)[3](guess[:, middle], inputs[:, middle]), width)
+    smallest = np.inf
+    for _ in range(SWEEPS):
+        new = _swept(system, guess, inputs, width, flow, start)
+        moved = float(np.max(np.abs(new - guess)))
+        if not moved < smallest:
+            break
+        guess, smallest = new, moved
+        if moved < SETTLED:
+            break
+    return guess
+
+
+def _swept(
+    system: TriangularSystem, values: Array, inputs: Array, width: Array, flow: Array, start: Array
+) -> Array:
+    """One sweep; `flow` (C, N, N) is how a change at a cell's left end grows across it."""
+    rates = system.rates(values, inputs) * (width[:, None, None] / 2)
+    steps = np.einsum("mk,ckn->cmn", affine_models.integration(), rates)
+    signs = np.where(np.arange(POINTS) % 2 == 0, 1.0, -1.0)
+    before = np.einsum("k,ckn->cn", signs @ affine_models.interpolation(), values)
+    at, now = np.empty_like(before), start
+    for k in range(len(values)):
+        at[k] = now
+        now = now + steps[k, -1] + flow[k] @ (now - before[k])
+    change = np.einsum("cij,cj->ci", flow, at - before)
+    share = (affine_models.nodes() + 1) / 2
+    return np.asarray(at[:, None] + steps[:, :POINTS] + share[:, None] * change[:, None])
+
+
+def _change(jacobian: Array, width: Array) -> Array:
+    """About e^A − 1, for A = J w (C, N, N)."""
+    term = out = a = jacobian * width[:, None, None]
+    for k in range(2, 8):
+        term = term @ a / k
+        out = out + term
+    return np.asarray(out)

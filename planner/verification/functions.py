@@ -1,0 +1,154 @@
+"""CasADi functions carried out on balls, instruction by instruction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from planner.verification import balls as f
+from planner.verification.affine_models import UNIT
+from planner.verification.balls import Ball
+
+Given = Sequence[Sequence[Ball] | Mapping[int, Ball]]
+"""Balls of each argument's entries."""
+
+
+class UnboundedError(Exception):
+    """An operation that balls do not know; says which."""
+
+
+class Expression:
+    """An expression of scalars, ready to be evaluated on balls.
+
+    Args:
+        arguments: CasADi column vectors (SX).
+        value: Expression of them, a column vector (SX).
+
+    Raises:
+        UnboundedError: If it uses an operation that balls do not know.
+    """
+
+    def __init__(self, arguments: Sequence[Any], value: Any) -> None:
+        (value,) = ca.cse([ca.densify(value)])
+        function = ca.Function("evaluate", list(arguments), [value])
+        self.size = value.numel()
+        self._steps: list[tuple[int, tuple[int, ...], float]] = []
+        self._ends = [-1] * self.size
+        holds: dict[int, int] = {}  # the last step that wrote to each of CasADi's registers
+        for k in range(function.n_instructions()):
+            operation, inputs = function.instruction_id(k), function.instruction_input(k)
+            if operation not in _KNOWN:
+                raise UnboundedError(f"operation {operation} of the system's expressions")
+            if operation == ca.OP_OUTPUT:
+                self._ends[function.instruction_output(k)[1]] = holds[inputs[0]]
+                continue
+            own = operation in (ca.OP_INPUT, ca.OP_CONST)
+            number = function.instruction_constant(k) if operation == ca.OP_CONST else 0.0
+            read = tuple(inputs) if own else tuple(holds[i] for i in inputs)
+            holds[function.instruction_output(k)[0]] = len(self._steps)
+            self._steps.append((operation, read, number))
+        self._needed = [self._before(end) for end in self._ends]
+
+    def _before(self, end: int) -> list[int]:
+        """The steps that a step rests on, and itself, in order."""
+        found, left = set(), [end] if end >= 0 else []
+        while left:
+            k = left.pop()
+            if k not in found:
+                found.add(k)
+                operation, read, _ = self._steps[k]
+                left += [] if operation in (ca.OP_INPUT, ca.OP_CONST) else read
+        return sorted(found)
+
+    def reads(self, entry: int, argument: int) -> set[int]:
+        """Which entries of an argument an entry of the value reads."""
+        inputs = (s[1] for k in self._needed[entry] if (s := self._steps[k])[0] == ca.OP_INPUT)
+        return {i[1] for i in inputs if i[0] == argument}
+
+    def __call__(self, *given: Sequence[Ball]) -> list[Ball]:
+        """One ball an entry of the value."""
+        done: dict[Any, Ball] = {}
+        return [self.entry(i, given, done) for i in range(self.size)]
+
+    def entry(self, i: int, given: Given, done: dict[Any, Ball]) -> Ball:
+        """One entry; `done` keeps what was evaluated, for the next with the same arguments."""
+        for k in self._needed[i]:
+            if k in done:
+                continue
+            operation, read, number = self._steps[k]
+            if operation == ca.OP_INPUT:
+                done[k] = given[read[0]][read[1]]
+            elif operation == ca.OP_CONST:
+                done[k] = Ball.constant(number)
+            elif operation in _CIRCULAR:
+                pair = ("sine", read[0]), ("cosine", read[0])
+                if pair[0] not in done:
+                    done[pair[0]], done[pair[1]] = f.sine_cosine(done[read[0]])
+                done[k] = _CIRCULAR[operation](done[pair[0]], done[pair[1]])
+            else:
+                done[k] = _PLAIN[operation](*(done[j] for j in read))
+        return done[self._ends[i]] if self._ends[i] >= 0 else Ball.constant(0.0)
+
+
+def _product(a: Ball, b: Ball) -> Ball:
+    """Cheaper where one of them is a number."""
+    for one, other in ((a, b), (b, a)):
+        if one.c.size == 1 and not one.r[0, 0] and not one.b[0, 0]:
+            return other * float(one.c[0, 0])
+    return a * b
+
+
+def _power(base: Ball, exponent: Ball) -> Ball:
+    if exponent.c.size > 1 or exponent.r[0, 0]:
+        raise UnboundedError("a power whose exponent is not constant")
+    return f.power(base, float(exponent.c[0, 0]))
+
+
+def _hyperbolic(sign: float) -> Callable[[Ball], Ball]:
+    return lambda p: (f.exponential(p) + f.exponential(-p) * sign) * 0.5
+
+
+def _hyperbolic_tangent(p: Ball) -> Ball:
+    return 1.0 + f.reciprocal(f.exponential(p * 2.0) + 1.0) * -2.0
+
+
+def _arccosine(p: Ball) -> Ball:
+    return (np.pi / 2 + (-f.arcsine(p))).widened(np.array([[UNIT]]))
+
+
+_CIRCULAR: dict[int, Callable[[Ball, Ball], Ball]] = {
+    ca.OP_SIN: lambda s, c: s,
+    ca.OP_COS: lambda s, c: c,
+    ca.OP_TAN: lambda s, c: s * f.reciprocal(c),
+}
+
+_PLAIN: dict[int, Callable[..., Ball]] = {
+    ca.OP_ASSIGN: lambda a: a,
+    ca.OP_ADD: lambda a, b: a + b,
+    ca.OP_SUB: lambda a, b: a - b,
+    ca.OP_MUL: _product,
+    ca.OP_DIV: lambda a, b: _product(a, f.reciprocal(b)),
+    ca.OP_NEG: lambda a: -a,
+    ca.OP_SQ: lambda a: a * a,
+    ca.OP_TWICE: lambda a: a * 2.0,
+    ca.OP_INV: f.reciprocal,
+    ca.OP_SQRT: lambda a: f.power(a, 0.5),
+    ca.OP_POW: _power,
+    ca.OP_CONSTPOW: _power,
+    ca.OP_EXP: f.exponential,
+    ca.OP_LOG: f.logarithm,
+    ca.OP_ATAN: f.arctangent,
+    ca.OP_ASIN: f.arcsine,
+    ca.OP_ACOS: _arccosine,
+    ca.OP_ATAN2: f.arctangent2,
+    ca.OP_SINH: _hyperbolic(-1.0),
+    ca.OP_COSH: _hyperbolic(1.0),
+    ca.OP_TANH: _hyperbolic_tangent,
+    ca.OP_FABS: f.absolute,
+    ca.OP_SIGN: f.signum,
+}
+
+_KNOWN = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *_CIRCULAR, *_PLAIN}

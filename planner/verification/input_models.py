@@ -1,0 +1,276 @@
+"""A trajectory's inputs as balls on cells fine enough, for each kind of trajectory.
+
+Inputs of retimed paths as balls in time: polynomials of polynomials.
+
+With s = clock(t) and σ the path's own time, length(σ) = s. A polynomial g(t) near σ(t) is proven by
+what d = length(g) − clock leaves over: where Re length' ≥ m > 0 on the disc of radius η > |d|/m
+about g, length − clock is one-to-one there and has, by Rouché's theorem, its one root within |d|/m
+of g, on the real line and on every ellipse. Then
+
+    u = w σ̇,   du/dt = w' σ̇² + w σ̈,   σ̇ = ṡ/length',   σ̈ = (s̈ − length'' σ̇²)/length'
+
+with w the path's inputs at σ. Where the path stands still (length' = 0) nothing is bounded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from scipy.interpolate import BPoly
+
+from planner.plan.retimed import RetimedTrajectory
+from planner.plan.trajectory import ChainedTrajectory, StateTrajectory, Trajectory
+from planner.support.arrays import Array
+from planner.systems.chained_form import chained_form
+from planner.systems.triangular_system import TriangularSystem
+from planner.verification import affine_models
+from planner.verification.affine_models import INFLATE, UNIT, Index
+from planner.verification.balls import Ball, polynomial_balls, reciprocal
+from planner.verification.cells import Cells, derivative, on
+from planner.verification.enclosure import Motion, enclose
+from planner.verification.functions import Expression, UnboundedError
+
+FINE = 1e-10
+"""Remainder of inputs and rates, relative to their size or one, below which a cell is kept."""
+
+NOISE = 1e-3
+"""Remainder below which a cell hardly better than its parent is kept: the rest is rounding."""
+
+FEWEST_CELLS = 4
+COARSE = 1e-4
+"""Remainder above which a cell is divided in four at once."""
+
+MOST_CELLS = 1500
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """Inputs of a trajectory that balls can bound.
+
+    Attributes:
+        trajectory: Whose they are.
+        inputs: From cells to balls of u₁ and u₂.
+        slopes: From cells to balls of du₁/dt and du₂/dt.
+        halvings: Times a cell may be halved. Near a singularity halving reaches what can be
+            bounded; near a standstill of a retimed path it only narrows what cannot.
+    """
+
+    trajectory: Trajectory
+    inputs: Callable[[Cells], list[Ball]]
+    slopes: Callable[[Cells], list[Ball]]
+    halvings: int = 24
+
+
+def source_of(trajectory: Trajectory) -> Source:
+    """The inputs of a trajectory of states or of chained coordinates.
+
+    Raises:
+        UnboundedError: If the trajectory is of another kind, or its chart has no expression.
+    """
+    if type(trajectory) is StateTrajectory:  # a subclass may evaluate in its own way
+        curve = trajectory.u_curve
+        return Source(trajectory, lambda c: on(curve, c), lambda c: on(curve, c, 1))
+    if type(trajectory) is ChainedTrajectory:
+        return _chained(trajectory)
+    if type(trajectory) is RetimedTrajectory:
+        return _retimed(trajectory)
+    raise UnboundedError(f"trajectories of kind '{trajectory.kind}'")
+
+
+def _chained(path: ChainedTrajectory) -> Source:
+    inputs, rates = _feedback_of(path)
+    z, v = path.z_curve, path.v_curve
+
+    def curves(cells: Cells) -> list[list[Ball]]:
+        return [on(z, cells), on(v, cells)]
+
+    return Source(
+        path,
+        lambda cells: inputs(*curves(cells)),
+        lambda cells: rates(*curves(cells), on(z, cells, 1), on(v, cells, 1)),
+    )
+
+
+def _retimed(trajectory: RetimedTrajectory) -> Source:
+    path = trajectory.path
+
+    def inputs(cells: Cells, sigma: Ball) -> list[Ball]:
+        if isinstance(path, StateTrajectory):
+            return at(path.u_curve, 0, trajectory, cells, sigma)
+        return _feedback_of(path)[0](*_curves(path, (0,), trajectory, cells, sigma))
+
+    def bends(cells: Cells, sigma: Ball) -> list[Ball]:
+        if isinstance(path, StateTrajectory):
+            return at(path.u_curve, 1, trajectory, cells, sigma)
+        return _feedback_of(path)[1](*_curves(path, (0, 1), trajectory, cells, sigma))
+
+    def paced(cells: Cells) -> list[Ball]:
+        own = clocked(trajectory, cells)
+        return [u * own.pace for u in inputs(cells, own.sigma)]
+
+    def rated(cells: Cells) -> list[Ball]:
+        own = clocked(trajectory, cells)
+        pairs = zip(inputs(cells, own.sigma), bends(cells, own.sigma), strict=True)
+        return [du * own.pace * own.pace + u * own.bend for u, du in pairs]
+
+    if isinstance(path, RetimedTrajectory):
+        raise UnboundedError("a path that is retimed twice")
+    return Source(trajectory, paced, rated, halvings=8)
+
+
+def _feedback_of(path: Trajectory) -> tuple[Expression, Expression]:
+    assert isinstance(path, ChainedTrajectory)
+    return _feedback(path.system, tuple(path.branch.tolist()))
+
+
+def _curves(
+    path: Trajectory, orders: Sequence[int], by: RetimedTrajectory, cells: Cells, sigma: Ball
+) -> list[list[Ball]]:
+    """z and v, then their derivatives if asked for, at balls of the path's own time."""
+    assert isinstance(path, ChainedTrajectory)
+    return [at(c, k, by, cells, sigma) for k in orders for c in (path.z_curve, path.v_curve)]
+
+
+@lru_cache(maxsize=32)
+def _feedback(system: TriangularSystem, branch: tuple[float, ...]) -> tuple[Expression, Expression]:
+    """u of (z, v), and du/dt of (z, v, ż, v̇), on one branch."""
+    n = system.size
+    z, v, dz, dv = (ca.SX.sym(name, k) for name, k in (("z", n), ("v", 2), ("dz", n), ("dv", 2)))
+    u = chained_form(system).inputs_expr(z, v, ca.DM(branch))
+    if u is None:
+        raise UnboundedError(f"the inverse chart of system '{system.kind}', which is numerical")
+    return Expression([z, v], u), Expression(
+        [z, v, dz, dv], ca.jtimes(u, z, dz) + ca.jtimes(u, v, dv)
+    )
+
+
+@lru_cache(maxsize=32)
+def inverse_of(system: TriangularSystem, branch: tuple[float, ...]) -> Expression:
+    """q of z on one branch, for systems whose `source_of` exists."""
+    z = ca.SX.sym("z", system.size)
+    return Expression([z], chained_form(system).q_expr(z, ca.DM(branch)))
+
+
+def resolve(source: Source, start: Array | None = None) -> Motion:
+    """Inputs on cells where they are known to rounding, or as fine as may be.
+
+    Args:
+        source: Of the inputs.
+        start: With it also the motion from there, whose rates must be known as well.
+    """
+    cells = Cells.of(source.trajectory.breaks)
+    if len(cells.piece) < FEWEST_CELLS:
+        cells, _ = cells.split(np.full(len(cells.piece), 4))
+    u, before = source.inputs(cells), np.full(len(cells.piece), np.inf)
+    for _ in range(source.halvings):
+        bad, rough = _unsettled(u, before)
+        motion = Motion(cells, [], u)
+        if start is not None and not np.any(bad):
+            motion = enclose(source.trajectory, cells, u, start)
+            bad, rough = _unsettled(motion.rates, before)
+        if not np.any(bad) or len(bad) + np.sum(bad) > MOST_CELLS:
+            break
+        cells, origin = cells.split(np.where(bad, np.where(rough > COARSE, 4, 2), 1))
+        fresh, before = bad[origin], np.where(bad, rough, np.inf)[origin]
+        new = source.inputs(cells.only(fresh))
+        u = [old.updated(origin, fresh, x) for old, x in zip(u, new, strict=True)]
+    return motion
+
+
+def _unsettled(balls: list[Ball], before: Array) -> tuple[Index, Array]:
+    """Which cells should be divided, and how rough they are; before is what they were."""
+    rough = np.max([x.rough for x in balls], axis=0)
+    fine = (rough <= FINE) | ((rough < NOISE) & (rough > 0.5 * before))
+    return ~fine, rough
+
+
+@dataclass(frozen=True, eq=False)
+class Clocked:
+    """A retimed path's own time on cells of time.
+
+    Attributes:
+        sigma: Ball of σ(t), seconds of the path.
+        pace: Ball of dσ/dt.
+        bend: Ball of d²σ/dt².
+    """
+
+    sigma: Ball
+    pace: Ball
+    bend: Ball
+
+
+def clocked(trajectory: RetimedTrajectory, cells: Cells) -> Clocked:
+    """σ and its derivatives on cells of the clock's pieces."""
+    length, clock = trajectory.length, trajectory.clock
+    own = trajectory.place(cells.times(affine_models.nodes())) @ affine_models.interpolation().T
+    (guess,) = polynomial_balls(own[None], np.zeros((1, len(own))))
+
+    def along(order: int, sigma: Ball) -> Ball:
+        return at(length, order, trajectory, cells, sigma)[0]
+
+    (s,), (speed,), (gain,) = (on(clock, cells, order) for order in range(3))
+    gap = along(0, guess) - s
+    defect = (np.abs(gap.c) + gap.reach) * INFLATE
+    steep = along(1, guess)
+    trust = 2 * defect / (steep.c - steep.reach)
+    steep = along(1, guess.widened(trust))
+    least = steep.c - steep.reach
+    error = np.where(least > 0, defect / least * INFLATE, np.inf)
+    proven = error < trust
+    sigma = guess.widened(np.where(proven, error, np.inf))
+    over = reciprocal(steep.widened(np.where(proven, 0.0, np.inf)))
+    pace = speed * over
+    return Clocked(sigma, pace, (gain - along(2, sigma) * pace * pace) * over)
+
+
+def at(
+    curve: BPoly, order: int, trajectory: RetimedTrajectory, cells: Cells, sigma: Ball
+) -> list[Ball]:
+    """A derivative of a piecewise polynomial of the path's own time, at balls of it.
+
+    Every cell of the clock lies in one piece of the curve.
+    """
+    b, slip = derivative(curve, order)
+    stations = trajectory.stations
+    middle = (stations[cells.piece] + stations[cells.piece + 1]) / 2
+    piece = np.clip(np.searchsorted(curve.x, middle, side="right") - 1, 0, len(curve.x) - 2)
+    left, width = curve.x[piece, None], np.diff(curve.x)[piece, None]
+    x = (sigma + Ball(-left, 0 * left, 0 * left)).scaled(2 / width) - 1.0
+    x = x.widened(4 * UNIT * x.size)
+    matrix = affine_models.from_bernstein(len(b))
+    grown = (len(b) + 4) * np.sum(np.abs(matrix)) * UNIT
+    slips = (slip + grown * np.max(np.abs(b), axis=0))[piece]
+    return _composite(b.transpose(2, 1, 0)[:, piece] @ matrix.T, slips.T[..., None], x)
+
+
+def _composite(c: Array, slip: Array, x: Ball) -> list[Ball]:
+    """p(x) = Σ cₖ Tₖ(x) for coefficients (k, C, width) that are wrong by slip (k, C, 1) together.
+
+    rest = δ²/2 max|p''|. What lies within δ of c lies in the ellipse about [−1, 1] whose greater
+    half axis is a = max(|c|, 1) + δ, where |Tₖ| ≤ Tₖ(a). Clenshaw's sums are wrong by no more than
+    8 width² units of Σ |cₖ| Tₖ(a).
+    """
+    width, last = c.shape[2], np.zeros(c.shape)
+    last[..., -1] = 1.0
+    slope, bend = c @ affine_models.slopes(width, 1).T, c @ affine_models.slopes(width, 2).T
+    far = (np.maximum(np.abs(x.c), 1.0) + x.reach) * INFLATE
+    size, steepest, bent, top = _clenshaw(np.abs(np.stack([c, slope, bend, last])), far)
+    value, steep = _clenshaw(np.stack([c, slope]), x.c)
+    loose = 8 * width**2 * UNIT
+    rest = x.reach**2 / 2 * (bent + width**4 * slip * top) * (1 + loose)
+    wrong = loose * (size + x.reach * steepest) + slip * top * (1 + width**2 * x.reach)
+    r = (np.abs(steep) * x.r + (rest + wrong) * (1 + loose)) * INFLATE
+    return [Ball(*parts) for parts in zip(value, steep * x.b, r, strict=True)]
+
+
+def _clenshaw(c: Array, x: Array) -> Array:
+    """Σ cₖ Tₖ(x), for x (C, E) and coefficients (…, C, width)."""
+    later = last = np.zeros((*c.shape[:-1], x.shape[-1]))
+    twice = 2 * x
+    for k in range(c.shape[-1] - 1, 0, -1):
+        later, last = c[..., k, None] + twice * later - last, later
+    return np.asarray(c[..., 0, None] + x * later - last)

@@ -1,0 +1,60 @@
+"""Plans read from files, which anyone may have changed since: believed only after a judgement."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from planner.errors import InputError, VerificationError
+from planner.plan.plan import Plan, read_plan
+from planner.verification.certify import certify
+from planner.verification.verify import verify
+
+
+def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
+    """Read a plan that `Plan.save` wrote, and judge it again if the file calls it verified.
+
+    A plan that was verified comes back with `verified` True only if `verify` still says so, and its
+    certificate is proven anew. What is not a plan any more has `verified` False, the status
+    "verification_failed", no certificate, and says in `why` what it breaks. A file that never
+    claimed to hold a verified plan (a refused one, kept for study) keeps its own status.
+
+    Args:
+        path: The file.
+        strict: Whether to refuse a file that claims to hold a verified plan and does not.
+
+    Raises:
+        InputError: If the file is missing, is not a plan, or has a newer version; or, if `strict`,
+            its plan fails the judgement.
+    """
+    said = read_plan(path)
+    broken = _broken(said) if said.verified else ""
+    if broken and strict:
+        raise InputError(
+            f"{path} says that it holds a verified plan, and it does not: {broken}; it was changed"
+            " after it was made, so plan again"
+        )
+    if broken:
+        status = VerificationError.status
+        return replace(said, verified=False, status=status, certificate=None, why=broken)
+    if said.certificate is None:
+        return said
+    seconds = said.certificate.seconds  # those of the first proof: what is saved again is the same
+    return replace(said, certificate=replace(certify(said), seconds=seconds))
+
+
+def _broken(plan: Plan) -> str:
+    """What a plan breaks, the worst first and in one line; empty if it is one."""
+    if plan.trajectory.flaw:
+        return plan.trajectory.flaw
+    with np.errstate(all="ignore"):  # what was changed may be anything
+        try:
+            check = verify(plan)
+        except (ArithmeticError, ValueError) as error:
+            return f"its motion cannot be found: {error}"
+    if check.ok:
+        return ""
+    more = len(check.violations) - 1
+    return str(check.violations[0]) + (f" (and {more} more)" if more else "")

@@ -1,0 +1,403 @@
+"""A problem's requirements as functions of time that must not be negative.
+
+Waypoints and obstacles, proven.
+
+A link from P in direction e of length l has from a disc's centre C the squared distance
+
+    |P − C|² + m(a),   a = (P − C)·e,   m(a) = min over t in [0, l] of 2at + t²
+
+where m is 0 for a ≥ 0, −a² for −l ≤ a ≤ 0, and linear below. On a cell within one of these ranges
+the distance is a model. On one across two of them m, being concave, is replaced by its chord, and
+such cells are halved until the chord is as good as m.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from planner.plan.claims import Claim, undecided
+from planner.problem.problem import Problem
+from planner.problem.requirements.places import Obstacle, Waypoint
+from planner.support.arrays import Array
+from planner.systems.chained_form import chained_form
+from planner.systems.triangular_system import TriangularSystem
+from planner.verification import affine_models
+from planner.verification.affine_models import UNIT, Model
+from planner.verification.balls import Ball
+from planner.verification.cells import Cells, Margin, halved, joined, joined_models, least
+from planner.verification.enclosure import Motion
+from planner.verification.functions import Expression, UnboundedError
+from planner.verification.verify import GOAL_TOLERANCE, INTERPOLANT_TOLERANCE
+
+JUMP = 1e-7
+"""Jump of an input, over its greatest value, that counts as one; as in `verify`."""
+
+EQUAL = 1e-9
+"""Excess over a limit, relative to it, that counts as equality."""
+
+
+DURATION_TOLERANCE = 1e-9
+"""Error of a given duration, relative to it; as in `verify`."""
+
+INTERPOLANT = "plan's q(t) against its integrated input"
+"""What `verify` calls the distance of the plan's own q(t) from the motion."""
+
+UNBOUNDED = "no bound on the motion or its inputs is known on all of it"
+
+
+@dataclass(frozen=True, eq=False)
+class Requirement:
+    """Every one of some functions must be ≥ 0 at all times.
+
+    Attributes:
+        label: In the words of `verify`.
+        margins: (sign, value, limit) of sign · value + limit.
+        scale: What the margin is compared with, in its unit.
+        unit: Unit of the margin.
+        required: Whether the problem asks for it.
+    """
+
+    label: str
+    margins: list[Margin]
+    scale: float
+    unit: str
+    required: bool = True
+
+
+def decide(wanted: list[Requirement], cells: Cells, unbounded: str = UNBOUNDED) -> list[Claim]:
+    """Bound them all and say what is proven; `unbounded` is why, where nothing is known."""
+    margins = [m for w in wanted for m in w.margins]
+    if not margins:
+        return []
+    scales = np.array([w.scale for w in wanted for _ in w.margins])
+    found = iter(least(margins, cells, scales))
+    out = []
+    for w in wanted:
+        own = [next(found) for _ in w.margins]
+        guaranteed = min(x.guaranteed for x in own)
+        worst = min(own, key=lambda x: x.attained)
+        out.append(claim(w, guaranteed, worst.attained, worst.time_s, unbounded))
+    return out
+
+
+def claim(
+    of: Requirement, guaranteed: float, attained: float, time: float, unbounded: str = UNBOUNDED
+) -> Claim:
+    """The verdict on bounds of the least margin."""
+    slack, when = EQUAL * of.scale, float(time) if np.isfinite(time) else None
+    known = float(attained) if np.isfinite(attained) else np.nan
+    if guaranteed >= -slack:
+        status, why = "proven", ""
+    elif known < -slack:
+        status, why = "violated", ""
+    elif np.isfinite(guaranteed):
+        status, why = "undecided", f"the margin lies between {guaranteed:.3g} and {known:.3g}"
+    else:
+        status, why = "undecided", unbounded
+    return Claim(of.label, status, guaranteed, known, when, of.unit, of.required, why)  # type: ignore[arg-type]
+
+
+def inputs(problem: Problem, u: list[Model]) -> list[Requirement]:
+    """|uᵢ| within its limit."""
+    limits = problem.limits.input
+    return [
+        Requirement(f"input {c.name}", _within(u[i], limits[i]), limits[i], c.unit)
+        for i, c in enumerate(problem.system.inputs)
+        if np.isfinite(limits[i])
+    ]
+
+
+def rates(problem: Problem, slopes: list[Model]) -> list[Requirement]:
+    """|duᵢ/dt| within its limit, inside the pieces."""
+    limits = problem.limits.input_rate
+    return [
+        Requirement(
+            f"rate of input {c.name}", _within(slopes[i], limits[i]), limits[i], c.rate_unit
+        )
+        for i, c in enumerate(problem.system.inputs)
+        if np.isfinite(limits[i])
+    ]
+
+
+def jumps(problem: Problem, u: list[Model], cells: Cells) -> dict[str, Claim]:
+    """Claims that replace those of the rates where an input jumps, or may jump, at a break."""
+    out = {}
+    at = cells.joints()
+    for i, c in enumerate(problem.system.inputs):
+        if not np.isfinite(problem.limits.input_rate[i]) or not len(at):
+            continue
+        before, slip = u[i].at_end()
+        m = u[i].c
+        after = m @ np.where(np.arange(m.shape[1]) % 2 == 0, 1.0, -1.0)
+        gap = np.abs(after[at + 1] - before[at])
+        doubt = slip[at] + u[i].at_end()[1][at + 1]
+        peak = float(np.max(u[i].size, where=np.isfinite(u[i].size), initial=1e-12))
+        label, unit = f"rate of input {c.name}", c.rate_unit
+        worst = int(np.argmax(gap + doubt))
+        when = float(cells.times(np.array([1.0]))[at[worst], 0])
+        if np.max(gap - doubt) > JUMP * peak:
+            out[label] = Claim(label, "violated", -np.inf, -np.inf, when, unit)
+        elif not (gap + doubt)[worst] <= JUMP * peak:
+            why = f"it may jump by {(gap + doubt)[worst]:.3g} {c.unit}"
+            out[label] = Claim(label, "undecided", -np.inf, np.nan, when, unit, True, why)
+    return out
+
+
+def joints(problem: Problem, motion: Motion) -> list[Requirement]:
+    """|qᵢ| within its limit."""
+    states, out = motion.states, []
+    for i, limit in enumerate(problem.limits.joint):
+        if np.isfinite(limit):
+            c = problem.system.coordinates[i]
+            out.append(Requirement(f"joint {c.name}", _within(states[i], limit), limit, c.unit))
+    return out
+
+
+def z2(problem: Problem, motion: Motion, required: bool) -> list[Requirement]:
+    """z₂ on the start's side of zero by its margin."""
+    margin = problem.limits.z2_margin
+    if margin is None:
+        return []
+    (value,) = _z2(problem.system)(motion.q)
+    above = (float(problem.z2_sign), motion.models(value)[0], -margin)
+    return [Requirement("z2 margin", [above], max(margin, 1e-3), "", required)]
+
+
+def domain(problem: Problem, motion: Motion, required: bool) -> list[Requirement]:
+    """Every margin of the chart positive.
+
+    Raises:
+        UnboundedError: If the system has no expression of them.
+    """
+    margins = _margins(problem.system, tuple(problem.branch.tolist()))(motion.q)
+    wanted = [(1.0, value, 0.0) for value in motion.models(*margins)]
+    return [Requirement("chart domain", wanted, 1.0, "", required)]
+
+
+def goal(problem: Problem, motion: Motion) -> list[Claim]:
+    """The end of the true motion at the goal, within `verify`'s tolerance."""
+    target = problem.target
+    time, out = float(motion.cells.times(np.array([1.0]))[-1, 0]), []
+    for i, c in enumerate(problem.system.coordinates):
+        if np.isnan(target[i]):
+            continue
+        end, doubt = (float(x[-1]) for x in motion.states[i].at_end())
+        gap = abs(end - target[i])
+        of = Requirement(f"goal {c.name}", [], GOAL_TOLERANCE, c.unit)
+        out.append(claim(of, GOAL_TOLERANCE - gap - doubt, GOAL_TOLERANCE - gap + doubt, time))
+    return out
+
+
+def duration(problem: Problem, seconds: float) -> list[Claim]:
+    """The duration, where the problem gives one."""
+    if problem.duration is None:
+        return []
+    slack = DURATION_TOLERANCE * problem.duration
+    margin = slack - abs(seconds - problem.duration)
+    return [claim(Requirement("duration", [], 1e-6 * slack, "s"), margin, margin, np.nan)]
+
+
+def interpolant(problem: Problem, motion: Motion, own: list[Model]) -> list[Claim]:
+    """The plan's own q(t), as models, at the start and near the true motion at all times."""
+    gaps = [q - p for q, p in zip(own, motion.states, strict=True)]
+    most = max(float(np.max(gap.size)) for gap in gaps)
+    ends = [np.abs(end) - slip for end, slip in (gap.at_end() for gap in gaps)]
+    least = max(float(np.max(np.nan_to_num(end, nan=-np.inf))) for end in ends)
+    of = Requirement(INTERPOLANT, [], INTERPOLANT_TOLERANCE, "")
+    tolerance = INTERPOLANT_TOLERANCE
+    out = [claim(of, tolerance - most, tolerance - max(least, 0.0), np.nan)]
+    first = [q.only(np.array([0])).at_begin() for q in own]
+    away = [abs(float(q[0]) - q0) for (q, _), q0 in zip(first, problem.start, strict=True)]
+    slips = [float(slip[0]) for _, slip in first]
+    most = max(a + b for a, b in zip(away, slips, strict=True))
+    least = max(a - b for a, b in zip(away, slips, strict=True))
+    of = Requirement("start", [], GOAL_TOLERANCE, "")
+    return [*out, claim(of, GOAL_TOLERANCE - most, GOAL_TOLERANCE - least, 0.0)]
+
+
+def unknown(problem: Problem, why: str, in_chart: bool) -> list[Claim]:
+    """All requirements, where nothing could be bounded."""
+    limits, system = problem.limits, problem.system
+    labels = [
+        ("start", "", 0.0),
+        *(
+            (f"goal {c.name}", c.unit, value)
+            for c, value in zip(system.coordinates, problem.target, strict=True)
+        ),
+        ("duration", "s", np.inf if problem.duration is None else 0.0),
+        (INTERPOLANT, "", 0.0),
+    ]
+    labels += [(f"input {c.name}", c.unit, limits.input[i]) for i, c in enumerate(system.inputs)]
+    labels += [
+        (f"rate of input {c.name}", c.rate_unit, limits.input_rate[i])
+        for i, c in enumerate(system.inputs)
+    ]
+    labels += [
+        (f"joint {c.name}", c.unit, limits.joint[i]) for i, c in enumerate(system.coordinates)
+    ]
+    labels += [("z2 margin", "", np.inf if limits.z2_margin is None else 0.0)]
+    labels += [("chart domain", "", 0.0 if in_chart else np.inf)]
+    labels += [(point.label, "", 0.0) for point in problem.waypoints]
+    links = range(1, 1 + len(getattr(system, "link_lengths", ())))
+    labels += [(disc.label(i), "m", 0.0) for disc in problem.obstacles for i in links]
+    return [undecided(label, unit, why) for label, unit, limit in labels if np.isfinite(limit)]
+
+
+def _within(value: Model, limit: float) -> list[Margin]:
+    return [(-1.0, value, limit), (1.0, value, limit)]
+
+
+@lru_cache(maxsize=32)
+def _z2(system: TriangularSystem) -> Expression:
+    q = ca.SX.sym("q", system.size)
+    return Expression([q], chained_form(system).z_expr(q)[1])
+
+
+@lru_cache(maxsize=32)
+def _margins(system: TriangularSystem, branch: tuple[float, ...]) -> Expression:
+    q = ca.SX.sym("q", system.size)
+    margins = system.chart_margins_expr(q, np.array(branch))
+    if not margins:
+        raise UnboundedError(f"the chart margins of system '{system.kind}'")
+    return Expression([q], ca.vertcat(*margins))
+
+
+HALVINGS = 10
+
+
+def obstacles(problem: Problem, motion: Motion) -> list[Claim]:
+    """The clearance of every link from every disc, in metres."""
+    out = []
+    for disc in problem.obstacles:
+        centre = [Ball.constant(x) for x in disc.centre]
+        values = motion.models(*_links(problem.system)(motion.q, centre))
+        lengths = problem.system.link_lengths  # type: ignore[attr-defined]
+        for link, length in enumerate(lengths, 1):
+            own = values[3 * link - 3 : 3 * link]
+            square, cells = _square(own, float(length), motion.cells)
+            of = Requirement(disc.label(link), [], disc.radius, "m")
+            (found,) = least([(1.0, square, 0.0)], cells, np.array([disc.radius**2]))
+            bounds = [_clearance(x, disc) for x in (found.guaranteed, found.attained)]
+            out.append(claim(of, bounds[0], bounds[1], found.time_s))
+    return out
+
+
+def waypoints(
+    problem: Problem, motion: Motion, own: Callable[[float], tuple[float, float]]
+) -> list[Claim]:
+    """Every waypoint passed, within `verify`'s tolerance: at its time, or at some time.
+
+    Args:
+        problem: Has the waypoints.
+        motion: The motion, in the path's own time.
+        own: From the plan's time to the path's and its uncertainty, which is infinite for a time
+            that the motion does not reach.
+    """
+    out = []
+    for point in problem.waypoints:
+        if point.time_s is None:
+            (time, nowhere), doubt = _nearest(motion, point), 0.0
+        else:
+            (time, doubt), nowhere = own(point.time_s), True
+        if not np.isfinite(doubt):
+            why = f"where the motion is at t = {point.time_s:.6g} s is not known"
+            out.append(undecided(point.label, "", why))
+            continue
+        low, high = _distance(motion, point, time, doubt)
+        best = GOAL_TOLERANCE - low if nowhere else np.nan
+        of = Requirement(point.label, [], GOAL_TOLERANCE, "")
+        out.append(claim(of, GOAL_TOLERANCE - high, best, time))
+    return out
+
+
+@lru_cache(maxsize=32)
+def _links(system: TriangularSystem) -> Expression:
+    """|P − C|², a and a² of each link, of (q, C)."""
+    arm: Any = system
+    q, centre = ca.SX.sym("q", system.size), ca.SX.sym("C", 2)
+    offset, heading, out = -centre, ca.SX(0), []
+    for i, length in enumerate(arm.link_lengths, 1):
+        heading = heading + q[i]
+        direction = ca.vertcat(ca.cos(heading), ca.sin(heading))
+        along = ca.dot(offset, direction)
+        out += [ca.sumsqr(offset), along, along**2]
+        offset = offset + length * direction
+    return Expression([q, centre], ca.vertcat(*out))
+
+
+def _square(values: list[Model], length: float, cells: Cells) -> tuple[Model, Cells]:
+    """A model that is nowhere above the squared distance, close to it where it may be least, and
+    its cells."""
+    kept: list[tuple[Cells, list[Model]]] = []
+    best = np.inf
+    for step in range(HALVINGS + 1):
+        square, along, _ = values
+        low, high = along.low, along.high
+        best = np.fmin(best, np.fmin.reduce(square.high + _least_of(high, length)))
+        far = square.low + _least_of(low, length) > best
+        one = (low >= 0) | (high <= -length) | ((high <= 0) & (low >= -length))
+        settled = one | far | (step == HALVINGS) | ~np.isfinite(along.r)
+        kept.append((cells.only(settled), [x.only(settled) for x in values]))
+        if np.all(settled):
+            break
+        values = [Model(*halved(x.c[~settled], x.r[~settled])) for x in values]
+        cells = cells.only(~settled).halved()
+    square, along, twice = (joined_models([m[k] for _, m in kept]) for k in range(3))
+    return _lower(square, along, twice, length), joined([c for c, _ in kept])
+
+
+def _lower(square: Model, along: Model, twice: Model, length: float) -> Model:
+    """|P − C|² + m(a), or with the chord of m on cells across two of its ranges."""
+    low, high = np.clip(along.low, -1e6, 1e6), np.clip(along.high, -1e6, 1e6)
+    behind, beyond, beside = low >= 0, high <= -length, (high <= 0) & (low >= -length)
+    at_low, at_high = _least_of(low, length), _least_of(high, length)
+    slope = np.divide(at_high - at_low, high - low, out=np.zeros_like(low), where=high > low)
+    slope = np.where(behind | beside, 0.0, np.where(beyond, 2 * length, slope))
+    level = np.where(behind | beside, 0.0, np.where(beyond, length**2, at_low - slope * low))
+    doubt = 16 * UNIT * (np.abs(slope * low) + np.abs(level) + np.abs(at_low) + np.abs(at_high))
+    straight = along.scaled(slope) + Model(level[:, None], doubt)
+    return square + straight + twice.scaled(np.where(beside, -1.0, 0.0))
+
+
+def _least_of(a: Array, length: float) -> Array:
+    t = np.clip(-a, 0.0, length)
+    return np.asarray(2 * a * t + t**2)
+
+
+def _clearance(square: float, disc: Obstacle) -> float:
+    return float(np.sqrt(max(square, 0.0)) - disc.radius) if np.isfinite(square) else square
+
+
+def _nearest(motion: Motion, point: Waypoint) -> tuple[float, bool]:
+    """A time at which the motion is near a waypoint, and whether it provably is nowhere near."""
+    places = np.array([-1.0, *affine_models.nodes(), 1.0])
+    basis = np.polynomial.chebyshev.chebvander(places, affine_models.POINTS - 1)
+    q = np.stack([p.c @ basis[:, : p.c.shape[1]].T for p in motion.states], axis=-1)
+    cell, place = np.unravel_index(np.argmin(point.distance(q)), q.shape[:2])
+    time = float(motion.cells.times(places)[cell, place])
+    fixed = np.flatnonzero(~np.isnan(point.q))
+    states = [motion.states[i] - float(point.q[i]) for i in fixed]
+    away = np.max([np.maximum(s.low, -s.high) for s in states], axis=0)
+    return time, bool(np.all(away > GOAL_TOLERANCE))
+
+
+def _distance(motion: Motion, point: Waypoint, time: float, slip: float) -> tuple[float, float]:
+    """Bounds of the distance at a time that is known to within `slip`."""
+    ends = motion.cells.times(np.array([-1.0, 1.0]))
+    k = int(np.clip(np.searchsorted(ends[:, 0], time, side="right") - 1, 0, len(ends) - 1))
+    tau = 2 * (time - ends[k, 0]) / (ends[k, 1] - ends[k, 0]) - 1
+    low, high = 0.0, 0.0
+    for i in np.flatnonzero(~np.isnan(point.q)):
+        c = motion.states[i].c[k]
+        value = abs(np.polynomial.chebyshev.chebval(tau, c) - point.q[i])
+        doubt = float(motion.states[i].r[k]) + 1e-14 * len(c) ** 2 * float(np.sum(np.abs(c)))
+        steepest = float(np.arange(len(c)) ** 2 @ np.abs(c))  # |Tₖ'| ≤ k²
+        doubt += 2 * slip / (ends[k, 1] - ends[k, 0]) * steepest
+        low, high = max(low, value - doubt), max(high, value + doubt)
+    return low, high

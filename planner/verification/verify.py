@@ -1,0 +1,342 @@
+"""The independent judge of a plan.
+
+It integrates the plan's own input u(t) by Chebyshev quadrature through the system's NumPy
+kinematics, neither of which any method uses, and checks goal and limits over all time, between the
+breaks too. The quadrature estimates its own error; what it cannot integrate is refused.
+
+How a motion stands to waypoints and obstacles, over all time; the judge's own geometry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from planner.errors import Violation
+from planner.plan.plan import Plan, expect_plan
+from planner.plan.quadrature import Motion, greatest, integrate, jumps, slopes
+from planner.problem.problem import Problem
+from planner.problem.requirements.places import Obstacle
+from planner.support.arrays import Array
+from planner.support.tables import html_table
+from planner.systems.chained_form import chained_form
+
+GOAL_TOLERANCE = 2e-5
+"""Largest error at the goal, in radians (0.0011 degrees) or metres."""
+
+LIMIT_TOLERANCE = 1e-6
+"""Largest excess over a limit, relative to the limit."""
+
+INTERPOLANT_TOLERANCE = 1e-4
+"""Largest difference between the plan's q(t) and the integrated motion, in radians or metres."""
+
+INTEGRATION_TOLERANCE = 1e-7
+"""Largest estimated error of the integrated motion, in radians or metres: a 200th of what the goal
+may be missed by."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """What `verify` finds.
+
+    Attributes:
+        ok: Whether the motion reaches the goal and keeps every limit.
+        terminal_error: Integrated end minus goal, shape (N,), in the coordinates' units; the path
+            coordinate's is zero when the travel is free.
+        terminal_error_deg: The same for the coordinates after the first that are angles, degrees.
+        margins: For each requirement, how far it is kept (negative: broken), in its own unit.
+        violations: The broken ones, worst first.
+        interpolant_error: Largest |plan.q(t) − integrated q(t)|, in the coordinates' units.
+        integration_error: The judge's estimate of its own error, in the coordinates' units; NaN
+            where nothing was integrated.
+    """
+
+    ok: bool
+    terminal_error: Array
+    terminal_error_deg: Array
+    margins: Mapping[str, float]
+    violations: tuple[Violation, ...]
+    interpolant_error: float
+    integration_error: float = np.nan
+
+    def __repr__(self) -> str:
+        if self.ok:
+            worst = np.max(np.abs(self.terminal_error), initial=0.0)
+            return f"Check(ok, largest error at the goal {worst:.2g})"
+        return "Check(broken: " + "; ".join(map(str, self.violations)) + ")"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: one row a requirement."""
+        broken = {violation.label: str(violation) for violation in self.violations}
+        rows = [
+            (label, broken.get(label, "kept"), f"{margin:.4g}")
+            for label, margin in self.margins.items()
+        ]
+        above = "verified" if self.ok else f"{len(broken)} of {len(rows)} requirements broken"
+        above += f"; integrated to {self.integration_error:.1g}"
+        return html_table(("requirement", "verdict", "margin (negative: broken)"), rows, above)
+
+
+@dataclass(frozen=True)
+class _Finding:
+    label: str
+    value: float
+    limit: float
+    time_s: float | None
+    unit: str
+    scale: float
+    tolerance: float
+    upper: bool = True
+
+    @property
+    def margin(self) -> float:
+        return self.limit - self.value if self.upper else self.value - self.limit
+
+    def violation(self) -> Violation | None:
+        if self.margin >= -self.tolerance:  # NaN must not pass
+            return None
+        scaled = -self.margin / self.scale
+        return Violation(self.label, self.time_s, self.value, self.limit, self.unit, scaled)
+
+
+def verify(plan: Plan) -> Check:
+    """Judge a plan by integrating its input.
+
+    Args:
+        plan: Any plan, verified or not.
+
+    Returns:
+        The findings; `ok` is False for a plan that cannot be executed.
+    """
+    expect_plan(plan)
+    if not _in_order(plan.t):
+        return _not_judged(plan, Violation(_ORDER, None, np.nan, 0.0, "s", np.inf))
+    if not plan.executable:
+        domain = plan.domain
+        label = f"chart domain ({domain.label})"
+        return _not_judged(
+            plan, Violation(label, domain.time_s, domain.margin, 0.0, "", -domain.margin)
+        )
+    problem, z2 = plan.problem, None
+
+    def chart(q: Array, _: Array) -> Array:
+        return problem.z2_sign * chained_form(problem.system).z(q)[..., 1:2]
+
+    with np.errstate(all="ignore"):  # what is not a number never passes
+        needed = () if problem.limits.z2_margin is None else (chart,)
+        motion = integrate(plan.trajectory, problem.start, INTEGRATION_TOLERANCE, *needed)
+        error = _goal_error(plan, motion)
+        if needed:
+            z2 = chart(motion.q, motion.u)[..., 0]
+        findings = [
+            *_motion(plan, motion, error),
+            *_limits(plan, motion, z2),
+            *_places(plan, motion),
+        ]
+    broken = sorted(
+        (v for f in findings if (v := f.violation())),
+        key=lambda v: np.nan_to_num(-v.scaled, nan=-np.inf),
+    )
+    return Check(
+        ok=not broken,
+        terminal_error=error,
+        terminal_error_deg=np.rad2deg(error[_angular(plan)]),
+        margins={f.label: f.margin for f in findings},
+        violations=tuple(broken),
+        interpolant_error=motion.gap[0],
+        integration_error=motion.error,
+    )
+
+
+_ORDER = "times of the plan, which begin at 0 and increase,"
+
+
+def _in_order(times: Array) -> bool:
+    return bool(times[0] == 0 and np.isfinite(times[-1]) and np.all(np.diff(times) >= 0))
+
+
+def _unit(plan: Plan, i: int) -> str:
+    return plan.problem.system.coordinates[i].unit
+
+
+def _angular(plan: Plan) -> list[int]:
+    return [i for i in plan.problem.system.limited if _unit(plan, i) == "rad"]
+
+
+def _goal_error(plan: Plan, motion: Motion) -> Array:
+    problem, end = plan.problem, motion.q[-1, -1]
+    goal = problem.goal.copy()
+    goal[0] = end[0] if problem.travel is None else problem.start[0] + problem.travel
+    return np.asarray(end - goal)
+
+
+def _motion(plan: Plan, motion: Motion, error: Array) -> list[_Finding]:
+    """Start, goal, duration, the plan's own q(t), and whether the integral can be trusted."""
+    worst = float(np.max(np.abs(plan.q(0.0) - plan.problem.start)))
+    out = [_Finding("start", worst, 0.0, 0.0, "", GOAL_TOLERANCE, GOAL_TOLERANCE)]
+    for i, coordinate in enumerate(plan.problem.system.coordinates):
+        label, missed = f"goal {coordinate.name}", float(abs(error[i]))
+        out.append(
+            _Finding(label, missed, 0.0, plan.duration, coordinate.unit, 1.0, GOAL_TOLERANCE)
+        )
+    wanted = plan.problem.duration
+    if wanted is not None:
+        late = abs(plan.duration - wanted)
+        out.append(_Finding("duration", late, 0.0, None, "s", wanted, 1e-9 * wanted))
+    gap, when = motion.gap
+    label = "plan's q(t) against its integrated input"
+    out.append(_Finding(label, gap, 0.0, when, "", 1.0, INTERPOLANT_TOLERANCE))
+    limit = INTEGRATION_TOLERANCE
+    trusted = motion.error <= limit
+    label = "integration error" + ("" if trusted else " (the motion cannot be trusted)")
+    out.append(_Finding(label, motion.error, limit, None, "", limit, 0.0))
+    return out
+
+
+def _limits(plan: Plan, motion: Motion, z2: Array | None) -> list[_Finding]:
+    """Inputs, their rates, joints and z2 by the extremes of their series, all at once."""
+    limits, cells, system = plan.problem.limits, motion.cells, plan.problem.system
+    rates, jumping = slopes(cells, motion.u), jumps(cells, motion.u)
+    wanted = [
+        *(
+            (f"input {c.name}", motion.u[..., i], limits.input[i], c.unit, False)
+            for i, c in enumerate(system.inputs)
+        ),
+        *(
+            (
+                f"rate of input {c.name}",
+                rates[..., i],
+                limits.input_rate[i],
+                c.rate_unit,
+                jumping[i],
+            )
+            for i, c in enumerate(system.inputs)
+        ),
+        *(
+            (f"joint {c.name}", motion.q[..., i], limits.joint[i], c.unit, False)
+            for i, c in enumerate(system.coordinates)
+        ),
+    ]
+    wanted = [w for w in wanted if np.isfinite(w[2])]
+    columns = [side for w in wanted for side in (w[1], -w[1])]
+    if z2 is not None:
+        columns.append(-z2)
+    if not columns:
+        return []
+    values, times = (a.tolist() for a in greatest(cells, np.stack(columns, axis=-1)))
+    out = []
+    for k, (label, _, limit, unit, jump) in enumerate(wanted):
+        side = 2 * k + (values[2 * k + 1] > values[2 * k])
+        value = np.inf if jump else values[side]
+        when = times[side] if label.startswith("joint") else None
+        out.append(_Finding(label, value, limit, when, unit, limit, LIMIT_TOLERANCE * limit))
+    if limits.z2_margin is not None:
+        margin, size = limits.z2_margin, max(limits.z2_margin, 1e-3)
+        slack = LIMIT_TOLERANCE * size
+        out.append(_Finding("z2 margin", -values[-1], margin, times[-1], "", size, slack, False))
+    return out
+
+
+def _places(plan: Plan, motion: Motion) -> list[_Finding]:
+    """Waypoints passed, and obstacles cleared by every link."""
+    problem, tolerance = plan.problem, GOAL_TOLERANCE
+    return [
+        *(
+            _Finding(label, value, 0.0, when, unit, 1.0, tolerance)
+            for label, value, when, unit in passes(problem, motion)
+        ),
+        *(
+            _Finding(label, value, 0.0, when, "m", size, LIMIT_TOLERANCE * size, upper=False)
+            for label, value, when, size in clearances(problem, motion)
+        ),
+    ]
+
+
+def _not_judged(plan: Plan, violation: Violation) -> Check:
+    """The check of what has no motion to integrate."""
+    unknown = np.full(plan.problem.system.size, np.nan)
+    return Check(
+        ok=False,
+        terminal_error=unknown,
+        terminal_error_deg=unknown[_angular(plan)],
+        margins={violation.label.split(" (")[0]: violation.value},
+        violations=(violation,),
+        interpolant_error=np.nan,
+    )
+
+
+_ROUNDS = 11
+"""Rounds that each narrow a dip eight times: to 1e-10 of the distance between samples."""
+
+
+def passes(problem: Problem, motion: Motion) -> Iterator[tuple[str, float, float, str]]:
+    """For each waypoint its label, the distance at which it is passed, when, and the unit.
+
+    A waypoint without a time is passed where the motion comes nearest.
+    """
+    for point in problem.waypoints:
+        fixed = np.flatnonzero(~np.isnan(point.q))
+        units = {problem.system.coordinates[i].unit for i in fixed}
+        unit = units.pop() if len(units) == 1 else ""
+        if point.time_s is None:
+            values, times = _least(motion, lambda q, p=point: p.distance(q)[..., None])  # type: ignore[misc]
+            value, when = float(values[0]), float(times[0])
+        else:
+            value, when = float(point.distance(motion.at_time(point.time_s))), point.time_s
+        yield point.label, value, when, unit
+
+
+def clearances(problem: Problem, motion: Motion) -> Iterator[tuple[str, float, float, float]]:
+    """For each obstacle and link its label, the least clearance, when, and the disc's radius.
+
+    Of a disc that no link can touch the clearance is that of the stretched arm, at no time less.
+    """
+    system: Any = problem.system
+    near = problem.within_reach().obstacles
+    for disc in problem.obstacles:
+        if disc not in near:
+            least = float(np.hypot(*disc.centre)) - disc.radius - np.sum(system.link_lengths)
+            for link in range(len(system.link_lengths)):
+                yield disc.label(link + 1), float(least), 0.0, disc.radius
+            continue
+
+        def links(q: Array, disc: Obstacle = disc) -> Array:
+            return disc.clearances(system.arm_points(q[..., 1:]))
+
+        values, times = _least(motion, links)
+        for link, (value, when) in enumerate(zip(values.tolist(), times.tolist(), strict=True)):
+            yield disc.label(link + 1), value, when, disc.radius
+
+
+def _least(motion: Motion, function: Callable[[Array], Array]) -> tuple[Array, Array]:
+    """Least values of functions (…, F) of q (…, N) over all time, and when, both (F,).
+
+    They have corners, so dips between samples are narrowed without derivatives, those of all
+    functions together; a dip that would have to fall by more than twice its sides is left out.
+    """
+    grid, q = motion.samples()
+    values = function(q)
+    walls = np.full((1, *values.shape[1:]), np.inf)
+    before, after = np.concatenate([walls, values[:-1]]), np.concatenate([values[1:], walls])
+    sides = [np.where(np.isfinite(side), side - values, 0.0) for side in (before, after)]
+    lowest = values - 2 * np.maximum(*sides)
+    dips = (values <= before) & (values <= after) & (lowest <= np.min(values, axis=(0, 1)))
+    sample, cell, which = np.nonzero(dips)
+    low, high = grid[np.maximum(sample - 1, 0)], grid[np.minimum(sample + 1, len(grid) - 1)]
+    share, row = np.linspace(0.0, 1.0, 17)[:, None], np.arange(len(cell))
+    for _ in range(_ROUNDS):
+        x = low + (high - low) * share
+        found = function(motion.at(cell, x))[:, row, which]
+        k = np.argmin(found, axis=0)
+        best, at = found[k, row], x[k, row]
+        low, high = x[np.maximum(k - 1, 0), row], x[np.minimum(k + 1, 16), row]
+    out = np.full(values.shape[-1], np.nan), np.full(values.shape[-1], np.nan)
+    for f in range(values.shape[-1]):
+        own = np.flatnonzero(which == f)
+        if len(own):  # none where the motion is not a number
+            k = own[np.argmin(best[own])]
+            out[0][f], out[1][f] = best[k], motion.cells.time(cell[k], at[k])
+    return out

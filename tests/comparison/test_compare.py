@@ -1,0 +1,343 @@
+"""Methods side by side on the same machines."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from compared import SAMPLES, paper_comparison
+
+import planner
+from planner import compare as compare_function
+from planner.comparison.compare import default_methods
+from planner.machine.machine import Machine
+from planner.methods.registry import METHODS
+from planner.plan.measures import effort
+from planner.support.arrays import jsonable
+
+MIDDLE, BEST, OPTIMAL = "polynomial:travel=middle", "polynomial", "collocation"
+
+
+def test_default_methods_show_the_polynomial_at_its_best_too(paper: planner.Problem) -> None:
+    assert [row.label for row in paper_comparison().rows] == [MIDDLE, BEST, OPTIMAL]
+    assert default_methods(paper.changed({"goal.travel": 0.81})) == [BEST, OPTIMAL]
+
+
+def test_polynomials_are_refused_with_the_reason_and_collocation_is_solved() -> None:
+    result = paper_comparison()
+    assert result[OPTIMAL].solved
+    assert result[OPTIMAL].why == ""
+    assert result[OPTIMAL].plan is not None
+    assert result[OPTIMAL].plan.verified
+    for label, peak in ((MIDDLE, 83.0), (BEST, 0.5825)):
+        row = result[label]
+        assert not row.solved
+        assert row.plan is not None
+        assert (row.plan.status, row.plan.verified) == ("verification_failed", False)
+        assert row.peak_u[1] == pytest.approx(peak, rel=0.01)
+        assert row.why == f"input u2 reaches {row.peak_u[1]:.3g} rad/s, allowed 0.5"
+
+
+def test_the_first_command_of_the_polynomial_costs_error_on_the_machine() -> None:
+    result = paper_comparison()
+    assert result[MIDDLE].replay is not None
+    assert result[MIDDLE].replay.saturated_s[:, 1].min() > 0
+    assert result[MIDDLE].E_median_deg > 2 * result[OPTIMAL].E_median_deg
+    assert result[MIDDLE].E_median_deg > 2 * result[BEST].E_median_deg
+
+
+def test_figures_of_a_row_are_those_of_its_plan() -> None:
+    row = paper_comparison()[OPTIMAL]
+    assert row.plan is not None
+    assert row.replay is not None
+    assert row.effort == pytest.approx(0.33584, abs=1e-4)
+    assert row.effort == effort(row.plan.trajectory)
+    assert row.travel_rad == row.plan.travel
+    assert row.duration_s == 10.0
+    assert row.domain_margin == row.plan.domain.margin
+    check = planner.verify(row.plan)
+    assert row.terminal_error_deg == np.max(np.abs(check.terminal_error_deg))
+    assert row.E_p95_deg == np.percentile(row.replay.index_E_deg, 95)
+    assert row.E_median_deg == np.median(row.replay.index_E_deg)
+
+
+def test_every_plan_meets_the_same_machines() -> None:
+    first, *others = (row.replay for row in paper_comparison().rows)
+    assert first is not None
+    for other in others:
+        assert other is not None
+        assert other.draws.values.keys() == first.draws.values.keys()
+        for name, values in first.draws.values.items():
+            np.testing.assert_array_equal(other.draws.values[name], values)
+
+
+def test_same_seed_same_errors_other_seed_other_errors(unlimited: planner.Problem) -> None:
+    quick = unlimited.changed({"goal.duration": 1.0, "goal.travel": 0.81, "machine.step_s": 0.01})
+
+    def errors(seed: int) -> np.ndarray:
+        result = compare_function(quick, ["polynomial"], samples=4, seed=seed)
+        assert result.rows[0].replay is not None
+        return result.rows[0].replay.index_E_deg
+
+    np.testing.assert_array_equal(errors(1), errors(1))
+    assert not np.any(errors(1) == errors(2))
+
+
+def test_a_plan_outside_the_domain_is_not_replayed(paper: planner.Problem) -> None:
+    fixed = paper.changed({"goal.travel": float(np.pi / 4), "limits": {}})
+    for spec in ("polynomial", "polynomial:allow_singular=true"):
+        row = compare_function(fixed, [spec], samples=2).rows[0]
+        assert not row.solved
+        assert row.plan is not None
+        assert row.plan.status == "singular"
+        assert row.replay is None
+        assert np.isnan([row.effort, row.E_median_deg, *row.peak_u]).all()
+        assert (row.domain_ok, row.domain_margin < 0) == (False, True)
+        assert row.why.startswith("leaves the chart's domain at t = ")
+
+
+def test_no_plan_at_all_gives_a_row_with_the_reason(paper: planner.Problem) -> None:
+    backwards = paper.changed({"goal.theta_deg": [30, 30, -30], "limits": {}})
+    row = compare_function(backwards, ["polynomial:travel=middle"], samples=2).rows[0]
+    assert row.plan is None
+    assert "no one-way motion exists" in row.why
+    assert str(backwards.source) not in row.why
+    assert "\n" not in row.why
+
+
+def test_an_unfinished_iterate_is_not_kept_as_a_plan(
+    unlimited: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    iterate = planner.solve(unlimited.changed({"goal.travel": 0.81}), "polynomial")
+
+    def give_up(problem: planner.Problem, options: object) -> planner.Plan:
+        raise planner.NotConvergedError("stopped after 3 iterations", plan=iterate)
+
+    monkeypatch.setitem(METHODS, "polynomial", replace(METHODS["polynomial"], plan=give_up))
+    row = compare_function(unlimited, ["polynomial"], samples=2).rows[0]
+    assert (row.plan, row.replay, row.why) == (None, None, "stopped after 3 iterations")
+
+
+def test_progress_rises_to_the_end_and_names_the_method(unlimited: planner.Problem) -> None:
+    quick = unlimited.changed({"goal.duration": 1.0, "goal.travel": 0.81, "machine.step_s": 0.01})
+    told: list[tuple[str, float]] = []
+    compare_function(
+        quick, ["polynomial"], samples=1, progress=lambda doing, share: told.append((doing, share))
+    )
+    shares = [share for _, share in told]
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0.0, 1.0)
+    assert told[0][0] == "planning polynomial"
+
+
+@pytest.mark.parametrize("samples", [0, -1, 1.5, True])
+def test_bad_sample_numbers_are_refused(paper: planner.Problem, samples: object) -> None:
+    with pytest.raises(planner.InputError, match="samples"):
+        compare_function(paper, ["polynomial"], samples=samples)  # type: ignore[arg-type]
+
+
+def test_wrong_specs_are_refused_before_planning(paper: planner.Problem) -> None:
+    with pytest.raises(planner.InputError, match="did you mean 'polynomial'"):
+        compare_function(paper, ["polynomial", "polynomal"])
+
+
+def test_the_machine_can_be_given(unlimited: planner.Problem) -> None:
+    quick = unlimited.changed({"goal.duration": 1.0, "goal.travel": 0.81, "machine.step_s": 0.01})
+    row = compare_function(quick, ["polynomial"], machine=Machine.ideal(), samples=2).rows[0]
+    assert row.E_p95_deg < np.rad2deg(1e-6)
+
+
+def test_dict_is_json_with_nulls_for_what_is_undefined(paper: planner.Problem) -> None:
+    data = paper_comparison().to_dict()
+    assert json.loads(json.dumps(data, allow_nan=False)) == data
+    assert (data["samples"], data["seed"]) == (SAMPLES, 3)
+    assert planner.Problem.from_dict(data["problem"]) == paper_comparison().problem
+    assert Machine.from_table(data["machine"]) == paper_comparison().machine
+    assert {"planner", "casadi", "numpy", "scipy", "osqp"} <= data["versions"].keys()
+    missing = planner.compare(
+        paper.changed({"goal.theta_deg": [30, 30, -30], "limits": {}}), ["polynomial"], samples=1
+    )
+    assert missing.to_dict()["rows"][0]["effort"] is None
+
+
+def test_jsonable_turns_numpy_into_plain_values() -> None:
+    mixed = {"a": np.float64("nan"), "b": np.arange(2), "c": (np.inf, np.True_, None, "x")}
+    assert jsonable(mixed) == {"a": None, "b": [0, 1], "c": [None, True, None, "x"]}
+
+
+def test_unknown_rows_are_named() -> None:
+    with pytest.raises(planner.InputError, match="no row 'nothing'"):
+        paper_comparison()["nothing"]
+
+
+def test_refusals_that_apply_to_every_method_fill_every_row(paper: planner.Problem) -> None:
+    hurried = paper.changed({"goal.duration": 0.5})
+    result = compare_function(hurried, ["polynomial", "polynomial:travel=middle"], samples=1)
+    assert not any(row.solved for row in result.rows)
+    assert all("takes" in row.why and row.plan is None for row in result.rows)
+
+
+# -- many methods, feedback, worst machines, Ctrl-C -----------------------------------------
+
+
+@pytest.fixture
+def quick(unlimited: planner.Problem) -> planner.Problem:
+    changes = {"goal.duration": 1.0, "goal.travel": 0.81, "machine.step_s": 0.01}
+    return unlimited.changed(changes)
+
+
+def instead(methods: Mapping[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only these methods in the registry, each by a function that plans."""
+    like = METHODS["polynomial"]
+    for name in list(METHODS):
+        monkeypatch.delitem(METHODS, name)
+    for name, plan in methods.items():
+        monkeypatch.setitem(METHODS, name, replace(like, name=name, plan=plan))
+
+
+def test_all_means_every_method_and_one_that_does_not_fit_stops_none(
+    quick: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = METHODS["polynomial"].plan
+
+    def unfit(problem: planner.Problem, options: object) -> planner.Plan:
+        raise planner.InputError(f"{problem.source}: works on cars only")
+
+    instead({"sinusoid": unfit, "polynomial": plan}, monkeypatch)
+    result = compare_function(quick, "all", samples=2)
+    assert [row.label for row in result.rows] == ["sinusoid", "polynomial"]
+    assert (result.rows[0].why, result.rows[1].solved) == ("works on cars only", True)
+    with pytest.raises(planner.InputError, match="cars"):
+        compare_function(quick, ["sinusoid"], samples=2)
+
+
+def test_every_method_of_the_registry_is_meant_by_all(
+    quick: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(problem: planner.Problem, options: object) -> planner.Plan:
+        raise planner.NotConvergedError("not today")
+
+    names = list(METHODS)
+    instead(dict.fromkeys(names, refuse), monkeypatch)
+    result = compare_function(quick, "all", samples=2)
+    assert [row.method for row in result.rows] == names
+
+
+def test_the_worst_machine_is_the_worst_when_replayed_alone(quick: planner.Problem) -> None:
+    row = compare_function(quick, ["polynomial"], samples=12, seed=4).rows[0]
+    assert row.replay is not None
+    assert row.worst is not None
+    again = compare_function(quick, ["polynomial"], samples=[row.worst], seed=4)
+    assert (again.samples, again.chosen) == (1, (row.worst,))
+    assert again.rows[0].E_median_deg == row.replay.index_E_deg.max()
+
+
+def test_intervals_hold_their_percentiles() -> None:
+    for row in paper_comparison().rows:
+        low, high = row.E_median_interval_deg
+        assert low <= row.E_median_deg <= high
+        assert row.E_p95_interval_deg[0] <= row.E_p95_deg
+        assert np.isnan(row.E_p95_interval_deg[1])  # nine machines cannot bound it
+
+
+def test_differences_are_paired() -> None:
+    result = paper_comparison()
+    found = {(d.first, d.second): d for d in result.differences}
+    assert list(found) == [(MIDDLE, BEST), (MIDDLE, OPTIMAL), (BEST, OPTIMAL)]
+    middle = found[MIDDLE, OPTIMAL]
+    assert middle.first_better == 0.0
+    assert middle.significant
+    assert middle.p_value == pytest.approx(2 / 2**SAMPLES)
+    assert result.best == OPTIMAL
+
+
+def test_rows_with_feedback_stand_beside_those_without(
+    quick: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = sys.modules["planner.machine.replay"]
+    monkeypatch.setattr(module, "_feedback", lambda on, plan: _Held() if on else None)
+    result = compare_function(quick, ["polynomial"], samples=3, feedback=True)
+    free, closed = result.rows
+    assert (free.label, closed.label) == ("polynomial", "polynomial + feedback")
+    assert (free.feedback, closed.feedback) == (False, True)
+    assert closed.plan is free.plan
+    assert closed.replay is not None
+    assert closed.replay.effort is not None
+    assert closed.effort == np.median(closed.replay.effort) == pytest.approx(2 * 0.1**2 * 1.0)
+    assert closed.peak_u == pytest.approx((0.1, 0.1), abs=0.005)
+    assert closed.E_median_deg > free.E_median_deg
+    assert list(result.plans) == ["polynomial"]
+    assert "effort" in result.figures()
+
+
+def test_a_plan_that_feedback_cannot_follow_is_refused_with_the_reason(
+    quick: planner.Problem,
+) -> None:
+    problem = quick.changed({"goal.duration": 10.0, "machine.velocity_limit_rad_s": 0.05})
+    result = compare_function(problem, ["polynomial"], samples=2, feedback=True)
+    free, closed = result.rows
+    assert free.replay is not None
+    assert closed.replay is None
+    assert not closed.solved
+    assert closed.why.endswith("rad/s, allowed 0.05")
+    assert np.isnan(closed.effort)
+    assert {"effort", "inputs"} <= set(result.figures())
+    assert free.plan is not None
+    with pytest.raises(planner.InputError, match=r"u2 asks for \S+ rad/s.*allows 0\.05.*retime"):
+        planner.replay(free.plan, feedback=True)
+
+
+class _Held:
+    """Feedback that only ever says 0.1 rad/s."""
+
+    period_s, tick_s, lead_s, end_s = 0.1, 0.1, 0.0, 1.0
+    fallbacks = np.zeros(3, dtype=np.int64)
+
+    def start(self, plan: object, machine: object, numbers: object) -> _Held:
+        return self
+
+    def __call__(self, t: float, measured: np.ndarray) -> np.ndarray:
+        return np.full((1, 2, measured.shape[1]), 0.1)
+
+
+@pytest.mark.parametrize("doing", ["planning", "replaying"])
+def test_ctrl_c_keeps_what_is_done(quick: planner.Problem, doing: str) -> None:
+    specs = ["polynomial", "polynomial:travel=middle"]
+
+    def press(what: str, share: float) -> None:
+        if what == f"{doing} {specs[1]}":
+            raise KeyboardInterrupt
+
+    result = compare_function(quick, specs, samples=2, progress=press)
+    assert not result.complete
+    assert result.rows[0].replay is not None
+    assert [row.label for row in result.rows] == specs[: 1 if doing == "planning" else 2]
+    if doing == "replaying":
+        assert result.rows[1].plan is not None
+        assert result.rows[1].replay is None
+    assert "Partial: interrupted" in result.markdown()
+    assert result.to_dict()["complete"] is False
+
+
+def test_ctrl_c_before_anything_is_done_is_as_usual(quick: planner.Problem) -> None:
+    def press(what: str, share: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        compare_function(quick, ["polynomial"], samples=2, progress=press)
+
+
+def test_a_reason_that_ends_in_a_list_stops_before_it(
+    unlimited: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(problem: planner.Problem, options: object) -> planner.Plan:
+        raise planner.NotConvergedError("it takes 10.98 s. In 10 s it breaks:\n  - input u1")
+
+    monkeypatch.setitem(METHODS, "polynomial", replace(METHODS["polynomial"], plan=refuse))
+    row = compare_function(unlimited, ["polynomial"], samples=2).rows[0]
+    assert row.why == "it takes 10.98 s"

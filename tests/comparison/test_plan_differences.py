@@ -1,0 +1,50 @@
+"""Pairs of plans as tables."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import pytest
+from compared import paper_comparison
+from rich.console import Console
+
+from planner.comparison.differences import csv_differences, markdown_differences, rich_differences
+
+
+def test_markdown_names_every_pair_and_what_it_says() -> None:
+    text = markdown_differences(paper_comparison())
+    lines = [line for line in text.splitlines() if line.startswith("| `")]
+    assert len(lines) == 3
+    assert lines[0].startswith("| `polynomial:travel=middle` | `polynomial` | +")
+    assert lines[0].endswith("| worse |")
+    assert "corrected for 3 pairs" in text
+
+
+def test_csv_keeps_full_precision() -> None:
+    result = paper_comparison()
+    rows = list(csv.DictReader(io.StringIO(csv_differences(result))))
+    for row, made in zip(rows, result.differences, strict=True):
+        assert (row["first"], row["second"]) == (made.first, made.second)
+        assert float(row["median_deg"]) == made.median_deg
+        assert float(row["interval_low_deg"]) == made.interval_deg[0]
+        assert row["significant"] == str(made.significant)
+
+
+def test_the_terminal_sees_all_from_the_best_plan() -> None:
+    result = paper_comparison()
+    console = Console(width=200, file=io.StringIO(), record=True)
+    console.print(rich_differences(result))
+    text = console.export_text()
+    assert max(len(line.rstrip()) for line in text.splitlines()) <= 100
+    narrow = Console(width=80, file=io.StringIO(), record=True)
+    narrow.print(rich_differences(result))
+    kept = " ".join(narrow.export_text().split())
+    for word in ("verdict", "corrected for all pairs.", *text.split()):
+        assert word in kept, "cut off on a narrow terminal"
+    assert result.best is not None
+    assert f"{result.best} against the others" in text
+    line = next(x for x in text.splitlines() if x.startswith("polynomial:travel=middle"))
+    worse = result.differences[1]
+    assert line.split()[1] == f"{-worse.median_deg:+.3g}"
+    assert float(line.split()[2]) == pytest.approx(-worse.interval_deg[1], rel=0.01)

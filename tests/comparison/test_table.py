@@ -1,0 +1,80 @@
+"""The comparison as a table."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import numpy as np
+import pytest
+from compared import quick_comparison
+from rich.console import Console
+
+from planner.comparison.comparison import comparison_csv as csv_text
+from planner.support.tables import number
+
+
+@pytest.fixture(scope="module")
+def printed() -> str:
+    console = Console(width=200, file=io.StringIO(), record=True)
+    console.print(quick_comparison().table())
+    return console.export_text()
+
+
+def test_terminal_table_fits_a_hundred_columns(printed: str) -> None:
+    assert max(len(line.rstrip()) for line in printed.splitlines()) <= 100
+
+
+def test_terminal_table_shows_every_row_and_figure(printed: str) -> None:
+    words = " ".join(printed.split())
+    for word in ("travel=middle", "no: input u2 reaches 83", "yes", "domain", "95 %", "solve"):
+        assert word in words
+    row = quick_comparison()["polynomial"]
+    line = next(x for x in printed.splitlines() if x.startswith("polynomial ") and "yes" in x)
+    cells = line.split()
+    assert cells[2] == f"{row.travel_rad:.4g}"
+    assert float(cells[3]) == pytest.approx(row.effort, rel=1e-3)
+    assert float(cells[5]) == pytest.approx(row.peak_u[1], rel=1e-2)
+    assert float(cells[8]) == pytest.approx(row.E_median_deg, rel=1e-2)
+    assert float(cells[9]) == pytest.approx(row.E_p95_deg, rel=1e-2)
+
+
+def test_markdown_has_a_line_a_method_and_the_command() -> None:
+    text = quick_comparison().markdown()
+    table = [line for line in text.splitlines() if line.startswith("|")]
+    assert len(table) == 2 + 3
+    cells = {len(line.replace("\\|", "").split("|")) for line in table}
+    assert cells == {17}
+    assert "5 machines (prototype), seed 1" in text
+    assert "planner compare" in text
+
+
+def test_csv_keeps_full_precision_and_leaves_undefined_empty() -> None:
+    rows = list(csv.DictReader(io.StringIO(csv_text(quick_comparison()))))
+    for row, made in zip(rows, quick_comparison().rows, strict=True):
+        assert row["label"] == made.label
+        if np.isnan(made.effort):
+            assert row["effort"] == row["E_median_deg"] == ""
+        else:
+            assert float(row["effort"]) == made.effort
+            assert float(row["peak_u2_rad_s"]) == made.peak_u[1]
+    assert [row["solved"] for row in rows] == ["False", "True", "False"]
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (np.nan, "-"),
+        (np.inf, "-"),
+        (0.0, "0"),
+        (0.33584, "0.336"),
+        (83.008, "83"),
+        (1234.5, "1234"),
+        (-7490.0, "-7490"),
+        (2.3e-7, "2e-07"),
+        (0.00123, "0.00123"),
+        (1.5e7, "2e+07"),
+    ],
+)
+def test_numbers_are_short(value: float, text: str) -> None:
+    assert number(value) == text

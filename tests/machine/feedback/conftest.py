@@ -1,0 +1,30 @@
+"""One plan and its tracker, for all tests of feedback."""
+
+from __future__ import annotations
+
+import pytest
+
+import planner
+from planner.machine.feedback.tracker import Design, design
+from planner.machine.machine import Machine
+from planner.plan.plan import Plan
+from planner.problem.tables.problem_file import FeedbackTable
+
+
+@pytest.fixture(scope="session")
+def smooth(paper: planner.Problem) -> Plan:
+    """The polynomial close to its best travel; its peak input is 0.58 rad/s."""
+    limits = {"input_rad_s": [0.6, 0.6], "joint_deg": 80}
+    return planner.solve(paper.changed({"goal.travel": 0.8287, "limits": limits}), "polynomial")
+
+
+@pytest.fixture(scope="session")
+def machine() -> Machine:
+    """The prototype with fine encoders, in coarse steps."""
+    return Machine.prototype(encoder_resolution_deg=0.02, step_s=0.005)
+
+
+@pytest.fixture(scope="session")
+def plain(smooth: Plan, machine: Machine) -> Design:
+    """Its tracker without a run-up."""
+    return design(smooth, machine, FeedbackTable(run_up=False))

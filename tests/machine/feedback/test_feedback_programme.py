@@ -1,0 +1,200 @@
+"""The control step against the same programme written out in full and solved another way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import osqp
+import pytest
+import scipy.sparse as sp
+
+import planner
+from planner.machine.feedback.programme import Programme, _changes
+from planner.machine.feedback.reference import Reference, regulator
+from planner.machine.feedback.run_up import input_scale
+from planner.machine.feedback.tracker import Design, _weights, design
+from planner.machine.machine import Machine
+from planner.plan.plan import Plan
+from planner.problem.tables.problem_file import FeedbackTable
+from planner.support.arrays import Array
+
+
+def written_out(
+    task: Design, plan: Plan, machine: Machine, k: int, state: Array, horizon: int
+) -> Array:
+    """Corrections of every period to the end, (K−k, 2), from the cost as it is defined.
+
+    Nothing is eliminated: unknowns are all deviations and all corrections, limits hold for the
+    first `horizon` periods.
+    """
+    ref = task.ref
+    w = _weights(plan, ref, input_scale(plan, machine), FeedbackTable(run_up=False))
+    size, count = ref.q.shape[1], len(ref.feed) - k
+    wide = size + 2
+    P, lower, upper = np.zeros((wide * count, wide * count)), [], []
+    q = np.zeros(wide * count)
+    A = np.zeros((size * count, wide * count))
+    b = np.zeros(size * count)
+    tau = ref.timing.period
+    for j in range(count):
+        i = k + j
+        x = slice(wide * j, wide * j + size)  # deviation after period i
+        v = slice(wide * j + size, wide * (j + 1))
+        last = slice(wide * (j - 1) + size, wide * j)
+        weight = w.goal if i == len(ref.feed) - 1 else tau * w.path[i + 1]
+        P[x, x] += np.diag(weight)
+        P[v, v] += np.diag(tau * w.size[i] + w.step)
+        rows = slice(size * j, size * (j + 1))
+        A[rows, x], A[rows, v] = np.eye(size), -ref.B[i]
+        b[rows] = ref.E[i] @ state[size + 2 :]
+        if j:
+            P[last, last] += np.diag(w.step)
+            P[v, last] -= np.diag(w.step)
+            P[last, v] -= np.diag(w.step)
+            A[rows, wide * (j - 1) : wide * (j - 1) + size] = -ref.A[i]
+        else:
+            q[v] = -w.step * state[size : size + 2]
+            b[rows] += ref.A[i] @ state[:size]
+        free = np.full(2, np.inf)
+        lower += [ref.low[i] if j < horizon else -free]
+        upper += [ref.high[i] if j < horizon else free]
+    bounds = np.kron(np.eye(count), np.hstack([np.zeros((2, size)), np.eye(2)]))
+    scale = 1 / np.sqrt(np.maximum(np.diag(P), 1.0))
+    solver = osqp.OSQP()
+    solver.setup(
+        sp.csc_matrix(np.triu(P * np.outer(scale, scale))),
+        q * scale,
+        sp.csc_matrix(np.vstack([A, bounds]) * scale),
+        np.concatenate([b, *lower]),
+        np.concatenate([b, *upper]),
+        verbose=False,
+        eps_abs=1e-9,
+        eps_rel=1e-9,
+        max_iter=200000,
+        polishing=True,
+    )
+    found = solver.solve(raise_error=True)
+    return np.asarray((found.x * scale).reshape(count, wide)[:, size:])
+
+
+def error(task: Design, theta_deg: list[float], rate: float = 0.0) -> Array:
+    """A state ξ, (n, 1), with these deviations."""
+    size = task.ref.q.shape[1]
+    state = np.zeros((size + 2 + task.ref.E.shape[-1], 1))
+    state[1 : len(theta_deg) + 1, 0] = np.deg2rad(theta_deg)
+    state[size : size + 2, 0] = [0.004, -0.003]
+    state[size + 2 :] = rate
+    return state
+
+
+@pytest.mark.parametrize("k", [20, 60, 85])
+def test_without_active_limits_it_is_the_regulator(
+    smooth: Plan, machine: Machine, plain: Design, k: int
+) -> None:
+    state = error(plain, [0.02, 0.01, -0.01], rate=0.002)
+    before = plain.programme.solved
+    answer = plain.programme(k, state, plain.programme.none(1))
+    assert plain.programme.solved == before
+    full = written_out(plain, smooth, machine, k, state[:, 0], horizon=10)
+    H = min(plain.programme.horizon, len(full))
+    assert answer.corrections[:H, :, 0] == pytest.approx(full[:H], abs=1e-6)
+    assert not answer.fallback[0]
+
+
+@pytest.mark.parametrize("k", [5, 50, 97])
+def test_with_active_limits_it_is_the_whole_programme(
+    smooth: Plan, machine: Machine, plain: Design, k: int
+) -> None:
+    state = error(plain, [9.0, -12.0, -12.0])
+    law = regulator(
+        plain.ref,
+        _weights(smooth, plain.ref, input_scale(smooth, machine), FeedbackTable(run_up=False)),
+    )
+    unlimited = -law.gain[k] @ state[:, 0]
+    assert np.any((unlimited < plain.ref.low[k]) | (unlimited > plain.ref.high[k]))
+    before = plain.programme.solved
+    answer = plain.programme(k, state, plain.programme.none(1))
+    assert plain.programme.solved == before + 1
+    full = written_out(plain, smooth, machine, k, state[:, 0], plain.programme.horizon)
+    H = min(plain.programme.horizon, len(full))
+    assert answer.corrections[:H, :, 0] == pytest.approx(full[:H], abs=2e-4)
+
+
+def limited_to(ref: Reference, most: float) -> Reference:
+    """The reference with θ₁ kept below its course + most, rad."""
+    ceiling = ref.ceiling.copy()
+    ceiling[:, 0] = most
+    return replace(ref, ceiling=ceiling)
+
+
+def task_with(plain: Design, smooth: Plan, machine: Machine, most: float) -> Programme:
+    ref = limited_to(plain.ref, most)
+    options = FeedbackTable(run_up=False)
+    law = regulator(ref, _weights(smooth, ref, input_scale(smooth, machine), options))
+    return Programme(ref, law, 10, options.max_iterations)
+
+
+def after(task: Design, k: int, state: Array, corrections: Array) -> Array:
+    """Deviations of θ₁ after each period, (H,)."""
+    q, out = state[:4, 0], []
+    for j, v in enumerate(corrections[:, :, 0]):
+        q = task.ref.A[k + j] @ q + task.ref.B[k + j] @ v
+        out.append(q[1])
+    return np.array(out)
+
+
+def test_a_joint_limit_bites_and_is_kept(smooth: Plan, machine: Machine, plain: Design) -> None:
+    k, most = 30, float(np.deg2rad(0.3))
+    state = error(plain, [0.0, -2.0, 2.0])
+    free = plain.programme(k, state, plain.programme.none(1))
+    assert after(plain, k, state, free.corrections).min() < -most  # θ₁ swings without the limit
+    ref = replace(plain.ref, floor=np.where(np.arange(plain.ref.floor.shape[1]) == 0, -most, -9.0))
+    ref = replace(ref, floor=np.broadcast_to(ref.floor, plain.ref.floor.shape))
+    options = FeedbackTable(run_up=False)
+    law = regulator(ref, _weights(smooth, ref, input_scale(smooth, machine), options))
+    kept = Programme(ref, law, 10, options.max_iterations)
+    answer = kept(k, state, kept.none(1))
+    assert after(plain, k, state, answer.corrections).min() == pytest.approx(-most, abs=1e-5)
+    assert not answer.fallback[0]
+
+
+def test_a_state_limit_that_cannot_be_kept_is_widened_and_counted(
+    smooth: Plan, machine: Machine, plain: Design
+) -> None:
+    tight = task_with(plain, smooth, machine, most=-1.0)  # θ₁ one radian below its course, at once
+    state = error(plain, [0.0, 0.0, 0.0])
+    answer = tight(30, state, tight.none(1))
+    assert answer.fallback.tolist() == [True]
+    v = answer.corrections[:, :, 0]
+    assert np.all(v >= plain.ref.low[30:40])
+    assert np.all(v <= plain.ref.high[30:40])
+
+
+def test_when_the_solver_is_late_the_last_decision_goes_on(
+    smooth: Plan, machine: Machine, plain: Design
+) -> None:
+    options = FeedbackTable(run_up=False)
+    law = regulator(plain.ref, _weights(smooth, plain.ref, input_scale(smooth, machine), options))
+    hasty = Programme(plain.ref, law, 10, iterations=10)
+    state = error(plain, [9.0, -12.0, -12.0])
+    last = plain.programme(49, error(plain, [0.1, 0.1, 0.1]), plain.programme.none(1))
+    answer = hasty(50, state, last)
+    assert answer.fallback.tolist() == [True]
+    assert answer.corrections[:-1] == pytest.approx(last.corrections[1:], abs=1e-12)
+    assert np.all(answer.corrections[-1] == 0)
+
+
+def test_rates_of_the_inputs_are_limited(unlimited: planner.Problem, machine: Machine) -> None:
+    limits = {"input_rad_s": [1.0, 1.0], "input_rate_rad_s2": [0.5, 0.5]}
+    plan = planner.solve(unlimited.changed({"limits": limits}), "collocation", intervals=20)
+    task = design(plan, machine, FeedbackTable(run_up=False))
+    assert task.ramp
+    k, state = 30, error(task, [3.0, -4.0, -4.0])
+    answer = task.programme(k, state, task.programme.none(1))
+    steps = np.diff(np.concatenate([state[None, 4:6], answer.corrections]), axis=0)[:, :, 0]
+    ranges = np.array([_changes(task.ref, k + j) for j in range(len(steps))])
+    low, high = ranges[:, 0], ranges[:, 1]
+    assert np.all(steps <= high + 1e-5)
+    assert np.all(steps >= low - 1e-5)
+    assert np.any(np.abs(steps - high) < 1e-5)

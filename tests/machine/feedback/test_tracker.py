@@ -1,0 +1,215 @@
+"""The closed loop on the emulated machine: what it gains, what it keeps, what it refuses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import planner
+from planner.errors import InputError
+from planner.machine.feedback.tracker import Control, Tracker
+from planner.machine.machine import Machine
+from planner.machine.replay import Replay, replay
+from planner.plan.plan import Plan
+from planner.support.arrays import Array
+
+PROBLEMS = Path(__file__).parents[3] / "problems"
+SAMPLES = 40
+
+
+class Watched(Tracker):
+    """A tracker that remembers its commands, and may lose or falsify readings."""
+
+    def __init__(self, tamper: Callable[[int, Array], Array] | None = None, **options: Any) -> None:
+        super().__init__(**options)
+        self.tamper = tamper
+        self.commands: list[Array] = []
+
+    def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> Control:
+        control = super().start(plan, machine, numbers)
+        watched = self
+
+        class Spy(Control):
+            def __call__(self, t: float, measured: Array) -> Array:
+                k = len(watched.commands)
+                read = measured if watched.tamper is None else watched.tamper(k, measured)
+                watched.commands.append(super().__call__(t, read))
+                return watched.commands[-1]
+
+        control.__class__ = Spy
+        return control
+
+
+@pytest.fixture(scope="module")
+def opened(smooth: Plan, machine: Machine) -> Replay:
+    return replay(smooth, machine, SAMPLES, seed=3, record_s=None)
+
+
+@pytest.fixture(scope="module")
+def closed(smooth: Plan, machine: Machine) -> Replay:
+    return replay(smooth, machine, SAMPLES, seed=3, feedback=True, record_s=0.05)
+
+
+def test_it_follows_the_path_twenty_times_closer(closed: Replay, opened: Replay) -> None:
+    assert closed.percentile(95) < opened.percentile(95) / 20
+    assert closed.fallbacks.sum() == 0
+
+
+def test_it_ends_within_a_tenth_of_a_degree(closed: Replay, opened: Replay) -> None:
+    assert np.percentile(closed.terminal_E_deg, 95) < 0.1
+    assert np.percentile(opened.terminal_E_deg, 95) > 2.0
+
+
+def test_the_prototype_as_it_is(paper: planner.Problem) -> None:
+    """Its own encoders of 0.088 degrees, and the optimal plan, which is slow at its start."""
+    plan, machine = planner.solve(paper, "collocation"), Machine.prototype(step_s=0.005)
+    closed = replay(plan, machine, SAMPLES, seed=0, feedback=True, record_s=None)
+    opened = replay(plan, machine, SAMPLES, seed=0, record_s=None)
+    assert closed.percentile(95) < opened.percentile(95) / 20
+    assert np.percentile(closed.terminal_E_deg, 95) < 0.15  # twice the encoders' step would be 0.18
+
+
+def test_the_weights_trade_the_way_for_the_end(
+    smooth: Plan, machine: Machine, closed: Replay
+) -> None:
+    tracker = Tracker(path_error_deg=0.3, goal_error_deg=0.01)
+    other = replay(smooth, machine, SAMPLES, seed=3, feedback=tracker, record_s=None)
+    assert np.median(other.terminal_E_deg) < np.median(closed.terminal_E_deg)
+    assert other.percentile(50) > closed.percentile(50)
+
+
+def test_without_a_run_up_the_end_is_as_good_but_not_the_way(
+    smooth: Plan, machine: Machine
+) -> None:
+    tracker = Tracker(path_error_deg=1.0, run_up=False)
+    closed = replay(smooth, machine, SAMPLES, seed=3, feedback=tracker, record_s=None)
+    assert np.median(closed.terminal_E_deg) < 0.1
+    assert closed.percentile(50) > 1.5
+
+
+def test_a_run_is_the_same_again_and_a_sample_whichever_others_run_with_it(
+    smooth: Plan, machine: Machine
+) -> None:
+    """Machines beyond what the commands' limits allow, so that OSQP is asked often."""
+    tracker = Tracker(path_error_deg=1.0, run_up=False)
+    closed = replay(smooth, machine, SAMPLES, seed=3, feedback=tracker, record_s=None)
+    assert tracker.design(smooth, machine).programme.solved > 300
+    some = np.argsort(closed.index_E_deg)[-5:]
+    again = replay(smooth, machine, some.tolist(), seed=3, feedback=tracker, record_s=None)
+    assert np.array_equal(again.q, closed.q[some])
+
+
+def test_commands_keep_the_limits_of_speed_and_its_change(
+    paper: planner.Problem, machine: Machine
+) -> None:
+    limits = {"input_rad_s": [0.25, 0.25], "input_rate_rad_s2": [2.0, 2.0]}
+    plan = planner.solve(paper.changed({"limits": limits}), "collocation", intervals=20)
+    tracker = Watched(run_up=False, path_error_deg=0.5)
+    closed = replay(plan, machine, 6, seed=3, feedback=tracker, record_s=None)
+    u = np.concatenate(tracker.commands)
+    assert np.max(np.abs(u)) <= 0.25 + 1e-9
+    assert np.max(np.abs(u[:, 0])) > 0.249  # the drive's limit is used to take up the play
+    rise = np.abs(np.diff(u[:1000], axis=0)) / 0.01  # while the plan runs, 10 s
+    assert 1.9 < np.max(rise) <= 2.0 + 1e-9
+    assert np.median(closed.terminal_E_deg) < 1.0
+
+
+def test_the_margin_of_z2_is_kept_while_the_plan_runs(
+    smooth: Plan, machine: Machine, closed: Replay
+) -> None:
+    """The plan itself comes no closer to zero than 0.0324, at its start."""
+    z2 = planner.chained_form(smooth.problem.system).z(closed.q)[..., 1]
+    assert z2.max() < -0.025
+
+
+def test_lost_readings_cost_little(smooth: Plan, machine: Machine) -> None:
+    rng = np.random.default_rng(5)
+
+    def lose(k: int, measured: Array) -> Array:
+        lost = rng.random(measured.shape[1]) < 0.05
+        return np.where(lost, np.nan, measured)
+
+    tracker = Watched(lose)
+    closed = replay(smooth, machine, 6, seed=3, feedback=tracker, record_s=None)
+    assert np.percentile(closed.terminal_E_deg, 95) < 0.3
+
+
+def test_a_vehicle_needs_no_run_up(machine: Machine) -> None:
+    problem = planner.load_problem(PROBLEMS / "unicycle.toml")
+    plan = planner.solve(problem, "polynomial")
+    opened = replay(plan, machine, 6, record_s=None)
+    tracker = Watched()
+    closed = replay(plan, machine, 6, feedback=tracker, record_s=None)
+    assert len(tracker.commands) < 60
+    assert np.max(np.abs(closed.terminal_error)) < np.max(np.abs(opened.terminal_error)) / 4
+
+
+def test_a_long_latency_is_predicted_through(smooth: Plan, machine: Machine) -> None:
+    slow = machine.with_(delay_s=0.15)
+    tracker = Tracker(latency_s=0.1, run_up=False)
+    closed = replay(smooth, slow, 6, seed=3, feedback=tracker, settle_s=1.0, record_s=None)
+    opened = replay(smooth, slow, 6, seed=3, settle_s=1.0, record_s=None)
+    assert np.median(closed.terminal_E_deg) < np.median(opened.terminal_E_deg) / 10
+
+
+@pytest.mark.parametrize(
+    "clock",
+    [
+        {"period_s": 0.25, "horizon_s": 0.5},
+        {"period_s": 0.033, "latency_s": 0},
+        {"period_s": 1.0, "latency_s": 1.0},
+    ],
+    ids=str,
+)
+def test_other_clocks_work_too(smooth: Plan, machine: Machine, clock: dict[str, Any]) -> None:
+    tracker = Tracker(run_up=False, **clock)
+    closed = replay(smooth, machine, 3, seed=3, feedback=tracker, record_s=None)
+    assert np.median(closed.terminal_E_deg) < 2.0  # 5 in open loop
+    assert closed.fallbacks.sum() == 0
+
+
+BAD: list[tuple[dict[str, Any], str]] = [
+    ({"period_s": 0.0}, "period_s"),
+    ({"horizont_s": 1.0}, "horizon_s"),
+    ({"path_error_deg": 0.0}, "path_error_deg"),
+    ({"run_up": 3}, "run_up"),
+    ({"goal_error_deg": -1.0}, "goal_error_deg"),
+]
+
+
+@pytest.mark.parametrize(("options", "part"), BAD, ids=[str(o) for o, _ in BAD])
+def test_bad_options(options: dict[str, Any], part: str) -> None:
+    with pytest.raises(InputError) as caught:
+        Tracker(**options)
+    assert part in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_clock_that_does_not_fit_the_machine_is_refused(smooth: Plan, machine: Machine) -> None:
+    with pytest.raises(InputError, match=r"control_period_s = 0\.01"):
+        Tracker(period_s=0.005, run_up=False).design(smooth, machine)
+    with pytest.raises(InputError, match=r"feedback\.latency_s = 0\.3"):
+        Tracker(latency_s=0.3, run_up=False).design(smooth, machine)
+
+
+def test_a_run_up_of_four_joints_is_refused(machine: Machine) -> None:
+    problem = planner.load_problem(PROBLEMS / "four-joint.toml").changed(
+        {"limits": {"joint_deg": 80}}
+    )
+    plan = planner.solve(problem, "collocation", intervals=20)
+    with pytest.raises(InputError, match="two or three joints"):
+        Tracker(run_up=True).design(plan, machine)
+
+
+def test_the_problem_file_holds_the_options(paper: planner.Problem) -> None:
+    table = {"goal_error_deg": 0.05, "run_up": False, "horizon_s": 0.5}
+    problem = paper.changed({"feedback": table})
+    assert problem.feedback.goal_error_deg == 0.05
+    assert problem.to_dict()["feedback"] == table
+    with pytest.raises(InputError, match=r"feedback\.horizon_s"):
+        paper.changed({"feedback.horizon_s": -1.0})

@@ -1,0 +1,395 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import planner
+from planner.errors import InfeasibleError, InputError, NotConvergedError
+from planner.methods.collocation import pipeline as module
+from planner.methods.collocation.candidates import guess, seeds
+from planner.methods.collocation.method import collocation_task, plan_collocation
+from planner.methods.collocation.refine import Polished
+from planner.methods.collocation.refusals import too_short
+from planner.methods.collocation.transcription.transcription import transcription
+from planner.plan.measures import effort, peak_inputs, peak_rates
+from planner.plan.plan import Plan
+from planner.problem.problem import Problem
+from planner.problem.tables.method_options import CollocationOptions
+from planner.verification.verify import verify
+
+PROBLEMS = Path(__file__).parents[3] / "problems"
+
+
+def plan(problem: Problem, changes: dict[str, Any] | None = None, **options: Any) -> Plan:
+    """The method's own answer, not verified yet."""
+    return plan_collocation(problem.changed(changes or {}), CollocationOptions(**options))
+
+
+@pytest.fixture(scope="module")
+def optimal(paper: Problem) -> Plan:
+    return plan(paper, input="constant")
+
+
+# -- the paper's problem ---------------------------------------------------------------------------
+
+
+def test_paper_numbers(optimal: Plan) -> None:
+    assert optimal.status == "solved"
+    assert optimal.objective == pytest.approx(0.33584, abs=1e-4)
+    assert peak_inputs(optimal.trajectory)[1] == pytest.approx(0.18, abs=0.005)
+    assert optimal.travel == pytest.approx(0.8235, abs=1e-4)
+    theta1 = optimal.q(np.linspace(0, 10, 2001))[:, 1]
+    assert np.rad2deg(theta1.max()) == pytest.approx(38.7, abs=0.05)
+    assert optimal.notes["start"] == "straight"
+    assert len(optimal.notes["tried"]) == 1  # it does not pay for starts it does not need
+
+
+def test_continuous_input_is_slightly_better(paper: Problem, optimal: Plan) -> None:
+    smooth = plan(paper, input="linear")
+    assert smooth.objective == pytest.approx(0.33578, abs=1e-4)
+    assert smooth.objective < optimal.objective
+    assert np.all(np.isfinite(peak_rates(smooth.trajectory)))
+
+
+def test_objective_is_the_effort_of_the_plan(optimal: Plan) -> None:
+    assert optimal.objective == pytest.approx(effort(optimal.trajectory), rel=1e-9)
+
+
+@pytest.mark.parametrize("scheme", ["radau", "legendre"])
+def test_resimulated_by_scipy(paper: Problem, scheme: str) -> None:
+    found = plan(paper, input="linear", scheme=scheme)
+    q = paper.start
+    for a, b in zip(found.t[:-1], found.t[1:], strict=True):
+        u = [found.u(a), found.u(np.nextafter(b, a))]
+
+        def rates(t: float, q: Any, a: float = a, b: float = b, u: Any = u) -> Any:
+            return paper.system.rates(q, u[0] + (t - a) / (b - a) * (u[1] - u[0]))
+
+        q = solve_ivp(rates, (a, b), q, rtol=1e-10, atol=1e-12).y[:, -1]
+        np.testing.assert_allclose(found.q(b), q, atol=1e-6)
+    np.testing.assert_allclose(q[1:], paper.goal[1:], atol=1e-6)
+    assert found.notes["resimulated_end_error"] < 1e-6
+
+
+def test_every_scheme_and_degree_agree(paper: Problem, optimal: Plan) -> None:
+    for scheme in ("radau", "legendre"):
+        for degree in (2, 5):
+            other = plan(paper, input="constant", scheme=scheme, degree=degree)
+            assert other.objective == pytest.approx(optimal.objective, abs=2e-6)
+            assert verify(other).ok
+
+
+def test_second_solve_builds_nothing_and_gives_the_same(paper: Problem, optimal: Plan) -> None:
+    transcription.cache_clear()
+    first, second = plan(paper), plan(paper)
+    assert first.build_time_s > 0
+    assert second.build_time_s == 0
+    np.testing.assert_array_equal(first.q(first.t), second.q(second.t))
+    moved = {"start.theta_deg": [2, 3, 4], "goal.duration": 12.0, "limits.joint_deg": 70}
+    assert plan(paper, moved).build_time_s == 0
+    assert first.objective < optimal.objective
+
+
+def test_plan_survives_its_file(paper: Problem, tmp_path: Any) -> None:
+    found = planner.solve(paper, "collocation")
+    again = planner.load_plan(found.save(tmp_path / "plan.json"))
+    t = np.linspace(0, 10, 37)
+    np.testing.assert_array_equal(again.q(t), found.q(t))
+    np.testing.assert_array_equal(again.u(t), found.u(t))
+    assert again.notes == found.notes
+
+
+# -- each limit: broken without it, kept with it ---------------------------------------------------
+
+
+def test_input_limit(paper: Problem, optimal: Plan) -> None:
+    assert peak_inputs(optimal.trajectory)[1] > 0.17
+    limited = plan(paper, {"limits.input_rad_s": [0.5, 0.12]})
+    assert peak_inputs(limited.trajectory)[1] <= 0.12
+    assert peak_inputs(limited.trajectory)[1] > 0.1199
+    assert limited.objective > optimal.objective
+
+
+def test_input_rate_limit(paper: Problem) -> None:
+    free = plan(paper, input="linear")
+    assert peak_rates(free.trajectory).max() > 0.04
+    limited = plan(paper, {"limits.input_rate_rad_s2": 0.03})
+    rates = peak_rates(limited.trajectory)
+    assert 0.0299 < rates.max() <= 0.03 * (1 + 1e-7)
+    assert limited.objective > free.objective
+
+
+def test_rest(paper: Problem, optimal: Plan) -> None:
+    resting = plan(paper, rest=True)
+    assert np.all(resting.u(0.0) == 0)
+    assert np.all(resting.u(10.0) == 0)
+    assert np.all(np.isfinite(peak_rates(resting.trajectory)))
+    assert resting.objective > optimal.objective
+
+
+@pytest.mark.parametrize("options", [{}, {"input": "linear", "intervals": 7, "refinements": 0}])
+def test_joint_limit_between_the_nodes_too(paper: Problem, options: dict[str, Any]) -> None:
+    t = np.linspace(0, 10, 5001)
+    assert np.rad2deg(np.abs(plan(paper, **options).q(t)[:, 1]).max()) > 38
+    limited = plan(paper, {"limits.joint_deg": 35}, **options)
+    assert 34.99 < np.rad2deg(np.abs(limited.q(t)[:, 1:]).max()) < 35 * (1 + 1e-6)
+    assert (limited.notes["limits_drawn_in"]["rounds"] > 0) == bool(options)
+
+
+DIP = {"start.theta_deg": [10, 10, 10], "goal.theta_deg": [10, 10, 30], "goal.duration": 40.0}
+"""θ₂ ends where it began while θ₃ moves: the best motion lets θ₂, and so z₂, change sign."""
+
+
+@pytest.mark.parametrize(
+    ("input_kind", "solver"), [("constant", "auto"), ("linear", "auto"), ("constant", "ipopt")]
+)
+def test_z2_margin_between_the_nodes_too(paper: Problem, input_kind: str, solver: str) -> None:
+    """IPOPT's adaptive barrier would lead to a way eight times as long, which takes 100 s."""
+    t = np.linspace(0, 40, 8001)
+    options = {"input": input_kind, "starts": 1, "solver": solver}
+    free = plan(paper, {**DIP, "limits": {"input_rad_s": 0.5}}, **options)
+    assert free.z(t)[:, 1].max() > 0.01
+    limits = {"limits": {"input_rad_s": 0.5, "z2_margin": 0.25}}
+    kept = plan(paper, {**DIP, **limits}, **options)
+    assert -0.2501 < kept.z(t)[:, 1].max() < -0.25 * (1 - 1e-6)
+    assert verify(kept).ok
+    if input_kind == "linear":
+        assert kept.notes["limits_drawn_in"]["rounds"] >= 1  # nodes alone would have let it slip
+
+
+# -- durations -------------------------------------------------------------------------------------
+
+
+def test_free_duration_saturates_an_input(paper: Problem) -> None:
+    found = plan(paper, {"goal.duration": "free"})
+    assert found.objective_name.startswith("time")
+    assert peak_inputs(found.trajectory).max() == pytest.approx(0.5, abs=1e-6)
+    assert found.duration < 3.2
+    assert verify(found).ok
+    slower = plan(paper, {"goal.duration": found.duration * 1.001})
+    assert slower.objective == pytest.approx(effort(slower.trajectory), rel=1e-8)
+
+
+def test_free_duration_with_rate_limits_at_rest(paper: Problem) -> None:
+    changes = {"goal.duration": "free", "limits.input_rate_rad_s2": 1.0}
+    found = plan(paper, changes, rest=True)
+    assert np.all(peak_rates(found.trajectory) <= 1 + 1e-6)
+    assert verify(found).ok
+
+
+def test_mixed_objective_when_nothing_limits_the_speed(paper: Problem, optimal: Plan) -> None:
+    found = plan(paper, {"goal.duration": "free", "limits": {}})
+    assert found.objective_name.startswith("mixed")
+    # duration + effort of a path of length L is least at speed 1, where both equal L
+    length = np.sqrt(10 * optimal.objective)
+    assert found.duration == pytest.approx(length, rel=1e-3)
+    assert found.objective == pytest.approx(2 * length, rel=1e-3)
+
+
+def test_too_short_names_the_input_and_a_duration_that_works(paper: Problem) -> None:
+    with pytest.raises(NotConvergedError) as caught:
+        planner.solve(paper.changed({"goal.duration": 2.5}))
+    error = caught.value
+    assert error.violations[0].label in ("input u1", "input u2")
+    assert error.violations[0].value > error.violations[0].limit == 0.5
+    scaled = [violation.scaled for violation in error.violations]
+    assert scaled == sorted(scaled, reverse=True)
+    assert error.plan is not None
+    assert error.plan.status == "not_converged"
+    assert error.plan.duration == 2.5
+    assert error.advice is not None
+    advised = float(error.advice.split("goal.duration = ")[1].split()[0])
+    assert plan(paper, {"goal.duration": advised}).status == "solved"
+
+
+def test_a_duration_below_any_bound_still_names_the_shortest_found(paper: Problem) -> None:
+    with pytest.raises(InfeasibleError, match="no plan of any kind exists: theta3") as caught:
+        planner.solve(paper.changed({"goal.duration": 2.0}), "collocation")
+    assert "the fastest motion found takes 3.1" in caught.value.reason.lower()
+    assert caught.value.violations[0].label == "input u1"
+    advised = float((caught.value.advice or "").split("goal.duration = ")[1].split()[0])
+    assert planner.solve(paper.changed({"goal.duration": advised}), "collocation").verified
+
+
+def test_a_given_duration_is_met_where_a_free_one_finds_it(paper: Problem) -> None:
+    base = {
+        "start.theta_deg": [-42.007, -50.759],
+        "goal": {"theta_deg": [36.263, 2.786], "travel": 0.0, "duration": "free"},
+        "system": {"kind": "manipulator", "joints": 2, "K": [0.870125], "k_g": 0.668811},
+        "limits": {"input_rad_s": 0.5, "joint_deg": 80},
+    }
+    changed = paper.changed(base)
+    shortest = planner.solve(changed, "collocation").duration
+    for share in (1.0005, 1.1):
+        wanted = shortest * share
+        found = planner.solve(changed.changed({"goal.duration": wanted}), "collocation")
+        assert found.duration == pytest.approx(wanted, rel=1e-12)
+
+
+def test_the_fastest_motion_is_not_named_where_it_cannot_be_believed(
+    paper: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It obeys every row of its own problem, whose duration is an unknown; not what was asked."""
+    monkeypatch.setattr(module, "RESOLVED", 0.0)
+    with pytest.raises(NotConvergedError, match="the solver found no motion") as caught:
+        plan(paper, {"goal.duration": 2.5})
+    assert caught.value.violations[0].label in ("input u1", "input u2")
+    assert caught.value.plan is not None
+    assert caught.value.plan.duration == 2.5
+
+
+HARD = {"attempts": 2, "max_iterations": 150}
+
+
+def test_obstacle_is_named_with_a_change_that_was_tried(paper: Problem) -> None:
+    narrow = {
+        "start.theta_deg": [5, 5, 10],
+        "goal.theta_deg": [5, -5, 6],
+        "goal.travel": 0.0,
+        "goal.duration": 60.0,
+        "limits": {"input_rad_s": 0.5, "joint_deg": 10.5},
+    }
+    with pytest.raises(NotConvergedError, match="without the limits on the joints") as caught:
+        planner.solve(paper.changed(narrow), **HARD)  # type: ignore[arg-type]
+    worst = caught.value.violations[0]
+    assert worst.label.startswith("joint theta")
+    assert worst.value > worst.limit == pytest.approx(np.deg2rad(10.5))
+    assert "wider limits" in (caught.value.advice or "")
+    wide = [float(word) for word in caught.value.advice.split() if word[0].isdigit()]  # type: ignore[union-attr]
+    changed = {**narrow, "limits": {"input_rad_s": 0.5, "joint_deg": max(wide)}}
+    assert verify(plan(paper, changed)).ok
+
+
+def test_z2_margin_as_the_obstacle(paper: Problem) -> None:
+    changes = {
+        "start.theta_deg": [5, 35, 10],
+        "goal.theta_deg": [5, 35, 60],
+        "goal.duration": 60.0,
+        "limits": {"input_rad_s": 0.5, "joint_deg": 80, "z2_margin": 0.7},
+    }
+    with pytest.raises(NotConvergedError, match="without the z2 margin") as caught:
+        planner.solve(paper.changed(changes), **HARD)  # type: ignore[arg-type]
+    assert [v.label for v in caught.value.violations] == ["z2 margin"]
+    assert "z2_margin" in (caught.value.advice or "")
+    assert str(caught.value.advice).endswith("(tried)")
+
+
+def test_an_unfinished_iterate_is_judged_as_a_plan_is(paper: Problem) -> None:
+    problem = paper.changed({"goal.travel": 0.7})
+    with pytest.raises(NotConvergedError) as caught:
+        planner.solve(problem, start="straight", max_iterations=2)
+    assert caught.value.plan is not None
+    assert caught.value.violations == verify(caught.value.plan).violations
+    labels = {violation.label for violation in caught.value.violations}
+    assert "plan's q(t) against its integrated input" in labels
+    assert caught.value.advice == "the default options of method.collocation (tried)"
+
+
+# -- families of problems --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["parking", "crossing", "four-joint"])
+def test_shipped_problems(name: str) -> None:
+    found = planner.solve(planner.load_problem(PROBLEMS / f"{name}.toml"), "collocation")
+    assert found.verified
+    assert found.notes["start"] in [entry["start"] for entry in found.notes["tried"]]
+    if name == "parking":
+        assert abs(found.travel) < 1e-9
+
+
+@pytest.mark.parametrize("joints", [2, 3, 4])
+def test_random_pairs(joints: int) -> None:
+    rng = np.random.default_rng(joints)
+    start, goal = rng.uniform(-60, 60, (2, joints))
+    found = planner.solve(_arm(start, goal, travel=0.0), "collocation", starts=1)
+    assert found.verified
+
+
+def test_start_on_the_singular_configuration() -> None:
+    found = planner.solve(_arm([0, 0, 0], [20, -20, 10]), "collocation", starts=1)
+    assert found.verified
+
+
+def test_coarse_mesh_is_refined_or_refused(paper: Problem) -> None:
+    coarse = plan(paper, intervals=2, degree=1, refinements=0)
+    assert not verify(coarse).ok
+    assert coarse.notes["resimulated_end_error"] > 1e-4
+    refined = plan(paper, intervals=3, degree=2)
+    assert refined.notes["intervals"][0] == 3
+    assert len(refined.notes["intervals"]) > 1
+    assert refined.notes["resimulated_end_error"] < 5e-6
+
+
+def test_every_named_start_finds_the_same_plan(paper: Problem, optimal: Plan) -> None:
+    for start in ("straight", "bump", "reverse", "wander"):
+        found = plan(paper, start=start, input="constant")
+        assert found.objective == pytest.approx(optimal.objective, rel=1e-6)
+
+
+# -- options that contradict the problem -----------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "options", "said"),
+    [
+        ({"goal.duration": "free"}, {"objective": "effort"}, "goal.duration"),
+        ({"goal.duration": "free", "limits": {}}, {"objective": "time"}, "limit on both inputs"),
+        ({}, {"input": "constant", "rest": True}, "rest = true"),
+        ({"limits.input_rate_rad_s2": 1.0}, {"input": "constant"}, "input rates"),
+    ],
+)
+def test_contradictions(paper: Problem, changes: Any, options: Any, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        plan(paper, changes, **options)
+
+
+def _arm(start: Any, goal: Any, travel: float | str = "free") -> Problem:
+    joints = len(start)
+    return Problem.from_dict(
+        {
+            "system": {
+                "kind": "manipulator",
+                "joints": joints,
+                "K": [0.870125 * 0.817842**i for i in range(joints - 1)],
+                "k_g": 0.668811,
+            },
+            "start": {"theta_deg": [float(a) for a in start]},
+            "goal": {
+                "theta_deg": [float(a) for a in goal],
+                "travel": travel,
+                "duration": "free",
+            },
+            "limits": {"input_rad_s": [0.5, 0.5], "joint_deg": 80.0},
+        }
+    )
+
+
+@pytest.mark.parametrize(("inputs", "effort"), [("constant", 0.33584), ("linear", 0.33578)])
+def test_effort_to_the_last_digit_with_the_unrounded_drive_constant(
+    paper: planner.Problem, inputs: str, effort: float
+) -> None:
+    """The known figures belong to k_g = (K₃/K₂)²; the file's 0.668811 shifts them by 4e-5."""
+    exact = paper.changed({"system.k_g": (0.711625 / 0.870125) ** 2})
+    plan = planner.solve(exact, "collocation", input=inputs)
+    assert plan.objective == pytest.approx(effort, abs=5e-6)
+
+
+def test_the_fastest_motion_may_be_of_another_form_than_what_was_asked(paper: Problem) -> None:
+    """As where a path is kept: of higher degree, its inputs constant in each interval."""
+    coarse = CollocationOptions(intervals=20)
+    kept = CollocationOptions(intervals=30, degree=5, input="constant")
+    job = collocation_task(paper.changed({"goal.duration": 2.5}), coarse, 20)
+    free = collocation_task(paper.changed({"goal.duration": "free"}), kept, 30)
+    solution = free.solve(guess(free.problem, free.made, free.mesh, seeds("straight")[0]))
+    fastest = Polished(free, solution, 0.0, {}, 1)
+
+    refusal = too_short(job.problem, fastest, coarse)
+    assert refusal.plan is not None
+    assert refusal.plan.duration == 2.5
+    assert {v.label for v in refusal.violations} == {"input u1", "input u2"}
+    assert [set(change.keys) for change in refusal.changes] == [{"goal.duration"}] * 2
+    assert str(refusal.advice).endswith("; or wider limits on the inputs")

@@ -1,0 +1,88 @@
+"""Objectives of collocation beside effort and time."""
+
+import numpy as np
+import pytest
+
+import planner
+from planner.methods.collocation.transcription.interval import NEAR
+
+TIMES = np.linspace(0, 10, 20001)
+
+
+def effort(plan: planner.Plan) -> float:
+    return float(np.trapezoid(np.sum(plan.u(TIMES) ** 2, axis=1), TIMES))
+
+
+def smoothness(plan: planner.Plan) -> float:
+    middle = (TIMES[1:] + TIMES[:-1]) / 2
+    slopes = (plan.u(middle + 1e-6) - plan.u(middle - 1e-6)) / 2e-6
+    return float(np.sum(slopes**2) * (TIMES[1] - TIMES[0]))
+
+
+def closeness(plan: planner.Plan) -> float:
+    """Mean over time of the sum over θ₁, θ₂ of exp(−sin²/0.05) + exp(−cos²/0.05)."""
+    theta = plan.q(TIMES)[:, 1:3]
+    terms = np.exp(-(np.sin(theta) ** 2) / NEAR) + np.exp(-(np.cos(theta) ** 2) / NEAR)
+    return float(np.trapezoid(np.sum(terms, axis=1), TIMES) / 10)
+
+
+def regularised_closeness(plan: planner.Plan) -> float:
+    return closeness(plan) + 0.01 * effort(plan)
+
+
+@pytest.fixture(scope="module")
+def plans(paper: planner.Problem) -> dict[str, planner.Plan]:
+    kinds = ("effort", "smooth", "edge")
+    return {kind: planner.solve(paper, "collocation", objective=kind) for kind in kinds}
+
+
+def test_each_objective_is_what_it_says_and_the_least_of_all(
+    plans: dict[str, planner.Plan],
+) -> None:
+    measures = {
+        "effort": effort,
+        "smooth": smoothness,
+        "edge": regularised_closeness,
+    }
+    for kind, measure in measures.items():
+        values = {name: measure(plan) for name, plan in plans.items()}
+        assert plans[kind].objective == pytest.approx(values[kind], rel=1e-3)
+        assert values[kind] < 0.99 * min(v for name, v in values.items() if name != kind)
+
+
+def test_a_mix_lies_between(paper: planner.Problem, plans: dict[str, planner.Plan]) -> None:
+    plan = planner.solve(
+        paper,
+        "collocation",
+        objective="mixed",
+        effort_weight=0.5,
+        smoothness_weight=2.0,
+        edge_weight=3.0,
+    )
+    expected = 10 + 0.5 * effort(plan) + 2.0 * smoothness(plan) + 3.0 * closeness(plan)
+    assert plan.objective == pytest.approx(expected, rel=1e-3)
+    for other in plans.values():
+        mixed = 10 + 0.5 * effort(other) + 2.0 * smoothness(other) + 3.0 * closeness(other)
+        assert plan.objective < mixed
+    for part in ("duration", "0.5 x", "2 x integral of (du1/dt)^2", "3 x mean closeness"):
+        assert part in plan.objective_name
+
+
+@pytest.mark.parametrize("kind", ["smooth", "edge"])
+def test_what_is_better_the_slower_needs_a_duration(paper: planner.Problem, kind: str) -> None:
+    with pytest.raises(planner.InputError, match=f"objective '{kind}'.*give goal.duration"):
+        planner.solve(paper.changed({"goal.duration": "free"}), "collocation", objective=kind)
+
+
+def test_smoothness_refuses_inputs_that_jump(paper: planner.Problem) -> None:
+    with pytest.raises(planner.InputError, match="reads the inputs' rates"):
+        planner.solve(paper, "collocation", objective="smooth", input="constant")
+
+
+@pytest.mark.parametrize("start", ["polynomial", "convex"])
+def test_first_guesses_of_before_are_taken_as_auto(
+    paper: planner.Problem, plans: dict[str, planner.Plan], start: str
+) -> None:
+    plan = planner.solve(paper, "collocation", start=start, variations=12)
+    assert plan.notes["start"] == "straight"
+    assert plan.objective == plans["effort"].objective

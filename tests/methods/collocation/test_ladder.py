@@ -1,0 +1,193 @@
+"""Paths by way of shorter arms: motions that obey the kinematics and every limit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import planner
+from planner.errors import NotConvergedError
+from planner.methods.collocation import pipeline
+from planner.methods.collocation.between_nodes import look
+from planner.methods.collocation.long_arms import ladder
+from planner.methods.collocation.long_arms.bridges import Chain, Ends
+from planner.methods.collocation.long_arms.bridges import ends_of as ends
+from planner.methods.collocation.long_arms.held import can_hold, held
+from planner.methods.collocation.long_arms.ladder import climbed
+from planner.methods.collocation.method import collocation_task
+from planner.methods.collocation.pipeline import Answer, Pipeline
+from planner.methods.collocation.refine import Polished
+from planner.methods.collocation.solvers.solver import Solution
+from planner.methods.collocation.task import Task
+from planner.methods.collocation.transcription.unknowns import Iterate
+from planner.problem.tables.method_options import CollocationOptions
+from planner.systems.triangular_system import TriangularSystem
+
+PROBLEM = planner.Problem.from_dict(
+    {
+        "system": {"kind": "manipulator", "joints": 3, "K": [0.870125, 0.711625], "k_g": 0.668811},
+        "start": {"theta_deg": [10.0, -20.0, 30.0]},
+        "goal": {"theta_deg": [-40.0, 50.0, -10.0], "travel": 0.0, "duration": "free"},
+        "limits": {"input_rad_s": [0.5, 0.5], "joint_deg": 80.0},
+    }
+)
+
+
+@pytest.fixture
+def no_guesses(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pipeline, "_guesses", lambda options: [])
+
+
+@pytest.fixture(scope="module")
+def chain() -> Chain:
+    """A path of the arm."""
+    found = ladder._by_shorter(collocation_task(PROBLEM, CollocationOptions(), 40))
+    assert found is not None
+    return found[0]
+
+
+def test_what_is_climbed_is_a_motion_within_the_limits() -> None:
+    found = climbed(collocation_task(PROBLEM, CollocationOptions(), 40), 5e-6)
+    assert found is not None
+    solution = found.timed.solution
+    assert solution.ok
+    assert solution.residual < 1e-7
+    assert np.max(np.abs(solution.iterate.inputs)) <= 0.5 + 1e-9
+    assert solution.iterate.nodes[-1] == pytest.approx([0.0, *np.deg2rad([-40.0, 50.0, -10.0])])
+
+
+@pytest.mark.usefixtures("no_guesses")
+def test_a_plan_grows_from_a_shorter_arm_where_guesses_fail() -> None:
+    plan = planner.solve(PROBLEM, "collocation")
+    assert plan.notes["start"] == "lifted from 2 joints"
+    assert plan.notes["stage"] == "ladder"
+    assert planner.verify(plan).ok
+
+
+def test_a_motion_that_turns_out_to_be_none_gives_way_to_a_path(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    inner = Pipeline._polished
+
+    def doubted(self: Pipeline, answer: Answer) -> Polished:
+        done = inner(self, answer)
+        return replace(done, error=1.0) if answer.stage == "guesses" else done
+
+    monkeypatch.setattr(Pipeline, "_polished", doubted)
+    plan = planner.solve(PROBLEM, "collocation", attempts=4)
+    assert plan.notes["start"] == "lifted from 2 joints"
+    assert plan.notes["tried"][0]["objective"] is not None
+    assert planner.verify(plan).ok
+    as_given = planner.solve(PROBLEM, "collocation", start="straight", intervals=60)
+    assert as_given.notes["start"] == "straight"
+
+
+def test_a_kept_path_errs_less_than_its_own_steps_show(chain: Chain) -> None:
+    """Were it made exact in the very steps by which it is judged, any error would pass for none."""
+    job = collocation_task(PROBLEM, CollocationOptions(), 40)
+    found = held(job, chain, 5e-6)
+    assert found is not None
+    own, solution = found
+    times, q = own.mesh.edges * solution.iterate.duration, PROBLEM.start
+    fine = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+    for k, u in enumerate(solution.iterate.inputs):
+        span = times[k], times[k + 1]
+        q = solve_ivp(lambda _, y, u=u: PROBLEM.system.rates(y, u), span, q, **fine).y[:, -1]
+    true = np.max(np.abs(q - solution.iterate.nodes[-1]))
+    assert true < look(own, solution).error.end < 5e-6
+
+
+@pytest.mark.usefixtures("no_guesses")
+def test_the_fastest_of_a_kept_path_is_told_where_the_duration_is_too_short(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(ladder, "MOST_SOLVED", 10)
+    with pytest.raises(NotConvergedError, match="fastest motion found takes"):
+        planner.solve(PROBLEM.changed({"goal.duration": 8.0}), "collocation")
+
+
+def test_long_arms_climb_by_several_joints() -> None:
+    arm = {"kind": "manipulator", "joints": 5, "K": [0.87, 0.71, 0.58, 0.48], "k_g": 0.67}
+    start, goal = [30.0, -40.0, 20.0, -30.0, 10.0], [-40.0, 50.0, -20.0, 30.0, -15.0]
+    problem = PROBLEM.changed({"system": arm, "start.theta_deg": start, "goal.theta_deg": goal})
+    found = ladder._by_shorter(collocation_task(problem, CollocationOptions(), 40))
+    assert found is not None
+    assert found[1] in (3, 4)
+    q, u = found[0].q, found[0].u
+    assert q[[0, -1]] == pytest.approx(np.stack([problem.start, problem.target]), abs=1e-9)
+    assert np.max(np.abs(q[:, 1:])) <= np.deg2rad(80.0) + 1e-9
+    assert ends(problem.system, q[:-1], u) == pytest.approx(q[1:], abs=2e-6)
+
+
+def test_what_is_no_arm_has_no_shorter_one() -> None:
+    car = planner.load_problem(Path(__file__).parents[3] / "problems" / "car.toml")
+    assert climbed(collocation_task(car, CollocationOptions(), 40), 5e-6) is None
+
+
+@pytest.mark.usefixtures("no_guesses")
+def test_a_path_too_long_for_the_solver_is_kept_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ladder, "MOST_SOLVED", 10)
+    plan = planner.solve(PROBLEM, "collocation")
+    assert plan.notes["tried"][-1]["status"] == "a motion, not the best"
+    assert planner.verify(plan).ok
+
+
+def test_a_mesh_too_fine_for_the_solver_leaves_the_path_as_it_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    solve = Task.solve
+
+    def fails_when_near(task: Task, start: Iterate, near: bool = False) -> Solution:
+        solution = solve(task, start, near)
+        return replace(solution, ok=False) if near else solution
+
+    monkeypatch.setattr(Task, "solve", fails_when_near)
+    coarse = planner.solve(PROBLEM, "collocation", intervals=20)
+    assert len(coarse.notes["intervals"]) == 2
+    assert planner.verify(coarse).ok
+
+
+def test_a_path_is_not_kept_where_more_is_asked_than_limits() -> None:
+    job = collocation_task(PROBLEM, CollocationOptions(), 40)
+    assert can_hold(job)
+    assert not can_hold(collocation_task(PROBLEM, CollocationOptions(rest=True), 40))
+    for limit in ({"z2_margin": 0.01}, {"input_rate": np.ones(2)}):
+        asked = replace(PROBLEM, limits=replace(PROBLEM.limits, **limit))
+        assert not can_hold(collocation_task(asked, CollocationOptions(), 40))
+
+
+def test_a_path_too_slow_for_the_duration_is_not_kept(chain: Chain) -> None:
+    job = collocation_task(PROBLEM, CollocationOptions(), 40)
+    found = held(job, chain, 5e-6)
+    assert found is not None
+    shortest = found[1].iterate.duration
+    for wanted, fits in ((0.9 * shortest, False), (1.5 * shortest, True)):
+        timed = collocation_task(
+            PROBLEM.changed({"goal.duration": wanted}), CollocationOptions(), 40
+        )
+        assert (held(timed, chain, 5e-6) is not None) == fits
+
+
+@pytest.mark.parametrize(("share", "asked"), [(0.0, 1), (0.4, len(ladder.GAPS))])
+def test_smaller_gaps_are_asked_for_only_where_some_of_them_are_closed(
+    share: float, asked: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gaps, inner = [], ladder.closed
+
+    def closed(system: TriangularSystem, path: Chain, ends: Ends) -> tuple[Chain | None, float]:
+        return inner(system, path, ends) if system.size == 3 else (None, share)
+
+    def lifted(*given: Any) -> Chain:
+        gaps.append(given[-1])
+        return inner_lift(*given)
+
+    inner_lift = ladder.lifted
+    monkeypatch.setattr(ladder, "closed", closed)
+    monkeypatch.setattr(ladder, "lifted", lifted)
+    assert ladder._by_shorter(collocation_task(PROBLEM, CollocationOptions(), 40)) is None
+    assert len(gaps) == asked

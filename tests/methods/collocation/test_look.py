@@ -1,0 +1,42 @@
+"""What is seen of a curve between its samples."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner.methods.collocation.between_nodes import _over, peaks
+
+TAU = np.linspace(0, 1, 13)
+
+
+@pytest.mark.parametrize("vertex", [0.01, 0.03, 0.3, 0.51, 0.97, 0.99])
+def test_a_parabola_s_peak_is_found_wherever_it_lies(vertex: float) -> None:
+    curve = 1.0 - (TAU - vertex) ** 2
+    assert peaks(curve[None]) == pytest.approx(1.0, abs=1e-14)
+
+
+@pytest.mark.parametrize("vertex", [-0.2, 1.3])
+def test_a_peak_outside_the_interval_does_not_count(vertex: float) -> None:
+    curve = 1.0 - (TAU - vertex) ** 2
+    assert peaks(curve[None]) == max(curve[0], curve[-1])
+
+
+def test_a_limit_passed_between_samples_is_seen() -> None:
+    """The quick look at all samples overlooks none of what the parabolas show."""
+    rng = np.random.default_rng(4)
+    for _ in range(500):
+        vertex, bend = rng.uniform(-0.1, 1.1), rng.uniform(0.1, 5.0)
+        curve = 1.0 - bend * (TAU - vertex) ** 2
+        top = peaks(curve[None])[0]
+        for limit in (top - 1e-6, top + 1e-6):
+            over = _over(curve[None, None], np.array(limit), np.array(1.0))
+            assert bool(over[0] > 0) == (top > limit)
+
+
+def test_a_cubic_s_peak_is_bounded_closely() -> None:
+    rng, fine = np.random.default_rng(5), np.linspace(0, 1, 4001)
+    for _ in range(300):
+        cubic = np.polynomial.Polynomial(rng.uniform(-1, 1, 4))
+        bound, true = peaks(cubic(TAU)[None])[0], np.max(cubic(fine))
+        assert true - 1e-7 <= bound <= true + 1e-3

@@ -1,0 +1,62 @@
+"""How many starts a search tries."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import planner
+from planner.methods.collocation.solvers import solver
+from planner.methods.collocation.solvers.backends import SolverName
+
+
+def _problem(start: list[float], goal: list[float]) -> planner.Problem:
+    return planner.Problem.from_dict(
+        {
+            "system": {"kind": "manipulator", "joints": 3, "K": [0.87, 0.71], "k_g": 0.67},
+            "start": {"theta_deg": start},
+            "goal": {"theta_deg": goal, "travel": "free", "duration": "free"},
+            "limits": {"input_rad_s": [0.5, 0.5], "joint_deg": 80.0},
+        }
+    )
+
+
+ONE_WAY = _problem([1.0, 1.0, 1.0], [30.0, 30.0, 30.0])
+TURNS = _problem([20.0, 40.0, -30.0], [-30.0, 20.0, 10.0])
+
+
+def test_a_path_whose_drive_never_turns_back_ends_the_search() -> None:
+    plan = planner.solve(ONE_WAY, "collocation")
+    assert len(plan.notes["tried"]) == 1
+    assert plan.u(plan.t)[:, 0].min() >= -1e-6
+
+
+def test_where_the_drive_turns_back_more_starts_are_tried() -> None:
+    plan = planner.solve(TURNS, "collocation", starts=4)
+    solved = [entry for entry in plan.notes["tried"] if entry["path_effort"] is not None]
+    assert len(solved) == 4
+    objectives = {e["start"]: e["objective"] for e in solved if e.get("objective")}
+    assert objectives[plan.notes["start"]] == min(objectives.values())
+
+
+def test_a_search_among_random_starts_does_not_end_early() -> None:
+    plan = planner.solve(ONE_WAY, "collocation", start="wander", starts=5, attempts=5)
+    assert len(plan.notes["tried"]) == 5
+
+
+def test_a_search_leaves_fatrop_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+    solve = solver._solve
+
+    def noted(name: SolverName, *others: Any) -> solver.Solution:
+        asked.append(name)
+        return solve(name, *others)
+
+    monkeypatch.setattr(solver, "_solve", noted)
+    planner.solve(TURNS, "collocation", starts=2)
+    assert "ipopt" in asked
+    assert "fatrop" not in asked
+    asked.clear()
+    planner.solve(TURNS, "collocation", starts=2, solver="fatrop")
+    assert set(asked) == {"fatrop"}

@@ -1,0 +1,150 @@
+"""Two solvers behind one option: the same optimum, and each the other's fallback."""
+
+from __future__ import annotations
+
+import gc
+import weakref
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import planner
+from planner.methods.collocation.method import plan_collocation
+from planner.methods.collocation.solvers import solver as module
+from planner.methods.collocation.solvers.backends import SHORT, WAYS, Answer, Settings, names, way
+from planner.methods.collocation.transcription.form import Form
+from planner.methods.collocation.transcription.transcription import transcription
+from planner.problem.problem import Problem
+from planner.problem.tables.method_options import CollocationOptions
+
+PROBLEMS = Path(__file__).parents[3] / "problems"
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "options"),
+    [
+        ("paper", {}, {}),
+        ("paper", {"limits.input_rad_s": [0.5, 0.12]}, {}),
+        ("paper", {"limits.input_rate_rad_s2": 0.1}, {"rest": True}),
+        ("paper", {"goal.duration": "free"}, {"start": "straight"}),
+        ("crossing", {}, {"start": "straight"}),
+        ("trailers", {}, {"start": "straight"}),
+    ],
+)
+def test_solvers_agree(name: str, changes: Any, options: Any) -> None:
+    problem = planner.load_problem(PROBLEMS / f"{name}.toml", changes)
+    found = {}
+    for solver in ("fatrop", "ipopt"):
+        plan = plan_collocation(problem, CollocationOptions(solver=solver, **options))
+        found[solver] = plan.objective
+        assert planner.verify(plan).ok
+    assert found["fatrop"] == pytest.approx(found["ipopt"], rel=1e-6)
+
+
+def test_who_is_first(paper: Problem) -> None:
+    def order(name: str, free: bool = False, discs: int = 0, **settings: Any) -> tuple[str, ...]:
+        system = planner.load_problem(PROBLEMS / f"{name}.toml").system
+        form = Form(3, free_duration=free, obstacles=discs)
+        return names(transcription(system, form), Settings(**settings))
+
+    assert order("paper") == ("ipopt",)
+    assert order("paper", direct=True) == ("fatrop", "ipopt")
+    assert order("paper", near=True) == ("fatrop", "ipopt")
+    assert order("paper", free=True) == ("ipopt",)
+    assert order("paper", free=True, near=True) == ("fatrop", "ipopt")
+    assert order("paper", discs=1) == ("ipopt",)
+    assert order("paper", free=True, solver="fatrop") == ("fatrop",)
+    assert order("paper", near=True, solver="ipopt") == ("ipopt",)
+    assert order("trailers") == ("ipopt",)
+    assert order("trailers", near=True) == ("ipopt",)
+
+
+def test_long_chains_have_rows_of_their_own() -> None:
+    """Fatrop is of no use for them, and their paths are looked for with a longer reference."""
+    long = transcription(planner.Manipulator([0.9, 0.8, 0.7, 0.6], 1.0), Form(3))
+    assert long.system.size == SHORT + 1
+    for settings in (Settings(near=True), Settings(direct=True), Settings()):
+        assert names(long, settings) == ("ipopt",)
+    assert way(long, Settings()) is WAYS["far, long chain"]
+    short = transcription(planner.Manipulator([0.9, 0.8, 0.7], 1.0), Form(3))
+    assert way(short, Settings()).reference_s < WAYS["far, long chain"].reference_s
+
+
+def test_far_from_the_answer_fatrop_is_not_asked() -> None:
+    """There it may never return."""
+    far = [row for kind, row in WAYS.items() if kind.startswith("far")]
+    assert len(far) > 1
+    assert all(row.order == ("ipopt",) for row in far)
+
+
+def test_solvers_live_as_long_as_their_transcription(paper: Problem) -> None:
+    made = transcription(paper.system, Form(5, input="linear", free_duration=False))
+    first = module.solver(made, Settings(solver="ipopt"))
+    assert module.solver(made, Settings(solver="ipopt")) is first
+    assert module.solver(made, Settings(solver="ipopt", near=True)) is not first
+    kept = weakref.ref(first)
+    transcription.cache_clear()
+    del made, first
+    gc.collect()
+    assert kept() is None
+
+
+class _Broken:
+    """A solver that stops at its start, or at a point next to the answer."""
+
+    def __init__(self, near: Any = None) -> None:
+        self.calls = 0
+        self.near = near
+
+    def __call__(self, start: Any, data: Any) -> Answer:
+        self.calls += 1
+        return Answer(start if self.near is None else self.near, False, "Broken", 7)
+
+
+@pytest.mark.parametrize("first", ["fatrop", "ipopt"])
+def test_the_other_takes_over(paper: Problem, monkeypatch: pytest.MonkeyPatch, first: Any) -> None:
+    reference = plan_collocation(paper, CollocationOptions())
+    inner, broken = module.backend, _Broken()
+
+    def backend(made: Any, settings: Settings) -> Any:
+        return broken if settings.solver == first else inner(made, settings)
+
+    order = ("fatrop", "ipopt") if first == "fatrop" else ("ipopt", "fatrop")
+    monkeypatch.setattr(module, "backend", backend)
+    monkeypatch.setattr(module, "names", lambda *_: order)
+    transcription.cache_clear()
+    plan = plan_collocation(paper, CollocationOptions())
+    transcription.cache_clear()
+    assert broken.calls == 1
+    assert plan.iterations > 7
+    assert plan.objective == pytest.approx(reference.objective, rel=1e-6)
+
+
+def test_a_solver_named_is_the_only_one(paper: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    broken = _Broken()
+    monkeypatch.setattr(module, "backend", lambda *_: broken)
+    transcription.cache_clear()
+    options = CollocationOptions(solver="fatrop", start="straight", attempts=1)
+    with pytest.raises(planner.NotConvergedError, match="Broken"):
+        plan_collocation(paper.changed({"limits": {"input_rad_s": 0.5}}), options)
+    transcription.cache_clear()
+
+
+def test_fatrop_keeps_its_options_when_bounds_come_and_go(paper: Problem) -> None:
+    """CasADi's interface forgets them in one memory; ours has one for each pattern of bounds."""
+    options = CollocationOptions(solver="fatrop", start="straight")
+    objectives = []
+    for travel in ("free", 0.83, "free", 0.83):
+        plan = plan_collocation(paper.changed({"goal.travel": travel}), options)
+        objectives.append((plan.objective, plan.iterations))
+    assert objectives[:2] == objectives[2:]
+
+
+def test_bounds_hold_exactly(paper: Problem) -> None:
+    """Fatrop relaxes bounds a little; they are drawn in by as much before."""
+    limited = paper.changed({"limits.input_rad_s": [0.5, 0.12]})
+    plan = plan_collocation(limited, CollocationOptions(solver="fatrop"))
+    assert np.max(np.abs(plan.u(plan.t)[:, 1])) <= 0.12
+    assert np.max(np.abs(plan.u(plan.t)[:, 1])) > 0.12 * (1 - 1e-6)

@@ -1,0 +1,68 @@
+"""Compiled code that does not return is left behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+
+import pytest
+
+import planner
+from planner.methods.collocation.method import plan_collocation
+from planner.methods.collocation.solvers import backends
+from planner.problem.tables.method_options import CollocationOptions
+from planner.support.compiled_calls import within
+
+
+def _busy(until: threading.Event) -> None:
+    while not until.is_set():
+        sum(range(1000))
+
+
+def test_a_value_or_an_error_comes_through() -> None:
+    assert within(10.0, lambda: 7) == 7
+    with pytest.raises(ZeroDivisionError):
+        within(10.0, lambda: 1 // 0)
+
+
+def test_a_call_that_does_not_return_is_left_and_the_next_is_made() -> None:
+    done = threading.Event()
+    assert within(0.05, lambda: _busy(done)) is None
+    assert within(10.0, lambda: 7) == 7
+    done.set()
+
+
+def test_a_loaded_machine_leaves_no_call_behind() -> None:
+    """What counts is the time that the processor spends, not how long that takes."""
+    assert within(0.1, lambda: time.sleep(0.8) or 7) == 7
+
+
+def test_ctrl_c_does_not_wait_for_it() -> None:
+    never = threading.Event()
+    timer = threading.Timer(0.2, lambda: os.kill(os.getpid(), signal.SIGINT))
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        within(60.0, lambda: never.wait(60))
+    timer.join(10.0)
+    assert timer.finished.is_set()
+    never.set()
+
+
+def test_where_fatrop_does_not_return_ipopt_answers_and_later_answers_are_the_same(
+    paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = plan_collocation(paper, CollocationOptions())
+    stuck = threading.Event()
+    with monkeypatch.context() as patched:
+        patched.setattr(backends, "PATIENCE_S", 0.1)
+        patched.setattr(backends, "PATIENCE_EACH_S", 0.0)
+        patched.setattr(backends._Fatrop, "_answer", lambda *_: _busy(stuck))
+        plan = plan_collocation(paper.changed({"goal.duration": 11.0}), CollocationOptions())
+        assert planner.verify(plan).ok
+        assert plan.notes["tried"][0]["start"] == "straight"
+    stuck.set()
+    after = plan_collocation(paper, CollocationOptions())
+    assert after.iterations == before.iterations
+    assert after.objective == before.objective

@@ -1,0 +1,203 @@
+"""Plans made against errors: better than the known optima, within limits, honest refusals."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from perturbed import draws, motions
+
+import planner
+from planner.methods.collocation.long_arms.held import can_hold
+from planner.methods.collocation.method import collocation_task
+from planner.methods.desensitised.method import _task
+from planner.plan.measures import effort
+from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions
+from planner.robustness.sensitivity import sensitivity
+from planner.support.deadline import time_up
+
+PROBLEMS = Path(__file__).parents[3] / "problems"
+
+
+@pytest.fixture(scope="module")
+def example(paper: planner.Problem) -> planner.Problem:
+    """The paper's example with the limit that the known optima have."""
+    return paper.changed({"limits.input_rad_s": [0.6, 0.6]})
+
+
+@pytest.fixture(scope="module")
+def reversing(example: planner.Problem) -> planner.Plan:
+    return planner.solve(example, "desensitised", intervals=24)
+
+
+@pytest.fixture(scope="module")
+def one_way(example: planner.Problem) -> planner.Plan:
+    return planner.solve(example, "desensitised", reversal=False, starts=2, intervals=20)
+
+
+def test_reversing_plan_beats_the_known_optimum(reversing: planner.Plan) -> None:
+    found = sensitivity(reversing)
+    assert reversing.verified
+    assert found.passive_block_deg() < 0.04  # known: 0.066
+    assert found.total_deg() < 1.05 * found.floor_deg()
+    assert np.min(reversing.u(np.linspace(0, 10, 401))[:, 0]) < -0.1
+
+
+def test_one_way_plan_beats_the_known_optimum(one_way: planner.Plan) -> None:
+    found = sensitivity(one_way)
+    assert one_way.verified
+    assert found.passive_block_deg() < 0.26  # known: 0.315
+    assert found.total_deg() < 1.04
+    assert np.min(one_way.u(np.linspace(0, 10, 401))[:, 0]) >= 0
+
+
+def test_the_winner_is_named_and_is_the_best(reversing: planner.Plan) -> None:
+    tried = reversing.notes["tried"]
+    assert len(tried) == 4
+    best = min((e for e in tried if e["objective"] is not None), key=lambda e: e["objective"])
+    winner = next(e for e in tried if e["start"] == reversing.notes["start"])
+    assert winner["objective"] == pytest.approx(best["objective"], rel=1e-6)
+
+
+def test_nonlinear_monte_carlo_agrees(reversing: planner.Plan, paper: planner.Problem) -> None:
+    spread = reversing.notes["spread"]
+    easy = planner.solve(paper, "collocation")
+    for plan in (reversing, easy):
+        ends = motions(plan, draws(spread, 500))[:, 0] - plan.q(plan.duration)
+        seen = np.rad2deg(np.sqrt(np.sum(np.mean(ends[:, 1:] ** 2, axis=0))))
+        assert seen == pytest.approx(sensitivity(plan).total_deg(), rel=0.05)
+        few = {k: v for k, v in spread.items() if k in ("start theta1", "gain u2")}
+        passive = motions(plan, draws(few, 500))[:, 0] - plan.q(plan.duration)
+        seen = np.rad2deg(np.sqrt(np.sum(np.mean(passive[:, 2:] ** 2, axis=0))))
+        # what is left of the passive block is of second order in the errors
+        assert seen == pytest.approx(sensitivity(plan).passive_block_deg(), rel=0.08, abs=0.02)
+
+
+def test_the_effort_limit_bites(paper: planner.Problem, reversing: planner.Plan) -> None:
+    assert effort(reversing.trajectory) > 1.0
+    plan = planner.solve(paper, "desensitised", starts=1, intervals=20, effort_limit=0.6)
+    assert effort(plan.trajectory) == pytest.approx(0.6, abs=1e-6)
+
+
+def test_an_effort_limit_below_the_least_is_named(paper: planner.Problem) -> None:
+    with pytest.raises(planner.NotConvergedError, match="effort reaches") as refusal:
+        planner.solve(paper, "desensitised", starts=1, intervals=12, effort_limit=0.2)
+    assert not any(" on theta" in violation.label for violation in refusal.value.violations)
+
+
+def test_time_that_ends_before_the_mesh_is_fine_leaves_no_plan(
+    paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def ended(*_: object) -> None:
+        raise time_up()
+
+    monkeypatch.setattr("planner.methods.collocation.refine.transferred", ended)
+    monkeypatch.setattr("planner.methods.desensitised.method.plan_collocation", lambda *_: easy)
+    easy = planner.solve(paper, "collocation")
+    with pytest.raises(planner.TimeLimitError):
+        planner.solve(paper, "desensitised", starts=1, intervals=5, time_limit_s=600)
+
+
+def test_back_off_keeps_perturbed_motions_inside(paper: planner.Problem) -> None:
+    tight = paper.changed({"limits.joint_deg": 36})
+    options = {"starts": 1, "intervals": 24, "effort": 0.5, "passive": 0.0, "terminal": 0.01}
+    t = np.linspace(0, 10, 81)
+
+    def outside(plan: planner.Plan) -> float:
+        q = motions(plan, draws(plan.notes["spread"], 200, seed=3), t)
+        return float(np.mean(np.max(np.abs(q[:, :, 1:]), axis=(1, 2)) > np.deg2rad(36)))
+
+    assert outside(planner.solve(tight, "desensitised", **options)) > 0.3
+    free = tight.changed({"limits": {k: v for k, v in tight.to_dict()["limits"].items()
+                                     if k != "z2_margin"}})  # fmt: skip
+    backed = planner.solve(free, "desensitised", **options, backoff=3.0)
+    assert outside(backed) < 0.02
+
+
+def test_no_room_to_back_off_at_the_start(paper: planner.Problem) -> None:
+    with pytest.raises(planner.InfeasibleError, match=r"backoff = 3 needs .* on z2") as refusal:
+        planner.solve(paper, "desensitised", backoff=3.0)
+    assert "backoff = " in str(refusal.value.advice)
+
+
+def test_back_off_is_kept_at_the_goal(paper: planner.Problem) -> None:
+    """The goal lies inside its limit, but nearer to it than three standard deviations."""
+    changes = {"limits.joint_deg": 31.0, "start.theta_deg": [10, 20, 10]}
+    tight = planner.Problem.from_dict(planner.problem.problem.with_changes(
+        {k: v for k, v in paper.to_dict().items() if k != "limits"}, changes))  # fmt: skip
+    assert planner.solve(tight, "desensitised", starts=1, intervals=12).verified
+    with pytest.raises(planner.NotConvergedError) as refusal:
+        planner.solve(tight, "desensitised", starts=1, intervals=12, backoff=3.0)
+    labels = [violation.label for violation in refusal.value.violations]
+    assert any(label.endswith("with 3 standard deviations of back-off") for label in labels)
+
+
+def test_a_coarse_mesh_is_refined(paper: planner.Problem) -> None:
+    plan = planner.solve(paper, "desensitised", starts=1, intervals=5)
+    assert plan.verified
+    assert plan.notes["intervals"][0] == 5 < plan.notes["intervals"][-1]
+
+
+def test_no_path_kept_as_it_is_stands_for_the_least_response(paper: planner.Problem) -> None:
+    free = {k: v for k, v in paper.to_dict()["limits"].items() if k != "z2_margin"}
+    problem = paper.changed({"limits": free})
+    assert can_hold(collocation_task(problem, CollocationOptions(), 8))
+    assert not can_hold(_task(problem, DesensitisedOptions(intervals=8)))
+
+
+def test_input_rates_rest_and_a_free_duration(paper: planner.Problem) -> None:
+    changes = {"limits.input_rate_rad_s2": [2.0, 2.0], "goal.duration": "free"}
+    problem = paper.changed({**changes, "start.theta_deg": [10, 20, 10]})
+    plan = planner.solve(problem, "desensitised", starts=1, intervals=24, rest=True)
+    assert plan.verified
+    np.testing.assert_allclose(plan.u(np.array([0.0, plan.duration])), 0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "intervals"),
+    [("crossing", 16), ("parking", 24), ("four-joint", 16), ("ball-gear", 16)],
+)
+def test_other_problems(name: str, intervals: int) -> None:
+    problem = planner.load_problem(PROBLEMS / f"{name}.toml")
+    plan = planner.solve(problem, "desensitised", starts=1, intervals=intervals)
+    easy = planner.solve(problem, "collocation")
+    assert plan.verified
+    assert sensitivity(plan).total_deg() <= sensitivity(easy).total_deg() + 1e-6
+
+
+def test_obstacles_are_cleared() -> None:
+    problem = planner.load_problem(PROBLEMS / "obstacle.toml")
+    free = problem.changed({"obstacles": []})
+    options = {"starts": 1, "intervals": 20}
+    disc = problem.obstacles[0]
+
+    def room(plan: planner.Plan) -> float:
+        q = plan.q(np.linspace(0, plan.duration, 2001))
+        return float(np.min(disc.clearances(problem.system.arm_points(q[:, 1:]))))  # type: ignore[attr-defined]
+
+    assert room(planner.solve(free, "desensitised", **options)) < -0.05  # type: ignore[arg-type]
+    assert room(planner.solve(problem, "desensitised", **options)) >= -1e-6  # type: ignore[arg-type]
+
+
+def test_waypoints_are_refused_with_the_way_out() -> None:
+    problem = planner.load_problem(PROBLEMS / "waypoint.toml")
+    with pytest.raises(planner.NotConvergedError, match="do not pass waypoints"):
+        planner.solve(problem, "desensitised")
+
+
+def test_one_way_where_it_cannot_be() -> None:
+    problem = planner.load_problem(PROBLEMS / "parking.toml")
+    with pytest.raises(planner.InfeasibleError, match="no one-way motion exists") as refusal:
+        planner.solve(problem, "desensitised", reversal=False)
+    assert "reversal = true" in str(refusal.value.advice)
+
+
+def test_a_spread_that_does_not_fit(paper: planner.Problem) -> None:
+    with pytest.raises(planner.InputError, match=r"start_deg has 2 values; give one number, or 3"):
+        planner.solve(paper, "desensitised", start_deg=[0.5, 0.5])
+    with pytest.raises(planner.InputError, match="every spread is zero"):
+        planner.solve(paper, "desensitised", start_deg=0.0, gain=0.0)
+
+
+def test_constant_input_contradicts_rest(paper: planner.Problem) -> None:
+    with pytest.raises(planner.InputError, match="contradicts rest = true"):
+        planner.solve(paper, "desensitised", rest=True, input="constant")

@@ -1,0 +1,146 @@
+"""The paper's hand work done by the program: points, travel and amplitude."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import planner
+from planner.methods.laws.scores import Scores, end_margin, score, search
+from planner.plan.trajectory import ChainedTrajectory
+from planner.support.arrays import Array
+
+
+@pytest.fixture(scope="module")
+def auto(paper: planner.Problem) -> planner.Plan:
+    return planner.solve(paper, "polynomial", points="auto")
+
+
+def _peaks(plan: planner.Plan) -> Array:
+    return np.asarray(np.max(np.abs(plan.u(np.linspace(0, plan.duration, 20001))), axis=0))
+
+
+def test_beats_the_hand_by_far(auto: planner.Plan, unlimited: planner.Problem) -> None:
+    """Within the file's limits of 0.5 rad/s; the hand-chosen middle travel needs 80 rad/s."""
+    by_hand = planner.solve(unlimited, "polynomial", travel="middle")
+    assert auto.verified
+    assert auto.domain.ok
+    assert _peaks(by_hand)[1] > 80
+    assert _peaks(auto)[1] < _peaks(by_hand)[1] / 400
+    assert np.max(_peaks(auto)) < 0.18
+
+
+def test_more_points_lower_the_peak(auto: planner.Plan) -> None:
+    costs = auto.notes["auto_cost_with_0_1_2_points"]
+    peaks = [cost / (1 - cost) * 0.5 for cost in costs]
+    assert peaks[0] == pytest.approx(0.5825, abs=1e-3)  # no travel alone keeps 0.5 rad/s
+    assert peaks[0] > peaks[1] > peaks[2]
+    assert peaks[2] == pytest.approx(np.max(_peaks(auto)), rel=1e-3)
+    assert len(auto.notes["points"]) == 2
+
+
+def test_chosen_points_are_ordinary_points(auto: planner.Plan, paper: planner.Problem) -> None:
+    again = planner.solve(
+        paper.changed({"goal.travel": auto.travel}), "polynomial", points=auto.notes["points"]
+    )
+    t = np.linspace(0, 10, 60)
+    np.testing.assert_allclose(again.z(t), auto.z(t), rtol=0, atol=1e-12)
+
+
+def test_a_little_off_the_choice_is_worse(auto: planner.Plan, paper: planner.Problem) -> None:
+    """Local optimality, by plans made without the search."""
+    best = np.max(_peaks(auto))
+    (t1, v1), (t2, v2) = auto.notes["points"]
+    for d_travel, d1, d2 in ((2e-4, 0, 0), (-2e-4, 0, 0), (0, 1e-3, 0), (0, 0, -2e-3)):
+        problem = paper.changed({"limits": {}, "goal.travel": auto.travel + d_travel})
+        plan = planner.solve(
+            problem, "polynomial", points=[[t1, v1 + d1], [t2, v2 + d2]], allow_singular=True
+        )
+        assert not plan.domain.ok or np.max(_peaks(plan)) > best
+
+
+def test_largest_margin(unlimited: planner.Problem) -> None:
+    """At this travel the smallest peak comes ten times closer to the edge than the ends do."""
+    problem = unlimited.changed({"goal.travel": 0.8})
+    plan = planner.solve(problem, "polynomial", points="auto", criterion="margin")
+    # To what 6000 samples see: a dip between two of them is a few 1e-8 deep here.
+    assert plan.domain.margin == pytest.approx(end_margin(problem), rel=1e-3)
+
+
+def test_says_when_nothing_is_found(unlimited: planner.Problem) -> None:
+    """π/4 lies outside the window of one-way motions, so no points can help."""
+    problem = unlimited.changed({"goal.travel": np.pi / 4})
+    with pytest.raises(planner.SingularError, match=r"best polynomial plan of \d+") as caught:
+        planner.solve(problem, "polynomial", points="auto")
+    plan = caught.value.plan
+    assert plan is not None
+    assert plan.notes["auto_found_inside"] is False
+    assert not plan.domain.ok
+
+
+def test_says_when_no_one_way_motion_exists(unlimited: planner.Problem) -> None:
+    problem = unlimited.changed({"goal.theta_deg": [30.0, 30.0, 0.5]})
+    for method in ("polynomial", "piecewise", "sinusoid", "sinusoid_steps"):
+        options = {"points": "auto"} if method == "polynomial" else {}
+        with pytest.raises(planner.InfeasibleError, match="no one-way motion"):
+            planner.solve(problem, method, **options)
+
+
+def test_free_duration(paper: planner.Problem) -> None:
+    """Points are found as shares of a duration that follows from the limits."""
+    problem = paper.changed({"goal.duration": "free", "goal.travel": 0.83286})
+    plan = planner.solve(problem, "polynomial", points="auto")
+    assert np.max(_peaks(plan)) == pytest.approx(0.5, rel=1e-6)
+    assert plan.duration == pytest.approx(3.4998, abs=2e-3)
+    for t, value in plan.notes["points"]:
+        assert plan.z(t)[1] == pytest.approx(value, abs=1e-12)
+
+
+def test_two_legs(unlimited: planner.Problem) -> None:
+    """With travel zero the points are spread over both legs."""
+    problem = unlimited.changed({"goal.travel": 0.0})
+    plan = planner.solve(problem, "polynomial", points="auto", allow_singular=True)
+    assert plan.status == "singular"
+    for t, value in plan.notes["points"]:
+        assert plan.z(t)[1] == pytest.approx(value, rel=1e-9)
+
+
+# -- the parts -------------------------------------------------------------------------------------
+
+
+def test_what_is_worse_in_kind_costs_more() -> None:
+    nan = np.nan
+    scores = Scores(
+        margin=np.array([0.5, 0.5, 0.5, 1e-3, -1e-9, -1.0, nan]),
+        slack=np.array([np.inf, 0.1, -0.2, 0.1, nan, nan, nan]),
+        peak=np.array([0.1, 1e9, 0.1, 0.1, nan, nan, nan]),
+    )
+    for criterion in ("peak", "margin"):
+        cost = scores.cost(criterion, ends=0.6)
+        assert np.all(cost[:2] < 1)
+        assert np.all((cost[2:4] > 1) & (cost[2:4] < 2))
+        assert 2 < cost[4] < cost[5] < 3
+        assert cost[6] == 3
+    assert scores.cost("peak", 0.6)[0] < scores.cost("peak", 0.6)[1]
+
+
+def test_scores_agree_with_the_plan(auto: planner.Plan, paper: planner.Problem) -> None:
+    assert isinstance(auto.trajectory, ChainedTrajectory)
+    found = score(paper, [auto.trajectory, None], samples=8000)
+    assert found.margin[0] == pytest.approx(auto.domain.margin, rel=1e-6)
+    assert found.peak[0] == pytest.approx(np.max(_peaks(auto)) / 0.5, rel=1e-5)
+    sure = np.linspace(0, 10, 20001)
+    joints = 1 - np.max(np.abs(auto.q(sure)[:, 1:])) / np.deg2rad(80)
+    z2 = (np.min(-auto.z(sure)[:, 1]) - 0.01) / 0.01
+    assert found.slack[0] == pytest.approx(min(joints, z2), abs=1e-6)
+    assert np.isnan(found.margin[1])
+    assert list(found.inside) == [True, False]
+
+
+def test_search_survives_laws_without_solution(unlimited: planner.Problem) -> None:
+    def nothing(_: Array) -> None:
+        return None
+
+    found = search(unlimited, nothing, np.zeros((3, 1)), np.ones(1))
+    assert found.cost == 3
+    assert not found.inside

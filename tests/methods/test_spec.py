@@ -1,0 +1,87 @@
+"""Methods with options in one line."""
+
+from __future__ import annotations
+
+import tomllib
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import planner
+from planner.methods.registry import parse_spec, parse_specs
+from planner.support.files import toml
+
+
+def test_a_bare_name_has_no_options() -> None:
+    spec = parse_spec(" polynomial ")
+    assert (spec.label, spec.method, spec.options) == ("polynomial", "polynomial", {})
+
+
+def test_values_are_toml_and_plain_words_are_strings() -> None:
+    spec = parse_spec("polynomial:travel=middle:points=[[5.0, -0.2]]:allow_singular=true:offset=1")
+    assert spec.options == {
+        "travel": "middle",
+        "points": [[5.0, -0.2]],
+        "allow_singular": True,
+        "offset": 1,
+    }
+    assert spec.label.startswith("polynomial:travel=middle")
+
+
+def test_separators_inside_quotes_and_brackets_do_not_separate(paper: planner.Problem) -> None:
+    specs = parse_specs(paper, "polynomial:points=[[5.0, -0.2], [6.0, -0.3]],polynomial")
+    assert [spec.method for spec in specs] == ["polynomial", "polynomial"]
+    assert parse_spec("polynomial:travel='a:b'").options == {"travel": "a:b"}
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("polynomail", r"unknown method 'polynomail'.*did you mean 'polynomial'"),
+        ("", "unknown method"),
+        ("polynomial:travel", "'travel' is not key=value"),
+        ("polynomial:=middle", "not key=value"),
+        ("polynomial:travel=", "not key=value"),
+        ("polynomial:travel=middle:travel=auto", "'travel' is given twice"),
+        ("polynomial:points=[[5,", "'points'"),
+        ("polynomial:travel=1 2", "'travel' = 1 2 is not a value"),
+    ],
+)
+def test_bad_specs_are_named(text: str, said: str) -> None:
+    with pytest.raises(planner.InputError, match=said):
+        parse_spec(text)
+
+
+@pytest.mark.parametrize(
+    ("texts", "said"),
+    [
+        ([], "no method named"),
+        (["polynomial", "polynomial"], "'polynomial' is named twice"),
+        (["polynomial:travle=middle"], r"travle.*did you mean 'travel'"),
+        (["polynomial:travel=sideways"], "sideways"),
+    ],
+)
+def test_bad_lists_and_options_are_refused_before_any_work(
+    paper: planner.Problem, texts: list[str], said: str
+) -> None:
+    with pytest.raises(planner.InputError, match=said):
+        parse_specs(paper, texts)
+
+
+VALUES = st.recursive(
+    st.booleans()
+    | st.integers(-(10**9), 10**9)
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.text(st.characters(exclude_categories=["Cs", "Cc"])),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.dictionaries(st.from_regex(r"[a-z_]{1,8}", fullmatch=True), inner, max_size=3)
+    ),
+    max_leaves=4,
+)
+
+
+@given(VALUES)
+def test_toml_text_reads_back_as_the_value(value: object) -> None:
+    assert tomllib.loads(f"x = {toml(value)}") == {"x": value}

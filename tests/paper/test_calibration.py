@@ -1,0 +1,127 @@
+"""The prototype preset is what the calibration gives, and what cannot be told is not told."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import planner.paper.calibrate as calibration
+from planner.cli.app import main
+from planner.machine.machine import Machine
+from planner.paper.calibrate import Calibration, calibrate, write
+from planner.paper.fit import TOLERANCES, said
+from planner.paper.statements import FITTED, FIXED, coordinates, move, nominal, values
+
+COMMAND = sys.modules["planner.cli.paper"]
+
+
+@pytest.fixture(scope="module")
+def made() -> Calibration:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(calibration, "MACHINES", 200)
+        return calibrate()
+
+
+def test_the_preset_is_the_calibration(made: Calibration) -> None:
+    """To a unit of the last of its three digits, so that it holds on any computer."""
+    preset = Machine.prototype().to_dict()
+    for name, setting in made.settings.items():
+        for ours, theirs in zip(parts(preset[name]), parts(setting), strict=True):
+            assert ours == pytest.approx(theirs, rel=1e-2), name
+            assert float(f"{ours:.3g}") == ours
+    fit = coordinates({name: parts(preset[name])[0] for name in made.settings})
+    assert np.max(np.abs(fit - made.fit.x)) < 0.02  # of a standard deviation of the range
+
+
+def parts(setting: object) -> list[float]:
+    numbers = setting.values() if isinstance(setting, dict) else [setting]
+    return [float(x) for x in numbers]
+
+
+def test_it_says_what_the_paper_says(made: Calibration) -> None:
+    theta3, *motors = made.fit.found
+    assert theta3 == pytest.approx(5.0, abs=0.02)
+    assert max(motors) < 0.5  # % of the peak
+    for run in made.replays.values():
+        assert np.median(run.largest_error_deg[:, 2]) == pytest.approx(5.2, abs=0.5)
+
+
+def test_every_effect_of_the_prototype_has_a_reason() -> None:
+    fitted = [r.name for r in FITTED]
+    assert set(fitted) | set(FIXED) == set(Machine.prototype().effects)
+    assert not set(fitted) & set(FIXED)
+    for r in FITTED:
+        assert r.low < parts(Machine.prototype().to_dict()[r.name])[0] < r.high
+        assert r.source
+        assert values(coordinates({q.name: q.high for q in FITTED}))[r.name] == pytest.approx(
+            r.high
+        )
+
+
+def test_the_papers_words_fix_one_direction_and_curves_more(made: Calibration) -> None:
+    words, curves, records = made.data
+    assert words.rank == 1
+    assert 1 < curves.rank < records.rank <= len(FITTED)
+    assert np.all(words.left <= 1 + 1e-12)
+    names = [r.name for r in FITTED]
+    for name in ("torque_limit_nm", "friction_capacity_nm"):  # never reached
+        assert words.left[names.index(name)] == pytest.approx(1, abs=1e-6)
+    assert words.left[names.index("coulomb_friction_nm")] < 0.7
+    assert np.mean(records.left) < np.mean(curves.left) < np.mean(words.left)
+
+
+def test_sensitivities_foretell_what_a_changed_machine_does(made: Calibration) -> None:
+    """Along the identified direction the error moves as the singular value says; across, not."""
+    words, size = made.data[0], 0.2
+    known, unknown = words.directions[0], words.directions[5]
+    points = [values(made.fit.x + size * d) for d in (0 * known, known, unknown)]
+    seen = said(made.plan, points) / TOLERANCES
+    assert np.linalg.norm(seen[1] - seen[0]) == pytest.approx(size * words.singular[0], rel=0.1)
+    assert np.linalg.norm(seen[2] - seen[0]) < 0.01 * size * words.singular[0]
+    assert (
+        np.linalg.norm(np.log(list(points[2].values())) - np.log(list(points[0].values()))) > 0.03
+    )
+
+
+def test_half_of_a_joints_own_play_goes_into_its_error(made: Calibration) -> None:
+    machine = nominal(made.fit.parameters).without("backlash_deg")
+    none, second, third = (
+        move(made.plan, machine.with_(backlash_deg=gaps), [{"creep": 0.003}]).largest[0, 2]
+        for gaps in ([0.0, 0.0], [2.7, 0.0], [0.0, 2.7])
+    )
+    assert third - none == pytest.approx(2.7 / 2, rel=0.05)
+    assert second == pytest.approx(none, abs=0.05)
+
+
+def test_the_folder(made: Calibration, tmp_path: Path) -> None:
+    place = write(made, tmp_path / "calibration")
+    text = (place / "README.md").read_text()
+    assert "planner calibrate --out results/calibration" in text
+    assert all(f"`{r.name}`" in text and r.source in text for r in FITTED)
+    assert all(f"`{name}`" in text for name in FIXED)
+    assert (place / "calibration.png").stat().st_size > 10_000
+
+
+def test_the_command(
+    made: Calibration, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(COMMAND, "run_calibration", lambda progress, seed: made)
+    assert main(["calibrate", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["preset"] == made.settings
+    assert found["identified"][0]["rank"] == 1
+    assert main(["calibrate"]) == 0
+    assert "coulomb_friction_nm" in capsys.readouterr().out
+
+
+def test_a_folder_of_other_things_is_refused_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(COMMAND, "run_calibration", lambda progress, seed: pytest.fail("worked"))
+    (tmp_path / "mine.txt").write_text("keep")
+    assert main(["calibrate", "--out", str(tmp_path)]) == 2
+    assert "holds files that are not from an earlier run" in capsys.readouterr().err

@@ -1,0 +1,87 @@
+"""The full chart domain: the sign of z₂ alone is not enough, as the paper's own example shows."""
+
+import numpy as np
+import pytest
+
+import planner
+from planner.systems.chained_form import chained_form
+
+
+def _at(problem: planner.Problem, travel: float, points: list[list[float]]) -> planner.Plan:
+    fixed = problem.changed({"goal.travel": travel})
+    return planner.solve(fixed, "polynomial", points=points, allow_singular=True)
+
+
+def g(z3: np.ndarray, K2: float, K3: float) -> np.ndarray:
+    """Largest −z₂ for which θ₁ exists (n = 3, θ₂ > 0)."""
+    c = np.cbrt(z3 / K3)
+    return 3 * K2 * K3 * c**2 * np.sqrt(1 - c**2)
+
+
+def test_printed_example_keeps_z2_negative_and_yet_has_no_theta1(
+    unlimited: planner.Problem,
+) -> None:
+    plan = _at(unlimited, np.pi / 4, [[5.0, -0.2]])
+    assert plan.status == "singular"
+    assert plan.domain.z2_max < 0
+    assert plan.domain.z2_crossings_s == ()
+    assert not plan.domain.ok
+    assert plan.domain.margin == pytest.approx(-0.221, abs=5e-4)  # cos²θ₁ would have to be 1.22
+    assert "theta1 = 0" in plan.domain.label
+    enter, leave = plan.domain.exits_s
+    z = plan.z(np.linspace(0, 10, 2001))
+    outside = -z[:, 1] > g(z[:, 2], 0.870125, 0.711625)
+    t = np.linspace(0, 10, 2001)[outside]
+    assert t[0] == pytest.approx(enter, abs=0.005)
+    assert t[-1] == pytest.approx(leave, abs=0.005)
+
+
+def test_exits_are_exact(unlimited: planner.Problem) -> None:
+    plan = _at(unlimited, np.pi / 4, [[5.0, -0.2]])
+    z = plan.z(np.array(plan.domain.exits_s))
+    np.testing.assert_allclose(-z[:, 1], g(z[:, 2], 0.870125, 0.711625), atol=1e-10)
+
+
+def test_coordinates_are_nan_exactly_outside(unlimited: planner.Problem) -> None:
+    plan = _at(unlimited, np.pi / 4, [[5.0, -0.2]])
+    enter, leave = plan.domain.exits_s
+    assert np.all(np.isfinite(plan.q([enter - 1e-6, leave + 1e-6])))
+    assert np.isnan(plan.q([enter + 1e-6, leave - 1e-6])[:, 1]).all()
+
+
+@pytest.mark.parametrize("travel", [0.786, 0.7935, 0.9045, 0.95])
+def test_plain_cubic_crosses_zero_twice_outside_the_printed_range(
+    unlimited: planner.Problem, travel: float
+) -> None:
+    crossings = _at(unlimited, travel, []).domain.z2_crossings_s
+    assert len(crossings) == 2
+
+
+@pytest.mark.parametrize("travel", [0.794, 0.82, 0.904])
+def test_plain_cubic_keeps_z2_negative_inside_it(unlimited: planner.Problem, travel: float) -> None:
+    assert _at(unlimited, travel, []).domain.z2_max < 0
+
+
+@pytest.mark.parametrize(
+    ("travel", "negative"), [(0.778, False), (0.7785, True), (0.905, True), (0.9055, False)]
+)
+def test_point_keeps_z2_negative_in_the_printed_range(
+    unlimited: planner.Problem, travel: float, negative: bool
+) -> None:
+    assert (_at(unlimited, travel, [[5.0, -0.2]]).domain.z2_max < 0) == negative
+
+
+def test_crossings_are_zeros_of_z2(unlimited: planner.Problem) -> None:
+    plan = _at(unlimited, np.pi / 4, [])
+    np.testing.assert_allclose(plan.z(np.array(plan.domain.z2_crossings_s))[:, 1], 0, atol=1e-12)
+
+
+def test_domain_of_a_plan_inside(unlimited: planner.Problem) -> None:
+    plan = planner.solve(unlimited.changed({"goal.travel": 0.82}), "polynomial")
+    assert plan.domain.ok
+    assert plan.domain.exits_s == ()
+    assert plan.domain.margin == pytest.approx(np.sin(np.deg2rad(1)) ** 2, rel=1e-6)
+    assert plan.domain.singular_times_s == ()
+    form = chained_form(plan.problem.system)
+    q = plan.q(np.linspace(0, 10, 50))
+    np.testing.assert_allclose(form.z(q), plan.z(np.linspace(0, 10, 50)), atol=1e-12)

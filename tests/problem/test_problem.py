@@ -1,0 +1,73 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import planner
+
+
+def test_paper_file_says_what_the_paper_says(paper: planner.Problem) -> None:
+    np.testing.assert_allclose(np.rad2deg(paper.start[1:]), [1, 1, 1])
+    np.testing.assert_allclose(np.rad2deg(paper.goal[1:]), [30, 30, 30])
+    assert np.isnan(paper.goal[0])
+    assert paper.travel is None
+    assert paper.duration == 10.0
+    np.testing.assert_array_equal(paper.limits.input, [0.5, 0.5])
+    assert np.all(np.isinf(paper.limits.input_rate))
+    assert paper.z2_sign == -1
+
+
+def test_dict_round_trip(paper: planner.Problem) -> None:
+    assert planner.Problem.from_dict(paper.to_dict()) == paper
+
+
+def test_changes_are_checked_and_leave_the_original_alone(paper: planner.Problem) -> None:
+    changed = paper.changed({"goal.travel": 0.8, "limits.joint_deg": [70, 60, 50]})
+    assert changed.travel == 0.8
+    np.testing.assert_allclose(np.rad2deg(changed.limits.joint[1:]), [70, 60, 50])
+    assert paper.travel is None
+    with pytest.raises(
+        planner.InputError, match=r"unknown key 'goal.travle'.*did you mean 'travel'"
+    ):
+        paper.changed({"goal.travle": 0.8})
+
+
+def test_limits_left_out_are_infinite(unlimited: planner.Problem) -> None:
+    assert np.all(np.isinf(unlimited.limits.input))
+    assert np.all(np.isinf(unlimited.limits.joint))
+    assert unlimited.limits.z2_margin is None
+
+
+def test_gear_geometry_supplies_the_constants(paper: planner.Problem) -> None:
+    gear = {"r1": 0.8178, "R": 1.0, "r3": 1.2, "lambda": 1.0, "eta": 1.0}
+    data = paper.to_dict()
+    data["system"] = {"kind": "manipulator", "joints": 4, "gear": gear}
+    data["start"] = data["goal"] = {"theta_deg": [1, 2, 3, 4]}
+    data["limits"] = {}
+    system = planner.Problem.from_dict(data).system
+    assert isinstance(system, planner.Manipulator)
+    rho = 0.8178
+    assert system.k_g == pytest.approx(rho**2)
+    assert system.k_g_rule.startswith("printed")
+    k = [1 / 1.2 * rho ** (i - 1) for i in (2, 3, 4)]
+    np.testing.assert_allclose(system.K, np.array(k) / rho**2)
+    data["system"]["k_g_rule"] = "chain"
+    assert planner.Problem.from_dict(data).system.k_g == pytest.approx(rho ** (4 - 2))
+
+
+@pytest.mark.parametrize(
+    "path", sorted(Path(__file__).parents[2].glob("problems/*.toml")), ids=lambda p: p.stem
+)
+def test_every_shipped_problem_loads_and_explains_itself(path: Path) -> None:
+    problem = planner.load_problem(path)
+    assert problem.name
+    assert path.read_text(encoding="utf-8").startswith("#")
+
+
+def test_travel_is_set_by_the_key_of_the_system(paper: planner.Problem) -> None:
+    assert paper.travel_key == "goal.travel"
+    assert paper.with_travel(0.8).travel == 0.8
+    car = planner.load_problem(Path(paper.source).with_name("car.toml"))
+    assert car.travel_key == "goal.x_m"
+    assert car.with_travel(3.0).travel == pytest.approx(3.0)
+    assert car.with_travel(None).travel is None

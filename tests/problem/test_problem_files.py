@@ -1,0 +1,118 @@
+"""Problem files of every kind: units, defaults, limits, and what they refuse."""
+
+import json
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+
+import planner
+from planner.errors import InputError
+from planner.problem.tables.kinds import FILES, json_schema
+
+ROOT = Path(__file__).parents[2]
+SHIPPED = {"ball-gear", "unicycle", "car", "trailers", "custom"}
+
+
+def shipped(kind: str) -> planner.Problem:
+    return planner.load_problem(ROOT / f"problems/{kind}.toml")
+
+
+@pytest.mark.parametrize("kind", sorted(SHIPPED))
+def test_shipped_problem_is_planned_within_its_limits(kind: str) -> None:
+    problem = shipped(kind)
+    assert problem.system.kind == kind
+    plan = planner.solve(problem, "polynomial")
+    assert plan.verified
+    assert plan.domain.ok
+    assert planner.Problem.from_dict(problem.to_dict()) == problem
+
+
+def test_every_kind_has_a_shipped_problem() -> None:
+    assert set(FILES) == SHIPPED | {"manipulator"}
+
+
+def test_schema_accepts_every_shipped_problem_and_refuses_typos() -> None:
+    schema = json_schema()
+    validator = jsonschema.Draft202012Validator(schema)
+    for kind in SHIPPED:
+        data = json.loads(json.dumps(shipped(kind).to_dict()))
+        assert validator.is_valid(data)
+        assert not validator.is_valid({**data, "gaol": {}})
+
+
+def test_trailers_in_their_units() -> None:
+    problem = shipped("trailers").changed(
+        {
+            "start.x_m": 2.0,
+            "start.hitch_deg": [10, -20],
+            "start.steering_deg": 5,
+            "goal.heading_deg": 30,
+            "limits.hitch_deg": [40, 50],
+            "limits.heading_deg": 80,
+            "limits.acceleration_m_s2": 3.0,
+        }
+    )
+    degrees = np.deg2rad
+    np.testing.assert_allclose(problem.start, [2.0, *degrees([5, 10, -20, 0]), 0.0])
+    np.testing.assert_allclose(problem.goal[1:], [0, 0, 0, degrees(30), 3.0])
+    assert problem.travel == 18.0
+    np.testing.assert_allclose(problem.limits.joint, [np.inf, *degrees([45, 40, 50, 80]), np.inf])
+    np.testing.assert_array_equal(problem.limits.input, [2.0, 1.0])
+    np.testing.assert_array_equal(problem.limits.input_rate, [3.0, np.inf])
+    assert problem.limits.z2_margin is None
+
+
+@pytest.mark.parametrize("kind", sorted(FILES))
+def test_travel_is_set_whatever_its_key(kind: str) -> None:
+    problem = shipped("paper" if kind == "manipulator" else kind)
+    assert problem.with_travel(1.25).travel == 1.25
+    free = problem.with_travel(None)
+    assert free.travel is None
+    assert np.isnan(free.goal[0])
+
+
+def test_vehicle_travel_is_from_start_to_goal() -> None:
+    car = shipped("car").changed({"start.x_m": 10.0})
+    assert car.travel == 15.0
+    assert car.with_travel(-4.0).to_dict()["goal"]["x_m"] == 6.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "changes", "says"),
+    [
+        ("car", {"goal.travel": 3.0}, "goal.travel"),
+        ("car", {"start.theta_deg": [1]}, "start.theta_deg"),
+        ("car", {"start.steering_deg": 90}, "start.steering_deg"),
+        ("car", {"system.wheelbase_m": -1.0}, "system.wheelbase_m"),
+        ("car", {"limits.steering_deg": 90}, "limits.steering_deg"),
+        ("car", {"limits.input_rad_s": 1.0}, "limits.input_rad_s"),
+        ("car", {"limits.speed": 1.0}, "speed_m_s"),
+        ("car", {"limits.z2_margin": 0.1}, "limits.z2_margin"),
+        ("unicycle", {"goal.heading_deg": 361}, "goal.heading_deg"),
+        ("unicycle", {"goal.y_m": float("nan")}, "goal.y_m"),
+        ("trailers", {"start.hitch_deg": [1]}, "start.hitch_deg has 1 values"),
+        ("trailers", {"limits.hitch_deg": [1, 2, 3]}, "limits.hitch_deg has 3 values"),
+        ("trailers", {"start.hitch_deg": [70, 0]}, "start hitch1 = 70 deg.*60 deg"),
+        ("ball-gear", {"system.K": [1.0]}, "needs 2 values in K"),
+        ("ball-gear", {"goal.theta_deg": [1, 2]}, "goal.theta_deg has 2 angles"),
+        ("ball-gear", {"limits.input_rad_s": [1.0, 2.0, 3.0]}, "limits.input_rad_s.*has 3 values"),
+        ("ball-gear", {"goal.travel": 60}, "looks like degrees"),
+        ("custom", {"start.q": {"x": 0.0}}, "start.q lacks heading, y, area"),
+        ("custom", {"limits.q": {"hading": 1.0}}, "did you mean 'heading'"),
+        ("custom", {"goal.q": {"x": 0.0}}, "goal.q has no coordinate 'x'"),
+        ("custom", {"system.units": ["m"]}, "units has 1 entries for 4"),
+        ("custom", {"system.slopes": ["tan(heading)", "x"]}, "slope of area reads x"),
+        ("custom", {"system.kind": "tractor"}, "allowed: manipulator"),
+    ],
+)
+def test_wrong_files_name_the_key(kind: str, changes: dict[str, object], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        shipped(kind).changed(changes)
+
+
+def test_a_u_turn_is_no_contradiction_in_a_file_but_no_chart_covers_it() -> None:
+    problem = shipped("unicycle").changed({"goal.heading_deg": 180, "goal.x_m": 0.0})
+    with pytest.raises(planner.SingularError):
+        planner.solve(problem, "polynomial")

@@ -1,0 +1,298 @@
+"""Plans as files of other programs: what they hold, what is refused, and the way back."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+from compared import outside
+from scipy.integrate import quad
+from scipy.interpolate import CubicHermiteSpline
+from scipy.io import loadmat
+
+import planner
+from planner.plan.plan import plan_schema
+from planner.plan.samples import load_samples, sample
+from planner.problem.tables.kinds import json_schema
+from planner.report.export import joint_trajectory
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def law(unlimited: planner.Problem) -> planner.Plan:
+    return planner.solve(unlimited.changed({"goal.travel": 0.825}), "polynomial")
+
+
+@pytest.fixture(scope="module")
+def rest(paper: planner.Problem) -> planner.Plan:
+    return planner.solve(paper, "collocation", rest=True)
+
+
+@pytest.fixture(scope="module")
+def retimed() -> planner.Plan:
+    plan = planner.solve(planner.load_problem(ROOT / "problems/unicycle.toml"), "polynomial")
+    limits = {"acceleration_m_s2": 2.0, "turn_acceleration_rad_s2": 2.0}
+    return planner.retime(plan, limits, rest=True, intervals=10)
+
+
+def test_samples_are_even_and_end_on_the_end(law: planner.Plan) -> None:
+    samples = sample(law, 7.3)
+    assert len(samples.t) == 74
+    assert samples.t[-1] == law.duration
+    np.testing.assert_allclose(np.diff(samples.t), 10 / 73, rtol=1e-12)
+    np.testing.assert_array_equal(samples.q, law.q(samples.t))
+    assert samples.columns[:3] == ("t_s", "phi2_rad", "theta1_rad")
+    assert samples.columns[-3:] == ("z4", "v1", "v2")
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, np.inf, 1e9, True])
+def test_rates_that_make_no_sense(law: planner.Plan, rate: float) -> None:
+    with pytest.raises(planner.InputError, match="rate_hz"):
+        sample(law, rate)
+
+
+@pytest.mark.parametrize("name", ["x.csv", "x.mat"])
+@pytest.mark.parametrize("study", [False, True], ids=["plan", "for study"])
+def test_samples_come_back_exactly(
+    law: planner.Plan, tmp_path: Path, name: str, study: bool
+) -> None:
+    plan = outside() if study else law
+    back = load_samples(planner.export(plan, tmp_path / name, rate_hz=20))
+    there = sample(plan, 20)
+    assert back.columns == there.columns
+    np.testing.assert_array_equal(back.table, there.table)
+    assert np.isnan(back.q).any() == study
+
+
+def test_csv_is_a_plain_table(law: planner.Plan, tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.read_csv(planner.export(law, tmp_path / "x.csv", rate_hz=5), index_col="t_s")
+    pandas.testing.assert_frame_equal(frame, law.to_frame(5), check_exact=True)
+
+
+def test_matlab_sees_names_and_facts(law: planner.Plan, tmp_path: Path) -> None:
+    data = loadmat(planner.export(law, tmp_path / "x.mat", rate_hz=5), simplify_cells=True)
+    assert list(data["coordinates"]) == ["phi2_rad", "theta1_rad", "theta2_rad", "theta3_rad"]
+    assert (data["about"]["method"], data["about"]["verified"]) == ("polynomial", 1)
+    assert json.loads(data["about"]["problem_json"]) == law.problem.to_dict()
+    assert loadmat(tmp_path / "x.mat")["t"].shape == (51, 1)
+
+
+def test_json_is_the_plan_itself(law: planner.Plan, tmp_path: Path) -> None:
+    back = planner.load_plan(planner.export(law, tmp_path / "x.json"))
+    np.testing.assert_array_equal(back.u(3.21), law.u(3.21))
+
+
+def cut(value: Any) -> Any:
+    """The same form with short lists: the schema says nothing about how long they are."""
+    if isinstance(value, dict):
+        return {key: cut(item) for key, item in value.items()}
+    return [cut(item) for item in value[:5]] if isinstance(value, list) else value
+
+
+def test_schema_of_plans_accepts_every_kind_and_no_slip(
+    law: planner.Plan, rest: planner.Plan, retimed: planner.Plan, tmp_path: Path
+) -> None:
+    schema = plan_schema(json_schema())
+    jsonschema.Draft202012Validator.check_schema(schema)
+    validator = jsonschema.Draft202012Validator(schema)
+    for plan in (law, rest, retimed):
+        text = plan.save(tmp_path / "x.json").read_text()
+        assert "NaN" not in text
+        data = json.loads(text) | {"trajectory": cut(json.loads(text)["trajectory"])}
+        validator.validate(data)
+        if plan.trajectory.kind != "chained":
+            continue
+        assert not validator.is_valid({**data, "version": 2})
+        assert not validator.is_valid({**data, "vrsion": 1})
+        assert not validator.is_valid({**data, "problem": {**data["problem"], "gaol": {}}})
+        trajectory = {**data["trajectory"], "kind": "spline"}
+        assert not validator.is_valid({**data, "trajectory": trajectory})
+
+
+def test_a_number_that_is_not_defined_survives_as_null(tmp_path: Path) -> None:
+    plan = outside()
+    assert np.isnan(plan.objective) or np.isfinite(plan.objective)
+    path = replace(plan, objective=float("nan")).save(tmp_path / "x.json")
+    assert '"objective": null' in path.read_text()
+    assert np.isnan(planner.load_plan(path).objective)
+
+
+def follows_the_rules(message: dict) -> None:
+    """Rules of the message definition, and of the controller of ros2_control."""
+    names, points = message["joint_names"], message["points"]
+    assert len(set(names)) == len(names)
+    stamps = [p["time_from_start"] for p in points]
+    for stamp in stamps:
+        assert type(stamp["sec"]) is int
+        assert -(2**31) <= stamp["sec"] < 2**31
+        assert type(stamp["nanosec"]) is int
+        assert 0 <= stamp["nanosec"] < 1_000_000_000
+    whole = [s["sec"] * 1_000_000_000 + s["nanosec"] for s in stamps]
+    assert all(a < b for a, b in pairwise(whole))
+    for point in points:
+        for key in ("positions", "velocities", "accelerations"):
+            assert len(point[key]) == len(names)
+            assert all(type(x) is float and np.isfinite(x) for x in point[key])
+        assert point["effort"] == []
+    assert points[-1]["velocities"] == points[0]["velocities"] == [0.0, 0.0]
+
+
+def test_ros_trajectory_reads_as_yaml_and_follows_the_rules(
+    rest: planner.Plan, tmp_path: Path
+) -> None:
+    yaml = pytest.importorskip("yaml")
+    path = planner.export(rest, tmp_path / "x.yaml", rate_hz=33, joint_names=["disk", "joint1"])
+    message = yaml.safe_load(path.read_text())
+    follows_the_rules(message)
+    assert message["joint_names"] == ["disk", "joint1"]
+    assert message == joint_trajectory(rest, 33, ["disk", "joint1"])
+    end = message["points"][-1]["time_from_start"]
+    assert end["sec"] + 1e-9 * end["nanosec"] == pytest.approx(rest.duration, abs=1e-9)
+
+
+def test_another_timing_brings_a_law_to_rest(retimed: planner.Plan) -> None:
+    message = joint_trajectory(retimed, 50)
+    follows_the_rules(message)
+    assert message["joint_names"] == ["speed", "turn_rate"]
+    assert message["points"][-1]["positions"][0] > np.hypot(2.0, 1.0)
+
+
+def test_ros_positions_velocities_and_accelerations_belong_together(rest: planner.Plan) -> None:
+    points = joint_trajectory(rest, 100)["points"]
+    t = np.array([p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"]
+                  for p in points])  # fmt: skip
+    position, velocity, acceleration = (
+        np.array([p[key] for p in points]) for key in ("positions", "velocities", "accelerations")
+    )
+    for i in range(2):
+        between = CubicHermiteSpline(t, position[:, i], velocity[:, i])
+        middle = (t[1:] + t[:-1]) / 2
+        mean = np.diff(velocity[:, i]) / np.diff(t)
+        inside = [k for k in range(len(mean)) if not np.any((rest.t > t[k]) & (rest.t < t[k + 1]))]
+        assert len(inside) > 500  # the others hold a corner of the input
+        wanted = rest.u(middle)[inside, i]
+        np.testing.assert_allclose(between(middle, 1)[inside], wanted, atol=2e-5)
+        np.testing.assert_allclose(acceleration[:-1][inside, i], mean[inside], atol=1e-6)
+    total = sum(
+        quad(lambda s: rest.u(s)[0], a, b)[0] for a, b in zip(rest.t, rest.t[1:], strict=False)
+    )
+    assert position[-1, 0] == pytest.approx(total, abs=1e-9)
+    np.testing.assert_allclose(np.rad2deg(position[[0, -1], 1]), [1, 30], atol=1e-5)
+
+
+def test_small_numbers_are_numbers_in_yaml(rest: planner.Plan, tmp_path: Path) -> None:
+    yaml = pytest.importorskip("yaml")
+    from planner.report.export import yaml_text
+
+    data = {"header": {}, "joint_names": [], "points": [{"x": [1e-05, 1e22, -3e-300, 0.5]}]}
+    assert yaml.safe_load(yaml_text(data))["points"] == data["points"]
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({}, "does not start at rest.*rest = true.*retime"),
+        ({"rest": True, "scheme": "oops"}, "scheme"),
+    ],
+)
+def test_ros_needs_rest(paper: planner.Problem, change: dict, says: str, tmp_path: Path) -> None:
+    with pytest.raises(planner.InputError, match=says):
+        planner.export(planner.solve(paper, "collocation", **change), tmp_path / "x.yaml")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_ros_refuses_what_ends_moving_or_jumps(rest: planner.Plan, law: planner.Plan) -> None:
+    with pytest.raises(planner.InputError, match="does not start at rest"):
+        joint_trajectory(law)
+    steps = rest.trajectory.u_curve  # type: ignore[attr-defined]
+    from scipy.interpolate import BPoly
+
+    def with_inputs(c: np.ndarray) -> planner.Plan:
+        curve = BPoly(c, steps.x)
+        loose = rest.problem.changed({"limits": {}})
+        return replace(rest, problem=loose, trajectory=replace(rest.trajectory, u_curve=curve))
+
+    moving = steps.c.copy()
+    moving[-1, -1, 0] += 1e-5
+    with pytest.raises(planner.InputError, match=r"does not end at rest: \|u1\| = 1e-05 rad/s"):
+        joint_trajectory(with_inputs(moving))
+    jump = steps.c.copy()
+    jump[-1, 10, 1] += 1e-6
+    with pytest.raises(planner.InputError, match=r"u2 of .* jumps by 1e-06 rad/s at t = "):
+        joint_trajectory(with_inputs(jump))
+
+
+def test_ros_refuses_what_fails_its_verification(rest: planner.Plan) -> None:
+    elsewhere = rest.problem.changed({"goal.theta_deg": [31, 30, 30]})
+    with pytest.raises(planner.InputError, match="not fit for a robot: goal theta1"):
+        joint_trajectory(replace(rest, problem=elsewhere))
+    with pytest.raises(planner.InputError, match="not fit for a robot"):
+        joint_trajectory(outside())
+
+
+@pytest.mark.parametrize("names", [["a"], ["a", "a"], ["a", ""], ["a", "b", "c"]])
+def test_joint_names_are_two(rest: planner.Plan, names: list[str]) -> None:
+    with pytest.raises(planner.InputError, match="two different names"):
+        joint_trajectory(rest, 10, names)
+
+
+def test_dataset_has_names_and_units(law: planner.Plan, tmp_path: Path) -> None:
+    pytest.importorskip("xarray")
+    data = law.to_xarray(10)
+    np.testing.assert_array_equal(data.q.sel(coordinate="theta2"), law.q(data.time.values)[:, 2])
+    assert data.unit_of_u.sel(input="u1") == "rad/s"
+    assert data.time.attrs["units"] == "s"
+    assert data.attrs["method"] == "polynomial"
+    np.testing.assert_array_equal(data.z.sel(chained="z3"), law.z(data.time.values)[:, 2])
+
+
+@pytest.mark.parametrize(
+    ("name", "format", "says"),
+    [
+        ("x.dat", None, r"x\.dat tells no format"),
+        ("x.csv", "cvs", "did you mean 'csv'"),
+        ("none/x.csv", None, "there is no folder"),
+        ("", "csv", "it is a folder"),
+    ],
+)
+def test_bad_names_are_refused(
+    law: planner.Plan, tmp_path: Path, name: str, format: str | None, says: str
+) -> None:
+    with pytest.raises(planner.InputError, match=says):
+        planner.export(law, tmp_path / name, format)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "says"),
+    [
+        ("x.txt", "", "must end in"),
+        ("x.csv", "", "does not hold the samples"),
+        ("x.csv", "a,b\n1,2\n", "does not hold the samples"),
+        ("x.csv", "t_s,a_1,b_1,u_1,w_1,z1,z2,v1,v2\n1,2\n", "does not hold the samples"),
+        ("x.csv", "t_s,a_1,b_1,u_1,w_1,z1,z9,v1,v2\n1,2,3,4,5,6,7,8,9\n", "z9"),
+        ("x.mat", "hello", "does not hold the samples"),
+    ],
+)
+def test_files_that_hold_no_samples(tmp_path: Path, name: str, text: str, says: str) -> None:
+    (tmp_path / name).write_text(text)
+    with pytest.raises(planner.InputError, match=says):
+        load_samples(tmp_path / name)
+    with pytest.raises(planner.InputError, match="cannot read"):
+        load_samples(tmp_path / "missing.csv")
+
+
+@pytest.mark.parametrize("kind", ["unicycle"])
+def test_other_systems_name_their_columns(kind: str, tmp_path: Path) -> None:
+    plan = planner.solve(planner.load_problem(ROOT / f"problems/{kind}.toml"), "polynomial")
+    back = load_samples(planner.export(plan, tmp_path / "x.csv", rate_hz=5))
+    first = plan.problem.system.inputs[0]
+    assert back.inputs[0] == f"{first.name}_m_s"
+    assert back.coordinates[0] == "x_m"

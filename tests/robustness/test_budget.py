@@ -1,0 +1,128 @@
+"""Error budgets of plans whose causes of error are known."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+import planner
+from planner.machine.machine import Machine
+from planner.machine.replay import replay
+from planner.problem.tables.machine_effects import EFFECTS
+from planner.robustness.budget import Budget, error_budget
+
+STEP = 0.01
+
+
+@pytest.fixture(scope="module")
+def plan(unlimited: planner.Problem) -> planner.Plan:
+    changes = {"goal.travel": 0.828, "goal.duration": 4.0}
+    return planner.solve(unlimited.changed(changes), "polynomial")
+
+
+def test_effects_that_add_up(plan: planner.Plan) -> None:
+    """Two starting errors in joint 1, of which E sees the sum; a third effect does nothing."""
+    machine = Machine.ideal(
+        step_s=STEP,
+        initial_angle_error_deg={"value": [3.0, 0.0, 0.0], "spread": [0.5, 0.0, 0.0]},
+        gearhead_backlash_deg=[0.0, 2.0],
+        encoder_resolution_deg=0.1,
+    )
+    budget = error_budget(plan, machine, samples=40, base=32, seed=3)
+    assert budget.idle == ("encoder_resolution_deg",)
+    assert [cost.name for cost in budget.costs] == [
+        "initial_angle_error_deg",
+        "gearhead_backlash_deg",
+    ]
+    start, play = budget["initial_angle_error_deg"], budget["gearhead_backlash_deg"]
+    drawn = replay(plan, machine, 40, 3, record_s=None).draws["initial_angle_error_deg"][0]
+    assert start.alone_deg == pytest.approx(np.median(np.abs(drawn)), rel=0.35)
+    assert play.alone_deg == pytest.approx(1.0, rel=0.4)
+    assert play.alone_interval_deg == (play.alone_deg, play.alone_deg)  # nothing varies
+    assert start.saves_deg == pytest.approx(budget.E_deg - play.alone_deg, abs=0.1)
+    assert budget.none_deg < 1e-3
+    assert start.between is not None
+    assert start.between.total == 1.0  # alone in differing from machine to machine
+    assert play.between is None
+    assert start.switch.total > play.switch.total > 0
+    assert budget.E_deg == replay(plan, machine, 40, 3, record_s=None).percentile(50)
+
+
+@pytest.fixture(scope="module")
+def whole(plan: planner.Plan) -> Budget:
+    """The prototype's budget."""
+    return error_budget(plan, Machine.prototype(step_s=0.001), samples=6, base=4)
+
+
+def test_effects_that_need_each_other(whole: Budget) -> None:
+    """Friction winds up a soft shaft; neither does anything alone, and each saves when off."""
+    for name in ("coulomb_friction_nm", "shaft_stiffness_nm_per_rad"):
+        assert whole[name].alone_deg < 2e-3
+        assert whole[name].saves_deg > 1.0
+        low, high = whole[name].saves_interval_deg
+        assert low <= whole[name].saves_deg <= high
+
+
+def test_costs_are_those_of_machines_without_the_effect(plan: planner.Plan, whole: Budget) -> None:
+    """Simulated one machine after another, with nothing that stands for off."""
+    samples, seed = whole.samples, whole.seed
+    everything = replay(plan, whole.machine, samples, seed, record_s=None).index_E_deg
+    assert whole.E_deg == np.median(everything)
+    for name in ("shaft_stiffness_nm_per_rad", "servo_bandwidth_rad_s", "control_period_s"):
+        cost, there = whole[name], whole.machine.without(name)
+        left = replay(plan, there, samples, seed, record_s=None).index_E_deg
+        assert cost.saves_deg == pytest.approx(np.median(everything - left), abs=1e-3)
+        only = replay(plan, whole.machine.only(name), samples, seed, record_s=None)
+        assert cost.alone_deg == pytest.approx(only.percentile(50), abs=1e-3)
+
+
+def test_what_is_on_is_in_the_budget_or_named_as_idle(whole: Budget) -> None:
+    names = {cost.name for cost in whole.costs} | set(whole.idle)
+    assert names == {name for name in whole.machine.effects if not EFFECTS[name].dynamic}
+    assert "encoder_resolution_deg" in whole.idle
+    saved = [abs(cost.saves_deg) for cost in whole.costs]
+    assert saved == sorted(saved, reverse=True)
+
+
+def test_only_what_spreads_differs_between_machines(whole: Budget) -> None:
+    for cost in whole.costs:
+        assert (cost.between is not None) == whole.machine.effects[cost.name].varies
+
+
+def test_the_same_seed_gives_the_same_budget(plan: planner.Plan) -> None:
+    machine = Machine.prototype(step_s=STEP).only("backlash_deg", "initial_play")
+
+    def data(seed: int) -> object:
+        return error_budget(plan, machine, samples=3, base=2, seed=seed).to_dict()
+
+    assert data(1) == data(1)
+    assert data(1) != data(2)
+
+
+def test_refusals(plan: planner.Plan, unlimited: planner.Problem) -> None:
+    with pytest.raises(planner.InputError, match="no effects"):
+        error_budget(plan, Machine.ideal())
+    with pytest.raises(planner.InputError, match="samples = 0"):
+        error_budget(plan, samples=0)
+    with pytest.raises(planner.InputError, match="no effect 'nothing'"):
+        error_budget(plan, Machine.ideal(step_s=STEP, delay_s=0.1), samples=1, base=2)["nothing"]
+    outside = unlimited.changed({"goal.travel": float(np.pi / 4)})
+    singular = planner.solve(outside, "polynomial", allow_singular=True)
+    with pytest.raises(planner.InputError, match="cannot be replayed"):
+        error_budget(singular)
+
+
+@pytest.mark.parametrize("width", [80, 200])
+def test_the_table_fits_a_terminal(width: int, whole: Budget) -> None:
+    console = Console(width=width, file=io.StringIO(), record=True)
+    console.print(whole.table())
+    text = console.export_text()
+    assert max(len(line.rstrip()) for line in text.splitlines()) <= 100
+    names = "".join(line.split(" ")[0] for line in text.splitlines())
+    for cost in whole.costs:
+        assert cost.name in names, "names are broken, not cut"
+    for word in ("switch,", "total", "95 % interval."):
+        assert word in " ".join(text.split())

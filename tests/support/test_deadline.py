@@ -1,0 +1,128 @@
+"""When a search must end: blocks with an end, solvers that hear of it, Ctrl-C."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from planner.errors import InputError
+from planner.support import deadline
+from planner.support.compiled_calls import within
+from planner.support.deadline import TimeUpError, limited, share
+from planner.support.interrupts import heed_interrupts
+from planner.support.ipopt import Ipopt
+
+
+def rosenbrock(size: int, iterations: int) -> Ipopt:
+    """Which IPOPT solves in less than a hundred iterations; it may go on after that."""
+    x = ca.MX.sym("x", size)
+    f = 100 * ca.sumsqr(x[1:] - x[:-1] ** 2) + ca.sumsqr(1 - x[:-1])
+    endless = {"max_iter": iterations, "tol": 1e-300, "acceptable_iter": 0}
+    quiet = {"print_level": 0, "sb": "yes", "hessian_approximation": "limited-memory"}
+    return Ipopt("long", {"x": x, "f": f}, {"print_time": False, "ipopt": {**quiet, **endless}})
+
+
+def test_of_two_limits_the_earlier_counts() -> None:
+    assert deadline.remaining() == np.inf
+    with limited(100.0):
+        with limited(1.0):
+            assert deadline.remaining() <= 1.0
+        with limited(1000.0):
+            assert 1.0 < deadline.remaining() <= 100.0
+        with share(0.5):
+            assert 1.0 < deadline.remaining() <= 50.0
+        with limited(None):
+            assert 50.0 < deadline.remaining() <= 100.0
+    assert deadline.remaining() == np.inf
+
+
+def test_a_share_may_wait_for_something_to_finish() -> None:
+    holds = [False]
+    with limited(100.0), share(1e-9, once=lambda: holds[0]):
+        deadline.check()
+        holds[0] = True
+        with pytest.raises(TimeUpError):
+            deadline.check()
+
+
+def test_what_is_cut_short_is_known_outside() -> None:
+    with limited(100.0) as outer, limited(1e-9) as inner:
+        with pytest.raises(TimeUpError):
+            deadline.check()
+        assert inner.reached
+        assert outer.reached
+        assert inner.why == "the time limit of 1e-09 s"
+        assert outer.why == "the time limit of 100 s"
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, np.nan, np.inf, True, "5"])
+def test_what_is_no_limit_is_refused(seconds: Any) -> None:
+    with pytest.raises(InputError, match="is no time limit"), limited(seconds):
+        pass
+
+
+def test_another_thread_has_a_limit_of_its_own() -> None:
+    seen = []
+    with limited(1e-9):
+        thread = threading.Thread(target=lambda: seen.append(deadline.remaining()))
+        thread.start()
+        thread.join()
+    assert seen == [np.inf]
+
+
+def test_ipopt_ends_after_the_iteration_in_which_time_is_up() -> None:
+    solver, began = rosenbrock(4000, 10**6), time.perf_counter()
+    with pytest.raises(TimeUpError), limited(0.3):
+        solver(x0=np.full(4000, -1.3))
+    assert time.perf_counter() - began < 20
+
+
+def test_a_solver_that_was_stopped_solves_the_next_time() -> None:
+    solver, start = rosenbrock(4, 60), np.full(4, -1.3)
+    whole = np.asarray(solver(x0=start)["x"])
+    with pytest.raises(TimeUpError), limited(1e-9):
+        solver(x0=start)
+    np.testing.assert_array_equal(np.asarray(solver(x0=start)["x"]), whole)
+
+
+def test_a_call_that_is_late_for_the_limit_is_not_lost() -> None:
+    never = threading.Event()
+    with pytest.raises(TimeUpError), limited(0.05):
+        within(60.0, lambda: never.wait(60))
+    never.set()
+    assert within(60.0, lambda: True)
+
+
+def test_ctrl_c_ends_a_search_that_holds_an_answer() -> None:
+    holds = [False]
+    with limited(None, holds=lambda: holds[0]) as search, share() as part:
+        assert not deadline.stop()
+        deadline.check()
+        holds[0] = True
+        assert deadline.stop()
+        assert part.end <= time.monotonic()
+        with pytest.raises(TimeUpError):
+            deadline.check()
+    assert search.interrupted
+    assert search.why == "Ctrl-C"
+    assert 0 < search.end - time.monotonic() <= deadline.LEAST_FINISH_S
+    assert not deadline.stop()
+
+
+def test_the_outermost_search_says_whether_there_is_an_answer() -> None:
+    with limited(None, holds=lambda: False), limited(None, holds=lambda: True):
+        assert not deadline.stop()
+
+
+def test_a_handler_that_does_not_raise_lets_the_solver_go_on() -> None:
+    heard = []
+    signal.signal(signal.SIGINT, lambda *_: heard.append(True))
+    with heed_interrupts():
+        signal.raise_signal(signal.SIGINT)
+    assert heard == [True]

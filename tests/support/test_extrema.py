@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+
+from planner.support.one_variable import maximum, minimum, sample_times, zeros
+
+
+def test_samples_cover_both_sides_of_every_break() -> None:
+    times = sample_times(np.array([0.0, 1.0, 3.0]), 40)
+    assert times[0] == 0.0
+    assert times[-1] == 3.0
+    assert np.all(np.diff(times) >= 0)
+    assert 1.0 in times
+    assert np.nextafter(1.0, 0.0) in times
+
+
+def test_extremes_are_found_between_samples() -> None:
+    times = np.linspace(0, 3, 7)
+    value, when = minimum(lambda t: (t - 1.234) ** 2 - 2.0, times)
+    assert value == pytest.approx(-2.0, abs=1e-12)
+    assert when == pytest.approx(1.234, abs=1e-5)
+    assert maximum(np.sin, times) == pytest.approx((1.0, np.pi / 2), abs=1e-6)
+
+
+def test_extreme_of_all_nan_is_nan() -> None:
+    assert np.isnan(minimum(lambda t: t * np.nan, np.linspace(0, 1, 5))[0])
+
+
+def test_zeros_by_sign_change() -> None:
+    found = zeros(np.cos, np.linspace(0, 7, 50))
+    np.testing.assert_allclose(found, [np.pi / 2, 3 * np.pi / 2], atol=1e-12)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_short_excursion_between_two_samples_is_not_missed(sign: int) -> None:
+    times = np.linspace(0, 1, 11)
+
+    def dip(t: np.ndarray) -> np.ndarray:
+        return sign * ((t - 0.55) ** 2 - 1e-4)
+
+    np.testing.assert_allclose(zeros(dip, times), [0.54, 0.56], atol=1e-9)
+
+
+def test_nan_counts_as_outside() -> None:
+    found = zeros(lambda t: np.where(t > 0.5, np.nan, 1.0), np.linspace(0, 1, 10))
+    np.testing.assert_allclose(found, [0.5], atol=1e-9)
+
+
+def test_the_lowest_dip_is_found_though_others_were_sampled_better() -> None:
+    """Five dips at samples, and between two samples one that is deeper by 1e-6."""
+    times = np.linspace(0, 10, 1001)
+    centres, depths = np.array([1, 2, 3, 4, 5, 7.005]), np.array([1, 1, 1, 1, 1, 1 + 1e-6])
+
+    def dips(t: np.ndarray) -> np.ndarray:
+        return np.asarray(np.min((t[..., None] - centres) ** 2 - depths, axis=-1))
+
+    value, when = minimum(dips, times)
+    assert value == pytest.approx(-1 - 1e-6, abs=1e-9)
+    assert when == pytest.approx(7.005, abs=1e-4)
+
+
+def test_flat_zeros_are_found_on_long_spans() -> None:
+    found = zeros(lambda t: (t - 30.3) ** 9, np.linspace(0.0, 80.0, 3))
+    assert found == pytest.approx([30.3], abs=1e-6)

@@ -1,0 +1,154 @@
+"""Who may import whom: a file asks its own room and rooms above it, and nothing goes in a circle.
+
+Every import counts: at the top of a file, inside a function, and those for type checkers only.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import planner
+
+HOME = Path(planner.__file__).parent
+BELOW = ("errors", "support", "systems", "problem", "plan", "verification", "methods")
+MACHINE = (*BELOW[:5], "machine")
+JUDGED = (*BELOW, "machine", "solve")
+MAY = {
+    **{room: BELOW[: k + 1] for k, room in enumerate(BELOW)},
+    "solve": BELOW,
+    "reproduce": (),
+    "retime": BELOW,
+    "check": (*BELOW, "solve"),
+    "machine": MACHINE,
+    "robustness": (*JUDGED, "robustness"),
+    "comparison": (*JUDGED, "comparison"),
+    "report": (*MACHINE, "verification", "robustness", "comparison", "report"),
+    "sweep": (*JUDGED, "check", "retime", "robustness", "comparison", "sweep"),
+    "explorer": (*JUDGED, "check", "retime", "robustness", "comparison", "report", "explorer"),
+    "paper": (*JUDGED, "check", "retime", "robustness", "comparison", "report", "paper"),
+}
+"""For each room what it may import; `cli` and the package's own face may import everything."""
+
+HANDED = {
+    "planner.comparison.comparison": {
+        "planner.report.folders.figures",
+        "planner.report.folders.save",
+    },
+    "planner.plan.plan": {"planner.plan.samples.to_frame", "planner.plan.samples.to_xarray"},
+    "planner.robustness.budget": {"planner.report.figures.robustness.plot_budget"},
+    "planner.robustness.trade_off": {"planner.report.figures.robustness.plot_trade_off"},
+}
+"""Results that hand themselves to what reads them, by name; nothing else may."""
+
+
+def name_of(path: Path) -> str:
+    parts = ["planner", *path.relative_to(HOME).with_suffix("").parts]
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+FILES = {name_of(path): path for path in sorted(HOME.rglob("*.py"))}
+FACES = {"planner", "planner.report"}
+"""Packages whose `__init__` hands on public names when they are first used."""
+
+
+def imports(name: str) -> Iterator[str]:
+    for node in ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name in FILES)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{name}: imports name the whole path"
+            for alias in node.names:
+                whole = f"{node.module}.{alias.name}"
+                if whole in FILES or node.module in FILES:
+                    yield whole if whole in FILES else str(node.module)
+
+
+ARROWS = {name: set(imports(name)) - {name} for name in FILES if name not in FACES}
+
+
+def room(name: str) -> str:
+    return name.split(".")[1] if "." in name else name
+
+
+@pytest.mark.parametrize("name", [n for n in ARROWS if room(n) not in ("cli", "__main__")])
+def test_a_file_imports_its_own_room_and_those_above_it(name: str) -> None:
+    allowed = MAY[room(name)]
+    assert {other for other in ARROWS[name] if room(other) not in allowed} == set()
+
+
+def test_nothing_is_imported_in_a_circle() -> None:
+    left = {name: others - FACES for name, others in ARROWS.items()}
+    while free := [name for name, others in left.items() if not others & left.keys()]:
+        for name in free:
+            del left[name]
+    assert set(left) == set()
+
+
+def test_a_name_is_imported_from_the_file_that_defines_it() -> None:
+    wrong = []
+    for name in ARROWS:
+        for node in ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module in FILES:
+                own = ast.parse(FILES[node.module].read_text(encoding="utf-8"))
+                defined = {
+                    target.id if isinstance(target, ast.Name) else target.name
+                    for part in own.body
+                    for target in ast.walk(part)
+                    if isinstance(target, ast.ClassDef | ast.FunctionDef)
+                    or (isinstance(target, ast.Name) and isinstance(target.ctx, ast.Store))
+                }
+                wrong += [
+                    f"{name}: {node.module}.{alias.name}"
+                    for alias in node.names
+                    if alias.name not in defined and f"{node.module}.{alias.name}" not in FILES
+                ]
+    assert wrong == []
+
+
+def test_a_name_with_an_underscore_stays_in_its_file() -> None:
+    text = {name: ast.parse(FILES[name].read_text(encoding="utf-8")) for name in ARROWS}
+    assert [
+        f"{name}: {node.module}.{alias.name}"
+        for name, tree in text.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("planner")
+        for alias in node.names
+        if alias.name.startswith("_")
+    ] == []
+
+
+def test_only_the_results_listed_hand_themselves_to_others() -> None:
+    found: dict[str, set[str]] = {}
+    for name in ARROWS:
+        for node in ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "handed_to":
+                found.setdefault(name, set()).add(ast.literal_eval(node.args[0]))
+    assert found == HANDED
+
+
+def test_rooms_are_few_and_folders_small() -> None:
+    rooms = [path for path in HOME.iterdir() if (path / "__init__.py").exists()]
+    loose = {path.stem for path in HOME.glob("*.py")} - {"__init__", "__main__"}
+    assert len(rooms) <= 14
+    assert len(loose) <= 6
+    for folder in {path.parent for path in FILES.values()}:
+        assert len(list(folder.glob("[!_]*.py"))) <= 12, folder
+
+
+@pytest.mark.parametrize(
+    "name", [n for n, path in FILES.items() if path.name == "__init__.py" and n not in FACES]
+)
+def test_a_room_opens_with_words_only(name: str) -> None:
+    tree = ast.parse(FILES[name].read_text(encoding="utf-8"))
+    assert ast.get_docstring(tree)
+    assert len(tree.body) == 1
+
+
+def test_an_old_path_works_and_names_the_new_one() -> None:
+    with pytest.warns(DeprecationWarning, match="planner.paper.cases.paper_problem now"):
+        from planner.reproduce import paper_problem
+    assert paper_problem().name

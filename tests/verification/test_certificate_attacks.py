@@ -1,0 +1,352 @@
+"""Motions that are no plans must not be certified, however they are made up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.interpolate import BPoly
+
+import planner
+from planner.plan.retimed import RetimedTrajectory
+from planner.plan.trajectory import ChainedTrajectory, StateTrajectory, Trajectory
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+
+
+@pytest.fixture(scope="module")
+def state(paper: planner.Problem) -> planner.Plan:
+    return planner.solve(paper, "collocation")
+
+
+@pytest.fixture(scope="module")
+def chained(paper: planner.Problem) -> planner.Plan:
+    slow = {"goal.duration": 40.0, "goal.travel": 0.8286}
+    return planner.solve(paper.changed(slow), "polynomial")
+
+
+@pytest.fixture(scope="module")
+def retimed(state: planner.Plan) -> planner.Plan:
+    return planner.retime(state)
+
+
+@pytest.fixture(scope="module")
+def rated(state: planner.Plan) -> planner.Plan:
+    """Retimed under limits on the rates of inputs, from rest to rest."""
+    limits = {"input_rad_s": 0.3, "input_rate_rad_s2": [2.0, 1.0]}
+    return planner.retime(state, limits, rest=True, intervals=40)
+
+
+def _with(plan: planner.Plan, **changes: Any) -> planner.Plan:
+    """The plan with parts of its trajectory replaced."""
+    return replace(plan, trajectory=replace(plan.trajectory, **changes))  # type: ignore[type-var]
+
+
+def _open_labels(plan: planner.Plan) -> set[str]:
+    certificate = planner.certify(plan)
+    assert not certificate.ok, str(certificate)
+    return {claim.label for claim in certificate.open}
+
+
+def test_good_plans_of_every_kind_are_certified(
+    state: planner.Plan, chained: planner.Plan, retimed: planner.Plan, rated: planner.Plan
+) -> None:
+    for plan in (state, chained, retimed, rated):
+        assert planner.certify(plan).ok, str(planner.certify(plan))
+
+
+# -- clocks --------------------------------------------------------------------------------------
+
+
+def test_a_clock_that_ends_half_way(retimed: planner.Plan) -> None:
+    clock = retimed.trajectory.clock  # type: ignore[attr-defined]
+    half = _with(retimed, clock=BPoly(clock.c / 2, clock.x))
+    free = replace(half, problem=retimed.problem.changed({"limits": {}}))
+    for plan in (half, free):
+        assert {"goal theta1", "goal theta2", "goal theta3"} <= _open_labels(plan)
+        assert not planner.verify(plan).ok
+        assert "the clock goes from 0 to" in str(planner.certify(plan))
+
+
+def test_a_clock_of_one_piece_over_a_path_of_forty(paper: planner.Problem) -> None:
+    """The inputs are small in the middle, whose piece the whole clock was taken to lie in."""
+    breaks = np.linspace(0.0, 10.0, 41)
+    u = np.full((1, 40, 2), 0.01)
+    u[0, 5] = 0.5
+    q = np.zeros((1, 40, 4)) + paper.start
+    path = StateTrajectory(paper.system, BPoly(q, breaks), BPoly(u, breaks))
+    line = BPoly(np.array([[0.0], [10.0]]), [0.0, 10.0])
+    fine = BPoly(np.stack([breaks[:-1], breaks[1:]]), breaks)
+    problem = paper.changed({"limits": {"input_rad_s": 0.1}})
+    for length in (line, fine):
+        one = RetimedTrajectory(path, length, line, np.array([0.0, 10.0]))
+        certificate = planner.certify(planner.Plan(problem, "by hand", {}, one))
+        assert {certificate[f"input u{i}"].status for i in (1, 2)} == {"undecided"}
+    many = RetimedTrajectory(path, fine, fine, breaks)
+    certificate = planner.certify(planner.Plan(problem, "by hand", {}, many))
+    assert {certificate[f"input u{i}"].status for i in (1, 2)} == {"violated"}
+
+
+def test_a_plan_slowed_down_where_the_duration_is_given(
+    state: planner.Plan, chained: planner.Plan, retimed: planner.Plan
+) -> None:
+    for plan in (state, chained, retimed):
+        slow = replace(plan, trajectory=plan.trajectory.slowed(3.0))
+        assert _open_labels(slow) == {"duration"}
+        assert planner.certify(slow)["duration"].status == "violated"
+        free = replace(slow, problem=plan.problem.changed({"goal.duration": "free"}))
+        assert planner.certify(free).ok
+
+
+def _late(clock: BPoly) -> BPoly:
+    c = clock.c.copy()
+    c[0, 0] += 0.1 * (c[-1, 0] - c[0, 0])
+    return BPoly(c, clock.x)
+
+
+def _jumping(clock: BPoly) -> BPoly:
+    c = clock.c.copy()
+    c[:, 3] = c[0, 3] + 0.5 * (c[:, 3] - c[0, 3])
+    return BPoly(c, clock.x)
+
+
+def _backwards(clock: BPoly) -> BPoly:
+    """It overshoots in one piece and comes back, with all ends in place."""
+    c = np.concatenate([clock.c[:1], clock.c[:1], clock.c[-1:], clock.c[-1:]])
+    c[1, 3] += 3 * (c[-1, 3] - c[0, 3])
+    return BPoly(c, clock.x)
+
+
+@pytest.mark.parametrize("change", [_late, _jumping, _backwards])
+def test_a_clock_that_starts_late_jumps_or_turns_back(
+    retimed: planner.Plan, change: Callable[[BPoly], BPoly]
+) -> None:
+    assert "goal theta1" in _open_labels(_with(retimed, clock=change(retimed.trajectory.clock)))  # type: ignore[attr-defined]
+
+
+def test_stations_off_their_places(retimed: planner.Plan) -> None:
+    stations = retimed.trajectory.stations.copy()  # type: ignore[attr-defined]
+    stations[5] = 0.5 * (stations[5] + stations[6])
+    assert "input u1" in _open_labels(_with(retimed, stations=stations))
+
+
+def test_a_length_that_skips_part_of_the_path(state: planner.Plan) -> None:
+    """Flat, or all but flat, over the middle of a path that moves there; without any limit."""
+    free = state.problem.changed({"limits": {}, "goal.duration": "free"})
+    breaks = state.t
+    for least in (0.0, -1e-3):
+        steps = np.diff(breaks).copy()
+        steps[len(steps) // 3 : len(steps) // 2] *= least
+        s = np.concatenate([[0.0], np.cumsum(steps)])
+        length = BPoly(np.stack([s[:-1], s[1:]]), breaks)
+        clock = BPoly(np.stack([s[:-1], s[1:]]), breaks)
+        skipped = RetimedTrajectory(state.trajectory, length, clock, breaks)
+        assert "goal theta1" in _open_labels(replace(state, problem=free, trajectory=skipped))
+
+
+def test_any_other_length_that_grows_is_as_good(state: planner.Plan) -> None:
+    """Twice as fast along the second half, in its own measure: the same motion."""
+    free = state.problem.changed({"limits": {}, "goal.duration": "free"})
+    steps = np.diff(state.t).copy()
+    steps[len(steps) // 2 :] *= 2
+    s = np.concatenate([[0.0], np.cumsum(steps)])
+    both = np.stack([s[:-1], s[1:]])
+    other = RetimedTrajectory(state.trajectory, BPoly(both, state.t), BPoly(both, s), state.t)
+    plan = replace(state, problem=free, trajectory=other)
+    assert planner.certify(plan).ok
+    assert planner.verify(plan).ok
+
+
+def test_a_length_that_ends_before_the_path(retimed: planner.Plan) -> None:
+    path = retimed.trajectory
+    assert isinstance(path, RetimedTrajectory)
+    short = RetimedTrajectory(
+        path.path,
+        BPoly(path.length.c[:, :-1], path.length.x[:-1]),
+        BPoly(path.clock.c[:, :-1], path.clock.x[:-1]),
+        path.stations[:-1],
+    )
+    assert "goal theta1" in _open_labels(replace(retimed, trajectory=short))
+
+
+def test_retimed_twice_is_not_known(retimed: planner.Plan) -> None:
+    end = retimed.duration
+    s = retimed.t
+    both = np.stack([s[:-1], s[1:]])
+    twice = RetimedTrajectory(retimed.trajectory, BPoly(both, s), BPoly(both, s), s)
+    free = retimed.problem.changed({"limits": {}})
+    assert twice.duration == end
+    assert (
+        "retimed twice"
+        in planner.certify(replace(retimed, problem=free, trajectory=twice)).open[0].why
+    )
+
+
+# -- curves --------------------------------------------------------------------------------------
+
+
+def test_what_has_no_form_cannot_be_made(state: planner.Plan, chained: planner.Plan) -> None:
+    q, u = state.trajectory.q_curve, state.trajectory.u_curve  # type: ignore[attr-defined]
+    v = chained.trajectory.v_curve  # type: ignore[attr-defined]
+    halves = BPoly(np.repeat(v.c, 2, axis=1), [0.0, 0.5 * v.x[-1], v.x[-1]])
+    for make in (
+        lambda: _with(state, u_curve=BPoly(u.c, u.x * 2)),
+        lambda: _with(
+            state, q_curve=BPoly(q.c[:, ::-1], q.x[::-1]), u_curve=BPoly(u.c[:, ::-1], u.x[::-1])
+        ),
+        lambda: _with(state, q_curve=BPoly(q.c, q.x + 1), u_curve=BPoly(u.c, u.x + 1)),
+        lambda: _with(state, q_curve=BPoly(q.c[..., :3], q.x)),
+        lambda: _with(state, u_curve=BPoly(u.c * 1j, u.x)),
+        lambda: _with(chained, v_curve=halves),
+        lambda: _with(chained, branch=np.ones(2)),
+        lambda: replace(state, trajectory=state.trajectory.slowed(-1.0)),
+        lambda: replace(state, trajectory=state.trajectory.slowed(float("nan"))),
+    ):
+        with pytest.raises(ValueError, match="must"):
+            make()
+
+
+def test_numbers_that_are_none(state: planner.Plan, chained: planner.Plan) -> None:
+    for plan, name in ((state, "q_curve"), (state, "u_curve"), (chained, "v_curve")):
+        for value in (np.nan, np.inf):
+            curve = getattr(plan.trajectory, name)
+            c = curve.c.copy()
+            c[0, -1, 0] = value
+            assert "goal theta1" in _open_labels(_with(plan, **{name: BPoly(c, curve.x)}))
+
+
+def test_a_plan_whose_own_motion_is_another(state: planner.Plan) -> None:
+    """Good inputs beside a q(t) that starts, or goes, elsewhere."""
+    curve = state.trajectory.q_curve  # type: ignore[attr-defined]
+    moved = _with(state, q_curve=BPoly(curve.c + np.array([0.0, 0.01, 0.0, 0.0]), curve.x))
+    assert _open_labels(moved) == {"start", "plan's q(t) against its integrated input"}
+    c = curve.c.copy()
+    c[1:-1, len(curve.x) // 2, 3] += 0.01
+    assert "plan's q(t) against its integrated input" in _open_labels(
+        _with(state, q_curve=BPoly(c, curve.x))
+    )
+
+
+def test_another_branch_or_other_inputs_in_the_chart(chained: planner.Plan) -> None:
+    trajectory = chained.trajectory
+    assert isinstance(trajectory, ChainedTrajectory)
+    for i in (1, 2):
+        branch = trajectory.branch.copy()
+        branch[i] = -branch[i]
+        _open_labels(_with(chained, branch=branch))
+    v = trajectory.v_curve
+    _open_labels(_with(chained, v_curve=BPoly(v.c * np.array([1.0, 1.01]), v.x)))
+
+
+def test_a_trajectory_of_another_system(state: planner.Plan) -> None:
+    other = state.problem.changed({"system.K": [0.87, 0.71]}).system
+    assert "goal theta1" in _open_labels(_with(state, system=other))
+
+
+class _Louder(StateTrajectory):
+    """A kind of the user's own, which evaluates in its own way."""
+
+    kind = "louder"
+
+    def u(self, t: Any) -> Any:
+        return 2 * super().u(t)
+
+
+def test_a_kind_that_nobody_knows_is_not_proven_even_without_limits(state: planner.Plan) -> None:
+    free = state.problem.changed({"limits": {}, "goal.duration": "free"})
+    own = state.trajectory
+    assert isinstance(own, StateTrajectory)
+    try:
+        loud = _Louder(own.system, own.q_curve, own.u_curve)
+        assert "goal theta1" in _open_labels(replace(state, problem=free, trajectory=loud))
+    finally:
+        Trajectory.kinds.pop("louder", None)
+
+
+def test_nothing_asked_is_not_everything_proven() -> None:
+    assert not planner.Certificate((), {}, 0, 0.0).ok
+
+
+# -- places --------------------------------------------------------------------------------------
+
+
+def test_a_waypoint_after_the_end(state: planner.Plan) -> None:
+    """The last piece, continued beyond the end, goes through it; the motion does not."""
+    early = state.trajectory.slowed(0.5)
+    beyond = early.duration * 1.01
+    curve = early.q_curve  # type: ignore[attr-defined]
+    point = {"theta_deg": np.rad2deg(curve(beyond)[1:]).tolist(), "time": beyond}
+    problem = state.problem.changed({"limits": {}, "waypoints": [point]})
+    plan = replace(state, problem=problem, trajectory=early)
+    assert _open_labels(plan) == {"duration", "distance from waypoint 1"}
+    assert "is not known" in planner.certify(plan)["distance from waypoint 1"].why
+
+
+def test_a_waypoint_on_a_retimed_clock(retimed: planner.Plan) -> None:
+    for share in (0.3, 0.7):
+        time = share * retimed.duration
+        point = {"theta_deg": np.rad2deg(retimed.q(time)[1:]).tolist(), "time": time}
+        problem = retimed.problem.changed({"waypoints": [point]})
+        assert planner.certify(replace(retimed, problem=problem)).ok
+        point = {**point, "time": time + 0.01}
+        problem = retimed.problem.changed({"waypoints": [point]})
+        assert _open_labels(replace(retimed, problem=problem)) == {"distance from waypoint 1"}
+
+
+# -- at random -----------------------------------------------------------------------------------
+
+
+def _mutated(plan: planner.Plan, rng: np.random.Generator) -> planner.Plan:
+    """One coefficient, break, station or sign of a plan, changed by a little or a lot."""
+    trajectory: Any = plan.trajectory
+    if trajectory.kind == "retimed" and rng.random() < 0.5:
+        inner = _mutated(replace(plan, trajectory=trajectory.path), rng)
+        return _with(plan, path=inner.trajectory)
+    size = 10.0 ** rng.uniform(-6, 0)
+    names = [n for n in vars(trajectory) if isinstance(vars(trajectory)[n], BPoly)]
+    names = [n for n in names if not n.startswith("_")]
+    if trajectory.kind == "retimed" and rng.random() < 0.2:
+        stations = trajectory.stations.copy()
+        stations[rng.integers(len(stations))] *= 1 + size
+        return _with(plan, stations=stations)
+    if trajectory.kind == "chained" and rng.random() < 0.2:
+        branch = trajectory.branch.copy()
+        branch[rng.integers(len(branch))] *= -1
+        return _with(plan, branch=branch)
+    name = names[rng.integers(len(names))]
+    curve = getattr(trajectory, name)
+    if len(curve.x) > 2 and rng.random() < 0.2:
+        breaks = curve.x.copy()
+        k = rng.integers(1, len(breaks) - 1)
+        breaks[k] += size * (breaks[k + 1] - breaks[k])
+        both = [n for n in names if trajectory.kind != "retimed"] or [name]
+        return _with(plan, **{n: BPoly(getattr(trajectory, n).c, breaks) for n in both})
+    c = curve.c.copy()
+    c[tuple(rng.integers(n) for n in c.shape)] += size * rng.choice([-1.0, 1.0])
+    return _with(plan, **{name: BPoly(c, curve.x)})
+
+
+@pytest.mark.parametrize(
+    ("kind", "count"), [("state", 24), ("chained", 8), ("retimed", 12), ("rated", 6)]
+)
+def test_what_verify_refuses_is_never_certified(
+    kind: str, count: int, request: pytest.FixtureRequest
+) -> None:
+    plan: planner.Plan = request.getfixturevalue(kind)
+    rng = np.random.default_rng(20)
+    proven = 0
+    for _ in range(count):
+        try:
+            changed = _mutated(plan, rng)
+        except ValueError:  # it cannot even be made
+            continue
+        certificate = planner.certify(changed)
+        proven += certificate.ok
+        if certificate.ok:  # only these need the judge, which is slower
+            check = planner.verify(changed)
+            assert check.ok, (str(certificate), str(check))
+    assert proven < count

@@ -1,0 +1,142 @@
+"""Certificates of the planner's own plans, of every kind of trajectory."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.interpolate import BPoly
+
+import planner
+from planner.cli.app import main
+from planner.plan.retimed import RetimedTrajectory
+from planner.plan.trajectory import ChainedTrajectory, StateTrajectory
+from planner.verification.certify import STANDSTILL
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+
+
+def _solved(name: str, method: str, **options: Any) -> planner.Plan:
+    return planner.solve(planner.load_problem(PROBLEMS / f"{name}.toml"), method, **options)
+
+
+@pytest.fixture(scope="module")
+def optimal(paper: planner.Problem) -> planner.Plan:
+    return planner.solve(paper, "collocation")
+
+
+def _agrees_with_verify(plan: planner.Plan) -> planner.Certificate:
+    """The same requirements under the same names, and no margin better than the sampled one."""
+    certificate, check = plan.certificate, planner.verify(plan)
+    assert certificate is not None
+    names = {c.label for c in certificate.claims} - {"chart domain"}
+    assert names >= {n for n in check.margins if n.startswith(("input", "rate", "joint", "z2"))}
+    for label in names:
+        if not label.startswith(("goal", "start", "duration", "plan's")):  # margins of a tolerance
+            assert certificate[label].guaranteed <= check.margins[label] + 1e-9, label
+    error = max(certificate.motion_error.values())
+    assert check.interpolant_error <= error * (1 + 1e-6) + 1e-10
+    return certificate
+
+
+def test_the_optimal_plan_is_proven(optimal: planner.Plan) -> None:
+    certificate = _agrees_with_verify(optimal)
+    assert certificate.ok, str(certificate)
+    assert max(certificate.motion_error.values()) < 1e-6
+    assert str(certificate).startswith("all 12 requirements proven between the nodes")
+    assert not certificate["chart domain"].required
+
+
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [("ball-gear", "polynomial"), ("trailers", "collocation"), ("paper", "convex")],
+)
+def test_other_kinds_of_plans_are_proven(name: str, method: str) -> None:
+    options = {"pieces": 30, "scan": 5} if method == "convex" else {}
+    certificate = _agrees_with_verify(_solved(name, method, **options))
+    assert certificate.ok, str(certificate)
+
+
+@pytest.mark.parametrize("method", ["collocation", "polynomial"])
+def test_a_retimed_plan_is_proven(optimal: planner.Plan, method: str) -> None:
+    plan = optimal if method == "collocation" else _solved("ball-gear", method)
+    certificate = _agrees_with_verify(planner.retime(plan))
+    assert certificate.ok, str(certificate)
+    assert min(certificate["input u1"].guaranteed, certificate["input u2"].guaranteed) < 1e-6
+
+
+def test_a_retimed_plan_too_fast_is_not_proven(optimal: planner.Plan) -> None:
+    fast = planner.retime(optimal)
+    free = fast.problem.changed({"goal.duration": "free"})
+    faster = replace(fast, problem=free, trajectory=fast.trajectory.slowed(1 - 1e-6))
+    broken = planner.certify(faster).open
+    assert {c.status for c in broken} == {"violated"}
+    assert {c.label for c in broken} <= {"input u1", "input u2"}
+
+
+def test_standstill_of_a_retimed_path_is_undecided_and_says_why(paper: planner.Problem) -> None:
+    """θ₁ starts from rest on its path, and u₁ with it: length' = 0 there."""
+    q = np.stack([paper.start + np.array([0.0, share, 0.0, 0.0]) for share in (0.0, 0.0, 0.1)])
+    u = np.array([[0.0, 0.0], [0.0, 0.2]])
+    path = StateTrajectory(
+        paper.system, BPoly(q[:, None], [0.0, 1.0]), BPoly(u[:, None], [0.0, 1.0])
+    )
+    length = BPoly(np.array([[0.0], [0.0], [0.1]]), [0.0, 1.0])
+    clock = BPoly(np.array([[0.0], [0.1]]), [0.0, 1.0])
+    retimed = RetimedTrajectory(path, length, clock, np.array([0.0, 1.0]))
+    certificate = planner.certify(planner.Plan(paper, "by hand", {}, retimed))
+    assert certificate["input u2"].status == "undecided"
+    assert certificate["input u2"].why == STANDSTILL
+    assert certificate["joint theta1"].status == "proven"
+
+
+def test_what_has_no_expression_is_undecided_and_says_why() -> None:
+    """The inverse chart of a custom system is solved numerically."""
+    problem = planner.load_problem(PROBLEMS / "custom.toml")
+    z = planner.chained_form(problem.system).z(problem.start)
+    still = ChainedTrajectory(
+        problem.system,
+        BPoly(z[None, None], [0.0, 1.0]),
+        BPoly(np.zeros((1, 1, 2)), [0.0, 1.0]),
+        problem.branch,
+    )
+    certificate = planner.certify(planner.Plan(problem, "by hand", {}, still))
+    assert not certificate.ok
+    assert all(c.status == "undecided" for c in certificate.claims)
+    assert "inverse chart of system 'custom'" in str(certificate)
+    assert np.isinf(certificate.motion_error["y"])
+
+
+def test_a_path_outside_the_chart_is_not_certified() -> None:
+    plan = _solved("paper-fig5", "polynomial", allow_singular=True)
+    assert plan.certificate is None
+    certificate = planner.certify(plan)
+    claim = certificate["chart domain"]
+    assert claim.status == "violated"
+    assert claim.time_s == pytest.approx(8.0, abs=0.1)
+    assert {c.status for c in certificate.claims if c != claim} == {"undecided"}
+
+
+def test_a_certificate_is_saved_and_read_back(optimal: planner.Plan, tmp_path: Path) -> None:
+    for plan in (optimal, replace(optimal, certificate=None)):
+        back = planner.load_plan(plan.save(tmp_path / "plan.json"))
+        assert back.certificate == plan.certificate
+    certificate = planner.certify(_solved("paper-fig5", "polynomial", allow_singular=True))
+    stored = json.dumps(certificate.to_dict(), allow_nan=False)
+    again = planner.plan.claims.certificate_from_dict(json.loads(stored))
+    assert str(again) == str(certificate)
+    assert again.claims[0] == certificate.claims[0]
+
+
+def test_the_command_shows_and_gives_it(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["plan", str(PROBLEMS / "paper.toml")]
+    assert main(words) == 0
+    lines = [x for x in capsys.readouterr().out.splitlines() if x.startswith("certificate")]
+    assert len(lines) == 1
+    assert "all 12 requirements proven between the nodes" in lines[0]
+    assert main([*words, "--json"]) == 0
+    given = json.loads(capsys.readouterr().out)["certificate"]
+    assert given["ok"] is True
+    assert {c["status"] for c in given["claims"]} == {"proven"}

@@ -1,0 +1,312 @@
+"""The judge against another integrator, and against plans that are made to fool it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from every_system import SYSTEMS
+from numpy.typing import NDArray
+from outside import integrate
+from scipy.interpolate import BPoly
+
+import planner
+from planner.plan import quadrature
+from planner.plan.measures import peak_inputs, peak_rates
+from planner.plan.retimed import RetimedTrajectory
+from planner.plan.trajectory import Pieces, StateTrajectory, Trajectory
+
+Array = NDArray[np.float64]
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+SPEED = {"input_rad_s": [0.5, 0.4]}
+RATES = {"input_rad_s": [0.5, 0.4], "input_rate_rad_s2": [3.0, 2.0]}
+
+
+def _law(paper: planner.Problem, method: str) -> planner.Plan:
+    limits = {"input_rad_s": 1e3, "joint_deg": 89, "z2_margin": 1e-3}
+    return planner.solve(paper.changed({"limits": limits, "goal.travel": 0.8112}), method)
+
+
+MADE: dict[str, Callable[[planner.Problem], planner.Plan]] = {
+    "collocation": lambda paper: planner.solve(paper),
+    "polynomial": lambda paper: _law(paper, "polynomial"),
+    "piecewise": lambda paper: _law(paper, "piecewise"),
+    "convex": lambda paper: planner.solve(
+        paper.changed({"limits": {"joint_deg": 80}, "goal.travel": 0.82}), "convex", pieces=10
+    ),
+    "sinusoid": lambda paper: planner.solve(
+        paper.changed({"goal.travel": 0.8546247}), "sinusoid", amplitude=0.0403786
+    ),
+    "retimed, inputs limited": lambda paper: planner.retime(planner.solve(paper), SPEED),
+    "retimed, rates limited": lambda paper: planner.retime(
+        planner.solve(paper), RATES, rest=True, intervals=40
+    ),
+    "waypoint": lambda _: planner.solve(planner.load_problem(PROBLEMS / "waypoint.toml")),
+    "obstacle": lambda paper: planner.solve(
+        paper.changed(
+            {
+                "system.link_lengths": [1.0, 1.0, 1.0],
+                "obstacles": [{"centre_m": [0.0, 2.0], "radius_m": 0.2}],
+            }
+        )
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_every_method_as_another_integrator_sees_it(paper: planner.Problem, name: str) -> None:
+    """End, margins of joints and of z2, and peak inputs; 3e-11 is the rounding in a law's u."""
+    plan = MADE[name](paper)
+    check = planner.verify(plan)
+    assert check.ok
+    assert 0 < check.integration_error < 1e-10
+    motion, times = integrate(plan)
+    q, system = motion(times), plan.problem.system
+    end = q[-1] - plan.problem.goal
+    np.testing.assert_allclose(check.terminal_error[1:], end[1:], rtol=0, atol=2e-10)
+    for i, limit in enumerate(plan.problem.limits.joint):
+        if np.isfinite(limit):
+            least = limit - np.max(np.abs(q[:, i]))
+            assert check.margins[f"joint {system.coordinates[i].name}"] <= least + 1e-9
+            assert check.margins[f"joint {system.coordinates[i].name}"] >= least - 1e-5
+    if plan.problem.limits.z2_margin is not None:
+        z2 = plan.problem.z2_sign * planner.chained_form(system).z(q)[:, 1]
+        least = np.min(z2) - plan.problem.limits.z2_margin
+        assert least - 1e-5 <= check.margins["z2 margin"] <= least + 1e-9
+    for disc in plan.problem.obstacles:
+        clear = disc.clearances(system.arm_points(q[:, 1:]))  # type: ignore[attr-defined]
+        for link, least in enumerate(np.min(clear, axis=0), start=1):
+            margin = check.margins[disc.label(link)]
+            assert least - 1e-5 <= margin <= least + 1e-9
+    for point in plan.problem.waypoints:
+        least = np.min(point.distance(q))
+        assert -least - 1e-9 <= check.margins[point.label] <= 0
+    sampled = np.max(np.abs(plan.u(times)), axis=0)
+    peaks = peak_inputs(plan.trajectory)
+    assert np.all(peaks >= sampled * (1 - 1e-10))
+    np.testing.assert_allclose(peaks, sampled, rtol=1e-4)
+
+
+@pytest.mark.parametrize("name", sorted(SYSTEMS))
+def test_every_system_as_another_integrator_sees_it(name: str) -> None:
+    """Two pieces of polynomial inputs, from a claimed motion that is nowhere near."""
+    system, rng = SYSTEMS[name], np.random.default_rng(3)
+    breaks, start = [0.0, 1.0, 2.5], rng.uniform(0.1, 0.4, SYSTEMS[name].size)
+    u = BPoly(rng.uniform(-0.6, 0.6, (4, 2, 2)), breaks)
+    q = BPoly(np.broadcast_to(start, (2, 2, system.size)).copy(), breaks)
+    plan = _bare(StateTrajectory(system, q, u), start)
+    motion = quadrature.integrate(plan.trajectory, start)
+    outside, times = integrate(plan)
+    off = np.max(np.abs(motion.q[-1, -1] - outside(times[-1:])[0]))
+    assert off <= max(motion.error, 1e-12)
+    for t in times[::397]:  # between its steps DOP853 is of lower order than at them
+        np.testing.assert_allclose(motion.at_time(t), outside(t)[0], rtol=0, atol=1e-10)
+    assert motion.error < 1e-7
+    assert motion.gap[0] == pytest.approx(np.max(np.abs(outside(times) - start)), rel=1e-2)
+
+
+def _bare(trajectory: Trajectory, start: Array) -> planner.Plan:
+    """A plan without a problem file, as far as integrating it goes."""
+
+    problem = SimpleNamespace(system=trajectory.system, start=start)
+    return planner.Plan(problem, "by hand", {}, trajectory)  # type: ignore[arg-type]
+
+
+# -- the error estimate and the extremes -------------------------------------------------------
+
+
+@dataclass(frozen=True, repr=False)
+class _Shaped(StateTrajectory):
+    """Inputs that no polynomial is: u1 a shape of the fraction of the piece, u2 = 0.1."""
+
+    kind = "shaped"
+    shape: Callable[[Array], Array] = np.sqrt
+
+    def u(self, t: object) -> Array:
+        x = np.asarray(t, dtype=float) / self.duration
+        return np.stack([self.shape(x), 0.1 + 0 * x], axis=-1)
+
+    def inside(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
+        q, _ = super().inside(piece, fraction)
+        return q, self.u(fraction * self.duration)
+
+
+def _shaped(paper: planner.Problem, shape: Callable[[Array], Array]) -> _Shaped:
+    q = BPoly(np.broadcast_to(paper.start, (1, 1, 4)).copy(), [0.0, 10.0])
+    u = BPoly(np.zeros((1, 1, 2)), [0.0, 10.0])
+    return _Shaped(paper.system, q, u, shape)
+
+
+def test_an_input_that_starts_like_a_root_is_resolved(paper: planner.Problem) -> None:
+    """Its slope is infinite at the start, where a coarse cell would read a peak that is not one."""
+    trajectory = _shaped(paper, lambda x: 0.2 - 0.1 * np.sqrt(x))
+    motion = quadrature.integrate(trajectory, paper.start)
+    end = integrate(_bare(trajectory, paper.start), rtol=1e-12)[0](np.array([10.0]))[0]
+    assert motion.error < 1e-9
+    np.testing.assert_allclose(motion.q[-1, -1], end, rtol=0, atol=1e-9)
+    assert peak_inputs(trajectory)[0] == pytest.approx(0.2, rel=1e-9)
+    assert peak_rates(trajectory)[0] > 1e3
+
+
+def test_a_step_inside_a_piece_is_resolved(paper: planner.Problem) -> None:
+    trajectory = _shaped(paper, lambda x: np.where(x < 1 / 3, 0.2, -0.1))
+    motion = quadrature.integrate(trajectory, paper.start)
+    pieces = StateTrajectory(
+        paper.system,
+        BPoly(np.broadcast_to(paper.start, (1, 2, 4)).copy(), [0.0, 10 / 3, 10.0]),
+        BPoly(np.array([[[0.2, 0.1], [-0.1, 0.1]]]), [0.0, 10 / 3, 10.0]),
+    )
+    exact = quadrature.integrate(pieces, paper.start)
+    assert motion.error < 1e-9
+    np.testing.assert_allclose(motion.q[-1, -1], exact.q[-1, -1], rtol=0, atol=1e-9)
+    assert peak_rates(trajectory)[0] > 1e9
+    assert np.isinf(peak_rates(pieces)[0])
+
+
+def test_what_cannot_be_integrated_is_refused(paper: planner.Problem) -> None:
+    """An input of pure noise: no cell is fine enough, and the verdict says so first."""
+    rng = np.random.default_rng(5)
+    noisy = _shaped(paper, lambda x: 0.1 + rng.uniform(-1e-5, 1e-5, np.shape(x)))
+    check = planner.verify(planner.Plan(paper, "by hand", {}, noisy))
+    assert check.integration_error > 1e-7
+    assert "cannot be trusted" in check.violations[0].label
+    assert not check.ok
+
+
+def test_peak_rate_at_a_singular_start(unlimited: planner.Problem) -> None:
+    """The law's steepest instant is its first; there du/dt follows from its two derivatives."""
+    plan = planner.solve(unlimited.changed({"goal.travel": 0.803}), "polynomial")
+    h = 1e-9
+    fine = plan.u(h * np.arange(5.0))
+    exact = np.abs(fine[:5].T @ np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12 / h)
+    found = peak_rates(plan.trajectory)
+    assert exact[1] > 1e5
+    assert found[1] == pytest.approx(exact[1], rel=1e-4)
+
+
+def test_reading_by_piece_is_reading_by_time(paper: planner.Problem) -> None:
+    for plan in (
+        planner.solve(paper),
+        _law(paper, "polynomial"),
+        planner.retime(_law(paper, "polynomial"), SPEED),
+    ):
+        count = len(plan.t) - 1
+        piece = np.arange(count)
+        fraction = np.random.default_rng(0).uniform(0.01, 0.99, (7, count))
+        times = plan.t[:-1] + fraction * np.diff(plan.t)
+        q, u = plan.trajectory.inside(piece, fraction)
+        np.testing.assert_allclose(q, plan.q(times), rtol=0, atol=1e-10)
+        np.testing.assert_allclose(u, plan.u(times), rtol=1e-8, atol=1e-10)
+
+
+# -- plans that are made to fool it --------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def retimed(paper: planner.Problem) -> planner.Plan:
+    return planner.retime(planner.solve(paper), SPEED)
+
+
+def _labels(plan: planner.Plan, **changes: object) -> set[str]:
+    path = plan.trajectory
+    assert isinstance(path, RetimedTrajectory)
+    return {
+        v.label
+        for v in planner.verify(replace(plan, trajectory=replace(path, **changes))).violations
+    }
+
+
+def test_a_clock_that_ends_half_way(retimed: planner.Plan) -> None:
+    path = retimed.trajectory
+    assert isinstance(path, RetimedTrajectory)
+    clock = BPoly(path.clock.c / 2, path.clock.x)
+    assert "goal theta3" in _labels(retimed, clock=clock)
+
+
+def test_a_clock_of_one_piece_over_a_path_of_many(paper: planner.Problem) -> None:
+    """Inputs of the path jump inside the clock's only piece, above the limit in one short part."""
+    plan = planner.solve(paper, input="constant")
+    path = plan.trajectory
+    ends = np.array([0.0, plan.duration])
+    line = BPoly(ends[:, None], ends)
+    peak = peak_inputs(path)
+    trajectory = RetimedTrajectory(path, line, line, ends)
+    np.testing.assert_allclose(peak_inputs(trajectory), peak, rtol=0.2)
+    assert np.all(peak_inputs(trajectory) >= peak * (1 - 1e-9))
+    tight = paper.changed({"limits.input_rad_s": (peak * 0.99).tolist()})
+    check = planner.verify(planner.Plan(tight, "by hand", {}, trajectory))
+    assert {v.label for v in check.violations} == {"input u1", "input u2"}
+
+
+def test_a_clock_that_runs_back(retimed: planner.Plan) -> None:
+    path = retimed.trajectory
+    assert isinstance(path, RetimedTrajectory)
+    c = path.clock.c.copy()
+    c[:, 3] = c[::-1, 3]
+    assert _labels(retimed, clock=BPoly(c, path.clock.x))
+
+
+def test_stations_that_skip_a_part(retimed: planner.Plan) -> None:
+    path = retimed.trajectory
+    assert isinstance(path, RetimedTrajectory)
+    stations = path.stations.copy()
+    stations[4:7] = stations[4]
+    assert _labels(retimed, stations=stations)
+    with pytest.raises(ValueError, match="one station for each"):
+        replace(path, stations=stations[:-1])
+
+
+def test_slowed_down_where_a_duration_is_given(paper: planner.Problem) -> None:
+    plan = planner.solve(paper)
+    slow = planner.verify(replace(plan, trajectory=plan.trajectory.slowed(3.0)))
+    assert [v.label for v in slow.violations] == ["duration"]
+
+
+@pytest.mark.parametrize("what", ["q", "u", "one u"])
+def test_nan_anywhere(paper: planner.Problem, what: str) -> None:
+    plan = planner.solve(paper)
+    path = plan.trajectory
+    assert isinstance(path, StateTrajectory)
+    curve = path.q_curve if what == "q" else path.u_curve
+    c = curve.c.copy()
+    c[(0, 3) if what == "one u" else slice(None)] = np.nan
+    broken = replace(path, **{f"{what[-1]}_curve": BPoly(c, curve.x)})
+    check = planner.verify(replace(plan, trajectory=broken))
+    assert not check.ok
+    assert (check.integration_error < 1e-10) == (what == "q")
+    assert np.any(np.isnan(peak_inputs(broken))) == (what != "q")
+
+
+def test_times_that_run_back_or_begin_late(paper: planner.Problem) -> None:
+    plan = planner.solve(paper)
+    path = plan.trajectory
+    assert isinstance(path, StateTrajectory)
+    for x in (path.breaks[::-1].copy(), path.breaks + 1.0, -path.breaks):
+        curves = BPoly(path.q_curve.c, x), BPoly(path.u_curve.c, x)
+        with pytest.raises(ValueError, match="must increase from 0"):
+            StateTrajectory(path.system, *curves)
+        # What is made by other means is judged all the same.
+        forged = object.__new__(StateTrajectory)
+        names = ("system", "q_curve", "u_curve")
+        vars(forged).update(zip(names, (path.system, *curves), strict=True))
+        check = planner.verify(replace(plan, trajectory=forged))
+        assert not check.ok
+        assert "begin at 0 and increase" in str(check.violations[0])
+
+
+def test_chained_curves_share_their_breaks(paper: planner.Problem) -> None:
+    path = _law(paper, "polynomial").trajectory
+    with pytest.raises(ValueError, match="same breaks"):
+        replace(path, v_curve=BPoly(np.zeros((1, 2, 2)), [0.0, 5.0, 10.0]))  # type: ignore[call-arg]
+
+
+def test_the_error_estimate_is_shown(paper: planner.Problem) -> None:
+    check = planner.verify(planner.solve(paper))
+    assert 0 < check.integration_error < 1e-13
+    assert "integrated to" in check._repr_html_()
+    assert check.margins["integration error"] == pytest.approx(1e-7, rel=1e-5)

@@ -1,0 +1,159 @@
+"""The judge must catch what is wrong, so each test hands it something wrong."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import BPoly
+from scipy.special import comb
+
+import planner
+from planner.plan.trajectory import StateTrajectory
+
+
+def _constant(problem: planner.Problem, u: tuple[float, float], duration: float) -> planner.Plan:
+    """A plan that claims whatever the exact motion under a constant input does."""
+    system = problem.system
+    nodes = duration * (0.5 - 0.5 * np.cos(np.pi * np.arange(13) / 12))
+    motion = solve_ivp(
+        lambda t, q: system.rates(q, np.array(u)),
+        (0, duration),
+        problem.start,
+        t_eval=nodes,
+        rtol=1e-12,
+        atol=1e-13,
+    ).y.T
+    curve = _interpolate(nodes, motion)
+    inputs = BPoly(np.array([[u]], dtype=float), [0.0, duration])
+    return planner.Plan(problem, "by hand", {}, StateTrajectory(system, curve, inputs))
+
+
+def _interpolate(nodes: np.ndarray, values: np.ndarray) -> BPoly:
+    degree = len(nodes) - 1
+    unit = nodes / nodes[-1]
+    k = np.arange(degree + 1)
+    basis = comb(degree, k) * unit[:, None] ** k * (1 - unit[:, None]) ** (degree - k)
+    return BPoly(np.linalg.solve(basis, values)[:, None, :], [0.0, nodes[-1]])
+
+
+@pytest.fixture(scope="module")
+def good(paper: planner.Problem) -> planner.Plan:
+    """An honest plan: the goal is where the motion ends."""
+    problem = paper.changed({"limits": {"input_rad_s": 0.5, "joint_deg": 80.0}})
+    plan = _constant(problem, (0.1, 0.06), 10.0)
+    end = np.rad2deg(plan.q(10.0)[1:])
+    return replace(plan, problem=problem.changed({"goal.theta_deg": end.tolist()}))
+
+
+def _with(plan: planner.Plan, changes: dict[str, object]) -> planner.Check:
+    return planner.verify(replace(plan, problem=plan.problem.changed(changes)))
+
+
+def test_honest_plan_passes(good: planner.Plan) -> None:
+    check = planner.verify(good)
+    assert check.ok, check.violations
+    assert np.max(np.abs(check.terminal_error_deg)) < 1e-6
+    assert check.interpolant_error < 1e-8
+    assert check.margins["input u1"] == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize(
+    ("changes", "label", "value"),
+    [
+        ({"limits.input_rad_s": [0.09, 0.5]}, "input u1", 0.1),
+        ({"limits.input_rad_s": [0.5, 0.05]}, "input u2", 0.06),
+        ({"goal.travel": 0.3}, "goal phi2", None),
+        ({"goal.duration": 9.0}, "duration", 1.0),
+    ],
+)
+def test_each_broken_requirement_is_named(
+    good: planner.Plan, changes: dict[str, object], label: str, value: float | None
+) -> None:
+    check = _with(good, changes)
+    assert not check.ok
+    assert check.violations[0].label == label
+    assert check.margins[label] < 0
+    if value is not None:
+        assert check.violations[0].value == pytest.approx(value, rel=1e-6)
+
+
+def test_missed_goal(good: planner.Plan) -> None:
+    goal = np.rad2deg(good.problem.goal[1:]) + np.array([0, 0.01, 0])
+    check = _with(good, {"goal.theta_deg": goal.tolist()})
+    assert [v.label for v in check.violations] == ["goal theta2"]
+    assert check.terminal_error_deg[1] == pytest.approx(-0.01, rel=1e-4)
+
+
+def test_limit_broken_only_between_the_ends(paper: planner.Problem) -> None:
+    """θ₁ rises past 10° and comes back: both ends lie inside the limit."""
+    problem = paper.changed({"limits": {}, "goal.duration": 4.0})
+    system = problem.system
+    u = BPoly(np.array([[[0.0, 0.1], [0.0, -0.1]]]), [0.0, 2.0, 4.0])
+    q0 = problem.start
+    peak = q0 + np.array([0, 0.2, 0, 0])
+    q = BPoly(np.array([[q0, peak], [peak, q0]]), [0.0, 2.0, 4.0])
+    plan = planner.Plan(problem, "by hand", {}, StateTrajectory(system, q, u))
+    limited = {"limits": {"joint_deg": 10.0}, "goal.theta_deg": [1.0, 1.0, 1.0]}
+    check = _with(plan, limited)
+    assert [v.label for v in check.violations] == ["joint theta1"]
+    assert check.violations[0].time_s == pytest.approx(2.0, abs=1e-3)
+    assert np.rad2deg(check.violations[0].value) == pytest.approx(1 + np.rad2deg(0.2), abs=1e-6)
+
+
+@pytest.mark.parametrize(("after", "rate"), [(0.2, 0.04), (0.1, np.inf)])
+def test_rate_limit_sees_slopes_and_jumps(
+    paper: planner.Problem, after: float, rate: float
+) -> None:
+    """u₁ rises from 0 to 0.2 in 5 s and goes on at `after`."""
+    problem = paper.changed({"limits": {"input_rate_rad_s2": 0.01}})
+    breaks = [0.0, 5.0, 10.0]
+    u = BPoly(np.array([[[0.0, 0.06], [after, 0.06]], [[0.2, 0.06], [after, 0.06]]]), breaks)
+    q = BPoly(np.broadcast_to(problem.start, (2, 2, 4)).copy(), breaks)
+    plan = planner.Plan(problem, "by hand", {}, StateTrajectory(problem.system, q, u))
+    rates = {
+        v.label: v.value for v in planner.verify(plan).violations if v.label.startswith("rate")
+    }
+    assert rates == {"rate of input u1": pytest.approx(rate)}
+
+
+def test_inputs_and_coordinates_share_their_breaks(good: planner.Plan) -> None:
+    u = BPoly(np.zeros((1, 2, 2)), [0.0, 5.0, 10.0])
+    with pytest.raises(ValueError, match="breaks"):
+        replace(good.trajectory, u_curve=u)
+
+
+def test_claimed_states_must_match_the_input(good: planner.Plan) -> None:
+    bent = good.trajectory.q_curve.c.copy()
+    bent[6] += 0.01
+    liar = replace(good.trajectory, q_curve=BPoly(bent, good.trajectory.q_curve.x))
+    check = planner.verify(replace(good, trajectory=liar))
+    assert [v.label for v in check.violations] == ["plan's q(t) against its integrated input"]
+
+
+def test_wrong_start(good: planner.Plan) -> None:
+    check = _with(good, {"start.theta_deg": [1.1, 1.0, 1.0]})
+    assert "start" in {v.label for v in check.violations}
+
+
+def test_z2_margin(paper: planner.Problem) -> None:
+    plan = planner.solve(paper.changed({"limits": {}, "goal.travel": 0.81}), "polynomial")
+    assert _with(plan, {"limits.z2_margin": 0.03}).ok
+    plan = planner.solve(paper.changed({"limits": {}, "goal.travel": 0.80}), "polynomial")
+    check = _with(plan, {"limits.z2_margin": 0.03})
+    assert [v.label for v in check.violations] == ["z2 margin"]
+    assert check.violations[0].value == pytest.approx(-plan.domain.z2_max, abs=1e-6)
+
+
+def test_nan_never_passes(good: planner.Plan) -> None:
+    broken = replace(good.trajectory, q_curve=BPoly(good.trajectory.q_curve.c * np.nan, [0, 10.0]))
+    assert not planner.verify(replace(good, trajectory=broken)).ok
+
+
+def test_path_outside_the_chart_is_not_executable(unlimited: planner.Problem) -> None:
+    problem = unlimited.changed({"goal.travel": np.pi / 4})
+    plan = planner.solve(problem, "polynomial", allow_singular=True)
+    check = planner.verify(plan)
+    assert not check.ok
+    assert np.all(np.isnan(check.terminal_error_deg))
+    assert check.margins["chart domain"] < 0

@@ -42,6 +42,11 @@ MADE: dict[str, Callable[[planner.Problem], planner.Plan]] = {
     "sinusoid": lambda paper: planner.solve(
         paper.changed({"goal.travel": 0.8546247}), "sinusoid", amplitude=0.0403786
     ),
+    "sinusoid_steps": lambda paper: planner.solve(
+        paper.changed({"limits": {}, "goal.travel": 0.761506}), "sinusoid_steps"
+    ),
+    "desensitised": lambda paper: planner.solve(paper, "desensitised", starts=1, intervals=20),
+    "retimed, a law in the chart": lambda paper: planner.retime(_law(paper, "polynomial"), SPEED),
     "retimed, inputs limited": lambda paper: planner.retime(planner.solve(paper), SPEED),
     "retimed, rates limited": lambda paper: planner.retime(
         planner.solve(paper), RATES, rest=True, intervals=40

@@ -161,6 +161,7 @@ def _reverse(path: float, driven: float) -> Seed:
     )
 
 
+@lru_cache(maxsize=256)  # more than any search asks for
 def _wander(number: int) -> Seed:
     terms = 3 + number % 4
     path, driven = np.random.default_rng(number).normal(size=(2, terms)) * 0.75

@@ -33,7 +33,10 @@ from planner.support.arrays import Array
 
 Excursion = Callable[[Array], Array]
 SAMPLES = 1001
+"""Of a guess before it is put on a mesh: many more than any mesh of guesses has nodes."""
+
 LARGEST_GUESS_RAD = 1.3
+"""Largest q₂ of a guess: beyond it, near 90 degrees, an arm's drive all but stands still."""
 
 
 @dataclass(frozen=True)

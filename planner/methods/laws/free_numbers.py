@@ -181,6 +181,7 @@ _SIZES = np.geomspace(0.02, 4.0, 12)
 """Amplitudes scanned, over the size of the travel (over 1 where that is zero), with both signs."""
 
 _TRAVELS = 24
+"""Travels scanned where it is free, each with all amplitudes; the best are then bettered."""
 
 
 @dataclass(frozen=True)

@@ -277,6 +277,7 @@ _QUIET: dict[str, Any] = {
 
 
 STEPS = 3
+"""Runge-Kutta steps a piece; `finer` and `exact` see to what they leave over."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from planner.problem.requirements.requirement import BaseLimits, PerInput, bound, bound_deg
+from planner.problem.tables.limits import BaseLimits, PerInput, bound, bound_deg
 from planner.problem.tables.problem_file import (
     MOST_OBSTACLES,
     MOST_WAYPOINTS,

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from planner.problem.requirements.requirement import BaseLimits, PerInput, bound
+from planner.problem.tables.limits import BaseLimits, PerInput, bound
 from planner.problem.tables.problem_file import Free, GoalTable, NamedFile
 from planner.support.arrays import Array
 from planner.support.tables import line

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, field_validator
 
-from planner.problem.requirements.requirement import BaseLimits
+from planner.problem.tables.limits import BaseLimits
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.method_options import MethodsTable
 from planner.support.arrays import Array

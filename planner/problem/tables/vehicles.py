@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from planner.problem.requirements.requirement import BaseLimits, bound, bound_deg
+from planner.problem.tables.limits import BaseLimits, bound, bound_deg
 from planner.problem.tables.problem_file import Free, GoalTable, NamedFile
 from planner.support.arrays import Array
 from planner.support.user_tables import Positive, Table

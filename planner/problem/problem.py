@@ -15,7 +15,9 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError
+from planner.problem.requirements.limits import InputLimit, JointLimit, RateLimit, Z2Margin
 from planner.problem.requirements.places import Obstacle, Waypoint
+from planner.problem.requirements.requirement import Requirement
 from planner.problem.tables.kinds import parse_file
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.method_options import MethodsTable
@@ -164,6 +166,19 @@ class Problem:
     def travel_key(self) -> str:
         """The dotted key of the travel, for messages."""
         return next(iter(self.travel_change(None)))
+
+    @cached_property
+    def requirements(self) -> tuple[Requirement, ...]:
+        """What every plan keeps at all times, one object a kind of limit that is set."""
+        limits, system = self.limits, self.system
+        found: list[Requirement] = [
+            InputLimit(system.inputs, limits.input),
+            RateLimit(system.inputs, limits.input_rate),
+            JointLimit(system.coordinates, limits.joint),
+        ]
+        if limits.z2_margin is not None:
+            found.append(Z2Margin(limits.z2_margin, self.z2_sign))
+        return tuple(each for each in found if each.parts)
 
     @property
     def target(self) -> Array:

@@ -20,9 +20,9 @@ from planner.plan.plan import Plan, expect_plan
 from planner.plan.quadrature import Motion, greatest, integrate, jumps, slopes
 from planner.problem.problem import Problem
 from planner.problem.requirements.places import Obstacle
+from planner.problem.requirements.requirement import At
 from planner.support.arrays import Array
 from planner.support.tables import html_table
-from planner.systems.chained_form import chained_form
 
 GOAL_TOLERANCE = 2e-5
 """Largest error at the goal, in radians (0.0011 degrees) or metres."""
@@ -120,20 +120,20 @@ def verify(plan: Plan) -> Check:
         return _not_judged(
             plan, Violation(label, domain.time_s, domain.margin, 0.0, "", -domain.margin)
         )
-    problem, z2 = plan.problem, None
+    problem = plan.problem
 
-    def chart(q: Array, _: Array) -> Array:
-        return problem.z2_sign * chained_form(problem.system).z(q)[..., 1:2]
+    def shaped(q: Array, u: Array) -> Array:
+        at = At(problem.system, q, u, np.zeros_like(u))
+        values = [v for r in problem.requirements if r.shaped for v in r.values(at)]
+        return np.stack(values, axis=-1)
 
     with np.errstate(all="ignore"):  # what is not a number never passes
-        needed = () if problem.limits.z2_margin is None else (chart,)
-        motion = integrate(plan.trajectory, problem.start, INTEGRATION_TOLERANCE, *needed)
+        resolved = (shaped,) if any(r.shaped for r in problem.requirements) else ()
+        motion = integrate(plan.trajectory, problem.start, INTEGRATION_TOLERANCE, *resolved)
         error = _goal_error(plan, motion)
-        if needed:
-            z2 = chart(motion.q, motion.u)[..., 0]
         findings = [
             *_motion(plan, motion, error),
-            *_limits(plan, motion, z2),
+            *_limits(plan, motion),
             *_places(plan, motion),
         ]
     broken = sorted(
@@ -196,47 +196,30 @@ def _motion(plan: Plan, motion: Motion, error: Array) -> list[_Finding]:
     return out
 
 
-def _limits(plan: Plan, motion: Motion, z2: Array | None) -> list[_Finding]:
-    """Inputs, their rates, joints and z2 by the extremes of their series, all at once."""
-    limits, cells, system = plan.problem.limits, motion.cells, plan.problem.system
-    rates, jumping = slopes(cells, motion.u), jumps(cells, motion.u)
+def _limits(plan: Plan, motion: Motion) -> list[_Finding]:
+    """What holds at all times, by the extremes of its series, all at once."""
+    problem, cells = plan.problem, motion.cells
+    at = At(problem.system, motion.q, motion.u, slopes(cells, motion.u))
     wanted = [
-        *(
-            (f"input {c.name}", motion.u[..., i], limits.input[i], c.unit, False)
-            for i, c in enumerate(system.inputs)
-        ),
-        *(
-            (
-                f"rate of input {c.name}",
-                rates[..., i],
-                limits.input_rate[i],
-                c.rate_unit,
-                jumping[i],
-            )
-            for i, c in enumerate(system.inputs)
-        ),
-        *(
-            (f"joint {c.name}", motion.q[..., i], limits.joint[i], c.unit, False)
-            for i, c in enumerate(system.coordinates)
-        ),
+        (required, part, value)
+        for required in problem.requirements
+        for part, value in zip(required.parts, required.values(at), strict=True)
     ]
-    wanted = [w for w in wanted if np.isfinite(w[2])]
-    columns = [side for w in wanted for side in (w[1], -w[1])]
-    if z2 is not None:
-        columns.append(-z2)
-    if not columns:
+    if not wanted:
         return []
-    values, times = (a.tolist() for a in greatest(cells, np.stack(columns, axis=-1)))
-    out = []
-    for k, (label, _, limit, unit, jump) in enumerate(wanted):
-        side = 2 * k + (values[2 * k + 1] > values[2 * k])
-        value = np.inf if jump else values[side]
-        when = times[side] if label.startswith("joint") else None
-        out.append(_Finding(label, value, limit, when, unit, limit, LIMIT_TOLERANCE * limit))
-    if limits.z2_margin is not None:
-        margin, size = limits.z2_margin, max(limits.z2_margin, 1e-3)
-        slack = LIMIT_TOLERANCE * size
-        out.append(_Finding("z2 margin", -values[-1], margin, times[-1], "", size, slack, False))
+    columns = np.stack([side for *_, value in wanted for side in (value, -value)], axis=-1)
+    values, times = (a.reshape(-1, 2).tolist() for a in greatest(cells, columns))
+    jumping, out = jumps(cells, motion.u), []
+    for (required, part, _), (most, minus_least), when in zip(wanted, values, times, strict=True):
+        below = part.low + minus_least > most - part.high
+        upper = not below or part.low == -part.high  # what is symmetric is told by its size
+        value = (minus_least if upper else -minus_least) if below else most
+        if "du" in required.reads and jumping[part.index]:
+            value = np.inf
+        limit = part.high if upper else part.low
+        time_s = when[below] if "q" in required.reads else None
+        slack = LIMIT_TOLERANCE * part.scale
+        out.append(_Finding(part.label, value, limit, time_s, part.unit, part.scale, slack, upper))
     return out
 
 

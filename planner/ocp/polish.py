@@ -126,6 +126,9 @@ def _finer(task: Task, error: MeshError, accuracy: float) -> Mesh:
 def _draw_in(task: Task, solution: Solution, seen: Look) -> Polished:
     """Keep limits between the edges: solve again with them at the collocation points too, then
     with limits drawn in by what is still broken, at first little elsewhere, then everywhere alike.
+
+    A motion may give way by less than that, so that what is broken is drawn in twice in the second
+    round, thrice in the third.
     """
     iterations, rounds = 0, 0
     for _ in range(TIGHTENING_ROUNDS):
@@ -138,8 +141,9 @@ def _draw_in(task: Task, solution: Solution, seen: Look) -> Polished:
             task = task.inside()
             task = replace(task, build_time_s=built + task.build_time_s)
         else:
-            tightening = task.tightening + over.everywhere(ELSEWHERE if rounds == 0 else 1.0)
-            task, rounds = replace(task, tightening=tightening), rounds + 1
+            rounds += 1
+            more = over.everywhere(ELSEWHERE if rounds == 1 else 1.0, times=rounds)
+            task = replace(task, tightening=task.tightening + more)
         better = task.solve(solution.iterate, near=True)
         if not better.ok:
             better = task.solve(solution.iterate)

@@ -95,7 +95,8 @@ def main() -> int:
         if chosen and case.number % parts == part - 1 and time.monotonic() < end:
             run(case, version, given.records, known, other)
     if other is None:
-        text = page(read(given.records), read(given.records.with_name("before.txt")))
+        before = read(given.records.with_name("before.txt"))
+        text = page(read(given.records), before, failures(given.records))
         given.records.with_name("README.md").write_text(text, encoding="utf-8")
     return 0
 
@@ -130,14 +131,22 @@ def run(case: Case, version: str, path: Path, known: Records, other: Records | N
 
 def read(path: Path) -> Records:
     """Records by case; of several of one case the last."""
-    found = {}
+    return {record.case: record for record in lines(path)}
+
+
+def failures(path: Path) -> list[Record]:
+    """All that any version failed, also where a later one did not."""
+    return [record for record in lines(path) if record.outcome not in ANSWERS]
+
+
+def lines(path: Path) -> Iterator[Record]:
+    """The records in the order in which they were written."""
     for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
         version, group, family, kind, number, outcome, stage, *rest = line.split(" ", 10)
         cpu, duration, objective = map(float, rest[:3])
         case = Case(group, family, kind, int(number))
         why = "".join(rest[3:])
-        found[case] = Record(version, case, outcome, stage, cpu, duration, objective, why)
-    return found
+        yield Record(version, case, outcome, stage, cpu, duration, objective, why)
 
 
 def measured(case: Case, duration: float | None) -> tuple[str, str, float, float, float, str]:
@@ -180,18 +189,20 @@ mixes them, so that what is done is a fair sample; `make stress` goes on. Record
 `before.txt` of the version before.
 
 Method: collocation with its defaults. Every case should end verified, or refused with a proof
-that there is no motion: **{verified} verified, {proven} refused with a proof, {failed} failed.**
+that there is no motion: **{verified} verified, {proven} refused with a proof, {failed} failed**,
+after {mended} that failed were mended (at the end of this page).
 Times are of the search alone, in CPU s of one thread on a busy machine. "Motion" is the duration
 in s where it is free, the effort in rad²/s (or what the inputs have) where it is given.
-Percentages are of the cases ordered: half, or 95 % of them, stay below. Versions: {versions}.
+Percentages are of the cases ordered: half, or 95 % of them, stay below.
+
+Versions: {versions}.
 """
 
 
-def page(now: Records, before: Records) -> str:
+def page(now: Records, before: Records, failed: Sequence[Record]) -> str:
     """All that is known, as Markdown."""
     cases = [r for r in now.values() if r.case.kind != "random"]
     count = Counter(r.outcome for r in cases)
-    failed = [r for r in now.values() if r.outcome not in ANSWERS]
     head = HEAD.format(
         done=len(cases),
         asked=sum(3 * len(families) * many for families, many, _ in GROUPS.values()),
@@ -199,6 +210,7 @@ def page(now: Records, before: Records) -> str:
         verified=count["verified"],
         proven=count["infeasible"],
         failed=len(cases) - count["verified"] - count["infeasible"],
+        mended=sum(now[r.case].outcome in ANSWERS for r in failed),
         versions=", ".join(
             f"{name} ({many} cases)"
             for name, many in Counter(r.version for r in [*cases, *before.values()]).items()
@@ -206,8 +218,12 @@ def page(now: Records, before: Records) -> str:
     )
     parts = [head, _compared(cases, before), _random(now), _stages(cases), _families(cases)]
     if failed:
-        lines = (f"- {r.case}: {r.outcome} after {r.cpu:.3g} CPU s. {r.why}" for r in failed)
-        parts.append("## Failed\n\n" + "\n".join(lines) + "\n")
+        each = (
+            f"- {_name(r.case)}: {r.outcome} by {r.version}, {now[r.case].outcome} by"
+            f" {now[r.case].version}. {r.why}"
+            for r in failed
+        )
+        parts.append("## Failed, by any version of the campaign\n\n" + "\n".join(each) + "\n")
     return "\n".join(part for part in parts if part)
 
 

@@ -191,7 +191,8 @@ mixes them, so that what is done is a fair sample; `make stress` goes on. Record
 Method: collocation with its defaults. Every case should end verified, or refused with a proof
 that there is no motion: **{verified} verified, {proven} refused with a proof, {failed} failed**,
 after {mended} that failed were mended (at the end of this page).
-Times are of the search alone, in CPU s of one thread on a busy machine. "Motion" is the duration
+Times are of the search alone, in CPU s of one thread; on a busy machine those of one case scatter
+by a factor of two. "Motion" is the duration
 in s where it is free, the effort in rad²/s (or what the inputs have) where it is given.
 Percentages are of the cases ordered: half, or 95 % of them, stay below.
 

@@ -4,7 +4,7 @@
 #   make suite     every method on every problem, to results/suite
 #   make bench     speed of collocation beside scripts by hand, to results/benchmarks
 #   make paper     the paper's figures and numbers, to results/paper
-#   make stress    thousands of random pairs, to results/stress (hours; continues where it ended)
+#   make stress    5,000 random problems, to results/stress (hours; continues where it ended)
 #   make robustness  the tracker on good and bad machines, to results/feedback (some minutes)
 #   make report    pictures of the report's page (needs Chromium), to results/report
 #   make explorer  pictures of the explorer in a browser (needs Chromium), to results/explorer

@@ -31,7 +31,7 @@ class Clock:
 
 @pytest.fixture(scope="module")
 def hard() -> planner.Problem:
-    """A pair of `tests/benchmarks/stress.py` that takes half a minute: four joints, no travel."""
+    """A random pair that takes half a minute: four joints, no travel."""
     ratio, k2 = 0.8178, 0.870125
     return planner.Problem.from_dict(
         {

@@ -50,44 +50,53 @@ class Polished:
 def polish(task: Task, solution: Solution, accuracy: float, refinements: int) -> Polished:
     """Refine the mesh until the re-simulated end is accurate, then draw limits in where needed.
 
-    Where time is up, what is refined by then is made a motion as
-    `planner.methods.collocation.long_arms.held` does.
+    Limits drawn in move the motion, which may want a finer mesh then; so both are gone through
+    until neither has anything to do, or the refinements are used up. Where time is up, what is
+    refined by then is made a motion as `planner.methods.collocation.long_arms.held` does.
     """
-    build, iterations = task.build_time_s, 0
+    iterations, rounds, left = 0, 0, refinements
     meshes = [len(task.mesh.widths)]
     seen = look(task, solution)
     try:
         with share(REFINING):
-            for _ in range(refinements):
-                if seen.error.fine(accuracy):
+            while True:
+                while left > 0 and not seen.error.fine(accuracy):
+                    progress.tell("refining the mesh")
+                    finer = task.on(_finer(task, seen.error, accuracy))
+                    start = transferred(task, solution.iterate, finer)
+                    better = finer.solve(start, near=True)
+                    iterations += better.iterations
+                    task = replace(task, build_time_s=task.build_time_s + finer.build_time_s)
+                    left -= 1
+                    if not better.ok:
+                        left = 0
+                        break
+                    task, solution = replace(finer, build_time_s=task.build_time_s), better
+                    meshes.append(len(task.mesh.widths))
+                    seen = look(task, solution)
+                coarse = refinements > 0 and not seen.error.fine(accuracy)
+                if coarse and (kept := _held(task, solution, accuracy)):
+                    left = 0
+                    task, solution = replace(kept[0], build_time_s=task.build_time_s), kept[1]
+                    meshes.append(len(task.mesh.widths))
+                    seen = look(task, solution)
+                task, solution, seen, more, rounds = _draw_in(task, solution, seen)
+                iterations += more
+                if left == 0 or seen.error.fine(accuracy):
                     break
-                progress.tell("refining the mesh")
-                finer = task.on(_finer(task, seen.error, accuracy))
-                start = transferred(task, solution.iterate, finer)
-                better = finer.solve(start, near=True)
-                iterations += better.iterations
-                build += finer.build_time_s
-                if not better.ok:
-                    break
-                task, solution = finer, better
-                meshes.append(len(task.mesh.widths))
-                seen = look(task, solution)
-            coarse = refinements > 0 and not seen.error.fine(accuracy)
-            if coarse and (kept := _held(task, solution, accuracy)):
-                task, solution = kept
-                meshes.append(len(task.mesh.widths))
-                seen = look(task, solution)
-            drawn = _draw_in(replace(task, build_time_s=build), solution, seen)
     except TimeUpError:
         task, solution = _held_in_time(task, solution, accuracy)
         meshes.append(len(task.mesh.widths))
-        drawn = _drawn(task, solution, look(task, solution), 0, 0)
-    notes = {"intervals": meshes, **drawn.notes}
-    return replace(
-        drawn,
-        notes=notes,
-        iterations=drawn.iterations + iterations,
-    )
+        seen = look(task, solution)
+    drawn = {
+        "rounds": rounds,
+        "joint": float(task.tightening.joint.max()),
+        "z2": float(task.tightening.z2.max()),
+        "obstacles": float(task.tightening.discs.max(initial=0.0)),
+    }
+    inner = task.made.form.inner
+    notes = {"intervals": meshes, "limits_inside": inner, "limits_drawn_in": drawn}
+    return Polished(task, solution, seen.error.end, notes, iterations)
 
 
 def _held(task: Task, solution: Solution, accuracy: float) -> tuple[Task, Solution] | None:
@@ -128,9 +137,12 @@ def _finer(task: Task, error: MeshError, accuracy: float) -> Mesh:
     return task.mesh.snapped(edges)
 
 
-def _draw_in(task: Task, solution: Solution, seen: Look) -> Polished:
+def _draw_in(task: Task, solution: Solution, seen: Look) -> tuple[Task, Solution, Look, int, int]:
     """Keep limits between the edges: solve again with them at the collocation points too, then
     with limits drawn in by what is still broken, at first little elsewhere, then everywhere alike.
+
+    A motion may give way by less than that, so that what is broken is drawn in twice in the second
+    round, thrice in the third. Iterations of the solver and rounds are counted.
     """
     iterations, rounds = 0, 0
     for _ in range(TIGHTENING_ROUNDS):
@@ -143,8 +155,9 @@ def _draw_in(task: Task, solution: Solution, seen: Look) -> Polished:
             task = task.inside()
             task = replace(task, build_time_s=built + task.build_time_s)
         else:
-            tightening = task.tightening + over.everywhere(ELSEWHERE if rounds == 0 else 1.0)
-            task, rounds = replace(task, tightening=tightening), rounds + 1
+            rounds += 1
+            more = over.everywhere(ELSEWHERE if rounds == 1 else 1.0, times=rounds)
+            task = replace(task, tightening=task.tightening + more)
         better = task.solve(solution.iterate, near=True)
         if not better.ok:
             better = task.solve(solution.iterate)
@@ -152,18 +165,4 @@ def _draw_in(task: Task, solution: Solution, seen: Look) -> Polished:
         if not better.ok:
             break
         solution, seen = better, look(task, better)
-    return _drawn(task, solution, seen, iterations, rounds)
-
-
-def _drawn(task: Task, solution: Solution, seen: Look, iterations: int, rounds: int) -> Polished:
-    tightening = task.tightening
-    notes = {
-        "limits_inside": task.made.form.inner,
-        "limits_drawn_in": {
-            "rounds": rounds,
-            "joint": float(tightening.joint.max()),
-            "z2": float(tightening.z2.max()),
-            "obstacles": float(tightening.discs.max(initial=0.0)),
-        },
-    }
-    return Polished(task, solution, seen.error.end, notes, iterations)
+    return task, solution, seen, iterations, rounds

@@ -140,6 +140,22 @@ def test_joint_limit_between_the_nodes_too(paper: Problem, options: dict[str, An
     assert (limited.notes["limits_drawn_in"]["rounds"] > 0) == bool(options)
 
 
+def test_a_limit_that_gives_way_by_less_than_it_is_drawn_in_is_kept() -> None:
+    """Drawn in each time by what is still broken, it would be passed after six rounds as well."""
+    problem = planner.load_problem(PROBLEMS / "crossing.toml")
+    coarse = {"input": "linear", "intervals": 5, "refinements": 0, "start": "bump"}
+    kept = plan(problem, {"limits.joint_deg": 34}, **coarse)
+    angles = np.abs(kept.q(np.linspace(0, 10, 5001))[:, 1:])
+    assert np.rad2deg(angles.max()) < 34 * (1 + 1e-6)
+
+
+def test_a_motion_that_limits_drawn_in_have_moved_is_refined_again() -> None:
+    """Its mesh was fine enough before, and its interpolant 1.5e-4 rad from the true motion then."""
+    problem = planner.load_problem(PROBLEMS / "crossing.toml")
+    coarse = {"input": "linear", "intervals": 8, "refinements": 2, "start": "bump"}
+    assert verify(plan(problem, {"limits.joint_deg": 31}, **coarse)).ok
+
+
 DIP = {"start.theta_deg": [10, 10, 10], "goal.theta_deg": [10, 10, 30], "goal.duration": 40.0}
 """θ₂ ends where it began while θ₃ moves: the best motion lets θ₂, and so z₂, change sign."""
 

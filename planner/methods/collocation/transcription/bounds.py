@@ -45,9 +45,9 @@ class Tightening:
     def __add__(self, other: Tightening) -> Tightening:
         return Tightening(self.joint + other.joint, self.z2 + other.z2, self.discs + other.discs)
 
-    def everywhere(self, share: float) -> Tightening:
-        """Each limit drawn in by at least a share of its greatest amount, in all intervals."""
-        amounts = self.joint, self.z2, self.discs
+    def everywhere(self, share: float, times: float) -> Tightening:
+        """Each limit drawn in so many times, and in all intervals by at least a share of that."""
+        amounts = (times * each for each in (self.joint, self.z2, self.discs))
         return Tightening(*(np.maximum(each, share * np.max(each, axis=0)) for each in amounts))
 
 

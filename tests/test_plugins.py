@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import pickle
 import sys
 import tomllib
@@ -68,7 +69,7 @@ def problem_file(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     with restored() as patch:
         patch.syspath_prepend(str(PACKAGE))
         patch.syspath_prepend(str(folder))
-        patch.setenv("PYTHONPATH", f"{folder}:{PACKAGE}")  # of the workers of a sweep
+        patch.setenv("PYTHONPATH", f"{folder}{os.pathsep}{PACKAGE}")  # of the workers of a sweep
         assert main(["new", str(path), "--system", "tricycle"]) == 0
         yield path
     sys.modules.pop("planner_tricycle", None)

@@ -30,12 +30,13 @@ if TYPE_CHECKING:  # a new public name goes here, into the table below and into 
     from planner.machine.feedback.tracker import Tracker
     from planner.machine.machine import Machine
     from planner.machine.replay import Replay, replay
-    from planner.methods.registry import METHODS
+    from planner.methods.registry import METHODS, register_method
     from planner.plan.claims import Certificate, Claim
     from planner.plan.plan import Plan
     from planner.plan.samples import Samples, load_samples
     from planner.problem.feasibility import TravelWindow, travel_window
     from planner.problem.problem import Limits, Problem, load_problem
+    from planner.problem.tables.kinds import register_system
     from planner.report.export import export
     from planner.retime import retime
     from planner.robustness.budget import Budget, error_budget
@@ -68,12 +69,13 @@ _HOMES = {
     "machine.feedback.tracker": "Tracker",
     "machine.machine": "Machine",
     "machine.replay": "Replay replay",
-    "methods.registry": "METHODS",
+    "methods.registry": "METHODS register_method",
     "plan.claims": "Certificate Claim",
     "plan.plan": "Plan",
     "plan.samples": "Samples load_samples",
     "problem.feasibility": "TravelWindow travel_window",
     "problem.problem": "Limits Problem load_problem",
+    "problem.tables.kinds": "register_system",
     "report.export": "export",
     "retime": "retime",
     "robustness.budget": "Budget error_budget",
@@ -153,6 +155,8 @@ __all__ = [
     "load_samples",
     "load_sweep",
     "machine_sensitivity",
+    "register_method",
+    "register_system",
     "replay",
     "retime",
     "run_sweep",

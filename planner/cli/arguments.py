@@ -11,7 +11,7 @@ import typer
 
 from planner.cli.output import say
 from planner.errors import InputError
-from planner.methods.registry import METHODS, find_method
+from planner.methods.registry import all_methods, find_method
 from planner.problem.problem import Problem, load_problem
 from planner.support.files import DEEPEST, parse_toml
 from planner.support.tables import brief
@@ -44,7 +44,8 @@ def complete_methods(incomplete: str) -> list[tuple[str, str]]:
     """Lists that go on from what is typed: the names after its last comma."""
     before, comma, _ = incomplete.rpartition(",")
     kept = f"{before}{comma}"
-    return [(kept + m.name, m.summary) for m in METHODS.values() if m.name not in before.split(",")]
+    said = before.split(",")
+    return [(kept + m.name, m.summary) for m in all_methods().values() if m.name not in said]
 
 
 MethodNames = Annotated[
@@ -133,7 +134,7 @@ def parse_methods(text: str | None) -> list[str] | None:
         return None
     names = list(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
     if not names:
-        raise InputError(f"--methods {text!r} names no method; allowed: {', '.join(METHODS)}")
+        raise InputError(f"--methods {text!r} names no method; allowed: {', '.join(all_methods())}")
     return [find_method(name).name for name in names]
 
 

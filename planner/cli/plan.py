@@ -38,7 +38,7 @@ from planner.cli.output import (
     waiting,
 )
 from planner.errors import NoPlanError
-from planner.methods.registry import METHODS, find_method
+from planner.methods.registry import all_methods, find_method
 from planner.plan.plan import Plan
 from planner.problem.feasibility import End, TravelWindow
 from planner.problem.problem import Problem
@@ -57,7 +57,7 @@ def plan(
             "--method",
             "-m",
             help="A method; `planner methods` lists them.",
-            autocompletion=lambda: [(name, m.summary) for name, m in METHODS.items()],
+            autocompletion=lambda: [(name, m.summary) for name, m in all_methods().items()],
         ),
     ] = "collocation",
     time_limit: TimeLimit = None,

@@ -4,8 +4,9 @@
 
 A commented problem file for each kind of system.
 
-What every problem says stands in heads/KIND.toml. The options of the methods and the settings of
-the machine come from the tables that read them, so that the file names every key there is.
+What every problem says stands in heads/KIND.toml, or comes with a registered kind. The options of
+the methods and the settings of the machine come from the tables that read them, so that the file
+names every key there is.
 """
 
 from __future__ import annotations
@@ -23,11 +24,10 @@ from planner.cli.arguments import Json
 from planner.cli.output import note, print_json, print_text, table
 from planner.errors import InputError
 from planner.machine.machine import Machine
-from planner.methods.registry import METHODS
+from planner.methods.registry import all_methods
 from planner.plan.plan import plan_schema
-from planner.problem.tables.kinds import FILES, json_schema
+from planner.problem.tables.kinds import all_files, json_schema
 from planner.problem.tables.machine_effects import MachineTable
-from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.problem_file import FeedbackTable
 from planner.support.files import refuse_unwritable, toml, write_text
 from planner.support.user_tables import nearest
@@ -45,7 +45,7 @@ def new(
             "-s",
             metavar="KIND",
             help="What is steered; `planner systems` lists the kinds.",
-            autocompletion=lambda: list(SYSTEMS.items()),
+            autocompletion=lambda: list(_summaries().items()),
         ),
     ] = "manipulator",
     force: Annotated[bool, typer.Option("--force", help="Replace FILE if it is there.")] = False,
@@ -71,17 +71,6 @@ def new(
     return 0
 
 
-SYSTEMS = {
-    "manipulator": "arm of n joints and two motors, driven through friction disks (the paper's)",
-    "ball-gear": "arm of n joints and two motors, driven through ball gears (Nakamura)",
-    "unicycle": "robot with two driven wheels",
-    "car": "car, driven at its rear axle and steered at the front",
-    "trailers": "car with trailers, each hitched on the axle before it",
-    "custom": "any triangular two-input system, given by its expressions",
-}
-"""Every `system.kind` with one line on it."""
-
-
 def methods(as_json: Json = False) -> int:
     """List the methods that make plans, one line each.
 
@@ -89,7 +78,7 @@ def methods(as_json: Json = False) -> int:
     Example:
       planner methods
     """
-    found = {name: method.summary for name, method in METHODS.items()}
+    found = {name: method.summary for name, method in all_methods().items()}
     return _list("method", found, as_json)
 
 
@@ -100,7 +89,12 @@ def systems(as_json: Json = False) -> int:
     Example:
       planner systems
     """
-    return _list("system.kind", SYSTEMS, as_json)
+    return _list("system.kind", _summaries(), as_json)
+
+
+def _summaries() -> dict[str, str]:
+    """Every `system.kind` with one line on it."""
+    return {kind: file.summary for kind, file in all_files().items()}
 
 
 def schema(
@@ -167,14 +161,15 @@ def problem_text(kind: str = "manipulator") -> str:
     Raises:
         InputError: If there is no such kind.
     """
-    if kind not in FILES:
-        raise InputError(f"no system '{kind}'; {nearest(kind, list(FILES))}")
-    head = files("planner.cli").joinpath(f"heads/{kind}.toml").read_text(encoding="utf-8")
-    parts = [_LEGEND + head]
-    for name, field in MethodsTable.model_fields.items():
-        table: Any = field.annotation
-        summary = METHODS[name].summary if name in METHODS else ""
-        parts.append(f"[method.{name}]\n{_prose(summary)}{_keys(table, _defaults(table))}")
+    kinds = all_files()
+    if kind not in kinds:
+        raise InputError(f"no system '{kind}'; {nearest(kind, list(kinds))}")
+    shipped = files("planner.cli").joinpath(f"heads/{kind}.toml")
+    head = kinds[kind].example or shipped.read_text(encoding="utf-8")
+    parts = [f"{_LEGEND}{head.strip()}\n"]
+    for name, method in all_methods().items():
+        options = _keys(method.options, _defaults(method.options))
+        parts.append(f"[method.{name}]\n{_prose(method.summary)}{options}")
     about = "The tracker that closes the loop: planner compare FILE --feedback."
     parts.append(f"[feedback]\n{_prose(about)}{_keys(FeedbackTable, _defaults(FeedbackTable))}")
     preset = {**_defaults(MachineTable), **Machine.prototype().to_dict()}

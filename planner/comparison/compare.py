@@ -22,7 +22,7 @@ from planner.machine.feedback.run_up import hindrance
 from planner.machine.machine import Machine
 from planner.machine.replay import RECORD_S, sample_numbers
 from planner.machine.replay import replay as run_replay
-from planner.methods.registry import METHODS, Spec, parse_specs
+from planner.methods.registry import ALL, METHODS, Spec, parse_specs
 from planner.plan.measures import effort, peak_inputs
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem, expect_problem
@@ -32,9 +32,6 @@ from planner.verification.verify import Check, verify
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and the share of all work that is done, 0 … 1."""
-
-ALL = "all"
-"""In place of methods: every one there is."""
 
 
 def compare(

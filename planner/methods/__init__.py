@@ -1,4 +1,5 @@
 """The methods that make plans.
 
-In this order: `registry`, `refusal`, `laws`, `convex`, `collocation`, `desensitised`, `advice`.
+In this order: `registry` (which there are, how one comes in), `refusal` (how they say no), `laws`
+(closed form), `convex`, `collocation`, `desensitised`; `advice` tries what a refusal proposes.
 """

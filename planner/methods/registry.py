@@ -1,4 +1,4 @@
-"""The methods that make plans: one file each, one registry.
+"""The methods that make plans: one file each, one registry, and how a new one comes in.
 
 Methods with options in one line of text, as in `polynomial:travel=middle`.
 """
@@ -14,6 +14,7 @@ from typing import Any
 from planner.errors import InputError
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
+from planner.problem.tables.kinds import add_method_table
 from planner.problem.tables.method_options import (
     CollocationOptions,
     ConvexOptions,
@@ -23,9 +24,10 @@ from planner.problem.tables.method_options import (
     SinusoidOptions,
     SinusoidStepsOptions,
 )
+from planner.problem.tables.plugins import load_plugins, remember
 from planner.support.files import parse_toml
 from planner.support.tables import line
-from planner.support.user_tables import nearest, parse
+from planner.support.user_tables import Table, nearest, parse
 
 
 @dataclass(frozen=True)
@@ -112,22 +114,101 @@ _ALL = (
 )
 
 METHODS = {method.name: method for method in _ALL}
+"""By name. What plugins register is in it once the first problem is read."""
+
+ALL = "all"
+"""In place of methods: every one there is."""
+
+
+def all_methods() -> dict[str, Method]:
+    """`METHODS` with what plugins bring.
+
+    Raises:
+        InputError: If a plugin fails.
+    """
+    load_plugins()
+    return METHODS
+
+
+def register_method(
+    name: str,
+    plan: Callable[[Problem, Any], Plan],
+    *,
+    options: type[Table],
+    summary: str,
+    replan: Callable[[Problem, Any, Plan], Plan] | None = None,
+    refines: str | None = None,
+    finds_time: bool = False,
+) -> None:
+    """Add a method to those that `solve`, `compare`, `check`, sweeps and problem files know.
+
+    A process that is started later, as a worker of a sweep is, knows it only from a plugin: a
+    package whose entry point `planner.plugins` names a function that calls this.
+
+    Args:
+        name: As users write it: a Python name.
+        plan: From the problem and an instance of `options` to a plan, which `solve` then verifies.
+            Where it finds none it raises a `NoPlanError` that says why.
+        options: The table `[method.NAME]` of problem files, a `planner.support.user_tables.Table`;
+            every key has a default.
+        summary: One line for listings.
+        replan: The same from a plan of a neighbouring problem.
+        refines: The method whose plan it starts from: where that finds none this finds none, so
+            that `check` does not try it.
+        finds_time: Whether it says itself that a duration is too short, and finds one that is not.
+
+    Raises:
+        InputError: If the name is taken or cannot be one, or something is not of the right kind.
+    """
+    if not isinstance(name, str) or not name.isidentifier() or not name.isascii():
+        raise InputError(
+            f"method '{line(str(name))}' cannot be registered: a name has letters, digits and _,"
+            " and begins with a letter"
+        )
+    if name in METHODS:
+        raise InputError(f"method '{name}' is there already: {METHODS[name].summary}")
+    if name == ALL or name.startswith("_") or hasattr(Table, name):
+        raise InputError(f"method '{name}' cannot be registered: the name has another meaning")
+    entry = Method(name, summary, options, plan, replan, refines, finds_time)
+    if why := next(_faults(entry), None):
+        raise InputError(f"method '{name}' cannot be registered: {why}")
+    add_method_table(name, options)
+    METHODS[name] = entry
+    remember(f"method '{name}'")
+
+
+def _faults(method: Any) -> Iterator[str]:
+    """Why an entry is no method."""
+    for key in ("plan", "replan"):
+        function = getattr(method, key)
+        if not callable(function) and not (key == "replan" and function is None):
+            yield f"{key} = {line(repr(function))} is not a function"
+    if not isinstance(method.options, type) or not issubclass(method.options, Table):
+        yield f"options = {line(repr(method.options))} is not a subclass of Table"
+    elif bare := [key for key, field in method.options.model_fields.items() if field.is_required()]:
+        yield f"its option {', '.join(bare)} has no default"
+    if not isinstance(method.summary, str) or not method.summary.strip():
+        yield "summary is not a text"
+    if method.refines is not None and method.refines not in METHODS:
+        yield f"refines = {line(repr(method.refines))} is no method"
 
 
 def find_method(name: str) -> Method:
     """The registry's entry of that name.
 
     Raises:
-        InputError: If there is none; names the nearest.
+        InputError: If there is none; names the nearest. If a plugin fails.
     """
-    if name not in METHODS:
-        raise InputError(f"unknown method '{name}'; {nearest(str(name), list(METHODS))}")
-    return METHODS[name]
+    methods = all_methods()
+    if name not in methods:
+        raise InputError(f"unknown method '{name}'; {nearest(str(name), list(methods))}")
+    return methods[name]
 
 
 def merged_options(problem: Problem, method: Method, options: dict[str, Any]) -> Any:
     """The method's option table: the problem's, overridden by keywords."""
-    own = getattr(problem.methods, method.name).model_dump(exclude_unset=True)
+    table = getattr(problem.methods, method.name, None)  # None: read before it was registered
+    own = {} if table is None else table.model_dump(exclude_unset=True)
     return parse(method.options, {**own, **options}, f"options of method '{method.name}'")
 
 

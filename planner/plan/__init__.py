@@ -1,5 +1,6 @@
 """What every method returns, and what can be read of it.
 
-In this order: `trajectory`, `retimed`, `fastest_timing`, `quadrature`, `measures`, `claims`,
-`plan`, `samples`.
+In this order: `trajectory` (curves in time), `retimed` and `fastest_timing` (another clock on the
+same path), `quadrature`, `measures` (effort, peaks, the chart's domain), `claims` (what is proven),
+`plan`, `samples` (as arrays and tables).
 """

@@ -1,4 +1,6 @@
 """What errors do to a plan.
 
-In this order: `sensitivity`, `machine_sensitivity`, `budget` with `sobol`, `trade_off`.
+In this order: `sensitivity` (to first order), `machine_sensitivity` (by replays), `budget` with
+`sobol` (which effect costs what), `trade_off` with `trade_off_axis` and `trade_off_points` (what
+less of it costs).
 """

@@ -1,5 +1,6 @@
-"""What has nothing to do with robots: arrays, files, text, time, progress, statistics, calls of
-solvers.
+"""What has nothing to do with robots.
 
-Read first: `arrays`, `package`, `deadline`, `progress`; the rest when something asks for it.
+Read first: `arrays`, `package`. The rest when something asks for it: `files`, `tables` and
+`user_tables` (what users wrote, checked and shown), `deadline`, `progress`, `interrupts` (while a
+search runs), `one_variable`, `statistics`, `compiled_calls`, `ipopt`.
 """

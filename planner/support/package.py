@@ -74,7 +74,7 @@ def import_when_used(package: str, names: Mapping[str, str]) -> None:
 NAME = "nonholonomic-planner"
 """On the package index, where `planner` is somebody else's; modules and command are `planner`."""
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 def version() -> str:

@@ -39,8 +39,8 @@ def load_sweep(db: str | Path, which: int | None = None) -> pandas.DataFrame:
 
     Returns:
         A frame with one column a varied key (named by the dotted key), then `method`, the results
-        (`planner.sweep.RESULTS`, with units in their names), `case` (the key for `load_case_plan`)
-        and `finished_at`.
+        (`planner.sweep.case.RESULTS`, with units in their names), `case` (the key for
+        `load_case_plan`) and `finished_at`.
 
     Raises:
         InputError: If pandas is not installed, or the file is missing or not a sweep's.

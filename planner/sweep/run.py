@@ -15,6 +15,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from planner.errors import InputError
+from planner.problem.tables.plugins import unknown_elsewhere
 from planner.support.interrupts import Terminated, undisturbed
 from planner.sweep.case import Case, Row, case_at, cases
 from planner.sweep.description import Sweep
@@ -80,7 +81,8 @@ def run_sweep(
         progress: Told how far it is.
 
     Raises:
-        InputError: If the sweep is wrong, the file cannot be used, or the cluster cannot.
+        InputError: If the sweep is wrong, the file cannot be used, or the cluster cannot; or other
+            processes would not know one of its methods, or its system.
         KeyboardInterrupt: If interrupted; finished cases are kept.
     """
     if not isinstance(sweep, Sweep):
@@ -94,6 +96,8 @@ def run_sweep(
         waiting = (case_at(sweep, position) for position in missing)
         run = _Run(store, waiting, len(wanted) - len(done), progress)
         if run.total:
+            if workers != 0:
+                _refuse_unknown_elsewhere(sweep)
             pool = _pool(workers, cluster, run.total)
             try:
                 run.drive(pool)
@@ -120,6 +124,21 @@ def _pool(workers: int | None, cluster: str | None, total: int) -> Pool:
     if workers == 0:
         return HerePool()
     return LocalPool(min(workers or _cores(), total))
+
+
+def _refuse_unknown_elsewhere(sweep: Sweep) -> None:
+    """Refuse methods and systems that other processes would not know."""
+    kinds = {
+        sweep.base.to_dict()["system"]["kind"],
+        *(point.get("system.kind") for point in sweep.points),
+    }
+    methods = dict.fromkeys(f"method '{spec.method}'" for spec in sweep.methods)
+    if found := unknown_elsewhere(*methods, *(f"system '{kind}'" for kind in kinds)):
+        raise InputError(
+            f"{' and '.join(found)}: registered in this process alone, so that no other can run the"
+            " cases; name the function that registers it under the entry point planner.plugins of"
+            " an installed package, or run the cases here (workers = 0)"
+        )
 
 
 def _cores() -> int:

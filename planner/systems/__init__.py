@@ -1,5 +1,6 @@
 """What is steered: the triangular class, its members, their chart, what can be said of them.
 
 In this order: `triangular_system`, `chained_form`, `manipulator`, `ball_gear`, `vehicles`,
-`expressions` and `custom`, `linearised`, `controllability`.
+`expressions`, `custom` and `monotone` (systems given as text, and their inverse), `linearised`,
+`controllability`.
 """

@@ -12,6 +12,7 @@ import pytest
 
 import planner
 import planner.report
+from planner.support.package import ROOT
 
 LAZY = [planner, planner.report]
 NAMES = [(package, name) for package in LAZY for name in package.__all__]
@@ -58,6 +59,11 @@ assert planner.systems.manipulator.Manipulator is planner.Manipulator
 """
     paper = Path(__file__).parents[2] / "problems" / "paper.toml"
     subprocess.run([sys.executable, "-c", code, str(paper)], check=True)
+
+
+def test_the_root_holds_the_package() -> None:
+    """Workers import from there: from the package's own folder `plan` or `check` would be ours."""
+    assert Path(planner.__file__).parent == ROOT / "planner"
 
 
 def test_what_a_process_of_a_sweep_does_without() -> None:

@@ -1,4 +1,4 @@
-"""The path that is best in the chart, and the clock that runs it: see `planner.convex`."""
+"""The path that is best in the chart, and the clock that runs it."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ The tables of a problem file for `system.kind = "manipulator"`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
@@ -196,6 +196,8 @@ class BallGearTable(Table):
 class BallGearFile(ArmFile):
     """A problem file for the ball-gear manipulator."""
 
+    summary: ClassVar[str] = "arm of n joints and two motors, driven through ball gears (Nakamura)"
+
     system: BallGearTable
 
     def build_system(self) -> BallGear:
@@ -263,6 +265,10 @@ class ManipulatorTable(Table):
 
 class ManipulatorFile(ArmFile):
     """A problem file for the manipulator."""
+
+    summary: ClassVar[str] = (
+        "arm of n joints and two motors, driven through friction disks (the paper's)"
+    )
 
     system: ManipulatorTable
     limits: LimitsTable = Field(default_factory=LimitsTable)

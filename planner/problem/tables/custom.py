@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -102,6 +102,8 @@ class CustomLimits(BaseLimits):
 
 class CustomFile(NamedFile):
     """A problem file for the user's own system."""
+
+    summary: ClassVar[str] = "any triangular two-input system, given by its expressions"
 
     system: CustomTable
     start: CustomStart

@@ -1,17 +1,27 @@
-"""The problem file's tables: what a user may write, with types, ranges and descriptions."""
+"""The kinds of systems: for each the tables of its problem file, and how a new one comes in.
 
+A kind has one class, a `ProblemFile`: it says what a user may write, with types, ranges and
+descriptions, and builds the system from it.
+"""
+
+import inspect
 import math
-from typing import Any, Union
+import re
+from collections.abc import Iterator
+from typing import Any, Union, get_args
 
 from pydantic import TypeAdapter
 
 from planner.errors import InputError
 from planner.problem.tables.arms import BallGearFile, ManipulatorFile
 from planner.problem.tables.custom import CustomFile
-from planner.problem.tables.problem_file import ProblemFile
+from planner.problem.tables.limits import BaseLimits
+from planner.problem.tables.method_options import MethodsTable
+from planner.problem.tables.plugins import load_plugins, remember
+from planner.problem.tables.problem_file import GoalTable, ProblemFile
 from planner.problem.tables.vehicles import CarFile, TrailersFile, UnicycleFile
-from planner.support.tables import brief
-from planner.support.user_tables import nearest, parse
+from planner.support.tables import brief, line
+from planner.support.user_tables import Table, nearest, parse
 
 FILES: dict[str, type[ProblemFile]] = {
     "manipulator": ManipulatorFile,
@@ -21,14 +31,88 @@ FILES: dict[str, type[ProblemFile]] = {
     "trailers": TrailersFile,
     "custom": CustomFile,
 }
+"""By `system.kind`. What plugins register is in it once the first problem is read."""
+
+
+def all_files() -> dict[str, type[ProblemFile]]:
+    """`FILES` with what plugins bring.
+
+    Raises:
+        InputError: If a plugin fails.
+    """
+    load_plugins()
+    return FILES
+
+
+def register_system(kind: str, file: type[ProblemFile]) -> None:
+    """Let problem files say `system.kind = kind`.
+
+    A process that is started later, as a worker of a sweep is, knows it only from a plugin: a
+    package whose entry point `planner.plugins` names a function that calls this.
+
+    Args:
+        kind: What files write: letters, digits, - and _.
+        file: A `planner.problem.tables.problem_file.ProblemFile`, with `summary` (one line) and
+            `example` (the text that `planner new` begins a file with). Its tables `system`, `start`
+            and `goal` are `planner.support.user_tables.Table`s; `system` has a key `kind` of type
+            `Literal[kind]`, `goal` is a `GoalTable` and `limits` a `BaseLimits`.
+
+    Raises:
+        InputError: If the kind is taken or not of that form, or `file` is not such a class.
+    """
+    if not isinstance(kind, str) or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", kind):
+        raise InputError(
+            f"system kind '{line(str(kind))}' cannot be registered: a kind has letters, digits,"
+            " - and _, and begins with a letter"
+        )
+    if kind in FILES:
+        raise InputError(f"system kind '{kind}' is taken, by {FILES[kind].__name__}")
+    if why := next(_faults(kind, file), None):
+        raise InputError(f"system kind '{kind}' cannot be registered: {why}")
+    FILES[kind] = file
+    remember(f"system '{kind}'")
+
+
+_TABLES = {"system": Table, "start": Table, "goal": GoalTable, "limits": BaseLimits}
+
+
+def _faults(kind: str, file: Any) -> Iterator[str]:
+    """Why a class cannot read the problem files of a kind."""
+    if not isinstance(file, type) or not issubclass(file, ProblemFile):
+        yield f"{line(repr(file))} is not a subclass of ProblemFile"
+        return
+    name = line(file.__name__)
+    if inspect.isabstract(file):
+        yield f"{name} lacks {', '.join(sorted(file.__abstractmethods__))}"
+    for key, base in _TABLES.items():
+        table: Any = file.model_fields[key].annotation
+        if not isinstance(table, type) or not issubclass(table, base) or inspect.isabstract(table):
+            yield f"{name}.{key} is not a table, a concrete subclass of {base.__name__}"
+        elif key == "system":
+            field = table.model_fields.get("kind")
+            if field is None or kind not in get_args(field.annotation):
+                yield f"{name}.system has no key kind of type Literal['{kind}']"
+    for words in ("summary", "example"):
+        text = getattr(file, words)
+        if not isinstance(text, str) or not text.strip():
+            yield f"{name}.{words} is not a text"
+
+
+def add_method_table(name: str, options: type[Table]) -> None:
+    """Give all problem files a table `[method.NAME]`; the registry of methods asks for it."""
+    MethodsTable.add(name, options)
+    for file in FILES.values():
+        if file.__pydantic_complete__:  # else it is built when it is first used
+            file.model_rebuild(force=True)
 
 
 def parse_file(data: dict[str, Any], source: str) -> ProblemFile:
     """Validate a problem file's tables.
 
     Raises:
-        InputError: One line an error; see `parse`.
+        InputError: One line an error; see `parse`. If a plugin fails.
     """
+    load_plugins()
     _refuse_extremes(data, source)
     system = data.get("system")
     if not isinstance(system, dict) or "kind" not in system:
@@ -65,5 +149,5 @@ def _refuse_extremes(data: dict[str, Any], source: str) -> None:
 
 def json_schema() -> dict[str, Any]:
     """JSON Schema of a problem file, for editors."""
-    kinds: Any = Union[tuple(FILES.values())]  # noqa: UP007
+    kinds: Any = Union[tuple(all_files().values())]  # noqa: UP007
     return TypeAdapter(kinds).json_schema()

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
+from pydantic.fields import FieldInfo
 
 from planner.support.user_tables import Table
 
@@ -326,3 +327,10 @@ class MethodsTable(Table):
     collocation: CollocationOptions = Field(default_factory=CollocationOptions)
     convex: ConvexOptions = Field(default_factory=ConvexOptions)
     desensitised: DesensitisedOptions = Field(default_factory=DesensitisedOptions)
+
+    @classmethod
+    def add(cls, name: str, options: type[Table]) -> None:
+        """A further table; tables that hold this one are built anew by the caller."""
+        # The class stays the same object: problems that there are, and pickled ones, stay good.
+        cls.model_fields[name] = FieldInfo(annotation=options, default_factory=options)
+        cls.model_rebuild(force=True)

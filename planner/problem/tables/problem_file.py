@@ -8,7 +8,7 @@ The `[[waypoints]]` and `[[obstacles]]` of a problem file.
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, field_validator
@@ -145,7 +145,16 @@ class GoalTable(Table):
 
 
 class ProblemFile(Table):
-    """A problem file; one subclass a system kind, which types the tables left open here."""
+    """A problem file; one subclass a system kind, which types the tables left open here.
+
+    Attributes:
+        summary: What is steered, one line for listings.
+        example: The text `planner new` begins a file with: what is above the options of methods.
+            Empty where cli/heads/KIND.toml holds it.
+    """
+
+    summary: ClassVar[str] = ""
+    example: ClassVar[str] = ""
 
     title: str = Field("", description="One line that says what the problem shows.")
     system: Any

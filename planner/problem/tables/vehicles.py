@@ -10,7 +10,7 @@ The tables of a problem file for `system.kind = "unicycle"`.
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -133,6 +133,8 @@ class CarLimits(VehicleLimits):
 class CarFile(VehicleFile):
     """A problem file for the car."""
 
+    summary: ClassVar[str] = "car, driven at its rear axle and steered at the front"
+
     system: CarTable
     start: CarStart = Field(default_factory=CarStart)
     goal: CarGoal
@@ -190,6 +192,8 @@ class TrailersLimits(CarLimits):
 class TrailersFile(VehicleFile):
     """A problem file for the car with trailers; x, y and heading are the last trailer's."""
 
+    summary: ClassVar[str] = "car with trailers, each hitched on the axle before it"
+
     system: TrailersTable
     start: TrailersStart = Field(default_factory=TrailersStart)
     goal: TrailersGoal
@@ -244,6 +248,8 @@ class UnicycleLimits(VehicleLimits):
 
 class UnicycleFile(VehicleFile):
     """A problem file for the unicycle."""
+
+    summary: ClassVar[str] = "robot with two driven wheels"
 
     system: UnicycleTable
     limits: UnicycleLimits = Field(default_factory=UnicycleLimits)

@@ -1,0 +1,344 @@
+"""Systems and methods from outside: registered by hand, and by an installed package."""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import sys
+import tomllib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import Any, Literal
+
+import pytest
+
+import planner
+from planner.cli.app import main
+from planner.errors import InputError
+from planner.methods.registry import METHODS
+from planner.problem.tables import plugins
+from planner.problem.tables.kinds import FILES, json_schema
+from planner.problem.tables.method_options import MethodsTable
+from planner.problem.tables.vehicles import UnicycleFile
+from planner.support.user_tables import Table
+from planner.systems.vehicles import Unicycle
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = Path(__file__).parent / "plugin"
+
+
+@contextmanager
+def restored() -> Iterator[pytest.MonkeyPatch]:
+    """Registries and plugins as they were, afterwards."""
+    kept = [(table, dict(table)) for table in (FILES, METHODS, MethodsTable.model_fields)]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plugins, "_plugins", plugins._Plugins())
+        yield patch
+    for table, before in kept:
+        table.clear()
+        table.update(before)
+    for model in (MethodsTable, *FILES.values()):
+        model.model_rebuild(force=True)
+
+
+@pytest.fixture
+def clean() -> Iterator[None]:
+    with restored() as patch:
+        patch.setattr(plugins, "entry_points", lambda group: [])
+        yield
+
+
+@pytest.fixture(scope="module")
+def problem_file(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The package of tests/plugin as pip would install it, and a problem file of its system."""
+    folder = tmp_path_factory.mktemp("site")
+    project = tomllib.loads((PACKAGE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    info = folder / f"planner_tricycle-{project['version']}.dist-info"
+    info.mkdir()
+    lines = [
+        f"{name} = {what}" for name, what in project["entry-points"]["planner.plugins"].items()
+    ]
+    (info / "entry_points.txt").write_text("\n".join(["[planner.plugins]", *lines]))
+    (info / "METADATA").write_text(
+        f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
+    )
+    path = folder / "mine.toml"
+    with restored() as patch:
+        patch.syspath_prepend(str(PACKAGE))
+        patch.syspath_prepend(str(folder))
+        patch.setenv("PYTHONPATH", f"{folder}{os.pathsep}{PACKAGE}")  # of the workers of a sweep
+        assert main(["new", str(path), "--system", "tricycle"]) == 0
+        yield path
+    sys.modules.pop("planner_tricycle", None)
+
+
+def test_its_system_is_planned_and_verified(problem_file: Path, tmp_path: Path) -> None:
+    problem = planner.load_problem(problem_file)
+    assert problem.system.kind == "tricycle"
+    plan = planner.solve(problem, "collocation")
+    assert plan.verified
+    assert planner.verify(plan).ok
+    assert plan.certificate is not None
+    assert planner.load_plan(plan.save(tmp_path / "plan.json")).problem == problem
+    assert planner.Problem.from_dict(problem.to_dict()) == problem
+
+
+def test_its_method_plans_any_system(problem_file: Path) -> None:
+    unicycle = planner.load_problem(ROOT / "problems/unicycle.toml")
+    for problem in (planner.load_problem(problem_file), unicycle):
+        plan = planner.solve(problem, "two_speeds", first=0.4)
+        assert plan.verified
+        assert plan.method == "two_speeds"
+        assert plan.options["first"] == 0.4
+
+
+def test_the_problem_file_sets_its_options_and_is_strict(problem_file: Path) -> None:
+    problem = planner.load_problem(problem_file, {"method.two_speeds.first": 0.45})
+    assert planner.solve(problem, "two_speeds").options["first"] == 0.45
+    assert problem.to_dict()["method"]["two_speeds"] == {"first": 0.45}
+    with pytest.raises(InputError, match=r"'method.two_speeds.frst'.*did you mean 'first'\?"):
+        planner.load_problem(problem_file, {"method.two_speeds.frst": 0.4})
+    with pytest.raises(InputError, match=r"'method.two_speeds.first' = 2: must be less than 1"):
+        planner.load_problem(problem_file, {"method.two_speeds.first": 2})
+    with pytest.raises(InputError, match=r"'method.two_sped'.*did you mean 'two_speeds'\?"):
+        planner.load_problem(problem_file, {"method.two_sped.first": 0.4})
+
+
+def test_compare_check_and_all_know_its_method(problem_file: Path) -> None:
+    problem = planner.load_problem(problem_file)
+    result = planner.compare(problem, "two_speeds:first=0.4,polynomial", samples=2)
+    assert [row.solved for row in result.rows] == [True, True]
+    assert result.rows[0].replay is not None
+    with pytest.raises(InputError, match=r"did you mean 'first'\?"):
+        planner.compare(problem, "two_speeds:frst=0.4", samples=2)
+    analysis = planner.check(problem)
+    assert [o["verified"] for o in analysis.outcomes if o["method"] == "two_speeds"] == [True]
+    assert "two_speeds" in [
+        spec.method for spec in planner.comparison.compare.specs(problem, "all")
+    ]
+
+
+def test_workers_of_a_sweep_read_the_same_entry_points(problem_file: Path, tmp_path: Path) -> None:
+    sweep = {
+        "problem": planner.load_problem(problem_file).to_dict(),
+        "methods": ["two_speeds"],
+        "grid": {"method.two_speeds.first": [0.4, 0.5]},
+    }
+    outcome = planner.run_sweep(sweep, tmp_path / "x.sqlite", workers=1)
+    assert outcome.statuses == {"solved": 2}
+    with pytest.raises(InputError, match=r"did you mean 'first'\?"):
+        planner.Sweep.from_dict({**sweep, "grid": {"method.two_speeds.frst": [0.4, 0.5]}})
+
+
+def test_commands_know_both(problem_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def said(*words: str) -> str:
+        assert main(list(words)) == 0
+        return capsys.readouterr().out
+
+    assert json.loads(said("methods", "--json"))["two_speeds"].startswith("v1 constant")
+    assert json.loads(said("systems", "--json"))["tricycle"].startswith("tricycle, driven")
+    schema = json.loads(said("schema"))
+    assert "two_speeds" in schema["$defs"]["MethodsTable"]["properties"]
+    assert "TricycleFile" in schema["$defs"]
+    assert "TwoSpeedsOptions" in said("schema", "plan")
+    made = problem_file.read_text(encoding="utf-8")
+    assert made.startswith("# A problem file of planner.")
+    assert '\nkind = "tricycle"\n' in made
+    assert "\n[method.two_speeds]\n" in made
+    assert "\n#first = 0.5\n" in made
+    assert json.loads(said("plan", str(problem_file), "-m", "two_speeds", "--json"))["verified"]
+
+
+def test_a_schema_says_what_a_file_may_say(problem_file: Path) -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    validator = jsonschema.Draft202012Validator(json_schema())
+    data = tomllib.loads(problem_file.read_text(encoding="utf-8"))
+    assert validator.is_valid({**data, "method": {"two_speeds": {"first": 0.4}}})
+    assert not validator.is_valid({**data, "method": {"two_speeds": {"frst": 0.4}}})
+
+
+# -- by hand -----------------------------------------------------------------------------------
+
+
+class Options(Table):
+    often: int = 1
+
+
+class Needy(Table):
+    often: int
+
+
+class SledTable(Table):
+    kind: Literal["sled"]
+
+
+class SledFile(UnicycleFile):
+    summary = "a sled"
+    example = '[system]\nkind = "sled"\n[goal]\nx_m = 2.0\ny_m = 1.0\n'
+    system: SledTable
+
+    def build_system(self) -> Unicycle:
+        return Unicycle()
+
+
+def polynomial(problem: planner.Problem, options: Options) -> planner.Plan:
+    return planner.solve(problem, "polynomial")
+
+
+def register(name: Any = "mine", plan: Any = polynomial, **changes: Any) -> None:
+    given: dict[str, Any] = {"options": Options, "summary": "mine", **changes}
+    planner.register_method(name, plan, **given)
+
+
+@pytest.mark.usefixtures("clean")
+def test_problems_read_before_keep_working() -> None:
+    before = planner.load_problem(ROOT / "problems/unicycle.toml")
+    register()
+    assert planner.solve(before, "mine").verified
+    after = before.changed({"method.mine.often": 3})
+    assert after.methods.mine.often == 3  # type: ignore[attr-defined]
+    assert pickle.loads(pickle.dumps(after)) == after
+    assert pickle.loads(pickle.dumps(before)).methods == before.methods
+
+
+@pytest.mark.usefixtures("clean")
+def test_what_no_other_process_knows_is_not_sent_to_workers(tmp_path: Path) -> None:
+    register()
+    planner.register_system("sled", SledFile)
+    sweep = {
+        "problem": tomllib.loads(SledFile.example),
+        "methods": ["mine"],
+        "grid": {"goal.y_m": [0.5, 1.0]},
+    }
+    says = "method 'mine' and system 'sled': registered in this process alone"
+    with pytest.raises(InputError, match=says):
+        planner.run_sweep(sweep, tmp_path / "x.sqlite")
+    outcome = planner.run_sweep(sweep, tmp_path / "x.sqlite", workers=0)
+    assert outcome.statuses == {"solved": 2}
+
+
+METHOD_REFUSALS: list[tuple[dict[str, Any], str]] = [
+    ({"name": "polynomial"}, "method 'polynomial' is there already: the paper's law"),
+    ({"name": "two words"}, "method 'two words' cannot be registered: a name has letters"),
+    ({"name": "a\x1b[31mb"}, r"method 'a\[31mb' cannot be registered"),
+    ({"name": 3}, "method '3' cannot be registered"),
+    ({"name": "all"}, "method 'all' cannot be registered: the name has another meaning"),
+    ({"name": "model_dump"}, "the name has another meaning"),
+    ({"plan": "polynomial"}, "method 'mine' cannot be registered: plan = 'polynomial' is not a"),
+    ({"replan": 3}, "replan = 3 is not a function"),
+    ({"options": dict}, "options = <class 'dict'> is not a subclass of Table"),
+    ({"options": Needy}, "its option often has no default"),
+    ({"summary": ""}, "summary is not a text"),
+    ({"refines": "colocation"}, "refines = 'colocation' is no method"),
+]
+
+
+@pytest.mark.usefixtures("clean")
+@pytest.mark.parametrize(("changes", "says"), METHOD_REFUSALS, ids=[s for _, s in METHOD_REFUSALS])
+def test_what_is_no_method_is_refused(changes: dict[str, Any], says: str) -> None:
+    before = dict(METHODS), dict(MethodsTable.model_fields)
+    with pytest.raises(InputError, match=says):
+        register(**changes)
+    assert before == (dict(METHODS), dict(MethodsTable.model_fields))
+
+
+def changed(**attributes: Any) -> type[SledFile]:
+    hints = {name: kind for name, kind in attributes.items() if name in SledFile.model_fields}
+    rest = {name: value for name, value in attributes.items() if name not in hints}
+    return type(
+        "OtherFile", (SledFile,), {"__annotations__": hints, "__module__": __name__, **rest}
+    )
+
+
+def without_build() -> type[Any]:
+    names = {"__annotations__": {"system": SledTable}, "__module__": __name__}
+    return type("HalfFile", (planner.problem.tables.vehicles.VehicleFile,), names)
+
+
+SYSTEM_REFUSALS: list[tuple[Any, Callable[[], Any], str]] = [
+    ("car", lambda: SledFile, "system kind 'car' is taken, by CarFile"),
+    ("a sled", lambda: SledFile, "system kind 'a sled' cannot be registered: a kind has letters"),
+    ("a\u202eb", lambda: SledFile, "system kind 'ab' cannot be registered"),
+    (None, lambda: SledFile, "system kind 'None' cannot be registered"),
+    ("sled", lambda: Unicycle, "<class .*Unicycle'> is not a subclass of ProblemFile"),
+    ("sled", without_build, "HalfFile lacks angles_deg, build_system, joint_limits"),
+    ("sledge", lambda: SledFile, r"SledFile.system has no key kind of type Literal\['sledge'\]"),
+    ("sled", lambda: changed(goal=Options), "OtherFile.goal is not a table, .* of GoalTable"),
+    ("sled", lambda: changed(summary=""), "OtherFile.summary is not a text"),
+    ("sled", lambda: changed(example=" "), "OtherFile.example is not a text"),
+]
+
+
+@pytest.mark.usefixtures("clean")
+@pytest.mark.parametrize(
+    ("kind", "make", "says"), SYSTEM_REFUSALS, ids=[s for _, _, s in SYSTEM_REFUSALS]
+)
+def test_what_is_no_system_is_refused(kind: Any, make: Callable[[], Any], says: str) -> None:
+    before = dict(FILES)
+    with pytest.raises(InputError, match=says):
+        planner.register_system(kind, make())
+    assert before == FILES
+
+
+@pytest.mark.usefixtures("clean")
+def test_nothing_is_registered_twice() -> None:
+    register()
+    planner.register_system("sled", SledFile)
+    with pytest.raises(InputError, match="method 'mine' is there already"):
+        register()
+    with pytest.raises(InputError, match="system kind 'sled' is taken, by SledFile"):
+        planner.register_system("sled", SledFile)
+
+
+# -- entry points ------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def entries(clean: None, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    def put(**named: str) -> None:
+        found = [EntryPoint(name, what, plugins.GROUP) for name, what in named.items()]
+        monkeypatch.setattr(plugins, "entry_points", lambda group: found)
+
+    return put
+
+
+calls: list[str] = []
+
+
+def reads_a_problem() -> None:
+    planner.load_problem(ROOT / "problems/unicycle.toml")
+    calls.append("read")
+
+
+def fails() -> None:
+    raise RuntimeError("no\x07 licence")
+
+
+def leaves() -> None:
+    raise SystemExit(3)
+
+
+def test_a_plugin_is_called_once(entries: Callable[..., None]) -> None:
+    entries(one=f"{__name__}:reads_a_problem")
+    calls.clear()
+    for _ in range(2):
+        planner.load_problem(ROOT / "problems/car.toml")
+    assert calls == ["read"]
+
+
+def test_a_plugin_that_fails_is_named_each_time(
+    entries: Callable[..., None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    entries(b=f"{__name__}:fails", a="nowhere_to_be_found:x", c=f"{__name__}:leaves")
+    for _ in range(2):
+        with pytest.raises(InputError) as refused:
+            planner.load_problem(ROOT / "problems/car.toml")
+        first, second, third = str(refused.value).splitlines()
+        assert first.startswith("plugin 'a' of a package (nowhere_to_be_found:x) failed: ModuleNot")
+        assert f"'b' of a package ({__name__}:fails) failed: RuntimeError: no licence;" in second
+        assert third.startswith("plugin 'c'")
+    assert main(["methods"]) == 2
+    assert "plugin 'b'" in capsys.readouterr().err

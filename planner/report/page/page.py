@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.comparison.comparison import Comparison, columns
+from planner.comparison.comparison import Comparison
 from planner.comparison.rows import CLOSED, Row
 from planner.errors import InputError
 from planner.report.page.series import page_data
@@ -102,7 +102,7 @@ def _definitions(pairs: Sequence[tuple[str, str]]) -> str:
 
 
 def _table(comparison: Comparison) -> str:
-    shown = columns(comparison)
+    shown = [c for c in comparison.columns if c.shown and not c.left]
     heads = [(_symbols(c.title), html.escape(c.unit)) for c in shown]
     head = "".join(
         f'<th scope="col">{title}{f"<span class=unit>{unit}</span>" if unit else ""}</th>'

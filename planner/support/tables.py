@@ -33,7 +33,9 @@ WIDTH, LEAST = 100, 10
 
 def short(value: Any) -> str:
     """A number in few characters, anything else as it is."""
-    return number(value) if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return number(value)
+    return value if isinstance(value, str) else str(value)
 
 
 def digits(count: int) -> Callable[[float], str]:
@@ -167,27 +169,52 @@ def csv_table(columns: Iterable[Column[R]], rows: Iterable[R]) -> str:
     return csv_text([names, *([jsonable(c.value(row)) for c in kept] for row in rows)])
 
 
-def html_table(columns: Iterable[Column[R]], rows: Iterable[R], above: str = "") -> str:
-    """An HTML table as a notebook shows it; every text is escaped.
+class Markup(str):
+    """Text that is HTML already, and is not escaped."""
+
+    __slots__ = ()
+
+
+def html_table(
+    columns: Iterable[Column[R]],
+    rows: Iterable[R],
+    above: str = "",
+    *,
+    kind: Callable[[R], str] | None = None,
+) -> str:
+    """An HTML table; all text but `Markup` is escaped.
 
     Args:
         columns: Its columns.
         rows: Its rows.
         above: A line over it.
+        kind: From a row to its class, on a page with a style sheet: units then have their own
+            elements, the first column heads its row, and each cell bears its column's title, which
+            is read where a screen is too narrow for heads. Left out for a notebook.
     """
-    shown = _read(columns)
-    lines = [("th", [c.head for c in shown]), *(("td", [c.text(r) for c in shown]) for r in rows)]
-    sides = ["left" if column.left else "right" for column in shown]
-    body = "".join(
-        "<tr>"
-        + "".join(
-            f'<{tag} style="text-align:{side}">{escape(cell)}</{tag}>'
-            for side, cell in zip(sides, cells, strict=True)
-        )
-        + "</tr>"
-        for tag, cells in lines
+    shown, heads, around = _read(columns), [], []
+    for k, c in enumerate(shown):
+        if kind is None:
+            style = f'style="text-align:{"left" if c.left else "right"}"'
+            heads.append(f"<th {style}>{escape(c.head)}</th>")
+            around.append((f"<td {style}>", "</td>"))
+        else:
+            unit = f"<span class=unit>{escape(c.unit)}</span>" if c.unit else ""
+            heads.append(f'<th scope="col">{escape(c.title)}{unit}</th>')
+            tag = f'td data-head="{escape(c.title)}"' if k else 'th scope="row"'
+            around.append((f"<{tag}>", f"{unit}</{tag[:2]}>"))
+    lines = []
+    for row in rows:
+        name = kind(row) if kind else ""
+        texts = [c.text(row) for c in shown]
+        inside = [text if isinstance(text, Markup) else escape(text) for text in texts]
+        cells = "".join(a + cell + b for (a, b), cell in zip(around, inside, strict=True))
+        lines.append((f"<tr class={name}>" if name else "<tr>") + cells + "</tr>")
+    title, body = f"<p>{escape(above)}</p>" if above else "", "\n".join(lines)
+    return (
+        f"{title}<table>\n<thead><tr>{''.join(heads)}</tr></thead>\n"
+        f"<tbody>\n{body}\n</tbody>\n</table>"
     )
-    return (f"<p>{escape(above)}</p>" if above else "") + f"<table>{body}</table>"
 
 
 # C0 but tab and newline, DEL, C1, marks and overrides of direction, and halves of surrogate pairs

@@ -10,7 +10,14 @@ import pytest
 from rich.console import Console
 from rich.table import Table
 
-from planner.support.tables import Column, csv_table, html_table, markdown_table, terminal_table
+from planner.support.tables import (
+    Column,
+    Markup,
+    csv_table,
+    html_table,
+    markdown_table,
+    terminal_table,
+)
 
 Row = tuple[str, float]
 COLUMNS: list[Column[Row]] = [
@@ -71,3 +78,16 @@ def test_html_escapes_all(above: str) -> None:
     assert "[red]=a|b[/red] &lt;b&gt;</td>" in text
     assert "top speed (rad/s)</th>" in text
     assert text.count("<tr>") == 3
+
+
+def test_on_a_page_cells_bear_titles_and_units_and_rows_their_class() -> None:
+    columns = [Column("x&y", "", lambda row: Markup("<i>a</i>")), *COLUMNS[1:]]
+    text = html_table(columns, ROWS, kind=lambda row: "" if row[1] > 0 else "refused")
+    assert '<th scope="col">x&amp;y</th>' in text
+    assert "top speed<span class=unit>rad/s</span></th>" in text
+    first, second = (line for line in text.splitlines() if line.startswith("<tr"))
+    assert first.startswith('<tr><th scope="row"><i>a</i></th>')
+    assert first.endswith('data-head="top speed">0.333<span class=unit>rad/s</span></td></tr>')
+    assert second.startswith("<tr class=refused>")
+    assert "&lt;b&gt;" in first
+    assert "style" not in text

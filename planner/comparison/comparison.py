@@ -233,6 +233,7 @@ def comparison_table(comparison: Comparison) -> Table:
         comparison.columns,
         comparison.rows,
         caption=_explained(comparison),
+        ruled=True,
         dim=lambda row: not row.solved,
     )
 

@@ -57,6 +57,7 @@ def rich_differences(comparison: Comparison) -> Table | None:
     return terminal_table(
         COLUMNS[1:],
         found,
+        ruled=True,
         title=f"{best} against the others, machine by machine",
         caption="difference: median over the machines of E minus the other plan's E, with its 95 %"
         " interval; p: Wilcoxon's signed-rank test, corrected for all pairs.",

@@ -128,6 +128,7 @@ class Budget:
             [("", cost) for cost in self.costs],
             title=f"Error budget of {self.plan.method}: {total(self)}",
             caption=f"{EXPLAINED} {_idle(self)}",
+            ruled=True,
             gap=1,
         )
 

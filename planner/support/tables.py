@@ -89,7 +89,7 @@ def terminal_table(
     *,
     title: str = "",
     caption: str = "",
-    ruled: bool = True,
+    ruled: bool = False,
     gap: int = 0,
     dim: Callable[[R], bool] = lambda row: False,
 ) -> Table:
@@ -100,7 +100,8 @@ def terminal_table(
         rows: Its rows.
         title: A line over it.
         caption: Text under it.
-        ruled: Whether it has heads of several lines over a rule and is made to fit 100 columns.
+        ruled: Whether it has heads of several lines over a rule and is made to fit 100 columns;
+            otherwise heads have one line.
         gap: Further spaces between columns of a ruled one.
         dim: Which rows are shown weakly.
     """

@@ -36,7 +36,7 @@ def printed(table: Table, width: int = 200) -> list[str]:
 
 
 def test_a_terminal_shows_titles_over_units_and_foreign_text_as_it_is() -> None:
-    lines = printed(terminal_table(COLUMNS, ROWS, title="[b]x[/b]", caption="[i]y[/i]"))
+    lines = printed(terminal_table(COLUMNS, ROWS, ruled=True, title="[b]x[/b]", caption="[i]y[/i]"))
     assert lines[0] == "[b]x[/b]"
     assert [line.split()[-1] for line in lines[1:4]] == ["top", "speed", "rad/s"]
     assert lines[5].split() == ["law:", "no", "[red]law:free[/red]", "<b>", "0.333"]
@@ -46,14 +46,14 @@ def test_a_terminal_shows_titles_over_units_and_foreign_text_as_it_is() -> None:
 
 def test_the_longest_text_gives_way_to_a_hundred_columns() -> None:
     rows = [("z" * 30, 1.0), (" word" * 60, -2.0)]
-    lines = printed(terminal_table(COLUMNS, rows))
+    lines = printed(terminal_table(COLUMNS, rows, ruled=True))
     assert max(map(len, lines)) == 100
     assert sum(line.count("word") for line in lines) == 2 * 60
     assert "".join(lines).count("z") == 2 * 30
 
 
 def test_a_list_has_one_line_of_heads() -> None:
-    lines = printed(terminal_table(COLUMNS, ROWS, ruled=False))
+    lines = printed(terminal_table(COLUMNS, ROWS))
     assert lines[0].split() == ["plan", "why", "top", "speed", "(rad/s)"]
     assert len(lines) == 1 + 2 + 1, "only the label with a colon takes two lines"
 

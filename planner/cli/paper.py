@@ -14,9 +14,8 @@ import typer
 
 from planner.cli.arguments import Json
 from planner.cli.output import note, print_json, print_text, progress_bar
-from planner.paper.calibrate import Calibration, write
+from planner.paper.calibrate import Calibration, left, write
 from planner.paper.calibrate import calibrate as run_calibration
-from planner.paper.fit import Data
 from planner.paper.reproduce import reproduce as run_reproduction
 from planner.paper.statements import FITTED, STATEMENTS, Range
 from planner.support.files import refuse_unwritable_folder
@@ -92,13 +91,9 @@ def _show(found: Calibration) -> None:
         Column("low", "", lambda r: r.low, "{:g}".format),
         Column("high", "", lambda r: r.high, "{:g}".format),
         Column("preset", "", lambda r: found.fit.parameters[r.name], "{:g}".format),
-        *(Column(d.name, "", partial(_left, d), "{:.2f}".format) for d in found.data),
+        *(Column(d.name, "", partial(left, d), "{:.2f}".format) for d in found.data),
     ]
     print_text(terminal_table(columns, FITTED))
     for s, value in zip(STATEMENTS, found.fit.found, strict=True):
         print_text(f"{s.text}: {value:.2f} {s.unit} (target {s.target:g})")
     print_text("last columns: part of the range that is left, knowing that; 1 = not identifiable")
-
-
-def _left(data: Data, parameter: Range) -> float:
-    return float(data.left[FITTED.index(parameter)])

@@ -43,6 +43,12 @@ def digits(count: int) -> Callable[[float], str]:
     return lambda value: number(value, count)
 
 
+class Markup(str):
+    """Text of the format's own, Markdown or HTML, which is not escaped."""
+
+    __slots__ = ()
+
+
 @dataclass(frozen=True)
 class Column(Generic[R]):
     """One column of a table of rows `R`.
@@ -153,14 +159,20 @@ def _broken(text: str, width: int | None) -> str:
 
 
 def markdown_table(columns: Iterable[Column[R]], rows: Iterable[R]) -> str:
-    """Lines of Markdown; every text is escaped."""
+    """Lines of Markdown; all text but `Markup` is escaped."""
     shown = _read(columns)
     lines = [
         [markdown(c.head) for c in shown],
         ["---" if c.left else "---:" for c in shown],
-        *([(markdown_code if c.code else markdown)(c.text(row)) for c in shown] for row in rows),
+        *([_marked(c.text(row), c.code) for c in shown] for row in rows),
     ]
     return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+
+
+def _marked(text: str, code: bool) -> str:
+    if isinstance(text, Markup):
+        return text
+    return markdown_code(text) if code else markdown(text)
 
 
 def csv_table(columns: Iterable[Column[R]], rows: Iterable[R]) -> str:
@@ -168,12 +180,6 @@ def csv_table(columns: Iterable[Column[R]], rows: Iterable[R]) -> str:
     kept = [column for column in columns if column.key != ""]
     names = [c.key or re.sub(r"\W+", "_", f"{c.title} {c.unit}").strip("_") for c in kept]
     return csv_text([names, *([jsonable(c.value(row)) for c in kept] for row in rows)])
-
-
-class Markup(str):
-    """Text that is HTML already, and is not escaped."""
-
-    __slots__ = ()
 
 
 def html_table(

@@ -123,17 +123,21 @@ class Comparison:
 
     def table(self) -> Table:
         """For a terminal, at most 100 columns wide: `rich.print(comparison.table())`."""
-
-        return comparison_table(self)
+        return terminal_table(
+            self.columns,
+            self.rows,
+            caption=_explained(self),
+            ruled=True,
+            dim=lambda row: not row.solved,
+        )
 
     def _repr_html_(self) -> str:
         """The table, as a notebook shows it."""
-
-        return comparison_html(self)
+        table = html_table(self.columns, self.rows, self.problem.name)
+        return f"{table}<p><small>{escape(_explained(self))}</small></p>"
 
     def markdown(self) -> str:
         """The table as Markdown text."""
-
         return comparison_markdown(self)
 
     def figures(self) -> dict[str, Figure]:
@@ -227,17 +231,6 @@ def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, A
     return out
 
 
-def comparison_table(comparison: Comparison) -> Table:
-    """For a terminal, at most 100 columns wide."""
-    return terminal_table(
-        comparison.columns,
-        comparison.rows,
-        caption=_explained(comparison),
-        ruled=True,
-        dim=lambda row: not row.solved,
-    )
-
-
 def comparison_markdown(comparison: Comparison) -> str:
     """Markdown text with a heading, the table, what it says, and how to make it again."""
     shown = [*comparison.columns, *INTERVALS]
@@ -252,13 +245,6 @@ def comparison_markdown(comparison: Comparison) -> str:
         heading += "\n**Partial: interrupted before all methods were done.**\n"
     after = ["", _explained(comparison), "", *_worst(comparison), again]
     return "\n".join([heading, markdown_table(shown, comparison.rows), *after])
-
-
-def comparison_html(comparison: Comparison) -> str:
-    """What a notebook shows: the table of the terminal."""
-    shown = comparison.columns
-    table = html_table(shown, comparison.rows, comparison.problem.name)
-    return f"{table}<p><small>{escape(_explained(comparison))}</small></p>"
 
 
 def _worst(comparison: Comparison) -> list[str]:

@@ -27,6 +27,14 @@ def test_terminal_table_fits_a_hundred_columns(printed: str) -> None:
     assert max(len(line.rstrip()) for line in printed.splitlines()) <= 100
 
 
+def test_a_narrow_terminal_keeps_the_words_of_a_verdict_whole() -> None:
+    console = Console(width=80, file=io.StringIO(), record=True)
+    console.print(quick_comparison().table())
+    text = console.export_text()
+    assert max(len(line.rstrip()) for line in text.splitlines()) <= 80
+    assert {"solved", "reaches", "allowed"} <= set(text.split())
+
+
 def test_terminal_table_shows_every_row_and_figure(printed: str) -> None:
     words = " ".join(printed.split())
     for word in ("travel=middle", "no: input u2 reaches 83", "yes", "domain", "95 %", "solve"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from html.parser import HTMLParser
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ import planner
 from planner.plan.samples import sample
 from planner.problem.tables.method_options import DesensitisedOptions
 from planner.robustness.trade_off import TradeOff
-from planner.support.tables import html_table
+from planner.support.tables import Column, html_table
 
 LONGEST = 500
 """Characters that are still read, not scrolled past."""
@@ -102,7 +103,8 @@ class _Cells(HTMLParser):
 
 
 def test_tables_escape_what_they_show() -> None:
-    shown = html_table(("a<b", "c"), [("<script>", "1 & 2")], "x < y")
+    columns = [Column(name, "", itemgetter(k)) for k, name in enumerate(("a<b", "c"))]
+    shown = html_table(columns, [("<script>", "1 & 2")], "x < y")
     assert "<script>" not in shown
     assert _Cells(shown).rows == [["a<b", "c"], ["<script>", "1 & 2"]]
 

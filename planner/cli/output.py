@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Annotated, Any, get_type_hints
 
 import typer
@@ -31,7 +32,7 @@ from planner.support.arrays import jsonable
 from planner.support.interrupts import hearing
 from planner.support.package import versions
 from planner.support.progress import Progress, listening
-from planner.support.tables import clean
+from planner.support.tables import Column, clean, terminal_table
 
 INTERRUPTED = 130
 WIDTH_WITHOUT_TERMINAL = 160
@@ -103,21 +104,9 @@ def say(text: str, style: str = "") -> None:
     console.print(Text(text, style=style), highlight=False, soft_wrap=True)
 
 
-def table(*headers: str) -> Table:
-    """An empty table in the house style; headers that start with '>' are right-aligned."""
-    out = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    for header in headers:
-        right = header.startswith(">")
-        out.add_column(header.removeprefix(">"), justify="right" if right else "left")
-    return out
-
-
 def facts(rows: Sequence[tuple[str, str]]) -> Table:
     """A two-column table without headers."""
-    out = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=False)
-    for name, value in rows:
-        out.add_row(name, value)
-    return out
+    return terminal_table([Column("", "", itemgetter(k), left=True) for k in (0, 1)], rows)
 
 
 class Waiting:

@@ -5,18 +5,21 @@
 
 from __future__ import annotations
 
+from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from planner.cli.arguments import Json
-from planner.cli.output import note, print_json, print_text, progress_bar, table
-from planner.paper.calibrate import Calibration, write
+from planner.cli.output import note, print_json, print_text, progress_bar
+from planner.paper.calibrate import Calibration, left, write
 from planner.paper.calibrate import calibrate as run_calibration
 from planner.paper.reproduce import reproduce as run_reproduction
-from planner.paper.statements import FITTED, STATEMENTS
+from planner.paper.statements import FITTED, STATEMENTS, Range
 from planner.support.files import refuse_unwritable_folder
+from planner.support.tables import Column, terminal_table
 
 
 def reproduce(
@@ -41,10 +44,11 @@ def reproduce(
         rows = [vars(f) for f in made.findings]
         print_json({"written": str(made.path), "seed": seed, "samples": samples, "findings": rows})
         return 0
-    listing = table("where", "printed", "ours", "verdict")
-    for f in made.findings:
-        listing.add_row(f.where, f.printed, f.ours, f.verdict)
-    print_text(listing)
+    columns = [
+        Column(head, "", attrgetter(head), left=True)
+        for head in ("where", "printed", "ours", "verdict")
+    ]
+    print_text(terminal_table(columns, made.findings))
     note(f"written to {made.path}")
     return 0
 
@@ -82,12 +86,14 @@ def calibrate(
 
 
 def _show(found: Calibration) -> None:
-    listing = table("parameter", ">low", ">high", ">preset", *(f">{d.name}" for d in found.data))
-    for i, r in enumerate(FITTED):
-        left = [f"{d.left[i]:.2f}" for d in found.data]
-        value = f"{found.fit.parameters[r.name]:g}"
-        listing.add_row(r.name, f"{r.low:g}", f"{r.high:g}", value, *left)
-    print_text(listing)
+    columns: list[Column[Range]] = [
+        Column("parameter", "", lambda r: r.name, left=True),
+        Column("low", "", lambda r: r.low, "{:g}".format),
+        Column("high", "", lambda r: r.high, "{:g}".format),
+        Column("preset", "", lambda r: found.fit.parameters[r.name], "{:g}".format),
+        *(Column(d.name, "", partial(left, d), "{:.2f}".format) for d in found.data),
+    ]
+    print_text(terminal_table(columns, FITTED))
     for s, value in zip(STATEMENTS, found.fit.found, strict=True):
         print_text(f"{s.text}: {value:.2f} {s.unit} (target {s.target:g})")
     print_text("last columns: part of the range that is left, knowing that; 1 = not identifiable")

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -34,7 +35,6 @@ from planner.cli.output import (
     print_json,
     print_text,
     say,
-    table,
     waiting,
 )
 from planner.errors import NoPlanError
@@ -45,6 +45,7 @@ from planner.problem.problem import Problem
 from planner.solve import solve_and_check
 from planner.support.files import refuse_unwritable
 from planner.support.interrupts import hearing
+from planner.support.tables import Column, terminal_table
 from planner.systems.triangular_system import TriangularSystem
 from planner.verification.summary import plan_summary, refusal_summary
 
@@ -331,20 +332,34 @@ def _plain_polynomial(analysis: Analysis) -> list[tuple[str, str]]:
     return [("plain polynomial", text)]
 
 
+Outcome = dict[str, Any]
+
+
 def _methods(analysis: Analysis) -> Table:
-    names = [c.name for c in analysis.problem.system.inputs]
-    out = table(
-        "method", "answer", ">travel", ">duration", *(f">peak |{n}|" for n in names), "kind"
-    )
-    for o in analysis.outcomes:
-        peaks = o["peak_u_rad_s"] or [None, None]
-        kind = ""
-        if o["verified"]:
-            kind = o["direction"] + ("" if o["domain_ok"] else ", leaves the chart")
-        answer = "solved" if o["verified"] else str(o["status"]).replace("_", " ")
-        travel, duration = number(o["travel_rad"]), number(o["duration_s"])
-        out.add_row(o["method"], answer, travel, duration, *(number(p) for p in peaks), kind)
-    return out
+    inputs = enumerate(analysis.problem.system.inputs)
+    columns: list[Column[Outcome]] = [
+        Column("method", "", lambda o: o["method"], left=True),
+        Column("answer", "", _answer, left=True),
+        Column("travel", "", lambda o: o["travel_rad"], number),
+        Column("duration", "", lambda o: o["duration_s"], number),
+        *(Column(f"peak |{c.name}|", "", partial(_peak, i), number) for i, c in inputs),
+        Column("kind", "", _kind, left=True),
+    ]
+    return terminal_table(columns, analysis.outcomes)
+
+
+def _peak(which: int, outcome: Outcome) -> float | None:
+    peaks = outcome["peak_u_rad_s"]
+    return None if peaks is None else float(peaks[which])
+
+
+def _answer(outcome: Outcome) -> str:
+    return "solved" if outcome["verified"] else str(outcome["status"]).replace("_", " ")
+
+
+def _kind(outcome: Outcome) -> str:
+    where = "" if outcome["domain_ok"] else ", leaves the chart"
+    return f"{outcome['direction']}{where}" if outcome["verified"] else ""
 
 
 def _refusals(analysis: Analysis) -> list[str]:

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,7 +15,7 @@ import typer
 from rich.table import Table
 
 from planner.cli.arguments import Changes, Json, Seed, read_problem
-from planner.cli.output import note, print_json, print_text, progress_bar, table, waiting
+from planner.cli.output import note, print_json, print_text, progress_bar, waiting
 from planner.cli.plan import number
 from planner.cli.sweep import Interrupted
 from planner.errors import InputError
@@ -23,14 +25,20 @@ from planner.plan.plan import Plan
 from planner.problem.tables.method_options import DesensitisedOptions
 from planner.report.figures.robustness import entry_name
 from planner.report.folders import save_sensitivity
-from planner.robustness.machine_sensitivity import MachineSensitivity, machine_sensitivity
+from planner.robustness.machine_sensitivity import (
+    MachineEntry,
+    MachineSensitivity,
+    machine_sensitivity,
+)
 from planner.robustness.sensitivity import Sensitivity
 from planner.robustness.sensitivity import sensitivity as analyse
 from planner.robustness.trade_off import TradeOff, trade_off
 from planner.robustness.trade_off_axis import KINDS
+from planner.robustness.trade_off_points import Point
 from planner.solve import solve
 from planner.support.files import refuse_unwritable_folder, write_bytes
 from planner.support.interrupts import Terminated
+from planner.support.tables import Column, terminal_table
 from planner.support.user_tables import parse
 from planner.verification.load_plan import load_plan
 
@@ -141,22 +149,23 @@ def _plan(source: Path, method: str, changes: list[str] | None) -> Plan:
 
 def _matrix(found: Sensitivity, spread: dict[str, float]) -> Table:
     coordinates = found.plan.problem.system.coordinates
-    names = [coordinates[i].name for i in found.angles]
-    listing = table("error", ">size", *(f">{name} (deg)" for name in names))
     sizes, values = found.reference(spread), found.contribution_deg(spread)
-    for p, name in enumerate(found.parameters):
-        cells = [
-            _cell(values[k, p], bool(found.irreducible[i, p])) for k, i in enumerate(found.angles)
-        ]
-        if any(cells):
-            listing.add_row(name, _size(float(sizes[p]), found.units[p]), *cells)
-    return listing
 
+    def cell(angle: int, p: int) -> str:
+        value = float(values[angle, p])
+        if abs(value) < 5e-7:
+            return ""
+        return f"{value:.3g}{'*' if found.irreducible[found.angles[angle], p] else ' '}"
 
-def _cell(value: float, irreducible: bool) -> str:
-    if abs(value) < 5e-7:
-        return ""
-    return f"{value:.3g}{'*' if irreducible else ' '}"
+    columns: list[Column[int]] = [
+        Column("error", "", lambda p: found.parameters[p], left=True),
+        Column("size", "", lambda p: _size(float(sizes[p]), found.units[p])),
+    ]
+    angles = [
+        Column(coordinates[i].name, "deg", partial(cell, k)) for k, i in enumerate(found.angles)
+    ]
+    loud = [p for p in range(len(sizes)) if any(angle.text(p) for angle in angles)]
+    return terminal_table([*columns, *angles], loud)
 
 
 def _size(value: float, unit: str) -> str:
@@ -176,13 +185,23 @@ def _sums(found: Sensitivity, spread: dict[str, float]) -> str:
 
 
 def _on_machine(found: MachineSensitivity) -> Table:
-    listing = table("machine", ">value", ">change", "", *(f">{n} (deg)" for n in found.angles))
+    columns: list[Column[MachineEntry]] = [
+        Column("machine", "", entry_name, left=True),
+        Column("value", "", lambda e: e.value, number),
+        Column("change", "", lambda e: e.reference, number),
+        Column("", "", lambda e: e.unit, left=True),
+    ]
+    columns += [
+        Column(name, "deg", partial(_contribution, k)) for k, name in enumerate(found.angles)
+    ]
     loud = [e for e in found.entries if not e.silent]
     loud = sorted(loud, key=lambda e: -float(np.max(np.abs(e.contribution))))
-    for e in loud[:SHOWN]:
-        cells = [f"{v:.3g}" if abs(v) >= 5e-5 else "" for v in e.contribution]
-        listing.add_row(entry_name(e), number(e.value), number(e.reference), e.unit, *cells)
-    return listing
+    return terminal_table(columns, loud[:SHOWN])
+
+
+def _contribution(angle: int, entry: MachineEntry) -> str:
+    value = entry.contribution[angle]
+    return f"{value:.3g}" if abs(value) >= 5e-5 else ""
 
 
 def _machine_sums(found: MachineSensitivity) -> str:
@@ -252,22 +271,27 @@ def picture(curve: TradeOff) -> bytes:
 
 
 def _table(curve: TradeOff) -> Table:
-    heads = ["", ">effort", ">duration", *(f">|{u.name}|" for u in curve.problem.system.inputs)]
-    heads += [">total (deg)", ">passive (deg)", ">reversals", ">errors alone 95 % (deg)"]
-    listing = table(*heads, ">machine 95 % (deg)")
-    for k, p in enumerate(curve.points):
-        cells = [p.effort, p.duration_s, *p.peak_u, p.total_deg, p.passive_deg]
-        runs = [
-            None if found is None else float(found["terminal_p95_deg"])
-            for found in (p.errors_alone, p.machine)
-        ]
-        listing.add_row(
-            "knee" if k == curve.knee_index else "",
-            *(number(v) for v in cells),
-            str(p.reversals),
-            *(number(v) for v in runs),
-        )
-    return listing
+    inputs = enumerate(curve.problem.system.inputs)
+    columns: list[Column[Point]] = [
+        Column("", "", lambda p: "knee" if p is curve.knee else "", left=True),
+        Column("effort", "", lambda p: p.effort, number),
+        Column("duration", "", lambda p: p.duration_s, number),
+        *(Column(f"|{u.name}|", "", partial(_peak, i), number) for i, u in inputs),
+        Column("total", "deg", lambda p: p.total_deg, number),
+        Column("passive", "deg", lambda p: p.passive_deg, number),
+        Column("reversals", "", lambda p: p.reversals),
+        Column("errors alone 95 %", "deg", lambda p: _p95(p.errors_alone), number),
+        Column("machine 95 %", "deg", lambda p: _p95(p.machine), number),
+    ]
+    return terminal_table(columns, curve.points)
+
+
+def _peak(which: int, point: Point) -> float:
+    return point.peak_u[which]
+
+
+def _p95(found: Mapping[str, Any] | None) -> float | None:
+    return None if found is None else float(found["terminal_p95_deg"])
 
 
 def _knee(curve: TradeOff) -> str:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Mapping
 from importlib.resources import files
+from operator import itemgetter
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,7 +22,7 @@ import typer
 from pydantic import BaseModel
 
 from planner.cli.arguments import Json
-from planner.cli.output import note, print_json, print_text, table
+from planner.cli.output import note, print_json, print_text
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.methods.registry import all_methods
@@ -30,6 +31,7 @@ from planner.problem.tables.kinds import all_files, json_schema
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.problem_file import FeedbackTable
 from planner.support.files import refuse_unwritable, toml, write_text
+from planner.support.tables import Column, terminal_table
 from planner.support.user_tables import nearest
 from planner.sweep.sweep_file import sweep_schema
 
@@ -133,10 +135,9 @@ def _list(what: str, found: dict[str, str], as_json: bool) -> int:
     if as_json:
         print_json(found)
         return 0
-    listing = table(what, "what it is")
-    for name, summary in found.items():
-        listing.add_row(name, summary)
-    print_text(listing)
+    heads = (what, "what it is")
+    columns = [Column(head, "", itemgetter(k), left=True) for k, head in enumerate(heads)]
+    print_text(terminal_table(columns, found.items()))
     return 0
 
 

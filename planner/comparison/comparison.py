@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from html import escape
 from pathlib import Path
@@ -11,17 +11,26 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.comparison.rows import CLOSED, INTERVALS, NAME_WIDTH, WIDTH, Column, Row, verdict
+from planner.comparison.rows import CLOSED, INTERVALS, Row, columns
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem, load_problem
-from planner.support import tables
 from planner.support.arrays import jsonable
 from planner.support.files import toml
 from planner.support.package import handed_to
 from planner.support.statistics import Difference, differences
-from planner.support.tables import clean, html_table, markdown_code, number
+from planner.support.tables import (
+    Column,
+    clean,
+    csv_table,
+    html_table,
+    markdown,
+    markdown_code,
+    markdown_table,
+    number,
+    terminal_table,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -71,6 +80,11 @@ class Comparison:
         return {row.label: row.plan for row in self.rows if not row.feedback}
 
     @property
+    def columns(self) -> list[Column[Row]]:
+        """What the table shows of a row; see `planner.comparison.rows`."""
+        return columns(self.problem.system)
+
+    @property
     def differences(self) -> tuple[Difference, ...]:
         """Every two replayed plans, machine by machine; see `significance`."""
         runs = {row.label: row.replay for row in self.rows if row.worst is not None}
@@ -109,17 +123,21 @@ class Comparison:
 
     def table(self) -> Table:
         """For a terminal, at most 100 columns wide: `rich.print(comparison.table())`."""
-
-        return comparison_table(self)
+        return terminal_table(
+            self.columns,
+            self.rows,
+            caption=_explained(self),
+            ruled=True,
+            dim=lambda row: not row.solved,
+        )
 
     def _repr_html_(self) -> str:
         """The table, as a notebook shows it."""
-
-        return comparison_html(self)
+        table = html_table(self.columns, self.rows, self.problem.name)
+        return f"{table}<p><small>{escape(_explained(self))}</small></p>"
 
     def markdown(self) -> str:
         """The table as Markdown text."""
-
         return comparison_markdown(self)
 
     def figures(self) -> dict[str, Figure]:
@@ -213,86 +231,20 @@ def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, A
     return out
 
 
-def columns(comparison: Comparison) -> list[Column]:
-    """The columns of issue and design, in their order."""
-    system = comparison.problem.system
-    length, (first, second) = system.coordinates[0].unit, system.inputs
-    return [
-        Column("travel", length, lambda r: number(r.travel_rad, 4)),
-        Column("effort", "", lambda r: number(r.effort, 4)),
-        Column("|u1|", first.unit, lambda r: number(r.peak_u[0])),
-        Column("|u2|", second.unit, lambda r: number(r.peak_u[1])),
-        Column("domain margin", "", lambda r: number(r.domain_margin)),
-        Column("ideal error", "deg", lambda r: number(r.terminal_error_deg, 2)),
-        Column("E 50 %", "deg", lambda r: number(r.E_median_deg)),
-        Column("E 95 %", "deg", lambda r: number(r.E_p95_deg)),
-        Column("solve", "s", lambda r: number(r.solve_time_s, 2)),
-    ]
-
-
-def comparison_table(comparison: Comparison) -> Table:
-    """For a terminal, at most 100 columns wide."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    table = Table(
-        box=SIMPLE_HEAD,
-        padding=0,
-        show_edge=False,
-        pad_edge=False,
-        caption=_explained(comparison),
-        caption_justify="left",
-    )
-    shown = columns(comparison)
-    heads = [c.title.replace(" ", "\n", 1) + (f"\n{c.unit}" if c.unit else "") for c in shown]
-    cells = [[column.text(row) for column in shown] for row in comparison.rows]
-    names = [row.label.replace(":", ":\n") for row in comparison.rows]
-    name_width = min(NAME_WIDTH, _width(["method", *names]))
-    figures = sum(1 + _width([head, *column]) for head, *column in zip(heads, *cells, strict=True))
-    table.add_column("method", width=name_width, overflow="fold")
-    table.add_column("solved", max_width=WIDTH - name_width - 1 - figures, overflow="fold")
-    for head in heads:
-        table.add_column(head, justify="right", no_wrap=True)
-    for row, name, texts in zip(comparison.rows, names, cells, strict=True):
-        table.add_row(name, verdict(row), *texts, style="" if row.solved else "dim")
-    return table
-
-
-def _width(texts: Sequence[str]) -> int:
-    """Columns that the widest line takes."""
-    return max(len(part) for text in texts for part in text.split("\n"))
-
-
 def comparison_markdown(comparison: Comparison) -> str:
     """Markdown text with a heading, the table, what it says, and how to make it again."""
-    shown = [*columns(comparison), *INTERVALS]
-    titles = ["method", "solved", *(_titled(column) for column in shown)]
-    rule = ["---", "---", *("---:" for _ in shown)]
-    body = [
-        [markdown_code(row.label), tables.markdown(verdict(row)), *(c.text(row) for c in shown)]
-        for row in comparison.rows
-    ]
-    lines = ["| " + " | ".join(cells) + " |" for cells in (titles, rule, *body)]
+    shown = [*comparison.columns, *INTERVALS]
     repeat = command(comparison)
     again = (
         f"Made by:\n\n    {clean(repeat)}\n"
         if repeat
         else "Made from Python; `comparison.json` holds the problem, the machine and the seed.\n"
     )
-    heading = f"# Comparison: {tables.markdown(comparison.problem.name)}\n"
+    heading = f"# Comparison: {markdown(comparison.problem.name)}\n"
     if not comparison.complete:
         heading += "\n**Partial: interrupted before all methods were done.**\n"
     after = ["", _explained(comparison), "", *_worst(comparison), again]
-    return "\n".join([heading, *lines, *after])
-
-
-def comparison_html(comparison: Comparison) -> str:
-    """What a notebook shows: the table of the terminal."""
-    shown = columns(comparison)
-    titles = [column.title + (f" ({column.unit})" if column.unit else "") for column in shown]
-    rows = [(row.label, verdict(row), *(c.text(row) for c in shown)) for row in comparison.rows]
-    table = html_table(("method", "solved", *titles), rows, comparison.problem.name)
-    return f"{table}<p><small>{escape(_explained(comparison))}</small></p>"
+    return "\n".join([heading, markdown_table(shown, comparison.rows), *after])
 
 
 def _worst(comparison: Comparison) -> list[str]:
@@ -310,22 +262,9 @@ def _worst(comparison: Comparison) -> list[str]:
 
 def comparison_csv(comparison: Comparison) -> str:
     """One line a method, full precision, empty where a number is not defined."""
-    rows = [_flat(row) for row in comparison.rows]
-    return tables.csv_text([list(rows[0]), *(list(row.values()) for row in rows)])
-
-
-def _flat(row: Row) -> dict[str, Any]:
-    data = row.to_dict()
-    data["peak_u1_rad_s"], data["peak_u2_rad_s"] = data.pop("peak_u_rad_s")
-    for name in ("E_median", "E_p95"):
-        low, high = data.pop(f"{name}_interval_deg")
-        data |= {f"{name}_low_deg": low, f"{name}_high_deg": high}
-    del data["replay"]
-    return data
-
-
-def _titled(column: Column) -> str:
-    return tables.markdown(column.title + (f" ({column.unit})" if column.unit else ""))
+    # The inputs' peaks come after what is one number a row, as they always did.
+    shown = sorted(comparison.columns, key=lambda c: c.title.startswith("|u"))
+    return csv_table([*shown, *INTERVALS], comparison.rows)
 
 
 def _explained(comparison: Comparison) -> str:

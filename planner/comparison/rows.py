@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,8 @@ import numpy as np
 from planner.machine.replay import Replay
 from planner.plan.plan import Plan
 from planner.support.arrays import jsonable
-from planner.support.tables import number
+from planner.support.tables import Column, digits
+from planner.systems.triangular_system import TriangularSystem
 
 FEEDBACK = " + feedback"
 """Ends the label of a row with feedback."""
@@ -79,6 +80,11 @@ class Row:
         return self.label.removesuffix(FEEDBACK)
 
     @property
+    def status(self) -> str | None:
+        """That of the plan."""
+        return None if self.plan is None else self.plan.status
+
+    @property
     def worst(self) -> int | None:
         """Number of the machine with the largest E."""
         return self.replay.worst if self.replay is not None and self.replay.angles else None
@@ -88,7 +94,7 @@ class Row:
         skipped = {"plan", "replay"}
         data = {key: value for key, value in vars(self).items() if key not in skipped}
         data["peak_u_rad_s"] = data.pop("peak_u")
-        data["status"] = None if self.plan is None else self.plan.status
+        data["status"] = self.status
         data["replay"] = None if self.replay is None else self.replay.summary()
         data["worst"] = self.worst
         return dict(jsonable(data))
@@ -99,35 +105,46 @@ CLOSED = (
     " what it commanded, |u1| and |u2| the largest motor speeds on any machine."
 )
 
-WIDTH, NAME_WIDTH = 100, 20
-"""Widest table, and widest name of a method in it, in characters."""
-
-
-@dataclass(frozen=True)
-class Column:
-    """One column.
-
-    Attributes:
-        title: What it holds, in few words.
-        unit: Its unit, or "".
-        text: From row to cell.
-    """
-
-    title: str
-    unit: str
-    text: Callable[[Row], str]
-
-
-INTERVALS = [
-    Column("E 50 % from", "deg", lambda r: number(r.E_median_interval_deg[0])),
-    Column("E 50 % to", "deg", lambda r: number(r.E_median_interval_deg[1])),
-    Column("E 95 % from", "deg", lambda r: number(r.E_p95_interval_deg[0])),
-    Column("E 95 % to", "deg", lambda r: number(r.E_p95_interval_deg[1])),
-]
-"""More columns, for which a terminal has no room: 95 % confidence intervals."""
-
 
 def verdict(row: Row) -> str:
     """Solved, or why not."""
     word = "yes" if row.solved else "no"
     return f"{word}: {row.why}" if row.why or not row.solved else word
+
+
+def columns(system: TriangularSystem) -> list[Column[Row]]:
+    """A row's label and verdict, and its numbers in the order in which they are read."""
+    length, (first, second) = system.coordinates[0].unit, system.inputs
+    return [
+        Column("method", "", lambda r: r.label, key="label", left=True, width=20, code=True),
+        Column("solved", "", verdict, key="", left=True),
+        *map(_fact, ("method", "solved", "why")),
+        Column("travel", length, lambda r: r.travel_rad, digits(4), key="travel_rad"),
+        _fact("duration_s"),
+        Column("effort", "", lambda r: r.effort, digits(4)),
+        Column("|u1|", first.unit, lambda r: r.peak_u[0], key="peak_u1_rad_s"),
+        Column("|u2|", second.unit, lambda r: r.peak_u[1], key="peak_u2_rad_s"),
+        Column("domain margin", "", lambda r: r.domain_margin),
+        _fact("domain_ok"),
+        Column(
+            "ideal error", "deg", lambda r: r.terminal_error_deg, digits(2), "terminal_error_deg"
+        ),
+        Column("E 50 %", "deg", lambda r: r.E_median_deg, key="E_median_deg"),
+        Column("E 95 %", "deg", lambda r: r.E_p95_deg, key="E_p95_deg"),
+        Column("solve", "s", lambda r: r.solve_time_s, digits(2), key="solve_time_s"),
+        *map(_fact, ("build_time_s", "feedback", "note", "status", "worst")),
+    ]
+
+
+def _fact(name: str) -> Column[Row]:
+    """An attribute that CSV has alone."""
+    return Column(name, "", attrgetter(name), shown=None)
+
+
+INTERVALS: list[Column[Row]] = [
+    Column("E 50 % from", "deg", lambda r: r.E_median_interval_deg[0], key="E_median_low_deg"),
+    Column("E 50 % to", "deg", lambda r: r.E_median_interval_deg[1], key="E_median_high_deg"),
+    Column("E 95 % from", "deg", lambda r: r.E_p95_interval_deg[0], key="E_p95_low_deg"),
+    Column("E 95 % to", "deg", lambda r: r.E_p95_interval_deg[1], key="E_p95_high_deg"),
+]
+"""More columns, for which only Markdown and CSV have room: 95 % confidence intervals."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -35,6 +36,8 @@ from planner.paper.statements import (
     SPREADS,
     STATEMENTS,
     Motion,
+    Range,
+    Statement,
     calibration_plan,
     move,
     nominal,
@@ -43,6 +46,7 @@ from planner.plan.plan import Plan
 from planner.problem.tables.machine_effects import EFFECTS
 from planner.report.figures.style import COLOURS, GRID
 from planner.support.files import folder
+from planner.support.tables import Column, Markup, markdown_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -200,51 +204,70 @@ def page(
 
 
 def _statements(fit: Fit) -> str:
-    rows = [
-        [s.text, f"{s.target:g} {s.unit}", f"{s.tolerance:g} {s.unit}", f"{found:.2f} {s.unit}"]
-        for s, found in zip(STATEMENTS, fit.found, strict=True)
+    columns: list[Column[tuple[Statement, float]]] = [
+        Column("statement", "", lambda r: r[0].text, left=True),
+        Column("target", "", lambda r: f"{r[0].target:g} {r[0].unit}", left=True),
+        Column("taken as known to", "", lambda r: f"{r[0].tolerance:g} {r[0].unit}", left=True),
+        Column("preset", "", lambda r: f"{r[1]:.2f} {r[0].unit}", left=True),
     ]
-    return _table(["statement", "target", "taken as known to", "preset"], rows)
+    return markdown_table(columns, zip(STATEMENTS, fit.found, strict=True)) + "\n"
 
 
 def _fidelities(
     motions: Mapping[str, Motion], medians: Mapping[str, Sequence[float]], machines: int
 ) -> str:
-    rows = []
-    for name, motion in motions.items():
-        largest, gap = motion.largest[0], motion.statements[0, 1:]
-        rows.append(
-            [name, _degrees(largest), _degrees(motion.error[0, -1]), _degrees(medians[name]),
-             " / ".join(f"{g:.2f}" for g in gap)]
-        )  # fmt: skip
-    head = ["fidelity", "largest errors (deg)", "at the end (deg)"]
-    head += [f"median largest of {machines} machines (deg)", "motors off (% of peak, rms)"]
+    columns: list[Column[str]] = [
+        Column("fidelity", "", str, left=True),
+        Column("largest errors", "deg", lambda f: _slashed(motions[f].largest[0]), left=True),
+        Column("at the end", "deg", lambda f: _slashed(motions[f].error[0, -1]), left=True),
+        Column(
+            f"median largest of {machines} machines",
+            "deg",
+            lambda f: _slashed(medians[f]),
+            left=True,
+        ),
+        Column(
+            "motors off",
+            "% of peak, rms",
+            lambda f: _slashed(motions[f].statements[0, 1:]),
+            left=True,
+        ),
+    ]
     still, moving = (motions[name].error[0] for name in ("quasi-static", "dynamic"))
     apart = np.max(np.abs(still - moving), axis=0)
-    text = f"theta1 / theta2 / theta3. The two differ by at most {_degrees(apart)} deg at any time."
+    text = f"theta1 / theta2 / theta3. The two differ by at most {_slashed(apart)} deg at any time."
     more = (
         " theta2 is off by as much as theta3, since both joints are given equal parts; the paper"
         " does not say how far theta2 was off."
     )
-    return _table(head, rows) + "\n" + text + more + "\n"
+    return markdown_table(columns, motions) + "\n\n" + text + more + "\n"
 
 
 def _parameters(settings: Mapping[str, Any], data: Sequence[Data]) -> str:
-    rows = []
-    for i, r in enumerate(FITTED):
-        value = settings[r.name]
-        shown = (
-            f"{value['value']:g} ± {value['spread']:g}" if isinstance(value, dict) else f"{value:g}"
-        )
-        left = [f"{d.left[i]:.2f}" for d in data]
-        rows.append([f"`{r.name}`", EFFECTS[r.name].unit or "1", f"{r.low:g} ... {r.high:g}", shown,
-                     *left, r.source])  # fmt: skip
-    head = ["parameter", "unit", "range (95 %)", "preset"]
+    columns: list[Column[Range]] = [
+        Column("parameter", "", lambda r: r.name, left=True, code=True),
+        Column("unit", "", lambda r: EFFECTS[r.name].unit or "1", left=True),
+        Column("range", "95 %", lambda r: f"{r.low:g} ... {r.high:g}", left=True),
+        Column("preset", "", lambda r: settings[r.name], _preset, left=True),
+        *(Column(d.name, "", partial(left, d), "{:.2f}".format, left=True) for d in data),
+        Column("source of the range", "", lambda r: r.source, left=True),
+    ]
     text = (
         "± is the spread from machine to machine. The columns after it tell which part of the range"
         " is left once something is known: 1 means not identifiable from it.\n\n"
     )
-    return text + _table([*head, *(d.name for d in data), "source of the range"], rows)
+    return text + markdown_table(columns, FITTED) + "\n"
+
+
+def left(data: Data, parameter: Range) -> float:
+    """Part of a parameter's range that is left, knowing some data; 1: it is not identifiable."""
+    return float(data.left[FITTED.index(parameter)])
+
+
+def _preset(value: Any) -> str:
+    if isinstance(value, dict):
+        return f"{value['value']:g} ± {value['spread']:g}"
+    return f"{value:g}"
 
 
 def _identified(data: Sequence[Data]) -> str:
@@ -256,17 +279,19 @@ def _identified(data: Sequence[Data]) -> str:
         f" peak; encoders: {ENCODER_DEG:g} deg, at {', '.join(f'{f:g}' for f in SPEEDS)} times the"
         " duration.\n\n"
     )
-    rows = []
-    for d in data:
-        values = ", ".join(f"{s:.3g}" for s in d.singular[:8])
-        blind = [f"`{r.name}`" for r, left in zip(FITTED, d.left, strict=True) if left > 0.9]
-        rows.append(
-            [d.name, str(d.count), f"{d.rank} of {len(d.left)}", values, "; ".join(blind) or "none"]
-        )
-    table = _table(
-        ["data", "numbers", "identified directions", "largest singular values",
-         "parameters left as they were (> 0.9)"], rows
-    )  # fmt: skip
+    columns: list[Column[Data]] = [
+        Column("data", "", lambda d: d.name, left=True),
+        Column("numbers", "", lambda d: d.count, left=True),
+        Column("identified directions", "", lambda d: f"{d.rank} of {len(d.left)}", left=True),
+        Column(
+            "largest singular values",
+            "",
+            lambda d: ", ".join(f"{s:.3g}" for s in d.singular[:8]),
+            left=True,
+        ),
+        Column("parameters left as they were", "> 0.9", _blind, left=True),
+    ]
+    table = markdown_table(columns, data) + "\n"
     said = data[0]
     lines = [
         f"{k + 1}. s = {said.singular[k]:.3g}: "
@@ -284,25 +309,28 @@ def _identified(data: Sequence[Data]) -> str:
     )
 
 
+def _listed(numbers: Any) -> str:
+    return ", ".join(f"{x:.3g}" for x in numbers)
+
+
+def _blind(data: Data) -> Markup:
+    names = [f"`{r.name}`" for r in FITTED if left(data, r) > 0.9]
+    return Markup("; ".join(names) or "none")
+
+
 def _fixed() -> str:
     effects = Machine.prototype().to_dict()
-    rows = []
-    for name, why in FIXED.items():
-        value = effects[name]
-        shown = (
-            f"{value['value']:g} ± {value['spread']:g}" if isinstance(value, dict) else f"{value:g}"
-        )
-        rows.append([f"`{name}`", shown, EFFECTS[name].unit or "1", why])
-    return _table(["parameter", "preset", "unit", "why"], rows)
+    columns: list[Column[str]] = [
+        Column("parameter", "", str, left=True, code=True),
+        Column("preset", "", lambda name: effects[name], _preset, left=True),
+        Column("unit", "", lambda name: EFFECTS[name].unit or "1", left=True),
+        Column("why", "", lambda name: FIXED[name], left=True),
+    ]
+    return markdown_table(columns, FIXED) + "\n"
 
 
-def _degrees(numbers: Any) -> str:
+def _slashed(numbers: Any) -> str:
     return " / ".join(f"{x:.2f}" for x in numbers)
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
 
 
 DASHES = {"quasi-static": "-", "dynamic": "--"}

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,7 @@ from planner.report.figures.on_the_machine import median_sample, plot_replays
 from planner.report.figures.over_time import plot_inputs, plot_joints, plot_z, z2_band
 from planner.report.figures.style import grid, heading
 from planner.support.files import folder
+from planner.support.tables import Column, Markup, markdown_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -185,17 +187,27 @@ FIGURES = (
 )
 
 
+def _own(text: str) -> Markup:
+    """What is written here holds formulas, no foreign text."""
+    return Markup(text.replace("|", "\\|"))
+
+
+FINDINGS: list[Column[Finding]] = [
+    Column("where", "", lambda f: f.where, _own, left=True),
+    Column("printed", "", lambda f: f.printed, _own, left=True),
+    Column("ours", "", lambda f: f.ours, _own, left=True),
+    Column("verdict", "", lambda f: f"**{f.verdict}**", _own, left=True),
+]
+
+
 def page(findings: list[Finding], samples: int, seed: int) -> str:
     """Markdown."""
     parts = [_HEAD.format(samples=samples, seed=seed), "## Numbers and claims\n"]
-    parts.append(
-        _table(
-            ["where", "printed", "ours", "verdict"],
-            [[f.where, f.printed, f.ours, f"**{f.verdict}**"] for f in findings],
-        )
-    )
+    parts.append(markdown_table(FINDINGS, findings) + "\n")
     parts.append("\n## Misprints\n")
-    parts.append(_table(["where", "printed", "corrected"], [list(row) for row in MISPRINTS]))
+    heads = ("where", "printed", "corrected")
+    columns = [Column(head, "", itemgetter(k), _own, left=True) for k, head in enumerate(heads)]
+    parts.append(markdown_table(columns, MISPRINTS) + "\n")
     parts.append("\n## Figures\n")
     for name, title, text in FIGURES:
         parts.append(f"### {title}: {text}\n\n![{title}: {text}]({name}.png)\n")
@@ -215,8 +227,3 @@ come from the printed z(0). Figs 6 to 10 cannot be redrawn for that travel, sinc
 joint angles; they show the same polynomial law at the travel of least peak input for which it
 stays in the domain of the chart. Figs 9 and 10 come from an emulated machine, not from hardware.
 """
-
-
-def _table(head: list[str], rows: list[list[str]]) -> str:
-    cells = [[c.replace("|", "\\|") for c in row] for row in (head, ["---"] * len(head), *rows)]
-    return "\n".join(f"| {' | '.join(row)} |" for row in cells) + "\n"

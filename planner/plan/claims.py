@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from planner.support.tables import html_table
+from planner.support.tables import Column, html_table
 
 Status = Literal["proven", "undecided", "violated"]
 
@@ -52,6 +52,15 @@ class Claim:
         return f"{self.label}: not proven{when}: {self.why}"
 
 
+COLUMNS: list[Column[Claim]] = [
+    Column("requirement", "", lambda c: c.label, left=True),
+    Column("status", "", lambda c: c.status + " (not asked for)" * (not c.required), left=True),
+    Column("margin", "", lambda c: f"{c.guaranteed:.4g} {c.unit}".strip()),
+    Column("least at", "s", lambda c: "" if c.time_s is None else f"{c.time_s:.4g}"),
+]
+"""What a notebook shows of a claim."""
+
+
 @dataclass(frozen=True)
 class Certificate:
     """What is proven of a plan's true motion over each whole interval, not at samples.
@@ -92,16 +101,7 @@ class Certificate:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: one row a claim."""
-        rows = [
-            (
-                claim.label,
-                claim.status if claim.required else f"{claim.status} (not asked for)",
-                f"{claim.guaranteed:.4g} {claim.unit}".strip(),
-                "" if claim.time_s is None else f"{claim.time_s:.4g}",
-            )
-            for claim in self.claims
-        ]
-        return html_table(("requirement", "status", "margin", "least at (s)"), rows, str(self))
+        return html_table(COLUMNS, self.claims, str(self))
 
     def __str__(self) -> str:
         required = [c for c in self.claims if c.required]

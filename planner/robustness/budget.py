@@ -7,8 +7,8 @@ alone does nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,11 +20,18 @@ from planner.machine.simulate import simulate_draws
 from planner.plan.plan import Plan
 from planner.problem.tables.machine_effects import EFFECTS
 from planner.robustness.sobol import Index, between_machines, check, on_or_off, per_sample, switched
-from planner.support import tables
 from planner.support.arrays import Array, jsonable
 from planner.support.package import handed_to
 from planner.support.statistics import percentile_interval
-from planner.support.tables import clean, markdown_code, number
+from planner.support.tables import (
+    Column,
+    clean,
+    csv_table,
+    markdown_code,
+    markdown_table,
+    number,
+    terminal_table,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -111,13 +118,19 @@ class Budget:
         data = {k: v for k, v in vars(self).items() if k not in ("plan", "machine", "costs")}
         data["method"] = self.plan.method
         data["machine"] = self.machine.to_dict()
-        data["costs"] = [_plain(cost) for cost in self.costs]
+        data["costs"] = [asdict(cost) for cost in self.costs]
         return dict(jsonable(data))
 
     def table(self) -> Table:
-        """For a terminal: `rich.print(budget.table())`."""
-
-        return budget_table(self)
+        """For a terminal: `rich.print(budget.table())`; without indices of first order."""
+        return terminal_table(
+            [column for column in COLUMNS if not column.title.endswith(", first")],
+            [("", cost) for cost in self.costs],
+            title=f"Error budget of {self.plan.method}: {total(self)}",
+            caption=f"{EXPLAINED} {_idle(self)}",
+            ruled=True,
+            gap=1,
+        )
 
     def figure(self) -> Figure:
         """Costs and indices as bars."""
@@ -150,83 +163,87 @@ def error_budget(
             does not match the system, a number is out of range, or SALib is missing.
     """
     used = Machine.from_table(plan.problem.machine) if machine is None else machine
-    run = _Run(plan, used, len(sample_numbers(samples)), seed, base, progress)
-    return run.budget()
+    count = len(sample_numbers(samples))
+    check(base)
+    refuse_inexecutable(plan)
+    if all(c.unit != "rad" for c in plan.problem.system.coordinates[1:]):
+        raise InputError("the error index E is of angles, and this system has none")
+    if not used.effects:
+        raise InputError("this machine has no effects, so there is nothing to share out")
+    return _Run(plan, used, count, seed, base, progress or (lambda doing, share: None)).budget()
 
 
+@dataclass(frozen=True)
 class _Run:
     """One budget in the making."""
 
-    def __init__(
-        self,
-        plan: Plan,
-        machine: Machine,
-        samples: int,
-        seed: int,
-        base: int,
-        progress: Progress | None,
-    ) -> None:
-        check(base)
-        refuse_inexecutable(plan)
-        if all(c.unit != "rad" for c in plan.problem.system.coordinates[1:]):
-            raise InputError("the error index E is of angles, and this system has none")
-        if not machine.effects:
-            raise InputError("this machine has no effects, so there is nothing to share out")
-        self._plan, self._machine, self._samples = plan, machine, samples
-        self._seed, self._base, self._progress = seed, base, progress
-        self._joints = plan.problem.system.size - 1
+    plan: Plan
+    machine: Machine
+    samples: int
+    seed: int
+    base: int
+    tell: Progress
 
     def budget(self) -> Budget:
         """All of it."""
-        names = frozenset(self._machine.effects)
-        active, idle = self._screened(names)
-        self._tell("effects alone and off", 0.1)
-        changes = [names, frozenset[str](), *(names - {k} for k in active)]
-        changes += [frozenset({k}) for k in active]
-        none, whole, *rest = self._variants(changes, self._samples)
-        alone = dict(zip(active, rest[: len(active)], strict=True))
-        without = dict(zip(active, rest[len(active) :], strict=True))
-        between, switch = self._indices(active)
+        self.tell("looking for effects without influence", 0.0)
+        on, static = self.machine.effects, self.machine.fidelity == "quasi-static"
+        every = [k for k, e in EFFECTS.items() if k in on and not (static and e.dynamic)]
+        none, whole, alone, without = self._one_by_one(every, min(self.samples, SCREENED))
+        active = [
+            k for k in every if np.max(np.abs([alone[k] - none, without[k] - whole])) >= IDLE_DEG
+        ]
+        self.tell("effects alone and off", 0.1)
+        none, whole, alone, without = self._one_by_one(active, self.samples)
+        rest = (active, self.plan.problem.system.size - 1, self._given, self.base, self.seed)
+        self.tell("Sobol indices between machines", 0.4)
+        between = between_machines(self.machine, *rest)
+        self.tell("Sobol indices of effects on or off", 0.6)
+        switch = on_or_off(self.machine, *rest)
+        self.tell("done", 1.0)
         costs = [
-            _cost(name, alone[name], whole - without[name], between.get(name), switch[name])
-            for name in active
+            Cost(
+                name=k,
+                alone_deg=float(np.median(alone[k])),
+                alone_interval_deg=_interval(alone[k]),
+                saves_deg=float(np.median(whole - without[k])),
+                saves_interval_deg=_interval(whole - without[k]),
+                between=between.get(k),
+                switch=switch[k],
+            )
+            for k in active
         ]
         costs.sort(key=lambda cost: -abs(cost.saves_deg))
         return Budget(
-            plan=self._plan,
-            machine=self._machine,
-            samples=self._samples,
-            base=self._base,
-            seed=self._seed,
+            plan=self.plan,
+            machine=self.machine,
+            samples=self.samples,
+            base=self.base,
+            seed=self.seed,
             E_deg=float(np.median(whole)),
             E_interval_deg=_interval(whole),
             none_deg=float(np.median(none)),
             costs=tuple(costs),
-            idle=tuple(idle),
+            idle=tuple(k for k in every if k not in active),
         )
 
-    def _screened(self, names: frozenset[str]) -> tuple[list[str], list[str]]:
-        """Effects that change something on the first few machines, and those that do not."""
-        self._tell("looking for effects without influence", 0.0)
-        static = self._machine.fidelity == "quasi-static"
-        every = [k for k, e in EFFECTS.items() if k in names and not (static and e.dynamic)]
-        changes = [names, frozenset[str](), *(names - {k} for k in every)]
-        changes += [frozenset({k}) for k in every]
-        none, whole, *rest = self._variants(changes, min(self._samples, SCREENED))
-        alone, without = rest[: len(every)], rest[len(every) :]
-        idle = [
-            name
-            for name, a, w in zip(every, alone, without, strict=True)
-            if max(np.max(np.abs(a - none)), np.max(np.abs(w - whole))) < IDLE_DEG
-        ]
-        return [name for name in every if name not in idle], idle
+    def _one_by_one(
+        self, effects: Sequence[str], count: int
+    ) -> tuple[Array, Array, dict[str, Array], dict[str, Array]]:
+        """E of the first samples, (S,): with no effect, all of them, each alone, all but each."""
+        names = frozenset(self.machine.effects)
+        changes = [names, frozenset[str](), *(names - {k} for k in effects)]
+        changes += [frozenset({k}) for k in effects]
+        none, whole, *rest = self._variants(changes, count)
+        alone = dict(zip(effects, rest[: len(effects)], strict=True))
+        return none, whole, alone, dict(zip(effects, rest[len(effects) :], strict=True))
 
     def _variants(self, changes: Sequence[frozenset[str]], count: int) -> list[Array]:
         """E of the first samples, (S,), with each of these sets of effects off.
 
         Those that may share a simulation do; machines that are all alike are simulated once.
         """
-        effects = self._machine.effects
+        effects = self.machine.effects
         sizes = [
             count if any(q.varies for name, q in effects.items() if name not in off) else 1
             for off in changes
@@ -237,9 +254,9 @@ class _Run:
             groups.setdefault(shared, []).append(k)
         out: list[Array] = [np.empty(0)] * len(changes)
         for shared, members in groups.items():
-            there = self._machine.without(*sorted(shared))
+            there = self.machine.without(*sorted(shared))
             numbers = np.concatenate([np.arange(sizes[k]) for k in members])
-            draws = draw(there, self._joints, numbers, self._seed)
+            draws = draw(there, self.plan.problem.system.size - 1, numbers, self.seed)
             where = np.repeat(members, [sizes[k] for k in members])
             flags = {name: np.array([name in changes[k] for k in where]) for name in effects}
             errors = self._given(there, switched(draws, flags))
@@ -247,36 +264,11 @@ class _Run:
                 out[k] = np.broadcast_to(errors[where == k], count)
         return out
 
-    def _indices(self, active: Sequence[str]) -> tuple[dict[str, Index], dict[str, Index]]:
-        rest = (self._joints, self._given, self._base, self._seed)
-        self._tell("Sobol indices between machines", 0.4)
-        between = between_machines(self._machine, active, *rest)
-        self._tell("Sobol indices of effects on or off", 0.6)
-        switch = on_or_off(self._machine, active, *rest)
-        self._tell("done", 1.0)
-        return between, switch
-
     def _given(self, machine: Machine, draws: Draws) -> Array:
-        run = simulate_draws(self._plan, machine, draws, settle_s=SETTLE_S, record_s=None)
-        coordinates = self._plan.problem.system.coordinates[1:]
+        run = simulate_draws(self.plan, machine, draws, settle_s=SETTLE_S, record_s=None)
+        coordinates = self.plan.problem.system.coordinates[1:]
         angles = [i for i, c in enumerate(coordinates) if c.unit == "rad"]
         return np.asarray(np.rad2deg(run.deviation[:, angles].max(axis=1)))
-
-    def _tell(self, doing: str, share: float) -> None:
-        if self._progress is not None:
-            self._progress(doing, share)
-
-
-def _cost(name: str, alone: Array, saved: Array, between: Index | None, switch: Index) -> Cost:
-    return Cost(
-        name=name,
-        alone_deg=float(np.median(alone)),
-        alone_interval_deg=_interval(alone),
-        saves_deg=float(np.median(saved)),
-        saves_interval_deg=_interval(saved),
-        between=between,
-        switch=switch,
-    )
 
 
 def _interval(values: Array) -> Interval:
@@ -285,27 +277,6 @@ def _interval(values: Array) -> Interval:
         return (float(values[0]), float(values[0]))
     return percentile_interval(values, 50)
 
-
-def _plain(cost: Cost) -> dict[str, Any]:
-    data = dict(vars(cost))
-    data["between"] = None if cost.between is None else vars(cost.between)
-    data["switch"] = vars(cost.switch)
-    return data
-
-
-HEAD = (
-    "effect",
-    "alone (deg)",
-    "saves (deg)",
-    "from",
-    "to",
-    "between, first",
-    "between, total",
-    "switch, first",
-    "switch, total",
-)
-TERMINAL = (0, 1, 2, 3, 4, 6, 8)
-"""Columns for which a terminal has room."""
 
 TINY_DEG = 1e-4
 """What is smaller is shown as 0: it is that of the integration."""
@@ -319,39 +290,64 @@ EXPLAINED = (
 )
 
 
-def budget_table(budget: Budget) -> Table:
-    """For a terminal, at most 100 columns wide."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
+Labelled = tuple[str, Cost]
+"""A row: the plan's label and what one effect costs it."""
 
-    table = Table(
-        title=f"Error budget of {budget.plan.method}: {total(budget)}",
-        title_justify="left",
-        title_style="",
-        box=SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-        show_edge=False,
-        pad_edge=False,
-        caption=f"{EXPLAINED} {_idle(budget)}",
-        caption_justify="left",
-    )
-    for k in TERMINAL:
-        head = HEAD[k].replace(" (", "\n(").replace(", ", ",\n")
-        table.add_column(head, justify="right" if k else "left", no_wrap=k > 0, overflow="fold")
-    for cost in budget.costs:
-        cells = _cells(cost)
-        table.add_row(*(cells[k] for k in TERMINAL))
-    return table
+
+def _degrees(value: float, style: str) -> str:
+    if abs(value) < TINY_DEG:
+        return "0"
+    return format(value, style) if np.isfinite(value) else "-"
+
+
+def _cost(
+    title: str, key: str, value: Callable[[Cost], float], style: str | None = None
+) -> Column[Labelled]:
+    """A number of degrees; without a style for CSV alone."""
+    shown = None if style is None else lambda x: _degrees(x, style)
+    return Column(title, "", lambda row: value(row[1]), shown, key)
+
+
+def _sobol(kind: str, part: str) -> Iterator[Column[Labelled]]:
+    """An index with half of its interval: in one cell to be read, in two of CSV."""
+
+    def pair(row: Labelled) -> tuple[float, float]:
+        index: Index | None = getattr(row[1], kind)
+        return (getattr(index, part, np.nan), getattr(index, f"{part}_half", np.nan))
+
+    def read(found: tuple[float, float]) -> str:
+        return "{:.2f} +- {:.2f}".format(*found) if np.isfinite(found[0]) else "-"
+
+    yield Column(f"{kind}, {part}", "", pair, read, key="")
+    yield Column(f"{kind}_{part}", "", lambda row: pair(row)[0], shown=None)
+    yield Column(f"{kind}_{part}_half", "", lambda row: pair(row)[1], shown=None)
+
+
+COLUMNS: list[Column[Labelled]] = [
+    Column("plan", "", lambda row: row[0], shown=None),
+    Column("effect", "", lambda row: row[1].name, left=True),
+    _cost("alone (deg)", "alone_deg", lambda c: c.alone_deg, ".3g"),
+    _cost("", "alone_low_deg", lambda c: c.alone_interval_deg[0]),
+    _cost("", "alone_high_deg", lambda c: c.alone_interval_deg[1]),
+    _cost("saves (deg)", "saves_deg", lambda c: c.saves_deg, "+.3g"),
+    _cost("from", "saves_low_deg", lambda c: c.saves_interval_deg[0], "+.2g"),
+    _cost("to", "saves_high_deg", lambda c: c.saves_interval_deg[1], "+.2g"),
+    *(
+        column
+        for kind in ("between", "switch")
+        for part in ("first", "total")
+        for column in _sobol(kind, part)
+    ),
+]
 
 
 def budget_markdown(budgets: Mapping[str, Budget], command: str | None = None) -> str:
     """Markdown text, one table a plan."""
     lines = ["# Error budget", ""]
     for label, budget in budgets.items():
-        lines += [f"## {markdown_code(label)}", "", total(budget) + ".", "", _line(HEAD)]
-        lines += [_line(["---", *["---:"] * (len(HEAD) - 1)])]
-        lines += [_line(_cells(cost)) for cost in budget.costs]
-        lines += ["", _idle(budget), ""]
+        rows = [(label, cost) for cost in budget.costs]
+        lines += [f"## {markdown_code(label)}", "", total(budget) + ".", ""]
+        lines += [markdown_table(COLUMNS, rows), "", _idle(budget), ""]
     first = next(iter(budgets.values()))
     lines += [
         f"{first.samples} machines ({first.machine.preset}) a median; Sobol indices by Saltelli's"
@@ -366,46 +362,8 @@ def budget_markdown(budgets: Mapping[str, Budget], command: str | None = None) -
 
 def budget_csv(budgets: Mapping[str, Budget]) -> str:
     """One line an effect of a plan, full precision, empty where a number is not defined."""
-    ends = [
-        f"{key}{end}" for key in ("alone", "saves") for end in ("_deg", "_low_deg", "_high_deg")
-    ]
-    parts = ("first", "first_half", "total", "total_half")
-    shares = [f"{kind}_{part}" for kind in ("between", "switch") for part in parts]
-    rows: list[list[Any]] = [["plan", "effect", *ends, *shares]]
-    for label, budget in budgets.items():
-        for cost in budget.costs:
-            kinds = (cost.between, cost.switch)
-            numbers = [cost.alone_deg, *cost.alone_interval_deg]
-            numbers += [cost.saves_deg, *cost.saves_interval_deg]
-            numbers += [getattr(i, p) if i else np.nan for i in kinds for p in parts]
-            rows.append([label, cost.name, *("" if x != x else x for x in numbers)])
-    return tables.csv_text(rows)
-
-
-def _cells(cost: Cost) -> list[str]:
-    low, high = (_degrees(x, "+.2g") for x in cost.saves_interval_deg)
-    between = cost.between
-    return [
-        cost.name,
-        _degrees(cost.alone_deg, ".3g"),
-        _degrees(cost.saves_deg, "+.3g"),
-        low,
-        high,
-        _share(between.first, between.first_half) if between else "-",
-        _share(between.total, between.total_half) if between else "-",
-        _share(cost.switch.first, cost.switch.first_half),
-        _share(cost.switch.total, cost.switch.total_half),
-    ]
-
-
-def _degrees(value: float, style: str) -> str:
-    if abs(value) < TINY_DEG:
-        return "0"
-    return format(value, style) if np.isfinite(value) else "-"
-
-
-def _share(value: float, half: float) -> str:
-    return f"{value:.2f} +- {half:.2f}"
+    rows = [(label, cost) for label, budget in budgets.items() for cost in budget.costs]
+    return csv_table(COLUMNS, rows)
 
 
 def total(budget: Budget) -> str:
@@ -419,7 +377,3 @@ def _idle(budget: Budget) -> str:
     if not budget.idle:
         return ""
     return f"On, and without influence here: {', '.join(budget.idle)}."
-
-
-def _line(cells: Any) -> str:
-    return "| " + " | ".join(cells) + " |"

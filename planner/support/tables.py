@@ -1,4 +1,6 @@
-"""Tables and foreign text, fit to be shown.
+"""Tables: a list of columns and rows, for a terminal, as Markdown, CSV or HTML. Foreign text.
+
+Who has something to tabulate owns `Column`s; how a table looks is here alone.
 
 Files keep what a user wrote, and give it back as it was. What is *shown* of it (a title, a label, a
 name, a message) goes through `clean` where it enters an object that others draw or print, and once
@@ -11,35 +13,214 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
+from planner.support.arrays import jsonable
 
-def html_table(head: Sequence[str], rows: Sequence[Sequence[str]], above: str = "") -> str:
-    """An HTML table, its first column to the left; every text is escaped.
+if TYPE_CHECKING:
+    from rich.table import Table
+
+R = TypeVar("R")
+
+WIDTH, LEAST = 100, 10
+"""Characters of a ruled table in a terminal, and the fewest that its text is given."""
+
+
+def short(value: Any) -> str:
+    """A number in few characters, anything else as it is."""
+    if isinstance(value, float):
+        return number(value)
+    return value if isinstance(value, str) else str(value)
+
+
+def digits(count: int) -> Callable[[float], str]:
+    """Numbers of so many digits."""
+    return lambda value: number(value, count)
+
+
+class Markup(str):
+    """Text of the format's own, Markdown or HTML, which is not escaped."""
+
+    __slots__ = ()
+
+
+@dataclass(frozen=True)
+class Column(Generic[R]):
+    """One column of a table of rows `R`.
+
+    Attributes:
+        title: What it holds, in few words.
+        unit: Its unit, or "".
+        value: From a row to a number in full precision or to text.
+        shown: From this value to what is read; None for a column of CSV alone.
+        key: Its name in CSV, by default of title and unit; "" for a column that CSV lacks.
+        left: Whether it is text: to the left, and folded where a terminal is too narrow.
+        width: Most characters of a narrow column of text in a terminal, where it begins a line
+            after each colon; by default the others leave the room.
+        code: Whether Markdown shows it as `code`.
+    """
+
+    title: str
+    unit: str
+    value: Callable[[R], Any]
+    shown: Callable[[Any], str] | None = short
+    key: str | None = None
+    left: bool = False
+    width: int | None = None
+    code: bool = False
+
+    @property
+    def head(self) -> str:
+        """Title and unit in one line."""
+        return f"{self.title} ({self.unit})" if self.unit else self.title
+
+    def text(self, row: R) -> str:
+        """What is read of a row."""
+        assert self.shown is not None
+        return self.shown(self.value(row))
+
+
+def _read(columns: Iterable[Column[R]]) -> list[Column[R]]:
+    return [column for column in columns if column.shown is not None]
+
+
+def terminal_table(
+    columns: Iterable[Column[R]],
+    rows: Iterable[R],
+    *,
+    title: str = "",
+    caption: str = "",
+    ruled: bool = False,
+    gap: int = 0,
+    dim: Callable[[R], bool] = lambda row: False,
+) -> Table:
+    """For a terminal: `rich.print` shows it.
 
     Args:
-        head: Titles of the columns.
-        rows: Their cells, as many in each.
-        above: A line over the table.
+        columns: Its columns.
+        rows: Its rows.
+        title: A line over it.
+        caption: Text under it.
+        ruled: Whether it has heads of several lines over a rule and is made to fit 100 columns;
+            otherwise heads have one line.
+        gap: Further spaces between columns of a ruled one.
+        dim: Which rows are shown weakly.
     """
-    lines = [_row("th", head), *(_row("td", row) for row in rows)]
-    title = f"<p>{escape(above)}</p>" if above else ""
-    return f"{title}<table>{''.join(lines)}</table>"
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+    from rich.text import Text
 
-
-def _row(tag: str, cells: Sequence[str]) -> str:
-    sides = ["left", *["right"] * (len(cells) - 1)]
-    return (
-        "<tr>"
-        + "".join(
-            f'<{tag} style="text-align:{side}">{escape(cell)}</{tag}>'
-            for side, cell in zip(sides, cells, strict=True)
+    shown, rows = _read(columns), list(rows)
+    table = Table(
+        box=SIMPLE_HEAD if ruled else None,
+        padding=(0, gap if ruled else 2, 0, 0),
+        show_header=any(column.title for column in shown),
+        show_edge=False,
+        pad_edge=False,
+        title=Text(title) if title else None,
+        title_justify="left",
+        caption=Text(caption, style="table.caption") if caption else None,
+        caption_justify="left",
+    )
+    heads = [c.head for c in shown]
+    if ruled:
+        heads = [c.title.replace(" ", "\n", 1) + (f"\n{c.unit}" if c.unit else "") for c in shown]
+    cells = [[_broken(c.text(row), c.width) for c in shown] for row in rows]
+    widths = []
+    for column, *texts in zip(shown, heads, *cells, strict=True):
+        most = max(len(part) for text in texts for part in text.split("\n"))
+        widths.append(min(most, column.width or most))
+    over = max(0, sum(widths) + (1 + gap) * (len(widths) - 1) - WIDTH)
+    free = [k for k, c in enumerate(shown) if c.left and c.width is None]
+    if ruled and free:
+        widest = max(free, key=lambda k: widths[k])
+        widths[widest] = max(LEAST, widths[widest] - over)
+    for column, head, width in zip(shown, heads, widths, strict=True):
+        table.add_column(
+            Text(head),
+            justify="left" if column.left else "right",
+            overflow="fold" if column.left else "ellipsis",
+            no_wrap=ruled and not column.left,
+            max_width=width if ruled and column.left else None,
         )
-        + "</tr>"
+    for row, texts in zip(rows, cells, strict=True):
+        table.add_row(*map(Text, texts), style="dim" if dim(row) else "")
+    return table
+
+
+def _broken(text: str, width: int | None) -> str:
+    """Text of a narrow column begins a line after each colon."""
+    return text.replace(":", ":\n") if width else text
+
+
+def markdown_table(columns: Iterable[Column[R]], rows: Iterable[R]) -> str:
+    """Lines of Markdown; all text but `Markup` is escaped."""
+    shown = _read(columns)
+    lines = [
+        [markdown(c.head) for c in shown],
+        ["---" if c.left else "---:" for c in shown],
+        *([_marked(c.text(row), c.code) for c in shown] for row in rows),
+    ]
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+
+
+def _marked(text: str, code: bool) -> str:
+    if isinstance(text, Markup):
+        return text
+    return markdown_code(text) if code else markdown(text)
+
+
+def csv_table(columns: Iterable[Column[R]], rows: Iterable[R]) -> str:
+    """CSV in full precision, empty where a number is not defined."""
+    kept = [column for column in columns if column.key != ""]
+    names = [c.key or re.sub(r"\W+", "_", f"{c.title} {c.unit}").strip("_") for c in kept]
+    return csv_text([names, *([jsonable(c.value(row)) for c in kept] for row in rows)])
+
+
+def html_table(
+    columns: Iterable[Column[R]],
+    rows: Iterable[R],
+    above: str = "",
+    *,
+    kind: Callable[[R], str] | None = None,
+) -> str:
+    """An HTML table; all text but `Markup` is escaped.
+
+    Args:
+        columns: Its columns.
+        rows: Its rows.
+        above: A line over it.
+        kind: From a row to its class, on a page with a style sheet: units then have their own
+            elements, the first column heads its row, and each cell bears its column's title, which
+            is read where a screen is too narrow for heads. Left out for a notebook.
+    """
+    shown, heads, around = _read(columns), [], []
+    for k, c in enumerate(shown):
+        if kind is None:
+            style = f'style="text-align:{"left" if c.left else "right"}"'
+            heads.append(f"<th {style}>{escape(c.head)}</th>")
+            around.append((f"<td {style}>", "</td>"))
+        else:
+            unit = f"<span class=unit>{escape(c.unit)}</span>" if c.unit else ""
+            heads.append(f'<th scope="col">{escape(c.title)}{unit}</th>')
+            tag = f'td data-head="{escape(c.title)}"' if k else 'th scope="row"'
+            around.append((f"<{tag}>", f"{unit}</{tag[:2]}>"))
+    lines = []
+    for row in rows:
+        name = kind(row) if kind else ""
+        texts = [c.text(row) for c in shown]
+        inside = [text if isinstance(text, Markup) else escape(text) for text in texts]
+        cells = "".join(a + cell + b for (a, b), cell in zip(around, inside, strict=True))
+        lines.append((f"<tr class={name}>" if name else "<tr>") + cells + "</tr>")
+    title, body = f"<p>{escape(above)}</p>" if above else "", "\n".join(lines)
+    return (
+        f"{title}<table>\n<thead><tr>{''.join(heads)}</tr></thead>\n"
+        f"<tbody>\n{body}\n</tbody>\n</table>"
     )
 
 

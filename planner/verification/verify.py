@@ -22,7 +22,7 @@ from planner.problem.problem import Problem
 from planner.problem.requirements.places import Obstacle
 from planner.problem.requirements.requirement import At
 from planner.support.arrays import Array
-from planner.support.tables import html_table
+from planner.support.tables import Column, html_table
 
 GOAL_TOLERANCE = 2e-5
 """Largest error at the goal, in radians (0.0011 degrees) or metres."""
@@ -71,13 +71,16 @@ class Check:
     def _repr_html_(self) -> str:
         """What a notebook shows: one row a requirement."""
         broken = {violation.label: str(violation) for violation in self.violations}
-        rows = [
-            (label, broken.get(label, "kept"), f"{margin:.4g}")
-            for label, margin in self.margins.items()
+        columns: list[Column[tuple[str, float]]] = [
+            Column("requirement", "", lambda r: r[0], left=True),
+            Column("verdict", "", lambda r: broken.get(r[0], "kept"), left=True),
+            Column("margin", "negative: broken", lambda r: r[1], "{:.4g}".format),
         ]
-        above = "verified" if self.ok else f"{len(broken)} of {len(rows)} requirements broken"
+        above = "verified"
+        if not self.ok:
+            above = f"{len(broken)} of {len(self.margins)} requirements broken"
         above += f"; integrated to {self.integration_error:.1g}"
-        return html_table(("requirement", "verdict", "margin (negative: broken)"), rows, above)
+        return html_table(columns, self.margins.items(), above)
 
 
 @dataclass(frozen=True)

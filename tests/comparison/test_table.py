@@ -10,8 +10,10 @@ import pytest
 from compared import quick_comparison
 from rich.console import Console
 
+from planner.comparison import comparison
 from planner.comparison.comparison import comparison_csv as csv_text
-from planner.support.tables import number
+from planner.report.page.page import report_page
+from planner.support.tables import Column, number
 
 
 @pytest.fixture(scope="module")
@@ -23,6 +25,14 @@ def printed() -> str:
 
 def test_terminal_table_fits_a_hundred_columns(printed: str) -> None:
     assert max(len(line.rstrip()) for line in printed.splitlines()) <= 100
+
+
+def test_a_narrow_terminal_keeps_the_words_of_a_verdict_whole() -> None:
+    console = Console(width=80, file=io.StringIO(), record=True)
+    console.print(quick_comparison().table())
+    text = console.export_text()
+    assert max(len(line.rstrip()) for line in text.splitlines()) <= 80
+    assert {"solved", "reaches", "allowed"} <= set(text.split())
 
 
 def test_terminal_table_shows_every_row_and_figure(printed: str) -> None:
@@ -59,6 +69,30 @@ def test_csv_keeps_full_precision_and_leaves_undefined_empty() -> None:
             assert float(row["effort"]) == made.effort
             assert float(row["peak_u2_rad_s"]) == made.peak_u[1]
     assert [row["solved"] for row in rows] == ["False", "True", "False"]
+
+
+def test_a_column_is_added_in_one_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    usual = comparison.columns
+    added = Column("mean speed", "rad/s", lambda row: row.travel_rad / row.duration_s)
+    monkeypatch.setattr(comparison, "columns", lambda system: [*usual(system), added])
+    found = quick_comparison()
+    row = found["polynomial"]
+    value = row.travel_rad / row.duration_s
+    console = Console(width=200, file=io.StringIO(), record=True)
+    console.print(found.table())
+    lines = console.export_text().splitlines()
+    heads = [k for k, line in enumerate(lines) if line.endswith(("mean", "speed", "rad/s"))]
+    assert len(heads) == 3
+    shown = number(value)
+    assert next(x for x in lines if x.startswith("polynomial ")).rstrip().endswith(shown)
+    assert "| mean speed (rad/s) | E 50 % from (deg) |" in found.markdown()
+    assert f" | {shown} | " in found.markdown()
+    cells = next(r for r in csv.DictReader(io.StringIO(csv_text(found))) if r["label"] == row.label)
+    assert float(cells["mean_speed_rad_s"]) == value
+    assert "mean speed (rad/s)</th>" in found._repr_html_()
+    assert f">{shown}</td>" in found._repr_html_()
+    page = report_page(found, {}, found.to_dict())
+    assert f'<td data-head="mean speed">{shown}<span class=unit>rad/s</span></td>' in page
 
 
 @pytest.mark.parametrize(

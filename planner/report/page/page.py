@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from planner.comparison.comparison import Comparison, columns
+from planner.comparison.comparison import Comparison
 from planner.comparison.rows import CLOSED, Row
 from planner.errors import InputError
 from planner.report.page.series import page_data
 from planner.report.page.words import answers, facts, places, question, subscripted, verdict
 from planner.report.saved import load_comparison, load_replays
 from planner.support.files import read_json, write_text
-from planner.support.tables import number
+from planner.support.tables import Column, Markup, R, html_table, number
 
 SCRIPTS = ("scale.js", "chart.js", "kinds.js", "points.js", "motion.js", "main.js")
 """Read in this order into one script."""
@@ -102,59 +102,69 @@ def _definitions(pairs: Sequence[tuple[str, str]]) -> str:
 
 
 def _table(comparison: Comparison) -> str:
-    shown = columns(comparison)
-    heads = [(_symbols(c.title), html.escape(c.unit)) for c in shown]
-    head = "".join(
-        f'<th scope="col">{title}{f"<span class=unit>{unit}</span>" if unit else ""}</th>'
-        for title, unit in heads
-    )
-    body, place = [], places(comparison)
-    for row in comparison.rows:
-        cells = "".join(
-            f'<td data-head="{title}">{html.escape(c.text(row)).replace("-", "−")}'
-            f"{f'<span class=unit>{unit}</span>' if unit else ''}</td>"
-            for c, (title, unit) in zip(shown, heads, strict=True)
-        )
-        kind = "" if row.solved else " class=refused"
-        body.append(f"<tr{kind}>{_name(place[row.label], row)}{cells}</tr>")
-    return (
-        f'<thead><tr><th scope="col">plan</th>{head}</tr></thead>\n'
-        f"<tbody>\n{chr(10).join(body)}\n</tbody>"
+    place = places(comparison)
+    name = Column[Row]("plan", "", lambda row: _name(place[row.label], row))
+    numbers = [
+        _typeset(c, _symbols(c.title))
+        for c in comparison.columns
+        if c.shown is not None and not c.left
+    ]
+    return html_table(
+        [name, *numbers], comparison.rows, kind=lambda row: "" if row.solved else "refused"
     )
 
 
-def _differences(pairs: Sequence[Mapping[str, Any]]) -> str:
+def _typeset(column: Column[R], title: str) -> Column[R]:
+    """A column with another title, and with minus signs."""
+    return Column(title, column.unit, lambda row: column.text(row).replace("-", "−"))
+
+
+def _symbols(title: str) -> str:
+    """|u1| becomes |u₁|; a percent sign stays with its number."""
+    text = "|".join(subscripted(part) for part in title.split("|"))
+    return text.replace(" %", "\N{NO-BREAK SPACE}%")
+
+
+Pair = Mapping[str, Any]
+
+
+def _pair(pair: Pair) -> Markup:
+    first, second = html.escape(pair["first"]), html.escape(pair["second"])
+    return Markup(f"{first} <span class=why>against {second}</span>")
+
+
+def _interval(pair: Pair) -> str:
+    low, high = (number(np.nan if x is None else x) for x in pair["interval_deg"])
+    return f"{low}° to {high}°"
+
+
+def _holm(p: float) -> str:
+    return "< 0.001" if p < 1e-3 else f"{p:.2g}"
+
+
+PAIRS: list[Column[Pair]] = [
+    Column("plan", "", _pair),
+    Column("difference of E", "", lambda p: p["median_deg"], lambda x: f"{number(x)}°"),
+    Column("95 % interval", "", _interval),
+    Column("less on", "", lambda p: f"{100 * p['first_better']:.0f} %"),
+    Column("p (Holm)", "", lambda p: p["p_corrected"], _holm),
+    Column("verdict", "", lambda p: "differ" if p["significant"] else "not shown to differ"),
+]
+
+
+def _differences(pairs: Sequence[Pair]) -> str:
     """Every two plans on the same machines, as a table in a fold; nothing for less than two."""
     if not pairs:
         return ""
-    heads = ("difference of E", "95 % interval", "less on", "p (Holm)", "verdict")
-    body = []
-    for pair in pairs:
-        low, high = (number(np.nan if x is None else x) for x in pair["interval_deg"])
-        p = pair["p_corrected"]
-        cells = (
-            f"{number(pair['median_deg'])}°",
-            f"{low}° to {high}°",
-            f"{100 * pair['first_better']:.0f} %",
-            "< 0.001" if p < 1e-3 else f"{p:.2g}",
-            "differ" if pair["significant"] else "not shown to differ",
-        )
-        tds = "".join(
-            f'<td data-head="{head}">{html.escape(cell).replace("-", "−")}</td>'
-            for head, cell in zip(heads, cells, strict=True)
-        )
-        name = f"{html.escape(pair['first'])} <span class=why>against {html.escape(pair['second'])}"
-        body.append(f'<tr><th scope="row">{name}</span></th>{tds}</tr>')
-    head = "".join(f'<th scope="col">{text}</th>' for text in heads)
-    return Template(_FOLD).substitute(head=head, body="\n".join(body))
+    name, *numbers = PAIRS
+    table = html_table(
+        [name, *(_typeset(c, c.title) for c in numbers)], pairs, kind=lambda pair: ""
+    )
+    return Template(_FOLD).substitute(table=table)
 
 
 _FOLD = """<details><summary>Plan against plan, machine by machine</summary>
-<div class="scroll" role="region" aria-label="Plan against plan" tabindex="0"><table>
-<thead><tr><th scope="col">plan</th>$head</tr></thead>
-<tbody>
-$body
-</tbody></table></div>
+<div class="scroll" role="region" aria-label="Plan against plan" tabindex="0">$table</div>
 <p class="note">Difference: the median over the machines of E of the first plan minus E of the other
 on the same machine. p: Wilcoxon's signed-rank test, corrected for all pairs.</p></details>"""
 
@@ -175,19 +185,13 @@ def _worst(rows: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
-def _name(k: int, row: Row) -> str:
+def _name(k: int, row: Row) -> Markup:
     badge = "solved" if row.solved else "refused"
     label = html.escape(row.label).replace(":", ":<wbr>")
     why = f'<span class="badge {badge}">{badge}</span> {html.escape(row.why)}'
-    return f'<th scope="row">{_swatch(k, row)} {label}<span class=why>{why}</span></th>'
+    return Markup(f"{_swatch(k, row)} {label}<span class=why>{why}</span>")
 
 
 def _swatch(k: int, row: Row) -> str:
     style = " closed" if row.feedback else "" if row.solved else " dashed"
     return f'<span class="swatch plan-{k}{style}" aria-hidden="true"></span>'
-
-
-def _symbols(title: str) -> str:
-    """|u1| becomes |u₁|; a percent sign stays with its number."""
-    text = "|".join(subscripted(part) for part in title.split("|"))
-    return html.escape(text.replace(" %", "\N{NO-BREAK SPACE}%"))

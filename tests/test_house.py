@@ -51,12 +51,13 @@ def name_of(path: Path) -> str:
 
 
 FILES = {name_of(path): path for path in sorted(HOME.rglob("*.py"))}
+TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in FILES.items()}
 FACES = {"planner", "planner.report"}
 """Packages whose `__init__` hands on public names when they are first used."""
 
 
 def imports(name: str) -> Iterator[str]:
-    for node in ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))):
+    for node in ast.walk(TREES[name]):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names if alias.name in FILES)
         elif isinstance(node, ast.ImportFrom):
@@ -88,33 +89,32 @@ def test_nothing_is_imported_in_a_circle() -> None:
     assert set(left) == set()
 
 
+def defined(name: str) -> set[str]:
+    return {
+        target.id if isinstance(target, ast.Name) else target.name
+        for target in ast.walk(TREES[name])
+        if isinstance(target, ast.ClassDef | ast.FunctionDef)
+        or (isinstance(target, ast.Name) and isinstance(target.ctx, ast.Store))
+    }
+
+
 def test_a_name_is_imported_from_the_file_that_defines_it() -> None:
-    wrong = []
-    for name in ARROWS:
-        for node in ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and node.module in FILES:
-                own = ast.parse(FILES[node.module].read_text(encoding="utf-8"))
-                defined = {
-                    target.id if isinstance(target, ast.Name) else target.name
-                    for part in own.body
-                    for target in ast.walk(part)
-                    if isinstance(target, ast.ClassDef | ast.FunctionDef)
-                    or (isinstance(target, ast.Name) and isinstance(target.ctx, ast.Store))
-                }
-                wrong += [
-                    f"{name}: {node.module}.{alias.name}"
-                    for alias in node.names
-                    if alias.name not in defined and f"{node.module}.{alias.name}" not in FILES
-                ]
-    assert wrong == []
+    own = {name: defined(name) for name in FILES}
+    assert [
+        f"{name}: {node.module}.{alias.name}"
+        for name in ARROWS
+        for node in ast.walk(TREES[name])
+        if isinstance(node, ast.ImportFrom) and node.module in FILES
+        for alias in node.names
+        if alias.name not in own[node.module] and f"{node.module}.{alias.name}" not in FILES
+    ] == []
 
 
 def test_a_name_with_an_underscore_stays_in_its_file() -> None:
-    text = {name: ast.parse(FILES[name].read_text(encoding="utf-8")) for name in ARROWS}
     assert [
         f"{name}: {node.module}.{alias.name}"
-        for name, tree in text.items()
-        for node in ast.walk(tree)
+        for name in ARROWS
+        for node in ast.walk(TREES[name])
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("planner")
         for alias in node.names
         if alias.name.startswith("_")
@@ -124,7 +124,7 @@ def test_a_name_with_an_underscore_stays_in_its_file() -> None:
 def test_only_the_results_listed_hand_themselves_to_others() -> None:
     found: dict[str, set[str]] = {}
     for name in ARROWS:
-        for node in ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))):
+        for node in ast.walk(TREES[name]):
             if isinstance(node, ast.Call) and ast.unparse(node.func) == "handed_to":
                 found.setdefault(name, set()).add(ast.literal_eval(node.args[0]))
     assert found == HANDED
@@ -143,9 +143,8 @@ def test_rooms_are_few_and_folders_small() -> None:
     "name", [n for n, path in FILES.items() if path.name == "__init__.py" and n not in FACES]
 )
 def test_a_room_opens_with_words_only(name: str) -> None:
-    tree = ast.parse(FILES[name].read_text(encoding="utf-8"))
-    assert ast.get_docstring(tree)
-    assert len(tree.body) == 1
+    assert ast.get_docstring(TREES[name])
+    assert len(TREES[name].body) == 1
 
 
 def test_an_old_path_works_and_names_the_new_one() -> None:

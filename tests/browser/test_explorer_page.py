@@ -14,7 +14,6 @@ from typing import Any
 import pytest
 from lab_server import lab_server
 
-nbformat = pytest.importorskip("nbformat", reason="needs the extra 'dev'")
 pytest.importorskip("anywidget", reason="needs the extra 'notebook'")
 pytest.importorskip("jupyterlab", reason="needs the extra 'notebook'")
 
@@ -27,6 +26,7 @@ explorer"""
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    nbformat = pytest.importorskip("nbformat", reason="needs the extra 'dev'")  # slow to import
     folder = tmp_path_factory.mktemp("jupyter")
     shutil.copy(ROOT / "problems" / "paper.toml", folder)
     cells = [nbformat.v4.new_code_cell(SOURCE)]

@@ -109,7 +109,7 @@ def test_hints_name_extras_that_exist_and_are_written_in_one_place() -> None:
 
 def test_without_the_kernel_it_is_said_once_on_standard_error() -> None:
     code = """
-import planner.progress  # which has the logger that says it
+import planner.support.progress  # which has the logger that says it
 from planner.machine import compiled
 compiled.__file__ = "/nowhere/compiled.py"
 assert compiled.library() is None and compiled.library() is None

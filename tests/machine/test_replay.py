@@ -14,6 +14,7 @@ from planner.errors import InputError, SingularError
 from planner.machine.machine import Machine
 from planner.machine.replay import Replay, replay
 from planner.plan.plan import Plan
+from planner.solve import solve_and_check
 
 PROTOTYPE = Machine.prototype(step_s=0.005)
 """Coarse steps, where the test is not about them."""
@@ -50,7 +51,7 @@ def test_the_ideal_limit_does_not_hang_on_the_step(calm: Plan, step: float) -> N
 @pytest.mark.parametrize("method", [m for m in planner.METHODS if m != "polynomial"])
 def test_every_method_has_the_same_ideal_limit(paper: planner.Problem, method: str) -> None:
     try:
-        plan = planner.solve(paper, method)
+        plan, _ = solve_and_check(paper, method, advice=False)
     except planner.NoPlanError as refusal:
         if refusal.plan is None or not refusal.plan.executable:
             pytest.skip(f"no executable {method} plan of this problem")

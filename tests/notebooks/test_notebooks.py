@@ -7,17 +7,18 @@ from typing import Any
 
 import pytest
 
-nbformat = pytest.importorskip("nbformat", reason="needs the extra 'dev'")
-nbclient = pytest.importorskip("nbclient", reason="needs the extra 'dev'")
-pytest.importorskip("ipykernel", reason="needs the extra 'notebook'")
-
 FOLDER = Path(__file__).parents[2] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 NAMES = [path.stem for path in NOTEBOOKS]
 
 
+def formats() -> Any:
+    """Imported when it is used: it takes more than a second."""
+    return pytest.importorskip("nbformat", reason="needs the extra 'dev'")
+
+
 def read(path: Path) -> Any:
-    return nbformat.read(path, as_version=4)
+    return formats().read(path, as_version=4)
 
 
 def test_the_notebooks_promised_are_there() -> None:
@@ -34,7 +35,7 @@ def test_the_notebooks_promised_are_there() -> None:
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=NAMES)
 def test_stored_without_outputs(path: Path) -> None:
     notebook = read(path)
-    nbformat.validate(notebook)
+    formats().validate(notebook)
     assert set(notebook.metadata) <= {"kernelspec", "language_info"}
     assert notebook.cells[0].cell_type == "markdown"
     assert notebook.cells[0].source.startswith("# ")
@@ -48,6 +49,8 @@ def test_stored_without_outputs(path: Path) -> None:
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=NAMES)
 @pytest.mark.filterwarnings("default")  # of the client, not of the notebook, whose own fail below
 def test_runs_from_top_to_bottom(path: Path) -> None:
+    nbclient = pytest.importorskip("nbclient", reason="needs the extra 'dev'")
+    pytest.importorskip("ipykernel", reason="needs the extra 'notebook'")
     notebook = read(path)
     places = {"metadata": {"path": str(FOLDER)}}
     nbclient.NotebookClient(notebook, timeout=120, resources=places).execute()

@@ -60,10 +60,13 @@ assert planner.systems.manipulator.Manipulator is planner.Manipulator
     subprocess.run([sys.executable, "-c", code, str(paper)], check=True)
 
 
-def test_what_a_process_of_a_sweep_does_without() -> None:
+def test_what_commands_and_processes_of_a_sweep_start_without() -> None:
     code = """
 import sys, planner.sweep.worker
 heavy = {"scipy.stats", "osqp", "matplotlib", "sqlite3", "pandas", "planner.robustness.trade_off"}
 assert not heavy & set(sys.modules), heavy & set(sys.modules)
+import planner.cli.app  # each command starts with it
+slow = {"scipy.stats", "matplotlib"}
+assert not slow & set(sys.modules), slow & set(sys.modules)
 """
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -46,14 +47,24 @@ def test_stored_without_outputs(path: Path) -> None:
         assert not cell.metadata
 
 
+@pytest.fixture(scope="module")
+def kernel() -> Iterator[Any]:
+    """One process for all notebooks, which import the same."""
+    pytest.importorskip("ipykernel", reason="needs the extra 'notebook'")
+    client = pytest.importorskip("jupyter_client", reason="needs the extra 'dev'")
+    manager = client.KernelManager(kernel_name="python3")
+    manager.start_kernel(cwd=str(FOLDER))
+    yield manager
+    manager.shutdown_kernel(now=True)
+
+
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=NAMES)
 @pytest.mark.filterwarnings("default")  # of the client, not of the notebook, whose own fail below
-def test_runs_from_top_to_bottom(path: Path) -> None:
+def test_runs_from_top_to_bottom(path: Path, kernel: Any) -> None:
     nbclient = pytest.importorskip("nbclient", reason="needs the extra 'dev'")
-    pytest.importorskip("ipykernel", reason="needs the extra 'notebook'")
     notebook = read(path)
-    places = {"metadata": {"path": str(FOLDER)}}
-    nbclient.NotebookClient(notebook, timeout=120, resources=places).execute()
+    notebook.cells.insert(0, formats().v4.new_code_cell("%reset -f"))  # no name of the one before
+    nbclient.NotebookClient(notebook, km=kernel, timeout=120).execute(cleanup_kc=False)
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
     complaints = [o.text for o in outputs if o.get("name") == "stderr"]
     assert complaints == []

@@ -64,7 +64,9 @@ def test_runs_from_top_to_bottom(path: Path, kernel: Any) -> None:
     nbclient = pytest.importorskip("nbclient", reason="needs the extra 'dev'")
     notebook = read(path)
     notebook.cells.insert(0, formats().v4.new_code_cell("%reset -f"))  # no name of the one before
-    nbclient.NotebookClient(notebook, km=kernel, timeout=120).execute(cleanup_kc=False)
+    client = nbclient.NotebookClient(notebook, km=kernel, timeout=120)
+    client.execute(cleanup_kc=False)
+    client.kc.stop_channels()
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
     complaints = [o.text for o in outputs if o.get("name") == "stderr"]
     assert complaints == []

@@ -74,5 +74,5 @@ def test_pair(name: str, method: str) -> None:
     assert plan.verified == (status == SOLVED)
     # the other systems' ideal replays are in test_replay.py
     if status in (SOLVED, LIMIT) and plan.executable and problem.system.kind == "manipulator":
-        run = planner.replay(plan, planner.Machine.ideal(), record_s=None)
+        run = planner.replay(plan, planner.Machine.ideal(step_s=0.01), record_s=None)
         assert np.max(np.abs(run.terminal_error)) < 1e-6

@@ -48,7 +48,10 @@ def test_the_ideal_limit_does_not_hang_on_the_step(calm: Plan, step: float) -> N
     assert np.max(np.abs(run.terminal_error)) < 1e-8
 
 
-@pytest.mark.parametrize("method", ["piecewise", "collocation", "convex", "desensitised"])
+SLOW = ("sinusoid", "sinusoid_steps")
+
+
+@pytest.mark.parametrize("method", sorted({*planner.METHODS} - {"polynomial", *SLOW}))
 def test_other_methods_have_the_same_ideal_limit(paper: planner.Problem, method: str) -> None:
     """On shorter steps than all methods have in tests/problems."""
     try:

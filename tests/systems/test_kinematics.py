@@ -6,7 +6,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 import pytest
-from every_system import NAMES, SYSTEMS, inputs, points
+from every_system import NAMES, SYSTEMS, few, inputs, points
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -32,6 +32,7 @@ def symbolic(name: str) -> tuple[ca.Function, ca.Function]:
 
 
 @every_system
+@few
 @given(data=st.data(), u=inputs)
 def test_symbolic_and_numeric_rates_agree(
     name: str, data: st.DataObject, u: NDArray[np.float64]
@@ -46,6 +47,7 @@ def test_symbolic_and_numeric_rates_agree(
 
 
 @every_system
+@few
 @given(data=st.data(), u=inputs)
 def test_rates_have_the_triangular_form(
     name: str, data: st.DataObject, u: NDArray[np.float64]

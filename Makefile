@@ -17,7 +17,7 @@
 #   make clean     remove what make has made
 
 PYTHON ?= python3
-PYTEST_FLAGS ?= -n 2
+PYTEST_FLAGS ?= -n 2 --dist worksteal
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
@@ -56,9 +56,13 @@ notebook: $(VENV)/.notebook
 	@$(BIN)/python -m jupyterlab --notebook-dir=notebooks quick-tour.ipynb
 
 docs: $(VENV)/.docs
+	@echo "building the documentation"
 	@test "$$PLANNER_DOCS_NOTEBOOKS" = off || test -d out/docs-cache || echo "running the notebooks (once)"
 	@$(BIN)/python -m sphinx -q -W --keep-going -b html docs out/docs
-	@echo "out/docs/index.html"
+	@echo "the documentation is in out/docs/index.html"
+
+# The tests start many processes, each of which would compile the package anew without its caches.
+test: export PYTHONDONTWRITEBYTECODE :=
 
 test: check
 	@$(BIN)/python -m pytest $(PYTEST_FLAGS)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -53,10 +54,16 @@ def name_of(path: Path) -> str:
 FILES = {name_of(path): path for path in sorted(HOME.rglob("*.py"))}
 FACES = {"planner", "planner.report"}
 """Packages whose `__init__` hands on public names when they are first used."""
+OTHERS = [name for name in FILES if name not in FACES]
+
+
+@cache
+def tree(name: str) -> ast.Module:
+    return ast.parse(FILES[name].read_text(encoding="utf-8"))
 
 
 def imports(name: str) -> Iterator[str]:
-    for node in ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))):
+    for node in ast.walk(tree(name)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names if alias.name in FILES)
         elif isinstance(node, ast.ImportFrom):
@@ -67,54 +74,55 @@ def imports(name: str) -> Iterator[str]:
                     yield whole if whole in FILES else str(node.module)
 
 
-ARROWS = {name: set(imports(name)) - {name} for name in FILES if name not in FACES}
+@cache
+def arrows(name: str) -> set[str]:
+    return set(imports(name)) - {name}
 
 
 def room(name: str) -> str:
     return name.split(".")[1] if "." in name else name
 
 
-@pytest.mark.parametrize("name", [n for n in ARROWS if room(n) not in ("cli", "__main__")])
+@pytest.mark.parametrize("name", [n for n in OTHERS if room(n) not in ("cli", "__main__")])
 def test_a_file_imports_its_own_room_and_those_above_it(name: str) -> None:
     allowed = MAY[room(name)]
-    assert {other for other in ARROWS[name] if room(other) not in allowed} == set()
+    assert {other for other in arrows(name) if room(other) not in allowed} == set()
 
 
 def test_nothing_is_imported_in_a_circle() -> None:
-    left = {name: others - FACES for name, others in ARROWS.items()}
+    left = {name: arrows(name) - FACES for name in OTHERS}
     while free := [name for name, others in left.items() if not others & left.keys()]:
         for name in free:
             del left[name]
     assert set(left) == set()
 
 
+def defined(name: str) -> set[str]:
+    return {
+        target.id if isinstance(target, ast.Name) else target.name
+        for target in ast.walk(tree(name))
+        if isinstance(target, ast.ClassDef | ast.FunctionDef)
+        or (isinstance(target, ast.Name) and isinstance(target.ctx, ast.Store))
+    }
+
+
 def test_a_name_is_imported_from_the_file_that_defines_it() -> None:
-    wrong = []
-    for name in ARROWS:
-        for node in ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and node.module in FILES:
-                own = ast.parse(FILES[node.module].read_text(encoding="utf-8"))
-                defined = {
-                    target.id if isinstance(target, ast.Name) else target.name
-                    for part in own.body
-                    for target in ast.walk(part)
-                    if isinstance(target, ast.ClassDef | ast.FunctionDef)
-                    or (isinstance(target, ast.Name) and isinstance(target.ctx, ast.Store))
-                }
-                wrong += [
-                    f"{name}: {node.module}.{alias.name}"
-                    for alias in node.names
-                    if alias.name not in defined and f"{node.module}.{alias.name}" not in FILES
-                ]
-    assert wrong == []
+    own = {name: defined(name) for name in FILES}
+    assert [
+        f"{name}: {node.module}.{alias.name}"
+        for name in OTHERS
+        for node in ast.walk(tree(name))
+        if isinstance(node, ast.ImportFrom) and node.module in FILES
+        for alias in node.names
+        if alias.name not in own[node.module] and f"{node.module}.{alias.name}" not in FILES
+    ] == []
 
 
 def test_a_name_with_an_underscore_stays_in_its_file() -> None:
-    text = {name: ast.parse(FILES[name].read_text(encoding="utf-8")) for name in ARROWS}
     assert [
         f"{name}: {node.module}.{alias.name}"
-        for name, tree in text.items()
-        for node in ast.walk(tree)
+        for name in OTHERS
+        for node in ast.walk(tree(name))
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("planner")
         for alias in node.names
         if alias.name.startswith("_")
@@ -123,8 +131,8 @@ def test_a_name_with_an_underscore_stays_in_its_file() -> None:
 
 def test_only_the_results_listed_hand_themselves_to_others() -> None:
     found: dict[str, set[str]] = {}
-    for name in ARROWS:
-        for node in ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))):
+    for name in OTHERS:
+        for node in ast.walk(tree(name)):
             if isinstance(node, ast.Call) and ast.unparse(node.func) == "handed_to":
                 found.setdefault(name, set()).add(ast.literal_eval(node.args[0]))
     assert found == HANDED
@@ -143,9 +151,8 @@ def test_rooms_are_few_and_folders_small() -> None:
     "name", [n for n, path in FILES.items() if path.name == "__init__.py" and n not in FACES]
 )
 def test_a_room_opens_with_words_only(name: str) -> None:
-    tree = ast.parse(FILES[name].read_text(encoding="utf-8"))
-    assert ast.get_docstring(tree)
-    assert len(tree.body) == 1
+    assert ast.get_docstring(tree(name))
+    assert len(tree(name).body) == 1
 
 
 def test_an_old_path_works_and_names_the_new_one() -> None:

@@ -70,10 +70,17 @@ def _planned(job: tuple[str, str, float | str]) -> list[np.ndarray]:
     return [plan.t, plan.q(times), plan.u(times)]
 
 
+@pytest.fixture(scope="module")
+def alone() -> list[list[np.ndarray]]:
+    """In one thread, one after the other."""
+    return [_planned(job) for job in JOBS]
+
+
 @pytest.mark.parametrize("where", ["threads", "processes"])
-def test_plans_are_the_same_from_threads_and_processes(where: str) -> None:
-    """In one thread after the other, then all at once: no state is shared, to the last bit."""
-    alone = [_planned(job) for job in JOBS]
+def test_plans_are_the_same_from_threads_and_processes(
+    where: str, alone: list[list[np.ndarray]]
+) -> None:
+    """Alone and all at once: no state is shared, to the last bit."""
     pool: Executor = ThreadPoolExecutor(4)
     if where == "processes":
         pool = ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn"))

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import quantile_test, wilcoxon
 
 from planner.support.arrays import Array
 
@@ -60,6 +59,8 @@ def percentile_interval(values: Array, percent: float) -> tuple[float, float]:
     Returns:
         Its ends, two of the values; NaN where so few values cannot bound it.
     """
+    from scipy.stats import quantile_test  # slow to import
+
     test = quantile_test(values, q=np.median(values), p=percent / 100)
     low, high = test.confidence_interval(CONFIDENCE)
     return float(low), float(high)
@@ -99,4 +100,6 @@ def _difference(first: str, second: str, gaps: Array, p: float, corrected: float
 
 
 def _p_value(gaps: Array) -> float:
+    from scipy.stats import wilcoxon  # slow to import
+
     return 1.0 if not np.any(gaps) else float(wilcoxon(gaps).pvalue)

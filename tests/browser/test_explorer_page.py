@@ -14,10 +14,6 @@ from typing import Any
 import pytest
 from lab_server import lab_server
 
-nbformat = pytest.importorskip("nbformat", reason="needs the extra 'dev'")
-pytest.importorskip("anywidget", reason="needs the extra 'notebook'")
-pytest.importorskip("jupyterlab", reason="needs the extra 'notebook'")
-
 ROOT = Path(__file__).parents[2]
 SOURCE = """import planner
 problem = planner.load_problem("paper.toml", {"goal.travel": 0.82})
@@ -27,6 +23,10 @@ explorer"""
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    # Imported when they are used: they take seconds.
+    nbformat = pytest.importorskip("nbformat", reason="needs the extra 'dev'")
+    pytest.importorskip("anywidget", reason="needs the extra 'notebook'")
+    pytest.importorskip("jupyterlab", reason="needs the extra 'notebook'")
     folder = tmp_path_factory.mktemp("jupyter")
     shutil.copy(ROOT / "problems" / "paper.toml", folder)
     cells = [nbformat.v4.new_code_cell(SOURCE)]

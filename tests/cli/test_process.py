@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -57,13 +58,9 @@ def test_bad_input_in_a_process(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize(
-    ("command", "name"), [("plan", "solve_and_check"), ("check", "analyse"), ("compare", "run")]
-)
-def test_ctrl_c_ends_quietly_and_writes_nothing(command: str, name: str, tmp_path: Path) -> None:
-    script = LONG_JOB.format(command="plan" if command == "check" else command, name=name)
-    out = [] if command == "check" else ["--out", str(tmp_path / "out")]
-    words = [command, str(PROBLEMS / "paper.toml"), "--json", *out]
+def test_ctrl_c_ends_quietly_and_writes_nothing(tmp_path: Path) -> None:
+    script = LONG_JOB.format(command="plan", name="solve_and_check")
+    words = ["plan", str(PROBLEMS / "paper.toml"), "--json", "--out", str(tmp_path / "out")]
     with started([sys.executable, "-c", script, *words]) as job:
         assert job.stderr is not None
         said = job.stderr.readline()
@@ -73,6 +70,29 @@ def test_ctrl_c_ends_quietly_and_writes_nothing(command: str, name: str, tmp_pat
     assert job.returncode == 130
     assert stderr == "planner: interrupted, nothing written\n"
     assert json.loads(stdout)["status"] == "interrupted"
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("command", "module", "name"), [("check", "plan", "analyse"), ("compare", "compare", "run")]
+)
+def test_ctrl_c_ends_other_commands_quietly_too(
+    command: str,
+    module: str,
+    name: str,
+    run: Callable,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def pressed(*_: object, **__: object) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(sys.modules[f"planner.cli.{module}"], name, pressed)
+    out = [] if command == "check" else ["--out", tmp_path / "out"]
+    result = run(command, PROBLEMS / "paper.toml", "--json", *out)
+    assert result.status == 130
+    assert result.err == "planner: interrupted, nothing written\n"
+    assert result.json["status"] == "interrupted"
     assert list(tmp_path.iterdir()) == []
 
 
@@ -127,16 +147,25 @@ def test_a_reader_that_leaves_is_no_error() -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="needs the device /dev/full")
-@pytest.mark.parametrize("words", [["methods", "--json"], ["methods"], ["--version"], ["--help"]])
-def test_a_full_disk_behind_standard_output_is_told(words: list[str]) -> None:
+def test_a_full_disk_behind_standard_output_is_told() -> None:
+    """Each command in a process that ends as one does, of which only the start is shared."""
+    script = """
+import os, sys, warnings
+from planner.cli.app import main
+warnings.simplefilter("ignore")  # of forks beside threads
+for words in (["methods", "--json"], ["methods"], ["--version"], ["--help"]):
+    if os.fork() == 0:
+        sys.exit(main(words, last=True))
+    print(os.waitstatus_to_exitcode(os.wait()[1]), file=sys.stderr, flush=True)
+"""
     with open("/dev/full", "w", encoding="utf-8") as full:
-        done = subprocess.run([*PLANNER, *words], stdout=full, stderr=subprocess.PIPE, check=False)
-    assert done.returncode == 2
-    assert b"cannot write standard output: No space left on device" in done.stderr
-    assert b"Traceback" not in done.stderr
+        words = [sys.executable, "-c", script]
+        done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, check=True)
+    says = "planner: cannot write standard output: No space left on device"
+    assert done.stderr.splitlines() == [says, "2"] * 4
 
 
-def test_colours_on_a_terminal_only() -> None:
+def test_colours_on_a_terminal_only(run: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
     environment = {k: v for k, v in os.environ.items() if k != "NO_COLOR"} | {"TERM": "xterm"}
     ours, theirs = os.openpty()
     done = subprocess.run([*PLANNER, "methods"], stdout=theirs, env=environment, check=True)
@@ -144,7 +173,6 @@ def test_colours_on_a_terminal_only() -> None:
     assert done.returncode == 0
     assert b"\x1b[" in os.read(ours, 65536)
     os.close(ours)
-    piped = subprocess.run(
-        [*PLANNER, "methods"], stdout=subprocess.PIPE, env=environment, check=True
-    )
-    assert b"\x1b" not in piped.stdout
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    assert "\x1b" not in run("methods").out

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-
-nbformat = pytest.importorskip("nbformat", reason="needs the extra 'dev'")
-nbclient = pytest.importorskip("nbclient", reason="needs the extra 'dev'")
-pytest.importorskip("ipykernel", reason="needs the extra 'notebook'")
 
 FOLDER = Path(__file__).parents[2] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 NAMES = [path.stem for path in NOTEBOOKS]
 
 
+def formats() -> Any:
+    """Imported when it is used: it takes more than a second."""
+    return pytest.importorskip("nbformat", reason="needs the extra 'dev'")
+
+
 def read(path: Path) -> Any:
-    return nbformat.read(path, as_version=4)
+    return formats().read(path, as_version=4)
 
 
 def test_the_notebooks_promised_are_there() -> None:
@@ -34,7 +36,7 @@ def test_the_notebooks_promised_are_there() -> None:
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=NAMES)
 def test_stored_without_outputs(path: Path) -> None:
     notebook = read(path)
-    nbformat.validate(notebook)
+    formats().validate(notebook)
     assert set(notebook.metadata) <= {"kernelspec", "language_info"}
     assert notebook.cells[0].cell_type == "markdown"
     assert notebook.cells[0].source.startswith("# ")
@@ -45,12 +47,26 @@ def test_stored_without_outputs(path: Path) -> None:
         assert not cell.metadata
 
 
+@pytest.fixture(scope="module")
+def kernel() -> Iterator[Any]:
+    """One process for all notebooks, which import the same."""
+    pytest.importorskip("ipykernel", reason="needs the extra 'notebook'")
+    client = pytest.importorskip("jupyter_client", reason="needs the extra 'dev'")
+    manager = client.KernelManager(kernel_name="python3")
+    manager.start_kernel(cwd=str(FOLDER))
+    yield manager
+    manager.shutdown_kernel(now=True)
+
+
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=NAMES)
 @pytest.mark.filterwarnings("default")  # of the client, not of the notebook, whose own fail below
-def test_runs_from_top_to_bottom(path: Path) -> None:
+def test_runs_from_top_to_bottom(path: Path, kernel: Any) -> None:
+    nbclient = pytest.importorskip("nbclient", reason="needs the extra 'dev'")
     notebook = read(path)
-    places = {"metadata": {"path": str(FOLDER)}}
-    nbclient.NotebookClient(notebook, timeout=120, resources=places).execute()
+    notebook.cells.insert(0, formats().v4.new_code_cell("%reset -f"))  # no name of the one before
+    client = nbclient.NotebookClient(notebook, km=kernel, timeout=120)
+    client.execute(cleanup_kc=False)
+    client.kc.stop_channels()
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
     complaints = [o.text for o in outputs if o.get("name") == "stderr"]
     assert complaints == []

@@ -8,7 +8,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import jsonschema
 import numpy as np
 import pytest
 from compared import outside
@@ -100,6 +99,8 @@ def cut(value: Any) -> Any:
 def test_schema_of_plans_accepts_every_kind_and_no_slip(
     law: planner.Plan, rest: planner.Plan, retimed: planner.Plan, tmp_path: Path
 ) -> None:
+    import jsonschema  # slow
+
     schema = plan_schema(json_schema())
     jsonschema.Draft202012Validator.check_schema(schema)
     validator = jsonschema.Draft202012Validator(schema)

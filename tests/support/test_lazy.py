@@ -66,10 +66,13 @@ def test_the_root_holds_the_package() -> None:
     assert Path(planner.__file__).parent == ROOT / "planner"
 
 
-def test_what_a_process_of_a_sweep_does_without() -> None:
+def test_what_commands_and_processes_of_a_sweep_start_without() -> None:
     code = """
 import sys, planner.sweep.worker
 heavy = {"scipy.stats", "osqp", "matplotlib", "sqlite3", "pandas", "planner.robustness.trade_off"}
 assert not heavy & set(sys.modules), heavy & set(sys.modules)
+import planner.cli.app  # each command starts with it
+slow = {"scipy.stats", "matplotlib"}
+assert not slow & set(sys.modules), slow & set(sys.modules)
 """
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import jsonschema
 import numpy as np
 import pytest
 
@@ -180,11 +179,15 @@ SHIPPED = sorted((Path(__file__).parents[2] / "problems/sweeps").glob("*.toml"))
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_the_shipped_sweeps_are_good(path: Path) -> None:
+    import jsonschema  # slow
+
     assert len(Sweep.load(path)) > 1
     jsonschema.validate(tomllib.loads(path.read_text(encoding="utf-8")), sweep_schema())
 
 
 def test_the_schema_refuses_what_the_program_refuses(tables: Tables) -> None:
+    import jsonschema  # slow
+
     jsonschema.validate({**tables, "sample": SAMPLE}, sweep_schema())
     for bad in (
         {"grids": {}},

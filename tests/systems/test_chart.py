@@ -7,7 +7,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from every_system import NAMES, SYSTEMS, inputs, points
+from every_system import NAMES, SYSTEMS, few, inputs, points
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ def z_jacobian(name: str, q: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @every_system
+@few
 @given(data=st.data(), u=inputs)
 def test_chained_identities(name: str, data: st.DataObject, u: NDArray[np.float64]) -> None:
     """ż₁ = v₁, ż₂ = v₂, żᵢ = zᵢ₋₁v₁ along the NumPy rates, which the chart knows nothing of."""
@@ -44,6 +45,7 @@ def test_chained_identities(name: str, data: st.DataObject, u: NDArray[np.float6
 
 
 @every_system
+@few
 @given(data=st.data(), u=inputs)
 def test_feedback_is_what_finite_differences_see(
     name: str, data: st.DataObject, u: NDArray[np.float64]
@@ -61,6 +63,7 @@ def test_feedback_is_what_finite_differences_see(
 
 
 @every_system
+@few
 @given(data=st.data())
 def test_inverse_returns_on_its_own_branch(name: str, data: st.DataObject) -> None:
     system = SYSTEMS[name]
@@ -80,6 +83,7 @@ def test_inverse_returns_on_its_own_branch(name: str, data: st.DataObject) -> No
 
 
 @every_system
+@few
 @given(data=st.data())
 def test_margins_are_positive_exactly_where_the_inverse_exists(
     name: str, data: st.DataObject

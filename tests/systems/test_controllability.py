@@ -262,10 +262,11 @@ def test_determinant_of_the_printed_family_does_vanish() -> None:
 @pytest.mark.parametrize("n", [4, 5, 6])
 def test_printed_family_is_dependent_everywhere_from_four_joints_on(n: int) -> None:
     system, rng = Manipulator([0.8, 0.7, 0.6, 0.5, 0.9][: n - 1], 0.9), np.random.default_rng(0)
-    for _ in range(5):
+    for _ in range(2):  # what vanishes identically does at any two points
         q = rng.uniform(0.2, 1.2, n + 1)
-        assert paper_recursion(system, q).printed.determinant == pytest.approx(0, abs=1e-9)
-        assert paper_recursion(system, q).corrected.determinant == pytest.approx(0.9, rel=1e-9)
+        found = paper_recursion(system, q)
+        assert found.printed.determinant == pytest.approx(0, abs=1e-9)
+        assert found.corrected.determinant == pytest.approx(0.9, rel=1e-9)
 
 
 def test_division_by_zero_is_named() -> None:

@@ -1,11 +1,12 @@
 """Each system's symbolic and numeric forms against each other, and against mechanics."""
 
+from functools import cache
 from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 import pytest
-from every_system import NAMES, SYSTEMS, inputs, points
+from every_system import NAMES, SYSTEMS, few, inputs, points
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -21,7 +22,9 @@ every_system = pytest.mark.parametrize("name", NAMES)
 INDEPENDENT = [name for name in NAMES if not name.startswith("custom")]
 
 
-def symbolic(system: TriangularSystem) -> tuple[ca.Function, ca.Function]:
+@cache
+def symbolic(name: str) -> tuple[ca.Function, ca.Function]:
+    system = SYSTEMS[name]
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     rates = ca.Function("rates", [q, u], [ca.vertcat(*system.rates_expr(q, u))])
     path = ca.vertcat(system.drive_expr(q), *system.slopes_expr(q))
@@ -29,13 +32,14 @@ def symbolic(system: TriangularSystem) -> tuple[ca.Function, ca.Function]:
 
 
 @every_system
+@few
 @given(data=st.data(), u=inputs)
 def test_symbolic_and_numeric_rates_agree(
     name: str, data: st.DataObject, u: NDArray[np.float64]
 ) -> None:
     system = SYSTEMS[name]
     q = data.draw(points(system, 0.0, 1.5))
-    rates, path = symbolic(system)
+    rates, path = symbolic(name)
     numeric = system.rates(q, u)
     np.testing.assert_allclose(numeric, rates(q, u).full()[:, 0], rtol=1e-11, atol=1e-12)
     numeric_path = np.array([system.drive(q), *system.slopes(q)])
@@ -43,6 +47,7 @@ def test_symbolic_and_numeric_rates_agree(
 
 
 @every_system
+@few
 @given(data=st.data(), u=inputs)
 def test_rates_have_the_triangular_form(
     name: str, data: st.DataObject, u: NDArray[np.float64]
@@ -64,7 +69,7 @@ def test_rates_have_the_triangular_form(
 def test_rates_stay_finite_where_the_chart_ends(name: str) -> None:
     """The chart's edges are not the machine's; steering at 90 degrees is, and is left out."""
     system = SYSTEMS[name]
-    rates, _ = symbolic(system)
+    rates, _ = symbolic(name)
     q, u = np.full(system.size, 0.3), np.array([1.0, 1.0])
     names = [c.name for c in system.coordinates]
     for i in range(1, system.size - 1):

@@ -100,10 +100,10 @@ def score(
     good = np.flatnonzero(margin > 0)
     if good.size:
         v = _sampled([chosen[k].v_curve for k in good], samples)
-        q = form.q(z[good], branch)
+        q, u = form.both(z[good], v, branch)
         at = np.asarray(made)[good]
         out[1, at] = _slack(problem, z[good], q)
-        peaks = np.max(np.abs(form.inputs(z[good], v, branch)), axis=1)
+        peaks = np.max(np.abs(u), axis=1)
         out[2, at] = np.max(peaks / input_scale(problem), axis=-1)
     return Scores(*out)
 

@@ -2,8 +2,6 @@
 
 Figures are made with `matplotlib.figure.Figure` itself, never through pyplot, so that they need no
 display and leave no global state; a notebook shows the figure that a function returns.
-
-Figures that a notebook shows by themselves, without pyplot.
 """
 
 from __future__ import annotations
@@ -12,11 +10,9 @@ import re
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from io import BytesIO
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from planner.comparison.rows import FEEDBACK
 from planner.errors import InputError
@@ -25,6 +21,9 @@ from planner.support.arrays import Array
 from planner.support.one_variable import sample_times
 from planner.support.tables import clean
 from planner.systems.triangular_system import Coordinate
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 COLOURS = (
     "#0072B2",
@@ -153,6 +152,8 @@ def grid(
         given = given.reshape(rows, columns)
         return given[0, 0].figure, given
 
+    from planner.report.figures.shown import ShownFigure  # slow to import
+
     figure = ShownFigure(
         figsize=(max(size[0] * columns, 4.8), size[1] * rows + 0.5), dpi=100, layout="constrained"
     )
@@ -214,13 +215,3 @@ def heading(figure: Figure, text: str, *, ours: bool) -> None:
     if ours:
         letters = int(11 * figure.get_figwidth())
         figure.suptitle(plain(textwrap.fill(text, letters)), fontsize=11)
-
-
-class ShownFigure(Figure):
-    """A figure that is drawn as a picture where it is the last expression of a notebook's cell."""
-
-    def _repr_png_(self) -> bytes:
-        """What IPython asks a value for."""
-        content = BytesIO()
-        self.savefig(content, format="png", bbox_inches="tight")
-        return content.getvalue()

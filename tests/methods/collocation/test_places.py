@@ -94,6 +94,13 @@ def test_the_arm_goes_around_a_disc_it_would_hit(
     assert certificate[label].guaranteed == pytest.approx(true[2], abs=1e-4)
 
 
+def test_the_machine_goes_around_it_too(around: planner.Plan) -> None:
+    assert around.status == "solved"
+    assert around.verified
+    run = planner.replay(around, planner.Machine.ideal(), record_s=None)
+    assert np.max(np.abs(run.terminal_error)) < 1e-6
+
+
 def test_a_certificate_sees_a_disc_that_is_a_hair_too_large(around: planner.Plan) -> None:
     label = "clearance of link 3 from obstacle 1"
     assert around.certificate is not None

@@ -153,7 +153,8 @@ def indices(
         return dict.fromkeys(sizes, NONE)
     if len(sizes) == 1:  # alone it explains everything
         return dict.fromkeys(sizes, Index(1.0, 0.0, 1.0, 0.0))
-    found = analyze(problem, output, calc_second_order=False, conf_level=CONFIDENCE, seed=seed)
+    own = seed + 1  # SALib draws its bootstrap anew each time from seed 0
+    found = analyze(problem, output, calc_second_order=False, conf_level=CONFIDENCE, seed=own)
     rows = zip(*(found[key] for key in ("S1", "S1_conf", "ST", "ST_conf")), strict=True)
     return {name: Index(*map(float, row)) for name, row in zip(sizes, rows, strict=True)}
 

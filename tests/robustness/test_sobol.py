@@ -35,6 +35,15 @@ def test_of_the_ishigami_function() -> None:
         assert found[name].total_half < 0.12
 
 
+@pytest.mark.parametrize("seed", [0, 3])
+def test_the_same_seed_gives_the_same_intervals(seed: int) -> None:
+    def weighted(places: Mapping[str, Array]) -> Array:
+        return np.asarray(places["a"][0] + 2 * places["b"][0] * places["c"][0])
+
+    sizes = dict.fromkeys("abc", 1)
+    assert indices(sizes, weighted, 32, seed) == indices(sizes, weighted, 32, seed)
+
+
 def test_values_of_one_effect_are_one_group() -> None:
     def weighted(places: Mapping[str, Array]) -> Array:
         return np.asarray(places["two"].sum(axis=0) + 2 * places["one"][0])

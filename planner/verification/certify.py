@@ -69,7 +69,8 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int]:
     except UnboundedError as error:
         return need.unknown(problem, f"nothing bounds {error}", in_chart), nothing, 0
     claims = _drives(plan, source, motion)
-    wanted = need.joints(problem, motion)
+    claims += need.unproven(problem)
+    wanted = need.plain(problem, "q", motion.states)
     for label, required, ask in (
         ("z2 margin", True, need.z2),
         ("chart domain", in_chart, need.domain),
@@ -152,21 +153,23 @@ def _own(path: Trajectory, motion: Motion) -> list[Model]:
 
 def _drives(plan: Plan, source: Source, motion: Motion) -> list[Claim]:
     """What is proven of the inputs and their rates, in time."""
-    problem, limits = plan.problem, plan.problem.limits
-    if not np.any(np.isfinite([limits.input, limits.input_rate])):
+    problem = plan.problem
+    asked = [r for r in problem.requirements if not r.shaped and r.reads & {"u", "du"}]
+    if not asked:
         return []
     if plan.trajectory is not source.trajectory:
         try:
             source = source_of(plan.trajectory)
         except UnboundedError as error:
             every = need.unknown(problem, f"nothing bounds {error}", False)
-            return [c for c in every if "input" in c.label]
+            labels = {part.label for required in asked for part in required.parts}
+            return [c for c in every if c.label in labels]
         motion = resolve(source)
     cells, u = motion.cells, motion.models(*motion.u)
-    wanted = need.inputs(problem, u)
+    wanted = need.plain(problem, "u", u)
     jumps: dict[str, Claim] = {}
-    if np.any(np.isfinite(limits.input_rate)):
-        wanted += need.rates(problem, motion.models(*source.slopes(cells)))
+    if any("du" in required.reads for required in asked):
+        wanted += need.plain(problem, "du", motion.models(*source.slopes(cells)))
         jumps = need.jumps(problem, u, cells)
     why = STANDSTILL if isinstance(plan.trajectory, RetimedTrajectory) else need.UNBOUNDED
     return [jumps.get(c.label, c) for c in need.decide(wanted, cells, why)]

@@ -23,7 +23,9 @@ import numpy as np
 
 from planner.plan.claims import Claim, undecided
 from planner.problem.problem import Problem
+from planner.problem.requirements.limits import Z2Margin
 from planner.problem.requirements.places import Obstacle, Waypoint
+from planner.problem.requirements.requirement import Part
 from planner.support.arrays import Array
 from planner.systems.chained_form import chained_form
 from planner.systems.triangular_system import TriangularSystem
@@ -52,7 +54,7 @@ UNBOUNDED = "no bound on the motion or its inputs is known on all of it"
 
 
 @dataclass(frozen=True, eq=False)
-class Requirement:
+class ToProve:
     """Every one of some functions must be ≥ 0 at all times.
 
     Attributes:
@@ -70,7 +72,7 @@ class Requirement:
     required: bool = True
 
 
-def decide(wanted: list[Requirement], cells: Cells, unbounded: str = UNBOUNDED) -> list[Claim]:
+def decide(wanted: list[ToProve], cells: Cells, unbounded: str = UNBOUNDED) -> list[Claim]:
     """Bound them all and say what is proven; `unbounded` is why, where nothing is known."""
     margins = [m for w in wanted for m in w.margins]
     if not margins:
@@ -87,7 +89,7 @@ def decide(wanted: list[Requirement], cells: Cells, unbounded: str = UNBOUNDED) 
 
 
 def claim(
-    of: Requirement, guaranteed: float, attained: float, time: float, unbounded: str = UNBOUNDED
+    of: ToProve, guaranteed: float, attained: float, time: float, unbounded: str = UNBOUNDED
 ) -> Claim:
     """The verdict on bounds of the least margin."""
     slack, when = EQUAL * of.scale, float(time) if np.isfinite(time) else None
@@ -103,25 +105,24 @@ def claim(
     return Claim(of.label, status, guaranteed, known, when, of.unit, of.required, why)  # type: ignore[arg-type]
 
 
-def inputs(problem: Problem, u: list[Model]) -> list[Requirement]:
-    """|uᵢ| within its limit."""
-    limits = problem.limits.input
+def plain(problem: Problem, read: str, values: list[Model]) -> list[ToProve]:
+    """What is asked of inputs ("u"), their rates ("du", inside the pieces) or coordinates ("q")."""
     return [
-        Requirement(f"input {c.name}", _within(u[i], limits[i]), limits[i], c.unit)
-        for i, c in enumerate(problem.system.inputs)
-        if np.isfinite(limits[i])
+        ToProve(part.label, _between(values[part.index], part), part.scale, part.unit)
+        for required in problem.requirements
+        if not required.shaped and required.reads == {read}
+        for part in required.parts
     ]
 
 
-def rates(problem: Problem, slopes: list[Model]) -> list[Requirement]:
-    """|duᵢ/dt| within its limit, inside the pieces."""
-    limits = problem.limits.input_rate
+def unproven(problem: Problem) -> list[Claim]:
+    """Kinds that no proof is written for."""
+    why = "no proof is written for this kind of requirement"
     return [
-        Requirement(
-            f"rate of input {c.name}", _within(slopes[i], limits[i]), limits[i], c.rate_unit
-        )
-        for i, c in enumerate(problem.system.inputs)
-        if np.isfinite(limits[i])
+        undecided(part.label, part.unit, why)
+        for required in problem.requirements
+        if required.shaped and not isinstance(required, Z2Margin)
+        for part in required.parts
     ]
 
 
@@ -149,27 +150,17 @@ def jumps(problem: Problem, u: list[Model], cells: Cells) -> dict[str, Claim]:
     return out
 
 
-def joints(problem: Problem, motion: Motion) -> list[Requirement]:
-    """|qᵢ| within its limit."""
-    states, out = motion.states, []
-    for i, limit in enumerate(problem.limits.joint):
-        if np.isfinite(limit):
-            c = problem.system.coordinates[i]
-            out.append(Requirement(f"joint {c.name}", _within(states[i], limit), limit, c.unit))
-    return out
-
-
-def z2(problem: Problem, motion: Motion, required: bool) -> list[Requirement]:
+def z2(problem: Problem, motion: Motion, required: bool) -> list[ToProve]:
     """z₂ on the start's side of zero by its margin."""
     margin = problem.limits.z2_margin
     if margin is None:
         return []
     (value,) = _z2(problem.system)(motion.q)
     above = (float(problem.z2_sign), motion.models(value)[0], -margin)
-    return [Requirement("z2 margin", [above], max(margin, 1e-3), "", required)]
+    return [ToProve("z2 margin", [above], max(margin, 1e-3), "", required)]
 
 
-def domain(problem: Problem, motion: Motion, required: bool) -> list[Requirement]:
+def domain(problem: Problem, motion: Motion, required: bool) -> list[ToProve]:
     """Every margin of the chart positive.
 
     Raises:
@@ -177,7 +168,7 @@ def domain(problem: Problem, motion: Motion, required: bool) -> list[Requirement
     """
     margins = _margins(problem.system, tuple(problem.branch.tolist()))(motion.q)
     wanted = [(1.0, value, 0.0) for value in motion.models(*margins)]
-    return [Requirement("chart domain", wanted, 1.0, "", required)]
+    return [ToProve("chart domain", wanted, 1.0, "", required)]
 
 
 def goal(problem: Problem, motion: Motion) -> list[Claim]:
@@ -189,7 +180,7 @@ def goal(problem: Problem, motion: Motion) -> list[Claim]:
             continue
         end, doubt = (float(x[-1]) for x in motion.states[i].at_end())
         gap = abs(end - target[i])
-        of = Requirement(f"goal {c.name}", [], GOAL_TOLERANCE, c.unit)
+        of = ToProve(f"goal {c.name}", [], GOAL_TOLERANCE, c.unit)
         out.append(claim(of, GOAL_TOLERANCE - gap - doubt, GOAL_TOLERANCE - gap + doubt, time))
     return out
 
@@ -200,7 +191,7 @@ def duration(problem: Problem, seconds: float) -> list[Claim]:
         return []
     slack = DURATION_TOLERANCE * problem.duration
     margin = slack - abs(seconds - problem.duration)
-    return [claim(Requirement("duration", [], 1e-6 * slack, "s"), margin, margin, np.nan)]
+    return [claim(ToProve("duration", [], 1e-6 * slack, "s"), margin, margin, np.nan)]
 
 
 def interpolant(problem: Problem, motion: Motion, own: list[Model]) -> list[Claim]:
@@ -209,7 +200,7 @@ def interpolant(problem: Problem, motion: Motion, own: list[Model]) -> list[Clai
     most = max(float(np.max(gap.size)) for gap in gaps)
     ends = [np.abs(end) - slip for end, slip in (gap.at_end() for gap in gaps)]
     least = max(float(np.max(np.nan_to_num(end, nan=-np.inf))) for end in ends)
-    of = Requirement(INTERPOLANT, [], INTERPOLANT_TOLERANCE, "")
+    of = ToProve(INTERPOLANT, [], INTERPOLANT_TOLERANCE, "")
     tolerance = INTERPOLANT_TOLERANCE
     out = [claim(of, tolerance - most, tolerance - max(least, 0.0), np.nan)]
     first = [q.only(np.array([0])).at_begin() for q in own]
@@ -217,13 +208,13 @@ def interpolant(problem: Problem, motion: Motion, own: list[Model]) -> list[Clai
     slips = [float(slip[0]) for _, slip in first]
     most = max(a + b for a, b in zip(away, slips, strict=True))
     least = max(a - b for a, b in zip(away, slips, strict=True))
-    of = Requirement("start", [], GOAL_TOLERANCE, "")
+    of = ToProve("start", [], GOAL_TOLERANCE, "")
     return [*out, claim(of, GOAL_TOLERANCE - most, GOAL_TOLERANCE - least, 0.0)]
 
 
 def unknown(problem: Problem, why: str, in_chart: bool) -> list[Claim]:
     """All requirements, where nothing could be bounded."""
-    limits, system = problem.limits, problem.system
+    system = problem.system
     labels = [
         ("start", "", 0.0),
         *(
@@ -233,15 +224,8 @@ def unknown(problem: Problem, why: str, in_chart: bool) -> list[Claim]:
         ("duration", "s", np.inf if problem.duration is None else 0.0),
         (INTERPOLANT, "", 0.0),
     ]
-    labels += [(f"input {c.name}", c.unit, limits.input[i]) for i, c in enumerate(system.inputs)]
-    labels += [
-        (f"rate of input {c.name}", c.rate_unit, limits.input_rate[i])
-        for i, c in enumerate(system.inputs)
-    ]
-    labels += [
-        (f"joint {c.name}", c.unit, limits.joint[i]) for i, c in enumerate(system.coordinates)
-    ]
-    labels += [("z2 margin", "", np.inf if limits.z2_margin is None else 0.0)]
+    parts = [part for required in problem.requirements for part in required.parts]
+    labels += [(part.label, part.unit, 0.0) for part in parts]
     labels += [("chart domain", "", 0.0 if in_chart else np.inf)]
     labels += [(point.label, "", 0.0) for point in problem.waypoints]
     links = range(1, 1 + len(getattr(system, "link_lengths", ())))
@@ -249,8 +233,9 @@ def unknown(problem: Problem, why: str, in_chart: bool) -> list[Claim]:
     return [undecided(label, unit, why) for label, unit, limit in labels if np.isfinite(limit)]
 
 
-def _within(value: Model, limit: float) -> list[Margin]:
-    return [(-1.0, value, limit), (1.0, value, limit)]
+def _between(value: Model, part: Part) -> list[Margin]:
+    margins: list[Margin] = [(-1.0, value, part.high), (1.0, value, -part.low)]
+    return [margin for margin in margins if np.isfinite(margin[2])]
 
 
 @lru_cache(maxsize=32)
@@ -281,7 +266,7 @@ def obstacles(problem: Problem, motion: Motion) -> list[Claim]:
         for link, length in enumerate(lengths, 1):
             own = values[3 * link - 3 : 3 * link]
             square, cells = _square(own, float(length), motion.cells)
-            of = Requirement(disc.label(link), [], disc.radius, "m")
+            of = ToProve(disc.label(link), [], disc.radius, "m")
             (found,) = least([(1.0, square, 0.0)], cells, np.array([disc.radius**2]))
             bounds = [_clearance(x, disc) for x in (found.guaranteed, found.attained)]
             out.append(claim(of, bounds[0], bounds[1], found.time_s))
@@ -311,7 +296,7 @@ def waypoints(
             continue
         low, high = _distance(motion, point, time, doubt)
         best = GOAL_TOLERANCE - low if nowhere else np.nan
-        of = Requirement(point.label, [], GOAL_TOLERANCE, "")
+        of = ToProve(point.label, [], GOAL_TOLERANCE, "")
         out.append(claim(of, GOAL_TOLERANCE - high, best, time))
     return out
 

@@ -1,4 +1,4 @@
-"""One class a kind: the judge keeps one that it has never heard of."""
+"""One class a kind: the judge and the proofs take one that they have never heard of."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ class InputProduct(Requirement):
     low: float
     high: float
     reads = frozenset({"u"})
+    shaped = True
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -57,3 +58,36 @@ def test_requirements_are_those_that_are_set(paper: planner.Problem) -> None:
     assert labels <= margins
     free = paper.changed({"limits": {}})
     assert free.requirements == ()
+
+
+@dataclass(frozen=True, eq=False)
+class Faster(Requirement):
+    """u₁ ≥ low."""
+
+    low: float
+    reads = frozenset({"u"})
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return (Part("least u1", "rad/s", self.low, np.inf, 0.1, 0),)
+
+    def values(self, at: At) -> Sequence[Any]:
+        return [at.u[..., 0]]
+
+
+def test_the_certificate_proves_it_or_says_that_nothing_does(paper: planner.Problem) -> None:
+    plan = planner.solve(paper)
+    least = float(np.min(plan.u(np.linspace(0.0, plan.duration, 20001))[:, 0]))
+    problem = planner.load_problem(plan.problem.source)
+    shaped = InputProduct(-1.0, 1.0)
+    problem.__dict__["requirements"] = (*problem.requirements, Faster(least - 1e-3))
+    certificate = planner.certify(planner.Plan(problem, plan.method, {}, plan.trajectory))
+    assert certificate["least u1"].status == "proven"
+    assert certificate["least u1"].guaranteed == pytest.approx(1e-3, abs=1e-6)
+    problem.__dict__["requirements"] = (Faster(least + 1e-3),)
+    certificate = planner.certify(planner.Plan(problem, plan.method, {}, plan.trajectory))
+    assert certificate["least u1"].status == "violated"
+    problem.__dict__["requirements"] = (shaped,)
+    certificate = planner.certify(planner.Plan(problem, plan.method, {}, plan.trajectory))
+    assert certificate["product of the inputs"].status == "undecided"
+    assert "no proof is written" in certificate["product of the inputs"].why

@@ -5,6 +5,7 @@
 #   make bench     speed of collocation beside scripts by hand, to results/benchmarks
 #   make paper     the paper's figures and numbers, to results/paper
 #   make stress    5,000 random problems, to results/stress (hours; continues where it ended)
+#   make mutants  whether the tests see wrong code in the judge, proofs, systems, machine (an hour)
 #   make robustness  the tracker on good and bad machines, to results/feedback (some minutes)
 #   make report    pictures of the report's page (needs Chromium), to results/report
 #   make explorer  pictures of the explorer in a browser (needs Chromium), to results/explorer
@@ -23,7 +24,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
 .DEFAULT_GOAL := compare
-.PHONY: compare suite bench stress paper robustness report explorer notebook docs test installed check lint \
+.PHONY: compare suite bench stress mutants paper robustness report explorer notebook docs test installed check lint \
   format clean
 
 compare: $(VENV)/.run
@@ -42,6 +43,10 @@ stress: $(VENV)/.run
 
 paper: $(VENV)/.run
 	@$(BIN)/planner reproduce --out results/paper
+
+mutants: $(VENV)/.dev
+	@$(PIP) install -e '.[mutants]'
+	@$(BIN)/python tests/benchmarks/mutants.py
 
 robustness: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/robustness.py

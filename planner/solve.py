@@ -174,4 +174,5 @@ def _ways(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
             return [slower, BY_COLLOCATION], None
     if any(v.label.startswith(("goal", "plan's", "integration")) for v in check.violations):
         return [], "a finer mesh: more method.collocation.intervals or a higher degree"
-    return [BY_COLLOCATION], f"wider limits, or another {plan.problem.travel_key}"
+    other = [BY_COLLOCATION] if plan.method != BY_COLLOCATION.method else []
+    return other, f"wider limits, or another {plan.problem.travel_key}"

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 import planner
+from planner.solve import judged
 
 
 def test_returned_plans_are_verified(unlimited: planner.Problem) -> None:
@@ -88,3 +89,13 @@ def test_ends_off_the_chart_are_refused(
     with pytest.raises(planner.SingularError, match=says) as info:
         planner.solve(unlimited.changed({"goal.travel": 0.82, **changes}), "polynomial")
     assert "collocation" in str(info.value)
+
+
+@pytest.mark.parametrize("method", ["collocation", "desensitised"])
+def test_a_method_is_not_advised_in_place_of_itself(paper: planner.Problem, method: str) -> None:
+    narrow = paper.changed({"limits.joint_deg": 31})  # its theta1 goes to 38 degrees
+    plan = planner.Plan(narrow, method, {}, planner.solve(paper).trajectory)
+    with pytest.raises(planner.VerificationError) as refusal:
+        judged(plan)
+    ways = [change.method for change in refusal.value.changes]
+    assert ways == ([] if method == "collocation" else ["collocation"])

@@ -189,7 +189,7 @@ EDGE_RAD = 1e-16
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """The laws of one stage; arrays are (rows, S), rows of speeds as in `masses`.
+    """The laws of one stage; arrays are (rows, S), rows of speeds as in `Masses`.
 
     Rows of limited laws: servos (2), contacts P1 (m), contacts P2 with P3 (m), friction (1 + m).
 

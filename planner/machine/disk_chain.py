@@ -3,8 +3,8 @@
     axis of joint i:  kᵢ cos³θᵢ₋₁ ∏_{j≤i−2} cosθⱼ · ω₁ · (what the contacts on the way pass on)
 
 The motion of joint i passes i + 1 friction contacts: P₁ of the stages 1 … i−1, then P₂ and P₃ of
-its branch; that of φₙ₋₁ passes the n − 2 of the stages before it (see `friction`). Into each of
-joints 2 … n lead bevel gears, belt and shaft (see `play`). Joint 1 has only the gearhead of motor 2
+its branch; that of φₙ₋₁ passes the n − 2 of the stages before it (see `Contacts`). Into each of
+joints 2 … n lead bevel gears, belt and shaft (see `Play`). Joint 1 has only the gearhead of motor 2
 before it, as the first disk has that of motor 1.
 
 Integration goes down the triangle: with θᵢ₋₁ known at the points of a step, the travel of axis i to

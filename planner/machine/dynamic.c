@@ -1,5 +1,5 @@
-/* One step of the dynamic manipulator: what `DynamicChain._step` of dynamic.py and `Stage` of
- * implicit.py compute, one sample after another. They say what is computed and why; the names here
+/* One step of the dynamic manipulator: what `DynamicChain._step` of stepwise.py and `Stage` of
+ * bodies.py compute, one sample after another. They say what is computed and why; the names here
  * are theirs. Arrays of Python are (rows, samples), so that a row is `samples` numbers apart.
  *
  * Plain C99 without Python, part of the same library as kernel.c.

@@ -1,4 +1,4 @@
-/* The quasi-static manipulator of servo.py, chain.py, play.py and friction.py, one sample after
+/* The quasi-static manipulator of servos.py and disk_chain.py, one sample after
  * another. The Python modules say what is computed and why; the names here are theirs. Both give
  * the same numbers to rounding, which tests/machine/test_kernel.py shows.
  *

@@ -10,7 +10,7 @@ twist x of the shaft and position b of the axis in its play, |b| <= gap/2,
     x + b = axis − joint,    T = k x + c ẋ,    T in the normal cone of [−gap/2, gap/2] at b
 
 so that T = 0 inside the play and never pulls: the shaft's damping cannot hold the teeth together.
-Each servo is a velocity loop around what `servo` makes of the command, with that acceleration fed
+Each servo is a velocity loop around what `servos` makes of the command, with that acceleration fed
 forward, integral action and a torque limit; the torque of the load acts back on the motor. Friction
 contacts hold up to their capacity; below it they slip by creep_per_nm times torque times rate.
 Creep without load counts as a smaller rolling radius: it costs travel and no power.

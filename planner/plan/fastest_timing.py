@@ -1,6 +1,6 @@
 """The fastest clock along a path under limits on inputs and their rates: a convex programme.
 
-With s the length of `arclength`, w(s) the inputs per unit of ds/dt and b = (ds/dt)² (so that
+With s the length of `arc_length`, w(s) the inputs per unit of ds/dt and b = (ds/dt)² (so that
 b' = 2 d²s/dt²), inputs and rates are |wᵢ| √b and |wᵢ' b + wᵢ b'/2|: linear in b. The time ∫ ds/√b
 is convex in b. So with b linear between nodes the programme has one optimum, which IPOPT finds to
 its tolerance (Verscheure et al., IEEE Trans. Automatic Control 54(10), 2009, for robot arms).

@@ -69,7 +69,6 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int]:
     except UnboundedError as error:
         return need.unknown(problem, f"nothing bounds {error}", in_chart), nothing, 0
     claims = _drives(plan, source, motion)
-    claims += need.unproven(problem)
     wanted = need.plain(problem, "q", motion.states)
     for label, required, ask in (
         ("z2 margin", True, need.z2),
@@ -88,6 +87,7 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int]:
     claims += need.goal(problem, motion)
     claims += need.duration(problem, plan.duration)
     claims += need.interpolant(problem, motion, own)
+    claims += need.unsaid(problem, claims)
     gaps = [(a - b).size for a, b in zip(own, motion.states, strict=True)]
     return claims, np.array([float(np.max(gap)) for gap in gaps]), len(motion.cells.piece)
 

@@ -23,7 +23,6 @@ import numpy as np
 
 from planner.plan.claims import Claim, undecided
 from planner.problem.problem import Problem
-from planner.problem.requirements.limits import Z2Margin
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import Part
 from planner.support.arrays import Array
@@ -115,14 +114,14 @@ def plain(problem: Problem, read: str, values: list[Model]) -> list[ToProve]:
     ]
 
 
-def unproven(problem: Problem) -> list[Claim]:
-    """Kinds that no proof is written for."""
-    why = "no proof is written for this kind of requirement"
+def unsaid(problem: Problem, claims: list[Claim]) -> list[Claim]:
+    """The requirements that no claim speaks of: nothing is proven by silence."""
+    said = {each.label for each in claims}
     return [
-        undecided(part.label, part.unit, why)
+        undecided(part.label, part.unit, "no proof is written for this kind of requirement")
         for required in problem.requirements
-        if required.shaped and not isinstance(required, Z2Margin)
         for part in required.parts
+        if part.label not in said
     ]
 
 

@@ -1,6 +1,6 @@
 """Do the tests see it when the code is wrong? Mutants of the parts that trust rests on.
 
-    python tests/benchmarks/mutants.py [--count N] [--seed S] [--groups judge,machine] [--out FOLDER]
+    python tests/benchmarks/mutants.py [--count N] [--seed S] [--groups judge,machine]
 
 cosmic-ray changes one operator, comparison or number at a time in a clone of the last commit (under
 out/, so that nothing here is touched) and runs the tests of that part. A seeded sample of all

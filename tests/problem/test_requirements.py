@@ -91,3 +91,4 @@ def test_the_certificate_proves_it_or_says_that_nothing_does(paper: planner.Prob
     certificate = planner.certify(planner.Plan(problem, plan.method, {}, plan.trajectory))
     assert certificate["product of the inputs"].status == "undecided"
     assert "no proof is written" in certificate["product of the inputs"].why
+    assert not certificate.ok

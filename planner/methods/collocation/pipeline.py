@@ -3,9 +3,9 @@
     straight line -> paths -> timing -> refinement;  the ladder where no path is found
 
 The systems are driftless: what a path looks like and how fast it is run are two questions. Paths of
-least effort come from many first guesses (`guess`, `search`); the shortest few get the duration,
+least effort come from many first guesses (`candidates`, `path`); the shortest few get the duration,
 the limits and the objective asked for (`timing`), and the best of these a mesh on which it is the
-machine's true motion (`polish`). A stage is tried only where those before it have no answer.
+machine's true motion (`refine`). A stage is tried only where those before it have no answer.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The `[limits]` tables: what every kind's says, and the arms'."""
+"""The `[limits]` tables: what every kind's says; those of arms are in `arms`, and so on."""
 
 from __future__ import annotations
 

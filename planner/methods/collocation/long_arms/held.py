@@ -52,7 +52,7 @@ def held(job: Task, chain: Chain, accuracy: float) -> tuple[Task, Solution] | No
     Args:
         job: What is asked for, see `can_hold`.
         chain: The path; small gaps are mended.
-        accuracy: As for `polish`.
+        accuracy: As for `refine.polish`.
     """
     system = job.problem.system
     places = Ends.of(job.problem, 1 - DRAWN_IN)

@@ -1,4 +1,4 @@
-"""The functions of one interval, differentiated once; the whole problem maps them (`assembly`).
+"""The functions of one interval, differentiated once; `transcription` maps them over the whole.
 
 Derivatives of what is computed by way of many intermediate values.
 

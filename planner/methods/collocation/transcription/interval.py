@@ -1,6 +1,6 @@
 """One mesh interval as symbols: where it leads, what it costs, and its rows, labelled where made.
 
-All intervals are alike, so the whole problem is this one, repeated (see `assembly`).
+All intervals are alike, so the whole problem is this one, repeated (see `transcription`).
 
 Closeness to the edge of the chart's domain, as a term of the objective.
 

@@ -94,7 +94,7 @@ def test_a_room_says_what_is_in_it(room: Path) -> None:
     assert {name for name in contents(room) if f"`{name}`" not in said} == set()
 
 
-def test_ten_questions_have_a_first_file() -> None:
+def test_questions_have_a_first_file() -> None:
     rows = re.findall(r"^\| ([^|`-].*?) \| (`.*) \|$", SECTIONS["Where would I look for ..."], re.M)
-    assert len(rows) == 10
+    assert len(rows) >= 10
     assert all(PATH.search(answer) for _, answer in rows)

@@ -64,7 +64,7 @@ GROUPS = {
             f"systems/{name}.py"
             for name in ["manipulator", "ball_gear", "vehicles", "custom", "triangular_system"]
         ],
-        "tests/systems tests/problem/test_problem_files.py",
+        "tests/systems tests/problem/test_problem_files.py tests/problem/test_problem.py",
     ),
     "machine": (
         [

@@ -23,6 +23,10 @@ SIGNALS = tuple(
 """Signals that end a command: Ctrl-C, what `kill` and batch systems send, a closed terminal."""
 
 
+AGAIN_S = 0.01
+"""Until a signal is raised again whose exception Python dropped: the callback has ended by then."""
+
+
 class Terminated(BaseException):
     """SIGTERM or SIGHUP: end at once, but clean up. Not an `Exception`, which handlers swallow."""
 
@@ -61,6 +65,18 @@ class Hearing:
             self._late = True
             return
         raise self.exception
+
+    def lost(self, what: sys.UnraisableHookArgs) -> bool:
+        """Whether Python dropped a signal's exception, in a weak reference's callback or `__del__`.
+
+        It is raised again a moment later.
+        """
+        if not isinstance(what.exc_value, KeyboardInterrupt | Terminated) or self.over:
+            return False
+        later = threading.Timer(AGAIN_S, signal.raise_signal, [self.status - 128])
+        later.daemon = True
+        later.start()
+        return True
 
     @property
     def exception(self) -> BaseException:
@@ -117,10 +133,18 @@ def hear_signals(last: bool = False) -> Iterator[None]:
         mine = []
     for number in mine:
         signal.signal(number, hearing)
+    otherwise = sys.unraisablehook
+
+    def hook(what: sys.UnraisableHookArgs) -> None:
+        if not hearing.lost(what):
+            otherwise(what)
+
+    sys.unraisablehook = hook
     try:
         yield
     finally:
         hearing.over = True
+        sys.unraisablehook = otherwise
         for number in mine:
             signal.signal(number, signal.SIG_IGN if last else before[number])
 

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+import weakref
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -99,6 +100,30 @@ def test_signals_at_many_moments(tmp_path: Path) -> None:
 
 def handled(number: signal.Signals) -> type[BaseException]:
     return KeyboardInterrupt if number == signal.SIGINT else Terminated
+
+
+@BOTH
+def test_a_signal_that_python_drops_is_raised_again(
+    number: signal.Signals, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """What a weak reference's callback raises is dropped, with a traceback on standard error."""
+
+    class Gone:
+        pass
+
+    there = [Gone()]
+    callback = weakref.ref(there[0], lambda _: signal.raise_signal(number))
+    before = sys.unraisablehook
+
+    def work() -> None:
+        there.clear()
+        time.sleep(5)
+
+    with pytest.raises(handled(number)), hear_signals():
+        work()
+    assert callback() is None
+    assert sys.unraisablehook is before
+    assert capfd.readouterr() == ("", "")
 
 
 @BOTH

@@ -23,6 +23,7 @@ import numpy as np
 
 from planner.plan.claims import Claim, undecided
 from planner.problem.problem import Problem
+from planner.problem.requirements.limits import Z2Margin
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import Part
 from planner.support.arrays import Array
@@ -129,34 +130,33 @@ def jumps(problem: Problem, u: list[Model], cells: Cells) -> dict[str, Claim]:
     """Claims that replace those of the rates where an input jumps, or may jump, at a break."""
     out = {}
     at = cells.joints()
-    for i, c in enumerate(problem.system.inputs):
-        if not np.isfinite(problem.limits.input_rate[i]) or not len(at):
-            continue
+    parts = [part for each in problem.requirements if "du" in each.reads for part in each.parts]
+    for part in parts if len(at) else []:
+        i, label, unit = part.index, part.label, part.unit
         before, slip = u[i].at_end()
         m = u[i].c
         after = m @ np.where(np.arange(m.shape[1]) % 2 == 0, 1.0, -1.0)
         gap = np.abs(after[at + 1] - before[at])
         doubt = slip[at] + u[i].at_end()[1][at + 1]
         peak = float(np.max(u[i].size, where=np.isfinite(u[i].size), initial=1e-12))
-        label, unit = f"rate of input {c.name}", c.rate_unit
         worst = int(np.argmax(gap + doubt))
         when = float(cells.times(np.array([1.0]))[at[worst], 0])
         if np.max(gap - doubt) > JUMP * peak:
             out[label] = Claim(label, "violated", -np.inf, -np.inf, when, unit)
         elif not (gap + doubt)[worst] <= JUMP * peak:
-            why = f"it may jump by {(gap + doubt)[worst]:.3g} {c.unit}"
+            why = f"it may jump by {(gap + doubt)[worst]:.3g} {problem.system.inputs[i].unit}"
             out[label] = Claim(label, "undecided", -np.inf, np.nan, when, unit, True, why)
     return out
 
 
 def z2(problem: Problem, motion: Motion, required: bool) -> list[ToProve]:
     """z₂ on the start's side of zero by its margin."""
-    margin = problem.limits.z2_margin
-    if margin is None:
+    parts = [p for each in problem.requirements if isinstance(each, Z2Margin) for p in each.parts]
+    if not parts:
         return []
-    (value,) = _z2(problem.system)(motion.q)
-    above = (float(problem.z2_sign), motion.models(value)[0], -margin)
-    return [ToProve("z2 margin", [above], max(margin, 1e-3), "", required)]
+    ((part,), (value,)) = parts, _z2(problem.system)(motion.q)
+    above = (float(problem.z2_sign), motion.models(value)[0], -part.low)
+    return [ToProve(part.label, [above], part.scale, part.unit, required)]
 
 
 def domain(problem: Problem, motion: Motion, required: bool) -> list[ToProve]:

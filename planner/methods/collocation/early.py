@@ -36,17 +36,13 @@ def in_hand(
         (answer, polish(answer.task, answer.solution, options.accuracy, options.refinements))
         for answer in answers
     ]
-    return min(both, key=lambda each: (not believed(each[1], options.accuracy), _cost(each[1])))
+    return min(both, key=lambda b: (not believed(b[1], options.accuracy), b[1].solution.objective))
 
 
 def believed(done: Polished, accuracy: float) -> bool:
     """Whether a motion is the true one to this accuracy, and keeps its limits between the nodes."""
     seen = look(done.task, done.solution)
     return seen.error.fine(accuracy) and not excess(done.task, seen)
-
-
-def _cost(done: Polished) -> float:
-    return done.solution.objective
 
 
 def ended_early(plan: Plan, span: Span) -> Plan:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -22,73 +22,56 @@ class _Symmetric(Requirement):
     """|value| ≤ most for some inputs or coordinates.
 
     Attributes:
+        words: What stands before a name in its label.
         named: All of them, with names and units.
         most: Their limits; infinite where there is none.
     """
 
+    words: ClassVar[str]
     named: tuple[Coordinate, ...]
     most: Array
 
-    def _part(self, i: int, label: str, unit: str) -> Part:
-        most = float(self.most[i])
-        return Part(label, unit, -most, most, most, i)
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """One for each that is limited."""
+        out = []
+        for i in self._limited:
+            label, most = f"{self.words} {self.named[i].name}", float(self.most[i])
+            out.append(Part(label, self._unit(self.named[i]), -most, most, most, i))
+        return tuple(out)
+
+    def values(self, at: At) -> Sequence[Any]:
+        """What it reads, as it is."""
+        (name,) = self.reads
+        return [getattr(at, name)[..., i] for i in self._limited]
 
     @property
     def _limited(self) -> list[int]:
         return [int(i) for i in np.flatnonzero(np.isfinite(self.most))]
 
+    def _unit(self, named: Coordinate) -> str:
+        return named.unit
 
-@dataclass(frozen=True, eq=False)
+
 class InputLimit(_Symmetric):
     """|uᵢ| ≤ most."""
 
-    reads = frozenset({"u"})
-
-    @property
-    def parts(self) -> tuple[Part, ...]:
-        """One an input that is limited."""
-        named = self.named
-        return tuple(self._part(i, f"input {named[i].name}", named[i].unit) for i in self._limited)
-
-    def values(self, at: At) -> Sequence[Any]:
-        """The inputs."""
-        return [at.u[..., i] for i in self._limited]
+    words, reads = "input", frozenset({"u"})
 
 
-@dataclass(frozen=True, eq=False)
 class RateLimit(_Symmetric):
     """|duᵢ/dt| ≤ most; where an input jumps its rate is infinite."""
 
-    reads = frozenset({"du"})
+    words, reads = "rate of input", frozenset({"du"})
 
-    @property
-    def parts(self) -> tuple[Part, ...]:
-        """One an input whose rate is limited."""
-        return tuple(
-            self._part(i, f"rate of input {self.named[i].name}", self.named[i].rate_unit)
-            for i in self._limited
-        )
-
-    def values(self, at: At) -> Sequence[Any]:
-        """The inputs' rates."""
-        return [at.du[..., i] for i in self._limited]
+    def _unit(self, named: Coordinate) -> str:
+        return named.rate_unit
 
 
-@dataclass(frozen=True, eq=False)
 class JointLimit(_Symmetric):
     """|qᵢ| ≤ most."""
 
-    reads = frozenset({"q"})
-
-    @property
-    def parts(self) -> tuple[Part, ...]:
-        """One a coordinate that is limited."""
-        named = self.named
-        return tuple(self._part(i, f"joint {named[i].name}", named[i].unit) for i in self._limited)
-
-    def values(self, at: At) -> Sequence[Any]:
-        """The coordinates."""
-        return [at.q[..., i] for i in self._limited]
+    words, reads = "joint", frozenset({"q"})
 
 
 @dataclass(frozen=True, eq=False)

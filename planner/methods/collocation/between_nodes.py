@@ -52,7 +52,10 @@ def look(task: Task, solution: Solution) -> Look:
     values = values[..., : task.problem.system.size]
     plan = np.asarray(_basis(form.scheme_kind, form.degree) @ values)
     motion = task.motion(iterate).states
-    return Look(plan, motion, _mesh_error(motion - plan))
+    own = np.abs(task.motion_apart(iterate) - plan).max(axis=2)
+    gap = np.abs(motion - plan)
+    error = MeshError(float(gap[-1, -1].max()), float(gap.max()), own[:, -1], own.max(axis=1))
+    return Look(plan, motion, error)
 
 
 @lru_cache(maxsize=16)
@@ -69,8 +72,8 @@ class MeshError:
     Attributes:
         end: At the end of the motion.
         largest: At any time.
-        nodes: Its growth from edge to edge, shape (K,).
-        inside: Its growth from an edge to anywhere in the interval, shape (K,).
+        nodes: At an interval's end, where the motion begins with the interval, shape (K,).
+        inside: The same anywhere in the interval, shape (K,).
     """
 
     end: float
@@ -81,16 +84,6 @@ class MeshError:
     def fine(self, accuracy: float) -> bool:
         """Whether no refinement is needed."""
         return self.end <= accuracy and self.largest <= INTERPOLANT * accuracy
-
-
-def _mesh_error(gap: Array) -> MeshError:
-    growth = np.abs(gap - gap[:, :1]).max(axis=2)
-    return MeshError(
-        end=float(np.abs(gap[-1, -1]).max()),
-        largest=float(np.abs(gap).max()),
-        nodes=growth[:, -1],
-        inside=growth.max(axis=1),
-    )
 
 
 def excess(task: Task, seen: Look) -> Tightening:

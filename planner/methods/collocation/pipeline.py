@@ -20,7 +20,7 @@ from planner.methods.collocation.between_nodes import clears
 from planner.methods.collocation.candidates import Seed, guess, rebalanced, seeds
 from planner.methods.collocation.long_arms.held import can_hold
 from planner.methods.collocation.long_arms.ladder import climbed
-from planner.methods.collocation.path import needed_duration, same_path, search
+from planner.methods.collocation.path import needed_duration, one_way, same_path, search
 from planner.methods.collocation.refine import Polished, polish
 from planner.methods.collocation.solvers.solver import Solution
 from planner.methods.collocation.task import Task, stretched, transferred
@@ -138,12 +138,13 @@ class Pipeline:
         """From the straight line at once, where the motion can be one way in a given time."""
         out = []
         for problem in self.routes:
-            if problem.duration is None or (self._free and not _one_way(problem)):
+            if self._free and not _one_way(problem):
                 return []
-            few = DIRECT if self.options.input != "constant" else SEARCHED
+            plain = problem.duration is not None and self.options.input != "constant"
+            few = DIRECT if plain else SEARCHED
             job, seed = self.make(problem, few, True), seeds("straight")[0]
             solution = job.solve(guess(job.problem, job.made, job.mesh, seed))
-            if not solution.ok:
+            if not solution.ok or (problem.duration is None and not one_way(solution.iterate)):
                 return []
             later = replace(job, settings=replace(job.settings, direct=False))
             entry = {"start": seed.name, "status": solution.status}

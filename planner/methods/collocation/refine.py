@@ -121,11 +121,14 @@ def _held_in_time(task: Task, solution: Solution, accuracy: float) -> tuple[Task
 def _finer(task: Task, error: MeshError, accuracy: float) -> Mesh:
     """Intervals as dense as the errors ask for, at most three times as many, and evenly graded.
 
-    Errors shrink with the interval's width to the power 2d at the nodes and d + 1 inside it. The
-    next solution may move where this one rests, so that no interval is much wider than another.
+    Errors shrink with the interval's width to the power 2d - 1 at the nodes, all together, and
+    d + 1 inside it. Those at the nodes are weighed by what becomes of them at the end: ten thousand
+    times as much where trailers are pushed, and at least what chance makes of so many.
+    The next solution may move where this one rests, so that no interval is much wider than another.
     """
     d, widths = task.made.form.degree, task.mesh.widths
-    at_nodes = (error.nodes * np.sqrt(len(widths)) / accuracy) ** (1 / (2 * d))
+    growth = max(np.sqrt(len(widths)), error.end / max(np.max(error.nodes), 1e-16))
+    at_nodes = (error.nodes * growth / accuracy) ** (1 / (2 * d - 1))
     inside = (error.inside / (INTERPOLANT * accuracy)) ** (1 / (d + 1))
     density = np.maximum(at_nodes, inside) / widths
     density = np.maximum(density, EVENNESS * np.max(density))

@@ -25,6 +25,7 @@ from planner.methods.collocation.transcription.unknowns import (
     curve,
     pieces,
     resimulate,
+    resimulated_apart,
 )
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.problem import Problem
@@ -81,6 +82,11 @@ class Task:
         made = self.made
         motion = resimulate(made.moved, self.mesh, iterate, made.start(self.problem))
         return replace(motion, states=motion.states[..., : made.system.size])
+
+    def motion_apart(self, iterate: Iterate) -> Array:
+        """The same in each interval from the iterate's own node, shape (K, M, N)."""
+        states = resimulated_apart(self.made.moved, self.mesh, iterate)
+        return states[..., : self.made.system.size]
 
     def on(self, mesh: Mesh) -> Task:
         """The same task on another mesh, limits not drawn in."""

@@ -171,15 +171,24 @@ def resimulate(system: Moved, mesh: Mesh, iterate: Iterate, start: Array) -> Mot
     K = len(mesh.widths)
     given = start, mesh.widths * iterate.duration, *iterate.input_ends()
     states = np.empty((K, STEPS + 1, system.size))
-    states[:, 1:] = _runner(system, K)(*given).reshape(K, STEPS, system.size)
+    states[:, 1:] = _runner(system, K, through=True)(*given).reshape(K, STEPS, system.size)
     states[0, 0], states[1:, 0] = start, states[:-1, -1]
     return Motion(mesh.at(np.arange(STEPS + 1) / STEPS), states)
 
 
+def resimulated_apart(system: Moved, mesh: Mesh, iterate: Iterate) -> Array:
+    """Integrate an iterate's input in each interval from its own node, (K, STEPS + 1, N)."""
+    K, nodes = len(mesh.widths), iterate.nodes[:-1]
+    given = nodes, mesh.widths * iterate.duration, *iterate.input_ends()
+    samples = _runner(system, K, through=False)(*given).reshape(K, STEPS, system.size)
+    return np.concatenate([nodes[:, None], samples], axis=1)
+
+
 @lru_cache(maxsize=32)
-def _runner(system: Moved, intervals: int) -> Call:
-    """From the start, the intervals' seconds and the inputs at their ends to all samples."""
-    whole = _interval(system).mapaccum(intervals)
+def _runner(system: Moved, intervals: int, through: bool) -> Call:
+    """From the start, or all intervals', their seconds and the inputs at their ends to all samples."""
+    one = _interval(system)
+    whole = one.mapaccum(intervals) if through else one.map(intervals)
     inputs = [ca.MX.sym(name, whole.sparsity_in(k)) for k, name in enumerate("qsab")]
     return Call(ca.Function("resimulate", inputs, whole(*inputs)[1:]))
 

@@ -225,7 +225,7 @@ class Transcription:
         return float(found[0]), rows, iterate
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=24)  # up to 25 MB each, solvers included, on the meshes of five joints
 def transcription(system: TriangularSystem, form: Form) -> Transcription:
     """Build the transcription, or return the one built before.
 

@@ -5,6 +5,7 @@
 #   make bench     speed of collocation beside scripts by hand, to results/benchmarks
 #   make paper     the paper's figures and numbers, to results/paper
 #   make stress    5,000 random problems, to results/stress (hours; continues where it ended)
+#   make coverage  which goals each method reaches, random pairs, to results/coverage (an hour)
 #   make mutants  whether the tests see wrong code in the judge, proofs, systems, machine (an hour)
 #   make robustness  the tracker on good and bad machines, to results/feedback (some minutes)
 #   make report    pictures of the report's page (needs Chromium), to results/report
@@ -24,7 +25,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
 .DEFAULT_GOAL := compare
-.PHONY: compare suite bench stress mutants paper robustness report explorer notebook docs test installed check lint \
+.PHONY: compare suite bench stress coverage mutants paper robustness report explorer notebook docs test installed check lint \
   format clean
 
 compare: $(VENV)/.run
@@ -40,6 +41,9 @@ bench: $(VENV)/.run
 
 stress: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/stress.py
+
+coverage: $(VENV)/.run
+	@$(BIN)/python tests/benchmarks/coverage.py
 
 paper: $(VENV)/.run
 	@$(BIN)/planner reproduce --out results/paper

@@ -110,7 +110,7 @@ class Problem:
             machine=tables.machine,
             feedback=tables.feedback,
             waypoints=tuple(waypoints_of(tables, system, source)),
-            obstacles=tuple(obstacles_of(tables)),
+            obstacles=tuple(obstacles_of(tables, system)),
             source=source,
             _data=_plain(tables),
         )
@@ -139,14 +139,8 @@ class Problem:
 
     def within_reach(self) -> Problem:
         """The problem without the discs that no link can touch, whatever the joints' angles."""
-        lengths = getattr(self.system, "link_lengths", None)
-        if lengths is None:
-            return self
-        reach = float(np.sum(lengths))
-        near = [d for d in self.obstacles if np.hypot(*d.centre) - d.radius <= reach * (1 + 1e-9)]
-        if len(near) == len(self.obstacles):
-            return self
-        return replace(self, obstacles=tuple(near))
+        near = tuple(disc for disc in self.obstacles if disc.settled(self.system) is None)
+        return self if len(near) == len(self.obstacles) else replace(self, obstacles=near)
 
     def with_travel(self, travel: float | None) -> Problem:
         """This problem with another travel of the path coordinate (None: free), checked anew.
@@ -172,13 +166,22 @@ class Problem:
         """What every plan keeps at all times, one object a kind of limit that is set."""
         limits, system = self.limits, self.system
         found: list[Requirement] = [
-            InputLimit(system.inputs, limits.input),
-            RateLimit(system.inputs, limits.input_rate),
-            JointLimit(system.coordinates, limits.joint),
+            InputLimit(system.inputs, tuple(limits.input.tolist())),
+            RateLimit(system.inputs, tuple(limits.input_rate.tolist())),
+            JointLimit(system.coordinates, tuple(limits.joint.tolist())),
         ]
         if limits.z2_margin is not None:
-            found.append(Z2Margin(limits.z2_margin, self.z2_sign))
-        return tuple(each for each in found if each.parts)
+            found.append(Z2Margin(limits.z2_margin, int(self.z2_sign)))
+        return tuple(each for each in (*found, *self.obstacles) if each.parts)
+
+    @property
+    def divided(self) -> bool:
+        """Whether paths lie on different sides of something, so that there are many optima."""
+        return any(required.divides for required in self.requirements)
+
+    def reads(self, name: str) -> bool:
+        """Whether a requirement reads "q", "u" or "du"."""
+        return any(name in required.reads for required in self.requirements)
 
     @property
     def target(self) -> Array:
@@ -301,10 +304,11 @@ def waypoints_of(tables: ProblemFile, system: TriangularSystem, source: str) -> 
     return [Waypoint(k, q, table.time) for k, (table, q) in enumerate(pairs, 1)]
 
 
-def obstacles_of(tables: ProblemFile) -> list[Obstacle]:
+def obstacles_of(tables: ProblemFile, system: TriangularSystem) -> list[Obstacle]:
     """The obstacles of a problem file."""
+    links = len(getattr(system, "link_lengths", ()))
     discs = enumerate(tables.discs(), 1)
-    return [Obstacle(k, np.array(disc.centre_m), disc.radius_m) for k, disc in discs]
+    return [Obstacle(k, links, d.centre_m[0], d.centre_m[1], d.radius_m) for k, d in discs]
 
 
 def refuse_misplaced(problem: Problem) -> None:

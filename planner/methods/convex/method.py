@@ -20,7 +20,7 @@ from planner.methods.laws.free_numbers import candidate_travels
 from planner.methods.laws.law import chart_ends
 from planner.methods.refusal import BY_COLLOCATION, Change, free_travel, lasting
 from planner.plan.fastest_timing import fastest_motion
-from planner.plan.measures import peak_inputs, peak_rates, worst_margin
+from planner.plan.measures import peak_inputs, slowing, worst_margin
 from planner.plan.plan import Plan
 from planner.plan.trajectory import ChainedTrajectory, Trajectory
 from planner.problem.feasibility import travel_window
@@ -173,19 +173,16 @@ def _path(problem: Problem, frame: Frame, y: Array) -> ChainedTrajectory:
 def _timed(problem: Problem, path: ChainedTrajectory) -> tuple[Trajectory, str]:
     """The path within the input limits, in the problem's duration or as fast as they allow."""
     limits, duration = problem.limits, problem.duration
-    peaks, kept = peak_inputs(path), duration is not None
+    peaks = peak_inputs(path)
     if np.any(np.isnan(peaks)):  # no angles somewhere, which is for the verification to say
         return path, "v1 constant"
-    if kept and np.any(np.isfinite(limits.input)):
-        kept = bool(np.all(peaks <= limits.input))
-    if kept and np.any(np.isfinite(limits.input_rate)):
-        kept = bool(np.all(peak_rates(path) <= limits.input_rate))
-    if kept:
+    if duration is not None and slowing(problem.requirements, path) <= 1:
         return path, "v1 constant"
     # An input without a limit goes no faster than with v1 constant.
     unlimited = np.isinf(limits.input) & np.isinf(limits.input_rate)
     limits = replace(limits, input=np.where(unlimited, peaks, limits.input))
-    fastest = fastest_motion(path, limits, peaks > 1e-12)[0].slowed(1 + SLACK)
+    others = problem.requirements
+    fastest = fastest_motion(path, limits, peaks > 1e-12, others=others)[0].slowed(1 + SLACK)
     if duration is None:
         return fastest, "as fast as the input limits allow"
     if fastest.duration > duration:

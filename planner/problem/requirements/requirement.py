@@ -76,8 +76,8 @@ class Requirement(ABC):
             and products 2. Where it is not 0, a motion slow enough keeps it.
         divides: Whether paths lie on different sides of it, so that there are many optima.
         smooth: Whether its values have derivatives everywhere; where not, its parts have no high.
-        table: Type and description of its key in the `[limits]` table, for a kind that is
-            registered.
+        key: Its key in the `[limits]` table, for a kind that all systems know.
+        table: Type and description of that key's value.
     """
 
     reads: ClassVar[frozenset[str]]
@@ -85,11 +85,16 @@ class Requirement(ABC):
     speed: ClassVar[int] = 0
     divides: ClassVar[bool] = False
     smooth: ClassVar[bool] = True
+    key: ClassVar[str] = ""
     table: ClassVar[tuple[Any, str] | None] = None
 
     @classmethod
     def of(cls, value: Any, system: TriangularSystem) -> Self:
-        """From what the problem file says under its key, for a kind that is registered."""
+        """From what the problem file says under its key.
+
+        Raises:
+            ValueError: If that cannot be; the message goes on from "limits.KEY".
+        """
         return cls(value)  # type: ignore[call-arg]
 
     @property

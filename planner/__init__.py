@@ -36,7 +36,7 @@ if TYPE_CHECKING:  # a new public name goes here, into the table below and into 
     from planner.plan.samples import Samples, load_samples
     from planner.problem.feasibility import TravelWindow, travel_window
     from planner.problem.problem import Limits, Problem, load_problem
-    from planner.problem.tables.kinds import register_system
+    from planner.problem.tables.kinds import register_requirement, register_system
     from planner.report.export import export
     from planner.retime import retime
     from planner.robustness.budget import Budget, error_budget
@@ -75,7 +75,7 @@ _HOMES = {
     "plan.samples": "Samples load_samples",
     "problem.feasibility": "TravelWindow travel_window",
     "problem.problem": "Limits Problem load_problem",
-    "problem.tables.kinds": "register_system",
+    "problem.tables.kinds": "register_requirement register_system",
     "report.export": "export",
     "retime": "retime",
     "robustness.budget": "Budget error_budget",
@@ -156,6 +156,7 @@ __all__ = [
     "load_sweep",
     "machine_sensitivity",
     "register_method",
+    "register_requirement",
     "register_system",
     "replay",
     "retime",

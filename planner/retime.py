@@ -67,7 +67,9 @@ def retime(
     problem = plan.problem.changed({**changes, "goal.duration": "free"})
     moving = peak_inputs(plan.trajectory) > 1e-12
     _refuse_unlimited(problem, moving, rest)
-    trajectory, notes = fastest_motion(plan.trajectory, problem.limits, moving, rest, intervals)
+    trajectory, notes = fastest_motion(
+        plan.trajectory, problem.limits, moving, rest, intervals, problem.requirements
+    )
     timed = problem.changed({"goal.duration": trajectory.duration})
     found = certify(replace(plan, problem=timed, trajectory=trajectory))
     factor = _over(problem, found)
@@ -91,15 +93,12 @@ def retime(
 
 def _over(problem: Problem, certificate: Certificate) -> float:
     """How much slower a motion must be for what is above a limit where samples were blind."""
-    limits, factor = problem.limits, 1.0
-    for i, named in enumerate(problem.system.inputs):
-        for label, limit, power in (
-            (f"input {named.name}", limits.input[i], 1.0),
-            (f"rate of input {named.name}", limits.input_rate[i], 0.5),
-        ):
-            excess = -certificate[label].attained / limit if np.isfinite(limit) else 0.0
+    factor = 1.0
+    for required in problem.requirements:
+        for part in required.parts if required.speed else ():
+            excess = -certificate[part.label].attained / part.scale
             if 0 < excess < BLIND:
-                factor = max(factor, (1 + excess) ** power * (1 + 1e-9))
+                factor = max(factor, (1 + excess) ** (1 / required.speed) * (1 + 1e-9))
     return factor
 
 

@@ -1,4 +1,4 @@
-"""Systems and methods from outside: registered by hand, and by an installed package."""
+"""Systems, methods and limits from outside: registered by hand, and by an installed package."""
 
 from __future__ import annotations
 
@@ -7,23 +7,29 @@ import os
 import pickle
 import sys
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any, Literal
 
+import casadi as ca
+import numpy as np
 import pytest
 
 import planner
 from planner.cli.app import main
 from planner.errors import InputError
+from planner.explorer.controls import limit_controls
+from planner.explorer.state import State
 from planner.methods.registry import METHODS
+from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.problem.tables import plugins
-from planner.problem.tables.kinds import FILES, json_schema
+from planner.problem.tables.kinds import FILES, REQUIREMENTS, json_schema
 from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.vehicles import UnicycleFile
-from planner.support.user_tables import Table
+from planner.support.user_tables import Positive, Table
 from planner.systems.vehicles import Unicycle
 
 ROOT = Path(__file__).parents[1]
@@ -33,15 +39,18 @@ PACKAGE = Path(__file__).parent / "plugin"
 @contextmanager
 def restored() -> Iterator[pytest.MonkeyPatch]:
     """Registries and plugins as they were, afterwards."""
-    kept = [(table, dict(table)) for table in (FILES, METHODS, MethodsTable.model_fields)]
+    limits = {file.model_fields["limits"].annotation for file in FILES.values()}
+    tables = (MethodsTable, *limits)
+    dicts = (FILES, METHODS, REQUIREMENTS, *(table.model_fields for table in tables))  # type: ignore[union-attr]
+    kept = [(table, dict(table)) for table in dicts]  # type: ignore[call-overload]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(plugins, "_plugins", plugins._Plugins())
         yield patch
     for table, before in kept:
         table.clear()
         table.update(before)
-    for model in (MethodsTable, *FILES.values()):
-        model.model_rebuild(force=True)
+    for model in (*tables, *FILES.values()):
+        model.model_rebuild(force=True)  # type: ignore[union-attr]
 
 
 @pytest.fixture
@@ -121,14 +130,75 @@ def test_compare_check_and_all_know_its_method(problem_file: Path) -> None:
     ]
 
 
+KEY, PRODUCT = "limits.input_product", "product of the inputs"
+
+
+def product(plan: planner.Plan) -> float:
+    u = plan.u(np.linspace(0.0, plan.duration, 20001))
+    return float(np.max(np.abs(u[:, 0] * u[:, 1])))
+
+
+@pytest.mark.parametrize("duration", [10.0, "free"])
+@pytest.mark.parametrize("name", ["paper", "tricycle"])
+def test_its_limit_is_kept_between_the_nodes_and_proven(
+    problem_file: Path, name: str, duration: float | str
+) -> None:
+    path = problem_file if name == "tricycle" else ROOT / f"problems/{name}.toml"
+    changes = {"goal.duration": duration}
+    most = 0.7 * product(planner.solve(planner.load_problem(path, changes)))
+    plan = planner.solve(planner.load_problem(path, {**changes, KEY: most}))
+    assert 0.9 * most < product(plan) <= most
+    assert plan.notes["limits_drawn_in"][PRODUCT] > 0  # nodes alone would have let it slip
+    assert plan.certificate is not None
+    assert plan.certificate[PRODUCT].status == "proven"
+
+
+def test_its_limit_slows_what_is_timed(problem_file: Path) -> None:
+    del problem_file  # by which it is registered
+    paper = planner.load_problem(ROOT / "problems/paper.toml")
+    plan = planner.solve(paper)
+    retimed = planner.retime(plan, {"input_product": 0.005})
+    assert product(retimed) == pytest.approx(0.005, rel=1e-3)
+    assert retimed.duration > 1.5 * planner.retime(plan).duration
+    for method in ("sinusoid", "convex"):
+        problem = paper.changed({KEY: 0.01, "goal.duration": "free"})
+        assert product(planner.solve(problem, method)) == pytest.approx(0.01, rel=1e-2)
+
+
+def test_its_limit_is_kept_by_desensitised_plans_and_judged_elsewhere(problem_file: Path) -> None:
+    del problem_file
+    paper = planner.load_problem(ROOT / "problems/paper.toml", {KEY: 0.012})
+    assert product(planner.solve(paper, "desensitised", starts=1)) <= 0.012
+    with pytest.raises(planner.VerificationError, match=f"{PRODUCT} reaches 0.07222, allowed 0.01"):
+        planner.solve(paper, "polynomial")
+
+
+def test_its_limit_is_a_key_of_every_file(problem_file: Path) -> None:
+    for path in (problem_file, *sorted((ROOT / "problems").glob("*.toml"))):
+        problem = planner.load_problem(path, {KEY: 0.5})
+        assert problem.to_dict()["limits"]["input_product"] == 0.5
+        assert problem.further[0].parts[0].high == 0.5
+        assert not problem.changed({KEY: None}).further
+    with pytest.raises(InputError, match=r"'limits.input_product' = -1: must be greater than 0"):
+        planner.load_problem(problem_file, {KEY: -1})
+    with pytest.raises(InputError, match=r"did you mean 'input_product'\?"):
+        planner.load_problem(problem_file, {"limits.inputs_product": 1})
+    schema = json_schema()["$defs"]
+    for table in ("CarLimits", "LimitsTable", "CustomLimits"):
+        assert "Largest |u1 u2|" in schema[table]["properties"]["input_product"]["description"]
+    state = State(planner.load_problem(problem_file, {KEY: 0.5}))
+    (slider,) = (c for c in limit_controls(state, state.base) if c.key == KEY)
+    assert (slider.label, slider.shown) == ("input product", 0.5)
+
+
 def test_workers_of_a_sweep_read_the_same_entry_points(problem_file: Path, tmp_path: Path) -> None:
     sweep = {
         "problem": planner.load_problem(problem_file).to_dict(),
         "methods": ["two_speeds"],
-        "grid": {"method.two_speeds.first": [0.4, 0.5]},
+        "grid": {"method.two_speeds.first": [0.4, 0.5], KEY: [1.0, 2.0]},
     }
     outcome = planner.run_sweep(sweep, tmp_path / "x.sqlite", workers=1)
-    assert outcome.statuses == {"solved": 2}
+    assert outcome.statuses == {"solved": 4}
     with pytest.raises(InputError, match=r"did you mean 'first'\?"):
         planner.Sweep.from_dict({**sweep, "grid": {"method.two_speeds.frst": [0.4, 0.5]}})
 
@@ -281,6 +351,113 @@ def test_what_is_no_system_is_refused(kind: Any, make: Callable[[], Any], says: 
     with pytest.raises(InputError, match=says):
         planner.register_system(kind, make())
     assert before == FILES
+
+
+@dataclass(frozen=True)
+class TurnRate(Requirement):
+    """|u₂| ≤ most."""
+
+    most: float
+    key, reads, table = "turn_rate", frozenset({"u"}), (Positive, "Largest |u2|.")
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return (Part("turn rate", "rad/s", -self.most, self.most, self.most, 1),)
+
+
+class Partless(Requirement):
+    key, reads, table = "partless", frozenset({"u"}), (Positive, "None.")
+
+
+def differing(**attributes: Any) -> type[TurnRate]:
+    return type("Other", (TurnRate,), attributes)
+
+
+REQUIREMENT_REFUSALS: list[tuple[Any, str]] = [
+    (TurnRate(1.0), "is not a subclass of Requirement"),
+    (Partless, "requirement 'partless' cannot be registered: Partless lacks parts"),
+    (differing(key="z2_margin"), "'z2_margin' cannot be registered: a kind of system has that key"),
+    (differing(key="Turn"), "Other.key is not a name of a-z, 0-9 and _"),
+    (differing(key="model_dump"), "Other.key is not a name"),
+    (differing(key=""), "Other.key is not a name"),
+    (differing(reads=frozenset({"z"})), "Other.reads does not say which"),
+    (differing(table=None), "Other.table is not a type and a description"),
+    (differing(table=(float, " ")), "Other.table is not a type and a description"),
+]
+
+
+@pytest.mark.usefixtures("clean")
+@pytest.mark.parametrize(
+    ("kind", "says"), REQUIREMENT_REFUSALS, ids=[s for _, s in REQUIREMENT_REFUSALS]
+)
+def test_what_is_no_requirement_is_refused(kind: Any, says: str) -> None:
+    before = dict(REQUIREMENTS)
+    with pytest.raises(InputError, match=says):
+        planner.register_requirement(kind)
+    assert before == REQUIREMENTS
+
+
+@pytest.mark.usefixtures("clean")
+def test_a_limit_registered_by_hand_is_known_here_alone(tmp_path: Path) -> None:
+    before = planner.load_problem(ROOT / "problems/unicycle.toml")
+    planner.register_requirement(TurnRate)
+    with pytest.raises(InputError, match="'turn_rate' cannot be registered: a kind of system has"):
+        planner.register_requirement(TurnRate)
+    planner.register_system("sled", SledFile)  # which knows it too
+    problem = planner.Problem.from_dict(
+        {**tomllib.loads(SledFile.example), "limits": {"turn_rate": 0.8}}
+    )
+    plan = planner.solve(problem)
+    assert planner.verify(plan).margins["turn rate"] >= 0
+    assert plan.certificate is not None
+    assert plan.certificate["turn rate"].status == "proven"
+    assert pickle.loads(pickle.dumps(problem)) == problem
+    assert planner.solve(before, "polynomial").verified
+    sweep = {"problem": before.to_dict(), "methods": ["polynomial"]}
+    sweep["grid"] = {"limits.turn_rate": [5.0, 6.0]}
+    with pytest.raises(InputError, match="requirement 'turn_rate': registered in this process"):
+        planner.run_sweep(sweep, tmp_path / "x.sqlite")
+
+
+@dataclass(frozen=True)
+class Folded(Requirement):
+    """cos(θ₁ + θ₂) ≥ least: the second link does not turn too far from the base."""
+
+    least: float
+    key, reads, table = "folded", frozenset({"q"}), (Positive, "Least cos(theta1 + theta2).")
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return (Part("second link's cosine", "", self.least, np.inf, 1.0),)
+
+    def rows(self, at: At) -> Sequence[Any]:
+        return [ca.cos(at.q[1] + at.q[2])]
+
+    def values(self, at: At) -> Sequence[Any]:
+        return [np.cos(at.q[1] + at.q[2])]
+
+
+@pytest.mark.usefixtures("clean")
+def test_a_limit_on_the_way_is_kept_refused_or_said_not_to_be_planned_for(
+    paper: planner.Problem,
+) -> None:
+    planner.register_requirement(Folded)
+    fast = paper.changed({"goal.duration": "free"})
+
+    def least(plan: planner.Plan) -> float:
+        q = plan.q(np.linspace(0.0, plan.duration, 20001))
+        return float(np.min(np.cos(q[:, 1] + q[:, 2])))
+
+    assert least(planner.solve(fast)) < 0.45
+    problem = fast.changed({"limits.folded": 0.45})
+    plan = planner.solve(problem)
+    assert 0.45 <= least(plan) < 0.4501
+    assert plan.certificate is not None
+    assert plan.certificate["second link's cosine"].status == "proven"
+    with pytest.raises(planner.NoPlanError, match="'convex' does not plan for second link's cos"):
+        planner.solve(problem, "convex")
+    with pytest.raises(InputError, match=r"cosine at the goal is 0\.5, allowed 0\.6; move"):
+        paper.changed({"limits.folded": 0.6})
 
 
 @pytest.mark.usefixtures("clean")

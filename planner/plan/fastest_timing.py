@@ -11,6 +11,7 @@ elsewhere; CasADi with IPOPT is a dependency anyway.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -21,10 +22,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
 from planner.errors import NotConvergedError
-from planner.plan.measures import peak_inputs, peak_rates
+from planner.plan.measures import peak_inputs, peak_rates, slowing
 from planner.plan.retimed import Inverse, RetimedTrajectory, arc_length
 from planner.plan.trajectory import Trajectory
 from planner.problem.problem import Limits
+from planner.problem.requirements.requirement import Requirement
 from planner.support.arrays import Array
 from planner.support.one_variable import DEGREE, Grid
 
@@ -227,7 +229,12 @@ Moving = NDArray[np.bool_]
 
 
 def fastest_motion(
-    path: Trajectory, limits: Limits, moving: Moving, rest: bool = False, intervals: int = 200
+    path: Trajectory,
+    limits: Limits,
+    moving: Moving,
+    rest: bool = False,
+    intervals: int = 200,
+    others: Sequence[Requirement] = (),
 ) -> tuple[RetimedTrajectory, dict[str, Any]]:
     """The fastest timing of a path within limits of inputs and of their rates, not verified yet.
 
@@ -237,6 +244,7 @@ def fastest_motion(
         moving: Which inputs move, shape (2,).
         rest: Whether inputs are zero at both ends; needs rate limits.
         intervals: Intervals of the programme, where rates are limited.
+        others: What else is asked: where a slower motion keeps it, the whole is slowed for it.
 
     Returns:
         The motion, and what to note of it.
@@ -248,7 +256,7 @@ def fastest_motion(
         trajectory, notes = _with_rates(path, limits, moving, rest, intervals)
     else:
         trajectory, notes = _without_rates(path, limits, moving), {}
-    return _within(trajectory, limits), notes
+    return _within(trajectory, limits, [each for each in others if not each.plain]), notes
 
 
 def _without_rates(path: Trajectory, limits: Limits, moving: Moving) -> RetimedTrajectory:
@@ -271,9 +279,13 @@ def _with_rates(
     return RetimedTrajectory(path, length, clock, stretch.stations), notes
 
 
-def _within(trajectory: RetimedTrajectory, limits: Limits) -> RetimedTrajectory:
-    """Slowed by what little the interpolants exceed the limits between their nodes."""
+def _within(
+    trajectory: RetimedTrajectory, limits: Limits, others: Sequence[Requirement]
+) -> RetimedTrajectory:
+    """Slowed by what little the interpolants exceed the limits between their nodes, and others."""
     factor = float(np.max(peak_inputs(trajectory) / limits.input))
     if np.any(np.isfinite(limits.input_rate)):
         factor = max(factor, float(np.sqrt(np.max(peak_rates(trajectory) / limits.input_rate))))
+    if any(each.speed for each in others):
+        factor = max(factor, slowing(others, trajectory))
     return trajectory.slowed(factor) if factor > 1 else trajectory

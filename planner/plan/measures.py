@@ -8,11 +8,12 @@ lies in (0, 1]; it is smooth where every one lies in (0, 1). `domain_report` tes
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.plan.quadrature import greatest, jumps, largest, read, slopes
+from planner.plan.quadrature import greatest, jumps, largest, own_input, read, slopes
 from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import (
     ChainedTrajectory,
@@ -20,6 +21,7 @@ from planner.plan.trajectory import (
     polynomial_range,
     polynomial_roots,
 )
+from planner.problem.requirements.requirement import At, Requirement
 from planner.support.arrays import Array
 from planner.support.one_variable import maximum, minimum, sample_times, zeros
 from planner.systems.chained_form import chained_form
@@ -61,6 +63,32 @@ def peak_rates(trajectory: Trajectory) -> Array:
     reading = read(trajectory)
     peaks = largest(reading.cells, slopes(reading.cells, reading.u))
     return np.where(jumps(reading.cells, reading.u), np.inf, peaks)
+
+
+def slowing(requirements: Sequence[Requirement], trajectory: Trajectory) -> float:
+    """How many times slower a motion must be to keep what a slower one keeps; NaN if undefined.
+
+    A driftless path does not depend on its timing, so inputs scale with 1/T and rates with 1/T².
+    """
+    asked = [required for required in requirements if required.speed]
+    system, factors = trajectory.system, [0.0]
+
+    def shaped(q: Array, u: Array) -> Array:
+        at = At.of(system, q, u, np.zeros_like(u))
+        return np.stack([v for r in asked if not r.plain for v in r.values(at)], axis=-1)
+
+    reading = read(trajectory, own_input, *[shaped] * any(not r.plain for r in asked))
+    cells = reading.cells
+    at = At.of(system, reading.q, reading.u, slopes(cells, reading.u))
+    for required in asked:
+        values = np.stack(required.values(at), axis=-1)
+        top, _ = greatest(cells, np.concatenate([values, -values], axis=-1))
+        most, below = np.split(top, 2)
+        found = required.slower(-below, most)
+        jumping = jumps(cells, reading.u) if "du" in required.reads else np.zeros(2, bool)
+        own = [part.index for part in required.parts] if required.plain else [0, 1]
+        factors.append(np.inf if any(jumping[own]) else float(np.max(found)))
+    return float(np.max(factors))
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import InputError
+from planner.errors import InputError, Violation
 from planner.problem.requirements.limits import InputLimit, JointLimit, RateLimit, Z2Margin
 from planner.problem.requirements.places import Obstacle, Waypoint
-from planner.problem.requirements.requirement import Requirement
-from planner.problem.tables.kinds import parse_file
+from planner.problem.requirements.requirement import At, Requirement
+from planner.problem.tables.kinds import REQUIREMENTS, parse_file
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.problem_file import FeedbackTable, ProblemFile
@@ -63,6 +63,7 @@ class Problem:
         feedback: Options of the tracker that closes the loop.
         waypoints: Places every plan passes through.
         obstacles: Discs that the links of an arm clear in every plan.
+        further: Limits of kinds that all systems know, see `planner.register_requirement`.
         source: Where the problem came from, for messages.
     """
 
@@ -78,6 +79,7 @@ class Problem:
     feedback: FeedbackTable
     waypoints: tuple[Waypoint, ...]
     obstacles: tuple[Obstacle, ...]
+    further: tuple[Requirement, ...]
     source: str
     _data: Mapping[str, Any]
 
@@ -110,7 +112,8 @@ class Problem:
             machine=tables.machine,
             feedback=tables.feedback,
             waypoints=tuple(waypoints_of(tables, system, source)),
-            obstacles=tuple(obstacles_of(tables)),
+            obstacles=tuple(obstacles_of(tables, system)),
+            further=tuple(further_of(tables, system, source)),
             source=source,
             _data=_plain(tables),
         )
@@ -139,14 +142,8 @@ class Problem:
 
     def within_reach(self) -> Problem:
         """The problem without the discs that no link can touch, whatever the joints' angles."""
-        lengths = getattr(self.system, "link_lengths", None)
-        if lengths is None:
-            return self
-        reach = float(np.sum(lengths))
-        near = [d for d in self.obstacles if np.hypot(*d.centre) - d.radius <= reach * (1 + 1e-9)]
-        if len(near) == len(self.obstacles):
-            return self
-        return replace(self, obstacles=tuple(near))
+        near = tuple(disc for disc in self.obstacles if disc.settled(self.system) is None)
+        return self if len(near) == len(self.obstacles) else replace(self, obstacles=near)
 
     def with_travel(self, travel: float | None) -> Problem:
         """This problem with another travel of the path coordinate (None: free), checked anew.
@@ -172,13 +169,22 @@ class Problem:
         """What every plan keeps at all times, one object a kind of limit that is set."""
         limits, system = self.limits, self.system
         found: list[Requirement] = [
-            InputLimit(system.inputs, limits.input),
-            RateLimit(system.inputs, limits.input_rate),
-            JointLimit(system.coordinates, limits.joint),
+            InputLimit(system.inputs, tuple(limits.input.tolist())),
+            RateLimit(system.inputs, tuple(limits.input_rate.tolist())),
+            JointLimit(system.coordinates, tuple(limits.joint.tolist())),
         ]
         if limits.z2_margin is not None:
-            found.append(Z2Margin(limits.z2_margin, self.z2_sign))
-        return tuple(each for each in found if each.parts)
+            found.append(Z2Margin(limits.z2_margin, int(self.z2_sign)))
+        return tuple(each for each in (*found, *self.obstacles, *self.further) if each.parts)
+
+    @property
+    def divided(self) -> bool:
+        """Whether paths lie on different sides of something, so that there are many optima."""
+        return any(required.divides for required in self.requirements)
+
+    def reads(self, name: str) -> bool:
+        """Whether a requirement reads "q", "u" or "du"."""
+        return any(name in required.reads for required in self.requirements)
 
     @property
     def target(self) -> Array:
@@ -264,6 +270,7 @@ def _refuse_contradictions(problem: Problem) -> None:
                     " move it or widen the limit"
                 )
         _refuse_z2(problem, name, np.nan_to_num(q))
+        _refuse_further(problem, name, q)
 
 
 def _refuse_z2(problem: Problem, name: str, q: Array) -> None:
@@ -277,6 +284,22 @@ def _refuse_z2(problem: Problem, name: str, q: Array) -> None:
             f" = {margin:g} keeps it at least that far from zero on the side of the start;"
             " lower or remove limits.z2_margin"
         )
+
+
+def _refuse_further(problem: Problem, name: str, q: Array) -> None:
+    for required in problem.further:
+        if required.reads != {"q"}:
+            continue
+        values = required.values(At.of(problem.system, q))
+        for part, value in zip(required.parts, values, strict=True):
+            if value < part.low or value > part.high:  # neither where the travel is free
+                limit = part.low if value < part.low else part.high
+                found = Violation(part.label, None, float(value), limit, part.unit, 0.0).shown(6)
+                raise InputError(
+                    f"{problem.source}: contradiction: {part.label} at the {name} is"
+                    f" {found[0]}{found[2]}, allowed {found[1]}{found[2]}; move it or change"
+                    f" limits.{required.key}"
+                )
 
 
 def _readable(value: float, unit: str) -> tuple[float, str]:
@@ -301,10 +324,28 @@ def waypoints_of(tables: ProblemFile, system: TriangularSystem, source: str) -> 
     return [Waypoint(k, q, table.time) for k, (table, q) in enumerate(pairs, 1)]
 
 
-def obstacles_of(tables: ProblemFile) -> list[Obstacle]:
+def obstacles_of(tables: ProblemFile, system: TriangularSystem) -> list[Obstacle]:
     """The obstacles of a problem file."""
+    links = len(getattr(system, "link_lengths", ()))
     discs = enumerate(tables.discs(), 1)
-    return [Obstacle(k, np.array(disc.centre_m), disc.radius_m) for k, disc in discs]
+    return [Obstacle(k, links, d.centre_m[0], d.centre_m[1], d.radius_m) for k, d in discs]
+
+
+def further_of(tables: ProblemFile, system: TriangularSystem, source: str) -> list[Requirement]:
+    """The limits of kinds that all systems know.
+
+    Raises:
+        InputError: If one cannot be of this system.
+    """
+    out = []
+    for key, kind in REQUIREMENTS.items():
+        value = getattr(tables.limits, key, None)
+        if value is not None:
+            try:
+                out.append(kind.of(value, system))
+            except ValueError as error:
+                raise InputError(f"{source}: 'limits.{key}': {error}") from None
+    return out
 
 
 def refuse_misplaced(problem: Problem) -> None:

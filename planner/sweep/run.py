@@ -127,13 +127,13 @@ def _pool(workers: int | None, cluster: str | None, total: int) -> Pool:
 
 
 def _refuse_unknown_elsewhere(sweep: Sweep) -> None:
-    """Refuse methods and systems that other processes would not know."""
-    kinds = {
-        sweep.base.to_dict()["system"]["kind"],
-        *(point.get("system.kind") for point in sweep.points),
-    }
+    """Refuse methods, systems and limits that other processes would not know."""
+    base = sweep.base.to_dict()
+    kinds = {base["system"]["kind"], *(point.get("system.kind") for point in sweep.points)}
+    keys = {key.removeprefix("limits.") for point in sweep.points for key in point}
+    limits = (f"requirement '{key}'" for key in sorted({*base.get("limits", {}), *keys}))
     methods = dict.fromkeys(f"method '{spec.method}'" for spec in sweep.methods)
-    if found := unknown_elsewhere(*methods, *(f"system '{kind}'" for kind in kinds)):
+    if found := unknown_elsewhere(*methods, *(f"system '{kind}'" for kind in kinds), *limits):
         raise InputError(
             f"{' and '.join(found)}: registered in this process alone, so that no other can run the"
             " cases; name the function that registers it under the entry point planner.plugins of"

@@ -69,15 +69,13 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int]:
     except UnboundedError as error:
         return need.unknown(problem, f"nothing bounds {error}", in_chart), nothing, 0
     claims = _drives(plan, source, motion)
-    wanted = need.plain(problem, "q", motion.states)
-    for label, required, ask in (
-        ("z2 margin", True, need.z2),
-        ("chart domain", in_chart, need.domain),
-    ):
-        try:
-            wanted += ask(problem, motion, required)
-        except UnboundedError as error:
-            claims.append(undecided(label, "", f"nothing bounds {error}", required))
+    wanted, unbounded = need.shaped(problem, motion, q=motion.q)
+    claims += unbounded
+    wanted = need.plain(problem, "q", motion.states) + wanted
+    try:
+        wanted += need.domain(problem, motion, in_chart)
+    except UnboundedError as error:
+        claims.append(undecided("chart domain", "", f"nothing bounds {error}", in_chart))
     found = [
         *need.decide(wanted, motion.cells),
         *requirements_proven.obstacles(problem, motion),
@@ -154,10 +152,11 @@ def _own(path: Trajectory, motion: Motion) -> list[Model]:
 def _drives(plan: Plan, source: Source, motion: Motion) -> list[Claim]:
     """What is proven of the inputs and their rates, in time."""
     problem = plan.problem
-    asked = [r for r in problem.requirements if not r.shaped and r.reads & {"u", "du"}]
+    asked = [r for r in problem.requirements if r.reads & {"u", "du"}]
     if not asked:
         return []
-    if plan.trajectory is not source.trajectory:
+    retimed = plan.trajectory is not source.trajectory
+    if retimed:
         try:
             source = source_of(plan.trajectory)
         except UnboundedError as error:
@@ -166,13 +165,16 @@ def _drives(plan: Plan, source: Source, motion: Motion) -> list[Claim]:
             return [c for c in every if c.label in labels]
         motion = resolve(source)
     cells, u = motion.cells, motion.models(*motion.u)
-    wanted = need.plain(problem, "u", u)
+    wanted, unbounded = need.shaped(
+        problem, motion, u=motion.u, **({} if retimed else {"q": motion.q})
+    )
+    wanted = need.plain(problem, "u", u) + wanted
     jumps: dict[str, Claim] = {}
     if any("du" in required.reads for required in asked):
         wanted += need.plain(problem, "du", motion.models(*source.slopes(cells)))
         jumps = need.jumps(problem, u, cells)
     why = STANDSTILL if isinstance(plan.trajectory, RetimedTrajectory) else need.UNBOUNDED
-    return [jumps.get(c.label, c) for c in need.decide(wanted, cells, why)]
+    return [jumps.get(c.label, c) for c in need.decide(wanted, cells, why)] + unbounded
 
 
 def _own_time(trajectory: Trajectory, time: float) -> tuple[float, float]:

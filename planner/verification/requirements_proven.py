@@ -23,11 +23,9 @@ import numpy as np
 
 from planner.plan.claims import Claim, undecided
 from planner.problem.problem import Problem
-from planner.problem.requirements.limits import Z2Margin
 from planner.problem.requirements.places import Obstacle, Waypoint
-from planner.problem.requirements.requirement import Part
+from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.support.arrays import Array
-from planner.systems.chained_form import chained_form
 from planner.systems.triangular_system import TriangularSystem
 from planner.verification import affine_models
 from planner.verification.affine_models import UNIT, Model
@@ -110,7 +108,7 @@ def plain(problem: Problem, read: str, values: list[Model]) -> list[ToProve]:
     return [
         ToProve(part.label, _between(values[part.index], part), part.scale, part.unit)
         for required in problem.requirements
-        if not required.shaped and required.reads == {read}
+        if required.plain and required.reads == {read}
         for part in required.parts
     ]
 
@@ -130,7 +128,8 @@ def jumps(problem: Problem, u: list[Model], cells: Cells) -> dict[str, Claim]:
     """Claims that replace those of the rates where an input jumps, or may jump, at a break."""
     out = {}
     at = cells.joints()
-    parts = [part for each in problem.requirements if "du" in each.reads for part in each.parts]
+    rates = [each for each in problem.requirements if each.plain and "du" in each.reads]
+    parts = [part for each in rates for part in each.parts]
     for part in parts if len(at) else []:
         i, label, unit = part.index, part.label, part.unit
         before, slip = u[i].at_end()
@@ -149,14 +148,29 @@ def jumps(problem: Problem, u: list[Model], cells: Cells) -> dict[str, Claim]:
     return out
 
 
-def z2(problem: Problem, motion: Motion, required: bool) -> list[ToProve]:
-    """z₂ on the start's side of zero by its margin."""
-    parts = [p for each in problem.requirements if isinstance(each, Z2Margin) for p in each.parts]
-    if not parts:
-        return []
-    ((part,), (value,)) = parts, _z2(problem.system)(motion.q)
-    above = (float(problem.z2_sign), motion.models(value)[0], -part.low)
-    return [ToProve(part.label, [above], part.scale, part.unit, required)]
+def shaped(
+    problem: Problem, motion: Motion, **given: list[Ball]
+) -> tuple[list[ToProve], list[Claim]]:
+    """What is asked of functions of coordinates (q), or of the inputs (u) and perhaps these too.
+
+    Returns:
+        What is to be proven, and claims for what nothing bounds.
+    """
+    wanted, claims = list[ToProve](), list[Claim]()
+    for required in problem.requirements:
+        reads = tuple(sorted(required.reads))
+        known = required.reads <= given.keys() and ("u" in reads) == ("u" in given)
+        if required.plain or not required.smooth or not known:
+            continue
+        try:
+            balls = _rows(problem.system, required)(*(given[name] for name in reads))
+        except UnboundedError as error:
+            why = f"nothing bounds {error}"
+            claims += [undecided(part.label, part.unit, why) for part in required.parts]
+            continue
+        for part, value in zip(required.parts, motion.models(*balls), strict=True):
+            wanted.append(ToProve(part.label, _between(value, part), part.scale, part.unit))
+    return wanted, claims
 
 
 def domain(problem: Problem, motion: Motion, required: bool) -> list[ToProve]:
@@ -227,8 +241,6 @@ def unknown(problem: Problem, why: str, in_chart: bool) -> list[Claim]:
     labels += [(part.label, part.unit, 0.0) for part in parts]
     labels += [("chart domain", "", 0.0 if in_chart else np.inf)]
     labels += [(point.label, "", 0.0) for point in problem.waypoints]
-    links = range(1, 1 + len(getattr(system, "link_lengths", ())))
-    labels += [(disc.label(i), "m", 0.0) for disc in problem.obstacles for i in links]
     return [undecided(label, unit, why) for label, unit, limit in labels if np.isfinite(limit)]
 
 
@@ -237,10 +249,12 @@ def _between(value: Model, part: Part) -> list[Margin]:
     return [margin for margin in margins if np.isfinite(margin[2])]
 
 
-@lru_cache(maxsize=32)
-def _z2(system: TriangularSystem) -> Expression:
-    q = ca.SX.sym("q", system.size)
-    return Expression([q], chained_form(system).z_expr(q)[1])
+@lru_cache(maxsize=64)
+def _rows(system: TriangularSystem, required: Requirement) -> Expression:
+    """The rows of a requirement, of what it reads in alphabetical order."""
+    sizes = {"q": system.size, "u": 2, "du": 2}
+    read = {name: ca.SX.sym(name, sizes[name]) for name in sorted(required.reads)}
+    return Expression(list(read.values()), ca.vertcat(*required.rows(At(system, **read))))
 
 
 @lru_cache(maxsize=32)
@@ -262,10 +276,10 @@ def obstacles(problem: Problem, motion: Motion) -> list[Claim]:
         centre = [Ball.constant(x) for x in disc.centre]
         values = motion.models(*_links(problem.system)(motion.q, centre))
         lengths = problem.system.link_lengths  # type: ignore[attr-defined]
-        for link, length in enumerate(lengths, 1):
-            own = values[3 * link - 3 : 3 * link]
+        for link, (part, length) in enumerate(zip(disc.parts, lengths, strict=True)):
+            own = values[3 * link : 3 * link + 3]
             square, cells = _square(own, float(length), motion.cells)
-            of = ToProve(disc.label(link), [], disc.radius, "m")
+            of = ToProve(part.label, [], part.scale, part.unit)
             (found,) = least([(1.0, square, 0.0)], cells, np.array([disc.radius**2]))
             bounds = [_clearance(x, disc) for x in (found.guaranteed, found.attained)]
             out.append(claim(of, bounds[0], bounds[1], found.time_s))

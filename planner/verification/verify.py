@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,6 @@ from planner.errors import Violation
 from planner.plan.plan import Plan, expect_plan
 from planner.plan.quadrature import Motion, greatest, integrate, jumps, slopes
 from planner.problem.problem import Problem
-from planner.problem.requirements.places import Obstacle
 from planner.problem.requirements.requirement import At
 from planner.support.arrays import Array
 from planner.support.tables import Column, html_table
@@ -124,20 +122,21 @@ def verify(plan: Plan) -> Check:
             plan, Violation(label, domain.time_s, domain.margin, 0.0, "", -domain.margin)
         )
     problem = plan.problem
+    to_resolve = [r for r in problem.requirements if r.smooth and not r.plain]
 
     def shaped(q: Array, u: Array) -> Array:
-        at = At(problem.system, q, u, np.zeros_like(u))
-        values = [v for r in problem.requirements if r.shaped for v in r.values(at)]
-        return np.stack(values, axis=-1)
+        at = At.of(problem.system, q, u, np.zeros_like(u))
+        return np.stack([v for required in to_resolve for v in required.values(at)], axis=-1)
 
     with np.errstate(all="ignore"):  # what is not a number never passes
-        resolved = (shaped,) if any(r.shaped for r in problem.requirements) else ()
+        resolved = (shaped,) if to_resolve else ()
         motion = integrate(plan.trajectory, problem.start, INTEGRATION_TOLERANCE, *resolved)
         error = _goal_error(plan, motion)
         findings = [
             *_motion(plan, motion, error),
             *_limits(plan, motion),
             *_places(plan, motion),
+            *_with_corners(plan, motion),
         ]
     broken = sorted(
         (v for f in findings if (v := f.violation())),
@@ -202,10 +201,11 @@ def _motion(plan: Plan, motion: Motion, error: Array) -> list[_Finding]:
 def _limits(plan: Plan, motion: Motion) -> list[_Finding]:
     """What holds at all times, by the extremes of its series, all at once."""
     problem, cells = plan.problem, motion.cells
-    at = At(problem.system, motion.q, motion.u, slopes(cells, motion.u))
+    at = At.of(problem.system, motion.q, motion.u, slopes(cells, motion.u))
     wanted = [
         (required, part, value)
         for required in problem.requirements
+        if required.smooth
         for part, value in zip(required.parts, required.values(at), strict=True)
     ]
     if not wanted:
@@ -217,7 +217,7 @@ def _limits(plan: Plan, motion: Motion) -> list[_Finding]:
         below = part.low + minus_least > most - part.high
         upper = not below or part.low == -part.high  # what is symmetric is told by its size
         value = (minus_least if upper else -minus_least) if below else most
-        if "du" in required.reads and jumping[part.index]:
+        if "du" in required.reads and (jumping[part.index] if required.plain else any(jumping)):
             value = np.inf
         limit = part.high if upper else part.low
         time_s = when[below] if "q" in required.reads else None
@@ -226,18 +226,32 @@ def _limits(plan: Plan, motion: Motion) -> list[_Finding]:
     return out
 
 
+def _with_corners(plan: Plan, motion: Motion) -> list[_Finding]:
+    """What holds at all times and has corners; where nothing can break it, no time is spent."""
+    system, out = plan.problem.system, []
+    for required in plan.problem.requirements:
+        if required.smooth:
+            continue
+        parts, settled = required.parts, required.settled(system)
+        values, times = np.array(settled or []), np.zeros(len(parts))
+        if settled is None:
+            values, times = _least(
+                motion,
+                lambda q, r=required: np.stack(r.values(At.of(system, q)), axis=-1),  # type: ignore[misc]
+            )
+        for part, value, when in zip(parts, values.tolist(), times.tolist(), strict=True):
+            slack = LIMIT_TOLERANCE * part.scale
+            out.append(
+                _Finding(part.label, value, part.low, when, part.unit, part.scale, slack, False)
+            )
+    return out
+
+
 def _places(plan: Plan, motion: Motion) -> list[_Finding]:
-    """Waypoints passed, and obstacles cleared by every link."""
-    problem, tolerance = plan.problem, GOAL_TOLERANCE
+    """Waypoints passed."""
     return [
-        *(
-            _Finding(label, value, 0.0, when, unit, 1.0, tolerance)
-            for label, value, when, unit in passes(problem, motion)
-        ),
-        *(
-            _Finding(label, value, 0.0, when, "m", size, LIMIT_TOLERANCE * size, upper=False)
-            for label, value, when, size in clearances(problem, motion)
-        ),
+        _Finding(label, value, 0.0, when, unit, 1.0, GOAL_TOLERANCE)
+        for label, value, when, unit in passes(plan.problem, motion)
     ]
 
 
@@ -273,28 +287,6 @@ def passes(problem: Problem, motion: Motion) -> Iterator[tuple[str, float, float
         else:
             value, when = float(point.distance(motion.at_time(point.time_s))), point.time_s
         yield point.label, value, when, unit
-
-
-def clearances(problem: Problem, motion: Motion) -> Iterator[tuple[str, float, float, float]]:
-    """For each obstacle and link its label, the least clearance, when, and the disc's radius.
-
-    Of a disc that no link can touch the clearance is that of the stretched arm, at no time less.
-    """
-    system: Any = problem.system
-    near = problem.within_reach().obstacles
-    for disc in problem.obstacles:
-        if disc not in near:
-            least = float(np.hypot(*disc.centre)) - disc.radius - np.sum(system.link_lengths)
-            for link in range(len(system.link_lengths)):
-                yield disc.label(link + 1), float(least), 0.0, disc.radius
-            continue
-
-        def links(q: Array, disc: Obstacle = disc) -> Array:
-            return disc.clearances(system.arm_points(q[..., 1:]))
-
-        values, times = _least(motion, links)
-        for link, (value, when) in enumerate(zip(values.tolist(), times.tolist(), strict=True)):
-            yield disc.label(link + 1), value, when, disc.radius
 
 
 def _least(motion: Motion, function: Callable[[Array], Array]) -> tuple[Array, Array]:

@@ -1,8 +1,10 @@
-"""A package from outside that brings a system, the tricycle, and a method, `two_speeds`."""
+"""A package from outside: the system `tricycle`, method `two_speeds`, limit `input_product`."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
 import casadi as ca
@@ -14,6 +16,7 @@ from planner.methods.laws.free_numbers import travel_of
 from planner.methods.laws.law import Ends, finish, summary, trajectory_of
 from planner.methods.laws.legs import Leg, LegMotion, steer
 from planner.plan.trajectory import ChainedTrajectory
+from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.problem.tables.limits import bound_deg
 from planner.problem.tables.method_options import LegOptions
 from planner.problem.tables.vehicles import CarGoal, CarLimits, CarStart, VehicleFile
@@ -149,11 +152,32 @@ def plan_two_speeds(problem: planner.Problem, options: TwoSpeedsOptions) -> plan
     return finish(problem, "two_speeds", options, trajectory, summary(found), began)
 
 
+# -- the limit ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class InputProduct(Requirement):
+    """|u₁ u₂| ≤ most: who steers fast goes slowly."""
+
+    most: float
+
+    key, reads, speed = "input_product", frozenset({"u"}), 2
+    table = Positive, "Largest |u1 u2|, in the product of the inputs' units."
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return (Part("product of the inputs", "", -self.most, self.most, self.most),)
+
+    def rows(self, at: At) -> Sequence[Any]:
+        return [at.u[0] * at.u[1]]
+
+
 # -- the entry point ---------------------------------------------------------------------------
 
 
 def register() -> None:
     """What the entry point `planner.plugins` names."""
+    planner.register_requirement(InputProduct)
     planner.register_system("tricycle", TricycleFile)
     planner.register_method(
         "two_speeds",

@@ -85,8 +85,8 @@ def test_every_method_as_another_integrator_sees_it(paper: planner.Problem, name
         assert least - 1e-5 <= check.margins["z2 margin"] <= least + 1e-9
     for disc in plan.problem.obstacles:
         clear = disc.clearances(system.arm_points(q[:, 1:]))  # type: ignore[attr-defined]
-        for link, least in enumerate(np.min(clear, axis=0), start=1):
-            margin = check.margins[disc.label(link)]
+        for part, least in zip(disc.parts, np.min(clear, axis=0), strict=True):
+            margin = check.margins[part.label]
             assert least - 1e-5 <= margin <= least + 1e-9
     for point in plan.problem.waypoints:
         least = np.min(point.distance(q))

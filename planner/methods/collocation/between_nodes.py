@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
 from planner.methods.collocation.solvers.solver import Solution
 from planner.methods.collocation.task import Task
-from planner.methods.collocation.transcription.bounds import Tightening
-from planner.methods.collocation.transcription.form import Kind, bernstein_values, scheme
-from planner.methods.collocation.transcription.unknowns import STEPS
-from planner.problem.problem import Problem
+from planner.methods.collocation.transcription.form import (
+    Kind,
+    bernstein_values,
+    held_by,
+    scheme,
+)
+from planner.methods.collocation.transcription.unknowns import STEPS, Iterate
+from planner.problem.requirements.requirement import At, Requirement
 from planner.support.arrays import Array
-from planner.systems.chained_form import chained_form
 
 INTERPOLANT = 10.0
 """How much more the interpolant may differ inside the motion than at its end."""
@@ -38,11 +40,13 @@ class Look:
         plan: Of the iterate's own interpolant, shape (K, M, N).
         motion: Of the motion its input really makes, shape (K, M, N).
         error: How far they differ.
+        iterate: What is sampled.
     """
 
     plan: Array
     motion: Array
     error: MeshError
+    iterate: Iterate
 
 
 def look(task: Task, solution: Solution) -> Look:
@@ -55,7 +59,7 @@ def look(task: Task, solution: Solution) -> Look:
     own = np.abs(task.motion_apart(iterate) - plan).max(axis=2)
     gap = np.abs(motion - plan)
     error = MeshError(float(gap[-1, -1].max()), float(gap.max()), own[:, -1], own.max(axis=1))
-    return Look(plan, motion, error)
+    return Look(plan, motion, error, iterate)
 
 
 @lru_cache(maxsize=16)
@@ -86,33 +90,32 @@ class MeshError:
         return self.end <= accuracy and self.largest <= INTERPOLANT * accuracy
 
 
-def excess(task: Task, seen: Look) -> Tightening:
-    """By how much each interval breaks limits on coordinates, z₂ and discs, plus a little.
+def excess(task: Task, seen: Look) -> Array:
+    """By how much each interval breaks each part of what is kept, plus a little, shape (K, R).
 
     The plan's q(t) and the motion its input really makes are both held to the limits.
     """
-    problem = task.problem
-    both = np.stack([seen.plan, seen.motion])
-    limit = problem.limits.joint
-    joint = _over(np.abs(both), limit, limit)
-    joint[:, 0] = 0.0
-    margin, z2 = problem.limits.z2_margin, np.zeros(len(seen.plan))
-    if margin is not None:
-        values = problem.z2_sign * chained_form(problem.system).z(both)[..., 1]
-        z2 = _over(-values, np.array(-margin), np.array(max(margin, 1e-3)))
-    return Tightening(joint, z2, into_discs(problem, both, task.made.form.obstacles))
+    return _broken(task, held_by(task.problem), np.stack([seen.plan, seen.motion]), seen.iterate)
 
 
-def into_discs(problem: Problem, curves: Array, count: int) -> Array:
-    """How far each link reaches into each disc in each interval, shape (K, D · L).
-
-    The curves' samples have the shape (C, K, M, N).
-    """
-    system: Any = problem.system
-    out = [np.zeros((curves.shape[1], 0))]
-    for disc in problem.obstacles[:count]:
-        clearances = disc.clearances(system.arm_points(curves[..., 1:]))
-        out.append(_over(-clearances, np.array(0.0), np.array(disc.radius)))
+def _broken(task: Task, held: list[Requirement], q: Array, iterate: Iterate) -> Array:
+    """The same for samples q (C, K, M, N) of curves."""
+    at = At.of(task.problem.system, q)
+    if any(required.reads != {"q"} for required in held):
+        (left, right), tau = iterate.input_ends(), np.arange(STEPS + 1)[:, None] / STEPS
+        u = left[:, None] + tau * (right - left)[:, None]
+        slope = (right - left) / (task.mesh.widths[:, None] * iterate.duration)
+        du = np.broadcast_to(slope[:, None], u.shape)
+        alike = (np.broadcast_to(each, (*q.shape[:-1], 2)) for each in (u, du))
+        at = At.of(task.problem.system, q, *alike)
+    out = [np.zeros((q.shape[1], 0))]
+    for required in held:
+        (low, high, scale), values = required.sides, np.stack(required.values(at), axis=-1)
+        if (low == -high).all():
+            out.append(_over(np.abs(values), high, scale))
+        else:
+            above = _over(values, high, scale) if np.isfinite(high).any() else 0.0
+            out.append(np.maximum(above, _over(-values, -low, scale)))
     return np.concatenate(out, axis=-1)
 
 
@@ -160,8 +163,10 @@ def clears(task: Task, solution: Solution) -> bool:
 
     What reaches less than half its radius into a disc can be drawn out of it.
     """
-    if not task.problem.obstacles:
+    held = [required for required in held_by(task.problem) if required.divides]
+    if not held:
         return True
-    radii = np.array([disc.radius for disc in task.problem.obstacles])
-    deep = into_discs(task.problem, task.motion(solution.iterate).states[None], len(radii))
-    return bool(np.all(np.max(deep, axis=0).reshape(len(radii), -1) < radii[:, None] / 2))
+    scale = np.array([part.scale for required in held for part in required.parts])
+    iterate = solution.iterate
+    deep = _broken(task, held, task.motion(iterate).states[None], iterate)
+    return bool(np.all(deep < scale / 2))

@@ -42,7 +42,7 @@ def in_hand(
 def believed(done: Polished, accuracy: float) -> bool:
     """Whether a motion is the true one to this accuracy, and keeps its limits between the nodes."""
     seen = look(done.task, done.solution)
-    return seen.error.fine(accuracy) and not excess(done.task, seen)
+    return seen.error.fine(accuracy) and not excess(done.task, seen).any()
 
 
 def ended_early(plan: Plan, span: Span) -> Plan:

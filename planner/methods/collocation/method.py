@@ -89,10 +89,8 @@ def collocation_task(
         scheme_kind=options.scheme,
         degree=options.degree,
         input=kind,
-        chart=problem.limits.z2_margin is not None,
-        inner=bool(problem.obstacles),  # or links pass through a disc between two edges
+        inner=problem.divided,  # or links pass through a disc between two edges
         compiled=options.compile,
-        obstacles=len(problem.obstacles),
         edge=goal.edge,
     )
     settings = Settings(options.tolerance, options.max_iterations, solver=options.solver)
@@ -118,7 +116,7 @@ def input_kind(
     Raises:
         InputError: If something asks for inputs without jumps and the options for such.
     """
-    smooth = slopes or options.rest or bool(np.isfinite(problem.limits.input_rate).any())
+    smooth = slopes or options.rest or problem.reads("du")
     if options.input == "auto":
         return "linear" if smooth else auto
     if options.input == "constant" and smooth:

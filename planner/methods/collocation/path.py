@@ -22,6 +22,7 @@ from planner.methods.collocation.transcription.form import Mesh
 from planner.methods.collocation.transcription.objective import shortest_path
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.problem import Problem
+from planner.problem.requirements.requirement import At
 from planner.support import progress
 
 INFEASIBLE = "Infeasible_Problem_Detected"
@@ -99,21 +100,22 @@ def _again(result: Search) -> bool:
 
 def path_task(task: Task) -> Task:
     """The path problem of a task: least effort, no limits on inputs, a reference duration."""
-    problem, free = task.problem, np.full(2, np.inf)
-    limits = replace(problem.limits, input=free, input_rate=free)
-    reference = way(task.made, task.settings).reference_s
-    unhurried = replace(problem, limits=limits, duration=reference)
-    return replace(task, problem=unhurried, objective=shortest_path(task.objective))
+    unhurried = replace(task.problem, duration=way(task.made, task.settings).reference_s)
+    asked = replace(task.asked, timeless=True)
+    return replace(task, problem=unhurried, asked=asked, objective=shortest_path(task.objective))
 
 
 def needed_duration(problem: Problem, mesh: Mesh, iterate: Iterate) -> float:
-    """Seconds this path takes, all of it stretched alike, within the limits on inputs and rates."""
-    left, right = iterate.input_ends()
-    peaks = np.max(np.abs([left, right]), axis=(0, 1))
-    widths = mesh.widths[:, None] * iterate.duration
-    slopes = np.max(np.abs(right - left) / widths, axis=0)
-    factors = [*(peaks / problem.limits.input), *np.sqrt(slopes / problem.limits.input_rate)]
-    return iterate.duration * float(max(factors))
+    """Seconds this path takes, all of it stretched alike, within what a slower motion keeps."""
+    u = np.stack(iterate.input_ends())
+    slope = (u[1] - u[0]) / (mesh.widths[:, None] * iterate.duration)
+    q = np.stack([iterate.nodes[:-1], iterate.nodes[1:]])[..., : problem.system.size]
+    at, factors = At.of(problem.system, q, u, np.stack([slope, slope])), [0.0]
+    for required in problem.requirements:
+        if required.speed:
+            values = np.stack([np.ravel(value) for value in required.values(at)])
+            factors += required.slower(values.min(axis=1), values.max(axis=1)).tolist()
+    return iterate.duration * float(np.max(factors))
 
 
 def _offered(task: Task, path: Iterate) -> None:

@@ -158,7 +158,7 @@ class Pipeline:
         for problem in self.routes:
             job = self.make(problem, SEARCHED, False)
             enough = self.options.starts if self.options.start in ("auto", "wander") else 1
-            paths = search(job, guesses, enough, self._free and not problem.obstacles)
+            paths = search(job, guesses, enough, self._free and not problem.divided)
             log = paths.log
             progress.tell(f"timing {min(TIMED, len(paths.found))} paths")
             spent = 0
@@ -266,6 +266,6 @@ def _guesses(options: CollocationOptions) -> list[Seed]:
 
 def _one_way(problem: Problem) -> bool:
     window = travel_window(problem)
-    if window is None or window.empty or problem.obstacles:
+    if window is None or window.empty or problem.divided:
         return False
     return problem.travel is None or problem.travel in window

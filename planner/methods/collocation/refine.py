@@ -10,7 +10,8 @@ import numpy as np
 from planner.methods.collocation.between_nodes import INTERPOLANT, Look, MeshError, excess, look
 from planner.methods.collocation.solvers.solver import Solution
 from planner.methods.collocation.task import Task, transferred
-from planner.methods.collocation.transcription.form import Mesh
+from planner.methods.collocation.transcription.bounds import everywhere
+from planner.methods.collocation.transcription.form import Mesh, held_by
 from planner.support import progress
 from planner.support.deadline import TimeUpError, share
 
@@ -88,12 +89,9 @@ def polish(task: Task, solution: Solution, accuracy: float, refinements: int) ->
         task, solution = _held_in_time(task, solution, accuracy)
         meshes.append(len(task.mesh.widths))
         seen = look(task, solution)
-    drawn = {
-        "rounds": rounds,
-        "joint": float(task.tightening.joint.max()),
-        "z2": float(task.tightening.z2.max()),
-        "obstacles": float(task.tightening.discs.max(initial=0.0)),
-    }
+    parts = [part for required in held_by(task.problem) for part in required.parts]
+    most = zip(parts, task.drawn.max(axis=0).tolist(), strict=True)
+    drawn = {"rounds": rounds, **{part.label: amount for part, amount in most if amount}}
     inner = task.made.form.inner
     notes = {"intervals": meshes, "limits_inside": inner, "limits_drawn_in": drawn}
     return Polished(task, solution, seen.error.end, notes, iterations)
@@ -150,7 +148,7 @@ def _draw_in(task: Task, solution: Solution, seen: Look) -> tuple[Task, Solution
     iterations, rounds = 0, 0
     for _ in range(TIGHTENING_ROUNDS):
         over = excess(task, seen)
-        if not over:
+        if not over.any():
             break
         progress.tell("keeping limits between the nodes")
         if not task.made.form.inner:
@@ -159,8 +157,8 @@ def _draw_in(task: Task, solution: Solution, seen: Look) -> tuple[Task, Solution
             task = replace(task, build_time_s=built + task.build_time_s)
         else:
             rounds += 1
-            more = over.everywhere(ELSEWHERE if rounds == 1 else 1.0, times=rounds)
-            task = replace(task, tightening=task.tightening + more)
+            more = everywhere(over, ELSEWHERE if rounds == 1 else 1.0, times=rounds)
+            task = replace(task, drawn=task.drawn + more)
         better = task.solve(solution.iterate, near=True)
         if not better.ok:
             better = task.solve(solution.iterate)

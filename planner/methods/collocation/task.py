@@ -13,10 +13,9 @@ import numpy as np
 from planner.methods.collocation.long_arms.bridges import Chain
 from planner.methods.collocation.solvers.backends import Settings
 from planner.methods.collocation.solvers.solver import Solution, judged, prepare, solve
-from planner.methods.collocation.transcription.bounds import Asked, Bounds, Tightening, bounds
-from planner.methods.collocation.transcription.form import Form, Mesh
+from planner.methods.collocation.transcription.bounds import Asked, Bounds, bounds
+from planner.methods.collocation.transcription.form import Form, Mesh, held_by
 from planner.methods.collocation.transcription.objective import Objective
-from planner.methods.collocation.transcription.obstacles import link_count
 from planner.methods.collocation.transcription.transcription import Transcription
 from planner.methods.collocation.transcription.unknowns import (
     STEPS,
@@ -43,7 +42,7 @@ class Task:
         mesh: Its mesh.
         asked: What is asked of the inputs beside the problem's limits.
         settings: Options of the solver.
-        tightening: By how much limits are drawn in.
+        drawn: By how much each part of what is kept is drawn in, shape (K, R).
         build_time_s: Seconds it took to make the transcription; zero if it was there.
     """
 
@@ -53,15 +52,13 @@ class Task:
     mesh: Mesh
     asked: Asked
     settings: Settings
-    tightening: Tightening
+    drawn: Array
     build_time_s: float
 
     @property
     def bounds(self) -> Bounds:
         """The problem's numbers."""
-        return bounds(
-            self.problem, self.made, self.mesh, self.objective, self.asked, self.tightening
-        )
+        return bounds(self.problem, self.made, self.mesh, self.objective, self.asked, self.drawn)
 
     def solve(self, start: Iterate, near: bool = False) -> Solution:
         """Solve from a start, which may be near the answer."""
@@ -96,7 +93,7 @@ class Task:
     def asking(self, problem: Problem, objective: Objective) -> Task:
         """The same mesh and limits drawn in for another problem of the same system."""
         made = self.made.form, self.mesh, self.asked, self.settings
-        return replace(task(problem, objective, *made), tightening=self.tightening)
+        return replace(task(problem, objective, *made), drawn=self.drawn)
 
     def inside(self) -> Task:
         """The same task with limits kept at the collocation points too."""
@@ -114,12 +111,13 @@ def task(
 ) -> Task:
     """Prepare a task: the transcription is made now unless it was made before.
 
-    Whether the duration is an unknown of the form is for the problem to say.
+    Whether the duration is an unknown of the form, and what it keeps, is for the problem to say.
     """
-    form = replace(form, free_duration=problem.duration is None)
+    held = held_by(problem)
+    kept = tuple(required.blank for required in held)
+    form = replace(form, free_duration=problem.duration is None, kept=kept)
     made, seconds = prepare(problem.system, form, settings)
-    pairs = form.obstacles * link_count(problem.system)
-    none = Tightening.none(form.intervals, problem.system.size, pairs)
+    none = np.zeros((form.intervals, sum(len(required.parts) for required in held)))
     return Task(problem, objective, made, mesh, asked, settings, none, seconds)
 
 
@@ -160,8 +158,7 @@ def offer_chain(task: Task, chain: Chain) -> None:
 
 def can_jump(job: Task) -> bool:
     """Whether nothing asks for inputs without jumps."""
-    rates = job.problem.limits.input_rate
-    return not (job.asked.rest or job.objective.smooth or np.isfinite(rates).any())
+    return not (job.asked.rest or job.objective.smooth or job.problem.reads("du"))
 
 
 def transferred(old: Task, iterate: Iterate, new: Task) -> Iterate:

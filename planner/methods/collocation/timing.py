@@ -51,7 +51,7 @@ def _leisurely(task: Task, motion: Iterate) -> Timed:
 
     Among discs, where there are many such paths, a start from farther off may find a shorter one.
     """
-    found = task.objective.kind == "effort" and not task.problem.obstacles
+    found = task.objective.kind == "effort" and not task.problem.divided
     near = task.solve(motion, near=found)
     if near.ok:
         return _single(near)

@@ -20,7 +20,7 @@ from planner.methods.laws.free_numbers import candidate_travels
 from planner.methods.laws.law import chart_ends
 from planner.methods.refusal import BY_COLLOCATION, Change, free_travel, lasting
 from planner.plan.fastest_timing import fastest_motion
-from planner.plan.measures import peak_inputs, peak_rates, worst_margin
+from planner.plan.measures import peak_inputs, slowing, worst_margin
 from planner.plan.plan import Plan
 from planner.plan.trajectory import ChainedTrajectory, Trajectory
 from planner.problem.feasibility import travel_window
@@ -53,9 +53,11 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
     Input limits concern the timing only: v₁ is constant where that keeps them, else the motion is
     in proportion to the path's fastest one, which is taken where the duration is free. Limits of
     joints that are not convex in the chart (θ₁ for n = 3, all for longer chains), obstacles and
-    waypoints play no part: `verify` refuses a path that breaks them.
+    waypoints play no part: `verify` refuses a path that breaks them. Limits of further kinds that
+    depend on the speed are kept by the timing; the others are refused before.
 
     Raises:
+        NoPlanError: If there is such a limit.
         InfeasibleError: With `certificate`, if no path of the class meets travel, domain and z₂
             margin; or without, if no one-way motion at all meets travel and duration.
         NotConvergedError: If no path was found and that proves nothing, or the best one takes
@@ -64,6 +66,7 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
         InputError: If there are too few pieces, or the duration is free and an input has no limit.
     """
     began = time.perf_counter()
+    _refuse_unkept(problem)
     start, goal = chart_ends(problem, problem.travel or 1.0)
     _refuse_input(problem, options, 2 * len(start))
     travels = _travels(problem, options)
@@ -89,6 +92,17 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
         solve_time_s=time.perf_counter() - built,
         notes=_notes(problem, band, found, found.best) | {"timing": timing},
     )
+
+
+def _refuse_unkept(problem: Problem) -> None:
+    """Refuse limits of further kinds that no choice of a path or of its timing keeps."""
+    parts = [part for each in problem.further if not each.speed for part in each.parts]
+    if parts:
+        raise NoPlanError(
+            f"{problem.source}: the method '{NAME}' does not plan for"
+            f" {', '.join(part.label for part in parts)}",
+            changes=[BY_COLLOCATION],
+        )
 
 
 def _refuse_input(problem: Problem, options: ConvexOptions, fewest: int) -> None:
@@ -173,19 +187,16 @@ def _path(problem: Problem, frame: Frame, y: Array) -> ChainedTrajectory:
 def _timed(problem: Problem, path: ChainedTrajectory) -> tuple[Trajectory, str]:
     """The path within the input limits, in the problem's duration or as fast as they allow."""
     limits, duration = problem.limits, problem.duration
-    peaks, kept = peak_inputs(path), duration is not None
+    peaks = peak_inputs(path)
     if np.any(np.isnan(peaks)):  # no angles somewhere, which is for the verification to say
         return path, "v1 constant"
-    if kept and np.any(np.isfinite(limits.input)):
-        kept = bool(np.all(peaks <= limits.input))
-    if kept and np.any(np.isfinite(limits.input_rate)):
-        kept = bool(np.all(peak_rates(path) <= limits.input_rate))
-    if kept:
+    if duration is not None and slowing(problem.requirements, path) <= 1:
         return path, "v1 constant"
     # An input without a limit goes no faster than with v1 constant.
     unlimited = np.isinf(limits.input) & np.isinf(limits.input_rate)
     limits = replace(limits, input=np.where(unlimited, peaks, limits.input))
-    fastest = fastest_motion(path, limits, peaks > 1e-12)[0].slowed(1 + SLACK)
+    others = problem.requirements
+    fastest = fastest_motion(path, limits, peaks > 1e-12, others=others)[0].slowed(1 + SLACK)
     if duration is None:
         return fastest, "as fast as the input limits allow"
     if fastest.duration > duration:

@@ -119,8 +119,6 @@ def _task(problem: Problem, options: DesensitisedOptions) -> Task:
         intervals=options.intervals,
         scheme_kind="legendre",
         input=input_kind(problem, NAME, options, auto="constant"),
-        chart=problem.limits.z2_margin is not None,
-        obstacles=len(problem.obstacles),
         inner=True,
         augmented=moved,
     )

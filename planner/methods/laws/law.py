@@ -15,7 +15,7 @@ import numpy as np
 from planner.errors import InputError, SingularError
 from planner.methods.laws.legs import Leg, LegMotion
 from planner.methods.refusal import BY_COLLOCATION
-from planner.plan.measures import effort, peak_inputs, peak_rates
+from planner.plan.measures import effort, slowing
 from planner.plan.plan import Plan
 from planner.plan.trajectory import ChainedTrajectory, Trajectory
 from planner.problem.problem import Problem
@@ -172,22 +172,17 @@ def _edge(problem: Problem, name: str, q: Array, i: int, label: str, on_it: bool
 def fit_duration(problem: Problem, trajectory: Trajectory) -> Trajectory:
     """With the duration free, the fastest uniform timing of a path within the input limits.
 
-    A driftless path does not depend on its timing, so inputs scale with 1/T and rates with 1/T².
-
     Raises:
         InputError: If the duration is free and no input has a limit.
     """
     if problem.duration is not None:
         return trajectory
-    limits = problem.limits
-    if not np.any(np.isfinite(limits.input)):
+    if not any(required.speed for required in problem.requirements):
         raise InputError(
             f"{problem.source}: goal.duration is free but [limits] holds no limit of an input;"
             " set one of them"
         )
-    factor = float(np.max(peak_inputs(trajectory) / limits.input))
-    if np.any(np.isfinite(limits.input_rate)):
-        factor = max(factor, float(np.sqrt(np.max(peak_rates(trajectory) / limits.input_rate))))
+    factor = slowing(problem.requirements, trajectory)
     if not np.isfinite(factor):  # outside the domain, which is for the caller to refuse
         return trajectory
     return trajectory.slowed(factor * (1 + 1e-9))

@@ -1,4 +1,1 @@
-"""What a motion must keep: `requirement` (what each kind answers), `limits`, `places`.
-
-The judge in `planner.verification` asks limits by their class; methods plan for them by name.
-"""
+"""What a motion must keep: `requirement` (what each kind answers), `limits`, `places`."""

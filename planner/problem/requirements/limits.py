@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
 from planner.problem.requirements.requirement import At, Part, Requirement
-from planner.support.arrays import Array
 from planner.systems.chained_form import chained_form
 from planner.systems.triangular_system import Coordinate
 
@@ -17,7 +17,7 @@ SMALLEST_Z2 = 1e-3
 """Scale of a z₂ margin that is smaller: an excess is compared with z₂ itself, which is near 1."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class _Symmetric(Requirement):
     """|value| ≤ most for some inputs or coordinates.
 
@@ -29,25 +29,16 @@ class _Symmetric(Requirement):
 
     words: ClassVar[str]
     named: tuple[Coordinate, ...]
-    most: Array
+    most: tuple[float, ...]
 
-    @property
+    @cached_property
     def parts(self) -> tuple[Part, ...]:
         """One for each that is limited."""
-        out = []
-        for i in self._limited:
-            label, most = f"{self.words} {self.named[i].name}", float(self.most[i])
-            out.append(Part(label, self._unit(self.named[i]), -most, most, most, i))
-        return tuple(out)
-
-    def values(self, at: At) -> Sequence[Any]:
-        """What it reads, as it is."""
-        (name,) = self.reads
-        return [getattr(at, name)[..., i] for i in self._limited]
-
-    @property
-    def _limited(self) -> list[int]:
-        return [int(i) for i in np.flatnonzero(np.isfinite(self.most))]
+        return tuple(
+            Part(f"{self.words} {named.name}", self._unit(named), -most, most, most, i)
+            for i, (named, most) in enumerate(zip(self.named, self.most, strict=True))
+            if np.isfinite(most)
+        )
 
     def _unit(self, named: Coordinate) -> str:
         return named.unit
@@ -56,13 +47,13 @@ class _Symmetric(Requirement):
 class InputLimit(_Symmetric):
     """|uᵢ| ≤ most."""
 
-    words, reads = "input", frozenset({"u"})
+    words, reads, speed = "input", frozenset({"u"}), 1
 
 
 class RateLimit(_Symmetric):
     """|duᵢ/dt| ≤ most; where an input jumps its rate is infinite."""
 
-    words, reads = "rate of input", frozenset({"du"})
+    words, reads, speed = "rate of input", frozenset({"du"}), 2
 
     def _unit(self, named: Coordinate) -> str:
         return named.rate_unit
@@ -74,26 +65,29 @@ class JointLimit(_Symmetric):
     words, reads = "joint", frozenset({"q"})
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Z2Margin(Requirement):
     """z₂ on the start's side of zero, by a margin.
 
     Attributes:
         margin: Least |z₂|.
-        sign: Sign of z₂ at the start.
+        side: Sign of z₂ at the start.
     """
 
     margin: float
-    sign: float
+    side: int
 
     reads = frozenset({"q"})
-    shaped = True
 
     @property
     def parts(self) -> tuple[Part, ...]:
         """One."""
         return (Part("z2 margin", "", self.margin, np.inf, max(self.margin, SMALLEST_Z2)),)
 
-    def values(self, at: At) -> Sequence[Any]:
+    def rows(self, at: At) -> Sequence[Any]:
         """z₂, positive on the start's side."""
-        return [self.sign * chained_form(at.system).z(at.q)[..., 1]]
+        return [self.side * chained_form(at.system).z_expr(at.q)[1]]
+
+    def values(self, at: At) -> Sequence[Any]:
+        """The same by the chart's NumPy code."""
+        return [self.side * chained_form(at.system).z(at.states)[..., 1]]

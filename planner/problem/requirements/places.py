@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
+import casadi as ca
 import numpy as np
 
+from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.support.arrays import Array
+from planner.systems.triangular_system import TriangularSystem
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,23 +38,74 @@ class Waypoint:
         return np.asarray(np.nanmax(np.abs(q - self.q), axis=-1))
 
 
-@dataclass(frozen=True, eq=False)
-class Obstacle:
-    """A disc.
+@dataclass(frozen=True)
+class Obstacle(Requirement):
+    """A disc that the links of an arm clear.
 
     Attributes:
         number: From 1, in the order of the problem file.
-        centre: Shape (2,), metres.
+        links: Number of the arm's links.
+        x: Of the centre, metres.
+        y: Of the centre, metres.
         radius: Metres.
     """
 
     number: int
-    centre: Array
+    links: int
+    x: float
+    y: float
     radius: float
 
-    def label(self, link: int) -> str:
-        """What is demanded of a link (from 1), for messages."""
-        return f"clearance of link {link} from obstacle {self.number}"
+    reads = frozenset({"q"})
+    numbers = ("x", "y", "radius")
+    divides, smooth = True, False
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """One a link."""
+        words = f"from obstacle {self.number}"
+        return tuple(
+            Part(f"clearance of link {link} {words}", "m", 0.0, np.inf, self.radius)
+            for link in range(1, 1 + self.links)
+        )
+
+    def rows(self, at: At) -> Sequence[Any]:
+        """The distance of each link from the disc, to first order near contact.
+
+        With a link from P in direction e, length l, and the centre C, the nearest point is at
+        t = clip((C − P)·e, 0, l), and the squared distance |P − C|² + 2t (P − C)·e + t². What is
+        returned, (distance² − radius²)/(2 radius), is smooth where the distance is zero and has
+        the distance's own slope at contact.
+        """
+        system: Any = at.system
+        offset: list[Any] = [-self.x, -self.y]
+        heading: Any = 0.0
+        out = []
+        for i, length in enumerate(system.link_lengths, 1):
+            heading = heading + at.q[i]
+            c, s = ca.cos(heading), ca.sin(heading)
+            along = offset[0] * c + offset[1] * s
+            t = ca.fmin(ca.fmax(-along, 0.0), length)
+            square = offset[0] ** 2 + offset[1] ** 2 + 2 * t * along + t**2
+            out.append((square - self.radius**2) / (2 * self.radius))
+            offset = [offset[0] + length * c, offset[1] + length * s]
+        return out
+
+    def values(self, at: At) -> Sequence[Any]:
+        """The distance of each link from the disc, negative inside, metres."""
+        system: Any = at.system
+        return list(np.moveaxis(self.clearances(system.arm_points(at.states[..., 1:])), -1, 0))
+
+    def settled(self, system: TriangularSystem) -> Sequence[float] | None:
+        """Of a disc that no link can touch, the clearance of the stretched arm."""
+        reach = float(np.sum(system.link_lengths))  # type: ignore[attr-defined]
+        near = float(np.hypot(self.x, self.y)) - self.radius
+        return [near - reach] * self.links if near > reach * (1 + 1e-9) else None
+
+    @property
+    def centre(self) -> Array:
+        """Shape (2,), metres."""
+        return np.array([self.x, self.y])
 
     def clearances(self, points: Array) -> Array:
         """Distance of each link from the disc, negative inside, shape (…, L).

@@ -1,15 +1,14 @@
-"""What a motion must keep: one class a kind, asked by whoever has to do with it.
-
-Today the judge asks, and the lists of what is to be proven; the transcription still knows each kind
-by name.
-"""
+"""What a motion must keep: one class a kind, asked by whoever has to do with it."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any, ClassVar, Self
+
+import numpy as np
 
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
@@ -17,19 +16,29 @@ from planner.systems.triangular_system import TriangularSystem
 
 @dataclass(frozen=True, eq=False)
 class At:
-    """Where a requirement is asked for.
+    """Where a requirement is asked for: at symbols, or at many states at once.
 
     Attributes:
         system: What moves.
-        q: Coordinates, shape (…, N).
-        u: Inputs, shape (…, 2).
-        du: Their rates, shape (…, 2).
+        q: Coordinates: a CasADi vector (N), or an array (N, …).
+        u: Inputs: a CasADi vector (2), or an array (2, …).
+        du: Their rates, likewise.
     """
 
     system: TriangularSystem
-    q: Array
-    u: Array
-    du: Array
+    q: Any = None
+    u: Any = None
+    du: Any = None
+
+    @classmethod
+    def of(cls, system: TriangularSystem, *last: Array) -> At:
+        """From arrays q, u, du whose last axis is that of the coordinates and inputs."""
+        return cls(system, *(np.moveaxis(values, -1, 0) for values in last))
+
+    @property
+    def states(self) -> Array:
+        """Arrays only: the coordinates, shape (…, N)."""
+        return np.moveaxis(self.q, 0, -1)
 
 
 @dataclass(frozen=True)
@@ -37,7 +46,7 @@ class Part:
     """One line of a requirement in every message and table: a value between low and high.
 
     Attributes:
-        label: What is limited, as in "input u2".
+        label: What is limited, as in "input u2"; no other part of a problem has it.
         unit: Unit of value and limits.
         low: Least value; may be −∞.
         high: Largest value; may be ∞.
@@ -53,22 +62,106 @@ class Part:
     index: int = 0
 
 
+@dataclass(frozen=True)
 class Requirement(ABC):
     """Something that holds at all times.
 
+    The fields of a kind are what one problem says of it. Strings and integers are its shape: they
+    decide which parts and rows there are. Floats and tuples of them are its numbers.
+
     Attributes:
-        reads: What its values depend on, of "q", "u" and "du".
-        shaped: Whether a value is a function of these, rather than one of them as it is.
+        reads: What its rows depend on, of "q", "u" and "du".
+        numbers: Names of the floats that the rows read; all others are bounds only.
+        speed: Power of the speed with which its values grow: coordinates 0, inputs 1, their rates
+            and products 2. Where it is not 0, a motion slow enough keeps it.
+        divides: Whether paths lie on different sides of it, so that there are many optima.
+        smooth: Whether its values have derivatives everywhere; where not, its parts have no high.
+        key: Its key in the `[limits]` table, for a kind that all systems know.
+        table: Type and description of that key's value.
     """
 
     reads: ClassVar[frozenset[str]]
-    shaped: ClassVar[bool] = False
+    numbers: ClassVar[tuple[str, ...]] = ()
+    speed: ClassVar[int] = 0
+    divides: ClassVar[bool] = False
+    smooth: ClassVar[bool] = True
+    key: ClassVar[str] = ""
+    table: ClassVar[tuple[Any, str] | None] = None
+
+    @classmethod
+    def of(cls, value: Any, system: TriangularSystem) -> Self:
+        """From what the problem file says under its key.
+
+        Raises:
+            ValueError: If that cannot be; the message goes on from "limits.KEY".
+        """
+        return cls(value)  # type: ignore[call-arg]
 
     @property
     @abstractmethod
     def parts(self) -> tuple[Part, ...]:
         """Its parts, R of them."""
 
-    @abstractmethod
+    def rows(self, at: At) -> Sequence[Any]:
+        """R expressions that lie between low and high, with derivatives.
+
+        A kind that does not say is about inputs, rates or coordinates as they are: those of the
+        parts' indices.
+        """
+        (name,) = self.reads
+        read = getattr(at, name)
+        return [read[part.index] for part in self.parts]
+
     def values(self, at: At) -> Sequence[Any]:
-        """R arrays of the shape of `at.q[..., 0]`: what lies between low and high."""
+        """The same for the judge: R arrays of the shape of `at.q[0]`.
+
+        A kind whose rows stand in for something else, or are CasADi's alone, writes its own.
+        """
+        return self.rows(at)
+
+    def settled(self, system: TriangularSystem) -> Sequence[float] | None:
+        """Its least values where no motion can break it; None where one may."""
+        return None
+
+    @cached_property
+    def sides(self) -> tuple[Array, Array, Array]:
+        """Low, high and scale of its parts, shape (R,) each."""
+        low, high, scale = np.array([(p.low, p.high, p.scale) for p in self.parts]).T
+        return low, high, scale
+
+    def slower(self, least: Array, most: Array) -> Array:
+        """How many times slower a motion must be whose R values lie between these (R,), (R,)."""
+        low, high, _ = self.sides
+        with np.errstate(divide="ignore", invalid="ignore"):
+            over = np.where(high > 0, most / high, 0.0), np.where(low < 0, least / low, 0.0)
+        return np.asarray(np.maximum(*over) ** (1 / self.speed))
+
+    @property
+    def plain(self) -> bool:
+        """Whether each row is an input, a rate or a coordinate as it is."""
+        return type(self).rows is Requirement.rows
+
+    @cached_property
+    def blank(self) -> Self:
+        """The same without numbers: what an expression for all of its kind is made from."""
+        own = {f.name: _without(getattr(self, f.name)) for f in fields(self)}
+        return replace(self, **{name: value for name, value in own.items() if value is not None})
+
+    @property
+    def given(self) -> list[float]:
+        """Its numbers that the rows read."""
+        return [float(getattr(self, name)) for name in self.numbers]
+
+    def asking(self, values: Sequence[Any]) -> Self:
+        """The same with other numbers, or symbols in their place."""
+        new = dict(zip(self.numbers, values, strict=True))
+        return replace(self, **new) if new else self
+
+
+def _without(value: Any) -> Any:
+    """Zero in place of a number, but for the infinite ones, which say that there is no limit."""
+    if isinstance(value, float):
+        return value if np.isinf(value) else 0.0
+    if isinstance(value, tuple) and all(isinstance(v, float) for v in value):
+        return tuple(_without(v) for v in value)
+    return None

@@ -1,4 +1,4 @@
-"""The kinds of systems: for each the tables of its problem file, and how a new one comes in.
+"""The kinds of systems and of further limits, with their tables, and how a new one comes in.
 
 A kind has one class, a `ProblemFile`: it says what a user may write, with types, ranges and
 descriptions, and builds the system from it.
@@ -8,11 +8,13 @@ import inspect
 import math
 import re
 from collections.abc import Iterator
-from typing import Any, Union, get_args
+from typing import Any, Optional, Union, cast, get_args
 
 from pydantic import TypeAdapter
+from pydantic.fields import FieldInfo
 
 from planner.errors import InputError
+from planner.problem.requirements.requirement import Requirement
 from planner.problem.tables.arms import BallGearFile, ManipulatorFile
 from planner.problem.tables.custom import CustomFile
 from planner.problem.tables.limits import BaseLimits
@@ -32,6 +34,11 @@ FILES: dict[str, type[ProblemFile]] = {
     "custom": CustomFile,
 }
 """By `system.kind`. What plugins register is in it once the first problem is read."""
+
+REQUIREMENTS: dict[str, type[Requirement]] = {}
+"""Limits that all kinds of systems know, by their key in `[limits]`; those of plugins likewise.
+
+What is called otherwise in each kind's own words, as the limits of inputs are, is in its tables."""
 
 
 def all_files() -> dict[str, type[ProblemFile]]:
@@ -70,7 +77,75 @@ def register_system(kind: str, file: type[ProblemFile]) -> None:
     if why := next(_faults(kind, file), None):
         raise InputError(f"system kind '{kind}' cannot be registered: {why}")
     FILES[kind] = file
+    _give_keys()
     remember(f"system '{kind}'")
+
+
+def register_requirement(kind: type[Requirement]) -> None:
+    """Let every problem file say `limits.KEY` for a limit of a new kind.
+
+    Collocation and the desensitised plans keep it, retiming respects it where it depends on the
+    speed, and it is judged; it is proven where that can be done by its rows alone. A process that
+    is started later, as a worker of a sweep is, knows it only from a plugin: a package whose entry
+    point `planner.plugins` names a function that calls this.
+
+    Args:
+        kind: A frozen dataclass, subclass of `planner.problem.requirements.requirement.Requirement`
+            with `key` (what files write: a-z, 0-9 and _) and `table` (type and description of the
+            key's value).
+
+    Raises:
+        InputError: If the key is taken or not of that form, or `kind` is not such a class.
+    """
+    key, why = getattr(kind, "key", ""), next(_shortcomings(kind), None)
+    if why is None and any(key in _limits_of(file).model_fields for file in FILES.values()):
+        why = "a kind of system has that key already"
+    if why:
+        raise InputError(f"requirement '{line(str(key))}' cannot be registered: {why}")
+    REQUIREMENTS[key] = kind
+    _give_keys()
+    remember(f"requirement '{key}'")
+
+
+def _shortcomings(kind: Any) -> Iterator[str]:
+    """Why a class is no kind of requirement that a file can ask for."""
+    if not isinstance(kind, type) or not issubclass(kind, Requirement):
+        yield f"{line(repr(kind))} is not a subclass of Requirement"
+        return
+    name, drives = line(kind.__name__), getattr(kind, "reads", None)
+    if inspect.isabstract(kind):
+        yield f"{name} lacks {', '.join(sorted(kind.__abstractmethods__))}"
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", kind.key) or hasattr(Table, kind.key):
+        yield f"{name}.key is not a name of a-z, 0-9 and _ that begins with a letter"
+    if not drives or not drives <= {"q", "u", "du"}:
+        yield f"{name}.reads does not say which of 'q', 'u' and 'du' it reads"
+    if kind.table is None or not isinstance(kind.table[1], str) or not kind.table[1].strip():
+        yield f"{name}.table is not a type and a description"
+
+
+def _limits_of(file: type[ProblemFile]) -> type[BaseLimits]:
+    return cast("type[BaseLimits]", file.model_fields["limits"].annotation)
+
+
+def _give_keys() -> None:
+    """Give every kind's `[limits]` the keys of `REQUIREMENTS`."""
+    for file in FILES.values():
+        table = _limits_of(file)
+        for key, kind in REQUIREMENTS.items():
+            if key not in table.model_fields and kind.table:
+                own: Any = Optional[kind.table[0]]  # noqa: UP045
+                words = kind.table[1]
+                table.model_fields[key] = FieldInfo(annotation=own, default=None, description=words)
+                table.model_rebuild(force=True)
+    if REQUIREMENTS:
+        _build_anew()
+
+
+def _build_anew() -> None:
+    """Build those files anew whose tables have changed; the rest are built when they are used."""
+    for file in FILES.values():
+        if file.__pydantic_complete__:
+            file.model_rebuild(force=True)
 
 
 _TABLES = {"system": Table, "start": Table, "goal": GoalTable, "limits": BaseLimits}
@@ -101,9 +176,7 @@ def _faults(kind: str, file: Any) -> Iterator[str]:
 def add_method_table(name: str, options: type[Table]) -> None:
     """Give all problem files a table `[method.NAME]`; the registry of methods asks for it."""
     MethodsTable.add(name, options)
-    for file in FILES.values():
-        if file.__pydantic_complete__:  # else it is built when it is first used
-            file.model_rebuild(force=True)
+    _build_anew()
 
 
 def parse_file(data: dict[str, Any], source: str) -> ProblemFile:
@@ -151,3 +224,6 @@ def json_schema() -> dict[str, Any]:
     """JSON Schema of a problem file, for editors."""
     kinds: Any = Union[tuple(all_files().values())]  # noqa: UP007
     return TypeAdapter(kinds).json_schema()
+
+
+_give_keys()

@@ -1,8 +1,8 @@
-"""What other installed packages bring: systems and methods that they register themselves.
+"""What other installed packages bring: systems, methods and limits that they register themselves.
 
 A package names a function under the entry point `planner.plugins`; the function calls
-`planner.register_system` and `planner.register_method`. Every process that reads a problem calls
-it, so that the workers of a sweep know the same systems and methods.
+`planner.register_system`, `planner.register_method` and `planner.register_requirement`. Every
+process that reads a problem calls it, so that the workers of a sweep know the same ones.
 """
 
 from __future__ import annotations

@@ -15,6 +15,7 @@ from planner.methods.collocation.transcription.augmented import Augmented
 from planner.methods.collocation.transcription.form import TERMS, Form, Kind, Mesh, uniform
 from planner.methods.collocation.transcription.transcription import transcription
 from planner.methods.collocation.transcription.unknowns import Iterate
+from planner.problem.requirements.limits import JointLimit, Z2Margin
 from planner.systems.chained_form import chained_form
 from planner.systems.linearised import parameters
 from planner.systems.manipulator import Manipulator
@@ -75,7 +76,7 @@ def test_order_of_convergence_at_the_end_point(kind: Kind, degree: int, order: i
 def test_rows_agree_with_numpy(name: str, kind: Kind, input_kind: Any) -> None:
     """The manipulator's collocation values follow from the rest, the trailers' are unknowns."""
     system = planner.load_problem(PROBLEMS / f"{name}.toml").system
-    form = Form(5, kind, 3, input_kind, chart=True)
+    form = Form(5, kind, 3, input_kind, kept=(Z2Margin(0.0, 1),))
     made, rng = transcription(system, form), np.random.default_rng(3)
     mesh = Mesh(np.array([0.0, 0.1, 0.35, 0.6, 0.8, 1.0]))
     p = np.concatenate([rng.random(3), np.zeros(TERMS - 3), mesh.widths])
@@ -101,13 +102,13 @@ def test_rows_agree_with_numpy(name: str, kind: Kind, input_kind: Any) -> None:
         elif label.kind == "defect":
             wanted = defects[..., label.index] @ s.integration.T
             np.testing.assert_allclose(found, wanted, atol=1e-12)
-        elif label.kind == "z2":
+        elif label.kind == "kept":
             z2 = chained_form(system).z(iterate.nodes[:-1])[:, 1, None]
             np.testing.assert_allclose(found, z2, rtol=1e-12)
         else:  # duration and corners of the input are copied on, which `pack` has obeyed
             np.testing.assert_allclose(found, 0, atol=1e-12)
         seen.add(label.kind)
-    assert seen == {"motion", "carried", "z2"} | ({"defect"} if name == "trailers" else set())
+    assert seen == {"motion", "carried", "kept"} | ({"defect"} if name == "trailers" else set())
     squares = (left**2 + left * right + right**2) / 3
     cost = 3.7 * (p[0] + mesh.widths @ (squares @ p[1:3]))
     assert objective == pytest.approx(cost, rel=1e-12)
@@ -133,7 +134,8 @@ def test_derivatives_agree_with_casadi_on_the_whole_graph(
     known = [e for e in errors if e in {p.name for p in parameters(system)}]
     spread = tuple((error, 0.1 * k) for k, error in enumerate(known, 1))
     more = Augmented(system, spread, **RESPONSE, metered=True) if spread else None
-    form = Form(3, "radau", 2, input_kind, chart=True, augmented=more)
+    limits = JointLimit(system.coordinates, (1.0,) * system.size), Z2Margin(0.0, 1)
+    form = Form(3, "radau", 2, input_kind, inner=True, kept=limits, augmented=more)
     program = transcription(system, form).program
     x, p = program.problem["x"], program.problem["p"]
     f, g = program.problem["f"], program.problem["g"]

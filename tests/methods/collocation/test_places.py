@@ -14,9 +14,9 @@ from scipy.integrate import solve_ivp
 import planner
 from planner.methods.collocation.candidates import routes
 from planner.methods.collocation.transcription.form import through
-from planner.methods.collocation.transcription.obstacles import clearances
 from planner.methods.refusal import in_other_time, on_other_paths
 from planner.problem.requirements.places import Obstacle
+from planner.problem.requirements.requirement import At
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
 DISC = {"centre_m": [2.2, 1.75], "radius_m": 0.3}
@@ -34,12 +34,12 @@ def sampled_clearance(points: np.ndarray, disc: Obstacle) -> np.ndarray:
 def test_clearances_by_three_codes(seed: int) -> None:
     rng = np.random.default_rng(seed)
     arm = planner.Manipulator([0.9, 0.7], 1.0, rng.uniform(0.3, 2.0, 3).tolist())
-    disc = Obstacle(1, rng.uniform(-3, 3, 2), float(rng.uniform(0.05, 1)))
+    disc = Obstacle(1, 3, *rng.uniform(-3, 3, 2).tolist(), float(rng.uniform(0.05, 1)))
     q = rng.uniform(-1.4, 1.4, 4)
     points = arm.arm_points(q[1:])
     judged = disc.clearances(points)
     np.testing.assert_allclose(judged, sampled_clearance(points, disc), atol=2e-3)
-    rows = ca.vertcat(*clearances(arm, ca.DM(q), ca.DM([*disc.centre, disc.radius])))
+    rows = ca.vertcat(*disc.rows(At(arm, ca.DM(q))))
     distance = np.sqrt(np.array(rows).ravel() * 2 * disc.radius + disc.radius**2)
     np.testing.assert_allclose(distance - disc.radius, judged, atol=1e-9)
 

@@ -17,6 +17,7 @@ from planner.methods.collocation.solvers.backends import SHORT, WAYS, Answer, Se
 from planner.methods.collocation.transcription.form import Form
 from planner.methods.collocation.transcription.transcription import transcription
 from planner.problem.problem import Problem
+from planner.problem.requirements.places import Obstacle
 from planner.problem.tables.method_options import CollocationOptions
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
@@ -46,7 +47,8 @@ def test_solvers_agree(name: str, changes: Any, options: Any) -> None:
 def test_who_is_first(paper: Problem) -> None:
     def order(name: str, free: bool = False, discs: int = 0, **settings: Any) -> tuple[str, ...]:
         system = planner.load_problem(PROBLEMS / f"{name}.toml").system
-        form = Form(3, free_duration=free, obstacles=discs)
+        kept = tuple(Obstacle(k, 3, 0.0, 0.0, 0.0) for k in range(discs))
+        form = Form(3, free_duration=free, kept=kept)
         return names(transcription(system, form), Settings(**settings))
 
     assert order("paper") == ("ipopt",)

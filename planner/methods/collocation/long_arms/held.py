@@ -41,9 +41,8 @@ DRAWN_IN = 1e-4
 
 def can_hold(job: Task) -> bool:
     """Whether a task asks no more of a path than limits on joints and inputs."""
-    problem = job.problem
-    places = problem.waypoints or problem.obstacles or problem.limits.z2_margin is not None
-    return can_jump(job) and not places and job.made.form.augmented is None
+    plain = all(required.plain for required in job.problem.requirements)
+    return can_jump(job) and plain and not (job.problem.waypoints or job.made.form.augmented)
 
 
 def held(job: Task, chain: Chain, accuracy: float) -> tuple[Task, Solution] | None:

@@ -152,7 +152,8 @@ def way(made: Transcription, settings: Settings) -> Way:
         return WAYS["far"]
     if not short:
         return WAYS["far, long chain"]
-    return WAYS["far, winding" if form.obstacles or form.chart else "far"]
+    winding = any("q" in required.reads and not required.plain for required in form.kept)
+    return WAYS["far, winding" if winding else "far"]
 
 
 def names(made: Transcription, settings: Settings) -> tuple[SolverName, ...]:

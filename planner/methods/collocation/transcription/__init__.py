@@ -1,5 +1,5 @@
 """The problem as a nonlinear programme.
 
 In this order: `form`, `augmented` (a motion with its response to errors), `interval`,
-`obstacles`, `unknowns`, `objective`, `bounds`, `derivatives`, `transcription`.
+`unknowns`, `objective`, `bounds`, `derivatives`, `transcription`.
 """

@@ -16,6 +16,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from planner.problem.requirements.requirement import Requirement
 from planner.support.arrays import Array
 from planner.support.compiled_calls import Pointwise
 from planner.systems.linearised import Linearised, linearised
@@ -41,7 +42,7 @@ class Augmented:
             of q₂ and the gain of u₂.
         terminal: Weight of the whole terminal response squared (deg²).
         path: Weight of the response squared, averaged along the path (deg²).
-        backoff: Standard deviations by which limits on coordinates and z₂ are backed off.
+        backoff: Standard deviations by which limits are backed off, see `backs_off`.
         metered: Whether the last state is the effort spent.
     """
 
@@ -167,3 +168,8 @@ def _column(form: Linearised, error: str) -> tuple[dict[int, Any], Any]:
 
 Moved = TriangularSystem | Augmented
 """What a transcription moves."""
+
+
+def backs_off(required: Requirement) -> bool:
+    """Whether a requirement is backed off: limits on coordinates, but not places to clear."""
+    return required.reads == {"q"} and required.smooth

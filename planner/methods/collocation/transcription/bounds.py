@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.methods.collocation.transcription.form import Mesh
+from planner.methods.collocation.transcription.form import Mesh, held_by
 from planner.methods.collocation.transcription.objective import Objective
 from planner.methods.collocation.transcription.transcription import Transcription
+from planner.methods.collocation.transcription.unknowns import Index
 from planner.problem.problem import Problem
 from planner.support.arrays import Array
 
@@ -16,39 +17,13 @@ SHORTEST_S = 1e-3
 """Least duration that a free one may take, in seconds."""
 
 MOST_DRAWN_IN = 0.1
-"""Largest share of a joint limit by which it is drawn in; more would mean a mesh far too coarse."""
+"""Largest share of half the room between low and high by which a limit is drawn in; more would mean
+a mesh far too coarse."""
 
 
-@dataclass(frozen=True, eq=False)
-class Tightening:
-    """By how much limits are drawn in, interval by interval, so that they hold between nodes.
-
-    Attributes:
-        joint: Shape (K, N), in the coordinates' units.
-        z2: Shape (K,).
-        discs: Of each disc and link, shape (K, D · L), metres.
-    """
-
-    joint: Array
-    z2: Array
-    discs: Array
-
-    @classmethod
-    def none(cls, intervals: int, size: int, pairs: int = 0) -> Tightening:
-        """No change, for N coordinates and as many pairs of disc and link."""
-        shapes = (intervals, size), (intervals,), (intervals, pairs)
-        return cls(*(np.zeros(shape) for shape in shapes))
-
-    def __bool__(self) -> bool:
-        return bool(self.joint.any() or self.z2.any() or self.discs.any())
-
-    def __add__(self, other: Tightening) -> Tightening:
-        return Tightening(self.joint + other.joint, self.z2 + other.z2, self.discs + other.discs)
-
-    def everywhere(self, share: float, times: float) -> Tightening:
-        """Each limit drawn in so many times, and in all intervals by at least a share of that."""
-        amounts = (times * each for each in (self.joint, self.z2, self.discs))
-        return Tightening(*(np.maximum(each, share * np.max(each, axis=0)) for each in amounts))
+def everywhere(drawn: Array, share: float, times: float) -> Array:
+    """Each limit drawn in (K, R) so many times, and in all intervals by a share of the most."""
+    return np.asarray(np.maximum(times * drawn, share * np.max(times * drawn, axis=0)))
 
 
 @dataclass(frozen=True)
@@ -59,11 +34,13 @@ class Asked:
         rest: Whether they are zero at both ends.
         way: Sign that the first one keeps; zero where it may change.
         effort: Most that ∫ u₁² + u₂² dt may be, where the transcription meters it.
+        timeless: Whether limits that read inputs are not asked for: a path has no timing yet.
     """
 
     rest: bool = False
     way: float = 0.0
     effort: float = np.inf
+    timeless: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,37 +79,86 @@ def bounds(
     mesh: Mesh,
     objective: Objective,
     asked: Asked,
-    tightening: Tightening,
+    drawn: Array,
 ) -> Bounds:
-    """Fill in a problem's numbers."""
-    joint = _joint(problem, made, tightening)
-    lower, upper = _unknowns(problem, made, mesh, asked, joint)
-    low, high = _rows(problem, made, tightening, joint)
-    discs = [[*disc.centre, disc.radius] for disc in problem.obstacles]
-    given = discs[: made.form.obstacles]
+    """Fill in a problem's numbers.
+
+    Args:
+        problem: What is solved.
+        made: The transcription.
+        mesh: Its mesh.
+        objective: What is made least.
+        asked: What is asked of the inputs beside the problem's limits.
+        drawn: By how much each part of what is kept is drawn in, shape (K, R), so that it holds
+            between the nodes.
+    """
+    held = held_by(problem)
+    low, high = (np.concatenate([[], *(each.sides[k] for each in held)]) for k in (0, 1))
+    most = MOST_DRAWN_IN * (high - low) / 2
+    inside, edges = np.minimum(drawn, most), np.minimum(_at_nodes(drawn), most)
+    lower, upper = _limits(problem, made, asked, inside, edges)
+    _fix(lower, upper, problem, made, mesh, asked)
+    reads = [required.reads for required in held for _ in required.parts]
+    row_lower, row_upper = np.zeros((2, made.form.intervals, made.height))
+    for rows in made.labels:
+        if rows.kind != "kept":
+            continue
+        r, where = rows.index, rows.positions
+        amounts = inside[:, [r]] + np.zeros(len(rows.tau))
+        if reads[r] == {"q"}:
+            edge = rows.tau == 0.0
+            amounts[:, edge] = edges[:-1, [r]]
+            amounts[0, edge] = -np.inf  # where the problem itself has been checked
+        elif asked.timeless:
+            amounts[:] = -np.inf
+        row_lower[:, where], row_upper[:, where] = low[r] + amounts, high[r] - amounts
+    numbers = [number for required in held for number in required.given]
     known = [] if made.form.free_duration else [problem.duration]
-    parameters = np.concatenate([objective.weights, *given, known, mesh.widths])
-    return Bounds(lower, upper, low, high, parameters, mesh.widths)
+    parameters = np.concatenate([objective.weights, numbers, known, mesh.widths])
+    return Bounds(lower, upper, row_lower.ravel(), row_upper.ravel(), parameters, mesh.widths)
 
 
-def _unknowns(
-    problem: Problem, made: Transcription, mesh: Mesh, asked: Asked, joint: Array
+def _limits(
+    problem: Problem, made: Transcription, asked: Asked, inside: Array, edges: Array
 ) -> tuple[Array, Array]:
-    """Bounds of the unknowns; `joint` are the limits on coordinates in each interval, (K, N)."""
+    """Bounds of the unknowns; what is kept is drawn in by (K, R) inside and (K+1, R) at edges."""
     places = made.layout
     upper = np.full(places.size, np.inf)
-    upper[places.inputs] = problem.limits.input
-    upper[places.slopes] = problem.limits.input_rate
-    upper[places.points] = joint[:, None, list(places.lifted)]
-    upper[places.nodes] = -_at_nodes(-joint)
     lower = -upper
+
+    def within(unknowns: Index, sides: tuple[Array, Array], drawn: Array | float = 0.0) -> None:
+        lower[unknowns] = np.maximum(lower[unknowns], sides[0] + drawn)
+        upper[unknowns] = np.minimum(upper[unknowns], sides[1] - drawn)
+
+    r = 0
+    for required in problem.requirements:
+        index, (low, high, _) = [part.index for part in required.parts], required.sides
+        if required.plain and required.reads != {"q"}:
+            unknowns = places.inputs if "u" in required.reads else places.slopes
+            if not asked.timeless:
+                within(unknowns[:, index], (low, high))
+            continue
+        if required.plain:
+            within(places.nodes[:, index], (low, high), edges[:, r : r + len(index)])
+            for k in set(index) & set(places.lifted):
+                at = index.index(k)
+                points = places.points[..., places.lifted.index(k)]
+                within(points, (low[at], high[at]), inside[:, [r + at]])
+        r += len(index)
     lower[places.durations[:1]] = SHORTEST_S
-    duration = np.nan if problem.duration is None else problem.duration
     if asked.way:
         (lower if asked.way > 0 else upper)[places.inputs[:, 0]] = 0.0
     if np.isfinite(asked.effort):
         upper[places.nodes[-1, -1]] = asked.effort
-    N = problem.system.size
+    return lower, upper
+
+
+def _fix(
+    lower: Array, upper: Array, problem: Problem, made: Transcription, mesh: Mesh, asked: Asked
+) -> None:
+    """Set both bounds of what is given: start, goal, duration, waypoints and rest."""
+    places, N = made.layout, problem.system.size
+    duration = np.nan if problem.duration is None else problem.duration
     fixed = [(places.nodes[0], made.start(problem)), (places.nodes[-1, :N], problem.target)]
     fixed += [(places.durations[:1], np.array([duration])[: len(places.durations)])]
     stops = zip(mesh.marks, problem.waypoints, strict=True)
@@ -141,53 +167,9 @@ def _unknowns(
     for where, values in fixed:
         known = ~np.isnan(values)
         lower[where[known]] = upper[where[known]] = values[known]
-    return lower, upper
 
 
-def _at_nodes(tightening: Array) -> Array:
-    """Values (K, …) of intervals at the K+1 edges: the greater of the two neighbours."""
-    ends = np.concatenate([tightening[:1], tightening, tightening[-1:]])
+def _at_nodes(drawn: Array) -> Array:
+    """Amounts (K, R) of intervals at the K+1 edges: the greater of the two neighbours."""
+    ends = np.concatenate([drawn[:1], drawn, drawn[-1:]])
     return np.asarray(np.maximum(ends[:-1], ends[1:]))
-
-
-def _rows(
-    problem: Problem, made: Transcription, tightening: Tightening, joint: Array
-) -> tuple[Array, Array]:
-    shape = (made.form.intervals, made.height)
-    low, high = np.zeros(shape), np.zeros(shape)
-    for rows in made.labels:
-        if rows.kind == "joint":
-            high[:, rows.positions] = joint[:, [rows.index]]
-            low[:, rows.positions] = -high[:, rows.positions]
-        elif rows.kind == "z2":
-            bounds = _chart(problem, tightening.z2, rows.tau)
-            low[:, rows.positions], high[:, rows.positions] = bounds
-        elif rows.kind == "obstacle":
-            least = tightening.discs[:, [rows.index]] + np.zeros(len(rows.tau))
-            edge = rows.tau == 0.0
-            least[:, edge] = _at_nodes(tightening.discs[:, rows.index])[:-1, None]
-            least[0, edge] = -np.inf  # where the problem itself has been checked
-            low[:, rows.positions], high[:, rows.positions] = least, np.inf
-    return low.ravel(), high.ravel()
-
-
-def _chart(problem: Problem, tightening: Array, tau: Array) -> tuple[Array, Array]:
-    """Bounds of z₂; none at the motion's start, where the problem itself has been checked."""
-    least = np.empty((len(tightening), len(tau)))
-    least[:] = tightening[:, None]
-    edge = tau == 0.0
-    least[:, edge] = _at_nodes(tightening)[:-1, None]
-    least += problem.limits.z2_margin or 0.0
-    least[0, edge] = -np.inf
-    none = np.full_like(least, np.inf)
-    return (least, none) if problem.z2_sign > 0 else (-none, -least)
-
-
-def _joint(problem: Problem, made: Transcription, tightening: Tightening) -> Array:
-    """Limits on coordinates in each interval, shape (K, N); infinite where there is none."""
-    limited = list(made.system.limited)
-    joint = np.full(made.system.size, np.inf)
-    joint[limited] = problem.limits.joint[limited]
-    drawn = joint - np.minimum(tightening.joint, MOST_DRAWN_IN * joint)
-    more = made.moved.size - made.system.size
-    return np.pad(drawn, [(0, 0), (0, more)], constant_values=np.inf)

@@ -22,6 +22,8 @@ import numpy as np
 from scipy.special import comb
 
 from planner.methods.collocation.transcription.augmented import Augmented
+from planner.problem.problem import Problem
+from planner.problem.requirements.requirement import Requirement
 from planner.support.arrays import Array
 
 Kind = Literal["radau", "legendre"]
@@ -92,6 +94,12 @@ TERMS = 6
 """Terms of the objective: duration, effort of each input, its smoothness, closeness to edges."""
 
 
+def held_by(problem: Problem) -> list[Requirement]:
+    """What may be broken between the nodes: all but inputs and their rates as they are."""
+    drives = {"u", "du"}
+    return [each for each in problem.requirements if not (each.plain and each.reads & drives)]
+
+
 @dataclass(frozen=True)
 class Form:
     """The shape of a transcription; with the system, the key under which it is kept.
@@ -102,11 +110,10 @@ class Form:
         degree: Collocation points an interval.
         input: "constant" in each interval, or "linear" and continuous.
         free_duration: Whether the duration is an unknown; else it is a parameter.
-        chart: Whether z₂ is constrained.
-        obstacles: Number of discs that the links must clear.
+        kept: What rows are for, without numbers, see `held_by`.
         edge: Whether closeness to the edge of the chart's domain is a term of the objective.
-        inner: Whether limits on coordinates and z₂ hold at the collocation points too, not only at
-            the mesh's edges.
+        inner: Whether what is kept holds at the collocation points too, not only at the mesh's
+            edges.
         compiled: Whether the functions of one interval are compiled by a C compiler.
         augmented: What moves, where that is more than the system: its response to errors too.
     """
@@ -116,9 +123,8 @@ class Form:
     degree: int = 3
     input: InputKind = "constant"
     free_duration: bool = True
-    chart: bool = False
     inner: bool = False
-    obstacles: int = 0
+    kept: tuple[Requirement, ...] = ()
     edge: bool = False
     compiled: bool = False
     augmented: Augmented | None = None
@@ -127,9 +133,10 @@ class Form:
     def parameters(self) -> int:
         """Numbers an interval is given beside its width.
 
-        The objective's weights, centre and radius of each disc, the duration if it is known.
+        The objective's weights, those of what is kept, the duration if it is known.
         """
-        return TERMS + 3 * self.obstacles + (not self.free_duration)
+        own = sum(len(required.numbers) for required in self.kept)
+        return TERMS + own + (not self.free_duration)
 
     @property
     def scheme(self) -> Scheme:

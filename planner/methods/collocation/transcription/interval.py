@@ -20,14 +20,13 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from planner.methods.collocation.transcription.augmented import Augmented, Moved
+from planner.methods.collocation.transcription.augmented import Augmented, Moved, backs_off
 from planner.methods.collocation.transcription.form import TERMS, Form
-from planner.methods.collocation.transcription.obstacles import clearances, link_count
+from planner.problem.requirements.requirement import At
 from planner.support.arrays import Array
-from planner.systems.chained_form import chained_form
 from planner.systems.triangular_system import TriangularSystem
 
-RowKind = Literal["motion", "carried", "defect", "joint", "z2", "obstacle"]
+RowKind = Literal["motion", "carried", "defect", "kept"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +36,8 @@ class Rows:
     Attributes:
         kind: Its family. motion: the next state is where this interval leads; carried: the
             duration and a linear input's corners are those of the next interval; defect: a lifted
-            coordinate obeys its rate at the collocation points; joint: a coordinate keeps its
-            limit inside the interval; z2: z₂ keeps its margin; obstacle: a link clears a disc.
-        index: Coordinate or input it is about.
+            coordinate obeys its rate at the collocation points; kept: a part of what is kept.
+        index: Coordinate or input it is about, or the part's place among all parts kept.
         tau: Where in the interval each row holds, shape (m,), in [0, 1].
         first: Position of its first row among the interval's rows.
     """
@@ -140,7 +138,7 @@ def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
     for i, residuals in defects.items():
         rows.add("defect", i, form.scheme.points, residuals)
     columns = [ca.vertcat(*column) for column in points]
-    _limits(system, form, x, columns, rows)
+    _kept(system, form, x, columns, after, rows)
     if form.augmented and form.augmented.backoff:
         _backed_off(form, form.augmented, [*columns, after[: moved.size]], rows)
     cost = _cost(system, form, x, columns)
@@ -224,36 +222,55 @@ def _motion(
     return ca.vertcat(*after)
 
 
-def _limits(
-    system: TriangularSystem, form: Form, x: _Symbols, points: list[Any], rows: _RowList
-) -> None:
-    """Limits that are not bounds on unknowns; edges' coordinates and lifted ones are unknowns."""
-    inside = form.scheme.points if form.inner else np.empty(0)
-    if form.inner:
-        for i in system.limited:
-            rows.add("joint", i, inside, [q[i] for q in points])
-    if form.chart:
-        places = [x.X, *points] if form.inner else [x.X]
-        z2 = [chained_form(system).z_expr(q[: system.size])[1] for q in places]
-        rows.add("z2", 1, np.append(0.0, inside), z2)
+ALONG = [0.0, 0.25, 0.5, 0.75, 1.0]
+"""Where in an interval functions of linear inputs are limited: between three places a product on a
+mesh of 15 intervals passes its limit by a fifth, between five by a twentieth."""
 
-    for k in range(form.obstacles):
-        disc = x.weights[TERMS + 3 * k : TERMS + 3 * k + 3]
-        places = [x.X, *points] if form.inner else [x.X]
-        links = zip(*(clearances(system, q, disc) for q in places), strict=True)
-        for i, clear in enumerate(links):
-            pair = k * link_count(system) + i
-            rows.add("obstacle", pair, np.append(0.0, inside), list(clear))
+
+def _kept(
+    system: TriangularSystem, form: Form, x: _Symbols, points: list[Any], after: Any, rows: _RowList
+) -> None:
+    """Rows of what is kept, where it is not a bound on an unknown.
+
+    Edges' coordinates and lifted ones are unknowns. An input is constant or linear in an interval,
+    so that what reads inputs alone is asked for once, or at a few places.
+    """
+    at_points = form.scheme.points.tolist() if form.inner else []
+    state = {0.0: x.X, 1.0: after, **dict(zip(form.scheme.points.tolist(), points, strict=True))}
+    part, first = 0, TERMS
+    for blank in form.kept:
+        last = first + len(blank.numbers)
+        required, first = blank.asking(ca.vertsplit(x.weights[first:last])), last
+        places = [*[0.0] * (not blank.plain), *at_points]
+        if "q" not in blank.reads:
+            places = ALONG if "u" in blank.reads and form.input == "linear" else [0.0]
+        elif blank.reads != {"q"}:
+            places = sorted({*places, 1.0})  # inputs may jump at the edge that follows
+        found = [
+            required.rows(
+                At(
+                    system,
+                    state.get(tau, x.X)[: system.size],
+                    x.input_at(tau),
+                    (x.u_right - x.u_left) / x.seconds,
+                )
+            )
+            for tau in places
+        ]
+        for k in range(len(blank.parts)):
+            rows.add("kept", part, np.array(places), [values[k] for values in found])
+            part += 1
 
 
 def _backed_off(form: Form, moved: Augmented, places: list[Any], rows: _RowList) -> None:
-    """Limits on coordinates and z₂ to either side by the response, at points and the right edge."""
+    """Limits on coordinates to either side by the response, at points and the right edge."""
     system, q = moved.system, ca.SX.sym("q", moved.system.size)
-    tau = np.repeat(np.append(form.scheme.points, 1.0), 2)
-    for i in system.limited:
-        rows.add("joint", i, tau, moved.sides(q, q[i], places))
-    if form.chart:
-        rows.add("z2", 1, tau, moved.sides(q, chained_form(system).z_expr(q)[1], places))
+    tau, part = np.repeat(np.append(form.scheme.points, 1.0), 2), 0
+    for blank in form.kept:
+        own = blank.rows(At(system, q)) if backs_off(blank) else []
+        for k, row in enumerate(own, part):
+            rows.add("kept", k, tau, moved.sides(q, row, places))
+        part += len(blank.parts)
 
 
 def _cost(system: TriangularSystem, form: Form, x: _Symbols, points: list[Any]) -> Any:

@@ -186,7 +186,7 @@ def resimulated_apart(system: Moved, mesh: Mesh, iterate: Iterate) -> Array:
 
 @lru_cache(maxsize=32)
 def _runner(system: Moved, intervals: int, through: bool) -> Call:
-    """From the start, or all intervals', their seconds and the inputs at their ends to all samples."""
+    """From the start, or all of them, seconds and inputs at the ends of intervals to samples."""
     one = _interval(system)
     whole = one.mapaccum(intervals) if through else one.map(intervals)
     inputs = [ca.MX.sym(name, whole.sparsity_in(k)) for k, name in enumerate("qsab")]

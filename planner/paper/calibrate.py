@@ -190,7 +190,7 @@ def page(
         [
             _HEAD,
             "## What the paper says, and what the preset does\n",
-            _statements(fit),
+            _statements(fit, motions),
             "## The two fidelities\n",
             _fidelities(motions, medians, machines),
             "## Parameters\n",
@@ -203,12 +203,19 @@ def page(
     )
 
 
-def _statements(fit: Fit) -> str:
+def _statements(fit: Fit, motions: Mapping[str, Motion]) -> str:
+    theta2 = motions["quasi-static"].largest[0, 1]
     columns: list[Column[tuple[Statement, float]]] = [
         Column("statement", "", lambda r: r[0].text, left=True),
         Column("target", "", lambda r: f"{r[0].target:g} {r[0].unit}", left=True),
         Column("taken as known to", "", lambda r: f"{r[0].tolerance:g} {r[0].unit}", left=True),
         Column("preset", "", lambda r: f"{r[1]:.2f} {r[0].unit}", left=True),
+        Column(
+            "theta2 beside it",
+            "",
+            lambda r: f"{theta2:.2f} deg" if r[0] is STATEMENTS[0] else "",
+            left=True,
+        ),
     ]
     return markdown_table(columns, zip(STATEMENTS, fit.found, strict=True)) + "\n"
 

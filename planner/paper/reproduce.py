@@ -109,7 +109,11 @@ def _finding(cases: Cases) -> Figure:
     ax.set_xlabel("time (s)")
     ax.set_ylabel("$z_2$")
     ax.legend(loc="lower left", fontsize=9)
-    heading(figure, "z2 stays negative, and yet there is no arm for it", ours=True)
+    heading(
+        figure,
+        "z2 stays negative, yet no arm is there (at pi/4, an inferred travel)",
+        ours=True,
+    )
     return figure
 
 
@@ -136,6 +140,12 @@ MISPRINTS = (
         " that the class is too small for the manipulator itself",
     ),
     (
+        "(6)",
+        "kg = rho^2, rho = r1/(lambda R)",
+        "kg = rho^(n-2), a factor rho for each of the n - 2 stages between phi_1 and phi_(n-1): at"
+        " n = 2 there is none, and rho^2 contradicts phi_1' = u1 of the same (6)",
+    ),
+    (
         "(7)",
         "thetan' = kn cos^2(theta_(n-1))/pn",
         "thetai' = Ki cos^2(theta_(i-1)) /"
@@ -148,6 +158,17 @@ MISPRINTS = (
         "X_(i+1) = (s Y + c Z)/(-2 k c^3 s), which needs"
         " sin(theta_i) != 0, for i <= n - 2, and X_n = Z/(-3 k c^2 s); the printed one belongs to"
         " theta' = k sin(theta) u",
+    ),
+    (
+        "(21)",
+        "df_(i+1)/dq_i = k_i sin(2 theta_(i-1))/p_i",
+        "-k_i sin(2 theta_(i-1))/p_i for i < n (the sign is lost), and -3 (kn/kg)"
+        " cos^2(theta_(n-1)) sin(theta_(n-1)) for i = n, where f is a cos^3",
+    ),
+    (
+        "(21), (22), 4.1",
+        "the inverse needs theta_i != 0 for all i",
+        "for i = 1..n-1: nothing depends on thetan, and z_(n+1) = thetan may be 0",
     ),
     (
         "(24)",
@@ -176,8 +197,16 @@ MISPRINTS = (
 )
 
 FIGURES = (
-    ("fig4-z-no-point", "Fig. 4", "z without a constraint point: z2 crosses zero twice"),
-    ("fig5-z-with-point", "Fig. 5", "z with the constraint point: z2 keeps its sign"),
+    (
+        "fig4-z-no-point",
+        "Fig. 4",
+        "z without a constraint point, at pi/4, an inferred travel: z2 crosses zero twice",
+    ),
+    (
+        "fig5-z-with-point",
+        "Fig. 5",
+        "z with the constraint point, at pi/4, an inferred travel: z2 keeps its sign",
+    ),
     ("fig5-no-real-theta1", "what Fig. 5 hides", "in the red stretch no angle theta1 gives this z"),
     ("fig6-joints", "Fig. 6", "joints of a plan of the same law that stays in the domain"),
     ("fig7-inputs", "Fig. 7", "its inputs"),

@@ -92,7 +92,7 @@ class Manipulator(TriangularSystem):
         gear: Gear,
         *,
         k_g: float | None = None,
-        rule: str = "printed",
+        rule: str = "chain",
         link_lengths: Sequence[float] | None = None,
     ) -> Manipulator:
         """Build a manipulator of n joints from gear geometry.
@@ -101,8 +101,9 @@ class Manipulator(TriangularSystem):
             n: Number of joints.
             gear: Radii and ratios.
             k_g: Drive constant; by `rule` when left out.
-            rule: "printed" takes k_g = ρ² (eq. 6), "chain" takes k_g = ρ^{n−2}, which is what the
-                chain of disks gives by derivation.
+            rule: "chain" takes k_g = ρ^{n−2}, which n − 2 stages between φ₁ and φₙ₋₁ give.
+                "printed" takes ρ² as the paper has it, a misprint: at n = 2 there is no stage
+                between, and eq. (6) itself says φ̇₁ = u₁, so k_g = 1.
             link_lengths: As in the constructor.
 
         Raises:
@@ -112,11 +113,11 @@ class Manipulator(TriangularSystem):
         if n < 2:
             raise InputError(f"a manipulator has at least 2 joints, not {n}")
         rules = {
-            "printed": (gear.rho**2, "printed: rho^2"),
             "chain": (gear.rho ** (n - 2), "chain: rho^(n-2)"),
+            "printed": (gear.rho**2, "printed: rho^2, a misprint"),
         }
         if rule not in rules:
-            raise InputError(f"k_g_rule = {rule!r} is unknown; use 'printed' or 'chain'")
+            raise InputError(f"k_g_rule = {rule!r} is unknown; use 'chain' or 'printed'")
         value, said = (k_g, "given") if k_g is not None else rules[rule]
         K = [gear.k(i) / value for i in range(2, n + 1)]
         return cls(K, value, link_lengths, said)

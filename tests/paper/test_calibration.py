@@ -103,6 +103,9 @@ def test_the_folder(made: Calibration, tmp_path: Path) -> None:
     assert "planner calibrate --out results/calibration" in text
     assert all(f"`{r.name}`" in text and r.source in text for r in FITTED)
     assert all(f"`{name}`" in text for name in FIXED)
+    theta2, theta3 = made.motions["quasi-static"].largest[0, 1:]
+    (row,) = (line for line in text.splitlines() if "(Fig. 9" in line and line.startswith("| "))
+    assert f"{theta3:.2f} deg | {theta2:.2f} deg |" in row
     assert (place / "calibration.png").stat().st_size > 10_000
 
 

@@ -5,6 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import planner
+from planner import solve
+from planner.paper.cases import paper_problem
+from planner.paper.numbers import (
+    AROUND_CROSSINGS,
+    AROUND_MISSING_ANGLES,
+    Points,
+    at_the_papers_point,
+    scan,
+    way_around,
+)
 from planner.paper.reproduce import FIGURES, Reproduction, reproduce
 
 
@@ -32,6 +43,8 @@ def test_verdicts(made: Reproduction) -> None:
     verdict = {(f.where, f.printed): f.verdict for f in made.findings}
     assert verdict["4.3, z2(T)", "-0.532"] == "misprint"
     assert verdict["Fig. 5", "and so avoids the singularities"] == "does not hold"
+    step5 = verdict["4.2, step 5", "constraint points lead around singularities"]
+    assert step5 == "its point never; other points yes"
     assert sum(v == "agrees" for v in verdict.values()) >= 5
 
 
@@ -45,15 +58,53 @@ def test_the_findings_are_those_of_the_plans(made: Reproduction) -> None:
     assert "0.78635 to 0.89664" in texts
     assert "cos^2(theta1) would have to reach 1.22" in texts
     assert "-0.5225" in texts
+    assert "0 at theta1 = 0 and 0 at theta2 = 0" in texts
+    assert texts.count("at pi/4, an inferred travel") == 3
+    error = np.median(made.cases.replay.largest_error_deg, axis=0)
+    assert f"theta2, of which the paper says nothing: {error[1]:.1f} deg" in texts
 
 
-def test_scan_finds_pairs_that_keep_the_sign_and_none_inside() -> None:
-    from planner.paper.numbers import scan
+def test_the_papers_own_point_leads_around_at_no_travel() -> None:
+    assert np.max(at_the_papers_point()) < -0.05
 
-    found = scan(travels=31, times=19)
-    assert found.tried > 100
-    assert found.sign_kept > 0
-    assert found.inside == 0
+
+def test_its_value_leads_around_a_crossing_in_a_thin_strip_of_travels() -> None:
+    found = scan()
+    travels = found.inside[:, 0]
+    assert found.tried > 1500
+    assert 0.7929 < travels.min() < travels.max() < 0.79367  # there the plain cubic stays inside
+    for travel, time in found.inside[[0, -1]]:
+        assert way_around(travel, [[time, -0.2]]).verified
+
+
+@pytest.mark.parametrize(("travel", "points"), AROUND_CROSSINGS + AROUND_MISSING_ANGLES)
+def test_other_points_lead_around(travel: float, points: Points) -> None:
+    plain = solve(paper_problem(travel=travel), "polynomial", allow_singular=True)
+    assert not plain.domain.ok
+    assert bool(plain.domain.z2_crossings_s) == ((travel, points) in AROUND_CROSSINGS)
+    plan = way_around(travel, points)
+    assert plan.verified
+    assert plan.notes["points"]
+
+
+def test_21_has_lost_a_sign_and_is_another_power_at_the_last_joint() -> None:
+    """Corrected as the page prints it, against differences of the slopes themselves."""
+    arm, n, step = planner.Manipulator([0.8, 0.7, 0.6], 0.5), 4, 1e-6
+    q = np.array([0.0, 0.3, 0.5, 0.7, 0.2])
+    for i in range(2, n + 1):  # theta_i' depends on theta_(i-1)
+        shift = step * np.eye(n + 1)[i - 1]
+        slope = (arm.slopes(q + shift)[i - 2] - arm.slopes(q - shift)[i - 2]) / (2 * step)
+        before, k = q[i - 1], arm.k_g * arm.K[i - 2]
+        p = arm.k_g * np.prod(np.cos(q[i : n - 1]))
+        last = -3 * k / arm.k_g * np.cos(before) ** 2 * np.sin(before)
+        assert slope == pytest.approx(-k * np.sin(2 * before) / p if i < n else last, rel=1e-8)
+
+
+def test_the_chart_needs_no_angle_at_the_last_joint(paper: planner.Problem) -> None:
+    form = planner.chained_form(paper.system)
+    q = np.array([0.1, 0.3, 0.4, 0.0])
+    np.testing.assert_allclose(form.q(form.z(q), paper.system.branch(q)), q, atol=1e-14)
+    assert np.min(paper.system.chart_margins(q, paper.system.branch(q))) > 0
 
 
 def test_machine_figures_are_of_the_prototype(made: Reproduction) -> None:

@@ -48,11 +48,44 @@ def test_gear_geometry_supplies_the_constants(paper: planner.Problem) -> None:
     assert isinstance(system, planner.Manipulator)
     rho = 0.8178
     assert system.k_g == pytest.approx(rho**2)
-    assert system.k_g_rule.startswith("printed")
+    assert system.k_g_rule.startswith("chain")
     k = [1 / 1.2 * rho ** (i - 1) for i in (2, 3, 4)]
     np.testing.assert_allclose(system.K, np.array(k) / rho**2)
-    data["system"]["k_g_rule"] = "chain"
-    assert planner.Problem.from_dict(data).system.k_g == pytest.approx(rho ** (4 - 2))
+
+
+@pytest.mark.parametrize("n", [2, 3, 5])
+def test_rule_of_the_gear_is_the_chains_and_the_printed_one_can_be_asked_for(n: int) -> None:
+    gear = {"r1": 0.7, "R": 1.1, "r3": 1.2, "lambda": 0.9, "eta": 1.3}
+    system = {"kind": "manipulator", "joints": n, "gear": gear}
+    angles = {"theta_deg": [5.0] * n}
+
+    def built(**more: object) -> planner.Manipulator:
+        data = {"system": system | more, "start": angles, "goal": angles | {"duration": 1.0}}
+        made = planner.Problem.from_dict(data).system
+        assert isinstance(made, planner.Manipulator)
+        return made
+
+    rho = 0.7 / (0.9 * 1.1)
+    chain, printed, given = built(), built(k_g_rule="printed"), built(k_g=0.4)
+    assert chain.k_g == pytest.approx(rho ** (n - 2))
+    assert printed.k_g == pytest.approx(rho**2)
+    assert given.k_g == 0.4
+    assert given.k_g_rule == "given"
+    for arm in (chain, printed, given):  # the joints' own constants do not depend on the rule
+        np.testing.assert_allclose(arm.k_g * arm.K, chain.k_g * chain.K, rtol=1e-14)
+
+
+def test_the_chains_rule_is_what_the_stages_do_one_by_one() -> None:
+    """Stage i turns B_i+1 by r1 cos(theta_i)/(lambda R) of B_i; B_n-1 is n - 2 stages from B_1."""
+    gear, n = planner.Gear(0.7, 1.1, 1.2, 0.9, 1.3), 5
+    q = np.array([0.0, 0.3, 0.5, -0.4, 0.2, 0.7])
+    speed = 1.0
+    for theta in q[1 : n - 1]:
+        speed *= gear.r1 * np.cos(theta) / (gear.lam * gear.R)
+    arm = planner.Manipulator.from_gear(n, gear)
+    assert arm.rates(q, np.array([1.0, 0.0]))[0] == pytest.approx(speed, rel=1e-14)
+    two = planner.Manipulator.from_gear(2, gear)
+    assert two.rates(q[:3], np.array([1.0, 0.0]))[0] == 1.0  # phi1' = u1, eq. (6)
 
 
 @pytest.mark.parametrize(

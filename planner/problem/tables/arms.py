@@ -227,9 +227,10 @@ class ManipulatorTable(Table):
     k_g: Positive | None = Field(
         None, description="Drive constant; needed with K, by rule with gear."
     )
-    k_g_rule: Literal["printed", "chain"] = Field(
-        "printed",
-        description="Default of k_g with gear: rho^2 as printed, or rho^(n-2) by the chain.",
+    k_g_rule: Literal["chain", "printed"] = Field(
+        "chain",
+        description="k_g with gear: rho^(n-2), what the chain of disks gives; or rho^2 as printed,"
+        " a misprint.",
     )
     link_lengths: list[Positive] | None = Field(None, description="Link lengths for drawing.")
 

@@ -85,7 +85,7 @@ def test_curves_of_the_page_are_those_of_the_plans(saved: Path) -> None:
     t = np.array(data["plans"][1]["t"])
     drawn = next(s for s in figures["inputs"][1]["series"] if s["plan"] == 1)["y"]
     np.testing.assert_allclose(drawn[5:-5], plan.u(t)[5:-5, 1], rtol=2e-2, atol=1e-3)
-    assert figures["inputs"][1]["limits"] == [0.6]
+    assert figures["inputs"][1]["limits"] == [-0.6, 0.6]
     assert figures["inputs"][1]["notes"][0]["value"] == pytest.approx(83, abs=0.5)
     assert [panel["title"] for panel in figures["z"]] == ["z₂", "z₂", "z₃", "z₄"]
     assert figures["z"][0]["band"]["high"][0] == 0, "rounding, -1e-34, is shown as what it is"

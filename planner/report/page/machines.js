@@ -1,4 +1,62 @@
-// The figure with a point for each plan: effort against error.
+// Figures over many machines: shares of them, and effort against error with a point for each plan.
+
+class ShareChart extends Chart {
+  scales() {
+    this.percent = true;
+    const list = this.panel.series.filter((s) => this.shown(s));
+    const some = list.length ? list : this.panel.series;
+    const low = Math.min(...some.map((s) => s.values[Math.floor(0.01 * s.values.length)]));
+    const high = Math.max(...some.map((s) => s.values[s.values.length - 1]));
+    const log = low > 0 && high / low > 8;
+    const [a, b] = log ? [low * 0.9, high * 1.1] : [0, high * 1.05 || 1];
+    this.x = scale(a, b, EDGE.left, this.size.right, log);
+    this.y = scale(0, 1, this.size.bottom, EDGE.top);
+  }
+
+  across() {
+    return "E (deg)";
+  }
+
+  label() {
+    const names = this.panel.series.map((s) => this.page.plans[s.plan].label);
+    return `Share of machines with a smaller error, for ${names.join(", ")}. Arrow keys read values.`;
+  }
+
+  first() {
+    return this.x.invert((this.x(this.x.low) + this.x(this.x.high)) / 2);
+  }
+
+  draw() {
+    for (const series of this.panel.series) {
+      if (!this.shown(series)) continue;
+      const n = series.values.length;
+      let d = `M${this.x(Math.max(this.x.low, series.values[0]))} ${this.y(0)}`;
+      series.values.forEach((v, i) => {
+        d += `H${this.x(Math.max(this.x.low, v)).toFixed(1)}V${this.y((i + 1) / n).toFixed(1)}`;
+      });
+      make("path", { class: this.classes(series, "curve"), d: `${d}H${this.size.right}` }, this.inside);
+      for (const share of [0.5, 0.95]) {
+        const cx = this.x(quantile(series.values, share));
+        make("circle", { class: this.classes(series, "dot"), cx, cy: this.y(share), r: 4.5 }, this.over);
+      }
+    }
+  }
+
+  describe(x) {
+    const rows = this.panel.series.filter((s) => this.shown(s)).map((s) => {
+      const below = s.values.filter((v) => v <= x).length / s.values.length;
+      return { plan: s.plan, text: `${(100 * below).toFixed(1)} %` };
+    });
+    return { head: `E below ${short(x, 3)} deg`, rows, px: this.x(x) };
+  }
+}
+
+/** Quantile of increasing values, linear between them. */
+function quantile(values, share) {
+  const p = share * (values.length - 1);
+  const k = Math.floor(p);
+  return values[k] + (p - k) * ((values[k + 1] ?? values[k]) - values[k]);
+}
 
 class PointsChart extends Chart {
   scales() {

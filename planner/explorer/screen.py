@@ -20,7 +20,7 @@ from planner.explorer.controls import (
     option_controls,
 )
 from planner.explorer.outcome import Outcome, errors, judge, path
-from planner.explorer.picture import error_panel, panels
+from planner.explorer.picture import error_panel, picture
 from planner.explorer.state import State, code, problem_file
 from planner.plan.plan import Plan
 from planner.support.user_tables import nearest
@@ -69,7 +69,7 @@ class Screen:
     def picture(self) -> dict[str, Any]:
         """Panels, controls and words for what is known by now."""
         return {
-            "panels": panels(self.outcome),
+            **picture(self.outcome),
             "controls": [control.to_dict() for control in self.controls.values()],
             **self.words(),
         }

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from importlib.resources import files
 from typing import Any
 
 import anywidget
@@ -14,21 +13,20 @@ from planner.explorer.screen import Screen
 from planner.explorer.state import State
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
+from planner.report.charts.panels import CHARTS, STYLE, script, source
 
 QUICK_S = 0.05
 """Errors on the machine that took less than this come with the picture; others follow it."""
 
-_STATIC = files("planner.explorer") / "static"
+ROOM = "planner.explorer"
+SCRIPTS = ("static/controls.js", "static/explorer.js")
 
 
 class Explorer(anywidget.AnyWidget):
     """A picture of one problem whose sliders plan it anew; made by `planner.explore`."""
 
-    _esm = "\n".join(
-        (_STATIC / name).read_text(encoding="utf-8")
-        for name in ("plot.js", "controls.js", "explorer.js")
-    )
-    _css = (_STATIC / "explorer.css").read_text(encoding="utf-8")
+    _esm = script(ROOM, SCRIPTS)
+    _css = source(CHARTS, STYLE) + source(ROOM, "static/explorer.css")
 
     def __init__(self, problem: Problem, method: str, samples: int) -> None:
         super().__init__()

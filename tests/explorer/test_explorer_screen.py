@@ -14,9 +14,9 @@ import pytest
 import planner
 from planner.errors import InputError
 from planner.explorer.outcome import judge, path
-from planner.explorer.picture import short
 from planner.explorer.screen import Screen
 from planner.explorer.state import State
+from planner.report.charts.panels import rounded
 from planner.support.package import how_to_install
 
 ROOT = Path(__file__).parents[2]
@@ -36,13 +36,13 @@ def panel(screen: Screen, name: str) -> dict[str, Any]:
 def test_a_slider_moves_the_plan_and_the_picture() -> None:
     shown = screen("paper")
     shown.change([("goal.travel", 0.80)])
-    before = panel(shown, "z2")["lines"][0]["y"]
+    before = panel(shown, "z2")["series"][0]["y"]
     shown.change([("goal.travel", 0.82)])
-    after = panel(shown, "z2")["lines"][0]["y"]
+    after = panel(shown, "z2")["series"][0]["y"]
     assert shown.outcome.plan is not None
     assert shown.outcome.plan.travel == pytest.approx(0.82, abs=1e-12)
     assert np.max(np.abs(np.array(before) - np.array(after))) > 0.01
-    low, high = (np.array(panel(shown, "z2")["bands"][0][edge]) for edge in ("low", "high"))
+    low, high = (np.array(panel(shown, "z2")["band"][edge]) for edge in ("low", "high"))
     assert np.all((low < after) & (after < high))  # in the domain at this travel
 
 
@@ -65,8 +65,8 @@ def test_a_refused_path_is_drawn_with_the_reason_in_words() -> None:
     assert "leaves the domain" in words["text"]
     z2 = panel(shown, "z2")
     assert len(z2["marks"]) == 2
-    assert z2["points"][0]["at"] == [5.0, -0.2]
-    assert None in panel(shown, "joints")["lines"][0]["y"]
+    assert z2["handles"][0]["at"] == [5.0, -0.2]
+    assert None in panel(shown, "joints")["series"][0]["y"]
     json.dumps(shown.picture(), allow_nan=False)
     with pytest.raises(planner.SingularError):
         shown.plan()
@@ -75,13 +75,13 @@ def test_a_refused_path_is_drawn_with_the_reason_in_words() -> None:
 def test_what_is_proven_impossible_is_drawn_all_the_same() -> None:
     shown = screen("unreachable")
     assert shown.words()["kind"] == "infeasible"
-    assert panel(shown, "inputs")["lines"][0]["y"]
+    assert panel(shown, "inputs")["series"][0]["y"]
 
 
 def test_a_law_without_any_travel_is_drawn_at_some_travel() -> None:
     shown = screen("parking", **{"goal.travel": "free"})
     assert shown.words()["kind"] == "infeasible"
-    assert panel(shown, "z2")["lines"][0]["y"]
+    assert panel(shown, "z2")["series"][0]["y"]
 
 
 def test_obstacles_are_drawn() -> None:
@@ -114,10 +114,10 @@ def test_the_verdict_waits_for_the_judge() -> None:
 
 def test_constraint_points_start_on_the_path_and_are_dragged_by_both_their_controls() -> None:
     shown = screen("paper", **{"goal.travel": 0.82})
-    free = panel(shown, "z2")["lines"][0]["y"]
+    free = panel(shown, "z2")["series"][0]["y"]
     shown.change([("method.polynomial.points", "one")])
-    assert np.allclose(panel(shown, "z2")["lines"][0]["y"], free, atol=2e-4)
-    (point,) = panel(shown, "z2")["points"]
+    assert np.allclose(panel(shown, "z2")["series"][0]["y"], free, atol=2e-4)
+    (point,) = panel(shown, "z2")["handles"]
     time_name, z2_name = point["names"]
     shown.change([(time_name, 6.0), (z2_name, -0.3)])
     assert shown.state.value("method.polynomial.points") == [[6.0, -0.3]]
@@ -133,7 +133,7 @@ def test_the_machine_can_be_changed_effect_by_effect() -> None:
     assert not shown.controls["machine.backlash_deg:value"].on
     stiffer = shown.errors()
     assert stiffer is not None
-    assert stiffer["lines"][0]["y"][-1] < 0.8 * error["lines"][0]["y"][-1]
+    assert stiffer["series"][0]["y"][-1] < 0.8 * error["series"][0]["y"][-1]
     shown.change([("machine.backlash_deg:value", 4.0)])
     spread = planner.Machine.prototype().effects["backlash_deg"].spread[0]
     assert shown.state.value("machine.backlash_deg") == {"value": 4.0, "spread": spread}
@@ -218,8 +218,8 @@ def test_the_missing_extra_is_named(
 
 
 def test_numbers_are_shortened_without_visible_change() -> None:
-    values = np.array([1.0 / 3, np.nan, -200.0])
-    assert short(values) == [pytest.approx(1 / 3, abs=1e-3), None, -200.0]
+    values = np.array([1.0 / 3, np.nan, -200.0, 1e-30, 123456.7, 8.123456e-7])
+    assert rounded(values) == [0.33333, None, -200.0, 0.0, 123460.0, 8.1235e-7]
 
 
 def test_judging_twice_changes_nothing(paper: planner.Problem) -> None:

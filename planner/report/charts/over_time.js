@@ -6,14 +6,14 @@ class TimeChart extends Chart {
     const { width, right, bottom } = this.size;
     const visible = panel.series.filter((s) => this.shown(s));
     const list = visible.length ? visible : panel.series;
-    const longest = Math.max(...list.map((s) => page.plans[s.plan].duration));
+    const longest = Math.max(...list.map((s) => s.t?.at(-1) ?? page.plans[s.plan].duration));
     this.x = scale(0, longest, EDGE.left, right);
     let span = panel.view;
     if (!span) {
       const ys = list.map((s) => s.y);
       if (panel.band) ys.push(panel.band.low, panel.band.high);
-      if (panel.ends) ys.push(panel.ends);
-      if (panel.limits) for (const l of panel.limits) ys.push([l]);
+      ys.push(panel.ends ?? [], panel.limits ?? [], (panel.handles ?? []).map((p) => p.at[1]));
+      if (panel.zero) ys.push([0]);
       span = range(ys);
     }
     this.y = scale(span[0], span[1], bottom, EDGE.top);
@@ -25,13 +25,13 @@ class TimeChart extends Chart {
   }
 
   label() {
-    const names = this.panel.series.filter((s) => !s.machine).map((s) => this.page.plans[s.plan].label);
+    const names = this.panel.series.filter((s) => !s.machine).map((s) => this.named(s));
     return `${this.panel.title} over time for ${names.join(", ")}. Arrow keys read values.`;
   }
 
   times(series) {
     const plan = this.page.plans[series.plan];
-    return series.machine ? plan.machine.t : plan.t;
+    return series.t ?? (series.machine ? plan.machine.t : plan.t);
   }
 
   draw() {
@@ -62,6 +62,8 @@ class TimeChart extends Chart {
     });
     for (const [t, value] of panel.stops ?? [])
       make("path", { class: "stop", d: diamond(this.x(t), this.y(value)) }, over);
+    for (const { at: [t, value], names } of panel.handles ?? [])
+      make("circle", { class: names ? "handle" : "handle fixed", cx: this.x(t), cy: this.y(value), r: 6 }, over);
     this.drawNotes();
   }
 
@@ -83,8 +85,6 @@ class TimeChart extends Chart {
 
   drawNotes() {
     const notes = (this.panel.notes ?? []).filter((n) => this.page.shown[n.plan]);
-    this.notes.replaceChildren();
-    if (this.panel.notes && !notes.length) return;
     for (const note of notes) {
       const { label, colour } = this.page.plans[note.plan];
       const text = `${label} peaks at ${short(note.value, 3)}, t = ${short(note.t, 2)} s`;
@@ -103,15 +103,15 @@ class TimeChart extends Chart {
       if (!this.shown(series)) continue;
       const value = at(this.times(series), series.y, t);
       if (value === null) continue;
-      const name = series.machine ? "… on the machine" : undefined;
-      rows.push({ plan: series.plan, name, text: this.measured(value) });
+      const name = series.machine ? "… on the machine" : series.name;
+      rows.push({ plan: series.plan, colour: series.colour, name, text: this.measured(value) });
     }
     if (this.panel.band && rows.length) {
       const { low, high } = this.panel.band;
       const times = this.times(this.panel.series[0]);
       const [a, b] = [at(times, low, t), at(times, high, t)];
       if (a !== null && b !== null)
-        rows.push({ plan: this.panel.series[0].plan, name: "domain", text: `${short(a, 3)} to ${short(b, 3)}` });
+        rows.push({ plan: this.panel.series[0].plan, name: this.panel.band.name ?? "domain", text: `${short(a, 3)} to ${short(b, 3)}` });
     }
     return { head: `${t.toFixed(2)} s`, rows, px: this.x(t) };
   }

@@ -35,11 +35,14 @@ Panel = dict[str, Any]
 TINY = 1e-12
 """What is smaller is rounding, and would be read as a number with an exponent."""
 
+NEAR = 0.75
+"""Part of a limit from which on it is drawn."""
+
 DIGITS = 5
 """More significant digits than a screen shows."""
 
 CHARTS = "planner.report.charts"
-SCRIPTS = ("scale.js", "chart.js", "over_time.js")
+SCRIPTS = ("scale.js", "chart.js", "over_time.js", "plane.js")
 STYLE = "charts.css"
 
 
@@ -72,6 +75,12 @@ def band(plan: Plan, t: Array, **more: Any) -> Mapping[str, Any]:
     out = np.array([] if plan.executable else plan.domain.exits_s)
     marks = np.stack([out, plan.z(out)[:, 1]], axis=1).tolist()
     return {"band": {"low": rounded(low), "high": rounded(high), **more}, "marks": marks}
+
+
+def near(values: Array, limit: float) -> list[float]:
+    """±limit, where values come near it; elsewhere its line would only make the curves small."""
+    reach = [(side, np.nanmax(side * values, initial=-np.inf)) for side in (-1, 1)]
+    return [side * limit for side, most in reach if np.isfinite(limit) and most > NEAR * limit]
 
 
 def rounded(values: Array) -> list[Any]:

@@ -11,7 +11,7 @@ from planner.comparison.comparison import Comparison
 from planner.plan.measures import worst_margin
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
-from planner.report.charts.panels import Panel, band, curve, over_time, rounded, unit_of
+from planner.report.charts.panels import Panel, band, curve, near, over_time, rounded, unit_of
 from planner.report.figures.arm import body, drawable, waypoint_tips
 from planner.report.figures.over_time import has_band, view
 from planner.report.figures.style import Curve, curves, shown, times
@@ -142,14 +142,13 @@ def _joints(
             if one.label in replays
         ]
         panel["series"] += machine
-        most = max(float(np.nanmax(np.abs(v))) for _, v in values)
-        near = [-limit, limit] if np.isfinite(limit) and most > 0.75 * limit else []
         on_the_way = [
             [w.time_s, float(shown(w.q[i : i + 1], unit)[0])]
             for w in problem.waypoints
             if w.time_s is not None and np.isfinite(w.q[i])
         ]
-        panels.append({**panel, "limits": near, "ends": list(ends), "stops": on_the_way})
+        lines = near(np.concatenate([v for _, v in values]), limit)
+        panels.append({**panel, "limits": lines, "ends": list(ends), "stops": on_the_way})
     return {"id": "joints", "panels": panels}
 
 

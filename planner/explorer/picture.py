@@ -11,6 +11,7 @@ from planner.explorer.controls import POINTS
 from planner.explorer.outcome import Outcome
 from planner.machine.replay import Replay
 from planner.plan.plan import Plan
+from planner.problem.problem import Problem
 from planner.report.charts.panels import Panel, band, curve, near, over_time, rounded, unit_of
 from planner.report.figures.arm import body, drawable, waypoint_tips
 from planner.report.figures.over_time import view
@@ -39,6 +40,8 @@ def picture(outcome: Outcome) -> dict[str, Any]:
     found = [_z2(plan, t, z), *_rest(z), _angles(plan, q), _inputs(plan, t, u)]
     if drawable(plan.problem.system):
         found.append(_plane(plan, q))
+    if hasattr(plan.problem.system, "arm_points"):
+        found.append(_map(plan, q))
     drawn = {
         "label": plan.method,
         "refused": outcome.error is not None,
@@ -77,7 +80,7 @@ def _z2(plan: Plan, t: Array, z: Array) -> Panel:
         zero=True,
         handles=_handles(plan),
         limits=[plan.problem.z2_sign * margin] if margin else [],
-        **band(plan, t, name="domain: a real θ₁ exists"),
+        **band(plan, t, name="a real θ₁ exists"),
     )
 
 
@@ -152,9 +155,62 @@ def _plane(plan: Plan, q: Array) -> Panel:
         "tips": waypoint_tips(plan.problem).tolist(),
         "key": [
             ["ramp", f"from 0 s to {plan.duration:.3g} s"],
-            ["plan-0", "path of the tip" if arm else "path"],
+            ["path", "path of the tip" if arm else "path"],
         ],
     }
+
+
+def _map(plan: Plan, q: Array) -> Panel:
+    """Where the path runs in (θ₁, θ₂), and where the chart that the start lies in ends."""
+    problem, limits = plan.problem, np.rad2deg(plan.problem.limits.joint[1:3])
+    names = [subscripted(problem.system.coordinates[i].name) for i in (1, 2)]
+    path = np.rad2deg(q[:, 1:3])
+    ends = np.rad2deg([problem.start[1:3], problem.goal[1:3]])
+    chart = [_inside(problem, i) for i in (1, 2)]
+    view = []
+    for k in (0, 1):
+        near_edges = [edge for edge in chart[k] or () if abs(edge) < BEYOND]
+        seen = np.concatenate([path[:, k], ends[:, k], near_edges])
+        view.append([float(np.nanmin(seen)) - MARGIN, float(np.nanmax(seen)) + MARGIN])
+    lines = [(k, side * most) for k, most in enumerate(limits.tolist()) for side in (-1, 1)]
+    return {
+        "id": "map",
+        "kind": "plane",
+        "title": f"{names[1]} over {names[0]}",
+        "unit": "deg",
+        "across": f"{names[0]} (deg)",
+        "plan": 0,
+        "names": names,
+        "path": [rounded(path[:, 0]), rounded(path[:, 1])],
+        "ends": ends.tolist(),
+        "view": view,
+        "region": chart if all(chart) else None,
+        "limits": [[k, line] for k, line in lines if np.isfinite(line)],
+        "note": "" if all(chart) else "the start lies on the chart's edge",
+        "key": [["path", "path"], ["below", "outside the chart"], ["limit", "joint limits"]],
+    }
+
+
+MARGIN, BEYOND = 6.0, 1e4
+"""Degrees that the map reaches beyond what is in it; and where an edge is that there is none."""
+
+
+def _inside(problem: Problem, i: int) -> tuple[float, float] | None:
+    """Where coordinate i alone would leave the chart around the start, degrees; None if at once."""
+    system, steps = problem.system, np.arange(0.0, 180.25, 0.5)
+    branch = system.branch(problem.start)
+    own = [k for k, (index, _) in enumerate(system.margin_labels) if index == i]
+    found = []
+    for side in (-1.0, 1.0):
+        at = np.rad2deg(problem.start[i]) + side * steps
+        at[1:] = np.round(2 * at[1:]) / 2  # edges lie at round angles
+        q = np.tile(problem.start, (len(at), 1))
+        q[:, i] = np.deg2rad(at)
+        out = np.any(system.chart_margins(q, branch)[:, own] < 1e-9, axis=1).nonzero()[0].tolist()
+        found.append(float(at[out[0]]) if out else side * BEYOND)
+        if 0 in out:
+            return None
+    return found[0], found[1]
 
 
 def _lines(names: Sequence[str], values: Array) -> list[Panel]:

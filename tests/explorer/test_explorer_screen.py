@@ -178,16 +178,77 @@ def test_a_problem_without_a_file_is_written_out_in_the_code() -> None:
 @pytest.mark.parametrize("method", list(planner.METHODS))
 def test_every_option_control_writes_what_the_method_takes(method: str) -> None:
     problem = planner.load_problem(ROOT / "problems" / "paper.toml", {"goal.travel": 0.82})
-    shown = Screen.__new__(Screen)
-    shown.state = State.of(problem, method, 0)
-    shown.outcome = path(State.of(problem, "polynomial", 0))
-    shown._rebuild()
+    shown = Screen(State.of(problem, "polynomial", 0))
+    shown.set([("method", method)])
     for control in shown.controls.values():
         values = control.choices or [control.low, control.high]
         for value in [True, False] if control.kind == "switch" else values:
             state = shown.state.with_value(control.key, control.written(value))
-            if control.key not in ("method", "samples") and "limits" not in control.key:
+            if control.key.startswith(("method.", "machine.", "goal.duration", "goal.travel")):
                 state.problem()  # the schema takes it
+
+
+def test_start_goal_and_gears_have_sliders_of_their_own() -> None:
+    shown = screen("paper", "collocation")
+    groups = list(dict.fromkeys(control.group for control in shown.controls.values()))
+    assert groups[:3] == ["System", "Start", "Goal"]
+    found = {control.name: control for control in shown.controls.values()}
+    assert [found[f"start.theta_deg:{k}"].label for k in range(3)] == ["θ₁", "θ₂", "θ₃"]
+    shown.change([("start.theta_deg:1", 5.0), ("goal.theta_deg:0", 40.0), ("system.K:0", 0.9)])
+    plan = shown.outcome.plan
+    assert plan is not None
+    np.testing.assert_allclose(np.rad2deg(plan.q(0.0)[1:]), [1, 5, 1], atol=1e-9)
+    assert np.rad2deg(plan.q(plan.duration)[1]) == pytest.approx(40, abs=1e-3)
+    assert plan.problem.system.K[0] == 0.9  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("name", ["car", "custom", "trailers", "unicycle", "ball-gear"])
+def test_every_kind_has_sliders_for_its_ends(name: str) -> None:
+    shown = screen(name, samples=0)
+    for table in ("start", "goal"):
+        own = [c for c in shown.controls.values() if c.key.startswith(f"{table}.")]
+        assert len(own) >= 3
+        for control in own:
+            assert control.low <= control.shown <= control.high, control.name
+
+
+def test_a_joint_more_is_like_the_last_one_and_goes_again() -> None:
+    shown = screen("paper", "collocation", **{"goal.travel": "free", "limits.z2_margin": None})
+    ratio = 0.711625 / 0.870125
+    shown.change([("system.joints", 4)])
+    problem = shown.outcome.problem
+    assert problem is not None
+    np.testing.assert_allclose(problem.system.K, [0.870125, 0.711625, 0.711625 * ratio])
+    np.testing.assert_allclose(np.rad2deg(problem.goal[1:]), [30, 30, 30, 30])
+    assert "goal.theta_deg:3" in shown.controls
+    assert panel(shown, "joints")["series"][3]["name"] == "θ₄"
+    shown.change([("system.joints", 2)])
+    assert "goal.theta_deg:2" not in shown.controls
+    shown.change([("system.joints", 3)])
+    again = shown.outcome.problem
+    assert again is not None
+    np.testing.assert_allclose(again.system.K, [0.870125, 0.711625])
+    np.testing.assert_allclose(np.rad2deg(again.start[1:]), [1, 1, 1])
+
+
+def test_the_map_shows_the_chart_s_edges_and_the_path() -> None:
+    chart = panel(screen("paper"), "map")
+    assert chart["region"] == [(0.0, 90.0), (0.0, 90.0)]  # of one sign, see `chart_margins`
+    np.testing.assert_allclose(chart["ends"], [[1, 1], [30, 30]])
+    np.testing.assert_allclose([way[-1] for way in chart["path"]], [30, 30], atol=1e-3)
+    assert panel(screen("ball-gear"), "map")["region"] == [(-90.0, 90.0), (-90.0, 90.0)]
+    assert not any(p["id"] == "map" for p in screen("car").picture()["panels"])
+    away = panel(screen("parking", "collocation"), "map")
+    assert min(away["path"][1]) < away["region"][1][0] == 0.0, "the path leaves the chart"
+
+
+def test_planning_ends_at_the_explorer_s_time_limit() -> None:
+    problem = planner.load_problem(ROOT / "problems" / "paper.toml")
+    shown = Screen(State.of(problem, "collocation", 0, time_limit_s=1e-4))
+    assert shown.words()["kind"] == "time limit"
+    assert "the time limit of 0.0001 s ended" in shown.words()["text"]
+    own = problem.changed({"method.collocation.time_limit_s": 20.0})
+    assert Screen(State.of(own, "collocation", 0, time_limit_s=1e-4)).outcome.plan is not None
 
 
 def test_reset_goes_back_to_the_problem() -> None:

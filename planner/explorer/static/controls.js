@@ -106,7 +106,7 @@ function makeSwitch(c, changed) {
 // All controls under their headings; rebuilt only when the set of controls changes.
 function makeControls(place, changed) {
   let shape = "";
-  const open = { Motion: true, Limits: true };
+  const open = { System: true, Start: true, Goal: true, Method: true, Limits: true };
   let made = new Map();
   const makers = { slider: makeSlider, choice: makeChoice, switch: makeSwitch };
   return (controls, held) => {

@@ -31,13 +31,19 @@ class DragChart extends TimeChart {
   }
 }
 
+const SOON = 250; // ms; what takes longer is said to be under way, and can be stopped
+const DOING = { judge: "verifying", errors: "on the machines", texts: "writing" };
+
 function render({ model, el }) {
   const root = make("div", { class: "px charts" });
   const side = make("div", { class: "px-side" }), main = make("div", { class: "px-main" });
-  const verdict = make("div", { class: "px-verdict", role: "status" }), words = make("pre", { class: "px-words" });
-  const facts = make("div", { class: "px-facts" }), grid = make("div", { class: "px-grid" });
-  const texts = make("div", { class: "px-texts" }), live = make("div", { class: "px-live", "aria-live": "polite" });
-  main.append(verdict, words, facts, grid, live, texts);
+  const head = make("div", { class: "px-head" }), verdict = make("span", { class: "px-verdict", role: "status" });
+  const stopper = make("button", { type: "button", text: "Stop", "data-button": "stop", hidden: "" });
+  const facts = make("span", { class: "px-facts" }), words = make("div", { class: "px-words", tabindex: 0 });
+  const grid = make("div", { class: "px-grid" }), texts = make("div", { class: "px-texts" });
+  const live = make("div", { class: "px-live", "aria-live": "polite" });
+  head.append(verdict, stopper, facts);
+  main.append(head, words, grid, live, texts);
   root.append(side, main);
   el.append(root);
 
@@ -53,7 +59,7 @@ function render({ model, el }) {
   };
   let panels = [];
   let stale = false;
-  let waiting = new Map(), busy = null, resting = 0;
+  let waiting = new Map(), busy = null, resting = 0, ticking = 0;
   let number = Math.floor(1e9 * Math.random()); // another view of the same widget counts elsewhere
 
   const watch = new ResizeObserver((entries) => {
@@ -72,36 +78,81 @@ function render({ model, el }) {
     if (!waiting.size) waiting.began = performance.now();
     root.dataset.open = 1;
     waiting.set(name, value);
+    old();
     pump();
   }
 
   function pump() {
     if (busy || !waiting.size) return;
-    clearTimeout(resting);
-    busy = { kind: "change", number: ++number, began: waiting.began };
     const changes = [...waiting];
+    begin("change", waiting.began, { changes });
     waiting = new Map();
-    model.send({ ask: "change", number, changes });
   }
 
   function ask(kind) {
-    if (busy) return;
-    busy = { kind, number: ++number, began: performance.now() };
-    model.send({ ask: kind, number });
+    if (!busy) begin(kind, performance.now());
+  }
+
+  function begin(kind, began, more = {}) {
+    clearTimeout(resting);
+    busy = { kind, number: ++number, began, stopped: false };
+    root.dataset.open = 1;
+    if (kind !== "texts" && kind !== "judge" && kind !== "errors") old();
+    model.send({ ask: kind, number, ...more });
+    clearInterval(ticking);
+    ticking = setInterval(tick, 100);
+  }
+
+  // What is on the screen belongs to other settings from now on: no verdict stands beside it.
+  function old() {
+    delete root.dataset.kind;
+    verdict.className = "px-verdict px-open";
+    if (!root.classList.contains("px-busy")) verdict.textContent = "planning ...";
+    for (const part of [facts, words]) part.classList.add("px-past");
+  }
+
+  function tick() {
+    const ms = performance.now() - busy.began;
+    if (ms < SOON) return;
+    const { kind } = busy;
+    const plans = !(kind in DOING);
+    root.classList.toggle("px-busy", plans);
+    charts.get("error")?.host.classList.toggle("px-past", plans || kind === "errors");
+    if (plans) words.textContent = facts.textContent = "";
+    if (plans || root.dataset.kind === "not judged yet") {
+      const doing = busy.stopped ? "stopping" : (DOING[kind] ?? "planning");
+      verdict.textContent = `${doing}, ${Math.floor(ms / 1000)} s`;
+    }
+    stopper.hidden = kind === "texts" || kind === "judge";
+    if (plans && waiting.size) stop(true); // its answer would belong to other settings
+  }
+
+  function stop(atOnce) {
+    if (!busy || busy.stopped) return;
+    busy.stopped = true;
+    stopper.disabled = true;
+    model.send({ ask: "stop", number: busy.number, at_once: atOnce });
   }
 
   function answered(reply) {
     if (!busy || reply.number !== busy.number) return;
+    if (reply.took_ms === undefined) return fill(reply.controls, new Set(waiting.keys())); // more will come
     const done = busy;
     busy = null;
+    clearInterval(ticking);
+    stopper.hidden = true;
+    stopper.disabled = false;
+    root.classList.remove("px-busy");
     if (reply.panels) {
       const kept = reply.error === undefined ? panels.filter((p) => p.id === "error") : [];
       if (reply.panels.length) [page.plans, panels] = [reply.plans, [...reply.panels, ...kept]];
       root.classList.toggle("px-stale", !reply.panels.length);
       fill(reply.controls, new Set(waiting.keys()));
+      charts.get("error")?.host.classList.toggle("px-past", reply.todo?.includes("errors") ?? false);
     }
     if (reply.error !== undefined) {
       panels = panels.filter((p) => p.id !== "error");
+      charts.get("error")?.host.classList.remove("px-past");
       if (reply.error) panels.push(reply.error);
     }
     if (reply.kind) say(reply);
@@ -113,8 +164,10 @@ function render({ model, el }) {
     root.dataset.stage = done.kind;
     root.dataset.number = done.number;
     if (done.kind === "change" || done.kind === "reset") stale = texts.childElementCount > 0;
-    if (waiting.size) pump();
-    else next(reply);
+    if (waiting.size) {
+      old();
+      pump();
+    } else next(reply);
   }
 
   // What is still open once the sliders rest: the errors, then the verdict.
@@ -129,13 +182,16 @@ function render({ model, el }) {
   }
 
   function say(reply) {
-    const good = reply.kind === "verified";
-    verdict.className = `px-verdict px-${good ? "good" : reply.kind === "not judged yet" ? "open" : "bad"}`;
-    verdict.textContent = good ? "verified" : reply.kind === "not judged yet" ? "verifying ..." : `refused: ${reply.kind}`;
+    const { kind } = reply;
+    const open = kind === "not judged yet";
+    const word = { verified: "good", "not judged yet": "open", stopped: "open" }[kind] ?? "bad";
+    verdict.className = `px-verdict px-${word}`;
+    verdict.textContent = open ? "verifying ..." : kind === "stopped" ? "stopped: no plan" : word === "good" ? kind : `refused: ${kind}`;
     words.textContent = reply.text;
     facts.textContent = reply.facts;
-    root.dataset.kind = reply.kind;
-    for (const plan of page.plans) plan.refused = !good && reply.kind !== "not judged yet";
+    for (const part of [facts, words]) part.classList.remove("px-past");
+    root.dataset.kind = kind;
+    for (const plan of page.plans) plan.refused = word === "bad" || kind === "stopped";
     if (!reply.panels) redraw();
   }
 
@@ -212,10 +268,11 @@ function render({ model, el }) {
 
   const listen = (reply) => answered(reply);
   model.on("msg:custom", listen);
-  root.dataset.open = 1;
+  stopper.onclick = () => stop(false);
   ask("picture");
   return () => {
     clearTimeout(resting);
+    clearInterval(ticking);
     watch.disconnect();
     model.off("msg:custom", listen);
   };

@@ -108,7 +108,8 @@ class Chart {
     if (words) make("span", { class: "unit", text: ` (${words})` }, this.head);
     if (note) make("span", { class: "unit note", text: note }, this.head);
     const named = series.filter((s) => s.name && this.shown(s)).map((s) => [this.swatch(s), s.name]);
-    const entries = [...named, ...key.map(([kind, name]) => [make("span", { class: `swatch ${kind}` }), name])];
+    const swatch = (kind) => (kind === "path" ? this.swatch(this.panel) : make("span", { class: `swatch ${kind}` }));
+    const entries = [...named, ...key.map(([kind, name]) => [swatch(kind), name])];
     if (band?.name) entries.push([make("span", { class: "swatch area" }), band.name]);
     if (named.length && marks.length) entries.push([make("span", { class: "swatch cross", text: "×" }), "leaves it"]);
     this.notes.replaceChildren();

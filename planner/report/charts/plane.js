@@ -58,7 +58,7 @@ class PlaneChart extends Chart {
     (panel.ends ?? []).forEach(([x, y], k) => {
       const [cx, cy] = [this.x(x), this.y(y)];
       make("circle", { class: "end", cx, cy, r: 4 }, this.over);
-      make("text", { x: cx + 7, y: cy + 14, text: k ? "goal" : "start" }, this.over);
+      make("text", { class: "place", x: cx + 7, y: cy + 14, text: k ? "goal" : "start" }, this.over);
     });
   }
 

@@ -5,6 +5,7 @@ A `Screen` holds a state; `change` takes what a user did, `answer` gives what to
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -12,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from planner.comparison.rows import effort_unit
 from planner.errors import InputError
 from planner.explorer.control import Control
 from planner.explorer.controls import (
@@ -72,7 +74,9 @@ class Screen:
 
     def plan_anew(self) -> None:
         """Plan what is set."""
+        began = time.perf_counter()
         self.outcome = path(self.state)
+        self._took_s = time.perf_counter() - began
         if self.outcome.problem is not None:  # what is impossible must stay possible to take back
             self._rebuild(self.outcome.problem, self.outcome.plan)
 
@@ -105,7 +109,7 @@ class Screen:
         return {
             "kind": outcome.kind,
             "text": early if outcome.error is None else str(outcome.error),
-            "facts": facts(outcome),
+            "facts": facts(outcome, self._took_s),
         }
 
     def errors(self) -> dict[str, Any] | None:
@@ -148,7 +152,7 @@ class Screen:
         self.controls = {control.name: control for control in found}
 
 
-def facts(outcome: Outcome) -> str:
+def facts(outcome: Outcome, took_s: float) -> str:
     """One line about the path: travel, duration, effort, the time it took."""
     plan = outcome.plan
     if plan is None:
@@ -156,6 +160,6 @@ def facts(outcome: Outcome) -> str:
     unit = plan.problem.system.coordinates[0].unit
     parts = [f"travel {plan.travel:.5g} {unit}", f"duration {plan.duration:.4g} s"]
     if plan.objective_name.startswith("effort") and np.isfinite(plan.objective):
-        parts.append(f"effort {plan.objective:.4g}")
-    parts.append(f"solved in {1000 * (plan.solve_time_s + plan.build_time_s):.0f} ms")
+        parts.append(f"effort {plan.objective:.4g} {effort_unit(plan.problem.system)}")
+    parts.append(f"planned in {took_s:.2g} s")
     return ", ".join(parts)

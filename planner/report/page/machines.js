@@ -3,18 +3,14 @@
 class ShareChart extends Chart {
   scales() {
     this.percent = true;
-    const list = this.panel.series.filter((s) => this.shown(s));
-    const some = list.length ? list : this.panel.series;
-    const low = Math.min(...some.map((s) => s.values[Math.floor(0.01 * s.values.length)]));
-    const high = Math.max(...some.map((s) => s.values[s.values.length - 1]));
-    const log = low > 0 && high / low > 8;
+    const { span: [low, high], log } = this.panel; // of all plans, so that hiding one moves nothing
     const [a, b] = log ? [low * 0.9, high * 1.1] : [0, high * 1.05 || 1];
     this.x = scale(a, b, EDGE.left, this.size.right, log);
     this.y = scale(0, 1, this.size.bottom, EDGE.top);
   }
 
   across() {
-    return "E (deg)";
+    return this.panel.across;
   }
 
   label() {
@@ -60,20 +56,19 @@ function quantile(values, share) {
 
 class PointsChart extends Chart {
   scales() {
-    const some = this.panel.points.filter((p) => this.shown(p));
-    const list = some.length ? some : this.panel.points;
-    const axis = (values, a, b, room) => {
+    const list = this.panel.points; // of all plans, so that hiding one moves nothing
+    const axis = (values, a, b, room, log) => {
       const [low, high] = [Math.min(...values), Math.max(...values)];
-      const log = low > 0 && high / low > 5;
       return log ? scale(low / 1.5, high * room, a, b, true) : scale(0, high * room || 1, a, b);
     };
-    this.x = axis(list.map((p) => p.x), EDGE.left, this.size.right, 1.6);
-    this.y = axis(list.flatMap((p) => [p.y, p.high]), this.size.bottom, EDGE.top, 1.15);
+    const [x, y] = this.panel.log;
+    this.x = axis(list.map((p) => p.x), EDGE.left, this.size.right, 1.6, x);
+    this.y = axis(list.flatMap((p) => [p.y, p.high]), this.size.bottom, EDGE.top, 1.15, y);
     this.places = list;
   }
 
   across() {
-    return "effort";
+    return this.panel.across;
   }
 
   label() {
@@ -99,8 +94,9 @@ class PointsChart extends Chart {
     const taken = list.map((p) => around(this.x(p.x), this.y(p.y), 8, 8));
     for (const point of list) {
       const { label, colour } = this.page.plans[point.plan];
-      const name = make("text", { class: `name plan-${colour}`, text: label }, this.over);
-      const wide = name.getComputedTextLength() || 7 * label.length;
+      const text = label + (this.page.plans[point.plan].refused ? " (refused)" : "");
+      const name = make("text", { class: `name plan-${colour}`, text }, this.over);
+      const wide = name.getComputedTextLength() || 7 * text.length;
       const place = this.placeName(this.x(point.x), this.y(point.y), wide, taken);
       taken.push(place);
       name.setAttribute("x", place.left + 1);
@@ -149,7 +145,7 @@ class PointsChart extends Chart {
     return {
       head: this.page.plans[point.plan].label,
       rows: [
-        of("effort", short(point.x)),
+        of("effort", `${short(point.x)} ${this.panel.effort_unit}`),
         of("median of E", `${short(point.y, 3)} ${unit}`),
         of("95th percentile", `${short(point.high, 3)} ${unit}`),
       ],

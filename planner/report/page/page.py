@@ -102,8 +102,8 @@ def _definitions(pairs: Sequence[tuple[str, str]]) -> str:
 
 
 def _table(comparison: Comparison) -> str:
-    place = places(comparison)
-    name = Column[Row]("plan", "", lambda row: _name(place[row.label], row))
+    place, tries = places(comparison), comparison.advice
+    name = Column[Row]("plan", "", lambda row: _name(place[row.label], row, tries.get(row.label)))
     numbers = [
         _typeset(c, _symbols(c.title))
         for c in comparison.columns
@@ -185,11 +185,12 @@ def _worst(rows: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
-def _name(k: int, row: Row) -> Markup:
+def _name(k: int, row: Row, advice: str | None) -> Markup:
     badge = "solved" if row.solved else "refused"
     label = html.escape(row.label).replace(":", ":<wbr>")
-    why = f'<span class="badge {badge}">{badge}</span> {html.escape(row.why)}'
-    return Markup(f"{_swatch(k, row)} {label}<span class=why>{why}</span>")
+    why = f'<span class="badge {badge}">{badge}</span> {html.escape(row.remark)}'
+    tries = f"<span class=why>Try: {html.escape(advice)}</span>" if advice else ""
+    return Markup(f"{_swatch(k, row)} {label}<span class=why>{why}</span>{tries}")
 
 
 def _swatch(k: int, row: Row) -> str:

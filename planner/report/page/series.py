@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 
 from planner.comparison.comparison import Comparison
+from planner.comparison.rows import effort_unit
 from planner.plan.measures import worst_margin
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.report.charts.panels import Panel, band, curve, near, over_time, rounded, unit_of
 from planner.report.figures.arm import body, drawable, waypoint_tips
+from planner.report.figures.on_the_machine import logarithmic, spread
 from planner.report.figures.over_time import has_band, view
 from planner.report.figures.style import Curve, curves, shown, times
 from planner.report.page.words import places, subscripted
@@ -192,18 +194,21 @@ def _spreads(
     known = [(k, one.label) for k, one in enumerate(drawn) if one.label in replays]
     if not known:
         return []
-    series = [
-        {"plan": k, "values": rounded(np.sort(replays[label]["E_deg"]))} for k, label in known
+    errors = {k: np.sort(np.asarray(replays[label]["E_deg"], dtype=float)) for k, label in known}
+    low, high = spread(list(errors.values()))
+    series = [{"plan": k, "values": rounded(values)} for k, values in errors.items()]
+    rows = {k: comparison[label] for k, label in known if np.isfinite(comparison[label].effort)}
+    points = [
+        {"plan": k, "x": row.effort, "y": row.E_median_deg, "high": row.E_p95_deg}
+        for k, row in rows.items()
     ]
-    points = []
-    for k, label in known:
-        row = comparison[label]
-        if np.isfinite(row.effort):
-            high = {"x": row.effort, "y": row.E_median_deg, "high": row.E_p95_deg}
-            points.append({"plan": k, **high})
-    spread = {"kind": "share", "title": "Share of machines", "unit": "", "series": series}
-    trade = {"kind": "points", "title": "E", "unit": "deg", "points": points}
-    return [{"id": "trade", "panels": [trade]}, {"id": "errors", "panels": [spread]}]
+    shares: Panel = {"kind": "share", "title": "Share of machines", "unit": "", "series": series}
+    shares |= {"across": "E (deg)", "span": [low, high], "log": logarithmic([low, high])}
+    unit = effort_unit(comparison.problem.system)
+    trade: Panel = {"kind": "points", "title": "E", "unit": "deg", "points": points}
+    trade |= {"across": f"effort ({unit})", "effort_unit": unit}
+    trade["log"] = [logarithmic([p[axis] for p in points] or [1.0]) for axis in ("x", "y")]
+    return [{"id": "trade", "panels": [trade]}, {"id": "errors", "panels": [shares]}]
 
 
 def _times(plan: Plan) -> Array:

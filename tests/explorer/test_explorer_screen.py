@@ -251,6 +251,13 @@ def test_planning_ends_at_the_explorer_s_time_limit() -> None:
     assert Screen(State.of(own, "collocation", 0, time_limit_s=1e-4)).outcome.plan is not None
 
 
+def test_the_facts_have_units_and_the_time_waited() -> None:
+    said = screen("paper", "collocation").words()["facts"]
+    assert re.fullmatch(
+        r"travel 0\.82 rad, duration 10 s, effort [\d.]+ rad²/s, planned in [\d.]+ s", said
+    )
+
+
 def test_reset_goes_back_to_the_problem() -> None:
     shown = screen("paper")
     shown.change([("goal.travel", 0.81)])

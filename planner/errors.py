@@ -84,10 +84,12 @@ class NoPlanError(PlannerError):
         changes: What else to ask for, as data (`planner.methods.refusal.Change`).
         otherwise: What else may help, in words, or None.
         advice: Both in words; once the changes have been tried those that work. Or None.
+        blamed: The requirement that `plan` was made without, in words, or "".
     """
 
     exit_status = 3
     status = "no_plan"
+    blamed = ""
 
     def __init__(
         self,
@@ -115,7 +117,7 @@ class NoPlanError(PlannerError):
     def blame(self, requirement: str, plan: Any, broken: Sequence[Violation]) -> None:
         """Name the requirement without which there is this plan, and how that breaks it."""
         self.reason += f"; without {requirement} there is one, which breaks:"
-        self.plan, self.violations = plan, tuple(broken)
+        self.plan, self.violations, self.blamed = plan, tuple(broken), requirement
         self.args = (self._text(),)
 
     def _text(self) -> str:

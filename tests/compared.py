@@ -32,3 +32,19 @@ def quick_comparison() -> planner.Comparison:
     problem = planner.load_problem(ROOT / "problems/paper.toml", CHANGES)
     specs = ["polynomial:travel=middle", "polynomial", "polynomial:points=[[5.0, -0.02]]"]
     return planner.compare(problem, specs, samples=5, seed=1)
+
+
+@cache
+def refused_comparison() -> planner.Comparison:
+    """Two methods in too short a time: no plan, but the motion that takes the time it needs."""
+    changes = {"goal.duration": 2.0, "machine.step_s": 0.01}
+    problem = planner.load_problem(ROOT / "problems/paper.toml", changes)
+    return planner.compare(problem, ["polynomial", "collocation"], samples=3, seed=1)
+
+
+@cache
+def leaving_comparison() -> planner.Comparison:
+    """Parking by collocation, whose path leaves the chart and may."""
+    problem = planner.load_problem(ROOT / "problems/parking.toml", {"machine.step_s": 0.01})
+    spec = "collocation:starts=1:attempts=2"
+    return planner.compare(problem, ["polynomial", spec], samples=3, seed=1)

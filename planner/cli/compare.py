@@ -155,7 +155,9 @@ def compare(
     if status == NoPlanError.exit_status:
         sets = [word for change in changes or [] for word in ("--set", change)]
         asked = shlex.join(["planner", "check", task.source, *sets])
-        note(f"no method has a plan; what would help: {asked}")
+        tried = any("(tried)" in advice for advice in found.advice.values())
+        help_ = f"what would help stands after 'Try', more by: {asked}"
+        note(f"no method has a plan; {help_ if tried else f'what would help: {asked}'}")
     return status
 
 

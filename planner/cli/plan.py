@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import time
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -89,7 +90,9 @@ def plan(
         refuse_unwritable(out)
     try:
         with waiting(f"planning with {name}"), ends_with_the_best():
+            began = time.perf_counter()
             found, check = solve_and_check(task, name, time_limit_s=time_limit)
+            took = time.perf_counter() - began
             summary = plan_summary(found, check)
     except NoPlanError as error:
         return _refused(task, name, error, as_json)
@@ -98,7 +101,7 @@ def plan(
     if as_json:
         print_json({**_heading(task), **summary, "exit_status": status, "written": written})
     else:
-        print_text(f"{task.name}: {name}", _table(task, summary), "", _verdict(found))
+        print_text(f"{task.name}: {name}", _table(task, summary, took), "", _verdict(found))
     if written is not None:
         note(f"plan written to {written}")
     if status:
@@ -139,7 +142,7 @@ def _early(plan: Plan) -> str:
     return f"\n{why[0].upper()}{why[1:]}; more time may find a better one." if why else ""
 
 
-def _table(problem: Problem, summary: dict[str, Any]) -> Table:
+def _table(problem: Problem, summary: dict[str, Any], took: float) -> Table:
     system = problem.system
     rows = [
         (
@@ -161,8 +164,9 @@ def _table(problem: Problem, summary: dict[str, Any]) -> Table:
         *_certificate(summary),
         (
             "time",
-            f"{number(summary['solve_time_s'])} s to solve, {number(summary['build_time_s'])} s to"
-            f" prepare, {summary['iterations']} iterations",
+            f"{number(took)} s from the question to the verified answer, of which"
+            f" {number(summary['solve_time_s'])} s to solve, {number(summary['build_time_s'])} s to"
+            f" prepare; {summary['iterations']} iterations",
         ),
     ]
     return facts(rows)

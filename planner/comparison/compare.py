@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -11,6 +12,7 @@ import numpy as np
 from planner.comparison.comparison import Comparison
 from planner.comparison.rows import FEEDBACK, Row
 from planner.errors import (
+    InfeasibleError,
     InputError,
     NoPlanError,
     SingularError,
@@ -212,20 +214,24 @@ def planned(problem: Problem, spec: Spec, time_limit_s: float | None = None) -> 
     Raises:
         InputError: If the method does not fit the problem.
     """
+    options, advice = dict(spec.options), ""
+    if time_limit_s is not None:
+        options = {"time_limit_s": time_limit_s, **options}
+    began = time.perf_counter()
     try:
-        options = dict(spec.options)
-        if time_limit_s is not None:
-            options = {"time_limit_s": time_limit_s, **options}
         plan, check = solve_and_check(problem, spec.method, **options)
+        took = time.perf_counter() - began
         early = str(plan.notes.get("ended_early", ""))
         why = early if plan.verified else _outside(plan.domain.singular_times_s)
     except NoPlanError as error:
+        took = time.perf_counter() - began
+        why, advice = _reason(problem, error), error.advice or ""
         kept = _complete(error)
         if kept is None:
-            return Row(spec.label, spec.method, False, _reason(problem, error))
-        known = error.check if isinstance(error, VerificationError) else None
-        plan, check, why = kept, known or verify(kept), _reason(problem, error)
-    return _measured(spec, plan, check, why)
+            row = Row(spec.label, spec.method, False, why)
+            return replace(row, took_s=took, advice=advice)
+        plan, check = kept
+    return replace(_measured(spec, plan, check, why), took_s=took, advice=advice)
 
 
 def _measured(spec: Spec, plan: Plan, check: Check, why: str) -> Row:
@@ -250,12 +256,17 @@ def _measured(spec: Spec, plan: Plan, check: Check, why: str) -> Row:
     return replace(row, effort=effort(plan.trajectory), peak_u=(float(peaks[0]), float(peaks[1])))
 
 
-def _complete(error: NoPlanError) -> Plan | None:
+def _complete(error: NoPlanError) -> tuple[Plan, Check] | None:
     """The plan a refusal carries if it is a whole motion, not a solver's last iterate."""
-    if error.plan is None or not isinstance(error, SingularError | VerificationError):
+    whole = isinstance(error, SingularError | VerificationError | InfeasibleError) or error.blamed
+    if error.plan is None or not whole:
         return None
-    plan: Plan = error.plan
-    return replace(plan, status=error.status, verified=False)
+    plan: Plan = replace(error.plan, status=error.status, verified=False)
+    check = error.check if isinstance(error, VerificationError) else None
+    check = check or verify(plan)
+    # What is proven impossible may come with a motion that is not even one to the goal.
+    missed = any(v.label.startswith(("goal", "integration")) for v in check.violations)
+    return None if missed and isinstance(error, InfeasibleError) else (plan, check)
 
 
 def _reason(problem: Problem, error: NoPlanError) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.comparison.rows import CLOSED, INTERVALS, Row, columns
+from planner.comparison.rows import CLOSED, INTERVALS, Row, columns, verdict
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
@@ -91,6 +91,13 @@ class Comparison:
         return differences({k: run.index_E_deg for k, run in runs.items() if run is not None})
 
     @property
+    def advice(self) -> Mapping[str, str]:
+        """Where no method has a plan, what would help each: words by label."""
+        if any(row.solved for row in self.rows):
+            return {}
+        return {row.label: row.advice for row in self.rows if row.advice and not row.feedback}
+
+    @property
     def best(self) -> str | None:
         """Label of the plan with the least median error; verified ones go first."""
         ranked = [(not row.solved, row.E_median_deg, row.label) for row in self.rows]
@@ -124,7 +131,7 @@ class Comparison:
     def table(self) -> Table:
         """For a terminal, at most 100 columns wide: `rich.print(comparison.table())`."""
         return terminal_table(
-            self.columns,
+            self._with_advice(),
             self.rows,
             caption=_explained(self),
             ruled=True,
@@ -133,8 +140,17 @@ class Comparison:
 
     def _repr_html_(self) -> str:
         """The table, as a notebook shows it."""
-        table = html_table(self.columns, self.rows, self.problem.name)
+        table = html_table(self._with_advice(), self.rows, self.problem.name)
         return f"{table}<p><small>{escape(_explained(self))}</small></p>"
+
+    def _with_advice(self) -> list[Column[Row]]:
+        """The columns, with what would help under each verdict."""
+        tries = {label: f"\nTry: {advice}" for label, advice in self.advice.items()}
+
+        def told(row: Row) -> str:
+            return verdict(row) + tries.get(row.label, "")
+
+        return [replace(c, value=told) if c.value is verdict else c for c in self.columns]
 
     def markdown(self) -> str:
         """The table as Markdown text."""
@@ -243,7 +259,9 @@ def comparison_markdown(comparison: Comparison) -> str:
     heading = f"# Comparison: {markdown(comparison.problem.name)}\n"
     if not comparison.complete:
         heading += "\n**Partial: interrupted before all methods were done.**\n"
-    after = ["", _explained(comparison), "", *_worst(comparison), again]
+    tries = [f"- Try, for {markdown_code(k)}: {clean(v)}" for k, v in comparison.advice.items()]
+    said = [*tries, ""] if tries else []
+    after = ["", *said, _explained(comparison), "", *_worst(comparison), again]
     return "\n".join([heading, markdown_table(shown, comparison.rows), *after])
 
 
@@ -272,7 +290,8 @@ def _explained(comparison: Comparison) -> str:
         "effort: integral of u1^2 + u2^2 dt; ideal error: largest joint error at the goal by exact"
         " kinematics; E: largest joint error on the machine at any time (eq. 29), median and 95th"
         f" percentile over {comparison.samples} machines ({comparison.machine.preset}), seed"
-        f" {comparison.seed}, the same machines for every plan; refused plans that can be executed"
+        f" {comparison.seed}, the same machines for every plan; took: from the question to the"
+        " verified answer; refused plans that can be executed"
         " are replayed for study."
         + (CLOSED if any(row.feedback for row in comparison.rows) else "")
         + "".join(f" {row.label}: {row.note}." for row in comparison.rows if row.note)

@@ -39,12 +39,15 @@ class Row:
         E_p95_deg: Its 95th percentile.
         E_median_interval_deg: 95 % confidence interval of the median; see `significance`.
         E_p95_interval_deg: That of the 95th percentile; NaN where there are too few machines.
-        solve_time_s: Seconds the method spent solving, as it reports.
+        took_s: Seconds from the question to the answer: planning, verification and proofs, and for
+            a refusal the changes that were tried.
+        solve_time_s: Seconds of these that the method spent solving, as it reports.
         build_time_s: Seconds it spent preparing.
         replay: The runs on the machines; None for what cannot be executed.
         feedback: Whether they were run with feedback; `effort` is then the median of what was
             commanded, `peak_u` the largest speeds of the motors on any machine.
         note: Why feedback gains little, where it does; else empty.
+        advice: For a refused one what would help, in words; what has been tried says so.
     """
 
     label: str
@@ -63,11 +66,13 @@ class Row:
     E_p95_deg: float = np.nan
     E_median_interval_deg: tuple[float, float] = (np.nan, np.nan)
     E_p95_interval_deg: tuple[float, float] = (np.nan, np.nan)
+    took_s: float = np.nan
     solve_time_s: float = np.nan
     build_time_s: float = np.nan
     replay: Replay | None = None
     feedback: bool = False
     note: str = ""
+    advice: str = ""
 
     def __repr__(self) -> str:
         state = "solved" if self.solved else f"refused, {self.why}"
@@ -78,6 +83,12 @@ class Row:
     def spec(self) -> str:
         """The method and its options: the label without what it says about feedback."""
         return self.label.removesuffix(FEEDBACK)
+
+    @property
+    def remark(self) -> str:
+        """Why it is refused; of a solved one what needs a word all the same."""
+        leaves = "leaves the chart (allowed)" if self.solved and self.domain_ok is False else ""
+        return "; ".join(filter(None, [self.why, leaves]))
 
     @property
     def status(self) -> str | None:
@@ -109,7 +120,19 @@ CLOSED = (
 def verdict(row: Row) -> str:
     """Solved, or why not."""
     word = "yes" if row.solved else "no"
-    return f"{word}: {row.why}" if row.why or not row.solved else word
+    return f"{word}: {row.remark}" if row.remark or not row.solved else word
+
+
+def effort_unit(system: TriangularSystem) -> str:
+    """Unit of ∫ u₁² + u₂² dt: that of an input's square times seconds, or both where they differ.
+
+    >>> from planner.systems.manipulator import Manipulator
+    >>> effort_unit(Manipulator([1.0]))
+    'rad²/s'
+    """
+    rates = [c.unit for c in system.inputs]
+    squares = [f"{r[:-2]}²/s" if r.endswith("/s") else f"{r}² s" if r else "s" for r in rates]
+    return " + ".join(dict.fromkeys(squares))
 
 
 def columns(system: TriangularSystem) -> list[Column[Row]]:
@@ -121,7 +144,7 @@ def columns(system: TriangularSystem) -> list[Column[Row]]:
         *map(_fact, ("method", "solved", "why")),
         Column("travel", length, lambda r: r.travel_rad, digits(4), key="travel_rad"),
         _fact("duration_s"),
-        Column("effort", "", lambda r: r.effort, digits(4)),
+        Column("effort", effort_unit(system), lambda r: r.effort, digits(4), key="effort"),
         Column("|u1|", first.unit, lambda r: r.peak_u[0], key="peak_u1_rad_s"),
         Column("|u2|", second.unit, lambda r: r.peak_u[1], key="peak_u2_rad_s"),
         Column("domain margin", "", lambda r: r.domain_margin),
@@ -131,8 +154,10 @@ def columns(system: TriangularSystem) -> list[Column[Row]]:
         ),
         Column("E 50 %", "deg", lambda r: r.E_median_deg, key="E_median_deg"),
         Column("E 95 %", "deg", lambda r: r.E_p95_deg, key="E_p95_deg"),
-        Column("solve", "s", lambda r: r.solve_time_s, digits(2), key="solve_time_s"),
-        *map(_fact, ("build_time_s", "feedback", "note", "status", "worst")),
+        Column("took", "s", lambda r: r.took_s, digits(2), key="took_s"),
+        *map(
+            _fact, ("solve_time_s", "build_time_s", "feedback", "note", "advice", "status", "worst")
+        ),
     ]
 
 

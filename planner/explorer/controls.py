@@ -24,19 +24,23 @@ from planner.problem.problem import Problem
 from planner.problem.tables.kinds import parse_file
 from planner.problem.tables.machine_effects import EFFECTS, Effect, MachineTable
 
-MOTION = "Motion"
+MOTION = "Goal"
+PATH = "Method"
+TASK = ("system.", "start.", "goal.theta", "goal.heading", "goal.q")
+"""What decides which travels are possible."""
+
 POINTS = "method.polynomial.points"
 
 
 def motion_controls(state: State, problem: Problem, plan: Plan | None) -> list[Control]:
-    """Method, travel and duration, and for the polynomial its constraint points."""
-    found = [_method(state), _travel(state, problem, plan), _duration(state, plan)]
+    """Travel and duration, the method, and for the polynomial its constraint points."""
+    found = [_travel(state, problem, plan), _duration(state, plan), _method(state)]
     return found + (_points(state, problem, plan) if state.method == "polynomial" else [])
 
 
 def _method(state: State) -> Control:
     return Control(
-        MOTION,
+        PATH,
         "method",
         "choice",
         "method",
@@ -50,7 +54,8 @@ def _method(state: State) -> Control:
 def _travel(state: State, problem: Problem, plan: Plan | None) -> Control:
     key = problem.travel_key
     whole = state.value(key, "free")
-    low, high, middle = travel_range(state.base)
+    asked = any(key.startswith(TASK) and key != problem.travel_key for key in state.changes)
+    low, high, middle = travel_range(problem if asked else state.base)
     travel = middle if plan is None else plan.travel
     shown = float(problem.travel_change(travel)[key]) if whole == "free" else whole
     ends = [float(problem.travel_change(end)[key]) for end in (low, high)]
@@ -103,7 +108,7 @@ def _points(state: State, problem: Problem, plan: Plan | None) -> list[Control]:
     count = 3 if whole == "auto" else min(len(whole), 2)
     found = [
         Control(
-            MOTION,
+            PATH,
             "constraint points",
             "choice",
             POINTS,
@@ -123,7 +128,7 @@ def _points(state: State, problem: Problem, plan: Plan | None) -> list[Control]:
         for part, (what, low, high, unit) in enumerate(ends):
             label, ends_of = f"{name}: {what}", (point[part], rounded(low), rounded(high))
             found.append(
-                Control(MOTION, label, "slider", POINTS, whole, (k, part), *ends_of, unit=unit)
+                Control(PATH, label, "slider", POINTS, whole, (k, part), *ends_of, unit=unit)
             )
     return found
 
@@ -281,7 +286,7 @@ def _first(value: Any) -> float:
     return float(value[0] if isinstance(value, list) else value)
 
 
-METHOD = "Method"
+METHOD = "Solver"
 
 RANGES: Mapping[str, tuple[float, float]] = {
     "intervals": (5, 120),

@@ -5,10 +5,11 @@ The path alone is quick; the other two steps follow once the sliders rest.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
-from planner.errors import InputError, NoPlanError, PlannerError
+from planner.errors import InputError, NoPlanError, PlannerError, TimeLimitError
 from planner.explorer.control import travel_range
 from planner.explorer.state import State
 from planner.machine.replay import RECORD_S, Replay, replay
@@ -17,6 +18,8 @@ from planner.plan.plan import Plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem
 from planner.solve import judged
+from planner.support import deadline
+from planner.support.deadline import MORE_TIME, TimeUpError, limited
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,7 @@ class Outcome:
 
     @property
     def kind(self) -> str:
-        """In a word: "verified", "not judged yet", or the kind of refusal."""
+        """In a word: "verified", "not judged yet", "stopped", or the kind of refusal."""
         if isinstance(self.error, NoPlanError):
             return self.error.status.replace("_", " ")
         if self.error is not None:
@@ -48,22 +51,32 @@ class Outcome:
 
 
 def path(state: State) -> Outcome:
-    """Plan, without judging what the method gives. Takes what the method takes."""
+    """Plan, without judging what the method gives. Takes what the method takes, or its limit."""
     try:
         problem = state.problem()
         method = find_method(state.method)
         options = merged_options(problem, method, {})
     except InputError as error:
         return Outcome(state, None, None, error, judged=True)
-    try:
-        refuse_too_short(problem)
-        return Outcome(state, problem, method.plan(problem, options))
-    except InputError as error:
-        return Outcome(state, problem, None, error, judged=True)
-    except NoPlanError as error:
-        shown = error.plan or _for_study(problem, method, options)
-        shown = None if shown is None else replace(shown, status=error.status)
-        return Outcome(state, problem, shown, error, judged=True)
+    with limited(getattr(options, "time_limit_s", None) or state.time_limit_s) as span:
+        try:
+            refuse_too_short(problem)
+            return Outcome(state, problem, method.plan(problem, options))
+        except InputError as error:
+            return Outcome(state, problem, None, error, judged=True)
+        except TimeUpError:
+            said = f"{problem.source}: {span.why} ended the method '{method.name}' before it had"
+            refusal: NoPlanError = TimeLimitError(f"{said} a plan", advice=MORE_TIME)
+        except NoPlanError as error:
+            refusal = error
+        if span.interrupted:
+            refusal.status = "stopped"
+        shown = refusal.plan
+        if shown is None:
+            with suppress(TimeUpError):
+                shown = _for_study(problem, method, options)
+        shown = None if shown is None else replace(shown, status=refusal.status)
+        return Outcome(state, problem, shown, refusal, judged=True)
 
 
 def judge(outcome: Outcome) -> Outcome:
@@ -83,7 +96,13 @@ def errors(outcome: Outcome) -> Replay | None:
     if plan is None or not plan.executable or not state.samples:
         return None
     record = max(2 * RECORD_S, plan.duration / 200)
-    return replay(plan, samples=state.samples, seed=0, record_s=record)
+    with limited(state.time_limit_s), suppress(TimeUpError):
+        return replay(plan, None, state.samples, 0, record_s=record, progress=_in_time)
+    return None
+
+
+def _in_time(*_: int) -> None:
+    deadline.check()
 
 
 def _for_study(problem: Problem, method: Method, options: Any) -> Plan | None:

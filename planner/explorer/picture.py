@@ -11,36 +11,45 @@ from planner.explorer.controls import POINTS
 from planner.explorer.outcome import Outcome
 from planner.machine.replay import Replay
 from planner.plan.plan import Plan
-from planner.report.figures.arm import body, drawable
-from planner.report.figures.over_time import z2_band
+from planner.problem.problem import Problem
+from planner.report.charts.panels import Panel, band, curve, near, over_time, rounded, unit_of
+from planner.report.figures.arm import body, drawable, waypoint_tips
+from planner.report.figures.over_time import view
 from planner.report.figures.style import shown, times
+from planner.report.page.words import subscripted
 from planner.support.arrays import Array
-from planner.systems.manipulator import Manipulator
-from planner.systems.triangular_system import Coordinate
 
-SAMPLES = 240
+SAMPLES = 160
 """Instants a curve is drawn by, where it is not finer by itself."""
 
 POSES = 10
 
 
-def panels(outcome: Outcome) -> list[dict[str, Any]]:
-    """The panels that a path alone fills, in the order of the screen.
+def picture(outcome: Outcome) -> dict[str, Any]:
+    """The plan, and the panels that a path alone fills in the order of the screen.
 
-    Each has `id`, `title`, `kind` ("time" or "plane") and, over time, `t` with `lines` (`name`,
-    `y`), `bands` (`low`, `high`), `limits`, `marks` and `points`; in the plane `poses`, `path` and
-    `discs`.
-    Numbers that do not exist are None.
+    See `planner.report.charts.panels`; besides, each panel has an `id`, and that of z2 `handles`:
+    constraint points [t, z2], `at`, those that can be dragged with the `names` of their controls.
+    Panels of kind "plane" have a `path` [xs, ys] at the plan's times, its `names`, and `poses`.
     """
     plan = outcome.plan
     if plan is None:
-        return []
+        return {"plans": [], "panels": []}
     t = times(plan, SAMPLES)
     z, q, u = plan.z(t), plan.q(t), plan.u(t)
-    found = [_z2(plan, t, z), *_rest(t, z), _angles(plan, t, q), _inputs(plan, t, u)]
+    found = [_z2(plan, t, z), *_rest(z), _angles(plan, q), _inputs(plan, t, u)]
     if drawable(plan.problem.system):
         found.append(_plane(plan, q))
-    return found
+    if hasattr(plan.problem.system, "arm_points"):
+        found.append(_map(plan, q))
+    drawn = {
+        "label": plan.method,
+        "refused": outcome.error is not None,
+        "colour": 0,
+        "duration": plan.duration,
+        "t": rounded(t),
+    }
+    return {"plans": [drawn], "panels": found}
 
 
 def error_panel(run: Replay | None) -> dict[str, Any] | None:
@@ -50,56 +59,32 @@ def error_panel(run: Replay | None) -> dict[str, Any] | None:
     planned = run.plan.q(run.t)
     error = np.rad2deg(np.abs(run.q - planned)[:, :, list(run.angles)]).max(axis=2)
     low, middle, high = np.percentile(error, [5, 50, 95], axis=0)
-    return {
-        **_over_time("error", "error (deg)", run.t),
-        "lines": [_line("median machine", middle)],
-        "bands": [{"low": short(low), "high": short(high), "name": "90 % of the machines"}],
-        "note": f"E median {run.percentile(50):.3g} deg, 95 % {run.percentile(95):.3g} deg",
-        "zero": True,
-    }
+    return over_time(
+        "error",
+        "deg",
+        [curve(0, middle, name="median machine", t=rounded(run.t))],
+        id="error",
+        band={"low": rounded(low), "high": rounded(high), "name": "90 % of the machines"},
+        note=f"E median {run.percentile(50):.3g} deg, 95 % {run.percentile(95):.3g} deg",
+        zero=True,
+    )
 
 
-def _over_time(name: str, title: str, t: Array) -> dict[str, Any]:
-    return {"id": name, "kind": "time", "title": title, "t": short(t)}
-
-
-def _line(name: str, values: Array) -> dict[str, Any]:
-    return {"name": name, "y": short(values)}
-
-
-def short(values: Array) -> list[Any]:
-    """Six significant digits are more than a screen shows, and halve what is sent."""
-    finite = np.isfinite(values)
-    size = float(np.max(np.abs(values), where=finite, initial=0.0))
-    digits = int(np.clip(6 - np.log10(size), 0, 12)) if size > 0 else 0
-    numbers: list[Any] = np.round(values, digits).tolist()
-    if not finite.all():
-        for k in np.flatnonzero(~finite):
-            numbers[k] = None
-    return numbers
-
-
-def _z2(plan: Plan, t: Array, z: Array) -> dict[str, Any]:
-    panel = {
-        **_over_time("z2", "z2 and its domain", t),
-        "lines": [_line("z2", z[:, 1])],
-        "zero": True,
-        "points": _points(plan),
-    }
-    if isinstance(plan.problem.system, Manipulator):
-        low, high = z2_band(plan, t)
-        name = "domain: a real theta1 exists"
-        panel["bands"] = [{"low": short(low), "high": short(high), "name": name}]
-    if not plan.executable:
-        out = np.array(plan.domain.exits_s)
-        panel["marks"] = np.stack([out, plan.z(out)[:, 1]], axis=1).tolist()
+def _z2(plan: Plan, t: Array, z: Array) -> Panel:
     margin = plan.problem.limits.z2_margin
-    if margin:
-        panel["limits"] = [plan.problem.z2_sign * margin]
-    return panel
+    return over_time(
+        "z₂ and its domain",
+        "",
+        [curve(0, z[:, 1], name="z₂")],
+        id="z2",
+        zero=True,
+        handles=_handles(plan),
+        limits=[plan.problem.z2_sign * margin] if margin else [],
+        **band(plan, t, name="a real θ₁ exists"),
+    )
 
 
-def _points(plan: Plan) -> list[dict[str, Any]]:
+def _handles(plan: Plan) -> list[dict[str, Any]]:
     """Constraint points; those that the problem gives can be dragged, by the controls' names."""
     if plan.method != "polynomial":
         return []
@@ -112,66 +97,125 @@ def _points(plan: Plan) -> list[dict[str, Any]]:
     ]
 
 
-def _rest(t: Array, z: Array) -> list[dict[str, Any]]:
+def _rest(z: Array) -> list[Panel]:
     if z.shape[1] < 3:
         return []
-    lines = [_line(f"z{k + 1}", z[:, k]) for k in range(2, z.shape[1])]
-    return [{**_over_time("z", "the other chained coordinates", t), "lines": lines}]
+    lines = _lines([f"z{k + 1}" for k in range(2, z.shape[1])], z[:, 2:])
+    return [over_time("the other chained coordinates", "", lines, id="z")]
 
 
-def _angles(plan: Plan, t: Array, q: Array) -> dict[str, Any]:
+def _angles(plan: Plan, q: Array) -> Panel:
     coordinates = plan.problem.system.coordinates
     kept = [i for i in range(1, len(coordinates)) if coordinates[i].unit == "rad"]
     kept = kept or list(range(1, len(coordinates)))
+    unit = coordinates[kept[0]].unit
     limits = np.unique(np.abs(plan.problem.limits.joint[kept]))
-    lines = [_line(coordinates[i].name, shown(q[:, i], coordinates[i].unit)) for i in kept]
-    return {
-        **_over_time("joints", f"joints ({_unit(coordinates[kept[0]])})", t),
-        "lines": lines,
-        "limits": _both(shown(limits, coordinates[kept[0]].unit)),
-    }
+    values = shown(q[:, kept], unit)
+    near_ones = [line for most in shown(limits, unit) for line in near(values, float(most))]
+    lines = _lines([coordinates[i].name for i in kept], values)
+    return over_time("joints", unit_of(coordinates[kept[0]]), lines, id="joints", limits=near_ones)
 
 
-def _inputs(plan: Plan, t: Array, u: Array) -> dict[str, Any]:
-    inputs, limit = plan.problem.system.inputs, plan.problem.limits.input
-    largest = [float(np.nanmax(np.abs(u[:, i]), initial=0.0)) for i in range(2)]
-    usual = [float(np.nanquantile(np.abs(_evenly(t, u[:, i])), 0.9)) for i in range(2)]
-    most = float(np.max(limit[np.isfinite(limit)], initial=0.0))
-    bound = 1.15 * max(min(max(largest), 3 * max(most, *usual)), most, 1e-6)
-    peaks = [f"{i.name} {value:.3g}" for i, value in zip(inputs, largest, strict=True)]
-    return {
-        **_over_time("inputs", f"inputs ({_unit(inputs[0])})", t),
-        "lines": [_line(i.name, u[:, k]) for k, i in enumerate(inputs)],
-        "limits": _both(np.unique(limit)),
-        "range": [-bound, bound],
-        "zero": True,
-        "note": "peaks: " + ", ".join(peaks),
-    }
+def _inputs(plan: Plan, t: Array, u: Array) -> Panel:
+    inputs, limits = plan.problem.system.inputs, np.unique(plan.problem.limits.input)
+    finite = limits[np.isfinite(limits)]
+    peaks = np.nanmax(np.abs(u), axis=0, initial=0.0)
+    said = [f"{i.name} {value:.3g}" for i, value in zip(inputs, peaks, strict=True)]
+    most = float(np.max(finite, initial=-np.inf))
+    drawn = [(None, t, np.nan_to_num(u[:, i])) for i in range(2)]
+    return over_time(
+        "inputs",
+        " and ".join(dict.fromkeys(i.unit for i in inputs)),
+        _lines([i.name for i in inputs], u),
+        id="inputs",
+        limits=[*(-finite).tolist(), *finite.tolist()],
+        view=view(drawn, most),
+        zero=True,
+        note="peaks: " + ", ".join(said),
+    )
 
 
-def _plane(plan: Plan, q: Array) -> dict[str, Any]:
+def _plane(plan: Plan, q: Array) -> Panel:
     at = np.linspace(0, plan.duration, POSES)
     poses = body(plan.problem, plan.q(at))
     path = body(plan.problem, q)[:, -1]
     arm = hasattr(plan.problem.system, "arm_points")
+    unit = "link lengths" if arm else "m"
     return {
         "id": "plane",
         "kind": "plane",
-        "title": "the arm (link lengths)" if arm else "the path (m)",
+        "title": "the arm" if arm else "the path",
+        "unit": unit,
+        "across": f"x ({unit})",
+        "plan": 0,
+        "names": ["x", "y"],
         "poses": [pose.tolist() for pose in poses if np.isfinite(pose).all()],
-        "path": [short(path[:, 0]), short(path[:, 1])],
+        "path": [rounded(path[:, 0]), rounded(path[:, 1])],
         "discs": [[*o.centre.tolist(), o.radius] for o in plan.problem.obstacles],
+        "tips": waypoint_tips(plan.problem).tolist(),
+        "key": [
+            ["ramp", f"from 0 s to {plan.duration:.3g} s"],
+            ["path", "path of the tip" if arm else "path"],
+        ],
     }
 
 
-def _evenly(t: Array, values: Array) -> Array:
-    return np.interp(np.linspace(t[0], t[-1], 200), t, np.nan_to_num(values))
+def _map(plan: Plan, q: Array) -> Panel:
+    """Where the path runs in (θ₁, θ₂), and where the chart that the start lies in ends."""
+    problem, limits = plan.problem, np.rad2deg(plan.problem.limits.joint[1:3])
+    names = [subscripted(problem.system.coordinates[i].name) for i in (1, 2)]
+    path = np.rad2deg(q[:, 1:3])
+    ends = np.rad2deg([problem.start[1:3], problem.goal[1:3]])
+    chart = [_inside(problem, i) for i in (1, 2)]
+    view = []
+    for k in (0, 1):
+        near_edges = [edge for edge in chart[k] or () if abs(edge) < BEYOND]
+        seen = np.concatenate([path[:, k], ends[:, k], near_edges])
+        view.append([float(np.nanmin(seen)) - MARGIN, float(np.nanmax(seen)) + MARGIN])
+    lines = [(k, side * most) for k, most in enumerate(limits.tolist()) for side in (-1, 1)]
+    return {
+        "id": "map",
+        "kind": "plane",
+        "title": f"{names[1]} over {names[0]}",
+        "unit": "deg",
+        "across": f"{names[0]} (deg)",
+        "plan": 0,
+        "names": names,
+        "path": [rounded(path[:, 0]), rounded(path[:, 1])],
+        "ends": ends.tolist(),
+        "view": view,
+        "region": chart if all(chart) else None,
+        "limits": [[k, line] for k, line in lines if np.isfinite(line)],
+        "note": "" if all(chart) else "the start lies on the chart's edge",
+        "key": [["path", "path"], ["below", "outside the chart"], ["limit", "joint limits"]],
+    }
 
 
-def _both(limits: Array) -> Sequence[float]:
-    finite = limits[np.isfinite(limits)]
-    return [*(-finite).tolist(), *finite.tolist()]
+MARGIN, BEYOND = 6.0, 1e4
+"""Degrees that the map reaches beyond what is in it; and where an edge is that there is none."""
 
 
-def _unit(coordinate: Coordinate) -> str:
-    return "deg" if coordinate.unit == "rad" else coordinate.unit
+def _inside(problem: Problem, i: int) -> tuple[float, float] | None:
+    """Where coordinate i alone would leave the chart around the start, degrees; None if at once."""
+    system, steps = problem.system, np.arange(0.0, 180.25, 0.5)
+    branch = system.branch(problem.start)
+    own = [k for k, (index, _) in enumerate(system.margin_labels) if index == i]
+    found = []
+    for side in (-1.0, 1.0):
+        at = np.rad2deg(problem.start[i]) + side * steps
+        at[1:] = np.round(2 * at[1:]) / 2  # edges lie at round angles
+        q = np.tile(problem.start, (len(at), 1))
+        q[:, i] = np.deg2rad(at)
+        out = np.any(system.chart_margins(q, branch)[:, own] < 1e-9, axis=1).nonzero()[0].tolist()
+        found.append(float(at[out[0]]) if out else side * BEYOND)
+        if 0 in out:
+            return None
+    return found[0], found[1]
+
+
+def _lines(names: Sequence[str], values: Array) -> list[Panel]:
+    """A curve a column, each in a colour of its own."""
+    return [
+        curve(0, column, name=subscripted(name), colour=k)
+        for k, (name, column) in enumerate(zip(names, values.T, strict=True))
+    ]

@@ -5,12 +5,15 @@ A `Screen` holds a state; `change` takes what a user did, `answer` gives what to
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from planner.comparison.rows import effort_unit
 from planner.errors import InputError
 from planner.explorer.control import Control
 from planner.explorer.controls import (
@@ -20,9 +23,11 @@ from planner.explorer.controls import (
     option_controls,
 )
 from planner.explorer.outcome import Outcome, errors, judge, path
-from planner.explorer.picture import error_panel, panels
+from planner.explorer.picture import error_panel, picture
 from planner.explorer.state import State, code, problem_file
+from planner.explorer.task_controls import task_controls
 from planner.plan.plan import Plan
+from planner.problem.problem import Problem
 from planner.support.user_tables import nearest
 
 
@@ -37,12 +42,12 @@ class Screen:
 
     def __init__(self, state: State) -> None:
         self.state = state
-        self.outcome = path(state)
         self.controls: Mapping[str, Control] = {}
-        self._rebuild()
+        self.outcome: Outcome
+        self.plan_anew()
 
-    def change(self, changes: Sequence[tuple[str, Any]]) -> None:
-        """Set controls by name (None switches one off), then plan.
+    def set(self, changes: Sequence[tuple[str, Any]]) -> bool:
+        """Set controls by name (None switches one off), without planning; whether others belong.
 
         Raises:
             InputError: If there is no such control.
@@ -53,14 +58,33 @@ class Screen:
             if control.part and isinstance(now, type(control.whole)):
                 control = replace(control, whole=now)
             self.state = self.state.with_value(control.key, control.written(value))
+        before = list(self.controls)
+        with suppress(InputError):
+            self._rebuild(self.state.problem(), None)
+        return before != list(self.controls)
+
+    def change(self, changes: Sequence[tuple[str, Any]]) -> None:
+        """Set controls by name, then plan.
+
+        Raises:
+            InputError: If there is no such control.
+        """
+        self.set(changes)
+        self.plan_anew()
+
+    def plan_anew(self) -> None:
+        """Plan what is set."""
+        began = time.perf_counter()
         self.outcome = path(self.state)
-        self._rebuild()
+        self._took_s = time.perf_counter() - began
+        if self.outcome.problem is not None:  # what is impossible must stay possible to take back
+            self._rebuild(self.outcome.problem, self.outcome.plan)
 
     def reset(self) -> None:
         """Back to the problem the exploration started from."""
-        self.state = State.of(self.state.base, self.state.method, self.state.samples)
-        self.outcome = path(self.state)
-        self._rebuild()
+        now = self.state
+        self.state = State.of(now.base, now.method, now.samples, now.time_limit_s)
+        self.plan_anew()
 
     def judge(self) -> None:
         """Verify the path on the screen."""
@@ -69,18 +93,23 @@ class Screen:
     def picture(self) -> dict[str, Any]:
         """Panels, controls and words for what is known by now."""
         return {
-            "panels": panels(self.outcome),
-            "controls": [control.to_dict() for control in self.controls.values()],
+            **picture(self.outcome),
+            "controls": self.shown_controls(),
             **self.words(),
         }
+
+    def shown_controls(self) -> list[dict[str, Any]]:
+        """What can be set now, as plain data."""
+        return [control.to_dict() for control in self.controls.values()]
 
     def words(self) -> dict[str, Any]:
         """What there is to say: the kind of outcome, and the refusal in full."""
         outcome = self.outcome
+        early = "" if outcome.plan is None else str(outcome.plan.notes.get("ended_early", ""))
         return {
             "kind": outcome.kind,
-            "text": "" if outcome.error is None else str(outcome.error),
-            "facts": facts(outcome),
+            "text": early if outcome.error is None else str(outcome.error),
+            "facts": facts(outcome, self._took_s),
         }
 
     def errors(self) -> dict[str, Any] | None:
@@ -111,20 +140,19 @@ class Screen:
             raise InputError(f"no control '{name}'; {nearest(name, list(self.controls))}")
         return self.controls[name]
 
-    def _rebuild(self) -> None:
-        state, outcome = self.state, self.outcome
-        if outcome.problem is None:  # an impossible setting: it must stay possible to take it back
-            return
+    def _rebuild(self, problem: Problem, plan: Plan | None) -> None:
+        state = self.state
         found = [
-            *motion_controls(state, outcome.problem, outcome.plan),
-            *option_controls(state, outcome.plan),
-            *limit_controls(state, outcome.problem),
-            *machine_controls(state, outcome.problem),
+            *task_controls(state, problem.travel_key),
+            *motion_controls(state, problem, plan),
+            *limit_controls(state, problem),
+            *option_controls(state, plan),
+            *machine_controls(state, problem),
         ]
         self.controls = {control.name: control for control in found}
 
 
-def facts(outcome: Outcome) -> str:
+def facts(outcome: Outcome, took_s: float) -> str:
     """One line about the path: travel, duration, effort, the time it took."""
     plan = outcome.plan
     if plan is None:
@@ -132,6 +160,6 @@ def facts(outcome: Outcome) -> str:
     unit = plan.problem.system.coordinates[0].unit
     parts = [f"travel {plan.travel:.5g} {unit}", f"duration {plan.duration:.4g} s"]
     if plan.objective_name.startswith("effort") and np.isfinite(plan.objective):
-        parts.append(f"effort {plan.objective:.4g}")
-    parts.append(f"solved in {1000 * (plan.solve_time_s + plan.build_time_s):.0f} ms")
+        parts.append(f"effort {plan.objective:.4g} {effort_unit(plan.problem.system)}")
+    parts.append(f"planned in {took_s:.2g} s")
     return ", ".join(parts)

@@ -26,6 +26,18 @@ QUICK: Mapping[str, Any] = {
 so that answers come in time; the problem file and the code say so, as of any other change."""
 
 
+JOINTS = "system.joints"
+
+PER_JOINT = {
+    "system.K": 1,
+    "system.link_lengths": 0,
+    "start.theta_deg": 0,
+    "goal.theta_deg": 0,
+    "limits.joint_deg": 0,
+}
+"""Lists of an arm, and how many entries fewer than joints they have."""
+
+
 @dataclass(frozen=True)
 class State:
     """All that the picture depends on; immutable.
@@ -35,19 +47,23 @@ class State:
         method: Name of the method.
         changes: Dotted keys of the problem file to values, in the order they were first made.
         samples: Machines that the plan is replayed on; 0 for none.
+        time_limit_s: Seconds for planning, where the problem's options set none; None for no limit.
     """
 
     base: Problem
     method: str = "polynomial"
     changes: Mapping[str, Any] = field(default_factory=dict)
     samples: int = 20
+    time_limit_s: float | None = None
 
     @classmethod
-    def of(cls, problem: Problem, method: str, samples: int) -> State:
+    def of(
+        cls, problem: Problem, method: str, samples: int, time_limit_s: float | None = None
+    ) -> State:
         """The state an exploration starts from."""
         data = problem.to_dict()
         quick = {key: value for key, value in QUICK.items() if value_at(data, key) is None}
-        return cls(problem, method, quick, samples)
+        return cls(problem, method, quick, samples, time_limit_s)
 
     def value(self, key: str, otherwise: Any = None) -> Any:
         """Present value of a dotted key; `otherwise` where the problem does not say it."""
@@ -62,7 +78,28 @@ class State:
             return replace(self, method=value)
         if key == "samples":
             return replace(self, samples=int(value))
-        return replace(self, changes={**self.changes, key: value})
+        more = self._resized(int(value)) if key == JOINTS else {}
+        return replace(self, changes={**self.changes, **more, key: value})
+
+    def _resized(self, joints: int) -> dict[str, Any]:
+        """What else changes with the number of joints: a joint more is like the last one."""
+        found: dict[str, Any] = {}
+        for key, lacking in PER_JOINT.items():
+            now, base, count = self.value(key), value_at(self._data, key), joints - lacking
+            if not isinstance(now, list):
+                continue
+            now = [*now, *(base[len(now) :] if isinstance(base, list) else [])]
+            # The gears of a chain are alike: each ratio is the one before times the same number.
+            ratio = now[-1] / now[-2] if lacking and len(now) > 1 else 1.0
+            while len(now) < count:
+                now.append(now[-1] * ratio)
+            found[key] = now[:count]
+        if points := self.value("waypoints"):
+            free = ["free"] * joints
+            found["waypoints"] = [
+                {**point, "theta_deg": [*point["theta_deg"], *free][:joints]} for point in points
+            ]
+        return found
 
     def problem(self) -> Problem:
         """The problem on the screen, without the changes to options of other methods.

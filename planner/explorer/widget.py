@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Mapping
-from importlib.resources import files
 from typing import Any
 
 import anywidget
@@ -12,32 +12,37 @@ import anywidget
 from planner.errors import InputError
 from planner.explorer.screen import Screen
 from planner.explorer.state import State
+from planner.explorer.worker import worker
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
+from planner.report.charts.panels import CHARTS, STYLE, script, source
 
 QUICK_S = 0.05
 """Errors on the machine that took less than this come with the picture; others follow it."""
 
-_STATIC = files("planner.explorer") / "static"
+logger = logging.getLogger("planner")
+
+ROOM = "planner.explorer"
+SCRIPTS = ("static/controls.js", "static/explorer.js")
 
 
 class Explorer(anywidget.AnyWidget):
     """A picture of one problem whose sliders plan it anew; made by `planner.explore`."""
 
-    _esm = "\n".join(
-        (_STATIC / name).read_text(encoding="utf-8")
-        for name in ("plot.js", "controls.js", "explorer.js")
-    )
-    _css = (_STATIC / "explorer.css").read_text(encoding="utf-8")
+    _esm = script(ROOM, SCRIPTS)
+    _css = source(CHARTS, STYLE) + source(ROOM, "static/explorer.css")
 
-    def __init__(self, problem: Problem, method: str, samples: int) -> None:
+    def __init__(
+        self, problem: Problem, method: str, samples: int, time_limit_s: float | None
+    ) -> None:
         super().__init__()
-        self._screen = Screen(State.of(problem, method, samples))
+        self._state = State.of(problem, method, samples, time_limit_s)
+        self._made: Screen | None = None
         self._errors_s = 0.0
         self.on_msg(self._asked)
 
     def __repr__(self) -> str:
-        return f"Explorer({self._screen.state.base.name!r}: sliders, where Jupyter is running)"
+        return f"Explorer({self._state.base.name!r}: sliders, where Jupyter is running)"
 
     @property
     def problem(self) -> Problem:
@@ -46,7 +51,7 @@ class Explorer(anywidget.AnyWidget):
         Raises:
             InputError: If the settings are impossible together.
         """
-        return self._screen.state.problem()
+        return worker().do(lambda: self._screen.state.problem()).result()
 
     @property
     def plan(self) -> Plan:
@@ -55,29 +60,44 @@ class Explorer(anywidget.AnyWidget):
         Raises:
             PlannerError: What the screen says, when there is no plan.
         """
-        return self._screen.plan()
+        return worker().do(lambda: self._screen.plan()).result()
 
     @property
     def code(self) -> str:
         """Python that makes the plan on the screen anew."""
-        return self._screen.texts()["code"]
+        return worker().do(self._texts).result()["code"]
 
     @property
     def problem_file(self) -> str:
         """The problem on the screen as a problem file (TOML)."""
-        return self._screen.texts()["file"]
+        return worker().do(self._texts).result()["file"]
+
+    @property
+    def _screen(self) -> Screen:
+        """What is shown; planned in the worker, when it is first asked for."""
+        if self._made is None:
+            self._made = Screen(self._state)
+        return self._made
+
+    def _texts(self) -> dict[str, str]:
+        return self._screen.texts()
 
     def _asked(self, _: Any, content: Mapping[str, Any], buffers: Any) -> None:
-        """Answer one message of the browser, which waits for the answer, come what may."""
+        """Hear one message of the browser, which waits for the answer, come what may."""
+        if content.get("ask") == "stop":
+            worker().stop(at_once=bool(content.get("at_once")))
+        else:
+            worker().do(lambda: self._reply(content))
+
+    def _reply(self, content: Mapping[str, Any]) -> None:
         began = time.perf_counter()
         try:
             answer = self._answer(content)
         except Exception as error:
+            logger.exception("the explorer could not answer")
             answer = {"kind": "a bug", "text": f"{type(error).__name__}: {error}", "todo": []}
-            raise
-        finally:
-            took = round(1000 * (time.perf_counter() - began))
-            self.send({"number": content.get("number"), "facts": "", **answer, "took_ms": took})
+        took = round(1000 * (time.perf_counter() - began))
+        self.send({"number": content.get("number"), "facts": "", **answer, "took_ms": took})
 
     def _answer(self, content: Mapping[str, Any]) -> dict[str, Any]:
         screen, what = self._screen, content.get("ask")
@@ -90,9 +110,12 @@ class Explorer(anywidget.AnyWidget):
             return {"error": self._errors(), "todo": self._todo(errors=False)}
         if what == "change":
             try:
-                screen.change([(name, value) for name, value in content["changes"]])
+                others = screen.set([(name, value) for name, value in content["changes"]])
             except InputError as error:  # a control of an older picture
                 return {**screen.picture(), "text": str(error), "todo": []}
+            if others:
+                self.send({"number": content["number"], "controls": screen.shown_controls()})
+            screen.plan_anew()
         if what == "reset":
             screen.reset()
         return self._picture()

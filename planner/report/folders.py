@@ -194,7 +194,8 @@ def figures(comparison: Comparison) -> dict[str, Figure]:
     replays = {row.label: row.replay for row in comparison.rows}
     if any(runs is not None and runs.angles for runs in replays.values()):
         errors = {k: None if runs is None else runs.index_E_deg for k, runs in replays.items()}
-        out["errors"] = plot_errors(errors)[0]
+        refused = {row.label for row in comparison.rows if not row.solved}
+        out["errors"] = plot_errors(errors, refused=refused)[0]
         out["effort"] = plot_efforts(comparison)[0]
         out["replay"] = plot_replays(replays)[0]
     return out

@@ -14,7 +14,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from contextvars import ContextVar
+from contextvars import Context, ContextVar
 from dataclasses import dataclass
 
 from planner.errors import InputError
@@ -45,7 +45,7 @@ class Span:
         holds: Whether there is an answer to show for it, were it to end now; None where the block
             is not a search.
         reached: Whether something in the block was cut short.
-        interrupted: Whether Ctrl-C ended the search.
+        interrupted: Who ended it before its time ("Ctrl-C"), or "".
         once: The end counts only once this is true; None if it always does.
     """
 
@@ -55,14 +55,14 @@ class Span:
     words: str = ""
     holds: Callable[[], bool] | None = None
     reached: bool = False
-    interrupted: bool = False
+    interrupted: str = ""
     once: Callable[[], bool] | None = None
 
     @property
     def why(self) -> str:
         """What cut it short, in words."""
         if self.interrupted:
-            return "Ctrl-C"
+            return self.interrupted
         named: list[Span] = []
         span: Span | None = self
         while span is not None:
@@ -139,23 +139,29 @@ def time_up() -> TimeUpError:
     return TimeUpError()
 
 
-def stop() -> bool:
+def stop(context: Context | None = None, by: str = "Ctrl-C") -> bool:
     """End the search at once, but for the refining of what it holds; whether it holds anything.
 
-    For a handler of Ctrl-C.
+    For a handler of Ctrl-C, or for another thread, with the context that the search runs in.
     """
-    searches = [span for span in _spans() if span.holds is not None]
+    searches = [span for span in _spans(context) if span.holds is not None]
     if not searches or not searches[-1].holds or not searches[-1].holds():
         return False
     outermost, now = searches[-1], time.monotonic()
     allowed = max(LEAST_FINISH_S, FINISH * (now - outermost.began))
     outermost.end = min(outermost.end, now + allowed)
-    outermost.interrupted = outermost.reached = True
-    for span in _spans():
+    outermost.interrupted, outermost.reached = by, True
+    for span in _spans(context):
         if span is outermost:
             break
         span.end = now
     return True
+
+
+def end(context: Context, by: str) -> None:
+    """End all that runs in a context of another thread, whatever it holds."""
+    for span in _spans(context):
+        span.end, span.interrupted, span.reached = time.monotonic(), by, True
 
 
 def checked(seconds: float) -> float:
@@ -179,9 +185,9 @@ def _opened(span: Span) -> Iterator[Span]:
         _span.reset(token)
 
 
-def _spans() -> Iterator[Span]:
+def _spans(context: Context | None = None) -> Iterator[Span]:
     """From the innermost outwards."""
-    span = _span.get()
+    span = _span.get() if context is None else context.get(_span)
     while span is not None:
         yield span
         span = span.outer

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import shutil
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -19,6 +19,10 @@ SOURCE = """import planner
 problem = planner.load_problem("paper.toml", {"goal.travel": 0.82})
 explorer = planner.explore(problem, samples=5)
 explorer"""
+SLOW = """import planner
+search = {"start": "wander", "starts": 50, "attempts": 50}
+problem = planner.load_problem("obstacle.toml", {"method.collocation": search})
+planner.explore(problem, samples=2)"""
 
 
 @pytest.fixture(scope="module")
@@ -28,25 +32,33 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     pytest.importorskip("anywidget", reason="needs the extra 'notebook'")
     pytest.importorskip("jupyterlab", reason="needs the extra 'notebook'")
     folder = tmp_path_factory.mktemp("jupyter")
-    shutil.copy(ROOT / "problems" / "paper.toml", folder)
-    cells = [nbformat.v4.new_code_cell(SOURCE)]
+    for name in ("paper", "obstacle"):
+        shutil.copy(ROOT / "problems" / f"{name}.toml", folder)
     kernel = {"kernelspec": {"name": "python3", "display_name": "Python 3"}}
-    nbformat.write(nbformat.v4.new_notebook(cells=cells, metadata=kernel), folder / "try.ipynb")
+    for name, source in {"try": SOURCE, "slow": SLOW}.items():
+        cells = [nbformat.v4.new_code_cell(source)]
+        whole = nbformat.v4.new_notebook(cells=cells, metadata=kernel)
+        nbformat.write(whole, folder / f"{name}.ipynb")
     with lab_server(folder) as found:
         yield found
 
 
 @pytest.fixture
-def page(new_page: Any, address: str) -> Any:
-    opened = new_page(width=1500, height=1100, strict=False)
-    opened.set_default_timeout(60_000)
-    opened.goto(f"{address}doc/tree/try.ipynb")
-    opened.locator(".jp-CodeCell .cm-content").first.click()
-    opened.wait_for_selector(".jp-Notebook-ExecutionIndicator[data-status=idle]", state="attached")
-    opened.keyboard.press("Shift+Enter")
-    opened.wait_for_selector(".px[data-kind], .jp-OutputArea-output pre")
-    failure = opened.locator(".jp-OutputArea-output pre:not(.px-words)")
-    assert failure.count() == 0, failure.all_text_contents()
+def show(new_page: Any, address: str) -> Callable[..., Any]:
+    def opened(name: str, width: int = 1500) -> Any:
+        page = new_page(width=width, height=1100, strict=False)
+        page.set_default_timeout(60_000)
+        page.goto(f"{address}doc/tree/{name}.ipynb")
+        page.locator(".jp-CodeCell .cm-content").first.click()
+        idle = ".jp-Notebook-ExecutionIndicator[data-status=idle]"
+        page.wait_for_selector(idle, state="attached")
+        page.keyboard.press("Shift+Enter")
+        page.wait_for_selector(".px[data-kind], .jp-OutputArea-output pre")
+        failure = page.locator(".jp-OutputArea-output pre")
+        assert failure.count() == 0, failure.all_text_contents()
+        settled(page)
+        return page
+
     return opened
 
 
@@ -55,8 +67,8 @@ def settled(page: Any) -> None:
     page.wait_for_selector(".px[data-open='0']")
 
 
-def pixels(page: Any, panel: str) -> str:
-    return str(page.evaluate(f"document.querySelector('[data-panel={panel}]').toDataURL()"))
+def drawn(page: Any, panel: str) -> str:
+    return str(page.locator(f"[data-panel={panel}] svg").inner_html())
 
 
 def slide(page: Any, control: str, value: float) -> None:
@@ -69,13 +81,13 @@ def slide(page: Any, control: str, value: float) -> None:
 
 
 def drag_first_point(page: Any, right: int, down: int) -> None:
-    canvas = page.locator("[data-panel=z2]")
-    canvas.scroll_into_view_if_needed()
-    box = canvas.bounding_box()
-    ((x, y),) = json.loads(canvas.get_attribute("data-points"))
-    page.mouse.move(box["x"] + x, box["y"] + y)
+    handle = page.locator("[data-panel=z2] .handle")
+    handle.scroll_into_view_if_needed()
+    box = handle.bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
     page.mouse.down()
-    page.mouse.move(box["x"] + x + right, box["y"] + y + down, steps=4)
+    page.mouse.move(x + right, y + down, steps=4)
     page.mouse.up()
 
 
@@ -102,27 +114,27 @@ def milliseconds(page: Any, values: range) -> float:
     return median(times)
 
 
-def test_the_explorer_follows_sliders_pointer_and_buttons(page: Any, tmp_path: Path) -> None:
-    settled(page)
+def test_the_explorer_follows_sliders_pointer_and_buttons(show: Any, tmp_path: Path) -> None:
+    page = show("try")
     assert page.locator(".px").get_attribute("data-kind") == "verification failed"
     assert "input u2 reaches" in page.locator(".px-words").text_content()
-    panels = ["z2", "z", "joints", "inputs", "plane", "error"]
-    before = {name: pixels(page, name) for name in panels}
+    panels = ["z2", "z", "joints", "inputs", "plane", "map", "error"]
+    before = {name: drawn(page, name) for name in panels}
     slide(page, "goal.travel", 420)  # of 1000: 0.827 rad
     settled(page)
-    assert page.locator("canvas.px-panel").count() == len(panels)
+    assert page.locator(".px .panel svg").count() == len(panels)
     for name in panels:
-        assert pixels(page, name) != before[name], name
+        assert drawn(page, name) != before[name], name
     polynomial = milliseconds(page, range(380, 420, 8))
 
     page.locator("[data-control='method.polynomial.points']").select_option("one")
     page.wait_for_selector("[data-control='method.polynomial.points:0:1']")
     settled(page)
     assert page.locator(".px").get_attribute("data-kind") == "verification failed"
-    still = pixels(page, "z2")
+    still = drawn(page, "z2")
     drag_first_point(page, 12, 10)
     settled(page)
-    assert pixels(page, "z2") != still
+    assert drawn(page, "z2") != still
     points = re.search(r"'method.polynomial.points': \[\[([\d.]+), (-[\d.]+)\]\]", code(page))
     assert points is not None
     assert float(points[1]) > 5.1
@@ -141,3 +153,125 @@ def test_the_explorer_follows_sliders_pointer_and_buttons(page: Any, tmp_path: P
     page.wait_for_selector(".px[data-kind=verified]")
     picture(page, "verified", tmp_path)
     print(f"slider to picture: {polynomial:.0f} ms polynomial, {collocation:.0f} ms collocation")
+
+
+def choose(page: Any, method: str) -> None:
+    page.locator("[data-control=method]").select_option(method)
+
+
+def busy(page: Any, seconds: int) -> None:
+    """Wait until it says that it has planned for so long."""
+    said = "document.querySelector('.px-verdict').textContent"
+    page.wait_for_function(rf"/planning, ([{seconds}-9]|\d\d) s/.test({said})")
+
+
+def test_no_verdict_stands_beside_other_settings_and_stop_works(show: Any, tmp_path: Path) -> None:
+    page = show("slow")
+    root, verdict = page.locator(".px"), page.locator(".px-verdict")
+    assert page.locator("[data-button=stop]").is_hidden()
+    assert verdict.text_content() == "refused: verification failed"
+    assert page.locator("[data-control^='method.polynomial']").count() > 0
+    choose(page, "collocation")
+    assert verdict.text_content().startswith("planning"), "at once, not when the answer is there"
+    assert root.get_attribute("data-kind") is None
+    busy(page, 1)
+    assert page.locator("[data-control^='method.polynomial']").count() == 0
+    assert page.locator("[data-control^='method.collocation']").count() > 0
+    assert page.locator(".px-words").text_content() == ""
+    assert page.locator(".px-facts").text_content() == ""
+    page.wait_for_function("getComputedStyle(document.querySelector('.px-grid')).opacity < 0.5")
+    busy(page, 2)
+    picture(page, "planning", tmp_path)
+    began = time.monotonic()
+    page.locator("[data-button=stop]").click()
+    page.wait_for_selector(".px[data-kind=stopped], .px[data-kind=verified]")
+    assert time.monotonic() - began < 8
+    assert "the Stop button ended" in page.locator(".px-words").text_content()
+    assert page.locator("[data-button=stop]").is_hidden()
+
+
+def test_new_settings_end_a_search_that_is_under_way(show: Any) -> None:
+    page = show("slow")
+    choose(page, "collocation")
+    busy(page, 1)
+    began = time.monotonic()
+    choose(page, "polynomial")
+    page.wait_for_selector(".px[data-kind='verification failed']")
+    assert time.monotonic() - began < 8
+
+
+def test_what_is_asked_comes_first_and_the_solver_is_folded(show: Any) -> None:
+    page = show("try")
+    names = page.locator(".px-group summary").all_text_contents()
+    assert names == ["System", "Start", "Goal", "Method", "Limits", "Solver", "Machine"]
+    folded = page.locator(".px-group:not([open]) summary").all_text_contents()
+    assert folded == ["Solver", "Machine"]
+    before = drawn(page, "plane")
+    slide(page, "start.theta_deg:1", 600)
+    settled(page)
+    assert drawn(page, "plane") != before
+    shown = page.locator("[data-control='start.theta_deg:1'] + output").text_content()
+    assert float(shown.split()[0]) == pytest.approx(-89 + 0.6 * 178, abs=0.01)
+
+
+def test_words_move_nothing_and_break_at_spaces_only(show: Any) -> None:
+    page = show("try", width=1100)
+    place = page.locator(".px-grid").bounding_box()
+    long = page.locator(".px-words").text_content()
+    assert len(long) > 100
+    broken = page.evaluate("""() => {
+        const text = document.querySelector('.px-words').firstChild, range = document.createRange();
+        const words = [...text.data.matchAll(/\\S+/g)];
+        return words.filter((word) => {
+            range.setStart(text, word.index);
+            range.setEnd(text, word.index + word[0].length);
+            return new Set([...range.getClientRects()].map((r) => r.top)).size > 1;
+        }).map((word) => word[0]);
+    }""")
+    assert broken == []
+    choose(page, "collocation")
+    page.wait_for_selector(".px[data-kind=verified]")
+    settled(page)
+    assert page.locator(".px-words").text_content() == ""
+    assert page.locator(".px-grid").bounding_box() == place
+
+
+def test_axes_are_named_clear_of_their_numbers_at_any_duration(show: Any) -> None:
+    page = show("try")
+    slide(page, "goal.duration", 430)
+    settled(page)
+    for panel in page.locator(".px .panel").all():
+        name = panel.locator("svg text.across")
+        assert name.text_content() in ("time (s)", "x (link lengths)", "θ₁ (deg)")
+        box = name.bounding_box()
+        for other in panel.locator("svg text:not(.across)").all():
+            near = other.bounding_box()
+            apart = near["x"] > box["x"] + box["width"] or near["x"] + near["width"] < box["x"]
+            assert apart or near["y"] + near["height"] <= box["y"] + 1, other.text_content()
+
+
+def test_pointing_reads_values_and_marks_the_time_in_the_other_figures(show: Any) -> None:
+    page = show("try")
+    joints = page.locator("[data-panel=joints]")
+    joints.locator("svg").hover(position={"x": 180, "y": 90})
+    head, *rows = joints.locator(".tip").inner_text().splitlines()
+    assert 0 < float(head.removesuffix(" s")) < 10
+    assert [row.split()[0] for row in rows] == ["θ₁", "θ₂", "θ₃"]
+    for other in ("plane", "map", "inputs"):
+        assert page.locator(f"[data-panel={other}] .cursor").get_attribute("d")
+    chart = page.locator("[data-panel=map]")
+    chart.locator("svg").focus()
+    page.keyboard.press("End")
+    words = chart.locator(".tip").inner_text().split()
+    assert words == ["10.00", "s", "θ₁", "30", "deg", "θ₂", "30", "deg"]
+    assert page.locator("[data-panel=joints] .cursor").get_attribute("d")
+
+
+def test_the_arm_s_colours_and_the_map_s_shade_have_a_key(show: Any) -> None:
+    page = show("try")
+    assert page.locator("[data-panel=plane] .notes").inner_text().startswith("from 0 s to 10 s")
+    assert "outside the chart" in page.locator("[data-panel=map] .notes").inner_text()
+    poses = page.locator("[data-panel=plane] .pose")
+    colours = poses.evaluate_all("(all) => all.map((pose) => pose.style.stroke)")
+    assert len(set(colours)) == len(colours) == 10
+    assert page.locator("[data-panel=map] path.below").count() == 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -10,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from compared import outside, quick_comparison
+from compared import outside, quick_comparison, refused_comparison
 
 import planner
 from planner.comparison.comparison import Comparison
@@ -240,6 +241,38 @@ def test_shares_and_points_are_those_of_the_replays(opened: Callable) -> None:
     words = " ".join(points.locator(".tip").inner_text().split())
     assert f"effort {row.effort:.4g}" in words
     assert f"median of E {row.E_median_deg:.3g} deg" in words
+
+
+def test_axes_have_units_and_say_where_they_are_logarithmic(opened: Callable) -> None:
+    page = opened()
+    data = json.loads(page.locator("#data").text_content())
+    panels = {figure["id"]: figure["panels"][0] for figure in data["figures"]}
+    across = page.locator("#fig-trade text.across").text_content()
+    log = panels["trade"]["log"]
+    assert across == "effort (rad²/s)" + (", log scale" if log[0] else "")
+    assert page.locator("#fig-trade h3").text_content() == f"E (deg{', log scale' * log[1]})"
+    across = page.locator("#fig-errors text.across").text_content()
+    assert across == "E (deg)" + (", log scale" if panels["errors"]["log"] else "")
+    assert any([*log, panels["errors"]["log"]]), "one of them is logarithmic, else this is idle"
+
+
+def test_refused_plans_are_marked_in_every_figure(opened: Callable) -> None:
+    page = opened()
+    name = "polynomial:travel=middle (refused)"
+    assert page.locator("#fig-trade text.name").all_text_contents().count(name) == 1
+    assert page.locator("#fig-trade .dot.dashed").count() == 1
+    for figure in ("z", "joints", "inputs", "errors"):
+        assert page.locator(f"#fig-{figure} .curve.dashed").count() >= 1, figure
+    assert name in page.locator(".legend").inner_text()
+
+
+def test_what_would_help_stands_under_each_refused_row(opened: Callable, tmp_path: Path) -> None:
+    target = refused_comparison().save(tmp_path / "x", report=True)
+    page = opened(target / "report.html")
+    row = page.locator("tbody tr").last
+    assert re.search(r"Try: goal.duration = [\d.]+ or more \(tried\)", row.inner_text())
+    assert page.locator("#fig-joints .curve.dashed").count() > 0, "the refused path is shown"
+    assert page.locator(".stage .body").first.get_attribute("d")
 
 
 CROWD = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import io
 import os
+import re
 import signal
 import sys
 import time
@@ -33,6 +34,8 @@ def test_a_plan_for_people(run: Callable) -> None:
     assert "solved, verified" in result.out
     assert "0.82 rad, one way" in result.out
     assert "inside its domain" in result.out
+    took, solved = re.findall(r"([\d.e-]+) s (?:from|to solve)", " ".join(result.out.split()))
+    assert float(took) > float(solved)
     assert "The plan reaches the goal and keeps every limit" in result.out
     assert "\x1b" not in result.out
     assert all(line == line.rstrip() for line in result.out.splitlines())

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from compared import SAMPLES, paper_comparison
+from compared import SAMPLES, paper_comparison, refused_comparison
 
 import planner
 from planner import compare as compare_function
+from planner.comparison import compare as compare_module
 from planner.comparison.compare import default_methods
 from planner.machine.machine import Machine
 from planner.methods.registry import METHODS
 from planner.plan.measures import effort
+from planner.solve import solve_and_check
 from planner.support.arrays import jsonable
 
 MIDDLE, BEST, OPTIMAL = "polynomial:travel=middle", "polynomial", "collocation"
@@ -121,6 +124,30 @@ def test_an_unfinished_iterate_is_not_kept_as_a_plan(
     monkeypatch.setitem(METHODS, "polynomial", replace(METHODS["polynomial"], plan=give_up))
     row = compare_function(unlimited, ["polynomial"], samples=2).rows[0]
     assert (row.plan, row.replay, row.why) == (None, None, "stopped after 3 iterations")
+
+
+def test_a_motion_that_takes_too_long_is_drawn_and_replayed_for_study() -> None:
+    """What is proven impossible comes with the fastest motion there is, squeezed into the time."""
+    row = refused_comparison()["collocation"]
+    assert not row.solved
+    assert row.plan is not None
+    assert row.plan.duration == 2.0
+    assert max(row.peak_u) > 0.5
+    assert row.terminal_error_deg < 1e-3, "it reaches the goal"
+    assert np.isfinite(row.E_median_deg)
+    assert refused_comparison()["polynomial"].plan is None
+
+
+def test_the_time_is_that_from_question_to_answer(
+    unlimited: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def slow(*given: Any, **options: Any) -> Any:
+        time.sleep(0.3)  # as verification and proofs may
+        return solve_and_check(*given, **options)
+
+    monkeypatch.setattr(compare_module, "solve_and_check", slow)
+    row = compare_function(unlimited, ["polynomial"], samples=1).rows[0]
+    assert row.took_s > 0.3 > row.solve_time_s
 
 
 def test_progress_rises_to_the_end_and_names_the_method(unlimited: planner.Problem) -> None:

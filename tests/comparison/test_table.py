@@ -7,7 +7,7 @@ import io
 
 import numpy as np
 import pytest
-from compared import quick_comparison
+from compared import leaving_comparison, quick_comparison, refused_comparison
 from rich.console import Console
 
 from planner.comparison import comparison
@@ -37,7 +37,7 @@ def test_a_narrow_terminal_keeps_the_words_of_a_verdict_whole() -> None:
 
 def test_terminal_table_shows_every_row_and_figure(printed: str) -> None:
     words = " ".join(printed.split())
-    for word in ("travel=middle", "no: input u2 reaches 83", "yes", "domain", "95 %", "solve"):
+    for word in ("travel=middle", "no: input u2 reaches 83", "yes", "domain", "95 %", "took"):
         assert word in words
     row = quick_comparison()["polynomial"]
     line = next(x for x in printed.splitlines() if x.startswith("polynomial ") and "yes" in x)
@@ -112,3 +112,42 @@ def test_a_column_is_added_in_one_place(monkeypatch: pytest.MonkeyPatch) -> None
 )
 def test_numbers_are_short(value: float, text: str) -> None:
     assert number(value) == text
+
+
+def text_of(found: comparison.Comparison) -> str:
+    console = Console(width=200, file=io.StringIO(), record=True)
+    console.print(found.table())
+    return " ".join(console.export_text().split())
+
+
+def test_where_all_are_refused_what_would_help_is_said_in_every_form() -> None:
+    found = refused_comparison()
+    (advice,) = [words for label, words in found.advice.items() if label == "collocation"]
+    assert advice.startswith("goal.duration = ")
+    assert advice.endswith("or more (tried)")
+    seconds = float(advice.split()[2])
+    assert found.problem.changed({"goal.duration": seconds}).duration == seconds
+    assert f"Try: {' '.join(advice.split()[:2])}" in text_of(found)
+    assert f"- Try, for `collocation`: {advice}" in found.markdown()
+    assert f"Try: {advice}" in found._repr_html_()
+    assert report_page(found, {}, {}).count(f"Try: {advice}") == 2  # answers and table
+
+
+def test_where_one_is_solved_no_other_asks_for_a_change() -> None:
+    found = quick_comparison()
+    assert any(row.advice for row in found.rows)
+    assert found.advice == {}
+    for text in (text_of(found), found.markdown(), report_page(found, {}, {})):
+        assert "Try" not in text
+
+
+def test_a_plan_may_leave_the_chart_and_says_so() -> None:
+    found = leaving_comparison()
+    row = found.rows[1]
+    assert (row.solved, row.why, row.domain_ok) == (True, "", False)
+    assert row.domain_margin < 0
+    assert "yes: leaves the chart (allowed)" in text_of(found)
+    assert "yes: leaves the chart (allowed)" in found.markdown()
+    page = report_page(found, {}, {})
+    assert page.count("leaves the chart (allowed)") == 2
+    assert "leaves the chart" not in "".join(r.remark for r in quick_comparison().rows if r.solved)

@@ -14,9 +14,9 @@ import pytest
 import planner
 from planner.errors import InputError
 from planner.explorer.outcome import judge, path
-from planner.explorer.picture import short
 from planner.explorer.screen import Screen
 from planner.explorer.state import State
+from planner.report.charts.panels import rounded
 from planner.support.package import how_to_install
 
 ROOT = Path(__file__).parents[2]
@@ -36,13 +36,13 @@ def panel(screen: Screen, name: str) -> dict[str, Any]:
 def test_a_slider_moves_the_plan_and_the_picture() -> None:
     shown = screen("paper")
     shown.change([("goal.travel", 0.80)])
-    before = panel(shown, "z2")["lines"][0]["y"]
+    before = panel(shown, "z2")["series"][0]["y"]
     shown.change([("goal.travel", 0.82)])
-    after = panel(shown, "z2")["lines"][0]["y"]
+    after = panel(shown, "z2")["series"][0]["y"]
     assert shown.outcome.plan is not None
     assert shown.outcome.plan.travel == pytest.approx(0.82, abs=1e-12)
     assert np.max(np.abs(np.array(before) - np.array(after))) > 0.01
-    low, high = (np.array(panel(shown, "z2")["bands"][0][edge]) for edge in ("low", "high"))
+    low, high = (np.array(panel(shown, "z2")["band"][edge]) for edge in ("low", "high"))
     assert np.all((low < after) & (after < high))  # in the domain at this travel
 
 
@@ -65,8 +65,8 @@ def test_a_refused_path_is_drawn_with_the_reason_in_words() -> None:
     assert "leaves the domain" in words["text"]
     z2 = panel(shown, "z2")
     assert len(z2["marks"]) == 2
-    assert z2["points"][0]["at"] == [5.0, -0.2]
-    assert None in panel(shown, "joints")["lines"][0]["y"]
+    assert z2["handles"][0]["at"] == [5.0, -0.2]
+    assert None in panel(shown, "joints")["series"][0]["y"]
     json.dumps(shown.picture(), allow_nan=False)
     with pytest.raises(planner.SingularError):
         shown.plan()
@@ -75,13 +75,13 @@ def test_a_refused_path_is_drawn_with_the_reason_in_words() -> None:
 def test_what_is_proven_impossible_is_drawn_all_the_same() -> None:
     shown = screen("unreachable")
     assert shown.words()["kind"] == "infeasible"
-    assert panel(shown, "inputs")["lines"][0]["y"]
+    assert panel(shown, "inputs")["series"][0]["y"]
 
 
 def test_a_law_without_any_travel_is_drawn_at_some_travel() -> None:
     shown = screen("parking", **{"goal.travel": "free"})
     assert shown.words()["kind"] == "infeasible"
-    assert panel(shown, "z2")["lines"][0]["y"]
+    assert panel(shown, "z2")["series"][0]["y"]
 
 
 def test_obstacles_are_drawn() -> None:
@@ -114,10 +114,10 @@ def test_the_verdict_waits_for_the_judge() -> None:
 
 def test_constraint_points_start_on_the_path_and_are_dragged_by_both_their_controls() -> None:
     shown = screen("paper", **{"goal.travel": 0.82})
-    free = panel(shown, "z2")["lines"][0]["y"]
+    free = panel(shown, "z2")["series"][0]["y"]
     shown.change([("method.polynomial.points", "one")])
-    assert np.allclose(panel(shown, "z2")["lines"][0]["y"], free, atol=2e-4)
-    (point,) = panel(shown, "z2")["points"]
+    assert np.allclose(panel(shown, "z2")["series"][0]["y"], free, atol=2e-4)
+    (point,) = panel(shown, "z2")["handles"]
     time_name, z2_name = point["names"]
     shown.change([(time_name, 6.0), (z2_name, -0.3)])
     assert shown.state.value("method.polynomial.points") == [[6.0, -0.3]]
@@ -133,7 +133,7 @@ def test_the_machine_can_be_changed_effect_by_effect() -> None:
     assert not shown.controls["machine.backlash_deg:value"].on
     stiffer = shown.errors()
     assert stiffer is not None
-    assert stiffer["lines"][0]["y"][-1] < 0.8 * error["lines"][0]["y"][-1]
+    assert stiffer["series"][0]["y"][-1] < 0.8 * error["series"][0]["y"][-1]
     shown.change([("machine.backlash_deg:value", 4.0)])
     spread = planner.Machine.prototype().effects["backlash_deg"].spread[0]
     assert shown.state.value("machine.backlash_deg") == {"value": 4.0, "spread": spread}
@@ -178,16 +178,84 @@ def test_a_problem_without_a_file_is_written_out_in_the_code() -> None:
 @pytest.mark.parametrize("method", list(planner.METHODS))
 def test_every_option_control_writes_what_the_method_takes(method: str) -> None:
     problem = planner.load_problem(ROOT / "problems" / "paper.toml", {"goal.travel": 0.82})
-    shown = Screen.__new__(Screen)
-    shown.state = State.of(problem, method, 0)
-    shown.outcome = path(State.of(problem, "polynomial", 0))
-    shown._rebuild()
+    shown = Screen(State.of(problem, "polynomial", 0))
+    shown.set([("method", method)])
     for control in shown.controls.values():
         values = control.choices or [control.low, control.high]
         for value in [True, False] if control.kind == "switch" else values:
             state = shown.state.with_value(control.key, control.written(value))
-            if control.key not in ("method", "samples") and "limits" not in control.key:
+            if control.key.startswith(("method.", "machine.", "goal.duration", "goal.travel")):
                 state.problem()  # the schema takes it
+
+
+def test_start_goal_and_gears_have_sliders_of_their_own() -> None:
+    shown = screen("paper", "collocation")
+    groups = list(dict.fromkeys(control.group for control in shown.controls.values()))
+    assert groups[:3] == ["System", "Start", "Goal"]
+    found = {control.name: control for control in shown.controls.values()}
+    assert [found[f"start.theta_deg:{k}"].label for k in range(3)] == ["θ₁", "θ₂", "θ₃"]
+    shown.change([("start.theta_deg:1", 5.0), ("goal.theta_deg:0", 40.0), ("system.K:0", 0.9)])
+    plan = shown.outcome.plan
+    assert plan is not None
+    np.testing.assert_allclose(np.rad2deg(plan.q(0.0)[1:]), [1, 5, 1], atol=1e-9)
+    assert np.rad2deg(plan.q(plan.duration)[1]) == pytest.approx(40, abs=1e-3)
+    assert plan.problem.system.K[0] == 0.9  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("name", ["car", "custom", "trailers", "unicycle", "ball-gear"])
+def test_every_kind_has_sliders_for_its_ends(name: str) -> None:
+    shown = screen(name, samples=0)
+    for table in ("start", "goal"):
+        own = [c for c in shown.controls.values() if c.key.startswith(f"{table}.")]
+        assert len(own) >= 3
+        for control in own:
+            assert control.low <= control.shown <= control.high, control.name
+
+
+def test_a_joint_more_is_like_the_last_one_and_goes_again() -> None:
+    shown = screen("paper", "collocation", **{"goal.travel": "free", "limits.z2_margin": None})
+    ratio = 0.711625 / 0.870125
+    shown.change([("system.joints", 4)])
+    problem = shown.outcome.problem
+    assert problem is not None
+    np.testing.assert_allclose(problem.system.K, [0.870125, 0.711625, 0.711625 * ratio])
+    np.testing.assert_allclose(np.rad2deg(problem.goal[1:]), [30, 30, 30, 30])
+    assert "goal.theta_deg:3" in shown.controls
+    assert panel(shown, "joints")["series"][3]["name"] == "θ₄"
+    shown.change([("system.joints", 2)])
+    assert "goal.theta_deg:2" not in shown.controls
+    shown.change([("system.joints", 3)])
+    again = shown.outcome.problem
+    assert again is not None
+    np.testing.assert_allclose(again.system.K, [0.870125, 0.711625])
+    np.testing.assert_allclose(np.rad2deg(again.start[1:]), [1, 1, 1])
+
+
+def test_the_map_shows_the_chart_s_edges_and_the_path() -> None:
+    chart = panel(screen("paper"), "map")
+    assert chart["region"] == [(0.0, 90.0), (0.0, 90.0)]  # of one sign, see `chart_margins`
+    np.testing.assert_allclose(chart["ends"], [[1, 1], [30, 30]])
+    np.testing.assert_allclose([way[-1] for way in chart["path"]], [30, 30], atol=1e-3)
+    assert panel(screen("ball-gear"), "map")["region"] == [(-90.0, 90.0), (-90.0, 90.0)]
+    assert not any(p["id"] == "map" for p in screen("car").picture()["panels"])
+    away = panel(screen("parking", "collocation"), "map")
+    assert min(away["path"][1]) < away["region"][1][0] == 0.0, "the path leaves the chart"
+
+
+def test_planning_ends_at_the_explorer_s_time_limit() -> None:
+    problem = planner.load_problem(ROOT / "problems" / "paper.toml")
+    shown = Screen(State.of(problem, "collocation", 0, time_limit_s=1e-4))
+    assert shown.words()["kind"] == "time limit"
+    assert "the time limit of 0.0001 s ended" in shown.words()["text"]
+    own = problem.changed({"method.collocation.time_limit_s": 20.0})
+    assert Screen(State.of(own, "collocation", 0, time_limit_s=1e-4)).outcome.plan is not None
+
+
+def test_the_facts_have_units_and_the_time_waited() -> None:
+    said = screen("paper", "collocation").words()["facts"]
+    assert re.fullmatch(
+        r"travel 0\.82 rad, duration 10 s, effort [\d.]+ rad²/s, planned in [\d.]+ s", said
+    )
 
 
 def test_reset_goes_back_to_the_problem() -> None:
@@ -218,8 +286,8 @@ def test_the_missing_extra_is_named(
 
 
 def test_numbers_are_shortened_without_visible_change() -> None:
-    values = np.array([1.0 / 3, np.nan, -200.0])
-    assert short(values) == [pytest.approx(1 / 3, abs=1e-3), None, -200.0]
+    values = np.array([1.0 / 3, np.nan, -200.0, 1e-30, 123456.7, 8.123456e-7])
+    assert rounded(values) == [0.33333, None, -200.0, 0.0, 123460.0, 8.1235e-7]
 
 
 def test_judging_twice_changes_nothing(paper: planner.Problem) -> None:

@@ -2,13 +2,28 @@
 
 from __future__ import annotations
 
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 import planner
+from planner.explorer.worker import worker
+from planner.methods.registry import METHODS
+from planner.support import deadline
+from planner.support.progress import Progress
+
+ROOT = Path(__file__).parents[2]
 
 pytest.importorskip("anywidget", reason="needs the extra 'notebook'")
+
+
+def done() -> None:
+    """Wait until what was asked is answered."""
+    worker().do(lambda: None).result(60)
 
 
 @pytest.fixture
@@ -26,6 +41,7 @@ def test_each_question_has_one_answer_with_its_number(sent: tuple[Any, list[Any]
     widget._asked(widget, {"ask": "change", "number": 2, "changes": changes}, [])
     widget._asked(widget, {"ask": "judge", "number": 3}, [])
     widget._asked(widget, {"ask": "texts", "number": 4}, [])
+    done()
     assert [m["number"] for m in messages] == [1, 2, 3, 4]
     assert messages[1]["todo"][-1:] == ["judge"]
     assert messages[2]["kind"] == "verified"
@@ -38,5 +54,58 @@ def test_each_question_has_one_answer_with_its_number(sent: tuple[Any, list[Any]
 def test_a_message_about_a_control_that_is_gone_is_answered(sent: tuple[Any, list[Any]]) -> None:
     widget, messages = sent
     widget._asked(widget, {"ask": "change", "number": 1, "changes": [["gone", 1.0]]}, [])
+    done()
     assert "no control 'gone'" in messages[0]["text"]
     assert messages[0]["panels"]
+
+
+def test_another_method_brings_its_controls_before_its_plan(sent: tuple[Any, list[Any]]) -> None:
+    widget, messages = sent
+    widget._asked(widget, {"ask": "change", "number": 1, "changes": [["method", "convex"]]}, [])
+    done()
+    first, last = messages
+    assert first.keys() == {"number", "controls"}
+    assert any(c["name"].startswith("method.convex.") for c in first["controls"])
+    assert not any(c["name"].startswith("method.polynomial.") for c in first["controls"])
+    assert "took_ms" in last
+
+
+@pytest.mark.parametrize("at_once", [True, False])
+def test_stop_ends_the_search(
+    sent: tuple[Any, list[Any]], monkeypatch: pytest.MonkeyPatch, at_once: bool
+) -> None:
+    """A method that would go on for ever, and asks for the time as methods do."""
+    widget, messages = sent
+    begun = threading.Event()
+
+    def endless(problem: planner.Problem, options: Any) -> planner.Plan:
+        begun.set()
+        while True:
+            deadline.check()
+            time.sleep(0.001)
+
+    entry = replace(METHODS["convex"], plan=endless)
+    monkeypatch.setitem(METHODS, "convex", entry)  # type: ignore[index]
+    widget._asked(widget, {"ask": "change", "number": 7, "changes": [["method", "convex"]]}, [])
+    assert begun.wait(60)
+    widget._asked(widget, {"ask": "stop", "number": 7, "at_once": at_once}, [])
+    done()
+    assert (messages[-1]["number"], messages[-1]["kind"]) == (7, "stopped")
+    assert "the Stop button ended the method 'convex'" in messages[-1]["text"]
+
+
+def test_stop_keeps_the_best_plan_found_by_then() -> None:
+    """Collocation, which then answers with what it has; another thread ends it."""
+    problem = planner.load_problem(ROOT / "problems/paper.toml", {"goal.duration": "free"})
+    options = {"start": "wander", "starts": 50, "attempts": 50}
+
+    def until_found(progress: Progress) -> None:
+        if progress.best:
+            threading.Thread(target=worker().stop, args=(False,)).start()
+
+    def plan() -> planner.Plan:
+        return planner.solve(problem, progress=until_found, **options)
+
+    found = worker().do(plan).result(120)
+    assert found.verified
+    assert found.notes["ended_early"].startswith("the Stop button ended the search")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,16 @@ from matplotlib.figure import Figure
 
 import planner
 from planner.report.figures.arm import plot_arm
-from planner.report.figures.on_the_machine import median_sample, plot_errors, plot_replays
+from planner.report.figures.on_the_machine import (
+    median_sample,
+    plot_efforts,
+    plot_errors,
+    plot_replays,
+)
 from planner.report.figures.over_time import plot_inputs, plot_joints, plot_z, z2_band
 from planner.report.figures.style import COLOURS, curves, symbol
+from planner.report.folders import replay_data
+from planner.report.page.series import page_data
 
 MIDDLE, BEST = "polynomial:travel=middle", "polynomial"
 
@@ -191,6 +199,46 @@ def test_errors_are_a_distribution_with_its_percentiles() -> None:
     assert "deg" in ax.get_xlabel()
     _, ax = plot_errors({"one": one})
     assert ax.get_xscale() == "linear"
+
+
+def test_refused_plans_are_marked_in_every_figure_and_axes_are_named() -> None:
+    found = quick_comparison()
+    made = found.figures()
+    (ax,) = made["effort"].axes
+    unit = "(rad²/s)"
+    assert ax.get_xlabel().startswith(f"effort: integral of u1^2 + u2^2 dt {unit}")
+    named = [text.get_text() for legend in made["effort"].legends for text in legend.get_texts()]
+    assert f"{MIDDLE} (refused)" in named
+    (ax,) = made["errors"].axes
+    dashed = [line.get_label() for line in ax.get_lines() if line.get_linestyle() == "--"]
+    assert [label.split(":")[0] for label in dashed] == [MIDDLE.split(":")[0]]
+    assert "(refused)" in dashed[0]
+    titles = [ax.get_title(loc="left") for ax in made["replay"].axes]
+    assert f"{MIDDLE} (refused)" in titles
+    assert "polynomial" in titles
+
+
+def test_pictures_and_page_decide_alike_where_an_axis_is_logarithmic_and_say_so() -> None:
+    found = quick_comparison()
+    for factor in (0.02, 1.0, 50.0):
+        rows = tuple(
+            replace(r, effort=r.effort * (factor if k else 1)) for k, r in enumerate(found.rows)
+        )
+        one = replace(found, rows=rows)
+        figures = {f["id"]: f["panels"][0] for f in page_data(one, replay_data(one))["figures"]}
+        errors = {r.label: r.replay.index_E_deg for r in rows if r.replay is not None}
+        made = {"effort": plot_efforts(one)[0], "errors": plot_errors(errors)[0]}
+        for name, panel, log in (
+            ("effort", figures["trade"], figures["trade"]["log"][0]),
+            ("errors", figures["errors"], figures["errors"]["log"]),
+        ):
+            (ax,) = made[name].axes
+            assert log == (ax.get_xscale() == "log")
+            assert log == ax.get_xlabel().endswith(", log scale")
+            assert panel["across"].split()[0] in ax.get_xlabel()
+        (ax,) = made["effort"].axes
+        assert figures["trade"]["log"][1] == (ax.get_yscale() == "log")
+        assert figures["trade"]["log"][1] == ax.get_ylabel().endswith(", log scale")
 
 
 def test_feedback_keeps_its_plans_colour() -> None:

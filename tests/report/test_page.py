@@ -85,7 +85,7 @@ def test_curves_of_the_page_are_those_of_the_plans(saved: Path) -> None:
     t = np.array(data["plans"][1]["t"])
     drawn = next(s for s in figures["inputs"][1]["series"] if s["plan"] == 1)["y"]
     np.testing.assert_allclose(drawn[5:-5], plan.u(t)[5:-5, 1], rtol=2e-2, atol=1e-3)
-    assert figures["inputs"][1]["limits"] == [0.6]
+    assert figures["inputs"][1]["limits"] == [-0.6, 0.6]
     assert figures["inputs"][1]["notes"][0]["value"] == pytest.approx(83, abs=0.5)
     assert [panel["title"] for panel in figures["z"]] == ["z₂", "z₂", "z₃", "z₄"]
     assert figures["z"][0]["band"]["high"][0] == 0, "rounding, -1e-34, is shown as what it is"
@@ -108,7 +108,7 @@ def test_feedback_has_its_machine_and_no_second_plan(tmp_path: Path) -> None:
     assert drawn == [(0, False), (1, False), (0, True), (1, True), (2, True)]
     assert [s["plan"] for s in figures["inputs"][0]["series"]] == [0, 1]
     assert [p["plan"] for p in figures["trade"][0]["points"]] == [0, 1, 2]
-    assert "takes effort 2;" in text
+    assert "takes effort 2 rad²/s;" in text
     assert "Partial: interrupted" in text
     assert "Plan against plan, machine by machine" in text
     assert "The worst machine of each plan, alone" in text

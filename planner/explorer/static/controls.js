@@ -1,12 +1,5 @@
 // Sliders, choices and switches from their descriptions; each tells `changed(name, value)`.
 
-function element(tag, className, text) {
-  const made = document.createElement(tag);
-  if (className) made.className = className;
-  if (text !== undefined) made.textContent = text;
-  return made;
-}
-
 const STEPS = 1000;
 
 function toSlider(c, value) {
@@ -23,25 +16,24 @@ function fromSlider(c, raw) {
 
 function readable(c) {
   if (c.shown === null) return "";
-  const number = Number(Number(c.shown).toPrecision(4));
-  return (c.unit ? `${number} ${c.unit}` : `${number}`) + (c.on ? "" : ` (${c.off_word})`);
+  return [short(c.shown), c.unit, c.on ? "" : `(${c.off_word})`].filter(Boolean).join(" ");
 }
 
 function makeSlider(c, changed) {
-  const row = element("div", "px-row");
+  const row = make("div", { class: "px-row" });
   row.title = c.help;
-  const label = element("label", "", c.label);
-  const input = element("input");
+  const label = make("label", { text: c.label });
+  const input = make("input");
   input.type = "range";
   if (c.integer) [input.min, input.max, input.step] = [c.low, c.high, 1];
   else [input.min, input.max, input.step] = [0, STEPS, 1];
   input.dataset.control = c.name;
   input.setAttribute("aria-label", c.label);
-  const value = element("output");
+  const value = make("output");
   let now = c;
   let box = null;
   if (c.off_word) {
-    box = element("input");
+    box = make("input");
     box.type = "checkbox";
     box.dataset.switch = c.name;
     box.setAttribute("aria-label", `${c.label}: set, or ${c.off_word}`);
@@ -78,14 +70,14 @@ function makeSlider(c, changed) {
 }
 
 function makeChoice(c, changed) {
-  const row = element("div", "px-row");
+  const row = make("div", { class: "px-row" });
   row.title = c.help;
-  const input = element("select");
+  const input = make("select");
   for (const word of c.choices) input.append(new Option(word.replaceAll("_", " "), word));
   input.dataset.control = c.name;
   input.setAttribute("aria-label", c.label);
   input.onchange = () => changed(c.name, input.value);
-  row.append(element("label", "", c.label), input);
+  row.append(make("label", { text: c.label }), input);
   const update = (next) => {
     input.value = next.shown;
     row.title = next.help;
@@ -95,10 +87,10 @@ function makeChoice(c, changed) {
 }
 
 function makeSwitch(c, changed) {
-  const row = element("div", "px-row");
+  const row = make("div", { class: "px-row" });
   row.title = c.help;
-  const label = element("label", "", c.label);
-  const box = element("input");
+  const label = make("label", { text: c.label });
+  const box = make("input");
   box.type = "checkbox";
   box.dataset.control = c.name;
   box.onchange = () => changed(c.name, box.checked);
@@ -114,7 +106,7 @@ function makeSwitch(c, changed) {
 // All controls under their headings; rebuilt only when the set of controls changes.
 function makeControls(place, changed) {
   let shape = "";
-  const open = { Motion: true, Limits: true };
+  const open = { System: true, Start: true, Goal: true, Method: true, Limits: true };
   let made = new Map();
   const makers = { slider: makeSlider, choice: makeChoice, switch: makeSwitch };
   return (controls, held) => {
@@ -124,10 +116,10 @@ function makeControls(place, changed) {
       made = new Map();
       place.replaceChildren();
       for (const group of [...new Set(controls.map((c) => c.group))]) {
-        const block = element("details", "px-group");
+        const block = make("details", { class: "px-group" });
         block.open = open[group] || false;
         block.ontoggle = () => (open[group] = block.open);
-        block.append(element("summary", "", group));
+        block.append(make("summary", { text: group }));
         for (const c of controls.filter((c) => c.group === group)) {
           made.set(c.name, makers[c.kind](c, changed));
           block.append(made.get(c.name).row);

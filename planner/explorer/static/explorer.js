@@ -3,24 +3,74 @@
 // One question is under way at a time. While it is, further settings are gathered and the newest
 // of each goes out with the next question, so that a dragged slider never queues up work.
 
+/** A figure over time whose handles can be dragged; `page.drag` hears where to. */
+class DragChart extends TimeChart {
+  listen() {
+    super.listen();
+    const { svg } = this;
+    this.held = null;
+    svg.addEventListener("pointerdown", (event) => {
+      const box = svg.getBoundingClientRect();
+      const [px, py] = [event.clientX - box.left, event.clientY - box.top];
+      const far = (handle) => Math.hypot(this.x(handle.at[0]) - px, this.y(handle.at[1]) - py);
+      const under = (this.panel.handles ?? []).find((handle) => handle.names && far(handle) < 14);
+      if (!under) return;
+      this.held = { names: under.names, box, x: this.x, y: this.y }; // the axes may move under it
+      svg.setPointerCapture(event.pointerId);
+      event.preventDefault();
+    });
+    for (const end of ["pointerup", "pointercancel"]) svg.addEventListener(end, () => (this.held = null));
+  }
+
+  point(event) {
+    if (!this.held) return super.point(event);
+    const { names, box, x, y } = this.held;
+    const edge = 0.01 * (x.high - x.low);
+    const t = Math.min(Math.max(x.invert(event.clientX - box.left), x.low + edge), x.high - edge);
+    this.page.drag(names, [t, y.invert(event.clientY - box.top)]);
+  }
+}
+
+const SOON = 250; // ms; what takes longer is said to be under way, and can be stopped
+const DOING = { judge: "verifying", errors: "on the machines", texts: "writing" };
+
 function render({ model, el }) {
-  const root = element("div", "px");
-  const side = element("div", "px-side"), main = element("div", "px-main");
-  const verdict = element("div", "px-verdict"), words = element("pre", "px-words");
-  const facts = element("div", "px-facts"), grid = element("div", "px-grid");
-  const texts = element("div", "px-texts");
-  verdict.setAttribute("role", "status");
-  main.append(verdict, words, facts, grid, texts);
+  const root = make("div", { class: "px charts" });
+  const side = make("div", { class: "px-side" }), main = make("div", { class: "px-main" });
+  const head = make("div", { class: "px-head" }), verdict = make("span", { class: "px-verdict", role: "status" });
+  const stopper = make("button", { type: "button", text: "Stop", "data-button": "stop", hidden: "" });
+  const facts = make("span", { class: "px-facts" }), words = make("div", { class: "px-words", tabindex: 0 });
+  const grid = make("div", { class: "px-grid" }), texts = make("div", { class: "px-texts" });
+  const live = make("div", { class: "px-live", "aria-live": "polite" });
+  head.append(verdict, stopper, facts);
+  main.append(head, words, grid, live, texts);
   root.append(side, main);
   el.append(root);
 
-  const canvases = new Map();
-  let panels = [], frames = new Map();
+  const charts = new Map();
+  const page = {
+    plans: [],
+    shown: [true],
+    ghost: true,
+    say: (text) => (live.textContent = text),
+    setTime: () => {},
+    drag: (names, values) => names.forEach((name, k) => set(name, values[k])),
+    follow: (chart, t) => charts.forEach((other) => other !== chart && other.setCursor(t)),
+  };
+  let panels = [];
   let stale = false;
-  let waiting = new Map(), busy = null, resting = 0, dragged = null;
+  let waiting = new Map(), busy = null, resting = 0, ticking = 0;
   let number = Math.floor(1e9 * Math.random()); // another view of the same widget counts elsewhere
 
-  const controlsPlace = element("div");
+  const watch = new ResizeObserver((entries) => {
+    for (const { target, contentRect } of entries) {
+      const resized = charts.get(target.dataset.panel);
+      const wide = Math.floor(contentRect.width);
+      if (resized?.host === target && resized.wide !== wide) resized.render((resized.wide = wide));
+    }
+  });
+
+  const controlsPlace = make("div");
   const fill = makeControls(controlsPlace, (name, value) => set(name, value));
   side.append(controlsPlace, buttons());
 
@@ -28,36 +78,81 @@ function render({ model, el }) {
     if (!waiting.size) waiting.began = performance.now();
     root.dataset.open = 1;
     waiting.set(name, value);
+    old();
     pump();
   }
 
   function pump() {
     if (busy || !waiting.size) return;
-    clearTimeout(resting);
-    busy = { kind: "change", number: ++number, began: waiting.began };
     const changes = [...waiting];
+    begin("change", waiting.began, { changes });
     waiting = new Map();
-    model.send({ ask: "change", number, changes });
   }
 
   function ask(kind) {
-    if (busy) return;
-    busy = { kind, number: ++number, began: performance.now() };
-    model.send({ ask: kind, number });
+    if (!busy) begin(kind, performance.now());
+  }
+
+  function begin(kind, began, more = {}) {
+    clearTimeout(resting);
+    busy = { kind, number: ++number, began, stopped: false };
+    root.dataset.open = 1;
+    if (kind !== "texts" && kind !== "judge" && kind !== "errors") old();
+    model.send({ ask: kind, number, ...more });
+    clearInterval(ticking);
+    ticking = setInterval(tick, 100);
+  }
+
+  // What is on the screen belongs to other settings from now on: no verdict stands beside it.
+  function old() {
+    delete root.dataset.kind;
+    verdict.className = "px-verdict px-open";
+    if (!root.classList.contains("px-busy")) verdict.textContent = "planning ...";
+    for (const part of [facts, words]) part.classList.add("px-past");
+  }
+
+  function tick() {
+    const ms = performance.now() - busy.began;
+    if (ms < SOON) return;
+    const { kind } = busy;
+    const plans = !(kind in DOING);
+    root.classList.toggle("px-busy", plans);
+    charts.get("error")?.host.classList.toggle("px-past", plans || kind === "errors");
+    if (plans) words.textContent = facts.textContent = "";
+    if (plans || root.dataset.kind === "not judged yet") {
+      const doing = busy.stopped ? "stopping" : (DOING[kind] ?? "planning");
+      verdict.textContent = `${doing}, ${Math.floor(ms / 1000)} s`;
+    }
+    stopper.hidden = kind === "texts" || kind === "judge";
+    if (plans && waiting.size) stop(true); // its answer would belong to other settings
+  }
+
+  function stop(atOnce) {
+    if (!busy || busy.stopped) return;
+    busy.stopped = true;
+    stopper.disabled = true;
+    model.send({ ask: "stop", number: busy.number, at_once: atOnce });
   }
 
   function answered(reply) {
     if (!busy || reply.number !== busy.number) return;
+    if (reply.took_ms === undefined) return fill(reply.controls, new Set(waiting.keys())); // more will come
     const done = busy;
     busy = null;
+    clearInterval(ticking);
+    stopper.hidden = true;
+    stopper.disabled = false;
+    root.classList.remove("px-busy");
     if (reply.panels) {
       const kept = reply.error === undefined ? panels.filter((p) => p.id === "error") : [];
-      if (reply.panels.length) panels = [...reply.panels, ...kept];
+      if (reply.panels.length) [page.plans, panels] = [reply.plans, [...reply.panels, ...kept]];
       root.classList.toggle("px-stale", !reply.panels.length);
       fill(reply.controls, new Set(waiting.keys()));
+      charts.get("error")?.host.classList.toggle("px-past", reply.todo?.includes("errors") ?? false);
     }
     if (reply.error !== undefined) {
       panels = panels.filter((p) => p.id !== "error");
+      charts.get("error")?.host.classList.remove("px-past");
       if (reply.error) panels.push(reply.error);
     }
     if (reply.kind) say(reply);
@@ -69,8 +164,10 @@ function render({ model, el }) {
     root.dataset.stage = done.kind;
     root.dataset.number = done.number;
     if (done.kind === "change" || done.kind === "reset") stale = texts.childElementCount > 0;
-    if (waiting.size) pump();
-    else next(reply);
+    if (waiting.size) {
+      old();
+      pump();
+    } else next(reply);
   }
 
   // What is still open once the sliders rest: the errors, then the verdict.
@@ -80,79 +177,52 @@ function render({ model, el }) {
       if (stale) ask("texts"); // the text that is open follows the picture
       return;
     }
+    const dragged = [...charts.values()].some((chart) => chart.held);
     resting = setTimeout(() => ask(reply.todo[0]), dragged ? 120 : 0);
   }
 
   function say(reply) {
-    const good = reply.kind === "verified";
-    verdict.className = `px-verdict px-${good ? "good" : reply.kind === "not judged yet" ? "open" : "bad"}`;
-    verdict.textContent = good ? "verified" : reply.kind === "not judged yet" ? "verifying ..." : `refused: ${reply.kind}`;
+    const { kind } = reply;
+    const open = kind === "not judged yet";
+    const word = { verified: "good", "not judged yet": "open", stopped: "open" }[kind] ?? "bad";
+    verdict.className = `px-verdict px-${word}`;
+    verdict.textContent = open ? "verifying ..." : kind === "stopped" ? "stopped: no plan" : word === "good" ? kind : `refused: ${kind}`;
     words.textContent = reply.text;
     facts.textContent = reply.facts;
-    root.dataset.kind = reply.kind;
-    for (const panel of panels) panel.refused = !good && reply.kind !== "not judged yet";
+    for (const part of [facts, words]) part.classList.remove("px-past");
+    root.dataset.kind = kind;
+    for (const plan of page.plans) plan.refused = word === "bad" || kind === "stopped";
     if (!reply.panels) redraw();
   }
 
   function redraw() {
-    const ids = panels.map((p) => p.id);
-    if ([...canvases.keys()].join() !== ids.join()) {
+    const ids = panels.map((panel) => panel.id);
+    if ([...charts.keys()].join() !== ids.join()) {
       grid.replaceChildren();
-      for (const id of ids) {
-        if (!canvases.has(id)) canvases.set(id, canvas(id));
-        grid.append(canvases.get(id));
+      for (const panel of panels) {
+        if (!charts.has(panel.id)) charts.set(panel.id, chart(panel));
+        grid.append(charts.get(panel.id).host);
       }
-      for (const id of [...canvases.keys()]) if (!ids.includes(id)) canvases.delete(id);
+      for (const id of [...charts.keys()]) if (!ids.includes(id)) charts.delete(id);
     }
-    const faded = root.classList.contains("px-stale") ? 0.3 : 1;
-    frames = new Map(panels.map((p) => [p.id, draw(canvases.get(p.id), p, faded)]));
-    for (const p of panels.filter((p) => p.points)) {
-      const at = p.points.map((point) => [frames.get(p.id).X(point.at[0]), frames.get(p.id).Y(point.at[1])]);
-      canvases.get(p.id).dataset.points = JSON.stringify(at);
+    for (const panel of panels) {
+      const drawn = charts.get(panel.id);
+      drawn.panel = panel;
+      drawn.render(drawn.wide); // the width is known: to ask for it would lay out the page now
     }
   }
 
-  function canvas(id) {
-    const made = element("canvas", "px-panel");
-    made.dataset.panel = id;
-    made.setAttribute("role", "img");
-    made.setAttribute("aria-label", id);
-    if (id === "z2") draggable(made);
-    return made;
-  }
-
-  // The constraint points are dragged with the pointer (or moved by their sliders).
-  function draggable(made) {
-    const near = (event) => {
-      const f = frames.get("z2"), panel = panels.find((p) => p.id === "z2");
-      if (!f || !panel) return null;
-      const far = (p) => Math.hypot(f.X(p.at[0]) - event.offsetX, f.Y(p.at[1]) - event.offsetY);
-      return (panel.points || []).find((p) => p.names && far(p) < 14) || null;
-    };
-    made.onpointerdown = (event) => {
-      dragged = near(event);
-      if (!dragged) return;
-      dragged.frame = frames.get("z2");
-      made.setPointerCapture(event.pointerId);
-      event.preventDefault();
-    };
-    made.onpointermove = (event) => {
-      if (!dragged) {
-        made.style.cursor = near(event) ? "grab" : "";
-        return;
-      }
-      const f = dragged.frame, span = f.x[1] - f.x[0];
-      const t = Math.min(Math.max(f.dataX(event.offsetX), f.x[0] + 0.01 * span), f.x[1] - 0.01 * span);
-      set(dragged.names[0], t);
-      set(dragged.names[1], f.dataY(event.offsetY));
-    };
-    made.onpointerup = made.onpointercancel = () => (dragged = null);
+  function chart(panel) {
+    const host = make("div", { class: "panel" });
+    host.dataset.panel = panel.id;
+    watch.observe(host);
+    return new { time: DragChart, plane: PlaneChart }[panel.kind](host, panel, page);
   }
 
   function buttons() {
-    const row = element("div", "px-buttons");
+    const row = make("div", { class: "px-buttons" });
     for (const [name, kind] of [["Python code", "code"], ["Problem file", "file"], ["Reset", "reset"]]) {
-      const button = element("button", "", name);
+      const button = make("button", { text: name });
       button.type = "button";
       button.dataset.button = kind;
       button.onclick = () => {
@@ -181,11 +251,11 @@ function render({ model, el }) {
       open.rows = Math.min(18, open.value.split("\n").length);
       return;
     }
-    const area = element("textarea");
+    const area = make("textarea");
     area.readOnly = true;
     area.value = reply[texts.dataset.wanted];
     area.rows = Math.min(18, area.value.split("\n").length);
-    const copy = element("button", "", "Copy");
+    const copy = make("button", { text: "Copy" });
     copy.type = "button";
     copy.onclick = () => {
       area.select();
@@ -198,12 +268,11 @@ function render({ model, el }) {
 
   const listen = (reply) => answered(reply);
   model.on("msg:custom", listen);
-  const watch = new ResizeObserver(() => panels.length && redraw());
-  watch.observe(grid);
-  root.dataset.open = 1;
+  stopper.onclick = () => stop(false);
   ask("picture");
   return () => {
     clearTimeout(resting);
+    clearInterval(ticking);
     watch.disconnect();
     model.off("msg:custom", listen);
   };

@@ -7,16 +7,16 @@ How large the error on the machine is, over many sampled machines.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.comparison.rows import FEEDBACK, Row
+from planner.comparison.rows import FEEDBACK, Row, effort_unit
 from planner.errors import InputError
 from planner.machine.replay import Replay
-from planner.report.figures.style import axis_label, colours, grid, heading, legend
+from planner.report.figures.style import Curve, axis_label, colours, grid, heading, legend
 from planner.support.arrays import Array
 
 if TYPE_CHECKING:
@@ -54,7 +54,8 @@ def plot_replays(
     figure, axes = grid(len(runs), len(angles), axes, size=(3.4, 2.2), share=("all", "col"))
     for row, (label, run) in enumerate(runs.items()):
         _draw_replay(axes[row], run, colour[label])
-        axes[row, 0].set_title(label, fontsize=10, loc="left", color=colour[label])
+        name = f"{label}{REFUSED * Curve(label, run.plan, '').refused}"
+        axes[row, 0].set_title(name, fontsize=10, loc="left", color=colour[label])
     for ax in axes[-1]:
         ax.set_xlabel("time (s)")
     text = f"Machine ({first.machine.preset}, {len(first.numbers)} samples) against plan"
@@ -83,6 +84,7 @@ def _draw_replay(axes: Any, run: Replay, colour: str) -> None:
 
 
 CLOSED = "the same plan with feedback"
+REFUSED = " (refused)"
 
 
 def plot_efforts(comparison: Comparison, *, ax: Any = None) -> tuple[Figure, Any]:
@@ -111,10 +113,11 @@ def plot_efforts(comparison: Comparison, *, ax: Any = None) -> tuple[Figure, Any
     for row in rows:
         _draw_row(ax, row, colour[row.spec])
     _join(ax, rows, colour)
-    _scale(ax.xaxis, [row.effort for row in rows])
-    _scale(ax.yaxis, [row.E_median_deg for row in rows])
-    ax.set_xlabel("effort: integral of u1^2 + u2^2 dt")
-    ax.set_ylabel("error index E (deg): median to 95 %")
+    unit = effort_unit(comparison.problem.system)
+    ax.set_xlabel(f"effort: integral of u1^2 + u2^2 dt ({unit})")
+    ax.set_ylabel("error index E (deg), median to 95 %")
+    _scale(ax.xaxis, logarithmic([row.effort for row in rows]))
+    _scale(ax.yaxis, logarithmic([row.E_median_deg for row in rows]))
     ax.set_title(f"Effort against error on {comparison.samples} emulated machines", fontsize=11)
     handles = ax.get_legend_handles_labels()[0]
     if any(row.feedback for row in rows):
@@ -123,16 +126,24 @@ def plot_efforts(comparison: Comparison, *, ax: Any = None) -> tuple[Figure, Any
     return figure, ax
 
 
-def _scale(axis: Any, values: list[float]) -> None:
-    """Logarithmic where values differ by more than ten times, with plain numbers on it."""
+def logarithmic(values: ArrayLike) -> bool:
+    """Whether values get a logarithmic axis, in a picture and on the page: over ten times apart."""
+    every = np.asarray(values, dtype=float)
+    return bool(np.min(every) > 0 and np.max(every) > 10 * np.min(every))
+
+
+def _scale(axis: Any, log: bool) -> None:
+    """Logarithmic, with plain numbers on it and a word that says so; or from zero on."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    if max(values) <= 10 * min(values):
+    if not log:
+        axis.axes.set(**{f"{axis.axis_name}lim": (0, None)})
         return
     axis.axes.set(**{f"{axis.axis_name}scale": "log"})
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
+    axis.set_label_text(f"{axis.get_label_text()}, log scale")
 
 
 def _draw_row(ax: Any, row: Row, colour: str) -> None:
@@ -145,9 +156,11 @@ def _draw_row(ax: Any, row: Row, colour: str) -> None:
         "o",
         color=colour,
         markerfacecolor="white" if row.feedback else colour,
-        label=None if row.feedback else row.label if row.solved else f"{row.label} (refused)",
+        label=None if row.feedback else row.label if row.solved else f"{row.label}{REFUSED}",
         linestyle="none",
     )
+    if not row.solved:
+        ax.plot([row.effort], [row.E_median_deg], "x", color="white", markersize=4)
     ax.plot([row.effort], [row.E_p95_deg], "_", color=colour, markersize=9)
 
 
@@ -164,14 +177,17 @@ def _join(ax: Any, rows: list[Row], colour: dict[str, str]) -> None:
             )
 
 
-def plot_errors(errors: Mapping[str, ArrayLike | None], *, ax: Any = None) -> tuple[Figure, Any]:
+def plot_errors(
+    errors: Mapping[str, ArrayLike | None], *, refused: Collection[str] = (), ax: Any = None
+) -> tuple[Figure, Any]:
     """Share of machines with an error below each value; median and 95th percentile as dots.
 
-    Plans with feedback are dotted, in the colour of the plan without.
+    Plans with feedback are dotted, in the colour of the plan without; refused ones are dashed.
 
     Args:
         errors: For each plan its error index E on every sampled machine, shape (samples,), degrees;
             None for a plan that was not replayed (it keeps its colour).
+        refused: Labels of plans that are refused, and were replayed for study.
         ax: Axes to draw into.
 
     Returns:
@@ -188,18 +204,10 @@ def plot_errors(errors: Mapping[str, ArrayLike | None], *, ax: Any = None) -> tu
     figure, axes = grid(1, 1, ax, size=(6.4, 4.0))
     ax = axes[0, 0]
     for label, error in known.items():
-        _distribution(ax, label, np.sort(error), colour[label])
-    if _decades(list(known.values())) > 1.0:
-        ax.set_xscale("log")
-        from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        ax.xaxis.set_minor_formatter(NullFormatter())
-    else:
-        ax.set_xlim(left=0)
+        _distribution(ax, label, np.sort(error), colour[label], label in refused)
     ax.set_ylim(0, 1.02)
     ax.set_xlabel("error index E (deg): largest joint error during the motion, eq. (29)")
+    _scale(ax.xaxis, logarithmic(spread(list(known.values()))))
     ax.set_ylabel("share of machines with a smaller error")
     count = max(len(e) for e in known.values())
     ax.set_title(f"Error on {count} emulated machines", fontsize=11)
@@ -207,17 +215,17 @@ def plot_errors(errors: Mapping[str, ArrayLike | None], *, ax: Any = None) -> tu
     return figure, ax
 
 
-def _distribution(ax: Any, label: str, error: Array, colour: str) -> None:
+def _distribution(ax: Any, label: str, error: Array, colour: str, refused: bool) -> None:
     share = np.arange(1, len(error) + 1) / len(error)
     median, high = np.percentile(error, [50, 95])
-    text = f"{label}: median {median:.3g}, 95 % {high:.3g} deg"
+    text = f"{label}{REFUSED * refused}: median {median:.3g}, 95 % {high:.3g} deg"
     closed = label.endswith(FEEDBACK)
-    style, fill = (":", "white") if closed else ("-", colour)
+    style, fill = (":", "white") if closed else ("--" if refused else "-", colour)
     ax.step(error, share, style, where="post", color=colour, linewidth=1.8, label=text)
     ax.plot([median, high], [0.5, 0.95], "o", color=colour, markerfacecolor=fill, markersize=5)
 
 
-def _decades(errors: list[Array]) -> float:
+def spread(errors: list[Array]) -> tuple[float, float]:
+    """Least error but for one machine in a hundred, and the largest."""
     every = np.concatenate(errors)
-    low = float(np.percentile(every, 1))
-    return float(np.log10(np.max(every) / low)) if low > 0 else 0.0
+    return float(np.percentile(every, 1)), float(np.max(every))

@@ -114,8 +114,8 @@ def _note(ax: Any, curve: Curve, time: float, value: float, above: int) -> None:
     )
 
 
-def view(values: Sequence[tuple[Curve, Array, Array]], limit: float) -> tuple[float, float]:
-    """Lowest and highest value to show of inputs (curve, times, values) under a limit."""
+def view(values: Sequence[tuple[Any, Array, Array]], limit: float) -> tuple[float, float]:
+    """Lowest and highest value to show of inputs (whose, times, values) under a limit."""
     every = np.concatenate([u for _, _, u in values])
     most = float(np.max(np.abs(every)))
     # Times crowd towards the ends of pieces, so that a quantile over them would follow the peaks.

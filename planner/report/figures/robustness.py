@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from planner.comparison.rows import effort_unit
 from planner.report.figures.style import COLOURS, grid, heading, legend, symbol
 from planner.robustness.budget import Budget, Cost, total
 from planner.robustness.machine_sensitivity import MachineEntry, MachineSensitivity
@@ -226,7 +227,7 @@ def _words(name: str) -> str:
 
 
 AXES = {
-    "effort": "effort: integral of u1^2 + u2^2 dt",
+    "effort": "effort: integral of u1^2 + u2^2 dt ({unit})",
     "duration": "duration (s)",
     "peak": "largest input, share of its limit",
 }
@@ -272,7 +273,7 @@ def _responses(ax: Any, curve: TradeOff) -> None:
     floor = curve.points[0].floor_deg
     ax.axhline(floor, color="#555555", linestyle=":", label="irreducible")
     ax.set_ylim(bottom=0)
-    ax.set_xlabel(AXES[curve.kind])
+    ax.set_xlabel(_across(curve))
     ax.set_ylabel("response at the end (deg, one standard deviation)")
     ax.legend(fontsize=8)
 
@@ -292,7 +293,7 @@ def _machines(ax: Any, curve: TradeOff) -> None:
         ax.plot(cost, values, ".-", color=colour, label=label)
         ax.plot(cost[at], values[at], color=colour, **KNEE)
     ax.set_ylim(bottom=0)
-    ax.set_xlabel(AXES[curve.kind])
+    ax.set_xlabel(_across(curve))
     ax.set_ylabel("largest joint error at the end (deg)")
     ax.legend(fontsize=8)
 
@@ -309,6 +310,10 @@ def _paths(ax: Any, curve: TradeOff) -> None:
     ax.set_xlabel(f"travel of {symbol(system.coordinates[0].name)} (deg)")
     ax.set_ylabel(f"{symbol(system.coordinates[1].name)} (deg)")
     ax.legend(fontsize=8)
+
+
+def _across(curve: TradeOff) -> str:
+    return AXES[curve.kind].format(unit=effort_unit(curve.problem.system))
 
 
 def _cost(curve: TradeOff, point: Point) -> float:

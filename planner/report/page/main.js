@@ -14,10 +14,6 @@
     say: (text) => (live.textContent = text),
     setCursor: (t) => all.forEach((chart) => chart.setCursor(t)),
     setTime: (t) => player.stages && (player.stop(), player.set(t)),
-    swatch: (k) => {
-      const plan = data.plans[k];
-      return make("span", { class: `swatch plan-${plan.colour} ${styleOf(plan)}` });
-    },
     showMachines: (on) => {
       page.ghost = on;
       draw();
@@ -33,7 +29,7 @@
       page.shown[k] = box.checked;
       all.forEach((chart) => chart.render());
     });
-    label.append(page.swatch(k));
+    make("span", { class: `swatch plan-${plan.colour} ${styleOf(plan)}` }, label);
     make("span", { text: plan.label + (plan.refused ? " (refused)" : "") }, label);
   });
   legend.hidden = data.plans.length < 2;

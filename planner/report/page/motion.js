@@ -38,19 +38,9 @@ class Stage {
     this.y = scale(low[1], high[1], bottom, edge.top);
     this.svg.setAttribute("viewBox", `0 0 ${width} ${bottom + edge.bottom}`);
     this.svg.replaceChildren();
-    for (const x of ticks(low[0], high[0], width / 70)) {
-      make("path", { class: "grid", d: `M${this.x(x)} ${edge.top}V${bottom}` }, this.svg);
-      const place = { x: this.x(x), y: bottom + 15, "text-anchor": "middle" };
-      make("text", { ...place, text: short(x, 3) }, this.svg);
-    }
-    for (const y of ticks(low[1], high[1], (bottom - edge.top) / 50)) {
-      make("path", { class: "grid", d: `M${edge.left} ${this.y(y)}H${width - edge.right}` }, this.svg);
-      const place = { x: edge.left - 6, y: this.y(y) + 4, "text-anchor": "end" };
-      make("text", { ...place, text: short(y, 3) }, this.svg);
-    }
-    const words = { x: width - edge.right, y: bottom + 30, "text-anchor": "end", text: this.page.length };
-    make("text", words, this.svg);
-    this.drawSpace(unit);
+    const box = { ...edge, right: width - edge.right, bottom };
+    axes(this.svg, this.x, this.y, box, { across: this.page.length, square: true });
+    drawSpace(this.svg, this.page.space, this.x, this.y);
     const { colour, motion, path: way } = this.plan;
     for (const k of [0, motion.points.length - 1])
       make("path", { class: "ends", d: this.line(motion.points[k]) }, this.svg);
@@ -63,15 +53,6 @@ class Stage {
       make("circle", { class: "joint", r: k ? 4 : 5.5 }, this.svg),
     );
     this.machine = make("path", { class: `machine-body plan-${colour}` }, this.svg);
-  }
-
-  /** Obstacles and waypoints. */
-  drawSpace(unit) {
-    const { discs, tips } = this.page.space;
-    for (const [x, y, r] of discs)
-      make("circle", { class: "disc", cx: this.x(x), cy: this.y(y), r: r * unit }, this.svg);
-    for (const [x, y] of tips)
-      make("path", { class: "stop", d: diamond(this.x(x), this.y(y)) }, this.svg);
   }
 
   line(points) {

@@ -5,7 +5,6 @@ from __future__ import annotations
 import html
 import json
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -15,14 +14,17 @@ import numpy as np
 from planner.comparison.comparison import Comparison
 from planner.comparison.rows import CLOSED, Row
 from planner.errors import InputError
+from planner.report.charts.panels import CHARTS, STYLE, script, source
 from planner.report.page.series import page_data
 from planner.report.page.words import answers, facts, places, question, subscripted, verdict
 from planner.report.saved import load_comparison, load_replays
 from planner.support.files import read_json, write_text
 from planner.support.tables import Column, Markup, R, html_table, number
 
-SCRIPTS = ("scale.js", "chart.js", "kinds.js", "points.js", "motion.js", "main.js")
-"""Read in this order into one script."""
+ROOM = "planner.report.page"
+
+SCRIPTS = ("machines.js", "motion.js", "main.js")
+"""Read in this order, after those of the charts, into one script."""
 
 
 def write_report(folder: str | Path, out: str | Path | None = None) -> Path:
@@ -58,12 +60,10 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], made: Mappin
         replays: What `load_replays` gives.
         made: `command` and `versions`, as in comparison.json.
     """
-    page = files("planner.report").joinpath("page")
-    script = "\n".join(page.joinpath(name).read_text(encoding="utf-8") for name in SCRIPTS)
     data = json.dumps(page_data(comparison, replays), separators=(",", ":"), ensure_ascii=False)
-    return Template(page.joinpath("page.html").read_text(encoding="utf-8")).substitute(
+    return Template(source(ROOM, "page.html")).substitute(
         title=html.escape(comparison.problem.name),
-        style=page.joinpath("page.css").read_text(encoding="utf-8"),
+        style=source(CHARTS, STYLE) + source(ROOM, "page.css"),
         question=question(comparison.problem),
         verdict=verdict(comparison),
         answers=_answers(comparison),
@@ -79,7 +79,7 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], made: Mappin
         machine=html.escape(json.dumps(comparison.machine.to_dict(), indent=1)),
         problem=html.escape(json.dumps(comparison.problem.to_dict(), indent=1)),
         data=data.replace("<", "\\u003c"),
-        script=script,
+        script=script(ROOM, SCRIPTS),
     )
 
 
@@ -102,8 +102,8 @@ def _definitions(pairs: Sequence[tuple[str, str]]) -> str:
 
 
 def _table(comparison: Comparison) -> str:
-    place = places(comparison)
-    name = Column[Row]("plan", "", lambda row: _name(place[row.label], row))
+    place, tries = places(comparison), comparison.advice
+    name = Column[Row]("plan", "", lambda row: _name(place[row.label], row, tries.get(row.label)))
     numbers = [
         _typeset(c, _symbols(c.title))
         for c in comparison.columns
@@ -178,18 +178,19 @@ def _worst(rows: Sequence[Mapping[str, Any]]) -> str:
     ]
     if not known:
         return ""
-    text = html.escape("\n\n".join(known))
+    lines = html.escape("\n\n".join(known))
     return (
         "<details><summary>The worst machine of each plan, alone</summary>"
-        f'<pre tabindex="0">{text}</pre></details>'
+        f'<pre tabindex="0">{lines}</pre></details>'
     )
 
 
-def _name(k: int, row: Row) -> Markup:
+def _name(k: int, row: Row, advice: str | None) -> Markup:
     badge = "solved" if row.solved else "refused"
     label = html.escape(row.label).replace(":", ":<wbr>")
-    why = f'<span class="badge {badge}">{badge}</span> {html.escape(row.why)}'
-    return Markup(f"{_swatch(k, row)} {label}<span class=why>{why}</span>")
+    why = f'<span class="badge {badge}">{badge}</span> {html.escape(row.remark)}'
+    tries = f"<span class=why>Try: {html.escape(advice)}</span>" if advice else ""
+    return Markup(f"{_swatch(k, row)} {label}<span class=why>{why}</span>{tries}")
 
 
 def _swatch(k: int, row: Row) -> str:

@@ -8,26 +8,23 @@ from typing import Any
 import numpy as np
 
 from planner.comparison.comparison import Comparison
+from planner.comparison.rows import effort_unit
 from planner.plan.measures import worst_margin
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
+from planner.report.charts.panels import Panel, band, curve, near, over_time, rounded, unit_of
 from planner.report.figures.arm import body, drawable, waypoint_tips
-from planner.report.figures.over_time import has_band, view, z2_band
+from planner.report.figures.on_the_machine import logarithmic, spread
+from planner.report.figures.over_time import has_band, view
 from planner.report.figures.style import Curve, curves, shown, times
 from planner.report.page.words import places, subscripted
 from planner.support.arrays import Array, jsonable
-from planner.systems.triangular_system import Coordinate
 
 POINTS = 500
 """About how many times a curve is drawn at."""
 
 PICTURES = 240
 """Pictures of a motion; the page moves evenly between them."""
-
-TINY = 1e-12
-"""What is smaller is rounding, and would be read as a number with an exponent."""
-
-Panel = dict[str, Any]
 
 
 def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, Any]:
@@ -65,19 +62,19 @@ def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, A
 Sampled = tuple[int, Plan, Array]
 
 
-def _plan(curve: Curve, kept: Mapping[str, Any] | None) -> dict[str, Any]:
-    plan = curve.plan
+def _plan(drawn: Curve, kept: Mapping[str, Any] | None) -> dict[str, Any]:
+    plan = drawn.plan
     out = {
-        "label": curve.label,
-        "refused": curve.refused,
+        "label": drawn.label,
+        "refused": drawn.refused,
         "duration": plan.duration,
-        "t": _rounded(_times(plan)),
+        "t": rounded(_times(plan)),
     }
     if plan.executable and drawable(plan.problem.system):
         even = np.linspace(0, plan.duration, PICTURES)
         out["motion"] = _motion(plan.problem, even, plan.q(even))
         path = body(plan.problem, plan.q(_times(plan)))[:, -1]
-        out["path"] = _rounded(path)
+        out["path"] = rounded(path)
         if kept is not None:
             run = kept["median"]
             out["machine"] = _motion(plan.problem, np.array(run["t"]), np.array(run["q"]))
@@ -89,11 +86,11 @@ def _motion(problem: Problem, t: Array, q: Array) -> dict[str, Any]:
     tail = problem.system.coordinates[1:]
     values = np.column_stack([shown(q[:, i + 1], c.unit) for i, c in enumerate(tail)])
     return {
-        "t": _rounded(t),
+        "t": rounded(t),
         "points": np.round(body(problem, q), 4),
         "values": np.round(values, 3),
         "names": [subscripted(c.name) for c in tail],
-        "units": [_unit(c) for c in tail],
+        "units": [unit_of(c) for c in tail],
     }
 
 
@@ -106,13 +103,13 @@ def _z(sampled: Sequence[Sampled]) -> dict[str, Any]:
     if has_band(system):
         panels += [_z2(k, plan, t) for k, plan, t in sampled]
     else:
-        panels.append(_over("z₂", "", [(k, plan.z(t)[:, 1]) for k, plan, t in sampled]))
+        panels.append(_each("z₂", "", [(k, plan.z(t)[:, 1]) for k, plan, t in sampled]))
     if not has_band(system) or system.size > 4:
         margins = [(k, worst_margin(plan.trajectory.margins(t))) for k, plan, t in sampled]
-        panels.append({**_over("least margin of the domain", "", margins), "floor": 0.0})
+        panels.append({**_each("least margin of the domain", "", margins), "floor": 0.0})
     for i in range(2, system.size):
         values = [(k, plan.z(t)[:, i]) for k, plan, t in sampled]
-        panels.append(_over(subscripted(f"z{i + 1}"), "", values))
+        panels.append(_each(subscripted(f"z{i + 1}"), "", values))
     caption = _BAND if has_band(system) else _MARGIN
     return {"id": "z", "caption": caption, "panels": panels}
 
@@ -125,11 +122,7 @@ _MARGIN = "Where the least margin is below zero the path has left the domain of 
 
 
 def _z2(k: int, plan: Plan, t: Array) -> Panel:
-    low, high = z2_band(plan, t)
-    panel = _over("z₂", "", [(k, plan.z(t)[:, 1])])
-    exits = [] if plan.executable else list(plan.domain.exits_s)
-    marks = [[time, float(plan.z(time)[1])] for time in exits]
-    return {**panel, "band": {"low": _rounded(low), "high": _rounded(high)}, "marks": marks}
+    return over_time("z₂", "", [curve(k, plan.z(t)[:, 1])], **band(plan, t))
 
 
 def _joints(
@@ -142,28 +135,27 @@ def _joints(
             continue
         unit = coordinate.unit
         values = [(k, shown(plan.q(t)[:, i], unit)) for k, plan, t in real]
-        panel = _over(subscripted(coordinate.name), _unit(coordinate), values)
+        panel = _each(subscripted(coordinate.name), unit_of(coordinate), values)
         limit = float(shown(problem.limits.joint[i : i + 1], unit)[0])
         ends = shown(np.array([problem.start[i], problem.goal[i]]), unit)
         machine = [
-            {"plan": k, "machine": True, "y": _rounded(shown(_kept(replays, curve)[:, i], unit))}
-            for k, curve in enumerate(drawn)
-            if curve.label in replays
+            curve(k, shown(_kept(replays, one)[:, i], unit), machine=True)
+            for k, one in enumerate(drawn)
+            if one.label in replays
         ]
         panel["series"] += machine
-        most = max(float(np.nanmax(np.abs(v))) for _, v in values)
-        near = [limit] if np.isfinite(limit) and most > 0.75 * limit else []
         on_the_way = [
             [w.time_s, float(shown(w.q[i : i + 1], unit)[0])]
             for w in problem.waypoints
             if w.time_s is not None and np.isfinite(w.q[i])
         ]
-        panels.append({**panel, "limits": near, "ends": list(ends), "stops": on_the_way})
+        lines = near(np.concatenate([v for _, v in values]), limit)
+        panels.append({**panel, "limits": lines, "ends": list(ends), "stops": on_the_way})
     return {"id": "joints", "panels": panels}
 
 
-def _kept(replays: Mapping[str, Any], curve: Curve) -> Array:
-    return np.asarray(replays[curve.label]["median"]["q"], dtype=float)
+def _kept(replays: Mapping[str, Any], drawn: Curve) -> Array:
+    return np.asarray(replays[drawn.label]["median"]["q"], dtype=float)
 
 
 def _inputs(real: Sequence[Sampled], drawn: Sequence[Curve]) -> dict[str, Any]:
@@ -173,12 +165,12 @@ def _inputs(real: Sequence[Sampled], drawn: Sequence[Curve]) -> dict[str, Any]:
         limit = float(problem.limits.input[i])
         values = [(drawn[k], t, plan.u(t)[:, i]) for k, plan, t in real]
         low, high = view(values, limit)
-        panel = _over(
+        panel = _each(
             subscripted(coordinate.name),
             coordinate.unit,
             [(k, u) for (k, _, _), (_, _, u) in zip(real, values, strict=True)],
         )
-        panel |= {"limits": [limit] if np.isfinite(limit) else [], "view": [low, high]}
+        panel |= {"limits": [-limit, limit] if np.isfinite(limit) else [], "view": [low, high]}
         panel["notes"] = [
             {"plan": k, "t": float(t[m]), "value": float(u[m])}
             for (k, _, _), (_, t, u) in zip(real, values, strict=True)
@@ -189,9 +181,8 @@ def _inputs(real: Sequence[Sampled], drawn: Sequence[Curve]) -> dict[str, Any]:
     return {"id": "inputs", "panels": panels}
 
 
-def _over(title: str, unit: str, values: Sequence[tuple[int, Array]]) -> Panel:
-    series = [{"plan": k, "y": _rounded(y)} for k, y in values]
-    return {"kind": "time", "title": title, "unit": unit, "series": series}
+def _each(title: str, unit: str, values: Sequence[tuple[int, Array]]) -> Panel:
+    return over_time(title, unit, [curve(k, y) for k, y in values])
 
 
 # -- figures over machines ----------------------------------------------------------------------
@@ -200,21 +191,24 @@ def _over(title: str, unit: str, values: Sequence[tuple[int, Array]]) -> Panel:
 def _spreads(
     comparison: Comparison, drawn: Sequence[Curve], replays: Mapping[str, Any]
 ) -> list[dict[str, Any]]:
-    known = [(k, curve.label) for k, curve in enumerate(drawn) if curve.label in replays]
+    known = [(k, one.label) for k, one in enumerate(drawn) if one.label in replays]
     if not known:
         return []
-    series = [
-        {"plan": k, "values": _rounded(np.sort(replays[label]["E_deg"]))} for k, label in known
+    errors = {k: np.sort(np.asarray(replays[label]["E_deg"], dtype=float)) for k, label in known}
+    low, high = spread(list(errors.values()))
+    series = [{"plan": k, "values": rounded(values)} for k, values in errors.items()]
+    rows = {k: comparison[label] for k, label in known if np.isfinite(comparison[label].effort)}
+    points = [
+        {"plan": k, "x": row.effort, "y": row.E_median_deg, "high": row.E_p95_deg}
+        for k, row in rows.items()
     ]
-    points = []
-    for k, label in known:
-        row = comparison[label]
-        if np.isfinite(row.effort):
-            high = {"x": row.effort, "y": row.E_median_deg, "high": row.E_p95_deg}
-            points.append({"plan": k, **high})
-    spread = {"kind": "share", "title": "Share of machines", "unit": "", "series": series}
-    trade = {"kind": "points", "title": "E", "unit": "deg", "points": points}
-    return [{"id": "trade", "panels": [trade]}, {"id": "errors", "panels": [spread]}]
+    shares: Panel = {"kind": "share", "title": "Share of machines", "unit": "", "series": series}
+    shares |= {"across": "E (deg)", "span": [low, high], "log": logarithmic([low, high])}
+    unit = effort_unit(comparison.problem.system)
+    trade: Panel = {"kind": "points", "title": "E", "unit": "deg", "points": points}
+    trade |= {"across": f"effort ({unit})", "effort_unit": unit}
+    trade["log"] = [logarithmic([p[axis] for p in points] or [1.0]) for axis in ("x", "y")]
+    return [{"id": "trade", "panels": [trade]}, {"id": "errors", "panels": [shares]}]
 
 
 def _times(plan: Plan) -> Array:
@@ -224,20 +218,3 @@ def _times(plan: Plan) -> Array:
         return every
     some = np.linspace(0, len(every) - 1, 2 * POINTS).round().astype(int)
     return np.asarray(every[some])
-
-
-def _rounded(values: Array) -> list[Any]:
-    """Five significant digits: more than a screen shows."""
-    return [_short(v) for v in np.asarray(values, dtype=float).tolist()]
-
-
-def _short(value: Any) -> Any:
-    if isinstance(value, list):
-        return [_short(v) for v in value]
-    if abs(value) < TINY:
-        return 0.0
-    return float(f"{value:.5g}") if np.isfinite(value) else None
-
-
-def _unit(coordinate: Coordinate) -> str:
-    return "deg" if coordinate.unit == "rad" else coordinate.unit

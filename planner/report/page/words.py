@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.comparison.comparison import Comparison
-from planner.comparison.rows import Row
+from planner.comparison.rows import Row, effort_unit
 from planner.problem.problem import Problem
 from planner.report.figures.style import shown
 from planner.support.tables import number
@@ -110,15 +110,18 @@ def _joint_limits(problem: Problem) -> list[tuple[str, str]]:
 def _answer(comparison: Comparison, row: Row) -> str:
     if not row.solved:
         tried = "; replayed for study" if np.isfinite(row.E_median_deg) else ""
-        return f"refused: {html.escape(row.why)}{tried}."
+        advice = comparison.advice.get(row.label, "")
+        more = f" Try: {html.escape(advice)}." if advice else ""
+        return f"refused: {html.escape(row.why)}{tried}.{more}"
     text = f"{'takes' if row.feedback else 'solved with'} effort {number(row.effort, 4)}"
+    text += f" {effort_unit(comparison.problem.system)}"
     if np.isfinite(row.E_median_deg):
         text += (
             f"; on the machines its largest joint error is {number(row.E_median_deg)}°"
             f"{_interval(row.E_median_interval_deg)} in the median and below"
             f" {number(row.E_p95_deg)}°{_interval(row.E_p95_interval_deg)} for 95 %"
         )
-    return text + "."
+    return f"{text}{f'; {html.escape(row.remark)}' if row.remark else ''}."
 
 
 def _interval(ends: tuple[float, float]) -> str:

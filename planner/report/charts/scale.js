@@ -72,7 +72,7 @@ function path(xs, ys) {
       pen = "M";
       continue;
     }
-    out += `${pen}${xs[i].toFixed(1)} ${ys[i].toFixed(1)}`;
+    out += `${pen}${Math.round(10 * xs[i]) / 10} ${Math.round(10 * ys[i]) / 10}`;
     pen = "L";
   }
   return out;
@@ -83,10 +83,11 @@ function diamond(x, y, r = 6) {
   return `M${x} ${y - r}l${r} ${r}l${-r} ${r}l${-r} ${-r}Z`;
 }
 
+const VECTORS = new Set("svg g path line rect circle text polyline clipPath".split(" "));
+
 /** A new element; `svg` elements by their name. */
 function make(name, attributes = {}, parent = null) {
-  const vector = "svg g path line rect circle text polyline clipPath".split(" ").includes(name);
-  const node = vector
+  const node = VECTORS.has(name)
     ? document.createElementNS("http://www.w3.org/2000/svg", name)
     : document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {

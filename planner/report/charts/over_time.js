@@ -1,4 +1,4 @@
-// Figures with a curve for each plan: over time, and shares of machines.
+// A figure over time: a curve for each plan.
 
 class TimeChart extends Chart {
   scales() {
@@ -6,14 +6,14 @@ class TimeChart extends Chart {
     const { width, right, bottom } = this.size;
     const visible = panel.series.filter((s) => this.shown(s));
     const list = visible.length ? visible : panel.series;
-    const longest = Math.max(...list.map((s) => page.plans[s.plan].duration));
+    const longest = Math.max(...list.map((s) => s.t?.at(-1) ?? page.plans[s.plan].duration));
     this.x = scale(0, longest, EDGE.left, right);
     let span = panel.view;
     if (!span) {
       const ys = list.map((s) => s.y);
       if (panel.band) ys.push(panel.band.low, panel.band.high);
-      if (panel.ends) ys.push(panel.ends);
-      if (panel.limits) for (const l of panel.limits) ys.push([l]);
+      ys.push(panel.ends ?? [], panel.limits ?? [], (panel.handles ?? []).map((p) => p.at[1]));
+      if (panel.zero) ys.push([0]);
       span = range(ys);
     }
     this.y = scale(span[0], span[1], bottom, EDGE.top);
@@ -25,13 +25,13 @@ class TimeChart extends Chart {
   }
 
   label() {
-    const names = this.panel.series.filter((s) => !s.machine).map((s) => this.page.plans[s.plan].label);
+    const names = this.panel.series.filter((s) => !s.machine).map((s) => this.named(s));
     return `${this.panel.title} over time for ${names.join(", ")}. Arrow keys read values.`;
   }
 
   times(series) {
     const plan = this.page.plans[series.plan];
-    return series.machine ? plan.machine.t : plan.t;
+    return series.t ?? (series.machine ? plan.machine.t : plan.t);
   }
 
   draw() {
@@ -44,8 +44,7 @@ class TimeChart extends Chart {
       make("rect", { class: "below", x: EDGE.left, y: top, width: right - EDGE.left, height }, inside);
     }
     for (const limit of panel.limits ?? [])
-      for (const y of [limit, -limit])
-        make("path", { class: "limit", d: `M${EDGE.left} ${this.y(y)}H${right}` }, inside);
+      make("path", { class: "limit", d: `M${EDGE.left} ${this.y(limit)}H${right}` }, inside);
     for (const series of panel.series) {
       if (!this.shown(series)) continue;
       const xs = this.times(series).map(this.x);
@@ -63,6 +62,8 @@ class TimeChart extends Chart {
     });
     for (const [t, value] of panel.stops ?? [])
       make("path", { class: "stop", d: diamond(this.x(t), this.y(value)) }, over);
+    for (const { at: [t, value], names } of panel.handles ?? [])
+      make("circle", { class: names ? "handle" : "handle fixed", cx: this.x(t), cy: this.y(value), r: 6 }, over);
     this.drawNotes();
   }
 
@@ -84,8 +85,6 @@ class TimeChart extends Chart {
 
   drawNotes() {
     const notes = (this.panel.notes ?? []).filter((n) => this.page.shown[n.plan]);
-    this.notes.replaceChildren();
-    if (this.panel.notes && !notes.length) return;
     for (const note of notes) {
       const { label, colour } = this.page.plans[note.plan];
       const text = `${label} peaks at ${short(note.value, 3)}, t = ${short(note.t, 2)} s`;
@@ -104,15 +103,15 @@ class TimeChart extends Chart {
       if (!this.shown(series)) continue;
       const value = at(this.times(series), series.y, t);
       if (value === null) continue;
-      const name = series.machine ? "… on the machine" : undefined;
-      rows.push({ plan: series.plan, name, text: this.measured(value) });
+      const name = series.machine ? "… on the machine" : series.name;
+      rows.push({ plan: series.plan, colour: series.colour, name, text: this.measured(value) });
     }
     if (this.panel.band && rows.length) {
       const { low, high } = this.panel.band;
       const times = this.times(this.panel.series[0]);
       const [a, b] = [at(times, low, t), at(times, high, t)];
       if (a !== null && b !== null)
-        rows.push({ plan: this.panel.series[0].plan, name: "domain", text: `${short(a, 3)} to ${short(b, 3)}` });
+        rows.push({ plan: this.panel.series[0].plan, name: this.panel.band.name ?? "domain", text: `${short(a, 3)} to ${short(b, 3)}` });
     }
     return { head: `${t.toFixed(2)} s`, rows, px: this.x(t) };
   }
@@ -130,62 +129,4 @@ class TimeChart extends Chart {
     const inside = t !== null && this.x && t >= this.x.low && t <= this.x.high;
     this.cursor?.setAttribute("d", inside ? `M${this.x(t)} ${EDGE.top}V${this.size.bottom}` : "");
   }
-}
-
-class ShareChart extends Chart {
-  scales() {
-    this.percent = true;
-    const list = this.panel.series.filter((s) => this.shown(s));
-    const some = list.length ? list : this.panel.series;
-    const low = Math.min(...some.map((s) => s.values[Math.floor(0.01 * s.values.length)]));
-    const high = Math.max(...some.map((s) => s.values[s.values.length - 1]));
-    const log = low > 0 && high / low > 8;
-    const [a, b] = log ? [low * 0.9, high * 1.1] : [0, high * 1.05 || 1];
-    this.x = scale(a, b, EDGE.left, this.size.right, log);
-    this.y = scale(0, 1, this.size.bottom, EDGE.top);
-  }
-
-  across() {
-    return "E (deg)";
-  }
-
-  label() {
-    const names = this.panel.series.map((s) => this.page.plans[s.plan].label);
-    return `Share of machines with a smaller error, for ${names.join(", ")}. Arrow keys read values.`;
-  }
-
-  first() {
-    return this.x.invert((this.x(this.x.low) + this.x(this.x.high)) / 2);
-  }
-
-  draw() {
-    for (const series of this.panel.series) {
-      if (!this.shown(series)) continue;
-      const n = series.values.length;
-      let d = `M${this.x(Math.max(this.x.low, series.values[0]))} ${this.y(0)}`;
-      series.values.forEach((v, i) => {
-        d += `H${this.x(Math.max(this.x.low, v)).toFixed(1)}V${this.y((i + 1) / n).toFixed(1)}`;
-      });
-      make("path", { class: this.classes(series, "curve"), d: `${d}H${this.size.right}` }, this.inside);
-      for (const share of [0.5, 0.95]) {
-        const cx = this.x(quantile(series.values, share));
-        make("circle", { class: this.classes(series, "dot"), cx, cy: this.y(share), r: 4.5 }, this.over);
-      }
-    }
-  }
-
-  describe(x) {
-    const rows = this.panel.series.filter((s) => this.shown(s)).map((s) => {
-      const below = s.values.filter((v) => v <= x).length / s.values.length;
-      return { plan: s.plan, text: `${(100 * below).toFixed(1)} %` };
-    });
-    return { head: `E below ${short(x, 3)} deg`, rows, px: this.x(x) };
-  }
-}
-
-/** Quantile of increasing values, linear between them. */
-function quantile(values, share) {
-  const p = share * (values.length - 1);
-  const k = Math.floor(p);
-  return values[k] + (p - k) * ((values[k + 1] ?? values[k]) - values[k]);
 }

@@ -1,21 +1,74 @@
-// The figure with a point for each plan: effort against error.
+// Figures over many machines: shares of them, and effort against error with a point for each plan.
+
+class ShareChart extends Chart {
+  scales() {
+    this.percent = true;
+    const { span: [low, high], log } = this.panel; // of all plans, so that hiding one moves nothing
+    const [a, b] = log ? [low * 0.9, high * 1.1] : [0, high * 1.05 || 1];
+    this.x = scale(a, b, EDGE.left, this.size.right, log);
+    this.y = scale(0, 1, this.size.bottom, EDGE.top);
+  }
+
+  across() {
+    return this.panel.across;
+  }
+
+  label() {
+    const names = this.panel.series.map((s) => this.page.plans[s.plan].label);
+    return `Share of machines with a smaller error, for ${names.join(", ")}. Arrow keys read values.`;
+  }
+
+  first() {
+    return this.x.invert((this.x(this.x.low) + this.x(this.x.high)) / 2);
+  }
+
+  draw() {
+    for (const series of this.panel.series) {
+      if (!this.shown(series)) continue;
+      const n = series.values.length;
+      let d = `M${this.x(Math.max(this.x.low, series.values[0]))} ${this.y(0)}`;
+      series.values.forEach((v, i) => {
+        d += `H${this.x(Math.max(this.x.low, v)).toFixed(1)}V${this.y((i + 1) / n).toFixed(1)}`;
+      });
+      make("path", { class: this.classes(series, "curve"), d: `${d}H${this.size.right}` }, this.inside);
+      for (const share of [0.5, 0.95]) {
+        const cx = this.x(quantile(series.values, share));
+        make("circle", { class: this.classes(series, "dot"), cx, cy: this.y(share), r: 4.5 }, this.over);
+      }
+    }
+  }
+
+  describe(x) {
+    const rows = this.panel.series.filter((s) => this.shown(s)).map((s) => {
+      const below = s.values.filter((v) => v <= x).length / s.values.length;
+      return { plan: s.plan, text: `${(100 * below).toFixed(1)} %` };
+    });
+    return { head: `E below ${short(x, 3)} deg`, rows, px: this.x(x) };
+  }
+}
+
+/** Quantile of increasing values, linear between them. */
+function quantile(values, share) {
+  const p = share * (values.length - 1);
+  const k = Math.floor(p);
+  return values[k] + (p - k) * ((values[k + 1] ?? values[k]) - values[k]);
+}
 
 class PointsChart extends Chart {
   scales() {
-    const some = this.panel.points.filter((p) => this.shown(p));
-    const list = some.length ? some : this.panel.points;
-    const axis = (values, a, b, room) => {
+    const list = this.panel.points; // of all plans, so that hiding one moves nothing
+    const axis = (values, a, b, room, log) => {
       const [low, high] = [Math.min(...values), Math.max(...values)];
-      const log = low > 0 && high / low > 5;
       return log ? scale(low / 1.5, high * room, a, b, true) : scale(0, high * room || 1, a, b);
     };
-    this.x = axis(list.map((p) => p.x), EDGE.left, this.size.right, 1.6);
-    this.y = axis(list.flatMap((p) => [p.y, p.high]), this.size.bottom, EDGE.top, 1.15);
+    const [x, y] = this.panel.log;
+    this.x = axis(list.map((p) => p.x), EDGE.left, this.size.right, 1.6, x);
+    this.y = axis(list.flatMap((p) => [p.y, p.high]), this.size.bottom, EDGE.top, 1.15, y);
     this.places = list;
   }
 
   across() {
-    return "effort";
+    return this.panel.across;
   }
 
   label() {
@@ -41,8 +94,9 @@ class PointsChart extends Chart {
     const taken = list.map((p) => around(this.x(p.x), this.y(p.y), 8, 8));
     for (const point of list) {
       const { label, colour } = this.page.plans[point.plan];
-      const name = make("text", { class: `name plan-${colour}`, text: label }, this.over);
-      const wide = name.getComputedTextLength() || 7 * label.length;
+      const text = label + (this.page.plans[point.plan].refused ? " (refused)" : "");
+      const name = make("text", { class: `name plan-${colour}`, text }, this.over);
+      const wide = name.getComputedTextLength() || 7 * text.length;
       const place = this.placeName(this.x(point.x), this.y(point.y), wide, taken);
       taken.push(place);
       name.setAttribute("x", place.left + 1);
@@ -91,7 +145,7 @@ class PointsChart extends Chart {
     return {
       head: this.page.plans[point.plan].label,
       rows: [
-        of("effort", short(point.x)),
+        of("effort", `${short(point.x)} ${this.panel.effort_unit}`),
         of("median of E", `${short(point.y, 3)} ${unit}`),
         of("95th percentile", `${short(point.high, 3)} ${unit}`),
       ],

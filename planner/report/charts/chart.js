@@ -1,4 +1,4 @@
-// What every figure shares: frame, axes, legend, reading of values by pointer and keys.
+// What every figure shares: frame, axes, key, reading of values by pointer and keys.
 
 const EDGE = { left: 50, right: 12, top: 8, bottom: 38 };
 const HEIGHT = 220;
@@ -7,14 +7,13 @@ let charts = 0;
 class Chart {
   /**
    * @param host element to draw into
-   * @param panel what to draw: kind, title, unit, series or points
+   * @param panel what to draw: kind, title, unit, series or points; another one may be set later
    * @param page plans, which are shown, whether machines are, and the clock's setter
    */
   constructor(host, panel, page) {
     Object.assign(this, { host, panel, page, reading: null, clock: null });
     this.id = `chart-${++charts}`;
-    const head = make("h3", { text: panel.title, id: `${this.id}-title` }, host);
-    if (panel.unit) make("span", { class: "unit", text: ` (${panel.unit})` }, head);
+    this.head = make("h3", {}, host);
     this.notes = make("p", { class: "notes" }, host);
     this.svg = make("svg", { height: HEIGHT, tabindex: 0, role: "img" }, host);
     this.tip = make("div", { class: "tip", hidden: "" }, host);
@@ -79,13 +78,15 @@ class Chart {
     return this.page.shown[item.plan] && (!item.machine || this.page.ghost);
   }
 
-  render() {
-    const width = Math.max(200, this.host.clientWidth);
+  /** Draw the panel, in the width of its place or one that is known. */
+  render(wide = this.host.clientWidth) {
+    const width = Math.max(200, wide);
     this.size = { width, right: width - EDGE.right, bottom: HEIGHT - EDGE.bottom };
     this.svg.setAttribute("viewBox", `0 0 ${width} ${HEIGHT}`);
     this.svg.setAttribute("aria-label", this.label());
     this.svg.replaceChildren();
     this.scales();
+    this.heading();
     this.frame();
     const clip = make("clipPath", { id: this.id }, this.svg);
     const plot = { x: EDGE.left, y: EDGE.top, width: this.size.right - EDGE.left };
@@ -99,27 +100,30 @@ class Chart {
     this.read(this.reading);
   }
 
+  /** Title, unit, a few words; then what the panel's own curves, bands and marks are called. */
+  heading() {
+    const { title, unit, note, series = [], band, marks = [], key = [] } = this.panel;
+    const words = [unit, this.y.log && "log scale"].filter(Boolean).join(", ");
+    this.head.replaceChildren(title);
+    if (words) make("span", { class: "unit", text: ` (${words})` }, this.head);
+    if (note) make("span", { class: "unit note", text: note }, this.head);
+    const named = series.filter((s) => s.name && this.shown(s)).map((s) => [this.swatch(s), s.name]);
+    const swatch = (kind) => (kind === "path" ? this.swatch(this.panel) : make("span", { class: `swatch ${kind}` }));
+    const entries = [...named, ...key.map(([kind, name]) => [swatch(kind), name])];
+    if (band?.name) entries.push([make("span", { class: "swatch area" }), band.name]);
+    if (named.length && marks.length) entries.push([make("span", { class: "swatch cross", text: "×" }), "leaves it"]);
+    this.notes.replaceChildren();
+    for (const [swatch, name] of entries) make("span", { class: "entry" }, this.notes).append(swatch, name);
+  }
+
   frame() {
     const { right, bottom } = this.size;
-    for (const y of ticks(this.y.low, this.y.high, 5, this.y.log)) {
-      const p = this.y(y);
-      make("path", { class: y === 0 ? "zero" : "grid", d: `M${EDGE.left} ${p}H${right}` }, this.svg);
-      const text = this.percent ? `${Math.round(100 * y)} %` : short(y, 3);
-      make("text", { x: EDGE.left - 7, y: p + 4, "text-anchor": "end", text }, this.svg);
-    }
-    const count = (right - EDGE.left) / 75;
-    for (const x of ticks(this.x.low, this.x.high, count, this.x.log)) {
-      const p = this.x(x);
-      make("path", { class: "axis", d: `M${p} ${bottom}v4` }, this.svg);
-      make("text", { x: p, y: bottom + 17, "text-anchor": "middle", text: short(x, 3) }, this.svg);
-    }
-    make("path", { class: "axis", d: `M${EDGE.left} ${bottom}H${right}` }, this.svg);
-    const words = { x: right, y: bottom + 33, "text-anchor": "end", text: this.across() };
-    make("text", words, this.svg);
+    axes(this.svg, this.x, this.y, { ...EDGE, right, bottom }, { percent: this.percent, across: this.across() });
   }
 
   /** Show values at a place (null: none); `aloud` tells them to a screen reader too. */
   read(place, aloud = false) {
+    if (place !== this.reading) this.page.follow?.(this, place);
     this.reading = place;
     const told = place === null ? null : this.describe(place);
     if (!told || !told.rows.length) {
@@ -128,14 +132,14 @@ class Chart {
       return;
     }
     const { bottom, width } = this.size;
-    this.cross.setAttribute("d", `M${told.px} ${EDGE.top}V${bottom}`);
+    this.cross.setAttribute("d", told.spot ?? `M${told.px} ${EDGE.top}V${bottom}`);
     this.tip.replaceChildren();
     make("div", { text: told.head }, this.tip);
     const table = make("table", { role: "presentation" }, this.tip);
     for (const row of told.rows) {
       const line = make("tr", {}, table);
       const name = make("td", {}, line);
-      name.append(this.page.swatch(row.plan), row.name ?? this.page.plans[row.plan].label);
+      name.append(this.swatch(row), this.named(row));
       make("td", { text: row.text }, line);
     }
     this.tip.hidden = false;
@@ -144,7 +148,7 @@ class Chart {
     this.tip.style.left = `${Math.max(0, Math.min(width - wide, beside))}px`;
     this.tip.style.top = `${this.svg.offsetTop + EDGE.top + 4}px`;
     if (aloud) {
-      const rows = told.rows.map((r) => `${r.name ?? this.page.plans[r.plan].label} ${r.text}`);
+      const rows = told.rows.map((r) => `${this.named(r)} ${r.text}`);
       this.page.say(`${told.head}: ${rows.join("; ")}`);
     }
   }
@@ -154,10 +158,38 @@ class Chart {
     this.clock = t;
   }
 
+  /** What an item (a series, a point, a row of values) is called. */
+  named(item) {
+    return item.name ?? this.page.plans[item.plan].label;
+  }
+
   classes(item, name) {
     const plan = this.page.plans[item.plan];
-    return `${name} plan-${plan.colour} ${item.machine ? "machine" : ""} ${styleOf(plan)}`;
+    return `${name} plan-${item.colour ?? plan.colour} ${item.machine ? "machine" : ""} ${styleOf(plan)}`;
   }
+
+  swatch(item) {
+    return make("span", { class: this.classes({ ...item, machine: false }, "swatch") });
+  }
+}
+
+/** Ticks, numbers and lines of two axes around a box; `across` names the horizontal one. */
+function axes(svg, x, y, box, { across, percent = false, square = false }) {
+  const { left, right, top, bottom } = box;
+  for (const value of ticks(y.low, y.high, square ? (bottom - top) / 50 : 5, y.log)) {
+    const p = y(value);
+    make("path", { class: value === 0 && !square ? "zero" : "grid", d: `M${left} ${p}H${right}` }, svg);
+    const text = percent ? `${Math.round(100 * value)} %` : short(value, 3);
+    make("text", { x: left - 7, y: p + 4, "text-anchor": "end", text }, svg);
+  }
+  for (const value of ticks(x.low, x.high, (right - left) / 75, x.log)) {
+    const p = x(value);
+    make("path", square ? { class: "grid", d: `M${p} ${top}V${bottom}` } : { class: "axis", d: `M${p} ${bottom}v4` }, svg);
+    make("text", { x: p, y: bottom + 17, "text-anchor": "middle", text: short(value, 3) }, svg);
+  }
+  if (!square) make("path", { class: "axis", d: `M${left} ${bottom}H${right}` }, svg);
+  const text = x.log ? `${across}, log scale` : across;
+  make("text", { class: "across", x: right, y: bottom + 33, "text-anchor": "end", text }, svg);
 }
 
 /** How a plan's lines are drawn: with feedback dotted, refused dashed. */

@@ -1,0 +1,131 @@
+// A figure in a plane: a path, with bodies on it or edges around it; values by pointer and keys.
+
+class PlaneChart extends Chart {
+  /** Equal on both axes, so that angles look as they are; or `view`, which fills the frame. */
+  scales() {
+    const { path: way, poses = [], discs = [], view } = this.panel;
+    const { right, bottom } = this.size;
+    const [wide, high] = [right - EDGE.left, bottom - EDGE.top];
+    const rims = (axis) => discs.flatMap((d) => [d[axis] - d[2], d[axis] + d[2]]);
+    const reach = [0, 1].map((k) => range([way[k], rims(k), ...poses.map((pose) => pose.map((p) => p[k]))]));
+    const unit = Math.max((reach[0][1] - reach[0][0]) / wide, (reach[1][1] - reach[1][0]) / high);
+    const widen = ([a, b], size) => [(a + b - size * unit) / 2, (a + b + size * unit) / 2];
+    this.x = scale(...(view?.[0] ?? widen(reach[0], wide)), EDGE.left, right);
+    this.y = scale(...(view?.[1] ?? widen(reach[1], high)), bottom, EDGE.top);
+  }
+
+  across() {
+    return this.panel.across;
+  }
+
+  label() {
+    return `${this.panel.title}. Arrow keys go along the path.`;
+  }
+
+  get plan() {
+    return this.page.plans[this.panel.plan];
+  }
+
+  frame() {
+    const { right, bottom } = this.size;
+    axes(this.svg, this.x, this.y, { ...EDGE, right, bottom }, { across: this.across(), square: true });
+  }
+
+  draw() {
+    const { inside, panel } = this;
+    const { right, bottom } = this.size;
+    // Beyond the edges of a region: what lies outside its box is shaded, by the rule of evenness.
+    if (panel.region) {
+      const [[left, east], [south, north]] = panel.region;
+      const [a, b, c, d] = [this.x(left), this.x(east), this.y(north), this.y(south)];
+      const frame = `M${EDGE.left} ${EDGE.top}H${right}V${bottom}H${EDGE.left}Z`;
+      make("path", { class: "below", "fill-rule": "evenodd", d: `${frame}M${a} ${c}H${b}V${d}H${a}Z` }, inside);
+      make("path", { class: "edge", d: `M${a} ${c}H${b}V${d}H${a}Z` }, inside);
+    }
+    for (const [axis, value] of panel.limits ?? []) {
+      const d = axis ? `M${EDGE.left} ${this.y(value)}H${right}` : `M${this.x(value)} ${EDGE.top}V${bottom}`;
+      make("path", { class: "limit", d }, inside);
+    }
+    drawSpace(inside, panel, this.x, this.y);
+    (panel.poses ?? []).forEach((pose, k) => {
+      const [xs, ys] = [pose.map((p) => this.x(p[0])), pose.map((p) => this.y(p[1]))];
+      const late = k / Math.max(1, panel.poses.length - 1);
+      make("path", { class: "pose", d: path(xs, ys), style: `stroke: ${hue(late)}` }, inside);
+      xs.forEach((cx, i) => make("circle", { cx, cy: ys[i], r: 2.2, style: `fill: ${hue(late)}` }, inside));
+    });
+    const [xs, ys] = [this.panel.path[0].map(this.spot(this.x)), this.panel.path[1].map(this.spot(this.y))];
+    make("path", { class: this.classes(panel, "curve"), d: path(xs, ys) }, inside);
+    (panel.ends ?? []).forEach(([x, y], k) => {
+      const [cx, cy] = [this.x(x), this.y(y)];
+      make("circle", { class: "end", cx, cy, r: 4 }, this.over);
+      make("text", { class: "place", x: cx + 7, y: cy + 14, text: k ? "goal" : "start" }, this.over);
+    });
+  }
+
+  spot(scale) {
+    return (value) => (value === null ? null : scale(value));
+  }
+
+  first() {
+    return 0;
+  }
+
+  /** Time of the place on the path that is nearest. */
+  nearest(px, py) {
+    const [xs, ys] = this.panel.path;
+    let [best, least] = [0, Infinity];
+    xs.forEach((x, k) => {
+      const far = x === null || ys[k] === null ? Infinity : Math.hypot(this.x(x) - px, this.y(ys[k]) - py);
+      if (far < least) [best, least] = [k, far];
+    });
+    return this.plan.t[best];
+  }
+
+  key(event) {
+    const step = ((event.shiftKey ? 5 : 1) * this.plan.duration) / 100;
+    const now = this.reading ?? 0;
+    switch (event.key) {
+      case "ArrowRight": case "ArrowUp": return Math.min(now + step, this.plan.duration);
+      case "ArrowLeft": case "ArrowDown": return Math.max(now - step, 0);
+      case "Home": return 0;
+      case "End": return this.plan.duration;
+      case "Escape": return null;
+    }
+    return undefined;
+  }
+
+  /** Where the path is at a time; null where it is nowhere. */
+  where(t) {
+    const found = this.panel.path.map((values) => at(this.plan.t, values, t));
+    return found.includes(null) ? null : found;
+  }
+
+  describe(t) {
+    const found = this.where(t);
+    if (!found) return null;
+    const rows = this.panel.names.map((name, k) => ({ ...this.panel, name, text: `${short(found[k])} ${this.panel.unit}` }));
+    return { head: `${t.toFixed(2)} s`, rows, px: this.x(found[0]), spot: this.ring(found) };
+  }
+
+  setCursor(t) {
+    super.setCursor(t);
+    const found = t === null || !this.x ? null : this.where(Math.min(t, this.plan.duration));
+    this.cursor?.setAttribute("d", found ? this.ring(found) : "");
+  }
+
+  ring([x, y]) {
+    return `M${this.x(x) - 5} ${this.y(y)}a5 5 0 1 0 10 0a5 5 0 1 0 -10 0`;
+  }
+}
+
+/** Obstacles as discs, and waypoints. */
+function drawSpace(svg, { discs = [], tips = [] }, x, y) {
+  for (const [cx, cy, r] of discs)
+    make("circle", { class: "disc", cx: x(cx), cy: y(cy), r: x(cx + r) - x(cx) }, svg);
+  for (const [tx, ty] of tips) make("path", { class: "stop", d: diamond(x(tx), y(ty)) }, svg);
+}
+
+/** Colour of a pose by its time, from early (0, dark) to late (1, bright). */
+function hue(late) {
+  return `hsl(${265 - 205 * late}, 65%, ${38 + 12 * late}%)`;
+}

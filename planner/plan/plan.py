@@ -251,17 +251,18 @@ def read_plan(path: str | Path) -> Plan:
 
 def _plan(data: Mapping[str, Any], path: str | Path) -> Plan:
     problem = Problem.from_dict(data["problem"], data["source"])
-    made_from = data.get("compensation")
+    if made_from := data.get("compensation"):
+        parse(PlanFile, made_from["plan"], f"{path}, the plan that it compensates")
+        made_from = Compensation(
+            _plan(made_from["plan"], path), made_from["machine"], made_from["lead_s"]
+        )
     try:
         return Plan(
             problem=problem,
             trajectory=trajectory_from_dict(problem.system, data["trajectory"]),
             certificate=_certificate(data.get("certificate")),
             why="" if data["verified"] else data.get("why", ""),
-            compensation=made_from
-            and Compensation(
-                _plan(made_from["plan"], path), made_from["machine"], made_from["lead_s"]
-            ),
+            compensation=made_from,
             **{key: _read_back(data[key]) for key in _COPIED},
         )
     except (KeyError, TypeError) as error:
@@ -420,7 +421,7 @@ class PlanFile(Table):
 class CompensationOfTable(Table):
     """What a compensated plan was made from."""
 
-    plan: PlanFile = Field(description="The plan as the kinematics say.")
+    plan: dict[str, Any] = Field(description="The plan as the kinematics say, as a plan file.")
     machine: dict[str, Any] = Field(description="The [machine] table that is allowed for.")
     lead_s: Annotated[float, Field(ge=0)] = Field(
         description="How long the commands prepare before that plan starts."

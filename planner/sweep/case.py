@@ -95,8 +95,11 @@ def case_at(sweep: Sweep, position: int) -> Case:
     """The case at a position of the sweep: point by point, method by method."""
     number, method = divmod(position, len(sweep.methods))
     point, spec = sweep.points[number], sweep.methods[method]
+    changes = copy.deepcopy(point)
+    if spec.compensated:
+        changes["compensation.on"] = True
     request = {
-        "tables": with_changes(sweep.base.to_dict(), copy.deepcopy(point)),
+        "tables": with_changes(sweep.base.to_dict(), changes),
         "source": sweep.base.source,
         "method": spec.method,
         "options": dict(spec.options),

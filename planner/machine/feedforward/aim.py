@@ -25,6 +25,7 @@ from planner.problem.problem import Problem
 from planner.problem.tables.compensation import CompensationTable
 from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
+from planner.systems.triangular_system import TriangularSystem
 
 MOST_PLANS = 12
 """Plans after which the best is taken: two or three do where the drive keeps its direction, four to
@@ -35,6 +36,11 @@ AIMED_RAD = np.deg2rad(0.01)
 
 Replan = Callable[[Problem, Plan], Plan]
 """A plan for a problem whose goal lies next to that of a plan."""
+
+
+def compensable(system: TriangularSystem) -> bool:
+    """Whether a machine of that kind has systematic errors that commands can allow for."""
+    return isinstance(system, Manipulator)
 
 
 def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Replan) -> Plan:
@@ -51,7 +57,7 @@ def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Repl
         NoPlanError: If the shifted goal breaks a limit, or by `replan`.
     """
     problem, system = plan.problem, plan.problem.system
-    if not isinstance(system, Manipulator):
+    if not compensable(system) or not isinstance(system, Manipulator):
         raise InputError(
             f"{problem.source}: compensation is for arms driven through friction disks"
             f" (system.kind = 'manipulator'); between the motors and the motion of a {system.kind}"
@@ -65,7 +71,7 @@ def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Repl
     for _ in range(MOST_PLANS):
         commands = shaped(near, system, machine, options)
         made, found = commanded(near, replace(made_from, lead_s=commands.lead_s), commands)
-        tried.append(_Trial(made, shift, found.end[moved] - target))
+        tried.append(_Trial(made, shift, found.end[moved] - target, float(found.deviation.max())))
         if not options.aim or tried[-1].worst < AIMED_RAD:
             break
         if len(tried) > 1:
@@ -77,6 +83,7 @@ def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Repl
         "plans": len(tried),
         "goal_shift": best.shift.tolist(),
         "missed_rad": best.worst,
+        "path_rad": best.away,
         "lead_s": best.plan.lead_s,
     }
     return replace(best.plan, notes={**plan.notes, "compensation": notes})
@@ -84,14 +91,23 @@ def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Repl
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """What came of one shift of the goal."""
+    """What came of one shift of the goal.
+
+    Attributes:
+        plan: The compensated plan.
+        shift: By how much its goal was shifted.
+        missed: By how much the nominal machine misses the goal.
+        away: How far it is at most from the path wanted, rad.
+    """
 
     plan: Plan
     shift: Array
     missed: Array
+    away: float
 
     @property
     def worst(self) -> float:
+        """Largest part of what is missed."""
         return float(np.max(np.abs(self.missed)))
 
 

@@ -16,6 +16,7 @@ from pydantic import BaseModel
 
 import planner
 from planner.cli.app import app, main
+from planner.problem.tables.compensation import CompensationTable
 from planner.problem.tables.kinds import FILES
 from planner.problem.tables.machine_effects import EFFECTS, MachineTable
 from planner.problem.tables.problem_file import FeedbackTable
@@ -101,10 +102,15 @@ def problem_file() -> str:
         " a commented file to start from.\n"
     )
     parts += ["## feedback\n", "The same for all kinds.\n", *_described("feedback", FeedbackTable)]
+    parts += [
+        "## compensation\n",
+        "The same for all kinds; only the arm with friction disks has something to allow for.\n",
+        *_described("compensation", CompensationTable),
+    ]
     for kind, model in FILES.items():
         parts.append(f"## {kind}\n")
         for name, field in model.model_fields.items():
-            if name not in ("title", "method", "machine", "feedback"):
+            if name not in ("title", "method", "machine", "feedback", "compensation"):
                 parts += _tables(name, field.annotation, f" of {kind}")
     return "\n".join(parts)
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:  # a new public name goes here, into the table below and into 
     from planner.check import Analysis, check
     from planner.comparison.compare import compare
     from planner.comparison.comparison import Comparison
+    from planner.compensate import compensate
     from planner.errors import (
         InfeasibleError,
         InputError,
@@ -62,6 +63,7 @@ _HOMES = {
     "check": "Analysis check",
     "comparison.compare": "compare",
     "comparison.comparison": "Comparison",
+    "compensate": "compensate",
     "errors": "InfeasibleError InputError NoPlanError NotConvergedError "
     "PlannerError SingularError TimeLimitError VerificationError "
     "Violation",
@@ -145,6 +147,7 @@ __all__ = [
     "chained_form",
     "check",
     "compare",
+    "compensate",
     "controllability",
     "error_budget",
     "explore",

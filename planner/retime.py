@@ -16,7 +16,7 @@ from planner.errors import InputError, SingularError, VerificationError
 from planner.plan.claims import Certificate
 from planner.plan.fastest_timing import Moving, fastest_motion
 from planner.plan.measures import peak_inputs
-from planner.plan.plan import Plan
+from planner.plan.plan import Plan, refuse_compensated
 from planner.problem.problem import Problem
 from planner.verification.certify import certify
 from planner.verification.verify import verify
@@ -51,12 +51,13 @@ def retime(
         its duration, the time found.
 
     Raises:
-        InputError: If an input moves that nothing limits, or `rest` is asked for without rate
-            limits, or a limit's key or value is wrong.
+        InputError: If the plan is compensated, or an input moves that nothing limits, or `rest` is
+            asked for without rate limits, or a limit's key or value is wrong.
         SingularError: If the plan is not executable.
         NotConvergedError: If the programme is not solved.
         VerificationError: If the retimed plan breaks a requirement (another limit of the problem).
     """
+    refuse_compensated(plan, "retime")
     if not plan.executable:
         raise SingularError(
             f"{plan.problem.source}: a plan that leaves the domain of the chained-form chart has no"

@@ -1,10 +1,14 @@
-"""From problem and method to a verified plan, or a refusal that says why."""
+"""From problem and method to a verified plan, or a refusal that says why.
+
+And from a plan to one that allows for the machine, where the problem asks for that.
+"""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from planner.errors import InputError, NoPlanError, TimeLimitError, VerificationError
 from planner.methods.advice import advise
@@ -13,10 +17,14 @@ from planner.methods.registry import METHODS, Method, find_method, merged_option
 from planner.plan.plan import Plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
+from planner.problem.tables.compensation import CompensationTable
 from planner.support.deadline import MORE_TIME, TimeUpError, checked, limited
 from planner.support.progress import Listener, listening, now, tell
 from planner.verification.certify import certify
 from planner.verification.verify import Check, verify
+
+if TYPE_CHECKING:
+    from planner.machine.machine import Machine
 
 
 def solve(
@@ -45,7 +53,8 @@ def solve(
 
     Returns:
         A plan with `verified` True and its `certificate`; its status is "time_limit" where that
-        ended the search. The one exception is a chart method told
+        ended the search. Where the problem's `[compensation]` is on, the plan is that compensated
+        for its machine (see `planner.compensate`). The one exception is a chart method told
         `allow_singular`: its path outside the domain comes back with status "singular" and
         `verified` False.
 
@@ -78,6 +87,85 @@ def solve_and_check(
 
     Without `advice` the changes that a refusal names are not tried.
     """
+    plan, check = _planned(problem, method, warm, time_limit_s, progress, advice, options)
+    if not problem.compensation.on or plan.status == "singular":
+        return plan, check
+    with limited(time_limit_s), listening(progress):
+        return compensated(plan, None, problem.compensation)
+
+
+def compensated(
+    plan: Plan, machine: Machine | None, options: CompensationTable
+) -> tuple[Plan, Check]:
+    """The plan with commands that allow for the machine, verified on the nominal one.
+
+    Args:
+        plan: An executable plan of an arm.
+        machine: The machine, whose spreads count for nothing; the problem's own when None.
+        options: What is done.
+
+    Raises:
+        InputError: If the system is no arm with friction disks.
+        NoPlanError: If there is no plan for the goal that would have to be planned for, or the
+            predicted motion breaks a requirement.
+    """
+    from planner.machine.feedforward.aim import aimed  # with the machine, which only this needs
+    from planner.machine.machine import Machine
+
+    problem, entry = plan.problem, find_method(plan.method)
+    used = Machine.from_table(problem.machine) if machine is None else machine
+    began = time.perf_counter()
+
+    def replan(shifted: Problem, near: Plan) -> Plan:
+        own = merged_options(shifted, entry, dict(plan.options))
+        if entry.replan is None:
+            return entry.plan(shifted, own)
+        return entry.replan(shifted, own, near)
+
+    tell("compensating")
+    patience = max(LEAST_PATIENCE_S, PATIENCE * plan.solve_time_s)
+    try:
+        with limited(patience, "the time for a plan next to one known"):
+            made = aimed(plan, used, options, replan)
+    except TimeUpError:
+        raise TimeLimitError(_not_aimed(problem, "it takes too long"), advice=UNAIMED) from None
+    except NoPlanError as error:
+        why = error.reason.removeprefix(f"{problem.source}: ")
+        raise NoPlanError(
+            _not_aimed(problem, why), violations=error.violations, advice=UNAIMED
+        ) from error
+    check = verify(made)
+    made = replace(made, solve_time_s=plan.solve_time_s + time.perf_counter() - began)
+    if check.ok:
+        return replace(made, verified=True), check
+    raise _broken(made, check, " on the nominal machine", UNAIMED)
+
+
+LEAST_PATIENCE_S, PATIENCE = 5.0, 20.0
+"""Seconds for all plans of a compensation, at least and as a multiple of what the plan itself took:
+each starts next to the last. Where one must be searched for, the goal cannot be reached in the
+time."""
+
+UNAIMED = "more time (goal.duration); or compensation.preparation = 'forward'; or no compensation"
+
+
+def _not_aimed(problem: Problem, why: str) -> str:
+    return (
+        f"{problem.source}: the plan cannot be compensated: there is no plan for the shifted goal"
+        f" from which the nominal machine would end at the goal: {why}"
+    )
+
+
+def _planned(
+    problem: Problem,
+    method: str,
+    warm: Plan | None,
+    time_limit_s: float | None,
+    progress: Listener | None,
+    advice: bool,
+    options: dict[str, Any],
+) -> tuple[Plan, Check]:
+    """The plan as the kinematics say, judged, with what the verification found."""
     expect_problem(problem)
     entry = find_method(method)
     time_limit_s = None if time_limit_s is None else checked(time_limit_s)
@@ -146,12 +234,20 @@ def _refusal(plan: Plan, check: Check) -> NoPlanError:
             advice=MORE_TIME,
         )
     changes, otherwise = _ways(plan, check)
+    return _broken(plan, check, "", otherwise, changes)
+
+
+def _broken(
+    plan: Plan, check: Check, where: str, advice: str | None, changes: Sequence[Change] = ()
+) -> VerificationError:
+    """The refusal of a plan that breaks requirements."""
+    name = plan.method if plan.compensation is None else f"compensated {plan.method}"
     error = VerificationError(
-        f"{plan.problem.source}: the {plan.method} plan breaks"
-        f" {len(check.violations)} requirement{'s' if len(check.violations) > 1 else ''}",
+        f"{plan.problem.source}: the {name} plan breaks"
+        f" {len(check.violations)} requirement{'s' if len(check.violations) > 1 else ''}{where}",
         plan=replace(plan, status=VerificationError.status),
         violations=check.violations,
-        advice=otherwise,
+        advice=advice,
         changes=changes,
     )
     error.check = check

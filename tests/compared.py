@@ -14,9 +14,10 @@ CHANGES = {"limits.input_rad_s": [0.6, 0.6], "machine.step_s": 0.01}
 
 @cache
 def paper_comparison() -> planner.Comparison:
-    """The default methods on `problems/paper.toml`, few samples."""
+    """The paper's law, at an ordinary travel and its best, and collocation; few samples."""
     problem = planner.load_problem(ROOT / "problems/paper.toml", {"machine.step_s": 0.01})
-    return planner.compare(problem, samples=SAMPLES, seed=3)
+    specs = ["polynomial:travel=middle", "polynomial", "collocation"]
+    return planner.compare(problem, specs, samples=SAMPLES, seed=3)
 
 
 @cache

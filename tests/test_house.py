@@ -20,11 +20,13 @@ MACHINE = (*BELOW[:5], "machine")
 JUDGED = (*BELOW, "machine", "solve")
 MAY = {
     **{room: BELOW[: k + 1] for k, room in enumerate(BELOW)},
-    "solve": BELOW,
+    "machine": MACHINE,
+    "verification": (*MACHINE, "verification"),
+    "solve": (*BELOW, "machine"),
+    "compensate": JUDGED,
     "reproduce": (),
     "retime": BELOW,
     "check": (*BELOW, "solve"),
-    "machine": MACHINE,
     "robustness": (*JUDGED, "robustness"),
     "comparison": (*JUDGED, "comparison"),
     "report": (*MACHINE, "verification", "robustness", "comparison", "report"),

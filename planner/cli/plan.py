@@ -127,10 +127,10 @@ def _heading(problem: Problem) -> dict[str, Any]:
 
 def _verdict(plan: Plan) -> str:
     if plan.verified:
-        return (
-            "The plan reaches the goal and keeps every limit"
-            " (verified by integrating its inputs independently)." + _early(plan)
-        )
+        how = "verified by integrating its inputs independently"
+        if plan.compensates is not None:
+            how = "verified on the nominal machine, for which it is compensated"
+        return f"The plan reaches the goal and keeps every limit ({how})." + _early(plan)
     return (
         "For study only, not executable: the path leaves the domain of the chained-form chart,"
         " where no real angles exist."
@@ -160,6 +160,7 @@ def _table(problem: Problem, summary: dict[str, Any], took: float) -> Table:
         ("chart", _chart(summary)),
         ("largest z2", number(summary["z2_max"])),
         *_start(summary["notes"]),
+        *_compensation(summary["notes"]),
         *_optimality(summary["notes"]),
         *_certificate(summary),
         (
@@ -205,6 +206,14 @@ def _start(notes: dict[str, Any]) -> list[tuple[str, str]]:
         return []
     tried = len(notes.get("tried", ()))
     return [("first guess", notes["start"] + (f", the best of {tried}" if tried > 1 else ""))]
+
+
+def _compensation(notes: dict[str, Any]) -> list[tuple[str, str]]:
+    found = notes.get("compensation")
+    if found is None:
+        return []
+    before = f"{number(found['lead_s'])} s of preparation, then " if found["lead_s"] else ""
+    return [("compensated", f"{before}the plan, made {found['plans']} times to aim at the goal")]
 
 
 def _optimality(notes: dict[str, Any]) -> list[tuple[str, str]]:

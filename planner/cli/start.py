@@ -27,6 +27,7 @@ from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.methods.registry import all_methods
 from planner.plan.plan import plan_schema
+from planner.problem.tables.compensation import CompensationTable
 from planner.problem.tables.kinds import all_files, json_schema
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.problem_file import FeedbackTable
@@ -171,6 +172,11 @@ def problem_text(kind: str = "manipulator") -> str:
     for name, method in all_methods().items():
         options = _keys(method.options, _defaults(method.options))
         parts.append(f"[method.{name}]\n{_prose(method.summary)}{options}")
+    about = "Commands that allow for the machine's systematic errors; with on = true every method's"
+    about += " plan has them."
+    parts.append(
+        f"[compensation]\n{_prose(about)}{_keys(CompensationTable, _defaults(CompensationTable))}"
+    )
     about = "The tracker that closes the loop: planner compare FILE --feedback."
     parts.append(f"[feedback]\n{_prose(about)}{_keys(FeedbackTable, _defaults(FeedbackTable))}")
     preset = {**_defaults(MachineTable), **Machine.prototype().to_dict()}

@@ -21,16 +21,20 @@ from planner.errors import (
     Violation,
 )
 from planner.machine.feedback.run_up import hindrance
+from planner.machine.feedforward.aim import compensable
 from planner.machine.machine import Machine
 from planner.machine.replay import RECORD_S, sample_numbers
 from planner.machine.replay import replay as run_replay
-from planner.methods.registry import ALL, METHODS, Spec, parse_specs
+from planner.methods.registry import ALL, COMPENSATED, METHODS, Spec, parse_specs
 from planner.plan.measures import effort, peak_inputs
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem, expect_problem
-from planner.solve import solve_and_check
-from planner.support.statistics import percentile_interval
+from planner.solve import compensated, solve_and_check
+from planner.support.statistics import THRESHOLD_DEG, percentile_interval
 from planner.verification.verify import Check, verify
+
+OTHER_WAY_DEG = 2.0
+"""A nominal machine that is further from its plan than machines differ has taken another way."""
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and the share of all work that is done, 0 … 1."""
@@ -46,6 +50,7 @@ def compare(
     feedback: bool = False,
     progress: Progress | None = None,
     time_limit_s: float | None = None,
+    threshold_deg: float = THRESHOLD_DEG,
 ) -> Comparison:
     """Plan one problem by several methods and replay every plan on the same emulated machines.
 
@@ -58,15 +63,20 @@ def compare(
     Args:
         problem: What to solve.
         methods: Names of methods with options, as in "polynomial:travel=middle" or
-            "collocation:intervals=20:degree=2"; "all" for every method there is. By default the
-            polynomial at its best travel (and, when the travel is free, in the middle of the
-            travels it can use) and collocation.
+            "collocation:intervals=20:degree=2", and with `compensated` after the name for plans
+            that allow for the machine; "all" for every method there is. By default the polynomial
+            (when the travel is free in the middle of the travels that it can use), the polynomial
+            with constraint points chosen automatically, the sinusoid, collocation and, of arms
+            with friction disks, collocation compensated.
         machine: The machine; the problem's `[machine]` table when left out.
         samples: Number of machines drawn, at least 1, or the numbers of those wanted.
         seed: Seed of the draws; the same seed gives the same machines.
-        feedback: Whether to replay every plan a second time with the tracker closing the loop.
+        feedback: Whether to replay every plan a second time with the tracker closing the loop, but
+            for compensated ones: it follows the plan that they compensate. By default the last one.
         progress: Told what is being done; see `Progress`.
         time_limit_s: Seconds for planning by each of the methods; see `planner.solve`.
+        threshold_deg: A difference of E below this matters to nobody, degrees: it is called neither
+            better nor worse, however sure it is.
 
     Raises:
         InputError: If a method, an option, or a number is wrong.
@@ -77,7 +87,11 @@ def compare(
     wanted = specs(problem, methods)
     machine = Machine.from_table(problem.machine) if machine is None else machine
     chosen = None if isinstance(samples, int) else tuple(numbers.tolist())
-    run = _Run(problem, machine, numbers.tolist(), seed, feedback, methods == ALL, time_limit_s)
+    if not threshold_deg >= 0:
+        raise InputError(f"threshold_deg = {threshold_deg}: must be degrees, at least 0")
+    closed = [spec.label for spec in wanted if feedback and not spec.compensated]
+    closed = closed[-1:] if methods is None else closed
+    run = _Run(problem, machine, numbers.tolist(), seed, closed, methods == ALL, time_limit_s)
     try:
         for k, spec in enumerate(wanted):
             run.add(spec, partial(_part, progress, k, len(wanted), spec.label))
@@ -85,7 +99,10 @@ def compare(
         if not run.rows:
             raise
     complete = run.done == len(wanted)
-    return Comparison(problem, tuple(run.rows), machine, len(numbers), seed, chosen, complete)
+    rows = tuple(run.rows)
+    return Comparison(
+        problem, rows, machine, len(numbers), seed, chosen, complete, float(threshold_deg)
+    )
 
 
 class _Run:
@@ -102,11 +119,11 @@ class _Run:
         machine: Machine,
         numbers: list[int],
         seed: int,
-        feedback: bool,
+        closed: Sequence[str],
         tolerant: bool,
         time_limit_s: float | None,
     ) -> None:
-        self._problem, self._machine, self._feedback = problem, machine, feedback
+        self._problem, self._machine, self._closed_too = problem, machine, closed
         self._tolerant, self._time_limit_s = tolerant, time_limit_s
         self._numbers, self._seed = numbers, seed
         self.rows: list[Row] = []
@@ -118,16 +135,17 @@ class _Run:
         row = self._planned(spec)
         self.rows.append(row)
         part("replaying", 0.5)
-        half = 0.75 if self._feedback else 1.0
+        closed = spec.label in self._closed_too
+        half = 0.75 if closed else 1.0
         self.rows[-1] = self._replayed(row, part, 0.5, half)
-        if self._feedback and self.rows[-1].replay is not None:
+        if closed and self.rows[-1].replay is not None and row.plan.compensates is None:  # type: ignore[union-attr]
             self.rows.append(self._closed(row, partial(self._replayed, part=part, begin=half)))
         part("done", 1.0)
         self.done += 1
 
     def _planned(self, spec: Spec) -> Row:
         try:
-            return planned(self._problem, spec, self._time_limit_s)
+            return planned(self._problem, spec, self._time_limit_s, self._machine)
         except InputError as error:  # of all methods some may not fit the problem
             if not self._tolerant:
                 raise
@@ -168,11 +186,13 @@ class _Run:
             row = replace(row, effort=float(np.median(runs.effort)), peak_u=(first, second))
         if not runs.angles:
             return row
-        errors = runs.index_E_deg
+        errors, last = runs.index_E_deg, runs.terminal_E_deg
         return replace(
             row,
             E_median_deg=runs.percentile(50),
             E_p95_deg=runs.percentile(95),
+            end_median_deg=float(np.median(last)),
+            end_p95_deg=float(np.percentile(last, 95)),
             E_median_interval_deg=percentile_interval(errors, 50),
             E_p95_interval_deg=percentile_interval(errors, 95),
         )
@@ -194,11 +214,12 @@ def specs(problem: Problem, methods: str | Sequence[str] | None) -> list[Spec]:
 def default_methods(problem: Problem) -> list[str]:
     """What `compare` runs when no method is named.
 
-    With the travel free the polynomial is shown twice, at an ordinary travel and at its best one,
-    so that the comparison with a planner that chooses its travel is fair.
+    The polynomial is shown twice, as it is at an ordinary travel and with constraint points that
+    are chosen for it, so that the comparison with a planner that chooses its path is fair.
     """
-    ordinary = ["polynomial:travel=middle"] if problem.travel is None else []
-    return [*ordinary, "polynomial", "collocation"]
+    plain = "polynomial:travel=middle" if problem.travel is None else "polynomial"
+    out = [plain, "polynomial:points=auto", "sinusoid", "collocation"]
+    return [*out, f"collocation {COMPENSATED}"] if compensable(problem.system) else out
 
 
 def _part(
@@ -208,8 +229,19 @@ def _part(
         progress(f"{doing} {label}", (k + share) / count)
 
 
-def planned(problem: Problem, spec: Spec, time_limit_s: float | None = None) -> Row:
+def planned(
+    problem: Problem,
+    spec: Spec,
+    time_limit_s: float | None = None,
+    machine: Machine | None = None,
+) -> Row:
     """A row without its replay: the plan, verified or refused, or why there is none.
+
+    Args:
+        problem: What to solve.
+        spec: By which method.
+        time_limit_s: Seconds for it.
+        machine: What a plan is compensated for, where that is asked; the problem's when None.
 
     Raises:
         InputError: If the method does not fit the problem.
@@ -220,6 +252,8 @@ def planned(problem: Problem, spec: Spec, time_limit_s: float | None = None) -> 
     began = time.perf_counter()
     try:
         plan, check = solve_and_check(problem, spec.method, **options)
+        if spec.compensated:
+            plan, check = compensated(plan.compensates or plan, machine, problem.compensation)
         took = time.perf_counter() - began
         early = str(plan.notes.get("ended_early", ""))
         why = early if plan.verified else _outside(plan.domain.singular_times_s)
@@ -253,6 +287,9 @@ def _measured(spec: Spec, plan: Plan, check: Check, why: str) -> Row:
     if not plan.executable:
         return row
     peaks = peak_inputs(plan.trajectory)
+    away = plan.notes["compensation"]["path_rad"] if plan.compensates else 0.0
+    if np.rad2deg(away) > OTHER_WAY_DEG:
+        row = replace(row, note=f"goes another way, {np.rad2deg(away):.3g} deg from the plan's")
     return replace(row, effort=effort(plan.trajectory), peak_u=(float(peaks[0]), float(peaks[1])))
 
 

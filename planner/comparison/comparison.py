@@ -19,7 +19,7 @@ from planner.problem.problem import Problem, load_problem
 from planner.support.arrays import jsonable
 from planner.support.files import toml
 from planner.support.package import handed_to
-from planner.support.statistics import Difference, differences
+from planner.support.statistics import THRESHOLD_DEG, Difference, differences
 from planner.support.tables import (
     Column,
     clean,
@@ -52,6 +52,7 @@ class Comparison:
         seed: Seed of the draws.
         chosen: Their numbers in the draw; None for the first `samples`.
         complete: Whether all that was asked for was done; False after Ctrl-C.
+        threshold_deg: Differences of E below this are called neither better nor worse, degrees.
     """
 
     problem: Problem
@@ -61,6 +62,7 @@ class Comparison:
     seed: int
     chosen: tuple[int, ...] | None = None
     complete: bool = True
+    threshold_deg: float = THRESHOLD_DEG
 
     def __repr__(self) -> str:
         rows = "".join(f"\n  {row!r}" for row in self.rows)
@@ -88,7 +90,8 @@ class Comparison:
     def differences(self) -> tuple[Difference, ...]:
         """Every two replayed plans, machine by machine; see `significance`."""
         runs = {row.label: row.replay for row in self.rows if row.worst is not None}
-        return differences({k: run.index_E_deg for k, run in runs.items() if run is not None})
+        errors = {k: run.index_E_deg for k, run in runs.items() if run is not None}
+        return differences(errors, self.threshold_deg)
 
     @property
     def advice(self) -> Mapping[str, str]:
@@ -117,7 +120,7 @@ class Comparison:
             "seed": self.seed,
             "complete": self.complete,
             "rows": [self._row(row) for row in self.rows],
-            "differences": [{**asdict(d), "significant": d.significant} for d in self.differences],
+            "differences": [_difference(d) for d in self.differences],
             "problem": self.problem.to_dict(),
             "machine": self.machine.to_dict(),
             "versions": versions(),
@@ -173,6 +176,10 @@ class Comparison:
         """
         saved: Path = handed_to("planner.report.folders.save")(self, folder, report=report)
         return saved
+
+
+def _difference(d: Difference) -> dict[str, Any]:
+    return {**asdict(d), "significant": d.significant, "matters": d.matters}
 
 
 def command(comparison: Comparison, out: str | None = None, *, report: bool = False) -> str | None:
@@ -287,8 +294,8 @@ def comparison_csv(comparison: Comparison) -> str:
 
 def _explained(comparison: Comparison) -> str:
     return (
-        "effort: integral of u1^2 + u2^2 dt; ideal error: largest joint error at the goal by exact"
-        " kinematics; E: largest joint error on the machine at any time (eq. 29), median and 95th"
+        "effort: integral of u1^2 + u2^2 dt; E: largest joint error on the machine at any time"
+        " (eq. 29), end: at the end; median and 95th"
         f" percentile over {comparison.samples} machines ({comparison.machine.preset}), seed"
         f" {comparison.seed}, the same machines for every plan; took: from the question to the"
         " verified answer; refused plans that can be executed"

@@ -30,8 +30,11 @@ def _percent(share: float) -> str:
 
 
 def _verdict(d: Difference) -> str:
-    better = "better" if d.median_deg < 0 else "worse"
-    return better if d.significant else "not shown to differ"
+    if not d.significant:
+        return "not shown to differ"
+    if not d.matters:
+        return "no difference that matters"
+    return "better" if d.median_deg < 0 else "worse"
 
 
 COLUMNS: list[Column[Difference]] = [
@@ -45,6 +48,7 @@ COLUMNS: list[Column[Difference]] = [
     Column("p (Holm)", "", lambda d: d.p_corrected, "{:.2g}".format, key="p_corrected"),
     Column("verdict", "", _verdict, key="", left=True),
     Column("significant", "", lambda d: d.significant, None),
+    Column("matters", "", lambda d: d.matters, None),
 ]
 
 
@@ -91,7 +95,7 @@ E of the plan minus E of the other, degrees, and its 95 % interval (order statis
 distribution). Better on: share of the machines on which the plan has the smaller E. p: Wilcoxon's
 signed-rank test, corrected for {len(comparison.differences)} pairs by Holm's method; with many \
 machines small differences are
-significant too, so look at their size.
+significant too, but below {comparison.threshold_deg:g} degrees none matters to a person.
 """
 
 

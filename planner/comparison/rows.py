@@ -37,6 +37,8 @@ class Row:
         terminal_error_deg: Largest error of an angle at the goal by ideal kinematics (`verify`).
         E_median_deg: Median over machines of the paper's index of error E, eq. (29).
         E_p95_deg: Its 95th percentile.
+        end_median_deg: Median over machines of the largest error of an angle at the end.
+        end_p95_deg: Its 95th percentile.
         E_median_interval_deg: 95 % confidence interval of the median; see `significance`.
         E_p95_interval_deg: That of the 95th percentile; NaN where there are too few machines.
         took_s: Seconds from the question to the answer: planning, verification and proofs, and for
@@ -46,7 +48,8 @@ class Row:
         replay: The runs on the machines; None for what cannot be executed.
         feedback: Whether they were run with feedback; `effort` is then the median of what was
             commanded, `peak_u` the largest speeds of the motors on any machine.
-        note: Why feedback gains little, where it does; else empty.
+        note: Why feedback gains little, or how far a compensated plan leaves the path of the one
+            it compensates, where it does; else empty.
         advice: For a refused one what would help, in words; what has been tried says so.
     """
 
@@ -64,6 +67,8 @@ class Row:
     terminal_error_deg: float = np.nan
     E_median_deg: float = np.nan
     E_p95_deg: float = np.nan
+    end_median_deg: float = np.nan
+    end_p95_deg: float = np.nan
     E_median_interval_deg: tuple[float, float] = (np.nan, np.nan)
     E_p95_interval_deg: tuple[float, float] = (np.nan, np.nan)
     took_s: float = np.nan
@@ -147,13 +152,12 @@ def columns(system: TriangularSystem) -> list[Column[Row]]:
         Column("effort", effort_unit(system), lambda r: r.effort, digits(4), key="effort"),
         Column("|u1|", first.unit, lambda r: r.peak_u[0], key="peak_u1_rad_s"),
         Column("|u2|", second.unit, lambda r: r.peak_u[1], key="peak_u2_rad_s"),
-        Column("domain margin", "", lambda r: r.domain_margin),
-        _fact("domain_ok"),
-        Column(
-            "ideal error", "deg", lambda r: r.terminal_error_deg, digits(2), "terminal_error_deg"
-        ),
+        *map(_fact, ("domain_margin", "domain_ok")),
+        _fact("terminal_error_deg"),
         Column("E 50 %", "deg", lambda r: r.E_median_deg, key="E_median_deg"),
         Column("E 95 %", "deg", lambda r: r.E_p95_deg, key="E_p95_deg"),
+        Column("end 50 %", "deg", lambda r: r.end_median_deg, key="end_median_deg"),
+        Column("end 95 %", "deg", lambda r: r.end_p95_deg, key="end_p95_deg"),
         Column("took", "s", lambda r: r.took_s, digits(2), key="took_s"),
         *map(
             _fact, ("solve_time_s", "build_time_s", "feedback", "note", "advice", "status", "worst")

@@ -13,7 +13,7 @@ from planner.errors import InputError
 from planner.machine.closed_loop import Feedback, measured
 from planner.machine.machine import Draws, Machine
 from planner.machine.simulate import Progress, simulate
-from planner.plan.plan import Plan, expect_plan
+from planner.plan.plan import Plan, expect_plan, refuse_compensated
 from planner.plan.samples import facts, imported
 from planner.support.arrays import Array
 
@@ -45,6 +45,8 @@ class Replay:
             shape (S, 2), s.
         terminal_error: True end minus plan's end, shape (S, N), in the coordinates' units.
         deviation: Largest |true − plan| over time of the coordinates after the first, (S, N−1).
+            Of a compensated plan both errors are those to the plan that it compensates, from where
+            that starts.
         effort: ∫ u₁² + u₂² dt of what a controller commanded, (S,); None in open loop.
         fallbacks: How often a controller commanded something cruder than it should, (S,).
     """
@@ -181,8 +183,8 @@ def replay(
         progress: Called with (steps done, steps in all).
 
     Raises:
-        InputError: If the plan has no real inputs, the machine does not match the system, or an
-            argument is out of range.
+        InputError: If the plan has no real inputs, or is compensated and feedback is asked for, the
+            machine does not match the system, or an argument is out of range.
     """
     refuse_inexecutable(plan)
     closing = _feedback(feedback, plan)
@@ -209,7 +211,7 @@ def replay(
         q=recording.q,
         motor_rates=recording.speed,
         saturated_s=recording.saturated_s,
-        terminal_error=recording.q[:, -1] - plan.q(plan.duration),
+        terminal_error=recording.q[:, -1] - plan.wanted(plan.duration),
         deviation=recording.deviation,
         effort=recording.effort,
         fallbacks=recording.fallbacks,
@@ -217,6 +219,8 @@ def replay(
 
 
 def _feedback(feedback: bool | Feedback, plan: Plan) -> Feedback | None:
+    if feedback is not False:
+        refuse_compensated(plan, "feedback")
     if feedback is True:
         from planner.machine.feedback.tracker import Tracker  # with OSQP, which only this needs
 

@@ -160,7 +160,7 @@ def _motion(plan: Plan, machine: Machine, draws: Draws, orders: Orders, times: A
     """Samples at the start: compiled where there is a kernel for them."""
     system = plan.problem.system
     start, rows = _start(plan, draws), np.searchsorted(orders.t, times)
-    desired = plan.q(orders.t)[:, 1:, None]
+    desired = plan.wanted(orders.t)[:, 1:, None]
     desired[orders.t < times[0]] = np.nan  # no deviation is counted before the plan's start
     few = machine.fidelity == "quasi-static" or system.size - 2 <= MOST_PASSIVE
     if isinstance(system, Manipulator) and few and library() is not None:

@@ -1,6 +1,7 @@
 """The methods that make plans: one file each, one registry, and how a new one comes in.
 
-Methods with options in one line of text, as in `polynomial:travel=middle`.
+Methods with options in one line of text, as in `polynomial:travel=middle` or
+`collocation compensated`.
 """
 
 from __future__ import annotations
@@ -116,6 +117,9 @@ _ALL = (
 METHODS = {method.name: method for method in _ALL}
 """By name. What plugins register is in it once the first problem is read."""
 
+COMPENSATED = "compensated"
+"""After the name of a method: its plan compensated for the machine."""
+
 ALL = "all"
 """In place of methods: every one there is."""
 
@@ -220,15 +224,17 @@ class Spec:
         label: The text it was read from; names it in tables and figures.
         method: Name of the method.
         options: Options that override the problem's table of that method.
+        compensated: Whether its plan is compensated for the machine.
     """
 
     label: str
     method: str
     options: Mapping[str, Any]
+    compensated: bool = False
 
 
 def parse_spec(text: str) -> Spec:
-    """Read `method` or `method:key=value:key=value`.
+    """Read `method` or `method:key=value:key=value`, or either with `compensated` after the method.
 
     Values are TOML values; a plain word may go without quotes.
 
@@ -236,6 +242,10 @@ def parse_spec(text: str) -> Spec:
         InputError: If the method is unknown (names the nearest) or an option is not `key=value`.
     """
     name, *settings = (part.strip() for part in _split(text, ":"))
+    first, _, word = name.partition(" ")
+    compensated = word.strip() == COMPENSATED
+    if compensated:
+        name = first
     find_method(name)
     options: dict[str, Any] = {}
     for setting in settings:
@@ -249,7 +259,7 @@ def parse_spec(text: str) -> Spec:
         if key in options:
             raise InputError(f"'{text}': option '{key}' is given twice")
         options[key] = _value(text, key, value.strip())
-    return Spec(line(text), name, options)
+    return Spec(line(text).strip(), name, options, compensated)
 
 
 def parse_specs(problem: Problem, specs: str | Sequence[str]) -> list[Spec]:

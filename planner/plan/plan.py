@@ -13,6 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
+import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, field_validator
 
@@ -56,6 +57,7 @@ class Plan:
         notes: Further facts of the method, JSON-ready (which start won, constraint points, …).
         certificate: What is proven of it between the nodes (set by `solve`; see `certify`).
         why: What a plan that was read as verified breaks, in one line; empty for all others.
+        compensation: Of a compensated plan what it compensates (set by `compensate`); else None.
     """
 
     problem: Problem
@@ -72,12 +74,39 @@ class Plan:
     notes: Mapping[str, Any] = field(default_factory=dict)
     certificate: Certificate | None = None
     why: str = ""
+    compensation: Compensation | None = None
 
     def __repr__(self) -> str:
         state = "verified" if self.verified else f"not verified, status {self.status}"
         state += f": {self.why}" if self.why else ""
+        name = self.method
+        if self.compensation is not None:
+            name += " compensated"
+            state += " on the nominal machine" if self.verified else ""
         moved = f"{self.travel:.4g} {self.problem.system.coordinates[0].unit}"
-        return f"Plan({self.method}: travel {moved} in {self.duration:.4g} s, {state})"
+        return f"Plan({name}: travel {moved} in {self.duration:.4g} s, {state})"
+
+    @property
+    def compensates(self) -> Plan | None:
+        """The plan whose motion a compensated plan makes on the nominal machine; else None."""
+        return None if self.compensation is None else self.compensation.plan
+
+    @property
+    def lead_s(self) -> float:
+        """How long a compensated plan prepares before the plan that it compensates starts, s."""
+        return 0.0 if self.compensation is None else self.compensation.lead_s
+
+    def wanted(self, t: ArrayLike) -> Array:
+        """Coordinates (…, N) that a machine should have at times t (…), to judge it by.
+
+        Those of the plan; of a compensated plan those of the plan that it compensates, on its own
+        clock, and NaN while it prepares.
+        """
+        if self.compensates is None:
+            return self.q(t)
+        own = np.asarray(t, dtype=float) - self.lead_s
+        early = own < -1e-9 * max(1.0, self.duration)
+        return np.where(early[..., None], np.nan, self.compensates.q(own))
 
     @property
     def t(self) -> Array:
@@ -126,6 +155,11 @@ class Plan:
         Raises:
             InputError: If the file cannot be written; nothing is left behind.
         """
+        return write_text(
+            path, json.dumps(jsonable(self._to_dict()), indent=1, allow_nan=False) + "\n"
+        )
+
+    def _to_dict(self) -> dict[str, Any]:
         data = {
             "format": FORMAT,
             "version": VERSION,
@@ -146,7 +180,13 @@ class Plan:
         }
         if self.why:
             data["why"] = self.why
-        return write_text(path, json.dumps(jsonable(data), indent=1, allow_nan=False) + "\n")
+        if self.compensation is not None:
+            data["compensation"] = {
+                "plan": self.compensation.plan._to_dict(),
+                "machine": dict(self.compensation.machine),
+                "lead_s": self.lead_s,
+            }
+        return data
 
     def to_frame(self, rate_hz: float = 100.0) -> pandas.DataFrame:
         """The plan at even times as a pandas frame; see `planner.plan.samples.to_frame`."""
@@ -157,6 +197,21 @@ class Plan:
         """The plan at even times as an xarray dataset; see `planner.plan.samples.to_xarray`."""
         dataset: xarray.Dataset = handed_to("planner.plan.samples.to_xarray")(self, rate_hz)
         return dataset
+
+
+@dataclass(frozen=True)
+class Compensation:
+    """What a compensated plan was made from.
+
+    Attributes:
+        plan: The plan as the kinematics say.
+        machine: The `[machine]` table of the machine that is allowed for, complete.
+        lead_s: How long the commands prepare before that plan starts, s.
+    """
+
+    plan: Plan
+    machine: Mapping[str, Any]
+    lead_s: float
 
 
 def expect_plan(value: object) -> None:
@@ -172,20 +227,42 @@ def expect_plan(value: object) -> None:
         )
 
 
+def refuse_compensated(plan: Plan, what: str) -> None:
+    """Refuse a compensated plan, whose inputs are those of a machine and not of the kinematics.
+
+    Raises:
+        InputError: If it is one; the message names what does not take it.
+    """
+    if plan.compensation is not None:
+        raise InputError(
+            f"{what} takes a plan as the kinematics say, and this one is compensated for a machine;"
+            " give it plan.compensates"
+        )
+
+
 def read_plan(path: str | Path) -> Plan:
     """What a file of `Plan.save` says, believed as it stands; `planner.load_plan` judges it.
 
     Raises:
         InputError: If the file is missing, is not a plan, or has a newer version.
     """
-    data = _read(path)
+    return _plan(_read(path), path)
+
+
+def _plan(data: Mapping[str, Any], path: str | Path) -> Plan:
     problem = Problem.from_dict(data["problem"], data["source"])
+    if made_from := data.get("compensation"):
+        parse(PlanFile, made_from["plan"], f"{path}, the plan that it compensates")
+        made_from = Compensation(
+            _plan(made_from["plan"], path), made_from["machine"], made_from["lead_s"]
+        )
     try:
         return Plan(
             problem=problem,
             trajectory=trajectory_from_dict(problem.system, data["trajectory"]),
             certificate=_certificate(data.get("certificate")),
             why="" if data["verified"] else data.get("why", ""),
+            compensation=made_from,
             **{key: _read_back(data[key]) for key in _COPIED},
         )
     except (KeyError, TypeError) as error:
@@ -336,6 +413,19 @@ class PlanFile(Table):
     )
     why: str = Field("", description="What a plan that was read as verified breaks.")
     trajectory: TrajectoryTable = Field(description="The curve itself.")
+    compensation: CompensationOfTable | None = Field(
+        None, description="Of a compensated plan what it was made from."
+    )
+
+
+class CompensationOfTable(Table):
+    """What a compensated plan was made from."""
+
+    plan: dict[str, Any] = Field(description="The plan as the kinematics say, as a plan file.")
+    machine: dict[str, Any] = Field(description="The [machine] table that is allowed for.")
+    lead_s: Annotated[float, Field(ge=0)] = Field(
+        description="How long the commands prepare before that plan starts."
+    )
 
 
 def plan_schema(problem: dict[str, Any]) -> dict[str, Any]:

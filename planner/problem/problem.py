@@ -18,6 +18,7 @@ from planner.errors import InputError, Violation
 from planner.problem.requirements.limits import InputLimit, JointLimit, RateLimit, Z2Margin
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import At, Requirement
+from planner.problem.tables.compensation import CompensationTable
 from planner.problem.tables.kinds import REQUIREMENTS, parse_file
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.method_options import MethodsTable
@@ -61,6 +62,7 @@ class Problem:
         methods: Options of each method.
         machine: Changes to the emulated machine.
         feedback: Options of the tracker that closes the loop.
+        compensation: Whether and how plans allow for the machine.
         waypoints: Places every plan passes through.
         obstacles: Discs that the links of an arm clear in every plan.
         further: Limits of kinds that all systems know, see `planner.register_requirement`.
@@ -77,6 +79,7 @@ class Problem:
     methods: MethodsTable
     machine: MachineTable
     feedback: FeedbackTable
+    compensation: CompensationTable
     waypoints: tuple[Waypoint, ...]
     obstacles: tuple[Obstacle, ...]
     further: tuple[Requirement, ...]
@@ -111,6 +114,7 @@ class Problem:
             methods=tables.method,
             machine=tables.machine,
             feedback=tables.feedback,
+            compensation=tables.compensation,
             waypoints=tuple(waypoints_of(tables, system, source)),
             obstacles=tuple(obstacles_of(tables, system)),
             further=tuple(further_of(tables, system, source)),

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from planner.errors import InputError
-from planner.plan.plan import Plan, expect_plan
+from planner.plan.plan import Plan, expect_plan, refuse_compensated
 from planner.support.arrays import Array
 from planner.support.compiled_calls import Pointwise
 from planner.support.one_variable import maximum, sample_times
@@ -212,6 +212,7 @@ def sensitivity(plan: Plan, samples: int = 2000) -> Sensitivity:
         InputError: If the plan cannot be executed.
     """
     expect_plan(plan)
+    refuse_compensated(plan, "sensitivity")
     if not plan.executable:
         raise InputError(
             f"the {plan.method} plan leaves the chart's domain, so it has no inputs to perturb"
@@ -310,6 +311,7 @@ def indicators(plan: Plan, period_s: float = 0.01) -> Indicators:
         InputError: If the plan cannot be executed, the period is not positive, or the system has
             no angles after its path coordinate.
     """
+    refuse_compensated(plan, "indicators")
     if not plan.executable:
         raise InputError(f"the {plan.method} plan leaves the chart's domain and has no inputs")
     if not period_s > 0:

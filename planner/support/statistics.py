@@ -23,6 +23,9 @@ CONFIDENCE = 0.95
 LEVEL = 0.05
 """Corrected p-values below this are called significant."""
 
+THRESHOLD_DEG = 0.1
+"""Differences of E below this matter to nobody: about one step of the prototype's encoders."""
+
 
 @dataclass(frozen=True)
 class Difference:
@@ -37,6 +40,7 @@ class Difference:
         first_better: Share of machines on which the first plan has the smaller E; ties count half.
         p_value: Of Wilcoxon's signed-rank test, two-sided.
         p_corrected: The same after Holm's correction for all pairs of the comparison.
+        threshold_deg: The least median difference that matters to a person, degrees.
     """
 
     first: str
@@ -46,6 +50,12 @@ class Difference:
     first_better: float
     p_value: float
     p_corrected: float
+    threshold_deg: float = 0.0
+
+    @property
+    def matters(self) -> bool:
+        """Whether the difference is large enough for a person to care about."""
+        return abs(self.median_deg) >= self.threshold_deg
 
     @property
     def significant(self) -> bool:
@@ -66,11 +76,14 @@ def percentile_interval(values: Array, percent: float) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def differences(errors: Mapping[str, Array]) -> tuple[Difference, ...]:
+def differences(
+    errors: Mapping[str, Array], threshold_deg: float = THRESHOLD_DEG
+) -> tuple[Difference, ...]:
     """Every pair of plans.
 
     Args:
         errors: E of each plan on the same machines, shape (S,), degrees, by label.
+        threshold_deg: The least median difference that matters, degrees.
 
     Returns:
         One entry a pair, in the order of the labels.
@@ -78,7 +91,7 @@ def differences(errors: Mapping[str, Array]) -> tuple[Difference, ...]:
     pairs = list(combinations(errors, 2))
     found = [_p_value(errors[a] - errors[b]) for a, b in pairs]
     return tuple(
-        _difference(a, b, errors[a] - errors[b], p, corrected)
+        _difference(a, b, errors[a] - errors[b], p, corrected, threshold_deg)
         for (a, b), p, corrected in zip(pairs, found, holm(found), strict=True)
     )
 
@@ -93,10 +106,12 @@ def holm(p_values: list[float]) -> list[float]:
     return [float(value) for value in corrected]
 
 
-def _difference(first: str, second: str, gaps: Array, p: float, corrected: float) -> Difference:
+def _difference(
+    first: str, second: str, gaps: Array, p: float, corrected: float, threshold_deg: float
+) -> Difference:
     better = np.mean(gaps < 0) + np.mean(gaps == 0) / 2
     median, interval = float(np.median(gaps)), percentile_interval(gaps, 50)
-    return Difference(first, second, median, interval, float(better), p, corrected)
+    return Difference(first, second, median, interval, float(better), p, corrected, threshold_deg)
 
 
 def _p_value(gaps: Array) -> float:

@@ -95,8 +95,11 @@ def case_at(sweep: Sweep, position: int) -> Case:
     """The case at a position of the sweep: point by point, method by method."""
     number, method = divmod(position, len(sweep.methods))
     point, spec = sweep.points[number], sweep.methods[method]
+    changes = copy.deepcopy(point)
+    if spec.compensated:
+        changes["compensation.on"] = True
     request = {
-        "tables": with_changes(sweep.base.to_dict(), copy.deepcopy(point)),
+        "tables": with_changes(sweep.base.to_dict(), changes),
         "source": sweep.base.source,
         "method": spec.method,
         "options": dict(spec.options),
@@ -118,8 +121,10 @@ def _description(request: Request, spec: Spec) -> str:
         options = parse(entry.options, {**own, **spec.options}, "").model_dump(mode="json")
     except InputError:
         return canonical({k: v for k, v in request.items() if k not in ("source", "keep_plan")})
-    problem = file.model_dump(mode="json", by_alias=True, exclude={"title", "method", "machine"})
-    machine = _machine(file.machine) if samples else None
+    compensated = file.compensation.on
+    own_keys = {"title", "method", "machine"} | (set() if compensated else {"compensation"})
+    problem = file.model_dump(mode="json", by_alias=True, exclude=own_keys)
+    machine = _machine(file.machine) if samples or compensated else None
     whole = {"problem": problem, "method": spec.method, "options": options, "machine": machine}
     return canonical({**whole, "samples": samples, "seed": seed if samples else None})
 

@@ -2,7 +2,8 @@
 
 It integrates the plan's own input u(t) by Chebyshev quadrature through the system's NumPy
 kinematics, neither of which any method uses, and checks goal and limits over all time, between the
-breaks too. The quadrature estimates its own error; what it cannot integrate is refused.
+breaks too. The quadrature estimates its own error; what it cannot integrate is refused. The motion
+of a compensated plan is that of its nominal machine.
 
 How a motion stands to waypoints and obstacles, over all time; the judge's own geometry.
 """
@@ -24,6 +25,10 @@ from planner.support.tables import Column, html_table
 
 GOAL_TOLERANCE = 2e-5
 """Largest error at the goal, in radians (0.0011 degrees) or metres."""
+
+ON_MACHINE_TOLERANCE = np.deg2rad(0.05)
+"""The same for a compensated plan: half a step of the prototype's encoders. The nominal machine
+rounds its commands, so that no input leads it closer than some thousandths of a degree."""
 
 LIMIT_TOLERANCE = 1e-6
 """Largest excess over a limit, relative to the limit."""
@@ -130,12 +135,19 @@ def verify(plan: Plan) -> Check:
 
     with np.errstate(all="ignore"):  # what is not a number never passes
         resolved = (shaped,) if to_resolve else ()
-        motion = integrate(plan.trajectory, problem.start, INTEGRATION_TOLERANCE, *resolved)
-        error = _goal_error(plan, motion)
+        if plan.compensation is None:
+            motion = integrate(plan.trajectory, problem.start, INTEGRATION_TOLERANCE, *resolved)
+            end, tolerance = motion.q[-1, -1], GOAL_TOLERANCE
+        else:
+            from planner.verification.on_the_machine import motion_on_machine  # with the machine
+
+            motion, end = motion_on_machine(plan)
+            tolerance = ON_MACHINE_TOLERANCE
+        error = _goal_error(plan, end)
         findings = [
-            *_motion(plan, motion, error),
+            *_motion(plan, motion, error, tolerance),
             *_limits(plan, motion),
-            *_places(plan, motion),
+            *_places(plan, motion, tolerance),
             *_with_corners(plan, motion),
         ]
     broken = sorted(
@@ -168,28 +180,29 @@ def _angular(plan: Plan) -> list[int]:
     return [i for i in plan.problem.system.limited if _unit(plan, i) == "rad"]
 
 
-def _goal_error(plan: Plan, motion: Motion) -> Array:
-    problem, end = plan.problem, motion.q[-1, -1]
+def _goal_error(plan: Plan, end: Array) -> Array:
+    problem = plan.problem
     goal = problem.goal.copy()
     goal[0] = end[0] if problem.travel is None else problem.start[0] + problem.travel
     return np.asarray(end - goal)
 
 
-def _motion(plan: Plan, motion: Motion, error: Array) -> list[_Finding]:
+def _motion(plan: Plan, motion: Motion, error: Array, tolerance: float) -> list[_Finding]:
     """Start, goal, duration, the plan's own q(t), and whether the integral can be trusted."""
     worst = float(np.max(np.abs(plan.q(0.0) - plan.problem.start)))
     out = [_Finding("start", worst, 0.0, 0.0, "", GOAL_TOLERANCE, GOAL_TOLERANCE)]
     for i, coordinate in enumerate(plan.problem.system.coordinates):
         label, missed = f"goal {coordinate.name}", float(abs(error[i]))
-        out.append(
-            _Finding(label, missed, 0.0, plan.duration, coordinate.unit, 1.0, GOAL_TOLERANCE)
-        )
+        out.append(_Finding(label, missed, 0.0, plan.duration, coordinate.unit, 1.0, tolerance))
     wanted = plan.problem.duration
     if wanted is not None:
-        late = abs(plan.duration - wanted)
+        late = abs(plan.duration - plan.lead_s - wanted)
         out.append(_Finding("duration", late, 0.0, None, "s", wanted, 1e-9 * wanted))
     gap, when = motion.gap
     label = "plan's q(t) against its integrated input"
+    if plan.compensation is not None:
+        label = "plan's q(t) against the nominal machine's motion"
+        return [*out, _Finding(label, gap, 0.0, when, "", 1.0, INTERPOLANT_TOLERANCE)]
     out.append(_Finding(label, gap, 0.0, when, "", 1.0, INTERPOLANT_TOLERANCE))
     limit = INTEGRATION_TOLERANCE
     trusted = motion.error <= limit
@@ -247,11 +260,11 @@ def _with_corners(plan: Plan, motion: Motion) -> list[_Finding]:
     return out
 
 
-def _places(plan: Plan, motion: Motion) -> list[_Finding]:
+def _places(plan: Plan, motion: Motion, tolerance: float) -> list[_Finding]:
     """Waypoints passed."""
     return [
-        _Finding(label, value, 0.0, when, unit, 1.0, GOAL_TOLERANCE)
-        for label, value, when, unit in passes(plan.problem, motion)
+        _Finding(label, value, 0.0, when, unit, 1.0, tolerance)
+        for label, value, when, unit in passes(plan.problem, motion, plan.lead_s)
     ]
 
 
@@ -272,10 +285,13 @@ _ROUNDS = 11
 """Rounds that each narrow a dip eight times: to 1e-10 of the distance between samples."""
 
 
-def passes(problem: Problem, motion: Motion) -> Iterator[tuple[str, float, float, str]]:
+def passes(
+    problem: Problem, motion: Motion, lead_s: float = 0.0
+) -> Iterator[tuple[str, float, float, str]]:
     """For each waypoint its label, the distance at which it is passed, when, and the unit.
 
-    A waypoint without a time is passed where the motion comes nearest.
+    A waypoint without a time is passed where the motion comes nearest; others on the clock that
+    starts `lead_s` after the motion does.
     """
     for point in problem.waypoints:
         fixed = np.flatnonzero(~np.isnan(point.q))
@@ -285,7 +301,8 @@ def passes(problem: Problem, motion: Motion) -> Iterator[tuple[str, float, float
             values, times = _least(motion, lambda q, p=point: p.distance(q)[..., None])  # type: ignore[misc]
             value, when = float(values[0]), float(times[0])
         else:
-            value, when = float(point.distance(motion.at_time(point.time_s))), point.time_s
+            when = lead_s + point.time_s
+            value = float(point.distance(motion.at_time(when)))
         yield point.label, value, when, unit
 
 

@@ -38,7 +38,7 @@ def test_a_new_file_solves_and_names_every_key(kind: str, run: Callable, tmp_pat
     sections = re.split(r"^\[", text, flags=re.MULTILINE)[1:]
     said = {part.partition("]")[0]: part for part in sections}
     for name, field in FILES[kind].model_fields.items():
-        if name in ("system", "start", "goal", "limits", "machine", "feedback"):
+        if name in ("system", "start", "goal", "limits", "machine", "feedback", "compensation"):
             for key in keys(field.annotation):
                 assert re.search(rf"(?m)^(# ?)?{key}( =|: not set)", said[name]), (name, key)
     for name, field in MethodsTable.model_fields.items():

@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ import planner
 from planner import compare as compare_function
 from planner.comparison import compare as compare_module
 from planner.comparison.compare import default_methods
+from planner.comparison.differences import markdown_differences
 from planner.machine.machine import Machine
 from planner.methods.registry import METHODS
 from planner.plan.measures import effort
@@ -24,11 +26,78 @@ from planner.solve import solve_and_check
 from planner.support.arrays import jsonable
 
 MIDDLE, BEST, OPTIMAL = "polynomial:travel=middle", "polynomial", "collocation"
+COMPENSATED = "collocation compensated"
+ROOT = Path(__file__).parents[2]
 
 
-def test_default_methods_show_the_polynomial_at_its_best_too(paper: planner.Problem) -> None:
-    assert [row.label for row in paper_comparison().rows] == [MIDDLE, BEST, OPTIMAL]
-    assert default_methods(paper.changed({"goal.travel": 0.81})) == [BEST, OPTIMAL]
+def test_default_methods_show_what_the_polynomial_and_what_compensation_can_do(
+    paper: planner.Problem,
+) -> None:
+    others = ["polynomial:points=auto", "sinusoid", OPTIMAL]
+    assert default_methods(paper) == [MIDDLE, *others, COMPENSATED]
+    assert default_methods(paper.changed({"goal.travel": 0.81})) == [BEST, *others, COMPENSATED]
+    car = planner.load_problem(ROOT / "problems/car.toml")
+    assert COMPENSATED not in default_methods(car)
+
+
+@pytest.fixture(scope="module")
+def compensated() -> planner.Comparison:
+    problem = planner.load_problem(ROOT / "problems/paper.toml", {"machine.step_s": 0.01})
+    return planner.compare(problem, [OPTIMAL, COMPENSATED], samples=100, seed=3)
+
+
+def test_a_compensated_plan_is_compared_on_the_path_it_compensates(
+    compensated: planner.Comparison,
+) -> None:
+    plain, better = compensated.rows
+    assert better.solved
+    assert better.plan is not None
+    assert better.plan.compensates is not None
+    assert better.method == OPTIMAL
+    assert better.E_p95_deg < 3.2 < 6.5 < plain.E_p95_deg
+    assert better.end_p95_deg < 3.2 < 6.0 < plain.end_p95_deg
+    run = better.replay
+    assert run is not None
+    assert better.end_median_deg == np.median(run.terminal_E_deg)
+    assert better.end_p95_deg == np.percentile(run.terminal_E_deg, 95)
+    assert "end 95 %" in compensated.markdown()
+    assert compensated.best == COMPENSATED
+
+
+def test_a_compensated_plan_that_goes_another_way_says_so() -> None:
+    crossing = planner.load_problem(ROOT / "problems/crossing.toml")
+    result = planner.compare(crossing, [COMPENSATED], samples=2)
+    assert "goes another way" in result.rows[0].note
+    assert "goes another way" in result.markdown()
+
+
+def test_it_is_compensated_for_the_machine_of_the_comparison(paper: planner.Problem) -> None:
+    machine = planner.Machine.prototype(backlash_deg=0.5, step_s=0.01)
+    (row,) = planner.compare(paper, [COMPENSATED], machine=machine, samples=2).rows
+    assert row.plan is not None
+    assert row.plan.compensation is not None
+    assert planner.Machine.from_table(row.plan.compensation.machine) == machine
+
+
+def test_small_differences_are_neither_better_nor_worse(compensated: planner.Comparison) -> None:
+    (d,) = compensated.differences
+    assert d.significant
+    assert d.matters
+    assert d.threshold_deg == 0.1
+    assert markdown_differences(compensated).count("| worse |") == 1
+    alike = replace(compensated, threshold_deg=9.0)
+    assert "no difference that matters" in markdown_differences(alike)
+    with pytest.raises(planner.InputError, match="threshold_deg"):
+        planner.compare(compensated.problem, [OPTIMAL], samples=1, threshold_deg=-1.0)
+
+
+def test_feedback_closes_the_last_plan_that_it_can_follow(
+    quick: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = sys.modules["planner.machine.replay"]
+    monkeypatch.setattr(module, "_feedback", lambda on, plan: _Held() if on else None)
+    labels = [row.label for row in compare_function(quick, samples=1, feedback=True).rows]
+    assert [label for label in labels if "feedback" in label] == ["collocation + feedback"]
 
 
 def test_polynomials_are_refused_with_the_reason_and_collocation_is_solved() -> None:

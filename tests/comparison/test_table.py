@@ -37,7 +37,7 @@ def test_a_narrow_terminal_keeps_the_words_of_a_verdict_whole() -> None:
 
 def test_terminal_table_shows_every_row_and_figure(printed: str) -> None:
     words = " ".join(printed.split())
-    for word in ("travel=middle", "no: input u2 reaches 83", "yes", "domain", "95 %", "took"):
+    for word in ("travel=middle", "no: input u2 reaches 83", "yes", "end", "95 %", "took"):
         assert word in words
     row = quick_comparison()["polynomial"]
     line = next(x for x in printed.splitlines() if x.startswith("polynomial ") and "yes" in x)
@@ -45,8 +45,10 @@ def test_terminal_table_shows_every_row_and_figure(printed: str) -> None:
     assert cells[2] == f"{row.travel_rad:.4g}"
     assert float(cells[3]) == pytest.approx(row.effort, rel=1e-3)
     assert float(cells[5]) == pytest.approx(row.peak_u[1], rel=1e-2)
-    assert float(cells[8]) == pytest.approx(row.E_median_deg, rel=1e-2)
-    assert float(cells[9]) == pytest.approx(row.E_p95_deg, rel=1e-2)
+    assert float(cells[6]) == pytest.approx(row.E_median_deg, rel=1e-2)
+    assert float(cells[7]) == pytest.approx(row.E_p95_deg, rel=1e-2)
+    assert float(cells[8]) == pytest.approx(row.end_median_deg, rel=1e-2)
+    assert float(cells[9]) == pytest.approx(row.end_p95_deg, rel=1e-2)
 
 
 def test_markdown_has_a_line_a_method_and_the_command() -> None:

@@ -14,6 +14,9 @@ from planner.support.files import toml
 
 
 def test_a_bare_name_has_no_options() -> None:
+    assert parse_spec("collocation compensated:intervals=20").compensated
+    assert parse_spec(" collocation  compensated ").method == "collocation"
+    assert not parse_spec("collocation").compensated
     spec = parse_spec(" polynomial ")
     assert (spec.label, spec.method, spec.options) == ("polynomial", "polynomial", {})
 

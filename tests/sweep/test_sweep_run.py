@@ -107,8 +107,12 @@ def test_keys_depend_on_all_that_matters(tables: Tables) -> None:
         key(replay={"samples": 5}),
         key(replay={"samples": 5, "seed": 1}),
         key(replay={"samples": 5}, set={"machine.backlash_deg": 3.0}),
+        key(set={"compensation.on": True}),
+        key(set={"compensation.on": True, "compensation.preparation": False}),
+        key(set={"compensation.on": True, "machine.backlash_deg": 3.0}),  # the plan itself differs
     ]
-    assert len({plain, *others}) == 7
+    assert len({plain, *others}) == 10
+    assert key(set={"compensation.lag": False}) == plain  # what is off makes no difference
 
 
 def test_a_solved_case_has_its_figures(unlimited: planner.Problem, db: Path) -> None:

@@ -130,10 +130,10 @@ def timing(
             f" feedback.period_s = {options.period_s:g}"
         )
     begin = -options.period_s * int(np.ceil(lead_s / options.period_s - 1e-9))
-    return Timing(begin, tick, ticks, latency, _shift(system, machine))
+    return Timing(begin, tick, ticks, latency, shift_of(system, machine))
 
 
-def _shift(system: TriangularSystem, machine: Machine) -> Array:
+def shift_of(system: TriangularSystem, machine: Machine) -> Array:
     """Delay, lag 1/b of each servo (2ζ/b of second order), and the joints' lag d/k, (2,), s."""
     out = np.full(2, float(np.mean(mean_of(machine, "delay_s"))))
     lag = 1 / mean_of(machine, "servo_bandwidth_rad_s", np.inf)

@@ -59,7 +59,7 @@ def run_up(plan: Plan, machine: Machine, options: FeedbackTable) -> RunUp | None
     if not options.run_up or not isinstance(system, Manipulator):
         return None
     lost = lost_motion(system, machine)
-    first = _first_motion(plan)
+    first = first_motion(plan)
     if not lost.any() or first[0] == 0:
         return None
     if options.run_up == "auto" and hindrance(plan, machine):
@@ -92,7 +92,7 @@ def lost_motion(system: Manipulator, machine: Machine) -> Array:
     return np.asarray(np.broadcast_to(np.deg2rad(play) / 2 + friction / stiffness, system.n - 1))
 
 
-def _first_motion(plan: Plan) -> Array:
+def first_motion(plan: Plan) -> Array:
     """Signs of both inputs where they first act, (2,); 0 where one never does."""
     u = plan.u(np.linspace(0.0, plan.duration, 501))
     moving = np.abs(u) > 1e-6 * np.max(np.abs(u))

@@ -13,6 +13,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, field_validator
 
+from planner.problem.tables.compensation import CompensationTable
 from planner.problem.tables.limits import BaseLimits
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.method_options import MethodsTable
@@ -164,6 +165,7 @@ class ProblemFile(Table):
     method: MethodsTable = Field(default_factory=MethodsTable)
     machine: MachineTable = Field(default_factory=MachineTable)
     feedback: FeedbackTable = Field(default_factory=FeedbackTable)
+    compensation: CompensationTable = Field(default_factory=CompensationTable)
     waypoints: Any = Field(default_factory=list, description="Places to pass through.")
 
     @abstractmethod

@@ -142,13 +142,19 @@ def _holm(p: float) -> str:
     return "< 0.001" if p < 1e-3 else f"{p:.2g}"
 
 
+def _verdict(pair: Pair) -> str:
+    if not pair["significant"]:
+        return "not shown to differ"
+    return "differ" if pair.get("matters", True) else "no difference that matters"
+
+
 PAIRS: list[Column[Pair]] = [
     Column("plan", "", _pair),
     Column("difference of E", "", lambda p: p["median_deg"], lambda x: f"{number(x)}°"),
     Column("95 % interval", "", _interval),
     Column("less on", "", lambda p: f"{100 * p['first_better']:.0f} %"),
     Column("p (Holm)", "", lambda p: p["p_corrected"], _holm),
-    Column("verdict", "", lambda p: "differ" if p["significant"] else "not shown to differ"),
+    Column("verdict", "", _verdict),
 ]
 
 

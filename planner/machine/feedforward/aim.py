@@ -1,0 +1,136 @@
+"""The goal that a plan must be made for so that the nominal machine ends at the goal wanted.
+
+What the nominal machine misses the goal by is a function F(x) of the shift x of the goal that is
+planned for; F(x) = 0 is solved by Broyden's method (C. G. Broyden, Math. Comp. 19, 1965, 577),
+which begins with F' = 1: the end moves with the goal. Taking F itself off the goal, step by step,
+is the same with F' = 1 throughout, and goes astray where a shifted goal makes the drive turn back
+elsewhere (problems/paper-fig4.toml). Each value of F takes one plan next to the last and one replay
+of one machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from planner.errors import InputError, NoPlanError
+from planner.machine.feedforward.prediction import commanded
+from planner.machine.feedforward.shaping import shaped
+from planner.machine.machine import Machine
+from planner.plan.plan import Compensation, Plan
+from planner.problem.problem import Problem
+from planner.problem.tables.compensation import CompensationTable
+from planner.support.arrays import Array
+from planner.systems.manipulator import Manipulator
+from planner.systems.triangular_system import TriangularSystem
+
+MOST_PLANS = 12
+"""Plans after which the best is taken: two or three do where the drive keeps its direction, four to
+ten where it turns back."""
+
+AIMED_RAD = np.deg2rad(0.01)
+"""Error on the nominal machine that is good enough: a hundredth of what spreads leave."""
+
+Replan = Callable[[Problem, Plan], Plan]
+"""A plan for a problem whose goal lies next to that of a plan."""
+
+
+def compensable(system: TriangularSystem) -> bool:
+    """Whether a machine of that kind has systematic errors that commands can allow for."""
+    return isinstance(system, Manipulator)
+
+
+def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Replan) -> Plan:
+    """A plan whose inputs lead the nominal machine along the plan, and to its goal; not verified.
+
+    Args:
+        plan: An executable plan.
+        machine: The machine; its spreads count for nothing.
+        options: What is done.
+        replan: How a plan for a shifted goal is made.
+
+    Raises:
+        InputError: If the system is no arm with friction disks.
+        NoPlanError: If the shifted goal breaks a limit, or by `replan`.
+    """
+    problem, system = plan.problem, plan.problem.system
+    if not compensable(system) or not isinstance(system, Manipulator):
+        raise InputError(
+            f"{problem.source}: compensation is for arms driven through friction disks"
+            f" (system.kind = 'manipulator'); between the motors and the motion of a {system.kind}"
+            " there is nothing to allow for"
+        )
+    moved = slice(0 if problem.travel is not None else 1, None)
+    target, made_from = problem.target[moved], Compensation(plan, machine.to_dict(), 0.0)
+    shift, inverse = np.zeros(len(target)), np.eye(len(target))
+    tried: list[_Trial] = []
+    near = plan
+    for _ in range(MOST_PLANS):
+        commands = shaped(near, system, machine, options)
+        made, found = commanded(near, replace(made_from, lead_s=commands.lead_s), commands)
+        tried.append(_Trial(made, shift, found.end[moved] - target, float(found.deviation.max())))
+        if not options.aim or tried[-1].worst < AIMED_RAD:
+            break
+        if len(tried) > 1:
+            inverse = _updated(inverse, tried[-2], tried[-1])
+        shift = shift - inverse @ tried[-1].missed
+        near = replan(_shifted(problem, shift, moved), near)
+    best = min(tried, key=lambda trial: trial.worst)
+    notes = {
+        "plans": len(tried),
+        "goal_shift": best.shift.tolist(),
+        "missed_rad": best.worst,
+        "path_rad": best.away,
+        "lead_s": best.plan.lead_s,
+    }
+    return replace(best.plan, notes={**plan.notes, "compensation": notes})
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """What came of one shift of the goal.
+
+    Attributes:
+        plan: The compensated plan.
+        shift: By how much its goal was shifted.
+        missed: By how much the nominal machine misses the goal.
+        away: How far it is at most from the path wanted, rad.
+    """
+
+    plan: Plan
+    shift: Array
+    missed: Array
+    away: float
+
+    @property
+    def worst(self) -> float:
+        """Largest part of what is missed."""
+        return float(np.max(np.abs(self.missed)))
+
+
+def _updated(inverse: Array, before: _Trial, now: _Trial) -> Array:
+    """Broyden's update of the inverse Jacobian, by the formula of Sherman and Morrison."""
+    step, change = now.shift - before.shift, now.missed - before.missed
+    along = step @ inverse
+    scale = float(along @ change)
+    if abs(scale) < 1e-12 * float(step @ step):
+        return inverse
+    return np.asarray(inverse + np.outer(step - inverse @ change, along) / scale)
+
+
+def _shifted(problem: Problem, shift: Array, moved: slice) -> Problem:
+    """The problem with its goal shifted."""
+    goal = problem.target
+    goal[moved] += shift
+    keys: dict[str, Any] = {"goal.theta_deg": np.rad2deg(goal[1:]).tolist()}
+    if problem.travel is not None:
+        keys |= problem.travel_change(float(goal[0] - problem.start[0]))
+    try:
+        return problem.changed(keys)
+    except InputError as error:
+        angles = ", ".join(f"{angle:.4g}" for angle in keys["goal.theta_deg"])
+        why = str(error).splitlines()[0].removeprefix(f"{problem.source}: ")
+        raise NoPlanError(f"that goal would be ({angles}) deg; {why}") from None

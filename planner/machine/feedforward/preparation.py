@@ -1,0 +1,103 @@
+"""Taking up backlash and shaft torsion by one drive that never turns back.
+
+A passive joint rests until its axis has turned through its lost motion: half of the backlash and
+the twist at which the shaft overcomes friction. How fast the axes turn under one drive depends on
+θ₁, and at a certain θ₁ all of them use up their lost motion together (for three joints with equal
+backlash where K₂ cos²θ₁ = K₃ cos³θ₂, which is 25 degrees at the paper's start). The preparatory
+motion is therefore
+
+    θ₁ to that angle, the drive forward through the lost motion, θ₁ back to its start
+
+and no passive joint has moved when the plan begins: each then follows its axis at once. The drive
+goes the way the plan goes first. What the joints' play is at the start stays unknown; going back
+and forth would not tell it, and would cost the spread of the backlash twice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.machine.feedback.run_up import first_motion, input_scale, lost_motion
+from planner.machine.machine import Machine
+from planner.plan.plan import Plan
+from planner.support.arrays import Array
+from planner.systems.manipulator import Manipulator
+
+MOST_THETA1_DEG = 75.0
+"""Largest |θ₁| of the preparation: beyond it the axes turn ten times slower than the drive asks."""
+
+REST_S = 0.2
+"""Rest before the plan, s: ten time constants of the servos and of the joints' friction."""
+
+
+@dataclass(frozen=True)
+class TakeUp:
+    """How the passive axes are brought to where their joints begin to move.
+
+    Attributes:
+        theta1: Angle of joint 1 meanwhile, rad.
+        drive: How far motor 1 turns, rad, signed.
+        evenness: Share of its lost motion that the slowest axis has used up when the fastest has
+            used up all, 0 … 1.
+    """
+
+    theta1: float
+    drive: float
+    evenness: float
+
+
+def take_up(
+    plan: Plan, system: Manipulator, machine: Machine, theta1: float | None = None
+) -> TakeUp:
+    """The drive at whose end the first joint is about to move.
+
+    Args:
+        plan: Where it starts, and which way its drive goes first.
+        system: Its arm.
+        machine: Mean backlash, friction and stiffness.
+        theta1: Angle of joint 1, rad; the one that serves all axes best when left out.
+    """
+    lost, start = lost_motion(system, machine), plan.q(0.0)
+    way = float(first_motion(plan)[0])
+    if way == 0 or not np.any(lost > 0):
+        return TakeUp(float(start[1]), 0.0, 1.0)
+    most = min(np.deg2rad(MOST_THETA1_DEG), plan.problem.limits.joint[1])
+    side = 1.0 if start[1] >= 0 else -1.0
+    angles = side * np.linspace(0.0, most, 721) if theta1 is None else np.array([theta1])
+    q = np.repeat(start[None], len(angles), axis=0)
+    q[:, 1] = angles
+    used = np.abs(system.rates(q, np.array([1.0, 0.0]))[:, 2:]) / np.maximum(lost, 1e-12)
+    evenness = used.min(axis=1) / used.max(axis=1)
+    best = int(np.argmax(evenness))
+    if system.n == 2:  # one axis: every angle serves it alike
+        best = int(np.argmin(np.abs(angles - start[1])))
+    drive = way / float(used[best].max())
+    return TakeUp(float(angles[best]), drive, float(evenness[best]))
+
+
+def forward(plan: Plan, system: Manipulator, machine: Machine, tick: float) -> Array:
+    """Angles of both motors at the ticks of the preparatory motion, from 0, shape (m+1, 2), rad.
+
+    The motors' speeds and accelerations keep the problem's limits.
+    """
+    chosen = take_up(plan, system, machine)
+    if chosen.drive == 0:
+        return np.zeros((1, 2))
+    speed, rate = input_scale(plan, machine), plan.problem.limits.input_rate
+    swing = chosen.theta1 - plan.q(0.0)[1]
+    out = [np.zeros((1, 2))]
+    for motor, angle in ((1, swing), (0, chosen.drive), (1, -swing)):
+        moved = np.zeros((_ticks(abs(angle), speed[motor], rate[motor], tick), 2))
+        x = np.arange(1, len(moved) + 1) / len(moved)
+        moved[:, motor] = angle * x * x * (3 - 2 * x)
+        out.append(out[-1][-1] + moved)
+    out.append(np.repeat(out[-1][-1:], round(REST_S / tick), axis=0))
+    return np.concatenate(out)
+
+
+def _ticks(angle: float, speed: float, rate: float, tick: float) -> int:
+    """Ticks of a cubic from rest to rest, whose peaks are 3/2 (speed) and 6 (acceleration)."""
+    seconds = max(1.5 * angle / speed, np.sqrt(6 * angle / rate))
+    return max(1, int(np.ceil(seconds / tick)))

@@ -1,0 +1,138 @@
+"""Commands that allow for the machine, each part by itself against what it is for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import planner
+from planner.machine.feedforward.aim import aimed
+from planner.machine.feedforward.preparation import take_up
+from planner.machine.feedforward.shaping import Commands, shaped
+from planner.plan.plan import Plan
+from planner.problem.tables.compensation import CompensationTable
+from tests.machine.handmade import K, arm_problem, inputs, plan_from
+
+NONE: dict[str, Any] = {"aim": False, "preparation": False, "lag": False, "gearheads": False}
+
+
+@pytest.fixture(scope="module")
+def plan(paper: planner.Problem) -> Plan:
+    return planner.solve(paper, "collocation")
+
+
+def commands(plan: Plan, machine: planner.Machine, **options: Any) -> Commands:
+    table = CompensationTable(**{**NONE, **options})
+    return shaped(plan, plan.problem.system, machine, table)  # type: ignore[arg-type]
+
+
+def missed_deg(plan: Plan, machine: planner.Machine, after_s: float = 0.0, **options: Any) -> float:
+    """Largest error after a time on the nominal machine, of a plan's commands shaped like that."""
+    table = CompensationTable(**{**NONE, **options})
+    made = aimed(plan, machine, table, lambda *_: plan)
+    run = planner.replay(made, machine.nominal())
+    errors = np.abs(run.q[0] - plan.q(run.t))[run.t >= after_s, 1:]
+    return float(np.rad2deg(np.max(errors)))
+
+
+def test_the_lag_of_servos_and_delay_is_taken_off(plan: Plan) -> None:
+    machine = planner.Machine.ideal(servo_bandwidth_rad_s=20.0, delay_s=0.03, control_period_s=0.01)
+    before = missed_deg(plan, machine, after_s=1.0)  # by then what is lost at the start is made up
+    after = missed_deg(plan, machine, after_s=1.0, lag=True)
+    assert before > 0.7  # 0.08 s of lag at 0.18 rad/s and more
+    assert after < before / 10
+
+
+def test_gearheads_are_crossed_at_each_reversal(plan: Plan) -> None:
+    machine = planner.Machine.ideal(gearhead_backlash_deg=1.0)
+    assert missed_deg(plan, machine) > 0.5  # it starts in the middle: half of it, either way
+    assert missed_deg(plan, machine, gearheads=True) < 0.25  # while it is crossed
+    assert missed_deg(plan, machine, after_s=9.0, gearheads=True) < 0.02
+
+
+def test_all_axes_take_up_their_play_at_one_angle(plan: Plan) -> None:
+    machine = planner.Machine.prototype()
+    found = take_up(plan, plan.problem.system, machine)  # type: ignore[arg-type]
+    theta2 = plan.q(0.0)[2]
+    assert K[0] * np.cos(found.theta1) ** 2 == pytest.approx(K[1] * np.cos(theta2) ** 3, rel=2e-3)
+    assert found.evenness > 0.99
+    lost = np.deg2rad(2.68 / 2) + 0.194 / 3.26  # half the backlash, and friction over stiffness
+    rate = K[0] * 0.668811 * np.cos(found.theta1) ** 3
+    assert found.drive == pytest.approx(lost / rate, rel=5e-3)
+
+
+def test_the_preparation_moves_no_passive_joint_and_never_back(plan: Plan) -> None:
+    machine = planner.Machine.prototype().nominal()
+    made = aimed(plan, machine, CompensationTable(aim=False), lambda *_: plan)
+    assert 1.0 < made.lead_s < 6.0
+    before = made.t < made.lead_s
+    assert np.max(np.abs(made.q(made.t[before])[:, 2:] - plan.q(0.0)[2:])) < np.deg2rad(0.1)
+    assert np.min(made.u(made.t[before])[:, 0]) >= 0
+    # and takes up all that there is: half a second on, both joints follow
+    follows = made.q(made.lead_s + 0.5)[2:] - plan.q(0.5)[2:]
+    assert np.max(np.abs(follows)) < np.deg2rad(0.4)
+
+
+def test_without_lost_motion_there_is_nothing_to_prepare(plan: Plan) -> None:
+    assert commands(plan, planner.Machine.ideal(), preparation="forward").lead_s == 0
+
+
+@pytest.mark.parametrize("joints", [2, 3, 4])
+def test_no_axis_is_driven_beyond_its_lost_motion(joints: int) -> None:
+    problem = arm_problem([10.0] * joints, goal=[25.0] * joints, limits={"input_rad_s": 0.5})
+    plan = planner.solve(problem, "collocation")
+    machine = planner.Machine.prototype().nominal()
+    made = aimed(plan, machine, CompensationTable(aim=False), lambda *_: plan)
+    moved = made.q(made.lead_s)[2:] - plan.q(0.0)[2:]
+    assert made.lead_s > 0
+    assert np.max(np.abs(moved)) < np.deg2rad(0.1)
+
+
+@given(
+    st.lists(st.floats(-0.6, 0.6), min_size=3, max_size=8),
+    st.sampled_from([np.inf, 2.0, 0.7]),
+    st.booleans(),
+)
+def test_commands_keep_every_limit_whatever_the_plan(
+    speeds: list[float], rate: float, prepared: bool
+) -> None:
+    """Also where the plan itself asks for more, at its ends and where gearheads are crossed."""
+    limits: dict[str, Any] = {"input_rad_s": [0.5, 0.4]}
+    if np.isfinite(rate):
+        limits["input_rate_rad_s2"] = rate
+    problem = arm_problem([5.0, 5.0, 5.0], limits=limits)
+    plan = driven(problem, speeds)
+    table = {"lag": True, "gearheads": True, "preparation": "forward" if prepared else "jump"}
+    u = commands(plan, planner.Machine.prototype(), **table).u
+    assert np.all(np.max(np.abs(u), axis=0) <= np.array([0.5, 0.4]) * (1 + 1e-9))
+    jumps = np.abs(np.diff(np.concatenate([np.zeros((1, 2)), u]), axis=0))
+    assert np.max(jumps) <= rate * 0.01 * (1 + 1e-6)
+    assert np.max(np.abs(u / 0.001 - np.round(u / 0.001))) < 1e-6  # the motors' resolution
+
+
+def driven(problem: planner.Problem, speeds: list[float]) -> Plan:
+    """A plan with piecewise constant inputs, of both motors the same."""
+    breaks = np.linspace(0.0, 10.0, len(speeds) + 1).tolist()
+    return plan_from(problem, inputs(*[([v], [v]) for v in speeds], breaks=breaks), pieces=10)
+
+
+def test_rounding_of_one_tick_is_made_good_in_the_next(plan: Plan) -> None:
+    machine = planner.Machine.ideal(velocity_resolution_rad_s=0.05, control_period_s=0.01)
+    told = commands(plan, machine)
+    turned = np.cumsum(told.u * 0.01, axis=0)
+    t = np.linspace(0.0, 10.0, 100_001)
+    asked = np.cumsum(plan.u((t[:-1] + t[1:]) / 2) * 1e-4, axis=0)[99::100]
+    assert np.max(np.abs(turned - asked)) < 0.05 * 0.01
+
+
+def test_aiming_brings_the_nominal_machine_to_the_goal_where_the_drive_turns_back() -> None:
+    plan = planner.solve(planner.load_problem("problems/crossing.toml"), "collocation")
+    drive = plan.u(np.linspace(0, plan.duration, 500))[:, 0]
+    assert drive.min() < -0.01 < 0.01 < drive.max()
+    better = planner.compensate(plan)
+    assert np.max(np.abs(planner.verify(better).terminal_error_deg)) < 0.02
+    assert better.notes["compensation"]["plans"] <= 8

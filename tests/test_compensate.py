@@ -1,0 +1,216 @@
+"""Plans that allow for the machine: the public function and the table `[compensation]`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import planner
+from planner.machine.feedforward import aim
+from planner.plan.measures import peak_inputs
+from planner.plan.plan import Plan
+from planner.plan.trajectory import StateTrajectory
+
+ROOT = Path(__file__).parents[1]
+UNTUNED = 31
+"""A seed that nothing was chosen with."""
+
+
+@pytest.fixture(scope="module")
+def plain(paper: planner.Problem) -> Plan:
+    return planner.solve(paper, "collocation")
+
+
+@pytest.fixture(scope="module")
+def better(plain: Plan) -> Plan:
+    return planner.compensate(plain)
+
+
+def percentiles(plan: Plan, machine: planner.Machine | None = None) -> tuple[float, float]:
+    """95 % of E and of the error at the end, degrees, over 300 machines."""
+    run = planner.replay(plan, machine, samples=300, seed=UNTUNED)
+    return run.percentile(95), float(np.percentile(run.terminal_E_deg, 95))
+
+
+def test_it_is_a_plan_that_knows_what_it_was_made_from(plain: Plan, better: Plan) -> None:
+    assert better.verified
+    assert better.certificate is None
+    assert better.compensates == plain
+    assert better.problem == plain.problem
+    assert 0 < better.lead_s <= 6
+    assert better.duration == pytest.approx(better.lead_s + plain.duration)
+    assert "compensated" in repr(better)
+    assert "nominal machine" in repr(better)
+    assert better.solve_time_s < 1.5  # 0.2 s on a free computer
+
+
+def test_its_motion_is_the_one_of_the_nominal_machine(better: Plan) -> None:
+    run = planner.replay(better, planner.Machine.prototype().nominal(), record_s=0.01)
+    during = run.t <= better.duration
+    assert np.max(np.abs(run.q[0, during] - better.q(run.t[during]))) < 1e-4
+    check = planner.verify(better)
+    assert check.ok
+    assert np.max(np.abs(check.terminal_error_deg)) < 0.02
+    assert check.margins["joint theta3"] > 0
+    assert min(margin for label, margin in check.margins.items() if "z2" in label) > 0
+
+
+def test_without_sensors_most_of_the_error_is_gone(plain: Plan, better: Plan) -> None:
+    assert percentiles(plain) > (6.5, 6.0)
+    assert percentiles(better) < (2.9, 2.8)
+
+
+def test_inputs_keep_their_limits(better: Plan) -> None:
+    assert np.all(peak_inputs(better.trajectory) <= 0.5 * (1 + 1e-9))
+
+
+def test_errors_are_measured_against_the_plan_it_compensates(plain: Plan, better: Plan) -> None:
+    run = planner.replay(better, planner.Machine.prototype().nominal(), record_s=0.01)
+    own = run.t - better.lead_s
+    on = own >= -1e-9
+    errors = np.rad2deg(np.abs(run.q[0, on] - plain.q(own[on])))[:, 1:]
+    assert run.index_E_deg[0] == pytest.approx(np.max(errors), abs=0.01)
+    assert run.index_E_deg[0] < 0.6  # and not the 24 degrees by which joint 1 prepares
+    assert run.terminal_error[0, 1:] == pytest.approx(run.q[0, -1, 1:] - plain.q(10.0)[1:])
+
+
+@pytest.mark.parametrize(("preparation", "most"), [("jump", 3.4), (False, 5.8)])
+def test_other_preparations_take_no_time(plain: Plan, preparation: object, most: float) -> None:
+    plan = planner.compensate(plain, preparation=preparation)
+    assert plan.lead_s == 0
+    assert plan.duration == plain.duration
+    path, end = percentiles(plan)
+    assert end < 2.8
+    assert path < most
+
+
+def test_with_inertia_too(plain: Plan) -> None:
+    machine = planner.Machine.prototype(fidelity="dynamic")
+    plan = planner.compensate(plain, machine)
+    run = planner.replay(plan, machine, samples=20, seed=UNTUNED)
+    before = planner.replay(plain, machine, samples=20, seed=UNTUNED)
+    assert np.median(run.terminal_E_deg) < 1.6 < 4.0 < np.median(before.terminal_E_deg)
+
+
+def test_a_problem_is_planned_first(paper: planner.Problem, better: Plan) -> None:
+    plan = planner.compensate(paper)
+    assert plan.method == "collocation"
+    assert np.array_equal(plan.t, better.t)
+    other = planner.compensate(paper.changed({"goal.duration": 12}), method="polynomial")
+    assert other.method == "polynomial"
+    assert other.verified
+
+
+def test_compensating_twice_is_compensating_anew(better: Plan, plain: Plan) -> None:
+    again = planner.compensate(better, planner.Machine.prototype(backlash_deg=1.0))
+    assert again.compensates == plain
+    assert again.lead_s < better.lead_s
+
+
+def test_a_file_gives_it_back_and_is_judged_again(better: Plan, tmp_path: Path) -> None:
+    path = better.save(tmp_path / "plan.json")
+    read = planner.load_plan(path)
+    assert read.verified
+    assert read.lead_s == better.lead_s
+    assert read.compensation is not None
+    assert planner.Machine.from_table(read.compensation.machine) == planner.Machine.prototype()
+    assert planner.verify(read.compensation.plan).ok
+    assert np.array_equal(read.q(better.t), better.q(better.t))
+    data = json.loads(path.read_text(encoding="utf-8"))
+    for piece in data["trajectory"]["u"]["bernstein"]:
+        piece[700][0] += 0.3  # motor 1 is told something else for a moment
+    path.write_text(json.dumps(data), encoding="utf-8")
+    changed = planner.load_plan(path)
+    assert not changed.verified
+    assert "nominal machine's motion" in changed.why or "goal" in changed.why
+
+
+def test_a_motion_that_the_machine_does_not_make_is_seen(better: Plan) -> None:
+    trajectory = better.trajectory
+    assert isinstance(trajectory, StateTrajectory)
+    curve = type(trajectory.q_curve)(trajectory.q_curve.c + 1e-3, trajectory.q_curve.x)
+    lie = replace(better, trajectory=replace(trajectory, q_curve=curve))
+    labels = [v.label for v in planner.verify(lie).violations]
+    assert "plan's q(t) against the nominal machine's motion" in labels
+
+
+def test_what_breaks_a_limit_on_the_machine_is_refused() -> None:
+    problem = planner.load_problem(ROOT / "problems/waypoint.toml")
+    with pytest.raises(planner.VerificationError, match="on the nominal machine") as caught:
+        planner.compensate(problem)
+    assert caught.value.violations[0].label.startswith("distance from waypoint")
+
+
+def test_a_goal_that_cannot_be_aimed_beyond_is_refused(paper: planner.Problem) -> None:
+    tight = paper.changed({"limits.joint_deg": [80, 80, 31]})
+    with pytest.raises(planner.NoPlanError, match=r"cannot be compensated.*limit"):
+        planner.compensate(tight, preparation=False)
+
+
+def test_only_arms_with_friction_disks(plain: Plan) -> None:
+    car = planner.solve(planner.load_problem(ROOT / "problems/unicycle.toml"), "polynomial")
+    with pytest.raises(planner.InputError, match="kind = 'manipulator'"):
+        planner.compensate(car)
+    with pytest.raises(planner.InputError, match="preparation"):
+        planner.compensate(plain, preparation="backward")
+    with pytest.raises(planner.InputError, match="is not a Plan"):
+        planner.compensate("plan.json")  # type: ignore[arg-type]
+
+
+def test_what_needs_the_kinematics_says_so(better: Plan) -> None:
+    for use in (
+        planner.retime,
+        planner.sensitivity,
+        planner.indicators,
+        lambda plan: planner.replay(plan, feedback=True),
+    ):
+        with pytest.raises(planner.InputError, match=r"plan\.compensates"):
+            use(better)
+
+
+@pytest.mark.parametrize("method", ["sinusoid", "collocation", "convex"])
+def test_a_problem_can_ask_every_method_for_it(paper: planner.Problem, method: str) -> None:
+    asked = paper.changed({"compensation": {"on": True, "preparation": "jump"}})
+    plan = planner.solve(asked, method)
+    assert plan.verified
+    assert plan.compensates is not None
+    assert plan.compensates.method == plan.method == method
+    assert np.max(np.abs(planner.verify(plan).terminal_error_deg)) < 0.02
+
+
+def test_the_table_is_checked(paper: planner.Problem) -> None:
+    with pytest.raises(planner.InputError, match=r"compensation.*preparation"):
+        paper.changed({"compensation.preparation": "backward"})
+    with pytest.raises(planner.InputError, match="aim"):
+        paper.changed({"compensation.aimed": True})
+    assert not paper.compensation.on
+
+
+def test_aiming_needs_broydens_method(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the Jacobian kept at one, which takes the error itself off the goal, it goes astray."""
+    problem = planner.load_problem(ROOT / "problems/paper-fig4.toml")
+    plan = planner.compensate(problem, preparation=False)
+    assert np.max(np.abs(planner.verify(plan).terminal_error_deg)) < 0.02
+    monkeypatch.setattr(aim, "_updated", lambda inverse, *_: inverse)
+    with pytest.raises(planner.NoPlanError):
+        planner.compensate(problem, preparation=False)
+
+
+def test_sweeps_and_check_know_it(paper: planner.Problem, tmp_path: Path) -> None:
+    asked = paper.changed({"compensation.on": True})
+    (outcome,) = planner.check(asked, ["collocation"]).outcomes
+    assert outcome["verified"]
+    assert outcome["duration_s"] > 11
+    tables = {
+        "problem": paper,
+        "methods": ["collocation"],
+        "grid": {"compensation.on": [False, True]},
+        "replay": {"samples": 40, "seed": UNTUNED},
+    }
+    planner.run_sweep(tables, tmp_path / "db.sqlite", workers=0)
+    errors = planner.load_sweep(tmp_path / "db.sqlite")["E_median_deg"].tolist()
+    assert errors[0] > 4.5 > 2 > errors[1]

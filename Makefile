@@ -8,6 +8,7 @@
 #   make coverage  which goals each method reaches, random pairs, to results/coverage (an hour)
 #   make mutants  whether the tests see wrong code in the judge, proofs, systems, machine (an hour)
 #   make robustness  the tracker on good and bad machines, to results/feedback (some minutes)
+#   make compensation  plans that know the hardware, to results/compensation (a minute)
 #   make report    pictures of the report's page (needs Chromium), to results/report
 #   make explorer  pictures of the explorer in a browser (needs Chromium), to results/explorer
 #   make notebook  Jupyter with the notebooks, the explorer in the first of them
@@ -25,8 +26,8 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
 .DEFAULT_GOAL := compare
-.PHONY: compare suite bench stress coverage mutants paper robustness report explorer notebook docs test installed check lint \
-  format clean
+.PHONY: compare suite bench stress coverage mutants paper robustness compensation report explorer notebook docs test \
+  installed check lint format clean
 
 compare: $(VENV)/.run
 	@$(BIN)/planner compare problems/paper.toml --out out/compare
@@ -54,6 +55,9 @@ mutants: $(VENV)/.dev
 
 robustness: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/robustness.py
+
+compensation: $(VENV)/.run
+	@$(BIN)/python tests/benchmarks/compensation.py
 
 report: $(VENV)/.dev
 	@$(BIN)/python tests/browser/pictures.py

@@ -1,0 +1,263 @@
+"""What knowing the hardware is worth without sensors, and what it cannot take away.
+
+python tests/benchmarks/compensation.py [--samples 1000]      # writes results/compensation
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import planner
+from planner.machine.machine import Machine
+from planner.machine.replay import Replay
+from planner.plan.measures import peak_inputs
+from planner.plan.plan import Plan
+from planner.report.figures.style import COLOURS, GRID
+from planner.support.arrays import Array
+from planner.support.files import folder
+
+ROOT = Path(__file__).parents[2]
+SEED = 2026
+"""Nothing was chosen with this seed."""
+
+WRONG = {
+    "friction 20 % more": {"coulomb_friction_nm": 1.2, "viscous_friction_nms_per_rad": 1.2},
+    "stiffness 20 % less": {"shaft_stiffness_nm_per_rad": 0.8},
+    "backlash 50 % more": {"backlash_deg": 1.5},
+}
+PLAIN, DEFAULT = "as it is", "aim, forward preparation (the default)"
+OTHERS = ("crossing", "parking", "four-joint", "paper-fig4")
+
+
+class Study:
+    """All runs, on the same machines.
+
+    Args:
+        samples: Number of machines.
+    """
+
+    def __init__(self, samples: int) -> None:
+        self.samples = samples
+        self.machine = Machine.prototype()
+        self.plain = planner.solve(planner.load_problem(ROOT / "problems/paper.toml"))
+        self.better = planner.compensate(self.plain)
+
+    def run(self, plan: Plan, machine: Machine | None = None) -> Replay:
+        """A plan on the machines."""
+        return planner.replay(plan, machine or self.machine, self.samples, SEED)
+
+    def ways(self) -> tuple[str, dict[str, Replay]]:
+        """The paper's problem by each way of compensating."""
+        dynamic = Machine.prototype(fidelity="dynamic")
+        rows: list[tuple[str, dict[str, Any] | None, Machine]] = [
+            (PLAIN, None, self.machine),
+            ("aim", {"preparation": False}, self.machine),
+            ("aim, jump of u1 at the start", {"preparation": "jump"}, self.machine),
+            (DEFAULT, {}, self.machine),
+            ("with inertia: as it is", None, dynamic),
+            ("with inertia: aim, forward preparation", {}, dynamic),
+        ]
+        cells, runs = [], {}
+        for label, options, machine in rows:
+            began = time.perf_counter()
+            plan = self.plain
+            if options is not None:
+                plan = planner.compensate(self.plain, machine, **options)
+            took = time.perf_counter() - began
+            runs[label] = run = self.run(plan, machine)
+            peaks = peak_inputs(plan.trajectory)
+            own = [] if options is None else [f"{plan.lead_s:.2f}", f"{took:.2f}"]
+            cells.append(
+                [label, *errors(run), *(own or ["", ""]), f"{peaks[0]:.3f}, {peaks[1]:.3f}"]
+            )
+        head = [*HEAD, "preparation s", "computed in s", "largest inputs rad/s"]
+        return table(["plan", *head], cells), runs
+
+    def wrong(self) -> str:
+        """Machines whose mean is another than that allowed for."""
+        cells = [["as it is told", *errors(self.run(self.better))]]
+        for label, factors in WRONG.items():
+            table_ = self.machine.to_dict()
+            changed = {name: scaled(table_[name], by) for name, by in factors.items()}
+            cells.append([label, *errors(self.run(self.better, self.machine.with_(**changed)))])
+        return table(["the machines have", *HEAD], cells)
+
+    def spreads(self) -> tuple[str, Array]:
+        """What each spread leaves alone, and what is left without it."""
+        found = []
+        nominal = self.machine.nominal()
+        for name, quantity in self.machine.effects.items():
+            if quantity.varies:
+                setting = quantity.to_setting()
+                alone = self.run(self.better, nominal.with_(**{name: setting}))
+                mean = {**setting, "spread": 0.0}
+                without = self.run(self.better, self.machine.with_(**{name: mean}))
+                spread = np.std(alone.terminal_error_deg, axis=0)
+                found.append((name, spread, percentile(without), without.percentile(95)))
+        found.sort(key=lambda row: -float(np.linalg.norm(row[1])))
+        cells = [
+            [f"`{name}`", *(f"{s:.2f}" for s in spread), f"{way:.2f}", f"{end:.2f}"]
+            for name, spread, end, way in found
+        ]
+        root = np.linalg.norm([spread for _, spread, *_ in found], axis=0)
+        joints = [f"theta{k + 1}" for k in range(len(root))]
+        head = ["spread", *joints, "E 95 % without it", "end 95 % without it"]
+        all_of = ["all, root sum of squares", *(f"{s:.2f}" for s in root), "", ""]
+        return table(head, [*cells, all_of]), root
+
+    def others(self) -> str:
+        """Other problems and other methods."""
+        cells = []
+        asked = [(name, "collocation") for name in OTHERS]
+        asked += [("paper", "sinusoid"), ("paper", "convex"), ("paper", "desensitised")]
+        for name, method in asked:
+            problem = planner.load_problem(ROOT / f"problems/{name}.toml")
+            plain = planner.solve(problem, method)
+            began = time.perf_counter()
+            better = planner.compensate(plain)
+            took = time.perf_counter() - began
+            before, after = self.run(plain), self.run(better)
+            drive = plain.u(np.linspace(0, plain.duration, 2001))[:, 0]
+            turns = np.sum(np.diff(np.sign(drive[np.abs(drive) > 1e-6])) != 0)
+            cells.append(
+                [
+                    name if method == "collocation" else f"{name}, {method}",
+                    str(turns),
+                    pair(before.terminal_E_deg),
+                    pair(after.terminal_E_deg),
+                    pair(before.index_E_deg),
+                    pair(after.index_E_deg),
+                    pair(from_predicted(after)),
+                    f"{better.lead_s:.1f}",
+                    str(better.notes["compensation"]["plans"]),
+                    f"{took:.2f}",
+                ]
+            )
+        head = ["problem", "drive turns back", "end as it is", "end", "E as it is", "E"]
+        head += ["E from predicted", "preparation s", "plans", "computed in s"]
+        return table(head, cells)
+
+
+def scaled(setting: Any, factor: float) -> Any:
+    """A machine's setting with its mean times a factor."""
+    if isinstance(setting, dict):
+        return {**setting, "value": factor * setting["value"]}
+    return factor * setting
+
+
+def percentile(run: Replay) -> float:
+    """The 95th of the error at the end, degrees."""
+    return float(np.percentile(run.terminal_E_deg, 95))
+
+
+def pair(values: Array) -> str:
+    """Median and 95th percentile."""
+    middle, high = np.percentile(values, [50, 95])
+    return f"{middle:.2f} / {high:.2f}"
+
+
+def from_predicted(run: Replay) -> Array:
+    """Largest |motion − plan.q| over the recorded times, degrees: from the motion predicted."""
+    gap = np.abs(run.q - run.plan.q(np.minimum(run.t, run.plan.duration)))[:, :, 1:]
+    return np.asarray(np.rad2deg(gap.max(axis=(1, 2))))
+
+
+HEAD = ["E", "E from predicted", "end"]
+
+
+def errors(run: Replay) -> list[str]:
+    """The cells of `HEAD`."""
+    predicted = "" if run.plan.compensates is None else pair(from_predicted(run))
+    return [pair(run.index_E_deg), predicted, pair(run.terminal_E_deg)]
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A Markdown table."""
+    lines = [head, ["---", *["---:"] * (len(head) - 1)], *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def picture(before: Replay, after: Replay) -> Figure:
+    """θ₃ on the machines and its error, as planned, as it is, compensated."""
+    figure = Figure(figsize=(9, 6.4), layout="constrained")
+    axes = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
+    lead, plain = after.plan.lead_s, before.plan
+    t = np.linspace(-lead, plain.duration + 0.5, 800)
+    planned = np.rad2deg(plain.q(t)[:, 3])
+    looks = [
+        (before, 0.0, COLOURS[1], "not compensated"),
+        (after, lead, COLOURS[0], "compensated"),
+    ]
+    for run, late, colour, words in looks:
+        own = run.t - late
+        angle = np.rad2deg(run.q[:, :, 3])
+        for axis, values in (
+            (axes[0], angle),
+            (axes[1], angle - np.rad2deg(plain.q(own)[:, 3])),
+        ):
+            low, middle, high = np.percentile(values, [2.5, 50, 97.5], axis=0)
+            axis.fill_between(own, low, high, color=colour, alpha=0.25, linewidth=0)
+            axis.plot(own, middle, color=colour, linewidth=1.8, label=words)
+    axes[0].plot(t, planned, color="black", linewidth=1.2, linestyle="--", label="planned")
+    axes[1].axhline(0.0, color="black", linewidth=1.2, linestyle="--")
+    axes[0].set_ylabel("θ3 (deg)")
+    axes[1].set_ylabel("error of θ3 (deg)")
+    axes[1].set_xlabel("time since the plan's start (s)")
+    for axis in axes:
+        axis.axvspan(-lead, 0.0, color="#EEEEEE", zorder=0)
+        axis.grid(**GRID)
+        axis.set_xlim(-lead, t[-1])
+    axes[0].text(
+        -lead / 2, 16, "preparation:\ntakes up the\nbacklash", ha="center", va="center", fontsize=9
+    )
+    axes[0].legend(loc="upper left", bbox_to_anchor=(0.26, 1.0), frameon=False)
+    figure.suptitle(
+        f"Joint 3 of {len(before.numbers)} emulated machines without any sensor: median, and 95 %"
+        " of the machines",
+        fontsize=11,
+    )
+    return figure
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run everything and write it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--samples", type=int, default=1000)
+    parser.add_argument("--out", type=Path, default=ROOT / "results/compensation")
+    options = parser.parse_args(arguments)
+    study = Study(options.samples)
+    ways, runs = study.ways()
+    wrong, (spreads, root) = study.wrong(), study.spreads()
+    text = (
+        (ROOT / "tests/benchmarks/compensation.md")
+        .read_text(encoding="utf-8")
+        .format(
+            samples=options.samples,
+            seed=SEED,
+            lead=study.better.lead_s,
+            ways=ways,
+            wrong=wrong,
+            spreads=spreads,
+            root2=root[1],
+            root3=root[2],
+            others=study.others(),
+        )
+    )
+    with folder(options.out) as out:
+        (out / "README.md").write_text(text, encoding="utf-8")
+        drawn = picture(runs[PLAIN], runs[DEFAULT])
+        drawn.savefig(out / "compensation.png", dpi=130)
+    print(text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

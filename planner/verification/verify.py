@@ -18,6 +18,7 @@ from planner.errors import Violation
 from planner.plan.plan import Plan, expect_plan
 from planner.plan.quadrature import Motion, greatest, integrate, jumps, slopes
 from planner.problem.problem import Problem
+from planner.problem.requirements.ends import Duration, Goal, Start
 from planner.problem.requirements.requirement import At
 from planner.support.arrays import Array
 from planner.support.tables import Column, html_table
@@ -135,7 +136,7 @@ def verify(plan: Plan) -> Check:
         findings = [
             *_motion(plan, motion, error),
             *_limits(plan, motion),
-            *_places(plan, motion),
+            *_passes(plan.problem, motion),
             *_with_corners(plan, motion),
         ]
     broken = sorted(
@@ -177,17 +178,18 @@ def _goal_error(plan: Plan, motion: Motion) -> Array:
 
 def _motion(plan: Plan, motion: Motion, error: Array) -> list[_Finding]:
     """Start, goal, duration, the plan's own q(t), and whether the integral can be trusted."""
-    worst = float(np.max(np.abs(plan.q(0.0) - plan.problem.start)))
-    out = [_Finding("start", worst, 0.0, 0.0, "", GOAL_TOLERANCE, GOAL_TOLERANCE)]
-    for i, coordinate in enumerate(plan.problem.system.coordinates):
-        label, missed = f"goal {coordinate.name}", float(abs(error[i]))
-        out.append(
-            _Finding(label, missed, 0.0, plan.duration, coordinate.unit, 1.0, GOAL_TOLERANCE)
-        )
-    wanted = plan.problem.duration
-    if wanted is not None:
-        late = abs(plan.duration - wanted)
-        out.append(_Finding("duration", late, 0.0, None, "s", wanted, 1e-9 * wanted))
+    out, tolerance = [], GOAL_TOLERANCE
+    for demand in plan.problem.demands:
+        if isinstance(demand, Start):
+            (part,), worst = demand.parts, float(np.max(np.abs(plan.q(0.0) - plan.problem.start)))
+            out.append(_Finding(part.label, worst, 0.0, 0.0, "", tolerance, tolerance))
+        elif isinstance(demand, Goal):
+            for part, missed in zip(demand.parts, np.abs(error).tolist(), strict=True):
+                found = (part.label, missed, 0.0, plan.duration, part.unit, 1.0, tolerance)
+                out.append(_Finding(*found))
+        elif isinstance(demand, Duration):
+            (part,), late = demand.parts, abs(plan.duration - demand.seconds)
+            out.append(_Finding(part.label, late, 0.0, None, "s", part.scale, 1e-9 * part.scale))
     gap, when = motion.gap
     label = "plan's q(t) against its integrated input"
     out.append(_Finding(label, gap, 0.0, when, "", 1.0, INTERPOLANT_TOLERANCE))
@@ -247,14 +249,6 @@ def _with_corners(plan: Plan, motion: Motion) -> list[_Finding]:
     return out
 
 
-def _places(plan: Plan, motion: Motion) -> list[_Finding]:
-    """Waypoints passed."""
-    return [
-        _Finding(label, value, 0.0, when, unit, 1.0, GOAL_TOLERANCE)
-        for label, value, when, unit in passes(plan.problem, motion)
-    ]
-
-
 def _not_judged(plan: Plan, violation: Violation) -> Check:
     """The check of what has no motion to integrate."""
     unknown = np.full(plan.problem.system.size, np.nan)
@@ -272,21 +266,19 @@ _ROUNDS = 11
 """Rounds that each narrow a dip eight times: to 1e-10 of the distance between samples."""
 
 
-def passes(problem: Problem, motion: Motion) -> Iterator[tuple[str, float, float, str]]:
-    """For each waypoint its label, the distance at which it is passed, when, and the unit.
+def _passes(problem: Problem, motion: Motion) -> Iterator[_Finding]:
+    """The distance at which each waypoint is passed.
 
-    A waypoint without a time is passed where the motion comes nearest.
+    One without a time is passed where the motion comes nearest.
     """
     for point in problem.waypoints:
-        fixed = np.flatnonzero(~np.isnan(point.q))
-        units = {problem.system.coordinates[i].unit for i in fixed}
-        unit = units.pop() if len(units) == 1 else ""
         if point.time_s is None:
             values, times = _least(motion, lambda q, p=point: p.distance(q)[..., None])  # type: ignore[misc]
             value, when = float(values[0]), float(times[0])
         else:
             value, when = float(point.distance(motion.at_time(point.time_s))), point.time_s
-        yield point.label, value, when, unit
+        (part,), tolerance = point.parts, GOAL_TOLERANCE
+        yield _Finding(part.label, value, 0.0, when, part.unit, part.scale, tolerance)
 
 
 def _least(motion: Motion, function: Callable[[Array], Array]) -> tuple[Array, Array]:

@@ -17,6 +17,9 @@ from planner.methods.registry import METHODS, Method, find_method, merged_option
 from planner.plan.plan import Plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
+from planner.problem.requirements.ends import Goal
+from planner.problem.requirements.places import Obstacle, Waypoint
+from planner.problem.requirements.requirement import Requirement
 from planner.problem.tables.compensation import CompensationTable
 from planner.support.deadline import MORE_TIME, TimeUpError, checked, limited
 from planner.support.progress import Listener, listening, now, tell
@@ -256,19 +259,19 @@ def _broken(
 
 def _ways(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
     """Changes to try, and what else may help."""
-    broken = {v.label.rsplit(" ", 1)[0] for v in check.violations}
-    if any(v.label.startswith(("clearance", "distance from waypoint")) for v in check.violations):
+    found = [plan.problem.asking(v.label) for v in check.violations]
+    broken = [asked[0] for asked in found if asked]
+    speeds = [each.speed if isinstance(each, Requirement) else 0 for each in broken]
+    if any(isinstance(each, Waypoint | Obstacle) for each in broken):
         words = ", which plans around obstacles and by way of waypoints"
         return [replace(BY_COLLOCATION, words=words)], "move what is in the way"
-    if broken <= {"input", "rate of input"} and plan.trajectory.kind == "chained":
-        factor = max(
-            v.value / v.limit if v.label.startswith("input") else (v.value / v.limit) ** 0.5
-            for v in check.violations
-        )
+    if len(broken) == len(found) and all(speeds) and plan.trajectory.kind == "chained":
+        sizes = (v.value / v.limit for v in check.violations)
+        factor = max(size ** (1 / speed) for size, speed in zip(sizes, speeds, strict=True))
         if factor < float("inf"):
             slower = lasting(plan.duration * factor * 1.0001)
             return [slower, BY_COLLOCATION], None
-    if any(v.label.startswith(("goal", "plan's", "integration")) for v in check.violations):
+    if len(broken) < len(found) or any(isinstance(each, Goal) for each in broken):
         return [], "a finer mesh: more method.collocation.intervals or a higher degree"
     other = [BY_COLLOCATION] if plan.method != BY_COLLOCATION.method else []
     return other, f"wider limits, or another {plan.problem.travel_key}"

@@ -23,6 +23,7 @@ from planner.cli.app import main
 from planner.errors import InputError
 from planner.explorer.controls import limit_controls
 from planner.explorer.state import State
+from planner.methods.refusal import on_other_paths
 from planner.methods.registry import METHODS
 from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.problem.tables import plugins
@@ -456,6 +457,14 @@ def test_a_limit_on_the_way_is_kept_refused_or_said_not_to_be_planned_for(
     assert plan.certificate["second link's cosine"].status == "proven"
     with pytest.raises(planner.NoPlanError, match="'convex' does not plan for second link's cos"):
         planner.solve(problem, "convex")
+    (change,) = (c for c in on_other_paths(problem) if "limits.folded" in c.keys)
+    assert problem.changed(change.keys).further == ()
+    (folded,) = problem.further
+    (part,) = folded.parts
+    broken = planner.Violation(part.label, 1.0, 0.4, 0.45, "", 0.05)
+    assert Folded.eased([(folded, part, broken)]) == (
+        "wider limits: second link's cosine at most 0.3996"
+    )
     with pytest.raises(InputError, match=r"cosine at the goal is 0\.5, allowed 0\.6; move"):
         paper.changed({"limits.folded": 0.6})
 

@@ -9,6 +9,7 @@ from planner.errors import InputError, NoPlanError, TimeLimitError, Violation
 from planner.methods.refusal import Change, least
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
+from planner.problem.requirements.ends import Duration, Goal, Start
 from planner.support import progress
 from planner.support.deadline import MORE_TIME, TimeUpError, limited, remaining, share
 from planner.verification.verify import verify
@@ -102,25 +103,15 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
 
 def _asked(plan: Plan, broken: Sequence[Violation]) -> str:
     """What a problem would have to say for this to be a plan of it, given what it breaks now."""
-    problem, first = plan.problem, plan.problem.system.coordinates[0].name
-    parts, peaks = [], []
-    for table in ("obstacle", "waypoint"):
-        missed = {v.label.rsplit(" ", 1)[1] for v in broken if f"{table} " in v.label}
-        if missed:
-            parts.append(f"leave out [[{table}s]] {' and '.join(sorted(missed, key=int))}")
-    for v in sorted(broken, key=lambda v: v.label):
-        if v.label.startswith("joint "):
-            limit = replace(v, value=1.001 * v.value).shown(4)
-            peaks.append(f"{v.label.removeprefix('joint ')} at least {limit[0]}{limit[2]}")
-        elif v.label == "z2 margin":
-            above = f"limits.z2_margin = {0.999 * v.value:.4g} or less"
-            free = "leave out limits.z2_margin, so that z2 may change sign"
-            parts.append(above if v.value > 0 else free)
-        elif v.label == f"goal {first}":
+    problem, parts = plan.problem, []
+    found = [(*asked, v) for v in broken if (asked := problem.asking(v.label))]
+    for kind in dict.fromkeys(type(demand) for demand in reversed(problem.demands)):
+        own = [each for each in found if type(each[0]) is kind]
+        if kind is Duration and own:
+            parts.append(f"goal.duration = {least(plan.duration)} or more")
+        elif kind is Goal and any(part.index == 0 for _, part, _ in own):
             ((key, value),) = problem.travel_change(plan.travel).items()
             parts.append(f"{key} = {value:.6g}")
-        elif v.label == "duration":
-            parts.append(f"goal.duration = {least(plan.duration)} or more")
-    if peaks:
-        parts.append(f"wider limits: {', '.join(peaks)}")
+        elif own and kind not in (Start, Goal):
+            parts.append(kind.eased(sorted(own, key=lambda each: each[2].label)))
     return " and ".join(parts)

@@ -14,9 +14,6 @@ import numpy as np
 from planner.problem.problem import Problem
 from planner.support.files import toml
 
-WIDEST = {"joint_deg": 88.0, "steering_deg": 88.0, "hitch_deg": 88.0, "heading_deg": 360.0, "q": {}}
-"""Keys of [limits] that limit coordinates, with what limits them least."""
-
 
 @dataclass(frozen=True)
 class Change:
@@ -59,7 +56,11 @@ def in_other_time(problem: Problem) -> list[Change]:
     """A free duration, a free travel, and both; of those that are given."""
     free = free_travel(problem)
     timed = any(point.time_s is not None for point in problem.waypoints)
-    if problem.duration is None or timed or not np.any(np.isfinite(problem.limits.input)):
+    if (
+        problem.duration is None
+        or timed
+        or not any(required.speed for required in problem.requirements)
+    ):
         return free
     duration = Change({"goal.duration": "free"})
     return [duration, *free, *(Change({**duration.keys, **each.keys}) for each in free)]
@@ -67,15 +68,12 @@ def in_other_time(problem: Problem) -> list[Change]:
 
 def on_other_paths(problem: Problem) -> list[Change]:
     """One requirement on the path left out after the other, but for the travel."""
-    limits = problem.to_dict().get("limits", {})
-    wide = {f"limits.{key}": value for key, value in WIDEST.items() if limits.get(key)}
-    z2 = problem.limits.z2_margin is not None
-    return [
-        *[Change({"obstacles": []}, without="the obstacles")] * bool(problem.obstacles),
-        *[Change({"waypoints": []}, without="the waypoints")] * bool(problem.waypoints),
-        *[Change({"limits.z2_margin": None}, "leave out limits.z2_margin", "the z2 margin")] * z2,
-        *[Change(wide, without="the limits on the joints")] * bool(wide),
-    ]
+    limits, out = problem.to_dict().get("limits", {}), dict[str, Change]()
+    for demand in reversed(problem.demands):
+        if found := demand.without(limits):
+            keys, words, what = found
+            out[what] = Change(keys, words, what)
+    return list(out.values())
 
 
 def least(value: float) -> str:

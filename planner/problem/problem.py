@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError, Violation
+from planner.problem.requirements.ends import Duration, Goal, Start
 from planner.problem.requirements.limits import InputLimit, JointLimit, RateLimit, Z2Margin
 from planner.problem.requirements.places import Obstacle, Waypoint
-from planner.problem.requirements.requirement import At, Requirement
+from planner.problem.requirements.requirement import At, Demand, Part, Requirement
 from planner.problem.tables.compensation import CompensationTable
 from planner.problem.tables.kinds import REQUIREMENTS, parse_file
 from planner.problem.tables.machine_effects import MachineTable
@@ -169,17 +170,31 @@ class Problem:
         return next(iter(self.travel_change(None)))
 
     @cached_property
-    def requirements(self) -> tuple[Requirement, ...]:
-        """What every plan keeps at all times, one object a kind of limit that is set."""
+    def demands(self) -> tuple[Demand, ...]:
+        """All that is asked of a plan, one object a kind that is set: ends, limits, places."""
         limits, system = self.limits, self.system
-        found: list[Requirement] = [
+        found: list[Demand] = [Start(), Goal(system.coordinates)]
+        if self.duration is not None:
+            found.append(Duration(self.duration))
+        found += [
             InputLimit(system.inputs, tuple(limits.input.tolist())),
             RateLimit(system.inputs, tuple(limits.input_rate.tolist())),
             JointLimit(system.coordinates, tuple(limits.joint.tolist())),
         ]
         if limits.z2_margin is not None:
             found.append(Z2Margin(limits.z2_margin, int(self.z2_sign)))
-        return tuple(each for each in (*found, *self.obstacles, *self.further) if each.parts)
+        found += [*self.further, *self.waypoints, *self.obstacles]
+        return tuple(each for each in found if each.parts)
+
+    @cached_property
+    def requirements(self) -> tuple[Requirement, ...]:
+        """Those that hold at all times."""
+        return tuple(each for each in self.demands if isinstance(each, Requirement))
+
+    def asking(self, label: str) -> tuple[Demand, Part] | None:
+        """Whose part has this label in messages; None where it is not the problem's."""
+        named = ((each, part) for each in self.demands for part in each.parts)
+        return next((pair for pair in named if pair[1].label == label), None)
 
     @property
     def divided(self) -> bool:
@@ -324,8 +339,11 @@ def waypoints_of(tables: ProblemFile, system: TriangularSystem, source: str) -> 
         states = tables.waypoint_states([c.name for c in system.coordinates])
     except ValueError as error:
         raise InputError(f"{source}: {error}") from None
-    pairs = zip(tables.waypoints, states, strict=True)
-    return [Waypoint(k, q, table.time) for k, (table, q) in enumerate(pairs, 1)]
+    out = []
+    for k, (table, q) in enumerate(zip(tables.waypoints, states, strict=True), 1):
+        units = {c.unit for c, known in zip(system.coordinates, ~np.isnan(q), strict=True) if known}
+        out.append(Waypoint(k, q, table.time, units.pop() if len(units) == 1 else ""))
+    return out
 
 
 def obstacles_of(tables: ProblemFile, system: TriangularSystem) -> list[Obstacle]:

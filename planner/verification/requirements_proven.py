@@ -227,21 +227,10 @@ def interpolant(problem: Problem, motion: Motion, own: list[Model]) -> list[Clai
 
 def unknown(problem: Problem, why: str, in_chart: bool) -> list[Claim]:
     """All requirements, where nothing could be bounded."""
-    system = problem.system
-    labels = [
-        ("start", "", 0.0),
-        *(
-            (f"goal {c.name}", c.unit, value)
-            for c, value in zip(system.coordinates, problem.target, strict=True)
-        ),
-        ("duration", "s", np.inf if problem.duration is None else 0.0),
-        (INTERPOLANT, "", 0.0),
-    ]
-    parts = [part for required in problem.requirements for part in required.parts]
-    labels += [(part.label, part.unit, 0.0) for part in parts]
-    labels += [("chart domain", "", 0.0 if in_chart else np.inf)]
-    labels += [(point.label, "", 0.0) for point in problem.waypoints]
-    return [undecided(label, unit, why) for label, unit, limit in labels if np.isfinite(limit)]
+    labels = [(part.label, part.unit) for each in problem.demands for part in each.parts]
+    labels += [(INTERPOLANT, ""), *[("chart domain", "")] * in_chart]
+    free = {f"goal {problem.system.coordinates[0].name}"} if problem.travel is None else set()
+    return [undecided(label, unit, why) for label, unit in labels if label not in free]
 
 
 def _between(value: Model, part: Part) -> list[Margin]:
@@ -305,11 +294,11 @@ def waypoints(
             (time, doubt), nowhere = own(point.time_s), True
         if not np.isfinite(doubt):
             why = f"where the motion is at t = {point.time_s:.6g} s is not known"
-            out.append(undecided(point.label, "", why))
+            out.append(undecided(point.parts[0].label, "", why))
             continue
         low, high = _distance(motion, point, time, doubt)
         best = GOAL_TOLERANCE - low if nowhere else np.nan
-        of = ToProve(point.label, [], GOAL_TOLERANCE, "")
+        of = ToProve(point.parts[0].label, [], GOAL_TOLERANCE, "")
         out.append(claim(of, GOAL_TOLERANCE - high, best, time))
     return out
 

@@ -19,6 +19,7 @@ from planner.errors import Violation
 from planner.plan.plan import Plan, expect_plan
 from planner.plan.quadrature import Motion, greatest, integrate, jumps, slopes
 from planner.problem.problem import Problem
+from planner.problem.requirements.ends import Duration, Goal, Start
 from planner.problem.requirements.requirement import At
 from planner.support.arrays import Array
 from planner.support.tables import Column, html_table
@@ -147,7 +148,7 @@ def verify(plan: Plan) -> Check:
         findings = [
             *_motion(plan, motion, error, tolerance),
             *_limits(plan, motion),
-            *_places(plan, motion, tolerance),
+            *_passes(plan.problem, motion, tolerance, plan.lead_s),
             *_with_corners(plan, motion),
         ]
     broken = sorted(
@@ -189,15 +190,19 @@ def _goal_error(plan: Plan, end: Array) -> Array:
 
 def _motion(plan: Plan, motion: Motion, error: Array, tolerance: float) -> list[_Finding]:
     """Start, goal, duration, the plan's own q(t), and whether the integral can be trusted."""
-    worst = float(np.max(np.abs(plan.q(0.0) - plan.problem.start)))
-    out = [_Finding("start", worst, 0.0, 0.0, "", GOAL_TOLERANCE, GOAL_TOLERANCE)]
-    for i, coordinate in enumerate(plan.problem.system.coordinates):
-        label, missed = f"goal {coordinate.name}", float(abs(error[i]))
-        out.append(_Finding(label, missed, 0.0, plan.duration, coordinate.unit, 1.0, tolerance))
-    wanted = plan.problem.duration
-    if wanted is not None:
-        late = abs(plan.duration - plan.lead_s - wanted)
-        out.append(_Finding("duration", late, 0.0, None, "s", wanted, 1e-9 * wanted))
+    out = []
+    for demand in plan.problem.demands:
+        if isinstance(demand, Start):
+            (part,), worst = demand.parts, float(np.max(np.abs(plan.q(0.0) - plan.problem.start)))
+            out.append(_Finding(part.label, worst, 0.0, 0.0, "", GOAL_TOLERANCE, GOAL_TOLERANCE))
+        elif isinstance(demand, Goal):
+            for part, missed in zip(demand.parts, np.abs(error).tolist(), strict=True):
+                found = (part.label, missed, 0.0, plan.duration, part.unit, 1.0, tolerance)
+                out.append(_Finding(*found))
+        elif isinstance(demand, Duration):
+            (part,) = demand.parts
+            late = abs(plan.duration - plan.lead_s - demand.seconds)
+            out.append(_Finding(part.label, late, 0.0, None, "s", part.scale, 1e-9 * part.scale))
     gap, when = motion.gap
     label = "plan's q(t) against its integrated input"
     if plan.compensation is not None:
@@ -260,14 +265,6 @@ def _with_corners(plan: Plan, motion: Motion) -> list[_Finding]:
     return out
 
 
-def _places(plan: Plan, motion: Motion, tolerance: float) -> list[_Finding]:
-    """Waypoints passed."""
-    return [
-        _Finding(label, value, 0.0, when, unit, 1.0, tolerance)
-        for label, value, when, unit in passes(plan.problem, motion, plan.lead_s)
-    ]
-
-
 def _not_judged(plan: Plan, violation: Violation) -> Check:
     """The check of what has no motion to integrate."""
     unknown = np.full(plan.problem.system.size, np.nan)
@@ -285,25 +282,23 @@ _ROUNDS = 11
 """Rounds that each narrow a dip eight times: to 1e-10 of the distance between samples."""
 
 
-def passes(
-    problem: Problem, motion: Motion, lead_s: float = 0.0
-) -> Iterator[tuple[str, float, float, str]]:
-    """For each waypoint its label, the distance at which it is passed, when, and the unit.
+def _passes(
+    problem: Problem, motion: Motion, tolerance: float, lead_s: float
+) -> Iterator[_Finding]:
+    """The distance at which each waypoint is passed.
 
-    A waypoint without a time is passed where the motion comes nearest; others on the clock that
-    starts `lead_s` after the motion does.
+    One without a time is passed where the motion comes nearest; others on the clock that starts
+    `lead_s` after the motion does.
     """
     for point in problem.waypoints:
-        fixed = np.flatnonzero(~np.isnan(point.q))
-        units = {problem.system.coordinates[i].unit for i in fixed}
-        unit = units.pop() if len(units) == 1 else ""
         if point.time_s is None:
             values, times = _least(motion, lambda q, p=point: p.distance(q)[..., None])  # type: ignore[misc]
             value, when = float(values[0]), float(times[0])
         else:
             when = lead_s + point.time_s
             value = float(point.distance(motion.at_time(when)))
-        yield point.label, value, when, unit
+        (part,) = point.parts
+        yield _Finding(part.label, value, 0.0, when, part.unit, part.scale, tolerance)
 
 
 def _least(motion: Motion, function: Callable[[Array], Array]) -> tuple[Array, Array]:

@@ -90,7 +90,7 @@ def test_every_method_as_another_integrator_sees_it(paper: planner.Problem, name
             assert least - 1e-5 <= margin <= least + 1e-9
     for point in plan.problem.waypoints:
         least = np.min(point.distance(q))
-        assert -least - 1e-9 <= check.margins[point.label] <= 0
+        assert -least - 1e-9 <= check.margins[point.parts[0].label] <= 0
     sampled = np.max(np.abs(plan.u(times)), axis=0)
     peaks = peak_inputs(plan.trajectory)
     assert np.all(peaks >= sampled * (1 - 1e-10))

@@ -1,1 +1,1 @@
-"""What a motion must keep: `requirement` (what each kind answers), `limits`, `places`."""
+"""What a motion must keep: `requirement` (what each kind answers), `limits`, `places`, `ends`."""

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
-from planner.problem.requirements.requirement import At, Part, Requirement
+from planner.problem.requirements.requirement import At, Broken, Part, Requirement
 from planner.systems.chained_form import chained_form
 from planner.systems.triangular_system import Coordinate
 
 SMALLEST_Z2 = 1e-3
 """Scale of a z₂ margin that is smaller: an excess is compared with z₂ itself, which is near 1."""
+
+WIDEST = {"joint_deg": 88.0, "steering_deg": 88.0, "hitch_deg": 88.0, "heading_deg": 360.0, "q": {}}
+"""Keys of [limits] that limit coordinates, with what limits them least."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,15 @@ class JointLimit(_Symmetric):
 
     words, reads = "joint", frozenset({"q"})
 
+    def called(self, part: Part) -> str:
+        """The coordinate's name."""
+        return self.named[part.index].name
+
+    def without(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
+        """As wide as they may be."""
+        wide = {f"limits.{key}": most for key, most in WIDEST.items() if limits.get(key)}
+        return (wide, "", "the limits on the joints") if wide else None
+
 
 @dataclass(frozen=True)
 class Z2Margin(Requirement):
@@ -83,6 +95,18 @@ class Z2Margin(Requirement):
     def parts(self) -> tuple[Part, ...]:
         """One."""
         return (Part("z2 margin", "", self.margin, np.inf, max(self.margin, SMALLEST_Z2)),)
+
+    @classmethod
+    def eased(cls, broken: Sequence[Broken]) -> str:
+        """A smaller margin, or none where the path changes sides."""
+        ((_, _, v),) = broken
+        if v.value > 0:
+            return f"limits.z2_margin = {0.999 * v.value:.4g} or less"
+        return "leave out limits.z2_margin, so that z2 may change sign"
+
+    def without(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
+        """No margin."""
+        return {"limits.z2_margin": None}, "leave out limits.z2_margin", "the z2 margin"
 
     def rows(self, at: At) -> Sequence[Any]:
         """z₂, positive on the start's side."""

@@ -2,36 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from planner.problem.requirements.requirement import At, Part, Requirement
+from planner.problem.requirements.requirement import At, Broken, Demand, Part, Requirement
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
 
 
 @dataclass(frozen=True, eq=False)
-class Waypoint:
+class Waypoint(Demand):
     """A place on the way.
 
     Attributes:
         number: From 1, in the order of the problem file.
         q: Coordinates, shape (N,), NaN where free.
         time_s: When, in seconds; None at any time.
+        unit: Unit of the coordinates that it fixes; empty where there are several.
     """
 
     number: int
     q: Array
     time_s: float | None
+    unit: str
 
     @property
-    def label(self) -> str:
-        """What is demanded, for messages."""
-        return f"distance from waypoint {self.number}"
+    def parts(self) -> tuple[Part, ...]:
+        """One: the distance at which it is passed."""
+        return (Part(f"distance from waypoint {self.number}", self.unit, -np.inf, 0.0, 1.0),)
+
+    @classmethod
+    def eased(cls, broken: Sequence[Broken]) -> str:
+        """Without them."""
+        return _left_out("waypoints", broken)
+
+    def without(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
+        """Without any."""
+        return {"waypoints": []}, "", "the waypoints"
 
     def distance(self, q: Array) -> Array:
         """Largest difference of a coordinate that it fixes, shape (…,), at q (…, N)."""
@@ -68,6 +79,15 @@ class Obstacle(Requirement):
             Part(f"clearance of link {link} {words}", "m", 0.0, np.inf, self.radius)
             for link in range(1, 1 + self.links)
         )
+
+    @classmethod
+    def eased(cls, broken: Sequence[Broken]) -> str:
+        """Without them."""
+        return _left_out("obstacles", broken)
+
+    def without(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
+        """Without any."""
+        return {"obstacles": []}, "", "the obstacles"
 
     def rows(self, at: At) -> Sequence[Any]:
         """The distance of each link from the disc, to first order near contact.
@@ -119,3 +139,8 @@ class Obstacle(Requirement):
         share = np.clip(along / np.where(length > 0, length, 1.0), 0.0, 1.0)
         nearest = start + share[..., None] * step
         return np.asarray(np.linalg.norm(nearest - self.centre, axis=-1) - self.radius)
+
+
+def _left_out(table: str, broken: Sequence[Broken]) -> str:
+    numbers = sorted({demand.number for demand, *_ in broken})  # type: ignore[attr-defined]
+    return f"leave out [[{table}]] {' and '.join(map(str, numbers))}"

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from planner.errors import Violation
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
 
@@ -62,8 +63,48 @@ class Part:
     index: int = 0
 
 
+class Demand(ABC):
+    """Something that is asked of a motion: at an end, on its way, or (a `Requirement`) always."""
+
+    @property
+    @abstractmethod
+    def parts(self) -> tuple[Part, ...]:
+        """Its parts, R of them."""
+
+    def called(self, part: Part) -> str:
+        """What to call a part where it is clear that a limit is spoken of."""
+        return part.label
+
+    @classmethod
+    def eased(cls, broken: Sequence[Broken]) -> str:
+        """What the problem file would have to say for all of these to be kept, in words."""
+        peaks = []
+        for demand, part, v in broken:
+            above = v.limit == part.high
+            value = v.value + (1e-3 if above else -1e-3) * abs(v.value)
+            shown, _, unit = replace(v, value=value).shown(4)
+            peaks.append(f"{demand.called(part)} at {'least' if above else 'most'} {shown}{unit}")
+        return f"wider limits: {', '.join(peaks)}"
+
+    def without(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
+        """The change of the problem file that leaves it out.
+
+        Args:
+            limits: What the file's `[limits]` say.
+
+        Returns:
+            Dotted keys to values; how to say so, or "" for the keys themselves; and what it is that
+            is left out. None where it cannot be.
+        """
+        return None
+
+
+Broken = tuple[Demand, Part, Violation]
+"""A part that is broken, whose it is, and how."""
+
+
 @dataclass(frozen=True)
-class Requirement(ABC):
+class Requirement(Demand):
     """Something that holds at all times.
 
     The fields of a kind are what one problem says of it. Strings and integers are its shape: they
@@ -97,11 +138,6 @@ class Requirement(ABC):
         """
         return cls(value)  # type: ignore[call-arg]
 
-    @property
-    @abstractmethod
-    def parts(self) -> tuple[Part, ...]:
-        """Its parts, R of them."""
-
     def rows(self, at: At) -> Sequence[Any]:
         """R expressions that lie between low and high, with derivatives.
 
@@ -118,6 +154,13 @@ class Requirement(ABC):
         A kind whose rows stand in for something else, or are CasADi's alone, writes its own.
         """
         return self.rows(at)
+
+    def without(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
+        """Leave out its key; what depends on the speed is not the path's."""
+        if self.speed or not self.key:
+            return None
+        what = f"the limit on {self.parts[0].label}"
+        return {f"limits.{self.key}": None}, f"leave out limits.{self.key}", what
 
     def settled(self, system: TriangularSystem) -> Sequence[float] | None:
         """Its least values where no motion can break it; None where one may."""

@@ -46,7 +46,7 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 @pytest.fixture
 def show(new_page: Any, address: str) -> Callable[..., Any]:
     def opened(name: str, width: int = 1500) -> Any:
-        page = new_page(width=width, height=1100, strict=False)
+        page = new_page(width=width, height=1500, strict=False)
         page.set_default_timeout(60_000)
         page.goto(f"{address}doc/tree/{name}.ipynb")
         page.locator(".jp-CodeCell .cm-content").first.click()

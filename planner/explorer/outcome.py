@@ -69,7 +69,7 @@ def path(state: State) -> Outcome:
             refusal: NoPlanError = TimeLimitError(f"{said} a plan", advice=MORE_TIME)
         except NoPlanError as error:
             refusal = error
-        if span.interrupted:
+        if span.ended_by:
             refusal.status = "stopped"
         shown = refusal.plan
         if shown is None:

@@ -161,5 +161,7 @@ def facts(outcome: Outcome, took_s: float) -> str:
     parts = [f"travel {plan.travel:.5g} {unit}", f"duration {plan.duration:.4g} s"]
     if plan.objective_name.startswith("effort") and np.isfinite(plan.objective):
         parts.append(f"effort {plan.objective:.4g} {effort_unit(plan.problem.system)}")
+    if plan.verified and not plan.domain.ok:
+        parts.append("leaves the chart (allowed)")
     parts.append(f"planned in {took_s:.2g} s")
     return ", ".join(parts)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Mapping
+from concurrent.futures import Future
 from typing import Any
 
 import anywidget
@@ -39,6 +40,7 @@ class Explorer(anywidget.AnyWidget):
         self._state = State.of(problem, method, samples, time_limit_s)
         self._made: Screen | None = None
         self._errors_s = 0.0
+        self._asking: Future[None] | None = None
         self.on_msg(self._asked)
 
     def __repr__(self) -> str:
@@ -85,9 +87,10 @@ class Explorer(anywidget.AnyWidget):
     def _asked(self, _: Any, content: Mapping[str, Any], buffers: Any) -> None:
         """Hear one message of the browser, which waits for the answer, come what may."""
         if content.get("ask") == "stop":
-            worker().stop(at_once=bool(content.get("at_once")))
+            if self._asking is not None:
+                worker().stop(self._asking, at_once=bool(content.get("at_once")))
         else:
-            worker().do(lambda: self._reply(content))
+            self._asking = worker().do(lambda: self._reply(content))
 
     def _reply(self, content: Mapping[str, Any]) -> None:
         began = time.perf_counter()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import atexit
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextvars import Context, copy_context
@@ -14,7 +16,12 @@ from planner.support import deadline
 
 Value = TypeVar("Value")
 
+Job = tuple[Callable[[], Any], Context, Future[Any]]
+
 BUTTON = "the Stop button"
+
+CLOSE_S = 5.0
+"""Longest wait for the thread when Python ends."""
 
 
 class Worker:
@@ -24,9 +31,12 @@ class Worker:
     """
 
     def __init__(self) -> None:
-        self._todo: SimpleQueue[tuple[Callable[[], Any], Context, Future[Any]]] = SimpleQueue()
-        self._doing: Context | None = None
-        threading.Thread(target=self._run, name="explorer", daemon=True).start()
+        self._todo: SimpleQueue[Job | None] = SimpleQueue()
+        self._doing: Job | None = None
+        self._unwanted: set[Future[Any]] = set()
+        self._thread = threading.Thread(target=self._run, name="explorer", daemon=True)
+        self._thread.start()
+        atexit.register(self._close)
 
     def do(self, work: Callable[[], Value]) -> Future[Value]:
         """Do this, after all that was asked for before."""
@@ -34,20 +44,41 @@ class Worker:
         self._todo.put((work, copy_context(), future))
         return future
 
-    def stop(self, at_once: bool) -> None:
-        """End what is being done, unless at once with what it has found so far, if anything."""
-        doing = self._doing
-        if doing is not None and (at_once or not deadline.stop(doing, BUTTON)):
-            deadline.end(doing, BUTTON)
+    def stop(self, future: Future[Any], at_once: bool) -> None:
+        """End what was asked for, unless at once with what it has found so far, if anything."""
+        self._unwanted.add(future)
+        if self._doing is not None and self._doing[2] is future:
+            self._end(self._doing[1], at_once)
+
+    def _end(self, context: Context, at_once: bool) -> None:
+        if at_once or not deadline.stop(context, BUTTON):
+            deadline.end(context, BUTTON)
 
     def _run(self) -> None:
-        while True:
-            work, self._doing, future = self._todo.get()
+        while (job := self._todo.get()) is not None:
+            work, context, future = self._doing = job
             try:
-                future.set_result(self._doing.run(work))
+                future.set_result(context.run(self._within, work, future))
             except BaseException as error:
                 future.set_exception(error)
             self._doing = None
+            self._unwanted.discard(future)
+
+    def _within(self, work: Callable[[], Value], future: Future[Value]) -> Value:
+        """Work in a block of its own; what was stopped before it began ends where time is asked."""
+        with deadline.limited(None):
+            if future in self._unwanted:
+                deadline.end(copy_context(), BUTTON)
+            return work()
+
+    def _close(self) -> None:
+        """End the thread before Python ends: compiled code must not find it gone."""
+        self._todo.put(None)
+        until = time.monotonic() + CLOSE_S
+        while self._thread.is_alive() and time.monotonic() < until:
+            if (doing := self._doing) is not None:  # and then what was waiting
+                self._end(doing[1], at_once=True)
+            self._thread.join(0.05)
 
 
 @cache

@@ -59,10 +59,18 @@ class Span:
     once: Callable[[], bool] | None = None
 
     @property
+    def ended_by(self) -> str:
+        """Who ended it, or a block around it, before its time; or ""."""
+        span: Span | None = self
+        while span is not None and not span.interrupted:
+            span = span.outer
+        return "" if span is None else span.interrupted
+
+    @property
     def why(self) -> str:
         """What cut it short, in words."""
-        if self.interrupted:
-            return self.interrupted
+        if self.ended_by:
+            return self.ended_by
         named: list[Span] = []
         span: Span | None = self
         while span is not None:

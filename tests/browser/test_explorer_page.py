@@ -46,7 +46,7 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 @pytest.fixture
 def show(new_page: Any, address: str) -> Callable[..., Any]:
     def opened(name: str, width: int = 1500) -> Any:
-        page = new_page(width=width, height=1100, strict=False)
+        page = new_page(width=width, height=1500, strict=False)
         page.set_default_timeout(60_000)
         page.goto(f"{address}doc/tree/{name}.ipynb")
         page.locator(".jp-CodeCell .cm-content").first.click()
@@ -200,6 +200,15 @@ def test_new_settings_end_a_search_that_is_under_way(show: Any) -> None:
     assert time.monotonic() - began < 8
 
 
+def test_reset_ends_a_search_that_is_under_way(show: Any) -> None:
+    page = show("slow")
+    slide(page, "goal.duration", 500)
+    choose(page, "collocation")
+    busy(page, 1)
+    page.locator("[data-button=reset]").click()
+    page.wait_for_selector(".px[data-stage=reset], .px[data-stage=judge]", timeout=15_000)
+
+
 def test_what_is_asked_comes_first_and_the_solver_is_folded(show: Any) -> None:
     page = show("try")
     names = page.locator(".px-group summary").all_text_contents()
@@ -257,6 +266,8 @@ def test_pointing_reads_values_and_marks_the_time_in_the_other_figures(show: Any
     head, *rows = joints.locator(".tip").inner_text().splitlines()
     assert 0 < float(head.removesuffix(" s")) < 10
     assert [row.split()[0] for row in rows] == ["θ₁", "θ₂", "θ₃"]
+    inner, outer = joints.locator(".tip").bounding_box(), joints.locator("svg").bounding_box()
+    assert outer["y"] <= inner["y"] < outer["y"] + 40
     for other in ("plane", "map", "inputs"):
         assert page.locator(f"[data-panel={other}] .cursor").get_attribute("d")
     chart = page.locator("[data-panel=map]")

@@ -96,6 +96,8 @@ def test_pointing_at_a_curve_shows_its_values(opened: Callable) -> None:
     assert plan is not None
     assert values[SOLVED] == pytest.approx(np.rad2deg(plan.q(t)[1]), abs=0.2)
     assert "… on the machine" in values
+    inner, outer = panel.locator(".tip").bounding_box(), panel.locator("svg").bounding_box()
+    assert outer["y"] <= inner["y"] < outer["y"] + 40, "beside the place that is read"
     page.mouse.move(5, 5)
     assert panel.locator(".tip").is_hidden()
 

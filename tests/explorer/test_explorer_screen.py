@@ -258,6 +258,13 @@ def test_the_facts_have_units_and_the_time_waited() -> None:
     )
 
 
+def test_a_plan_that_may_leave_the_chart_says_so() -> None:
+    shown = screen("parking", "collocation")
+    shown.judge()
+    assert shown.words()["kind"] == "verified"
+    assert "leaves the chart (allowed)" in shown.words()["facts"]
+
+
 def test_reset_goes_back_to_the_problem() -> None:
     shown = screen("paper")
     shown.change([("goal.travel", 0.81)])

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import subprocess
+import sys
 import threading
 import time
 from dataclasses import replace
@@ -94,18 +97,55 @@ def test_stop_ends_the_search(
     assert "the Stop button ended the method 'convex'" in messages[-1]["text"]
 
 
+def test_stop_ends_what_has_not_begun_and_nothing_else(sent: tuple[Any, list[Any]]) -> None:
+    """Another explorer plans; this one's question waits, and its settings are not lost."""
+    widget, messages = sent
+    begun, go_on = threading.Event(), threading.Event()
+
+    def other() -> float:
+        begun.set()
+        assert go_on.wait(60)
+        return deadline.remaining()
+
+    another = worker().do(other)
+    assert begun.wait(60)
+    widget._asked(widget, {"ask": "change", "number": 1, "changes": [["method", "convex"]]}, [])
+    widget._asked(widget, {"ask": "stop", "number": 1}, [])
+    go_on.set()
+    assert another.result(60) == math.inf
+    done()
+    assert messages[-1]["kind"] == "stopped"
+    assert widget._screen.state.method == "convex"
+
+
 def test_stop_keeps_the_best_plan_found_by_then() -> None:
     """Collocation, which then answers with what it has; another thread ends it."""
     problem = planner.load_problem(ROOT / "problems/paper.toml", {"goal.duration": "free"})
     options = {"start": "wander", "starts": 50, "attempts": 50}
 
+    heard = threading.Event()
+
     def until_found(progress: Progress) -> None:
         if progress.best:
-            threading.Thread(target=worker().stop, args=(False,)).start()
+            heard.set()
 
-    def plan() -> planner.Plan:
-        return planner.solve(problem, progress=until_found, **options)
-
-    found = worker().do(plan).result(120)
+    asked = worker().do(lambda: planner.solve(problem, progress=until_found, **options))
+    assert heard.wait(60)
+    worker().stop(asked, at_once=False)
+    found = asked.result(120)
     assert found.verified
     assert found.notes["ended_early"].startswith("the Stop button ended the search")
+
+
+def test_python_can_end_while_the_explorer_plans() -> None:
+    code = f"""
+import time, planner
+from planner.explorer.worker import worker
+search = {{"start": "wander", "starts": 50, "attempts": 50}}
+problem = planner.load_problem({str(ROOT / "problems/obstacle.toml")!r},
+                               {{"method.collocation": search}})
+worker().do(lambda: planner.solve(problem))
+time.sleep(1.0)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")

@@ -32,6 +32,7 @@ class DragChart extends TimeChart {
 }
 
 const SOON = 250; // ms; what takes longer is said to be under way, and can be stopped
+const PATIENCE = 10000; // ms; a search that is stopped has answered by then
 const DOING = { judge: "verifying", errors: "on the machines", texts: "writing" };
 
 function render({ model, el }) {
@@ -95,7 +96,7 @@ function render({ model, el }) {
 
   function begin(kind, began, more = {}) {
     clearTimeout(resting);
-    busy = { kind, number: ++number, began, stopped: false };
+    busy = { kind, number: ++number, began, stopped: 0 };
     root.dataset.open = 1;
     if (kind !== "texts" && kind !== "judge" && kind !== "errors") old();
     model.send({ ask: kind, number, ...more });
@@ -121,7 +122,8 @@ function render({ model, el }) {
     if (plans) words.textContent = facts.textContent = "";
     if (plans || root.dataset.kind === "not judged yet") {
       const doing = busy.stopped ? "stopping" : (DOING[kind] ?? "planning");
-      verdict.textContent = `${doing}, ${Math.floor(ms / 1000)} s`;
+      const silent = busy.stopped && performance.now() - busy.stopped > PATIENCE ? ": the kernel is busy or gone" : "";
+      verdict.textContent = `${doing}, ${Math.floor(ms / 1000)} s${silent}`;
     }
     stopper.hidden = kind === "texts" || kind === "judge";
     if (plans && waiting.size) stop(true); // its answer would belong to other settings
@@ -129,7 +131,7 @@ function render({ model, el }) {
 
   function stop(atOnce) {
     if (!busy || busy.stopped) return;
-    busy.stopped = true;
+    busy.stopped = performance.now();
     stopper.disabled = true;
     model.send({ ask: "stop", number: busy.number, at_once: atOnce });
   }
@@ -226,7 +228,11 @@ function render({ model, el }) {
       button.type = "button";
       button.dataset.button = kind;
       button.onclick = () => {
-        if (kind === "reset") return whenFree(() => ask("reset"));
+        if (kind === "reset") {
+          waiting.clear();
+          if (busy && !(busy.kind in DOING)) stop(true);
+          return whenFree(() => ask("reset"));
+        }
         texts.dataset.wanted = kind;
         whenFree(() => ask("texts"));
       };

@@ -47,7 +47,7 @@ def believed(done: Polished, accuracy: float) -> bool:
 
 def ended_early(plan: Plan, span: Span) -> Plan:
     """The plan, which says that its search was cut short."""
-    status = "interrupted" if span.interrupted else TimeLimitError.status
+    status = "interrupted" if span.ended_by else TimeLimitError.status
     said = f"{span.why} ended the search; this is the best motion found by then"
     return replace(plan, status=status, notes={**plan.notes, "ended_early": said})
 

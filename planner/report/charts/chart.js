@@ -146,7 +146,8 @@ class Chart {
     const wide = this.tip.offsetWidth;
     const beside = told.px > width / 2 ? told.px - 12 - wide : told.px + 12;
     this.tip.style.left = `${Math.max(0, Math.min(width - wide, beside))}px`;
-    this.tip.style.top = `${this.svg.offsetTop + EDGE.top + 4}px`;
+    const above = this.svg.getBoundingClientRect().top - this.host.getBoundingClientRect().top;
+    this.tip.style.top = `${above + EDGE.top + 4}px`;
     if (aloud) {
       const rows = told.rows.map((r) => `${this.named(r)} ${r.text}`);
       this.page.say(`${told.head}: ${rows.join("; ")}`);

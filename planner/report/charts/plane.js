@@ -14,6 +14,11 @@ class PlaneChart extends Chart {
     this.y = scale(...(view?.[1] ?? widen(reach[1], high)), bottom, EDGE.top);
   }
 
+  render(wide) {
+    super.render(wide);
+    for (const mark of [this.cursor, this.cross]) mark.classList.add("ring");
+  }
+
   across() {
     return this.panel.across;
   }

@@ -184,7 +184,8 @@ MISPRINTS = (
     (
         "step 4",
         "offset from the mean of Z_i, i = 1..n",
-        "the state has n + 1 coordinates; z2 ... at the turn are left open",
+        "the state has n + 1 coordinates; z2 ... at the turn are left open. The mean adds unlike"
+        " quantities and is often a poor choice; ours is searched for",
     ),
     (
         "(28)",

@@ -1,5 +1,7 @@
 """The choice of travel for laws that leave it free: scan, keep what stays in the domain, refine.
 
+The choice of how far the first of two legs goes, where z₁ ends as it began.
+
 The free numbers of the sinusoidal laws: how far z₁ swings, and how far it travels.
 """
 
@@ -12,7 +14,8 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from planner.errors import InfeasibleError, SingularError
+from planner.errors import InfeasibleError, InputError, SingularError
+from planner.methods.laws.law import Ends
 from planner.methods.laws.scores import Criterion, Scores, end_margin, score, search
 from planner.methods.refusal import BY_COLLOCATION
 from planner.plan.trajectory import ChainedTrajectory
@@ -175,6 +178,56 @@ def _best(
         found = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": xatol})
         best = min(best, (float(found.fun), float(found.x)), (float(costs[k]), float(grid[k])))
     return best[1]
+
+
+_OFFSETS = np.geomspace(0.01, 1.0, 20)
+"""Offsets scanned, over the largest travel tried where no window is known, with both signs."""
+
+
+def choose_offset(
+    ends: Ends, options: LegOptions, name: str, make: Make
+) -> tuple[float, dict[str, Any]]:
+    """Travel of the first of the two legs of step 4: given, the paper's mean of z(0), or the best.
+
+    The paper writes offset = Σzᵢ/n; z has n+1 coordinates, over which the mean is taken here. It
+    adds metres to angles and slopes, so it is as good as any number; "auto" tries it among others.
+
+    Args:
+        ends: Start and goal.
+        options: Supply the rule, and the criterion of "auto".
+        name: Of the method.
+        make: The law, from offset to trajectory.
+
+    Returns:
+        The offset, and notes for the plan; (0, none) where one leg is enough.
+
+    Raises:
+        InputError: If it is zero.
+    """
+    if ends.problem.travel != 0:
+        return 0.0, {}
+    mean = float(np.mean(ends.start))
+    if options.offset != "auto":
+        offset = mean if options.offset == "mean" else options.offset
+        if offset == 0:
+            unit = ends.problem.system.coordinates[0].unit
+            raise InputError(
+                f"{ends.problem.source}: the two-leg rule needs an offset that is not zero; set"
+                f' method.{name}.offset ({unit}) to another number or to "auto"'
+            )
+        return offset, {"offset": offset}
+
+    def attempt(x: Array) -> ChainedTrajectory | None:
+        try:
+            return make(float(x[0])) if x[0] != 0 else None
+        except SingularError:
+            return None
+
+    sizes = _OFFSETS * _open_window(ends.problem)
+    grid = np.concatenate([-sizes, sizes, [mean]])[:, None]
+    found = search(ends.problem, attempt, grid, 0.2 * np.abs(grid), options.criterion, starts=3)
+    notes = {"auto_motions_tried": found.tried, "auto_found_inside": found.inside}
+    return float(found.x[0]), {"offset": float(found.x[0]), **notes}
 
 
 _SIZES = np.geomspace(0.02, 4.0, 12)

@@ -57,22 +57,6 @@ class Ends:
         """Seconds; one where the problem leaves it free, since the path does not depend on it."""
         return self.problem.duration or 1.0
 
-    def offset(self, given: float | None, method: str) -> float:
-        """Travel of the first of the two legs of step 4: the given one, or the mean of z(0).
-
-        The paper writes offset = Σzᵢ/n; z has n+1 coordinates, over which the mean is taken here.
-
-        Raises:
-            InputError: If it is zero.
-        """
-        chosen = float(np.mean(self.start)) if given is None else given
-        if chosen == 0:
-            raise InputError(
-                f"{self.problem.source}: the two-leg rule needs an offset that is not zero; set"
-                f" method.{method}.offset (radians)"
-            )
-        return chosen
-
 
 def finish(
     problem: Problem,

@@ -11,7 +11,7 @@ import time
 import numpy as np
 
 from planner.errors import InputError, SingularError
-from planner.methods.laws.free_numbers import travel_of
+from planner.methods.laws.free_numbers import choose_offset, travel_of
 from planner.methods.laws.law import Ends, even_legs, finish, summary, trajectory_of
 from planner.methods.laws.legs import LegMotion, steer
 from planner.plan.plan import Plan
@@ -36,13 +36,20 @@ def plan_piecewise(problem: Problem, options: PiecewiseOptions) -> Plan:
     """
     began = time.perf_counter()
     ends, slots = Ends.of(problem), _slots(problem, options)
+    offset, turn = choose_offset(
+        ends,
+        options,
+        NAME,
+        lambda offset: trajectory_of(problem, _motion(ends, offset, slots, 0.0)),
+    )
 
     def make(travel: float) -> ChainedTrajectory:
-        return trajectory_of(problem, _motion(ends, options.offset, slots, travel))
+        return trajectory_of(problem, _motion(ends, offset, slots, travel))
 
     choice = travel_of(problem, make, options)
-    motion = _motion(ends, options.offset, slots, choice.travel)
+    motion = _motion(ends, offset, slots, choice.travel)
     notes = {
+        **turn,
         "slots": slots,
         "travel_ranges_in_domain": [list(r) for r in choice.ranges],
         **summary(motion),
@@ -60,9 +67,8 @@ def _slots(problem: Problem, options: PiecewiseOptions) -> int:
     return options.slots or least
 
 
-def _motion(ends: Ends, offset: float | None, slots: int, travel: float) -> LegMotion:
-    turn = ends.offset(offset, NAME) if travel == 0 else 0.0
-    legs = even_legs(ends.duration, travel, turn, slots, terms=1)
+def _motion(ends: Ends, offset: float, slots: int, travel: float) -> LegMotion:
+    legs = even_legs(ends.duration, travel, offset, slots, terms=1)
     try:
         return steer(ends.start, ends.goal(travel), legs)
     except np.linalg.LinAlgError:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError, SingularError
-from planner.methods.laws.free_numbers import candidate_travels, travel_of
+from planner.methods.laws.free_numbers import candidate_travels, choose_offset, travel_of
 from planner.methods.laws.law import Ends, even_legs, finish, summary, trajectory_of
 from planner.methods.laws.legs import LegMotion, Point, steer
 from planner.methods.laws.scores import Found, search
@@ -47,7 +47,12 @@ def plan_polynomial(problem: Problem, options: PolynomialOptions) -> Plan:
     began = time.perf_counter()
     points = _given(problem, options)
     ends = Ends.of(problem)
-    offset = ends.offset(options.offset, NAME) if problem.travel == 0 else 0.0
+    offset, turn = choose_offset(
+        ends,
+        options,
+        NAME,
+        lambda offset: trajectory_of(problem, _motion(ends, offset, 0.0, points or ())),
+    )
 
     def solve(travel: float, points: Sequence[Point]) -> LegMotion:
         return _motion(ends, offset, travel, points)
@@ -62,7 +67,7 @@ def plan_polynomial(problem: Problem, options: PolynomialOptions) -> Plan:
         travel = choice.travel
         notes = {"travel_ranges_in_domain": [list(r) for r in choice.ranges]}
     motion = solve(travel, points)
-    notes |= summary(motion)
+    notes = turn | notes | summary(motion)
     plan = finish(problem, NAME, options, trajectory_of(problem, motion), notes, began)
     stretch = plan.duration / ends.duration
     used = [[p.time_s * stretch, p.value] for p in points]

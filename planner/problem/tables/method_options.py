@@ -113,10 +113,16 @@ class LegOptions(LawOptions):
         description="When goal.travel is free: the travel that is best by `criterion`, or the"
         " middle of the widest range of travels that stay inside the chart's domain.",
     )
-    offset: float | None = Field(
-        None,
-        description="Travel of the first of two legs when z1(0) = z1(T); mean of z(0) if left out.",
+    offset: float | Literal["auto", "mean"] = Field(
+        "auto",
+        description="Travel of the first of two legs when z1(0) = z1(T), not zero. auto: chosen by"
+        " `criterion`; mean: the paper's rule, the mean of z(0), often a poor one.",
     )
+
+    @field_validator("offset", mode="before")
+    @classmethod
+    def _was_left_out(cls, offset: object) -> object:
+        return "mean" if offset is None else offset  # in plans of earlier versions
 
 
 class PolynomialOptions(LegOptions):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import planner
 from planner.methods.laws.legs import Leg, Point, steer
+from planner.plan.measures import peak_inputs
 
 Array = NDArray[np.float64]
 
@@ -132,7 +133,7 @@ def _parking(paper: planner.Problem, **options: object) -> planner.Plan:
 
 
 def test_two_legs_with_the_papers_offset(paper: planner.Problem) -> None:
-    plan = _parking(paper)
+    plan = _parking(paper, offset="mean")
     z = plan.z(np.array([0.0, 5.0, 10.0]))
     assert z[1, 0] - z[0, 0] == pytest.approx(np.mean(z[0]), abs=1e-14)
     assert z[2, 0] == pytest.approx(z[0, 0], abs=1e-14)
@@ -149,6 +150,60 @@ def test_two_legs_with_a_chosen_offset(paper: planner.Problem) -> None:
 def test_two_legs_need_an_offset(paper: planner.Problem) -> None:
     with pytest.raises(planner.InputError, match=r"method\.polynomial\.offset"):
         _parking(paper, offset=0.0)
+    beside = _beside(start=0.0)  # the unicycle at its origin: the mean of z(0) is 0
+    with pytest.raises(planner.InputError, match=r'method\.polynomial\.offset \(m\).*"auto"'):
+        planner.solve(beside, "polynomial", offset="mean")
+
+
+def _beside(start: float) -> planner.Problem:
+    """A unicycle to be moved one metre aside, with no way forward left over."""
+    return planner.Problem.from_dict(
+        {
+            "system": {"kind": "unicycle"},
+            "start": {"x_m": 0.0, "y_m": 0.0, "heading_deg": start},
+            "goal": {"x_m": 0.0, "y_m": 1.0, "heading_deg": 0.0, "duration": 10.0},
+        }
+    )
+
+
+@pytest.mark.parametrize("method", ["polynomial", "piecewise"])
+def test_two_legs_choose_their_offset_by_the_peak(method: str) -> None:
+    """It beats the paper's rule by far, and every offset of a fine scan."""
+    problem = _beside(start=10.0)
+
+    def peak(offset: float | str) -> float:
+        plan = planner.solve(problem, method, offset=offset)
+        assert plan.verified
+        return float(np.max(peak_inputs(plan.trajectory)))
+
+    chosen = planner.solve(problem, method)
+    best = float(np.max(peak_inputs(chosen.trajectory)))
+    assert chosen.options["offset"] == "auto"
+    assert chosen.z(5.0)[0] - chosen.z(0.0)[0] == pytest.approx(chosen.notes["offset"])
+    assert best < 0.06 * peak("mean")
+    scanned = [peak(float(d)) for d in np.linspace(-3, 3, 40)]
+    assert best <= min(scanned) * (1 + 1e-6)
+
+
+def test_an_offset_can_be_chosen_for_the_margin(paper: planner.Problem) -> None:
+    turned = paper.changed(
+        {"limits": {}, "goal.travel": 0.0, "start.theta_deg": [40.0, 50.0, 30.0]}
+        | {"goal.theta_deg": [40.0, 50.0, 30.4]}
+    )
+
+    def margin(**options: object) -> float:
+        plan = planner.solve(turned, "polynomial", allow_singular=True, **options)
+        return plan.domain.margin
+
+    widest = margin(criterion="margin")
+    assert widest > 0
+    assert widest >= margin(criterion="peak")
+    assert widest >= margin(offset="mean")
+
+
+def test_an_offset_left_out_by_an_earlier_version_was_the_mean(paper: planner.Problem) -> None:
+    data = paper.to_dict() | {"method": {"polynomial": {"offset": None}}}
+    assert planner.Problem.from_dict(data).methods.polynomial.offset == "mean"
 
 
 # -- the paper's example in numbers (theory.md §5) ---------------------------------------------

@@ -93,14 +93,12 @@ class Explorer(anywidget.AnyWidget):
             self._asking = worker().do(lambda: self._reply(content))
 
     def _reply(self, content: Mapping[str, Any]) -> None:
-        began = time.perf_counter()
         try:
             answer = self._answer(content)
         except Exception as error:
             logger.exception("the explorer could not answer")
             answer = {"kind": "a bug", "text": f"{type(error).__name__}: {error}", "todo": []}
-        took = round(1000 * (time.perf_counter() - began))
-        self.send({"number": content.get("number"), "facts": "", **answer, "took_ms": took})
+        self.send({"number": content.get("number"), "facts": "", **answer})
 
     def _answer(self, content: Mapping[str, Any]) -> dict[str, Any]:
         screen, what = self._screen, content.get("ask")
@@ -116,8 +114,9 @@ class Explorer(anywidget.AnyWidget):
                 others = screen.set([(name, value) for name, value in content["changes"]])
             except InputError as error:  # a control of an older picture
                 return {**screen.picture(), "text": str(error), "todo": []}
-            if others:
-                self.send({"number": content["number"], "controls": screen.shown_controls()})
+            if others:  # they are there before the plan is
+                now = {"controls": screen.shown_controls(), "more": True}
+                self.send({"number": content["number"], **now})
             screen.plan_anew()
         if what == "reset":
             screen.reset()

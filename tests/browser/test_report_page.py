@@ -274,6 +274,7 @@ def test_what_would_help_stands_under_each_refused_row(opened: Callable, tmp_pat
     row = page.locator("tbody tr").last
     assert re.search(r"Try: goal.duration = [\d.]+ or more \(tried\)", row.inner_text())
     assert page.locator("#fig-joints .curve.dashed").count() > 0, "the refused path is shown"
+    assert "collocation (refused)" in page.locator(".legend").inner_text()
     assert page.locator(".stage .body").first.get_attribute("d")
 
 

@@ -202,6 +202,21 @@ def test_start_goal_and_gears_have_sliders_of_their_own() -> None:
     assert plan.problem.system.K[0] == 0.9  # type: ignore[attr-defined]
 
 
+def test_gear_geometry_has_sliders_too() -> None:
+    gear = {"r1": 20.0, "R": 23.0, "r3": 14.0, "lambda": 1.0, "eta": 1.0}
+    data = planner.load_problem(ROOT / "problems" / "paper.toml").to_dict()
+    data["system"] = {"kind": "manipulator", "joints": 3, "gear": gear}
+    shown = Screen(State.of(planner.Problem.from_dict(data, "geared"), "collocation", 0))
+    own = {c.label: c.shown for c in shown.controls.values() if c.key.startswith("system.gear.")}
+    assert own == gear
+    before = shown.outcome.problem
+    shown.change([("system.gear.R", 25.0)])
+    after = shown.outcome.problem
+    assert before is not None
+    assert after is not None
+    assert after.system.K[0] != before.system.K[0]  # type: ignore[attr-defined]
+
+
 @pytest.mark.parametrize("name", ["car", "custom", "trailers", "unicycle", "ball-gear"])
 def test_every_kind_has_sliders_for_its_ends(name: str) -> None:
     shown = screen(name, samples=0)

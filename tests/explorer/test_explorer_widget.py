@@ -67,10 +67,11 @@ def test_another_method_brings_its_controls_before_its_plan(sent: tuple[Any, lis
     widget._asked(widget, {"ask": "change", "number": 1, "changes": [["method", "convex"]]}, [])
     done()
     first, last = messages
-    assert first.keys() == {"number", "controls"}
+    assert first.keys() == {"number", "controls", "more"}
     assert any(c["name"].startswith("method.convex.") for c in first["controls"])
     assert not any(c["name"].startswith("method.polynomial.") for c in first["controls"])
-    assert "took_ms" in last
+    assert "more" not in last
+    assert last["panels"]
 
 
 @pytest.mark.parametrize("at_once", [True, False])

@@ -138,7 +138,7 @@ function render({ model, el }) {
 
   function answered(reply) {
     if (!busy || reply.number !== busy.number) return;
-    if (reply.took_ms === undefined) return fill(reply.controls, new Set(waiting.keys())); // more will come
+    if (reply.more) return fill(reply.controls, new Set(waiting.keys()));
     const done = busy;
     busy = null;
     clearInterval(ticking);
@@ -160,8 +160,7 @@ function render({ model, el }) {
     if (reply.kind) say(reply);
     if (reply.code !== undefined) showTexts(reply);
     if (reply.panels || reply.error !== undefined) redraw();
-    root.dataset.ms = Math.round(performance.now() - done.began);
-    if (done.kind === "change") [root.dataset.pictureMs, root.dataset.kernelMs] = [root.dataset.ms, reply.took_ms];
+    if (done.kind === "change") root.dataset.pictureMs = Math.round(performance.now() - done.began);
     root.dataset.open = waiting.size + (reply.todo ? reply.todo.length : 0);
     root.dataset.stage = done.kind;
     root.dataset.number = done.number;

@@ -32,7 +32,7 @@
     make("span", { class: `swatch plan-${plan.colour} ${styleOf(plan)}` }, label);
     make("span", { text: plan.label + (plan.refused ? " (refused)" : "") }, label);
   });
-  legend.hidden = data.plans.length < 2;
+  legend.hidden = data.plans.length < 2 && !data.plans.some((plan) => plan.refused);
 
   for (const { id, caption, panels } of data.figures) {
     const figure = document.getElementById(`fig-${id}`);

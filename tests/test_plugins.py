@@ -455,6 +455,11 @@ def test_a_limit_on_the_way_is_kept_refused_or_said_not_to_be_planned_for(
     assert 0.45 <= least(plan) < 0.4501
     assert plan.certificate is not None
     assert plan.certificate["second link's cosine"].status == "proven"
+    assert least(planner.solve(fast, "polynomial")) < 0.45  # a law chooses its travel by it
+    assert least(planner.solve(problem, "polynomial")) >= 0.45
+    away = {"start.theta_deg": [28, 30, 30], "limits.folded": 0.52, "goal.theta_deg": [1, 9, 35]}
+    with pytest.raises(planner.InfeasibleError, match="room to the limit on second link's cosine"):
+        planner.solve(paper.changed(away), "desensitised", backoff=1.0)
     with pytest.raises(planner.NoPlanError, match="'convex' does not plan for second link's cos"):
         planner.solve(problem, "convex")
     (change,) = (c for c in on_other_paths(problem) if "limits.folded" in c.keys)

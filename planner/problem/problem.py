@@ -1,6 +1,6 @@
 """A motion-planning problem and its file form (TOML).
 
-Waypoints and obstacles of a problem file that no plan could meet, refused before any tries.
+What no plan could meet is refused before any method tries.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import InputError, Violation
+from planner.errors import InputError
 from planner.problem.requirements.ends import Duration, Goal, Start
 from planner.problem.requirements.limits import InputLimit, JointLimit, RateLimit, Z2Margin
 from planner.problem.requirements.places import Obstacle, Waypoint
-from planner.problem.requirements.requirement import At, Demand, Part, Requirement
+from planner.problem.requirements.requirement import Demand, Part, Requirement
 from planner.problem.tables.compensation import CompensationTable
 from planner.problem.tables.kinds import REQUIREMENTS, parse_file
 from planner.problem.tables.machine_effects import MachineTable
@@ -123,7 +123,6 @@ class Problem:
             _data=_plain(tables),
         )
         _refuse_contradictions(problem)
-        refuse_misplaced(problem)
         return problem
 
     def __repr__(self) -> str:
@@ -278,51 +277,13 @@ def _plain(tables: ProblemFile) -> dict[str, Any]:
 
 def _refuse_contradictions(problem: Problem) -> None:
     """Refuse what no method could satisfy, before any of them tries."""
-    for name, q in (("start", problem.start), ("goal", problem.goal)):
-        for i in problem.system.limited:
-            if abs(q[i]) > problem.limits.joint[i]:
-                value, unit = _readable(q[i], problem.system.coordinates[i].unit)
-                limit, _ = _readable(problem.limits.joint[i], problem.system.coordinates[i].unit)
-                raise InputError(
-                    f"{problem.source}: contradiction: {name} {problem.system.coordinates[i].name}"
-                    f" = {value:.6g} {unit} lies outside its limit of {limit:.6g} {unit};"
-                    " move it or widen the limit"
-                )
-        _refuse_z2(problem, name, np.nan_to_num(q))
-        _refuse_further(problem, name, q)
-
-
-def _refuse_z2(problem: Problem, name: str, q: Array) -> None:
-    margin, sign = problem.limits.z2_margin, problem.z2_sign
-    if margin is None:
-        return
-    z2 = float(chained_form(problem.system).z(q)[1])
-    if sign * z2 < margin or sign == 0:
-        raise InputError(
-            f"{problem.source}: contradiction: z2 at the {name} is {z2:.6g}, but limits.z2_margin"
-            f" = {margin:g} keeps it at least that far from zero on the side of the start;"
-            " lower or remove limits.z2_margin"
-        )
-
-
-def _refuse_further(problem: Problem, name: str, q: Array) -> None:
-    for required in problem.further:
-        if required.reads != {"q"}:
-            continue
-        values = required.values(At.of(problem.system, q))
-        for part, value in zip(required.parts, values, strict=True):
-            if value < part.low or value > part.high:  # neither where the travel is free
-                limit = part.low if value < part.low else part.high
-                found = Violation(part.label, None, float(value), limit, part.unit, 0.0).shown(6)
-                raise InputError(
-                    f"{problem.source}: contradiction: {part.label} at the {name} is"
-                    f" {found[0]}{found[2]}, allowed {found[1]}{found[2]}; move it or change"
-                    f" limits.{required.key}"
-                )
-
-
-def _readable(value: float, unit: str) -> tuple[float, str]:
-    return (float(np.rad2deg(value)), "deg") if unit == "rad" else (float(value), unit)
+    places = [("start", problem.start), ("goal", problem.goal)]
+    places += [(f"waypoint {point.number}", point.q) for point in problem.waypoints]
+    for name, q in places:
+        for required in problem.requirements:
+            if why := required.contradiction(name, q, problem.system):
+                raise InputError(f"{problem.source}: contradiction: {why}")
+    _refuse_times(problem)
 
 
 APART_S = 1e-6
@@ -370,34 +331,6 @@ def further_of(tables: ProblemFile, system: TriangularSystem, source: str) -> li
     return out
 
 
-def refuse_misplaced(problem: Problem) -> None:
-    """Refuse waypoints and obstacles that contradict the rest.
-
-    Raises:
-        InputError: Names the waypoint or obstacle, and the way out.
-    """
-    for point in problem.waypoints:
-        _refuse_outside(problem, point)
-    _refuse_times(problem)
-    for name, q in (("start", problem.start), ("goal", problem.goal)):
-        _refuse_touching(problem, name, q)
-    for point in problem.waypoints:
-        if not np.any(np.isnan(point.q[1:])):
-            _refuse_touching(problem, f"waypoint {point.number}", point.q)
-
-
-def _refuse_outside(problem: Problem, point: Waypoint) -> None:
-    for i in problem.system.limited:
-        if abs(point.q[i]) > problem.limits.joint[i]:
-            named = problem.system.coordinates[i]
-            factor, unit = (180 / np.pi, "deg") if named.unit == "rad" else (1.0, named.unit)
-            raise InputError(
-                f"{problem.source}: contradiction: waypoint {point.number} has {named.name} ="
-                f" {point.q[i] * factor:.6g} {unit}, outside its limit of"
-                f" {problem.limits.joint[i] * factor:.6g} {unit}; move it or widen the limit"
-            )
-
-
 def _refuse_times(problem: Problem) -> None:
     timed = sorted((p.time_s, p.number) for p in problem.waypoints if p.time_s is not None)
     if not timed:
@@ -423,17 +356,3 @@ def _refuse_times(problem: Problem) -> None:
             f"{problem.source}: waypoints[{number - 1}].time = {time:g} s must lie inside the"
             f" motion, between 0 and goal.duration = {problem.duration:g} s"
         )
-
-
-def _refuse_touching(problem: Problem, name: str, q: Any) -> None:
-    if not problem.obstacles:
-        return
-    points = problem.system.arm_points(q[1:])  # type: ignore[attr-defined]
-    for disc in problem.obstacles:
-        clearances = disc.clearances(points)
-        link = int(np.argmin(clearances))
-        if clearances[link] < 0:
-            raise InputError(
-                f"{problem.source}: contradiction: at the {name} link {link + 1} reaches"
-                f" {-clearances[link]:.3g} m into obstacle {disc.number}; move one of them"
-            )

@@ -22,7 +22,7 @@ from planner.methods.collocation.refine import polish
 from planner.methods.collocation.solvers.backends import Settings
 from planner.methods.collocation.solvers.solver import ACCEPTED_RESIDUAL, Solution
 from planner.methods.collocation.task import Task, task
-from planner.methods.collocation.transcription.augmented import Augmented
+from planner.methods.collocation.transcription.augmented import Augmented, backs_off
 from planner.methods.collocation.transcription.bounds import Asked
 from planner.methods.collocation.transcription.form import Form, uniform
 from planner.methods.collocation.transcription.objective import Objective
@@ -31,10 +31,10 @@ from planner.plan.measures import effort
 from planner.plan.plan import Plan
 from planner.problem.feasibility import travel_window
 from planner.problem.problem import Problem
+from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions
 from planner.support.arrays import Array
 from planner.support.deadline import Span, TimeUpError, limited, share
-from planner.systems.chained_form import chained_form
 from planner.systems.linearised import Parameter, parameters
 from planner.systems.triangular_system import TriangularSystem
 from planner.verification.verify import verify
@@ -214,24 +214,29 @@ def _broken(job: Task, plan: Plan, nodes: Array) -> list[Violation]:
         out.append(Violation("effort", None, spent, job.asked.effort, "", spent / job.asked.effort))
     if not moved.backoff:
         return out
-    system, limits = problem.system, problem.limits
-    q, x = ca.SX.sym("q", system.size), ca.SX.sym("x", moved.size)
-    named = [(f"joint {system.coordinates[i].name}", q[i], limits.joint[i]) for i in system.limited]
-    if limits.z2_margin is not None:
-        z2 = problem.z2_sign * chained_form(system).z_expr(q)[1]
-        named.append(("z2 margin", -z2, -limits.z2_margin))
-    for label, value, most in named:
-        reach = ca.Function("reach", [x], [ca.vertcat(*moved.sides(q, value, [x]))])
-        sides = np.asarray(reach(nodes.T))
-        worst = np.max(np.abs(sides) if label != "z2 margin" else sides, axis=0)
-        k = int(np.argmax(worst))
-        if worst[k] > most + ACCEPTED_RESIDUAL:
-            sign, unit = (-1, "") if label == "z2 margin" else (1, "rad")
-            label += f" with {moved.backoff:g} standard deviations of back-off"
-            found, limit = sign * float(worst[k]), sign * float(most)
-            time_s = float(job.mesh.edges[k] * plan.duration)
-            out.append(Violation(label, time_s, found, limit, unit, float(worst[k] - most)))
+    x = ca.SX.sym("x", moved.size)
+    for required in problem.requirements:
+        if not backs_off(required):
+            continue
+        for part, value, q in _functions(required, problem.system):
+            reach = ca.Function("reach", [x], [ca.vertcat(*moved.sides(q, value, [x]))])
+            below, above = np.asarray(reach(nodes.T))
+            over = np.maximum(above - part.high, part.low - below)
+            k = int(np.argmax(over))
+            if over[k] > ACCEPTED_RESIDUAL:
+                upper = above[k] - part.high == over[k]
+                found, limit = (above[k], part.high) if upper else (below[k], part.low)
+                label = f"{part.label} with {moved.backoff:g} standard deviations of back-off"
+                time_s, excess = float(job.mesh.edges[k] * plan.duration), float(over[k])
+                out.append(Violation(label, time_s, float(found), limit, part.unit, excess))
     return out
+
+
+def _functions(required: Requirement, system: TriangularSystem) -> list[tuple[Part, Any, Any]]:
+    """Parts with their rows as expressions of q, which comes with each."""
+    q = ca.SX.sym("q", system.size)
+    pairs = zip(required.parts, required.rows(At(system, q)), strict=True)
+    return [(part, row, q) for part, row in pairs]
 
 
 def refuse_waypoints(problem: Problem) -> None:
@@ -271,26 +276,22 @@ def refuse_no_room(job: Task) -> None:
     problem, moved = job.problem, job.made.form.augmented
     if moved is None or not moved.backoff:
         return
-    start, N = job.made.start(problem), problem.system.size
-    W = moved.response(start)
-    rooms = [
-        (problem.system.coordinates[i].name, problem.limits.joint[i] - abs(start[i]), W[i])
-        for i in problem.system.limited
-    ]
-    if problem.limits.z2_margin is not None:
-        form, q, h = chained_form(problem.system), problem.start, 1e-6
-        slope = (form.z(q + h * np.eye(N)) - form.z(q - h * np.eye(N)))[:, 1] / (2 * h)
-        z2 = problem.z2_sign * form.z(q)[1]
-        rooms.append(("z2", float(z2) - problem.limits.z2_margin, slope @ W))
-    for name, room, response in rooms:
-        needed = moved.backoff * float(np.linalg.norm(response))
-        if needed > room:
-            raise InfeasibleError(
-                f"{problem.source}: method.desensitised.backoff = {moved.backoff:g} needs"
-                f" {needed:.4g} of room to the limit on {name} and the start has {room:.4g}",
-                advice=f"method.desensitised.backoff = {moved.backoff * room / needed * 0.99:.3g}"
-                f" or less, or a wider limit on {name}",
-            )
+    W = moved.response(job.made.start(problem))
+    for required in filter(backs_off, problem.requirements):
+        for part, row, q in _functions(required, problem.system):
+            there = ca.Function("there", [q], [row, ca.jacobian(row, q)])
+            value, slope = (np.asarray(found, dtype=float) for found in there(problem.start))
+            room = min(part.high - float(value.item()), float(value.item()) - part.low)
+            needed = moved.backoff * float(np.linalg.norm(slope @ W))
+            if needed > room:
+                name = required.called(part)
+                raise InfeasibleError(
+                    f"{problem.source}: method.desensitised.backoff = {moved.backoff:g} needs"
+                    f" {needed:.4g} of room to the limit on {name} and the start has {room:.4g}",
+                    advice="method.desensitised.backoff ="
+                    f" {moved.backoff * room / needed * 0.99:.3g} or less, or a wider limit on"
+                    f" {name}",
+                )
 
 
 def spreads(system: TriangularSystem, options: DesensitisedOptions) -> dict[str, float]:

@@ -8,7 +8,7 @@ The choice of a law's free numbers: a scan, then Nelder–Mead from the best of 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal
 
@@ -20,6 +20,7 @@ from scipy.special import comb
 from planner.plan.measures import worst_margin
 from planner.plan.trajectory import ChainedTrajectory
 from planner.problem.problem import Problem
+from planner.problem.requirements.requirement import At
 from planner.support import deadline
 from planner.support.arrays import Array
 from planner.systems.chained_form import chained_form
@@ -38,8 +39,8 @@ class Scores:
 
     Attributes:
         margin: Least chart margin (dimensionless, negative outside the domain).
-        slack: Least slack to the problem's joint limits and z₂ margin, relative to each; infinite
-            where the problem has none, negative where one is broken, NaN outside the domain.
+        slack: Least slack to the problem's limits on coordinates, relative to each; infinite where
+            the problem has none, negative where one is broken, NaN outside the domain.
         peak: Largest input, each over its limit where it has one; NaN outside the domain.
     """
 
@@ -102,7 +103,7 @@ def score(
         v = _sampled([chosen[k].v_curve for k in good], samples)
         q, u = form.both(z[good], v, branch)
         at = np.asarray(made)[good]
-        out[1, at] = _slack(problem, z[good], q)
+        out[1, at] = _slack(problem, z[good], q, pieces)
         peaks = np.max(np.abs(u), axis=1)
         out[2, at] = np.max(peaks / input_scale(problem), axis=-1)
     return Scores(*out)
@@ -166,15 +167,20 @@ def end_margin(problem: Problem) -> float:
     return float(np.min(problem.system.chart_margins(ends, problem.branch)))
 
 
-def _slack(problem: Problem, z: Array, q: Array) -> Array:
-    """Least relative slack (C,) of joint limits and z₂ margin; z, q of shape (C, S, N)."""
-    limits = problem.limits
-    joint = np.min(1 - np.abs(q) / limits.joint, axis=(1, 2))
-    slack = np.where(np.any(np.isfinite(limits.joint)), joint, np.inf)
-    if limits.z2_margin is None:
-        return slack
-    room = np.min(problem.z2_sign * z[..., 1], axis=1) - limits.z2_margin
-    return np.asarray(np.minimum(slack, room / max(limits.z2_margin, 1e-3)))
+def _slack(problem: Problem, z: Array, q: Array, pieces: int) -> Array:
+    """Least relative slack (C,) of limits on the way; z, q of shape (C, S, N), S on all pieces."""
+    at, slack = At.of(problem.system, q), np.full(len(q), np.inf)
+    at = replace(at, z=np.moveaxis(z, -1, 0))
+    for required in problem.requirements:
+        if required.reads == {"q"} and required.smooth:
+            for part, value in zip(required.parts, required.values(at), strict=True):
+                if part.low == -part.high:
+                    room = 1 - np.abs(value) / part.high
+                else:
+                    room = np.minimum(part.high - value, value - part.low) / part.scale
+                slack = np.minimum(slack, np.min(room, axis=1))
+                slack = np.minimum(slack, _dips(room.reshape(len(q), pieces, -1)))
+    return slack
 
 
 def _bounded(x: Array) -> Array:

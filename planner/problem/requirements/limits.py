@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
+from planner.errors import Violation
 from planner.problem.requirements.requirement import At, Broken, Part, Requirement
+from planner.support.arrays import Array
 from planner.systems.chained_form import chained_form
-from planner.systems.triangular_system import Coordinate
+from planner.systems.triangular_system import Coordinate, TriangularSystem
 
 SMALLEST_Z2 = 1e-3
 """Scale of a z₂ margin that is smaller: an excess is compared with z₂ itself, which is near 1."""
@@ -71,6 +73,12 @@ class JointLimit(_Symmetric):
         """The coordinate's name."""
         return self.named[part.index].name
 
+    def excluded(self, name: str, v: Violation) -> str:
+        """The words of a contradiction."""
+        value, limit, unit = replace(v, limit=abs(v.limit)).shown(6)
+        what = f"{name} {v.label.removeprefix(self.words + ' ')} = {value}{unit}"
+        return f"{what} lies outside its limit of {limit}{unit}; move it or widen the limit"
+
     def without(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
         """As wide as they may be."""
         wide = {f"limits.{key}": most for key, most in WIDEST.items() if limits.get(key)}
@@ -114,4 +122,17 @@ class Z2Margin(Requirement):
 
     def values(self, at: At) -> Sequence[Any]:
         """The same by the chart's NumPy code."""
-        return [self.side * chained_form(at.system).z(at.states)[..., 1]]
+        z2 = chained_form(at.system).z(at.states)[..., 1] if at.z is None else at.z[1]
+        return [self.side * z2]
+
+    def contradiction(self, name: str, q: Array, system: TriangularSystem) -> str | None:
+        """z₂ too near zero, or on neither side at the start; a waypoint is not looked at."""
+        if name not in ("start", "goal"):
+            return None
+        z2 = float(chained_form(system).z(np.append(np.nan_to_num(q[0]), q[1:]))[1])
+        if self.side and self.side * z2 >= self.margin:
+            return None
+        return (
+            f"z2 at the {name} is {z2:.6g}, but limits.z2_margin = {self.margin:g} keeps it at"
+            " least that far from zero on the side of the start; lower or remove limits.z2_margin"
+        )

@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from planner.errors import Violation
 from planner.problem.requirements.requirement import At, Broken, Demand, Part, Requirement
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
@@ -115,6 +116,12 @@ class Obstacle(Requirement):
         """The distance of each link from the disc, negative inside, metres."""
         system: Any = at.system
         return list(np.moveaxis(self.clearances(system.arm_points(at.states[..., 1:])), -1, 0))
+
+    def excluded(self, name: str, v: Violation) -> str:
+        """The words of a contradiction."""
+        link = next(k for k, part in enumerate(self.parts, 1) if part.label == v.label)
+        into = f"{-v.value:.3g} m into obstacle {self.number}"
+        return f"at the {name} link {link} reaches {into}; move one of them"
 
     def settled(self, system: TriangularSystem) -> Sequence[float] | None:
         """Of a disc that no link can touch, the clearance of the stretched arm."""

@@ -24,12 +24,14 @@ class At:
         q: Coordinates: a CasADi vector (N), or an array (N, …).
         u: Inputs: a CasADi vector (2), or an array (2, …).
         du: Their rates, likewise.
+        z: Chained coordinates, an array (N, …), for who has them at hand.
     """
 
     system: TriangularSystem
     q: Any = None
     u: Any = None
     du: Any = None
+    z: Any = None
 
     @classmethod
     def of(cls, system: TriangularSystem, *last: Array) -> At:
@@ -161,6 +163,32 @@ class Requirement(Demand):
             return None
         what = f"the limit on {self.parts[0].label}"
         return {f"limits.{self.key}": None}, f"leave out limits.{self.key}", what
+
+    def contradiction(self, name: str, q: Array, system: TriangularSystem) -> str | None:
+        """Why no motion may pass through q (N,), NaN where free, in words; None where one may.
+
+        Args:
+            name: What is there: "start", "goal" or a waypoint.
+            q: Coordinates.
+            system: What moves.
+        """
+        if self.reads != {"q"}:
+            return None
+        found = []
+        for part, value in zip(self.parts, self.values(At.of(system, q)), strict=True):
+            if value < part.low or value > part.high:  # neither where it is not a number
+                limit = part.low if value < part.low else part.high
+                scaled = abs(float(value) - limit) / part.scale
+                found.append(Violation(part.label, None, float(value), limit, part.unit, scaled))
+        return self.excluded(name, max(found, key=lambda v: v.scaled)) if found else None
+
+    def excluded(self, name: str, v: Violation) -> str:
+        """The words of a contradiction."""
+        value, limit, unit = v.shown(6)
+        change = f"change limits.{self.key}" if self.key else "widen the limit"
+        return (
+            f"{v.label} at the {name} is {value}{unit}, allowed {limit}{unit}; move it or {change}"
+        )
 
     def settled(self, system: TriangularSystem) -> Sequence[float] | None:
         """Its least values where no motion can break it; None where one may."""

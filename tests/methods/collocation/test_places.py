@@ -199,7 +199,7 @@ def test_a_waypoint_out_of_reach_is_refused_in_words(paper: planner.Problem) -> 
         ({"waypoints": [{"theta_deg": [20, "fre", "free"]}]}, "theta_deg"),
         ({"waypoints": [{"theta_deg": [20, "free"]}]}, "waypoints\\[0\\].theta_deg has 2 angles"),
         ({"waypoints": [{"theta_deg": ["free"] * 3}]}, "leaves every joint free"),
-        ({"waypoints": [{"theta_deg": [85, 0, 0]}]}, "waypoint 1 has theta1 = 85 deg"),
+        ({"waypoints": [{"theta_deg": [85, 0, 0]}]}, "waypoint 1 theta1 = 85 deg lies outside"),
         ({"waypoints": [{"theta_deg": [20, 0, 0], "time": 10.0}]}, "inside the motion"),
         ({"waypoints": [{"theta_deg": [2, 0, 0], "time": 2.0}] * 2}, "waypoints 1 and 2"),
         (

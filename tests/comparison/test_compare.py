@@ -216,7 +216,7 @@ def test_the_time_is_that_from_question_to_answer(
 
     monkeypatch.setattr(compare_module, "solve_and_check", slow)
     row = compare_function(unlimited, ["polynomial"], samples=1).rows[0]
-    assert row.took_s > 0.3 > row.solve_time_s
+    assert row.took_s > 0.3 + row.solve_time_s
 
 
 def test_progress_rises_to_the_end_and_names_the_method(unlimited: planner.Problem) -> None:

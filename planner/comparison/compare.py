@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -25,11 +26,21 @@ from planner.machine.feedforward.aim import compensable
 from planner.machine.machine import Machine
 from planner.machine.replay import RECORD_S, sample_numbers
 from planner.machine.replay import replay as run_replay
-from planner.methods.registry import ALL, COMPENSATED, METHODS, Spec, parse_specs
+from planner.methods.registry import (
+    ALL,
+    COMPENSATED,
+    METHODS,
+    Spec,
+    find_method,
+    merged_options,
+    parse_specs,
+)
 from planner.plan.measures import effort, peak_inputs
 from planner.plan.plan import Plan
+from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
 from planner.solve import compensated, solve_and_check
+from planner.support.deadline import TimeUpError, limited
 from planner.support.statistics import THRESHOLD_DEG, percentile_interval
 from planner.verification.verify import Check, verify
 
@@ -260,11 +271,11 @@ def planned(
     except NoPlanError as error:
         took = time.perf_counter() - began
         why, advice = _reason(problem, error), error.advice or ""
-        kept = _complete(error)
+        kept = _complete(error) or _too_short(problem, spec)
         if kept is None:
             row = Row(spec.label, spec.method, False, why)
             return replace(row, took_s=took, advice=advice)
-        plan, check = kept
+        plan, check = replace(kept[0], status=error.status, verified=False), kept[1]
     return replace(_measured(spec, plan, check, why), took_s=took, advice=advice)
 
 
@@ -298,12 +309,31 @@ def _complete(error: NoPlanError) -> tuple[Plan, Check] | None:
     whole = isinstance(error, SingularError | VerificationError | InfeasibleError) or error.blamed
     if error.plan is None or not whole:
         return None
-    plan: Plan = replace(error.plan, status=error.status, verified=False)
+    plan: Plan = error.plan
     check = error.check if isinstance(error, VerificationError) else None
     check = check or verify(plan)
     # What is proven impossible may come with a motion that is not even one to the goal.
     missed = any(v.label.startswith(("goal", "integration")) for v in check.violations)
     return None if missed and isinstance(error, InfeasibleError) else (plan, check)
+
+
+STUDY_S = 5.0
+"""Longest wait for a motion that is refused already."""
+
+
+def _too_short(problem: Problem, spec: Spec) -> tuple[Plan, Check] | None:
+    """What a method makes of a time that is proven too short, for which `solve` never asks it."""
+    method = find_method(spec.method)
+    try:
+        if not method.finds_time:
+            refuse_too_short(problem)
+        return None
+    except NoPlanError:
+        pass
+    with limited(STUDY_S), suppress(NoPlanError, TimeUpError):
+        plan = method.plan(problem, merged_options(problem, method, dict(spec.options)))
+        return plan, verify(plan)
+    return None
 
 
 def _reason(problem: Problem, error: NoPlanError) -> str:

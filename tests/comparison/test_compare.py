@@ -204,7 +204,11 @@ def test_a_motion_that_takes_too_long_is_drawn_and_replayed_for_study() -> None:
     assert max(row.peak_u) > 0.5
     assert row.terminal_error_deg < 1e-3, "it reaches the goal"
     assert np.isfinite(row.E_median_deg)
-    assert refused_comparison()["polynomial"].plan is None
+    row = refused_comparison()["polynomial"]
+    assert row.why.startswith("no plan of any kind exists: theta3 must move")
+    assert row.plan is not None
+    assert (row.plan.duration, row.plan.verified, row.status) == (2.0, False, "infeasible")
+    assert max(row.peak_u) > 0.5
 
 
 def test_the_time_is_that_from_question_to_answer(
@@ -275,7 +279,7 @@ def test_refusals_that_apply_to_every_method_fill_every_row(paper: planner.Probl
     hurried = paper.changed({"goal.duration": 0.5})
     result = compare_function(hurried, ["polynomial", "polynomial:travel=middle"], samples=1)
     assert not any(row.solved for row in result.rows)
-    assert all("takes" in row.why and row.plan is None for row in result.rows)
+    assert all("takes" in row.why and row.status == "infeasible" for row in result.rows)
 
 
 # -- many methods, feedback, worst machines, Ctrl-C -----------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextvars
 import signal
 import threading
 import time
@@ -126,3 +127,29 @@ def test_a_handler_that_does_not_raise_lets_the_solver_go_on() -> None:
     with heed_interrupts():
         signal.raise_signal(signal.SIGINT)
     assert heard == [True]
+
+
+def test_another_thread_ends_what_runs_in_a_context() -> None:
+    """All of it, or the search alone where that holds something to show."""
+    context = contextvars.copy_context()
+    seen: list[float] = []
+
+    def search(holds: bool) -> tuple[str, bool]:
+        with limited(100.0), limited(None, holds=lambda: holds) as span:
+            asked = threading.Event()
+
+            def other() -> None:
+                if not deadline.stop(context, "the button"):
+                    deadline.end(context, "the button")
+                asked.set()
+
+            threading.Thread(target=other).start()
+            assert asked.wait(10)
+            seen.append(deadline.remaining())
+            with share(0.5) as inner:
+                return inner.ended_by, span.reached
+
+    assert context.run(search, True) == ("the button", True)
+    assert context.run(search, False) == ("the button", True)
+    assert 0 < seen[0] <= deadline.LEAST_FINISH_S, "time to refine what is held"
+    assert seen[1] == 0

@@ -32,6 +32,7 @@ class DragChart extends TimeChart {
 }
 
 const SOON = 250; // ms; what takes longer is said to be under way, and can be stopped
+const LONG = 1000; // ms; after that new settings end what is under way, before they wait for it
 const PATIENCE = 10000; // ms; a search that is stopped has answered by then
 const DOING = { judge: "verifying", errors: "on the machines", texts: "writing" };
 
@@ -126,7 +127,7 @@ function render({ model, el }) {
       verdict.textContent = `${doing}, ${Math.floor(ms / 1000)} s${silent}`;
     }
     stopper.hidden = kind === "texts" || kind === "judge";
-    if (plans && waiting.size) stop(true); // its answer would belong to other settings
+    if (plans && waiting.size && ms > LONG) stop(true); // its answer would belong to other settings
   }
 
   function stop(atOnce) {

@@ -249,7 +249,9 @@ def planned(
         if time_limit_s is not None:
             options = {"time_limit_s": time_limit_s, **options}
         plan, check = solve_and_check(problem, spec.method, **options)
-        if spec.compensated:
+        told = None if plan.compensation is None else plan.compensation.machine
+        other = machine is not None and told not in (None, machine.to_dict())
+        if (spec.compensated and told is None) or other:
             plan, check = compensated(plan.compensates or plan, machine, problem.compensation)
         early = str(plan.notes.get("ended_early", ""))
         why = early if plan.verified else _outside(plan.domain.singular_times_s)

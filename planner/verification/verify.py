@@ -197,7 +197,7 @@ def _motion(plan: Plan, motion: Motion, error: Array, tolerance: float) -> list[
         out.append(_Finding(label, missed, 0.0, plan.duration, coordinate.unit, 1.0, tolerance))
     wanted = plan.problem.duration
     if wanted is not None:
-        late = abs(plan.duration - plan.lead_s - wanted)
+        late = abs(plan.duration - plan.lead_s - plan.tail_s - wanted)
         out.append(_Finding("duration", late, 0.0, None, "s", wanted, 1e-9 * wanted))
     gap, when = motion.gap
     label = "plan's q(t) against its integrated input"

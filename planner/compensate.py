@@ -35,14 +35,14 @@ def compensate(
         machine: The machine; the problem's `[machine]` table when left out.
         method: By which a problem is planned.
         **options: Override the problem's `[compensation]` table, key by key: `aim`, `preparation`,
-            `lag`, `gearheads`.
+            `back_off`, `lag`, `gearheads`.
 
     Returns:
         A verified plan. Its inputs are what the motors are commanded, from the beginning of the
-        preparatory motion, `lead_s` seconds before the plan starts. Its q(t) is the motion
-        predicted on the nominal machine, by which it is verified: goal (to 0.05 degrees), limits
-        and places at all times. `compensates` is the plan it was made from, and what replays
-        measure errors against.
+        preparatory motion, `lead_s` seconds before the plan starts, to `tail_s` seconds after it.
+        Its q(t) is the motion predicted on the nominal machine, by which it is verified: goal (to
+        0.05 degrees), limits and places at all times. `compensates` is the plan it was made from,
+        and what replays measure errors against.
 
     Raises:
         InputError: If the plan is not executable, the system is another, or an option is wrong.

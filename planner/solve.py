@@ -209,7 +209,7 @@ def _solved(problem: Problem, entry: Method, options: Any, warm: Plan | None) ->
     if entry.replan is None:
         able = ", ".join(f"'{m.name}'" for m in METHODS.values() if m.replan)
         raise InputError(f"method '{entry.name}' cannot start from a plan; warm is for {able}")
-    return judged(entry.replan(problem, options, warm))
+    return judged(entry.replan(problem, options, warm.compensates or warm))
 
 
 def judged(plan: Plan) -> tuple[Plan, Check]:

@@ -213,7 +213,9 @@ def _compensation(notes: dict[str, Any]) -> list[tuple[str, str]]:
     if found is None:
         return []
     before = f"{number(found['lead_s'])} s of preparation, then " if found["lead_s"] else ""
-    return [("compensated", f"{before}the plan, made {found['plans']} times to aim at the goal")]
+    after = f", then {number(found['tail_s'])} s of backing off" if found["tail_s"] else ""
+    words = f"{before}the plan, made {found['plans']} times to aim at the goal{after}"
+    return [("compensated", words)]
 
 
 def _optimality(notes: dict[str, Any]) -> list[tuple[str, str]]:

@@ -263,7 +263,9 @@ def planned(
     began = time.perf_counter()
     try:
         plan, check = solve_and_check(problem, spec.method, **options)
-        if spec.compensated:
+        told = None if plan.compensation is None else plan.compensation.machine
+        other = machine is not None and told not in (None, machine.to_dict())
+        if (spec.compensated and told is None) or other:
             plan, check = compensated(plan.compensates or plan, machine, problem.compensation)
         took = time.perf_counter() - began
         early = str(plan.notes.get("ended_early", ""))

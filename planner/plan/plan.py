@@ -96,6 +96,11 @@ class Plan:
         """How long a compensated plan prepares before the plan that it compensates starts, s."""
         return 0.0 if self.compensation is None else self.compensation.lead_s
 
+    @property
+    def tail_s(self) -> float:
+        """How long a compensated plan goes on after the plan that it compensates has ended, s."""
+        return 0.0 if self.compensation is None else self.compensation.tail_s
+
     def wanted(self, t: ArrayLike) -> Array:
         """Coordinates (…, N) that a machine should have at times t (…), to judge it by.
 
@@ -185,6 +190,7 @@ class Plan:
                 "plan": self.compensation.plan._to_dict(),
                 "machine": dict(self.compensation.machine),
                 "lead_s": self.lead_s,
+                "tail_s": self.tail_s,
             }
         return data
 
@@ -207,11 +213,13 @@ class Compensation:
         plan: The plan as the kinematics say.
         machine: The `[machine]` table of the machine that is allowed for, complete.
         lead_s: How long the commands prepare before that plan starts, s.
+        tail_s: How long they go on after it has ended, s.
     """
 
     plan: Plan
     machine: Mapping[str, Any]
     lead_s: float
+    tail_s: float
 
 
 def expect_plan(value: object) -> None:
@@ -254,7 +262,10 @@ def _plan(data: Mapping[str, Any], path: str | Path) -> Plan:
     if made_from := data.get("compensation"):
         parse(PlanFile, made_from["plan"], f"{path}, the plan that it compensates")
         made_from = Compensation(
-            _plan(made_from["plan"], path), made_from["machine"], made_from["lead_s"]
+            _plan(made_from["plan"], path),
+            made_from["machine"],
+            made_from["lead_s"],
+            made_from["tail_s"],
         )
     try:
         return Plan(
@@ -425,6 +436,9 @@ class CompensationOfTable(Table):
     machine: dict[str, Any] = Field(description="The [machine] table that is allowed for.")
     lead_s: Annotated[float, Field(ge=0)] = Field(
         description="How long the commands prepare before that plan starts."
+    )
+    tail_s: Annotated[float, Field(ge=0)] = Field(
+        description="How long they go on after that plan has ended."
     )
 
 

@@ -201,7 +201,7 @@ def _motion(plan: Plan, motion: Motion, error: Array, tolerance: float) -> list[
                 out.append(_Finding(*found))
         elif isinstance(demand, Duration):
             (part,) = demand.parts
-            late = abs(plan.duration - plan.lead_s - demand.seconds)
+            late = abs(plan.duration - plan.lead_s - plan.tail_s - demand.seconds)
             out.append(_Finding(part.label, late, 0.0, None, "s", part.scale, 1e-9 * part.scale))
     gap, when = motion.gap
     label = "plan's q(t) against its integrated input"

@@ -33,7 +33,7 @@ WRONG = {
     "stiffness 20 % less": {"shaft_stiffness_nm_per_rad": 0.8},
     "backlash 50 % more": {"backlash_deg": 1.5},
 }
-PLAIN, DEFAULT = "as it is", "aim, forward preparation (the default)"
+PLAIN, DEFAULT = "as it is", "aim, forward preparation, backing off (the default)"
 OTHERS = ("crossing", "parking", "four-joint", "paper-fig4")
 
 
@@ -59,11 +59,12 @@ class Study:
         dynamic = Machine.prototype(fidelity="dynamic")
         rows: list[tuple[str, dict[str, Any] | None, Machine]] = [
             (PLAIN, None, self.machine),
-            ("aim", {"preparation": False}, self.machine),
-            ("aim, jump of u1 at the start", {"preparation": "jump"}, self.machine),
+            ("aim", {"preparation": False, "back_off": False}, self.machine),
+            ("aim, jump of u1", {"preparation": "jump", "back_off": False}, self.machine),
             (DEFAULT, {}, self.machine),
+            ("the same without backing off at the end", {"back_off": False}, self.machine),
             ("with inertia: as it is", None, dynamic),
-            ("with inertia: aim, forward preparation", {}, dynamic),
+            ("with inertia: the default", {}, dynamic),
         ]
         cells, runs = [], {}
         for label, options, machine in rows:
@@ -74,11 +75,11 @@ class Study:
             took = time.perf_counter() - began
             runs[label] = run = self.run(plan, machine)
             peaks = peak_inputs(plan.trajectory)
-            own = [] if options is None else [f"{plan.lead_s:.2f}", f"{took:.2f}"]
-            cells.append(
-                [label, *errors(run), *(own or ["", ""]), f"{peaks[0]:.3f}, {peaks[1]:.3f}"]
-            )
-        head = [*HEAD, "preparation s", "computed in s", "largest inputs rad/s"]
+            own = ["", ""]
+            if options is not None:
+                own = [f"{plan.lead_s:.2f}, {plan.tail_s:.2f}", f"{took:.2f}"]
+            cells.append([label, *errors(run), *own, f"{peaks[0]:.3f}, {peaks[1]:.3f}"])
+        head = [*HEAD, "before, after the plan s", "computed in s", "largest inputs rad/s"]
         return table(["plan", *head], cells), runs
 
     def wrong(self) -> str:
@@ -190,7 +191,7 @@ def picture(before: Replay, after: Replay) -> Figure:
     figure = Figure(figsize=(9, 6.4), layout="constrained")
     axes = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
     lead, plain = after.plan.lead_s, before.plan
-    t = np.linspace(-lead, plain.duration + 0.5, 800)
+    t = np.linspace(-lead, plain.duration + after.plan.tail_s + 0.5, 800)
     planned = np.rad2deg(plain.q(t)[:, 3])
     looks = [
         (before, 0.0, COLOURS[1], "not compensated"),

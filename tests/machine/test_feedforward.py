@@ -17,7 +17,13 @@ from planner.plan.plan import Plan
 from planner.problem.tables.compensation import CompensationTable
 from tests.machine.handmade import K, arm_problem, inputs, plan_from
 
-NONE: dict[str, Any] = {"aim": False, "preparation": False, "lag": False, "gearheads": False}
+NONE: dict[str, Any] = {
+    "aim": False,
+    "preparation": False,
+    "back_off": False,
+    "lag": False,
+    "gearheads": False,
+}
 
 
 @pytest.fixture(scope="module")
@@ -77,8 +83,38 @@ def test_the_preparation_moves_no_passive_joint_and_never_back(plan: Plan) -> No
     assert np.max(np.abs(follows)) < np.deg2rad(0.4)
 
 
+def test_backing_off_moves_no_joint_of_the_nominal_machine(plan: Plan) -> None:
+    machine = planner.Machine.prototype()
+    made = planner.compensate(plan, machine)
+    assert 0.5 < made.tail_s < 2.0
+    assert made.duration == pytest.approx(made.lead_s + plan.duration + made.tail_s)
+    after = made.t[made.t > made.lead_s + plan.duration + 0.1]
+    assert np.min(made.u(after[:-1])[:, 0]) < -0.3
+    assert np.max(np.abs(made.q(after)[:, 2:] - made.q(made.duration)[2:])) < np.deg2rad(0.02)
+
+
+def test_backing_off_takes_back_the_joints_that_have_gone_too_far(plan: Plan) -> None:
+    runs = [
+        planner.replay(planner.compensate(plan, back_off=on), samples=400, seed=5)
+        for on in (False, True)
+    ]
+    highs = [np.percentile(run.terminal_error_deg[:, 1], 90) for run in runs]
+    assert highs[1] < highs[0] - 0.3
+    ends = [np.percentile(run.terminal_E_deg, 95) for run in runs]
+    assert ends[1] < ends[0]
+    assert runs[1].percentile(95) < runs[0].percentile(95) + 0.05
+
+
+def test_it_does_not_back_off_where_that_would_harm(paper: planner.Problem) -> None:
+    asked = paper.changed({"goal.travel": 0.82})
+    assert planner.compensate(planner.solve(asked, "collocation")).tail_s == 0
+    crossing = planner.load_problem("problems/crossing.toml")
+    assert planner.compensate(crossing).tail_s == 0
+
+
 def test_without_lost_motion_there_is_nothing_to_prepare(plan: Plan) -> None:
-    assert commands(plan, planner.Machine.ideal(), preparation="forward").lead_s == 0
+    told = commands(plan, planner.Machine.ideal(), preparation="forward", back_off=True)
+    assert told.lead_s == told.tail_s == 0
 
 
 @pytest.mark.parametrize("joints", [2, 3, 4])
@@ -106,7 +142,8 @@ def test_commands_keep_every_limit_whatever_the_plan(
         limits["input_rate_rad_s2"] = rate
     problem = arm_problem([5.0, 5.0, 5.0], limits=limits)
     plan = driven(problem, speeds)
-    table = {"lag": True, "gearheads": True, "preparation": "forward" if prepared else "jump"}
+    table: dict[str, Any] = {"lag": True, "gearheads": True, "back_off": True}
+    table["preparation"] = "forward" if prepared else "jump"
     u = commands(plan, planner.Machine.prototype(), **table).u
     assert np.all(np.max(np.abs(u), axis=0) <= np.array([0.5, 0.4]) * (1 + 1e-9))
     jumps = np.abs(np.diff(np.concatenate([np.zeros((1, 2)), u]), axis=0))

@@ -80,7 +80,7 @@ def hindrance(plan: Plan, machine: Machine) -> str:
         return ""
     if system.n > 3:
         return f"one drive cannot take up the play of {system.n - 1} joints before the start"
-    if _turns(plan):
+    if turns_back(plan):
         return "the drive turns back on its way, which costs the play of every joint again"
     return ""
 
@@ -99,7 +99,7 @@ def first_motion(plan: Plan) -> Array:
     return np.sign(u[np.argmax(moving, axis=0), [0, 1]])
 
 
-def _turns(plan: Plan) -> bool:
+def turns_back(plan: Plan) -> bool:
     """Whether the drive turns back on its way, and so loses the play again."""
     drive = plan.u(np.linspace(0.0, plan.duration, 501))[:, 0]
     least = -1e-6 * np.max(np.abs(drive))

@@ -64,20 +64,24 @@ def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Repl
             " there is nothing to allow for"
         )
     moved = slice(0 if problem.travel is not None else 1, None)
-    target, made_from = problem.target[moved], Compensation(plan, machine.to_dict(), 0.0)
+    target, made_from = problem.target[moved], Compensation(plan, machine.to_dict(), 0.0, 0.0)
+    pose = plan.q(plan.duration)
     shift, inverse = np.zeros(len(target)), np.eye(len(target))
     tried: list[_Trial] = []
     near = plan
-    for _ in range(MOST_PLANS):
-        commands = shaped(near, system, machine, options)
-        made, found = commanded(near, replace(made_from, lead_s=commands.lead_s), commands)
+    while True:
+        commands = shaped(near, system, machine, options, pose)
+        timed = replace(made_from, lead_s=commands.lead_s, tail_s=commands.tail_s)
+        made, found = commanded(near, timed, commands)
         tried.append(_Trial(made, shift, found.end[moved] - target, float(found.deviation.max())))
-        if not options.aim or tried[-1].worst < AIMED_RAD:
+        if not options.aim or tried[-1].worst < AIMED_RAD or len(tried) == MOST_PLANS:
             break
         if len(tried) > 1:
             inverse = _updated(inverse, tried[-2], tried[-1])
         shift = shift - inverse @ tried[-1].missed
         near = replan(_shifted(problem, shift, moved), near)
+        if not near.executable:
+            raise NoPlanError("that plan leaves the domain of the chained-form chart")
     best = min(tried, key=lambda trial: trial.worst)
     notes = {
         "plans": len(tried),
@@ -85,6 +89,7 @@ def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Repl
         "missed_rad": best.worst,
         "path_rad": best.away,
         "lead_s": best.plan.lead_s,
+        "tail_s": best.plan.tail_s,
     }
     return replace(best.plan, notes={**plan.notes, "compensation": notes})
 

@@ -23,7 +23,7 @@ from scipy.interpolate import BPoly
 from planner.machine.feedback.course import DEFAULT_TICK_S, mean_of, shift_of
 from planner.machine.feedback.estimate import gearhead_play
 from planner.machine.feedback.run_up import input_limit
-from planner.machine.feedforward.preparation import forward, take_up
+from planner.machine.feedforward.preparation import back, forward, take_up
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
 from planner.plan.trajectory import StateTrajectory
@@ -44,6 +44,7 @@ class Commands:
         t: Ends of the ticks, shape (K+1,), s, from 0.
         u: What they are told in each tick, shape (K, 2), rad/s.
         lead_s: How long before the plan's start they begin, s.
+        tail_s: How long after the plan's end they end, s.
         straight: Whether inputs go straight from one tick's beginning to the next, as limits on
             their rates ask for; else they are held.
     """
@@ -51,6 +52,7 @@ class Commands:
     t: Array
     u: Array
     lead_s: float
+    tail_s: float = 0.0
     straight: bool = False
 
     def along(self, system: TriangularSystem, q: Array) -> StateTrajectory:
@@ -61,7 +63,11 @@ class Commands:
 
 
 def shaped(
-    plan: Plan, system: Manipulator, machine: Machine, options: CompensationTable
+    plan: Plan,
+    system: Manipulator,
+    machine: Machine,
+    options: CompensationTable,
+    pose: Array | None = None,
 ) -> Commands:
     """What the motors of a machine are told to make a plan's motion.
 
@@ -70,14 +76,18 @@ def shaped(
         system: Its arm.
         machine: Its means are what is allowed for.
         options: What is done.
+        pose: Coordinates at which the machine is to end, (N,); the plan's own when left out.
     """
     held = machine.effects.get("control_period_s")
     tick = held.value[0] if held else DEFAULT_TICK_S
-    before = np.zeros((1, 2))
+    before = after = np.zeros((1, 2))
     if options.preparation == "forward":
         before = forward(plan, system, machine, tick)
-    lead = tick * (len(before) - 1)
-    t = tick * np.arange(len(before) + int(np.ceil(plan.duration / tick - 1e-9)))
+    if options.back_off and plan.problem.travel is None:
+        end = plan.q(plan.duration) if pose is None else pose
+        after = back(plan, system, machine, end, tick)
+    lead, tail = tick * (len(before) - 1), tick * (len(after) - 1)
+    t = tick * np.arange(len(before) + len(after) - 1 + int(np.ceil(plan.duration / tick - 1e-9)))
     limit, rate = input_limit(plan, machine), plan.problem.limits.input_rate
     straight = bool(np.any(np.isfinite(rate)))
     ahead = shift_of(system, machine) if options.lag else np.zeros(2)
@@ -87,7 +97,9 @@ def shaped(
     wanted = np.empty((len(t), 2))
     for i in range(2):
         wanted[:, i] = np.interp(t + ahead[i], tick * np.arange(len(before)), before[:, i])
-        wanted[:, i] += np.interp(t + ahead[i] - lead, times, angles[:, i])
+        own = t + ahead[i] - lead
+        wanted[:, i] += np.interp(own, times, angles[:, i])
+        wanted[:, i] += np.interp(own - plan.duration, tick * np.arange(len(after)), after[:, i])
     if options.preparation == "jump":
         wanted[:, 0] += take_up(plan, system, machine, plan.q(0.0)[1]).drive
     if options.gearheads:
@@ -96,8 +108,8 @@ def shaped(
     u = np.stack(
         [_pursued(wanted[:, i], limit[i], rate[i], grain[i], tick) for i in range(2)], axis=1
     )
-    t[-1] = lead + plan.duration
-    return Commands(np.asarray(t), u, lead, straight)
+    t[-1] = lead + plan.duration + tail
+    return Commands(np.asarray(t), u, lead, tail, straight)
 
 
 def _turned(plan: Plan, tick: float) -> tuple[Array, Array]:

@@ -28,6 +28,13 @@ class CompensationTable(Table):
         " plan starts, by a drive that does not turn back, which takes some seconds. jump: at its"
         " start, at the limit of input 1. false: not at all.",
     )
+    back_off: bool = Field(
+        True,
+        description="Whether the drive turns back after the plan's end, as far as no joint of the"
+        " nominal machine follows: on machines that lose less motion joints have gone too far, and"
+        " come back. It takes about a second; not where goal.travel is given, or where the drive"
+        " turns back on its way.",
+    )
     lag: bool = Field(
         True,
         description="Whether commands come earlier by the lag of hold, delay, servo and friction.",

@@ -69,7 +69,7 @@ def retime(
     moving = peak_inputs(plan.trajectory) > 1e-12
     _refuse_unlimited(problem, moving, rest)
     trajectory, notes = fastest_motion(
-        plan.trajectory, problem.limits, moving, rest, intervals, problem.requirements
+        plan.trajectory, problem.limits, problem.requirements, moving, rest, intervals
     )
     timed = problem.changed({"goal.duration": trajectory.duration})
     found = certify(replace(plan, problem=timed, trajectory=trajectory))

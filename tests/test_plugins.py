@@ -30,11 +30,13 @@ from planner.problem.tables import plugins
 from planner.problem.tables.kinds import FILES, REQUIREMENTS, json_schema
 from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.vehicles import UnicycleFile
+from planner.report.page.words import facts
 from planner.support.user_tables import Positive, Table
 from planner.systems.vehicles import Unicycle
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = Path(__file__).parent / "plugin"
+KEY, PRODUCT = "limits.input_product", "product of the inputs"
 
 
 @contextmanager
@@ -118,10 +120,11 @@ def test_the_problem_file_sets_its_options_and_is_strict(problem_file: Path) -> 
 
 
 def test_compare_check_and_all_know_its_method(problem_file: Path) -> None:
-    problem = planner.load_problem(problem_file)
+    problem = planner.load_problem(problem_file, {KEY: 9.0})
     result = planner.compare(problem, "two_speeds:first=0.4,polynomial", samples=2)
     assert [row.solved for row in result.rows] == [True, True]
     assert result.rows[0].replay is not None
+    assert (f"Limit: {PRODUCT}", "at least -9, at most 9") in facts(result)
     with pytest.raises(InputError, match=r"did you mean 'first'\?"):
         planner.compare(problem, "two_speeds:frst=0.4", samples=2)
     analysis = planner.check(problem)
@@ -129,9 +132,6 @@ def test_compare_check_and_all_know_its_method(problem_file: Path) -> None:
     assert "two_speeds" in [
         spec.method for spec in planner.comparison.compare.specs(problem, "all")
     ]
-
-
-KEY, PRODUCT = "limits.input_product", "product of the inputs"
 
 
 def product(plan: planner.Plan) -> float:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
 from planner.errors import NotConvergedError
-from planner.plan.measures import peak_inputs, peak_rates, slowing
+from planner.plan.measures import slowing
 from planner.plan.retimed import Inverse, RetimedTrajectory, arc_length
 from planner.plan.trajectory import Trajectory
 from planner.problem.problem import Limits
@@ -231,20 +231,21 @@ Moving = NDArray[np.bool_]
 def fastest_motion(
     path: Trajectory,
     limits: Limits,
+    requirements: Sequence[Requirement],
     moving: Moving,
     rest: bool = False,
     intervals: int = 200,
-    others: Sequence[Requirement] = (),
 ) -> tuple[RetimedTrajectory, dict[str, Any]]:
     """The fastest timing of a path within limits of inputs and of their rates, not verified yet.
 
     Args:
         path: A trajectory with inputs at all times.
         limits: Of inputs and of their rates; one of them for each input that moves.
+        requirements: The whole is slowed for what it breaks of these: by little for limits of
+            inputs and rates, which the clock knows; for others as much as they need.
         moving: Which inputs move, shape (2,).
         rest: Whether inputs are zero at both ends; needs rate limits.
         intervals: Intervals of the programme, where rates are limited.
-        others: What else is asked: where a slower motion keeps it, the whole is slowed for it.
 
     Returns:
         The motion, and what to note of it.
@@ -256,7 +257,8 @@ def fastest_motion(
         trajectory, notes = _with_rates(path, limits, moving, rest, intervals)
     else:
         trajectory, notes = _without_rates(path, limits, moving), {}
-    return _within(trajectory, limits, [each for each in others if not each.plain]), notes
+    factor = slowing(requirements, trajectory)
+    return (trajectory.slowed(factor) if factor > 1 else trajectory), notes
 
 
 def _without_rates(path: Trajectory, limits: Limits, moving: Moving) -> RetimedTrajectory:
@@ -277,15 +279,3 @@ def _with_rates(
     clock = fastest(stretch, limits.input, limits.input_rate)
     notes = {"stops": int(np.sum(stretch.stops[1:-1]))}
     return RetimedTrajectory(path, length, clock, stretch.stations), notes
-
-
-def _within(
-    trajectory: RetimedTrajectory, limits: Limits, others: Sequence[Requirement]
-) -> RetimedTrajectory:
-    """Slowed by what little the interpolants exceed the limits between their nodes, and others."""
-    factor = float(np.max(peak_inputs(trajectory) / limits.input))
-    if np.any(np.isfinite(limits.input_rate)):
-        factor = max(factor, float(np.sqrt(np.max(peak_rates(trajectory) / limits.input_rate))))
-    if any(each.speed for each in others):
-        factor = max(factor, slowing(others, trajectory))
-    return trajectory.slowed(factor) if factor > 1 else trajectory

@@ -195,8 +195,8 @@ def _timed(problem: Problem, path: ChainedTrajectory) -> tuple[Trajectory, str]:
     # An input without a limit goes no faster than with v1 constant.
     unlimited = np.isinf(limits.input) & np.isinf(limits.input_rate)
     limits = replace(limits, input=np.where(unlimited, peaks, limits.input))
-    others = problem.requirements
-    fastest = fastest_motion(path, limits, peaks > 1e-12, others=others)[0].slowed(1 + SLACK)
+    asked = problem.requirements
+    fastest = fastest_motion(path, limits, asked, peaks > 1e-12)[0].slowed(1 + SLACK)
     if duration is None:
         return fastest, "as fast as the input limits allow"
     if fastest.duration > duration:

@@ -11,6 +11,7 @@ import numpy as np
 from planner.comparison.comparison import Comparison
 from planner.comparison.rows import Row, effort_unit
 from planner.problem.problem import Problem
+from planner.problem.requirements.requirement import Part
 from planner.report.figures.style import shown
 from planner.support.tables import number
 
@@ -92,8 +93,15 @@ def facts(comparison: Comparison) -> list[tuple[str, str]]:
     out += _joint_limits(problem)
     if limits.z2_margin is not None:
         out.append(("Distance from z₂ = 0", f"at least {limits.z2_margin:g}"))
+    out += [_between(part) for each in problem.further for part in each.parts]
     machines = f"{comparison.samples} drawn from “{comparison.machine.preset}”"
     return [*out, ("Machines", machines), ("Seed", str(comparison.seed))]
+
+
+def _between(part: Part) -> tuple[str, str]:
+    sides = ("at least", part.low), ("at most", part.high)
+    ends = [f"{word} {side:g} {part.unit}".rstrip() for word, side in sides if np.isfinite(side)]
+    return f"Limit: {part.label}", ", ".join(ends)
 
 
 def _joint_limits(problem: Problem) -> list[tuple[str, str]]:

@@ -171,5 +171,8 @@ Moved = TriangularSystem | Augmented
 
 
 def backs_off(required: Requirement) -> bool:
-    """Whether a requirement is backed off: limits on coordinates, but not places to clear."""
-    return required.reads == {"q"} and required.smooth
+    """Whether a requirement is backed off: limits on coordinates, but not places to clear.
+
+    Nor those whose rows read numbers: the slope of such rows is no function of q alone.
+    """
+    return required.reads == {"q"} and required.smooth and not required.numbers

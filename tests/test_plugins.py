@@ -398,6 +398,49 @@ def test_what_is_no_requirement_is_refused(kind: Any, says: str) -> None:
     assert before == REQUIREMENTS
 
 
+@dataclass(frozen=True)
+class Faulty(TurnRate):
+    """What an author may forget."""
+
+    how: str = ""
+    names: Any = ()
+
+    @classmethod
+    def of(cls, value: Any, system: Any) -> Faulty:
+        if value > 3:
+            raise ValueError("at most 3 turns")
+        how = ("unnamed", "rows", "parts", "list")[int(10 * value) - 1]
+        return cls(float(value), how, [] if how == "list" else ())
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return super().parts * (2 if self.how == "parts" and self.most else 1)
+
+    def rows(self, at: At) -> Sequence[Any]:
+        if self.how == "rows":
+            return []
+        return [at.u[1] - (self.most if self.how == "unnamed" else 0)] * len(self.parts)
+
+
+FAULTS = [
+    (0.1, "its class Faulty has rows that read a float which numbers does not name"),
+    (0.2, "has 1 parts and 0 rows"),
+    (0.3, "has 2 parts and 2 rows, or others without numbers"),
+    (0.4, "has fields that are no texts"),
+    (4.0, "'limits.turn_rate': at most 3 turns"),
+]
+
+
+@pytest.mark.usefixtures("clean")
+@pytest.mark.parametrize(("value", "says"), FAULTS)
+def test_a_class_that_contradicts_itself_is_refused(
+    paper: planner.Problem, value: float, says: str
+) -> None:
+    planner.register_requirement(Faulty)
+    with pytest.raises(InputError, match=says):
+        paper.changed({"limits.turn_rate": value})
+
+
 @pytest.mark.usefixtures("clean")
 def test_a_limit_registered_by_hand_is_known_here_alone(tmp_path: Path) -> None:
     before = planner.load_problem(ROOT / "problems/unicycle.toml")

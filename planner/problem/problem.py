@@ -318,16 +318,20 @@ def further_of(tables: ProblemFile, system: TriangularSystem, source: str) -> li
     """The limits of kinds that all systems know.
 
     Raises:
-        InputError: If one cannot be of this system.
+        InputError: If one cannot be of this system, or its class contradicts itself.
     """
     out = []
     for key, kind in REQUIREMENTS.items():
         value = getattr(tables.limits, key, None)
-        if value is not None:
-            try:
-                out.append(kind.of(value, system))
-            except ValueError as error:
-                raise InputError(f"{source}: 'limits.{key}': {error}") from None
+        if value is None:
+            continue
+        try:
+            required = kind.of(value, system)
+        except ValueError as error:
+            raise InputError(f"{source}: 'limits.{key}': {error}") from None
+        if why := required.fault(system):
+            raise InputError(f"{source}: 'limits.{key}': its class {kind.__name__} {why}")
+        out.append(required)
     return out
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
+import casadi as ca
 import numpy as np
 
 from planner.errors import Violation
@@ -222,6 +223,21 @@ class Requirement(Demand):
     def given(self) -> list[float]:
         """Its numbers that the rows read."""
         return [float(getattr(self, name)) for name in self.numbers]
+
+    def fault(self, system: TriangularSystem) -> str | None:
+        """How the class contradicts itself, in words; None where it does not."""
+        try:
+            hash(self)
+        except TypeError:
+            return "has fields that are no texts, whole numbers, floats or tuples of them"
+        places = ca.DM(np.linspace(0.1, 0.4, system.size)), ca.DM([0.3, 0.2]), ca.DM([0.1, 0.5])
+        whole, made = (
+            [float(row) for row in each.rows(At(system, *places))]
+            for each in (self, self.blank.asking(self.given))
+        )
+        if not len(whole) == len(self.parts) == len(self.blank.parts):
+            return f"has {len(self.parts)} parts and {len(whole)} rows, or others without numbers"
+        return None if whole == made else "has rows that read a float which numbers does not name"
 
     def asking(self, values: Sequence[Any]) -> Self:
         """The same with other numbers, or symbols in their place."""

@@ -64,7 +64,8 @@ PlannedMethods = Annotated[
         "--methods",
         metavar="A,B,C",
         autocompletion=complete_methods,
-        help="Methods, each with options if wanted, as in polynomial:travel=middle; or all.",
+        help="Methods, each with options if wanted, as in polynomial:travel=middle, or with the"
+        " word compensated, as in 'collocation compensated'; or all.",
         show_default=False,
     ),
 ]

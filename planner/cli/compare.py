@@ -69,7 +69,12 @@ def compare(
         ),
     ] = None,
     feedback: Annotated[
-        bool, typer.Option("--feedback", help="Replay every plan with feedback too.")
+        bool,
+        typer.Option(
+            "--feedback",
+            help="Replay plans with feedback too: each that is named and not compensated; without"
+            " --methods that of collocation.",
+        ),
     ] = False,
     budget: Annotated[
         bool,
@@ -110,6 +115,7 @@ def compare(
       planner compare problems/paper.toml --out out/paper
       planner compare problems/paper.toml --out out/paper --report
       planner compare problems/paper.toml --methods polynomial,collocation --samples 200
+      planner compare problems/paper.toml --methods collocation,"collocation compensated"
       planner compare problems/paper.toml --methods all --feedback --budget
       planner compare problems/paper.toml --methods collocation:intervals=20,collocation
     """

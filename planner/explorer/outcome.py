@@ -86,6 +86,8 @@ def judge(outcome: Outcome) -> Outcome:
     try:
         plan, _ = judged(outcome.plan)
     except NoPlanError as error:
+        if outcome.plan.status == "interrupted":
+            error.status = "stopped"
         return replace(outcome, plan=error.plan, error=error, judged=True)
     return replace(outcome, plan=plan, judged=True)
 

@@ -185,7 +185,7 @@ def test_no_verdict_stands_beside_other_settings_and_stop_works(show: Any, tmp_p
     began = time.monotonic()
     page.locator("[data-button=stop]").click()
     page.wait_for_selector(".px[data-kind=stopped], .px[data-kind=verified]")
-    assert time.monotonic() - began < 8
+    assert time.monotonic() - began < 15, "the time limit would end it after 30 s"
     assert "the Stop button ended" in page.locator(".px-words").text_content()
     assert page.locator("[data-button=stop]").is_hidden()
 

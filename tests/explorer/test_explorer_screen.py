@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -278,6 +279,16 @@ def test_a_plan_that_may_leave_the_chart_says_so() -> None:
     shown.judge()
     assert shown.words()["kind"] == "verified"
     assert "leaves the chart (allowed)" in shown.words()["facts"]
+
+
+def test_what_was_stopped_before_it_was_fine_enough_is_called_stopped() -> None:
+    shown = screen("paper")  # its input is too large
+    plan = shown.outcome.plan
+    assert plan is not None
+    early = replace(plan, status="interrupted", notes={"ended_early": "the Stop button ended it"})
+    outcome = judge(replace(shown.outcome, plan=early))
+    assert outcome.kind == "stopped"
+    assert "no time to refine it" in str(outcome.error)
 
 
 def test_reset_goes_back_to_the_problem() -> None:

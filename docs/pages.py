@@ -41,8 +41,8 @@ def write(docs: Path) -> None:
     for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
         _put(docs / "notebooks" / path.name, path.read_text(encoding="utf-8"))
     shutil.copytree(ROOT / "problems", docs / "problems", dirs_exist_ok=True)
-    picture = docs / "_generated" / "explorer.png"
-    shutil.copyfile(ROOT / "results" / "explorer" / "refused.png", picture)
+    shutil.copyfile(ROOT / "results" / "explorer" / "refused.png", made / "explorer.png")
+    shutil.copyfile(ROOT / "results" / "paper" / "mechanism.png", made / "mechanism.png")
 
 
 def _put(path: Path, text: str) -> None:

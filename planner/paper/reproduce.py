@@ -1,6 +1,6 @@
 """The paper's figures and numbers, regenerated from nothing.
 
-Our versions of the paper's Figs 4–10.
+Our versions of the paper's figures.
 
 The page that goes with the figures, for a reader of the paper.
 """
@@ -18,6 +18,7 @@ import numpy as np
 from planner.paper.cases import POINT, Cases, cases
 from planner.paper.numbers import Finding, findings
 from planner.report.figures.arm import plot_arm
+from planner.report.figures.mechanism import plot_mechanism
 from planner.report.figures.on_the_machine import median_sample, plot_replays
 from planner.report.figures.over_time import plot_inputs, plot_joints, plot_z, z2_band
 from planner.report.figures.style import grid, heading
@@ -81,6 +82,7 @@ def figures(cases: Cases) -> dict[str, Figure]:
     free = {"no constraint point": cases.free}
     point = {f"constraint point ({POINT[0]:g} s, {POINT[1]:g})": cases.point}
     return {
+        "mechanism": plot_mechanism(cases.valid.problem.system)[0],
         "fig4-z-no-point": plot_z(free)[0],
         "fig5-z-with-point": plot_z(point)[0],
         "fig5-no-real-theta1": _finding(cases),
@@ -198,6 +200,11 @@ MISPRINTS = (
 )
 
 FIGURES = (
+    (
+        "mechanism",
+        "Figs 2 and 3",
+        "how two motors drive the joints, as we read section 3.1",
+    ),
     (
         "fig4-z-no-point",
         "Fig. 4",

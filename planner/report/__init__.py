@@ -4,7 +4,7 @@
 `folders` (all of it in a folder) and `saved` (read back), `export` (a plan for other programs).
 
 Every `plot_*` function takes plans (or replays), draws into axes of yours or a new figure, and
-returns both: `figure, axes = plot_z({"one": plan, "other": plan2})`.
+returns both: `figure, axes = plot_z({"one": plan, "other": plan2})`. `plot_mechanism` takes an arm.
 """
 
 from typing import TYPE_CHECKING
@@ -13,6 +13,7 @@ from planner.support.package import import_when_used
 
 if TYPE_CHECKING:
     from planner.report.figures.arm import plot_arm
+    from planner.report.figures.mechanism import plot_mechanism
     from planner.report.figures.on_the_machine import plot_errors, plot_replays
     from planner.report.figures.over_time import plot_inputs, plot_joints, plot_z
     from planner.report.figures.robustness import (
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "figures.arm": "plot_arm",
+    "figures.mechanism": "plot_mechanism",
     "figures.on_the_machine": "plot_errors plot_replays",
     "figures.over_time": "plot_inputs plot_joints plot_z",
     "figures.robustness": "plot_machine_sensitivity plot_responses plot_sensitivity plot_trade_off",
@@ -44,6 +46,7 @@ __all__ = [
     "plot_inputs",
     "plot_joints",
     "plot_machine_sensitivity",
+    "plot_mechanism",
     "plot_replays",
     "plot_responses",
     "plot_sensitivity",

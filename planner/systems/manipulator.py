@@ -75,6 +75,7 @@ class Manipulator(TriangularSystem):
         self.K = positive("K", K)
         self.k_g = float(positive("k_g", [k_g])[0])
         self.k_g_rule = k_g_rule
+        self.gear: Gear | None = None  # known to `from_gear`; no rate depends on it
         self.n = len(self.K) + 1
         lengths = (
             np.ones(self.n) if link_lengths is None else positive("link_lengths", link_lengths)
@@ -120,7 +121,9 @@ class Manipulator(TriangularSystem):
             raise InputError(f"k_g_rule = {rule!r} is unknown; use 'chain' or 'printed'")
         value, said = (k_g, "given") if k_g is not None else rules[rule]
         K = [gear.k(i) / value for i in range(2, n + 1)]
-        return cls(K, value, link_lengths, said)
+        made = cls(K, value, link_lengths, said)
+        made.gear = gear
+        return made
 
     def shorter(self) -> Manipulator:
         """The arm of joints 2 … n.

@@ -1,0 +1,431 @@
+"""The manipulator's mechanism, to scale: motors, friction disks, bevel gears, belts, contacts.
+
+The parts, contacts and radii are those of the paper (section 3.1, Figs 2 and 3). Which link carries
+which part is our reading: the one in which eq. (6) follows contact by contact. Each joint
+i = 1 … n−1 has a *stage*, a stack of three contacts on the axis of the joint, from the side:
+
+    wheel B    turned by motor 1 or by the stage before; its axle lies along link i−1
+      P₁       on the face of disk A, R from the axle of A, which stands on link i
+    wheel B'   below A, carried by link i−1;  P₂ is R from the axle of A too
+      P₃       on the face of disk A', r₃ from its axle, which stands on link i
+
+Bevel gears and a shaft along link i lead from A to B of the next joint, a belt from A' to the
+joint. Wheels turn against faces by θᵢ, so that each contact hands on cosθᵢ of the speed:
+
+    φ̇ᵢ₊₁ = r₁/(λR) cosθᵢ φ̇ᵢ  (P₁)        θ̇ᵢ₊₁ = r₁/(ηr₃) cos³θᵢ φ̇ᵢ  (P₁, P₂ and P₃)
+"""
+
+from __future__ import annotations
+
+import textwrap
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.report.figures.style import COLOURS, TAG, heading
+from planner.support.arrays import Array
+from planner.systems.manipulator import Gear, Manipulator
+from planner.systems.triangular_system import TriangularSystem
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MOTOR_2, CHAIN, BRANCH = COLOURS[:3]
+CONTACT, LINK, INK, QUIET = "#B00020", "#9A9A9A", "#222222", "#666666"
+BANDS = ("#F3F3F3", "#FFFFFF")
+
+INCH = 1 / 1.3
+"""Of paper, in largest radii: labels of 9 points then stand clear of each other."""
+
+LETTERS = 62
+"""Of a line of the words beside the view from above, 5 inches wide."""
+
+RIM = 1.12
+"""Radius of a drawn disk over the distance of its contact: the contact lies inside the rim."""
+
+THICK = 0.07
+"""Of disks and wheels."""
+
+BENT = np.deg2rad(35.0)
+"""Angle of joint 1 in the view from above."""
+
+
+def plot_mechanism(system: TriangularSystem, ax: Any = None) -> tuple[Figure, Any]:
+    """Draw the chain of friction disks, bevel gears and belts of a manipulator to scale.
+
+    All stages from the side, with the arm stretched out, and below them the first contact from
+    above with joint 1 bent, which shows where cosθ comes from. Links are not to scale. An arm that
+    is given by K and k_g has no geometry: one is inferred that moves the joints at the same rates,
+    with λ = η = R = 1, and the figure says so.
+
+    Args:
+        system: A `Manipulator`.
+        ax: Axes to draw into, or None for a new figure; their unit is the largest radius.
+
+    Returns:
+        The figure and its axes.
+
+    Raises:
+        InputError: If the system is another one.
+    """
+    if not isinstance(system, Manipulator):
+        raise InputError(
+            f"plot_mechanism draws the friction disks of a manipulator, not a {system.kind}"
+        )
+    plan, ours = layout(system), ax is None
+    if ours:
+        from planner.report.figures.shown import ShownFigure  # slow to import
+
+        size = (plan.right - plan.left) / INCH, (plan.top - plan.bottom) / INCH + 0.4
+        ax = ShownFigure(figsize=size, dpi=100, layout="constrained").subplots()
+    ax.set(xlim=(plan.left, plan.right), ylim=(plan.bottom, plan.top), aspect="equal")
+    ax.set_axis_off()
+    pen = _Pen(ax)
+    _bands(pen, plan)
+    _base(pen, plan)
+    for i in range(1, system.n):
+        _stage(pen, plan, i)
+        _names(pen, plan, i)
+    for i in range(1, system.n + 1):
+        _link(pen, plan, i)
+    _from_above(pen, plan)
+    _words(pen, plan)
+    title = f"How two motors drive {system.n} joints: the arm stretched out, seen from the side"
+    heading(ax.figure, title, ours=ours)
+    return ax.figure, ax
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where everything is. All lengths are over the largest radius of the geometry.
+
+    Attributes:
+        gears: Geometry of the stages 1 … n−1.
+        unit: The largest radius.
+        inferred: What was assumed; empty where the geometry was given.
+        joints: x of the joints' axes, shape (n,).
+    """
+
+    gears: tuple[Gear, ...]
+    unit: float
+    inferred: str
+    joints: Array
+
+    @property
+    def r1(self) -> float:
+        """Radius of the wheels B, and how high the shafts lie above P₁."""
+        return self.gears[0].r1
+
+    @property
+    def r2(self) -> float:
+        """Radius of the wheels B'. It cancels, and is not part of the geometry."""
+        return 0.6 * self.r1
+
+    @property
+    def p3(self) -> float:
+        """Height of the contact P₃. P₁ is at zero, P₂ on the other face of A."""
+        return -THICK - 2 * self.r2
+
+    @property
+    def belt(self) -> float:
+        """Height of the belts."""
+        return self.p3 - THICK - 0.42
+
+    @property
+    def link(self) -> float:
+        """Height of the links."""
+        return self.belt - 0.3
+
+    @property
+    def below(self) -> float:
+        """Where the view from above and the words begin."""
+        return self.link - 1.05
+
+    @property
+    def contact(self) -> Array:
+        """P₁ of joint 1 in the view from above."""
+        over = max(1.25 + 0.25 * INCH, (RIM + np.sin(BENT)) * self.gears[0].R)
+        return np.array([-0.2, self.below - 0.25 * INCH - over])
+
+    words = 2.7
+    """Where the words begin, right of disk and link in the view from above."""
+
+    left = -2.6
+
+    @property
+    def right(self) -> float:
+        """End of the picture."""
+        return max(float(self.joints[-1]) + 2.0, self.words + 5.2 * INCH)
+
+    @property
+    def top(self) -> float:
+        """The same."""
+        return 2 * self.r1 + 0.75
+
+    @property
+    def bottom(self) -> float:
+        """The same."""
+        lines = 17 + len(textwrap.wrap(self.inferred, LETTERS))
+        drawn = float(self.contact[1]) - max(self.r1, 0.6 * self.gears[0].R)
+        return min(drawn, self.below - 0.2 * lines * INCH) - 0.15 * INCH
+
+
+def layout(system: Manipulator) -> Layout:
+    """The geometry of a manipulator, given or inferred, and the places of its stages."""
+    given, inferred = _gears(system)
+    unit = max(max(g.r1, g.R, g.r3) for g in given)
+    gears = tuple(Gear(g.r1 / unit, g.R / unit, g.r3 / unit, g.lam, g.eta) for g in given)
+    spans = [(1 + RIM) * max(g.R, g.r3) + 1 for g in gears]
+    return Layout(gears, unit, inferred, np.concatenate([[0.0], np.cumsum(spans)]))
+
+
+def _gears(system: Manipulator) -> tuple[tuple[Gear, ...], str]:
+    """Geometry of each stage, and what was assumed of it.
+
+    From kᵢ₊₁ = κᵢ ρ^i with κᵢ = λR/(ηr₃): one ρ for all stages, what is left of each kᵢ₊₁ in r₃.
+    """
+    if system.gear is not None:
+        return (system.gear,) * (system.n - 1), ""
+    K, n = system.K, system.n
+    rho = float(K[-1] / K[0]) ** (1 / (n - 2)) if n > 2 else 1.0
+    kappa = system.k_g * K / rho ** np.arange(1, n)
+    note = "inferred from K and k_g with λ = η = 1 and R = 1" + (" = r₁" if n == 2 else "")
+    turned = system.k_g / rho ** (n - 2)
+    if abs(turned - 1) > 1e-6:
+        note += f"; φ of the problem is {turned:.3g} times the angle of the last B (k_g is given)"
+    return tuple(Gear(rho, 1.0, 1 / k, 1.0, 1.0) for k in kappa.tolist()), note + "."
+
+
+class _Pen:
+    """Draws parts into axes; each has a name (gid), by which it is found again."""
+
+    def __init__(self, ax: Any) -> None:
+        self.ax = ax
+
+    def box(
+        self, centre: Any, width: float, height: float, gid: str, colour: str, **look: Any
+    ) -> None:
+        from matplotlib.patches import Rectangle
+
+        corner = centre[0] - width / 2, centre[1] - height / 2
+        self._add(Rectangle(corner, width, height), gid, facecolor=colour, **look)
+
+    def polygon(self, points: Array, gid: str, colour: str) -> None:
+        from matplotlib.patches import Polygon
+
+        self._add(Polygon(points), gid, facecolor=colour, zorder=4)
+
+    def circle(self, centre: Array, radius: float, gid: str, **look: Any) -> None:
+        from matplotlib.patches import Circle
+
+        self._add(Circle((centre[0], centre[1]), radius), gid, **look)
+
+    def _add(self, patch: Any, gid: str, **look: Any) -> None:
+        patch.set(**({"edgecolor": INK, "linewidth": 0.8, "zorder": 3, "gid": gid} | look))
+        self.ax.add_patch(patch)
+
+    def axle(self, start: Any, end: Any, colour: str) -> None:
+        for width, own, order in ((4.2, INK, 2.0), (2.8, colour, 2.1)):
+            look = {"color": own, "linewidth": width, "solid_capstyle": "butt", "zorder": order}
+            self.ax.plot(*np.transpose([start, end]), **look)
+
+    def line(self, start: Any, end: Any, dashes: Any) -> None:
+        self.ax.plot(*np.transpose([start, end]), color=INK, linewidth=0.9, linestyle=dashes)
+
+    def arrow(self, start: Any, end: Any, gid: str, **look: Any) -> None:
+        look = {"color": INK, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0} | look
+        self.ax.annotate("", end, start, arrowprops=look, zorder=7).set_gid(gid)
+
+    def distance(self, start: Any, end: Any, text: str) -> None:
+        self.arrow(start, end, f"distance {text}", arrowstyle="<->")
+        self.say(np.mean([start, end], axis=0), text, ha="center", bbox=TAG)
+
+    def contact(self, at: Any, gid: str) -> None:
+        look = {"color": CONTACT, "markeredgecolor": "white", "markersize": 7, "zorder": 7}
+        self.ax.plot(*at, "o", gid=gid, **look)
+
+    def say(self, at: Any, text: str, colour: str = INK, size: float = 9, **look: Any) -> None:
+        look = {"va": "center", "fontsize": size, "zorder": 8} | look
+        self.ax.text(*at, text, color=colour, **look)
+
+
+AXIS = (0, (8, 3, 1, 3))
+"""Dashes of axes of rotation, as on drawings."""
+
+
+def _bands(pen: _Pen, plan: Layout) -> None:
+    """What stands between two joints is carried by the link between them."""
+    low = plan.link - 0.75
+    for k, (a, b) in enumerate(pairwise([plan.left, *plan.joints.tolist(), plan.right])):
+        middle, height = ((a + b) / 2, (plan.top + low) / 2), plan.top - low
+        look = {"edgecolor": "none", "zorder": 0}
+        pen.box(middle, b - a, height, f"band {k}", BANDS[k % 2], **look)
+        name = "base" if k == 0 else f"carried by link {k}"
+        pen.say((middle[0], plan.top - 0.12), name, QUIET, ha="center")
+
+
+def _base(pen: _Pen, plan: Layout) -> None:
+    """The base with motor 1 on the axle of the first wheel, motor 2 on the axis of joint 1."""
+    wall, floor, top = plan.left + 0.25, plan.link - 0.45, plan.r1 + 0.4
+    motor, look = (wall + 0.75, plan.r1), {"hatch": "///"}
+    pen.box((wall, (top + floor) / 2), 0.14, top - floor + 0.14, "base", LINK, **look)
+    pen.box((wall / 2, floor), -wall, 0.14, "base", LINK, **look)
+    pen.axle((wall, plan.r1), (0, plan.r1), CHAIN)
+    pen.box(motor, 0.9, 0.5, "motor 1", CHAIN)
+    pen.say(motor, "motor 1", "white", ha="center", weight="bold")
+    pen.say((motor[0], plan.r1 + 0.42), r"$u_1 = \dot\varphi_1$", ha="center")
+    pen.axle((0, floor), (0, plan.link), MOTOR_2)
+    pen.box((0, floor), 0.9, 0.42, "motor 2", MOTOR_2)
+    pen.say((0, floor), "motor 2", "white", ha="center", weight="bold")
+    pen.say((0.55, floor), r"$u_2 = \dot\theta_1$: turns link 1 and all that it carries")
+
+
+def _stage(pen: _Pen, plan: Layout, i: int) -> None:
+    """The stack of joint i, and what leads from it to joint i + 1."""
+    gear, (x, after) = plan.gears[i - 1], plan.joints[i - 1 : i + 1].tolist()
+    held, r1 = -THICK - plan.r2, gear.r1
+    pen.axle((x - 0.5, held), (x, held), BRANCH)
+    pen.box((x - 0.5, held), 0.12, 0.26, f"bearing of B'{i}", LINK)
+    pen.box((x, r1), THICK, 2 * r1, f"B{i}", CHAIN)
+    pen.box((x, held), THICK, 2 * plan.r2, f"B'{i}", BRANCH)
+    axle, lower = x + gear.R, x + gear.r3
+    pen.box((axle, -THICK / 2), 2 * RIM * gear.R, THICK, f"A{i}", CHAIN)
+    pen.box((lower, plan.p3 - THICK / 2), 2 * RIM * gear.r3, THICK, f"A'{i}", BRANCH)
+    for name, z in (("P1", 0.0), ("P2", -THICK), ("P3", plan.p3)):
+        pen.contact((x, z), f"{name} of joint {i}")
+    if i == len(plan.gears):  # this disk drives no other
+        pen.axle((axle, 0), (axle, 0.3 * r1), CHAIN)
+        pen.box((axle, 0.3 * r1), 0.26, 0.12, f"bearing of A{i}", LINK)
+    else:  # bevel gears of ratio λ: pitch cones whose common apex is where the axles meet
+        wide = 0.34 * min(gear.R, r1 / gear.lam)
+        cone, apex = np.array([wide, wide * gear.lam]), np.array([axle, r1])
+        upright = np.array([(-1, -1), (1, -1), (0.55, -0.55), (-0.55, -0.55)])
+        pen.polygon(apex + upright * cone, f"bevel gear of A{i}", CHAIN)
+        pen.polygon(apex - upright[:, ::-1] * cone, f"bevel gear of B{i + 1}", CHAIN)
+        pen.axle((axle, 0), (axle, r1 - cone[1]), CHAIN)
+        pen.axle((axle + cone[0], r1), (after, r1), CHAIN)
+    pulley = 0.24 / max(1.0, gear.eta)  # a belt of ratio η
+    ends = lower - pulley, after + pulley * gear.eta
+    pen.axle((lower, plan.p3 - THICK), (lower, plan.belt), BRANCH)
+    pen.axle((after, plan.belt), (after, plan.link), BRANCH)
+    pen.box((lower, plan.belt), 2 * pulley, 0.16, f"pulley of A'{i}", BRANCH)
+    pen.box((after, plan.belt), 2 * pulley * gear.eta, 0.16, f"pulley of joint {i + 1}", BRANCH)
+    pen.box((sum(ends) / 2, plan.belt), ends[1] - ends[0], 0.07, f"belt {i}", INK, zorder=5)
+
+
+def _names(pen: _Pen, plan: Layout, i: int) -> None:
+    """Names of the parts of stage i and what it hands on; with the first one distances too."""
+    gear, (x, after) = plan.gears[i - 1], plan.joints[i - 1 : i + 1].tolist()
+    first, held = i == 1, -THICK - plan.r2
+    pen.say((x + 0.1, 2 * gear.r1), f"$B_{i}$" + (", a wheel" if first else ""))
+    pen.say((x + 0.1, held - 0.5 * plan.r2), f"$B'_{i}$")
+    pen.say((x + (1 + RIM) * gear.R + 0.05, -THICK / 2), f"$A_{i}$" + (", a disk" if first else ""))
+    pen.say((x + (1 + RIM) * gear.r3 + 0.05, plan.p3 - THICK / 2), f"$A'_{i}$")
+    for name, z in (("$P_1$", 0.1), ("$P_2$", -THICK - 0.1), ("$P_3$", plan.p3 + 0.1)):
+        pen.say((x - 0.1, z), name, CONTACT, ha="right")
+    holder = "held by the base" if first else f"held by link {i - 1}"
+    pen.say((x - 0.6, held), holder, QUIET, 8, ha="right")
+    before = rf"{{{i}}}\;\dot\varphi_{{{i}}}$"
+    joint = rf"$\dot\theta_{{{i + 1}}} = \frac{{r_1}}{{\eta\,r_3}}\,\cos^3\theta_{before}"
+    middle = (x + gear.r3 + after) / 2
+    pen.say((middle, plan.belt + 0.22), joint, size=11, ha="center")
+    if i < len(plan.gears):
+        disk = rf"$\dot\varphi_{{{i + 1}}} = \frac{{r_1}}{{\lambda R}}\,\cos\theta_{before}"
+        pen.say(((x + 1.34 * gear.R + after) / 2, gear.r1 + 0.3), disk, size=11, ha="center")
+        if first:
+            gears = r"bevel gears ($\lambda$), long shaft"
+            pen.say((x + 1.5 * gear.R, gear.r1 - 0.15), gears, QUIET, 8)
+    if first:
+        pen.say((middle, plan.belt - 0.16), r"belt ($\eta$)", QUIET, 8, ha="center")
+        pen.distance((x, 0.22), (x + gear.R, 0.22), "$R$")
+        pen.distance((x - 0.42, 0), (x - 0.42, gear.r1), "$r_1$")
+        low = plan.p3 - THICK - 0.14
+        pen.distance((x, low), (x + gear.r3, low), "$r_3$")
+
+
+def _link(pen: _Pen, plan: Layout, i: int) -> None:
+    """The bar of link i, the axis of its joint, and the angle's name."""
+    x = float(plan.joints[i - 1])
+    end = float(plan.joints[i]) if i < len(plan.joints) else x + 1.5
+    low, top = plan.link - 0.14 * (i % 2), 2 * plan.r1
+    pen.box(((x + end) / 2, low), end - x, 0.1, f"link {i}", LINK, zorder=2.5)
+    pen.line((x, plan.link - 0.3), (x, top + 0.2), AXIS)
+    colour, name = MOTOR_2 if i == 1 else BRANCH, rf"joint {i}, $\theta_{i}$"
+    pen.say((x, top + 0.36), name, colour, ha="center", weight="bold")
+    pen.say(((x + end) / 2, low - 0.15), f"link {i}", ha="center")
+
+
+def _from_above(pen: _Pen, plan: Layout) -> None:
+    """Contact P₁ of joint 1 from above, to the same scale, with the joint bent."""
+    from matplotlib.patches import Arc
+
+    gear, here = plan.gears[0], plan.contact
+    along, tangent = np.array([[np.cos(BENT), np.sin(BENT)], [-np.sin(BENT), np.cos(BENT)]])
+    axle, far = here + gear.R * along, here + 2.35 * along
+    rim = here + np.array([0.0, 1.25])
+    taken = here + 1.25 * np.cos(BENT) * tangent
+    pen.circle(axle, RIM * gear.R, "A1 from above", facecolor=CHAIN, alpha=0.25)
+    pen.circle(axle, gear.R, "track of P1", fill=False, linestyle=":")
+    pen.axle((plan.left + 0.3, here[1]), here, CHAIN)
+    pen.box(here, THICK, 2 * gear.r1, "B1 from above", CHAIN, alpha=0.6)
+    pen.line(here, far, AXIS)
+    pen.line(here, here + np.array([1.5, 0.0]), ":")
+    pen.ax.add_patch(Arc((here[0], here[1]), 2, 2, theta1=0, theta2=np.rad2deg(BENT)))
+    half = np.array([np.cos(BENT / 2), np.sin(BENT / 2)])
+    pen.say(here + 1.12 * half, r"$\theta_1$", ha="center")
+    speed = {"arrowstyle": "-|>", "linewidth": 2.2}
+    pen.arrow(here, rim, "speed of B1", color=CHAIN, **speed)
+    pen.arrow(here, taken, "speed of A1", color=CONTACT, **speed)
+    pen.line(rim, taken, "--")
+    pen.contact(here, "P1 from above")
+    title = f"From above: joint 1 bent by {np.rad2deg(BENT):.0f} degrees"
+    pen.say((plan.left + 0.2, plan.below), title, size=9.5, weight="bold")
+    name = r"rim of $B_1$: $r_1\dot\varphi_1$"
+    pen.say(rim + np.array([-0.05, 0.1]), name, CHAIN, ha="right")
+    name = "taken by $A_1$:\n" + r"$r_1\dot\varphi_1\cos\theta_1$"
+    pen.say(taken - np.array([0.1, 0.0]), name, CONTACT, ha="right")
+    pen.say((plan.left + 0.3, here[1] + 0.15), "shaft of motor 1")
+    pen.say((here[0] + 0.1, here[1] - 0.8 * gear.r1), "wheel $B_1$, on the base")
+    pen.say(here - np.array([0.12, 0.14]), "$P_1$", CONTACT, ha="right")
+    pen.say(axle + 0.5 * gear.R * tangent, "disk $A_1$,\non link 1", ha="center")
+    pen.say(far + np.array([0.05, 0.0]), "link 1")
+
+
+WHY = r"""The axis of joint 1 goes through the contact $P_1$. Bending the
+arm by $\theta_1$ turns disk $A_1$ under wheel $B_1$ about this very point.
+The rim of $B_1$ moves at $r_1\dot\varphi_1$. $A_1$ can only turn about its own
+axle; so of it $A_1$ takes $R\,\dot\alpha_1=r_1\dot\varphi_1\cos\theta_1$.
+It is the same at $P_2$, where $A_1$ drives $B'_1$, and at $P_3$, where
+$B'_1$ drives $A'_1$. So cos$\theta_1$ comes once on the way to the next
+disk, and three times on the way to the next joint: cos$^3\theta_1$."""
+
+
+def _words(pen: _Pen, plan: Layout) -> None:
+    """Why cosθ appears, what the colours mean, and what the picture is drawn from."""
+    gear, unit = plan.gears[0], plan.unit
+    lengths = {"$r_1$": gear.r1 * unit, "$R$": gear.R * unit, "$r_3$": gear.r3 * unit}
+    values = lengths | {r"$\lambda$": gear.lam, r"$\eta$": gear.eta}
+    given = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
+    if len({round(g.r3, 9) for g in plan.gears}) > 1:
+        given = given.replace("$r_3$", "$r_3$ of joint 1")
+    lines = [
+        (r"Why cos$\theta$", INK, "bold"),
+        *((text, INK, "normal") for text in WHY.split("\n")),
+    ]
+    lines += [
+        ("", INK, "normal"),
+        ("orange: what motor 1 turns, handed on from disk to disk", CHAIN, "bold"),
+        ("green: the branch to the next joint, by a belt", BRANCH, "bold"),
+        ("blue: motor 2, which turns joint 1", MOTOR_2, "bold"),
+        ("red: friction contacts", CONTACT, "bold"),
+        ("", INK, "normal"),
+        ("Drawn to scale from", INK, "bold"),
+        (given + ("," if plan.inferred else "."), INK, "normal"),
+        *((text, INK, "normal") for text in textwrap.wrap(plan.inferred, LETTERS)),
+        ("$r_2$ cancels: any will do. The links' lengths are not to scale.", INK, "normal"),
+    ]
+    for k, (text, colour, weight) in enumerate(lines):
+        pen.say((plan.words, plan.below - 0.2 * k * INCH), text, colour, 9.5, weight=weight)

@@ -99,7 +99,7 @@ _HOMES = {
     "verification.load_plan": "load_plan",
     "verification.verify": "Check verify",
 }
-import_when_used(__name__, _HOMES)
+import_when_used(__name__, _HOMES, faces=("report",))
 
 __version__ = version()
 

@@ -19,7 +19,7 @@ from planner.support.user_tables import parse
 
 def compensate(
     plan: Plan | Problem,
-    machine: Machine | None = None,
+    machine: Machine | str | None = None,
     *,
     method: str = "collocation",
     **options: Any,
@@ -32,7 +32,8 @@ def compensate(
     Args:
         plan: A plan of an arm with friction disks (`system.kind = "manipulator"`), or a problem of
             one, for which a plan is made first. A compensated plan is compensated anew.
-        machine: The machine; the problem's `[machine]` table when left out.
+        machine: The machine, or the name of a preset; the problem's `[machine]` table when left
+            out.
         method: By which a problem is planned.
         **options: Override the problem's `[compensation]` table, key by key: `aim`, `preparation`,
             `back_off`, `lag`, `gearheads`.

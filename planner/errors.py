@@ -6,10 +6,13 @@ no plan can be returned for it (`NoPlanError`). Both carry what is needed to und
 
 from __future__ import annotations
 
+import inspect
 import math
-from collections.abc import Mapping, Sequence
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import wraps
+from typing import Any, TypeVar
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,50 @@ class InputError(PlannerError, ValueError):
     """A file, key, value or option that cannot be used; the message names it and the way out."""
 
     exit_status = 2
+
+
+def expect(kind: type, value: object, how: str) -> None:
+    """Refuse an argument of another kind, such as the name of a file or a problem for a plan.
+
+    Args:
+        kind: What it must be.
+        value: The argument.
+        how: How to get one, for the message.
+
+    Raises:
+        InputError: If it is something else.
+    """
+    if not isinstance(value, kind):
+        shown = textwrap.shorten(repr(value), 60, placeholder="...")
+        raise InputError(f"{shown} is not a {kind.__name__}; {how}")
+
+
+Class = TypeVar("Class", bound=type)
+
+
+def made_by(how: str) -> Callable[[Class], Class]:
+    """For a class that nobody fills in by hand: calling it with too little says how it is made.
+
+    Args:
+        how: What to write instead, for the message.
+    """
+
+    def wrapped(cls: Class) -> Class:
+        fill: Any = vars(cls)["__init__"]
+        signature = inspect.signature(fill)
+
+        @wraps(fill)
+        def checked(*given: Any, **by_name: Any) -> None:
+            try:
+                signature.bind(*given, **by_name)
+            except TypeError as error:
+                raise InputError(f"planner.{cls.__name__}(...): {error}; {how} makes one") from None
+            fill(*given, **by_name)
+
+        setattr(cls, "__init__", checked)  # noqa: B010
+        return cls
+
+    return wrapped
 
 
 class UntrackableError(InputError):

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import InputError, SingularError, VerificationError
+from planner.errors import InputError, SingularError, VerificationError, expect
 from planner.plan.claims import Certificate
 from planner.plan.fastest_timing import Moving, fastest_motion
 from planner.plan.measures import peak_inputs
@@ -64,6 +64,8 @@ def retime(
             " inputs to retime",
             plan=plan,
         )
+    if limits is not None:
+        expect(Mapping, limits, 'give keys of [limits], as in {"input_rad_s": 0.3}')
     changes = {f"limits.{key}": value for key, value in (limits or {}).items()}
     problem = plan.problem.changed({**changes, "goal.duration": "free"})
     moving = peak_inputs(plan.trajectory) > 1e-12

@@ -14,7 +14,7 @@ from planner.errors import InputError, NoPlanError, TimeLimitError, Verification
 from planner.methods.advice import advise
 from planner.methods.refusal import BY_COLLOCATION, Change, lasting
 from planner.methods.registry import METHODS, Method, find_method, merged_options
-from planner.plan.plan import Plan
+from planner.plan.plan import Plan, expect_plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
 from planner.problem.requirements.ends import Goal
@@ -98,7 +98,7 @@ def solve_and_check(
 
 
 def compensated(
-    plan: Plan, machine: Machine | None, options: CompensationTable
+    plan: Plan, machine: Machine | str | None, options: CompensationTable
 ) -> tuple[Plan, Check]:
     """The plan with commands that allow for the machine, verified on the nominal one.
 
@@ -113,10 +113,10 @@ def compensated(
             predicted motion breaks a requirement.
     """
     from planner.machine.feedforward.aim import aimed  # with the machine, which only this needs
-    from planner.machine.machine import Machine
+    from planner.machine.machine import machine_for
 
     problem, entry = plan.problem, find_method(plan.method)
-    used = Machine.from_table(problem.machine) if machine is None else machine
+    used = machine_for(problem.machine, machine)
     began = time.perf_counter()
 
     def replan(shifted: Problem, near: Plan) -> Plan:
@@ -209,6 +209,7 @@ def _solved(problem: Problem, entry: Method, options: Any, warm: Plan | None) ->
     if entry.replan is None:
         able = ", ".join(f"'{m.name}'" for m in METHODS.values() if m.replan)
         raise InputError(f"method '{entry.name}' cannot start from a plan; warm is for {able}")
+    expect_plan(warm)
     return judged(entry.replan(problem, options, warm.compensates or warm))
 
 

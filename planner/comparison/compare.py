@@ -23,7 +23,7 @@ from planner.errors import (
 )
 from planner.machine.feedback.run_up import hindrance
 from planner.machine.feedforward.aim import compensable
-from planner.machine.machine import Machine
+from planner.machine.machine import Machine, machine_for
 from planner.machine.replay import RECORD_S, sample_numbers
 from planner.machine.replay import replay as run_replay
 from planner.methods.registry import (
@@ -55,7 +55,7 @@ def compare(
     problem: Problem,
     methods: str | Sequence[str] | None = None,
     *,
-    machine: Machine | None = None,
+    machine: Machine | str | None = None,
     samples: int | Sequence[int] = 1000,
     seed: int = 0,
     feedback: bool = False,
@@ -79,7 +79,8 @@ def compare(
             (when the travel is free in the middle of the travels that it can use), the polynomial
             with constraint points chosen automatically, the sinusoid, collocation and, of arms
             with friction disks, collocation compensated.
-        machine: The machine; the problem's `[machine]` table when left out.
+        machine: The machine, or the name of a preset; the problem's `[machine]` table when left
+            out.
         samples: Number of machines drawn, at least 1, or the numbers of those wanted.
         seed: Seed of the draws; the same seed gives the same machines.
         feedback: Whether to replay every plan a second time with the tracker closing the loop, but
@@ -96,13 +97,13 @@ def compare(
     expect_problem(problem)
     numbers = sample_numbers(samples)
     wanted = specs(problem, methods)
-    machine = Machine.from_table(problem.machine) if machine is None else machine
+    used = machine_for(problem.machine, machine)
     chosen = None if isinstance(samples, int) else tuple(numbers.tolist())
     if not threshold_deg >= 0:
         raise InputError(f"threshold_deg = {threshold_deg}: must be degrees, at least 0")
     closed = [spec.label for spec in wanted if feedback and not spec.compensated]
     closed = closed[-1:] if methods is None else closed
-    run = _Run(problem, machine, numbers.tolist(), seed, closed, methods == ALL, time_limit_s)
+    run = _Run(problem, used, numbers.tolist(), seed, closed, methods == ALL, time_limit_s)
     try:
         for k, spec in enumerate(wanted):
             run.add(spec, partial(_part, progress, k, len(wanted), spec.label))
@@ -112,7 +113,7 @@ def compare(
     complete = run.done == len(wanted)
     rows = tuple(run.rows)
     return Comparison(
-        problem, rows, machine, len(numbers), seed, chosen, complete, float(threshold_deg)
+        problem, rows, used, len(numbers), seed, chosen, complete, float(threshold_deg)
     )
 
 

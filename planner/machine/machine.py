@@ -22,15 +22,15 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from planner.errors import InputError
+from planner.errors import InputError, expect, made_by
 from planner.problem.tables.machine_effects import EFFECTS, Effect, MachineTable, Spread
-from planner.support.arrays import Array
+from planner.support.arrays import Array, plain
 from planner.support.user_tables import nearest, parse
 
 DEFAULT_STEP_S = 0.001
@@ -59,6 +59,7 @@ class Quantity:
         return {"value": value, "spread": spread} if self.varies else value
 
 
+@made_by("planner.Machine.prototype(), .ideal() or .from_table({...})")
 @dataclass(frozen=True, repr=False)
 class Machine:
     """What stands between a plan and the motion that it makes; immutable.
@@ -113,8 +114,7 @@ class Machine:
 
     @classmethod
     def _of(cls, data: Mapping[str, Any]) -> Machine:
-        plain = {key: _listed(value) for key, value in data.items()}
-        return cls._merged(parse(MachineTable, plain, "machine"))
+        return cls._merged(parse(MachineTable, plain(data), "machine"))
 
     @classmethod
     def _merged(cls, table: MachineTable) -> Machine:
@@ -190,6 +190,29 @@ class Machine:
         return Machine.from_table, (self.to_dict(),)
 
 
+def machine_for(table: MachineTable, given: Machine | str | None) -> Machine:
+    """The machine that a caller asks for.
+
+    Args:
+        table: The problem's `[machine]` table.
+        given: A machine, the name of a preset, or None for the machine of the table.
+
+    Raises:
+        InputError: If it is none of these.
+    """
+    if given is None:
+        return Machine.from_table(table)
+    if isinstance(given, str) and given in PRESETS:
+        return Machine.from_table({"preset": given})
+    expect(
+        Machine,
+        given,
+        "planner.Machine.prototype(backlash_deg=0.5) makes one, and a preset's name stands for one:"
+        f" {', '.join(PRESETS)}",
+    )
+    return cast("Machine", given)
+
+
 def _known(names: tuple[str, ...]) -> tuple[str, ...]:
     for name in names:
         if name not in EFFECTS:
@@ -209,15 +232,6 @@ def _tuple(numbers: float | list[float]) -> tuple[float, ...]:
 
 def _plain(numbers: tuple[float, ...]) -> float | list[float]:
     return numbers[0] if len(numbers) == 1 else list(numbers)
-
-
-def _listed(value: Any) -> Any:
-    """Tuples and NumPy values as the lists and numbers that a file would hold."""
-    if isinstance(value, Mapping):
-        return {key: _listed(item) for key, item in value.items()}
-    if isinstance(value, tuple):
-        return [_listed(item) for item in value]
-    return value.tolist() if hasattr(value, "tolist") else value
 
 
 POSITIVE_FLOOR = 0.1

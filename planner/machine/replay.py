@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.machine.closed_loop import Feedback, measured
-from planner.machine.machine import Draws, Machine
+from planner.machine.machine import Draws, Machine, machine_for
 from planner.machine.simulate import Progress, simulate
 from planner.plan.plan import Plan, expect_plan, refuse_compensated
 from planner.plan.samples import facts, imported
@@ -154,7 +154,7 @@ class Replay:
 
 def replay(
     plan: Plan,
-    machine: Machine | None = None,
+    machine: Machine | str | None = None,
     samples: int | Sequence[int] = 1,
     seed: int = 0,
     feedback: bool | Feedback = False,
@@ -170,7 +170,8 @@ def replay(
 
     Args:
         plan: An executable plan.
-        machine: The machine; the problem's `[machine]` table when left out.
+        machine: The machine, or the name of a preset; the problem's `[machine]` table when left
+            out.
         samples: How many, or a list of sample numbers (from 0).
         seed: Seed of the draws.
         feedback: What closes the loop: True for the tracker with the problem's `[feedback]` table,
@@ -190,7 +191,7 @@ def replay(
     closing = _feedback(feedback, plan)
     numbers = sample_numbers(samples)
     _check(seed, settle_s, record_s)
-    used = Machine.from_table(plan.problem.machine) if machine is None else machine
+    used = machine_for(plan.problem.machine, machine)
     recording = simulate(
         plan,
         used,

@@ -7,7 +7,7 @@ Methods with options in one line of text, as in `polynomial:travel=middle` or
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -26,8 +26,9 @@ from planner.problem.tables.method_options import (
     SinusoidStepsOptions,
 )
 from planner.problem.tables.plugins import load_plugins, remember
+from planner.support.arrays import plain
 from planner.support.files import parse_toml
-from planner.support.tables import line
+from planner.support.tables import brief, line
 from planner.support.user_tables import Table, nearest, parse
 
 
@@ -204,8 +205,10 @@ def find_method(name: str) -> Method:
         InputError: If there is none; names the nearest. If a plugin fails.
     """
     methods = all_methods()
-    if name not in methods:
-        raise InputError(f"unknown method '{name}'; {nearest(str(name), list(methods))}")
+    if not isinstance(name, str) or name not in methods:
+        raise InputError(
+            f"unknown method '{brief(str(name))}'; {nearest(str(name), list(methods))}"
+        )
     return methods[name]
 
 
@@ -213,7 +216,7 @@ def merged_options(problem: Problem, method: Method, options: dict[str, Any]) ->
     """The method's option table: the problem's, overridden by keywords."""
     table = getattr(problem.methods, method.name, None)  # None: read before it was registered
     own = {} if table is None else table.model_dump(exclude_unset=True)
-    return parse(method.options, {**own, **options}, f"options of method '{method.name}'")
+    return parse(method.options, {**own, **plain(options)}, f"options of method '{method.name}'")
 
 
 @dataclass(frozen=True)
@@ -272,7 +275,11 @@ def parse_specs(problem: Problem, specs: str | Sequence[str]) -> list[Spec]:
     Raises:
         InputError: If there is none, one is wrong, or two are the same.
     """
-    texts = list(_split(specs, ",")) if isinstance(specs, str) else list(specs)
+    texts = list(_split(specs, ",")) if isinstance(specs, str) else specs
+    if not isinstance(texts, Iterable) or not all(isinstance(text, str) for text in texts):
+        raise InputError(
+            f"methods = {brief(repr(specs))}: give names, as in ['polynomial', 'collocation']"
+        )
     parsed = [parse_spec(text) for text in texts]
     if not parsed:
         raise InputError("no method named; give at least one, for example 'collocation'")

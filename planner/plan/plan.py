@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, field_validator
 
-from planner.errors import InputError
+from planner.errors import InputError, expect, made_by
 from planner.plan.claims import Certificate, certificate_from_dict
 from planner.plan.measures import DomainReport, domain_report
 from planner.plan.trajectory import Trajectory, trajectory_from_dict
@@ -36,11 +36,15 @@ FORMAT = "planner-plan"
 VERSION = 1
 
 
-@dataclass(frozen=True)
+@made_by("planner.solve(problem, method) or planner.load_plan(path)")
+@dataclass(frozen=True, eq=False)
 class Plan:
     """A motion from start to goal that evaluates at any time.
 
     `t`, `q(t)`, `u(t)`, `z(t)` and `v(t)` use the method's own interpolant; see `Trajectory`.
+
+    Plans are equal that are the same motion for the same problem, by the same method and options,
+    with the same verdict; how long they took to find does not count.
 
     Attributes:
         problem: What it solves.
@@ -75,6 +79,17 @@ class Plan:
     certificate: Certificate | None = None
     why: str = ""
     compensation: Compensation | None = None
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Plan) and self._identity == other._identity
+
+    def __hash__(self) -> int:
+        return hash((self.problem, self.method, self.trajectory))
+
+    @property
+    def _identity(self) -> tuple[Any, ...]:
+        own = (self.problem, self.method, self.trajectory, self.status, self.verified)
+        return *own, jsonable(self.options), self.compensation
 
     def __repr__(self) -> str:
         state = "verified" if self.verified else f"not verified, status {self.status}"
@@ -228,19 +243,17 @@ def expect_plan(value: object) -> None:
     Raises:
         InputError: If it is none; the message says how to get one.
     """
-    if not isinstance(value, Plan):
-        raise InputError(
-            f"{value!r:.60} is not a Plan; planner.solve(problem, method) makes one and"
-            " planner.load_plan(path) reads one"
-        )
+    how = "planner.solve(problem, method) makes one and planner.load_plan(path) reads one"
+    expect(Plan, value, how)
 
 
 def refuse_compensated(plan: Plan, what: str) -> None:
     """Refuse a compensated plan, whose inputs are those of a machine and not of the kinematics.
 
     Raises:
-        InputError: If it is one; the message names what does not take it.
+        InputError: If it is one, or no plan; the message names what does not take it.
     """
+    expect_plan(plan)
     if plan.compensation is not None:
         raise InputError(
             f"{what} takes a plan as the kinematics say, and this one is compensated for a machine;"

@@ -37,7 +37,7 @@ SAME = 1e-12
 """Distance of two lengths, or two own times, over the whole, that is the rounding of an inverse."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RetimedTrajectory(Trajectory):
     """q(t) = path.q(σ) with length(σ) = clock(t).
 

@@ -19,7 +19,7 @@ import numpy as np
 from planner.errors import InputError
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
-from planner.support.files import SAMPLES_BYTES, read_bytes, read_text
+from planner.support.files import SAMPLES_BYTES, named, read_bytes, read_text
 from planner.support.package import how_to_install
 from planner.systems.triangular_system import Coordinate
 
@@ -126,7 +126,7 @@ def load_samples(path: str | Path) -> Samples:
         InputError: If the file is missing, is neither .csv nor .mat, or is not of that form.
     """
     readers: dict[str, Callable[[Path], Samples]] = {".csv": _from_csv, ".mat": _from_mat}
-    suffix = Path(path).suffix.lower()
+    suffix = named(path).suffix.lower()
     if suffix not in readers:
         raise InputError(f"cannot read samples from {path}: its name must end in .csv or .mat")
     try:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BPoly, PPoly
 
 from planner.errors import InputError
-from planner.support.arrays import Array
+from planner.support.arrays import Array, jsonable
 from planner.systems.chained_form import chained_form
 from planner.systems.triangular_system import TriangularSystem
 
@@ -38,6 +38,16 @@ class Trajectory(ABC):
 
     def __init_subclass__(cls) -> None:
         Trajectory.kinds[cls.kind] = cls
+
+    def __eq__(self, other: object) -> bool:
+        if self is other:
+            return True
+        if not isinstance(other, Trajectory) or self.system != other.system:
+            return False
+        return bool(jsonable(self.to_dict()) == jsonable(other.to_dict()))
+
+    def __hash__(self) -> int:
+        return hash((self.system, self.kind, *self.breaks.tolist()))
 
     def __repr__(self) -> str:
         pieces = len(self.breaks) - 1
@@ -115,7 +125,7 @@ class Trajectory(ABC):
         return np.asarray((times >= 0) & (times <= self.duration), dtype=float)[..., None]
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class ChainedTrajectory(Trajectory):
     """A curve given in chained coordinates.
 
@@ -204,7 +214,7 @@ class ChainedTrajectory(Trajectory):
         return cls(system, curve_from_dict(data["z"]), curve_from_dict(data["v"]), branch)
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class StateTrajectory(Trajectory):
     """A curve given in coordinates and inputs.
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InfeasibleError
-from planner.problem.problem import Problem
+from planner.problem.problem import Problem, expect_problem
 from planner.support.arrays import Array
 from planner.systems.chained_form import chained_form
 from planner.systems.manipulator import Manipulator
@@ -189,6 +189,7 @@ def travel_window(problem: Problem) -> TravelWindow | None:
     Returns:
         The window, or None for systems other than the manipulator.
     """
+    expect_problem(problem)
     if not isinstance(problem.system, Manipulator):
         return None
     start, goal = problem.start[1:], problem.goal[1:]

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import InputError
+from planner.errors import InputError, expect, made_by
 from planner.problem.requirements.ends import Duration, Goal, Start
 from planner.problem.requirements.limits import InputLimit, JointLimit, RateLimit, Z2Margin
 from planner.problem.requirements.places import Obstacle, Waypoint
@@ -24,14 +24,14 @@ from planner.problem.tables.kinds import REQUIREMENTS, parse_file
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.problem_file import FeedbackTable, ProblemFile
-from planner.support.arrays import Array
+from planner.support.arrays import Array, hashable, plain
 from planner.support.files import read_toml
 from planner.support.tables import line
 from planner.systems.chained_form import chained_form
 from planner.systems.triangular_system import TriangularSystem
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Limits:
     """Limits a plan keeps at all times; infinite (or None) where there is none.
 
@@ -48,6 +48,7 @@ class Limits:
     z2_margin: float | None
 
 
+@made_by("planner.load_problem(path), Problem.manipulator(...) or Problem.from_dict({...})")
 @dataclass(frozen=True, eq=False)
 class Problem:
     """From where, to where, with what, within which limits. Build it with `load_problem`.
@@ -94,7 +95,8 @@ class Problem:
         Raises:
             InputError: If a key, value or combination is wrong; the message names it.
         """
-        tables = parse_file(copy.deepcopy(dict(data)), source)
+        expect(Mapping, data, "planner.load_problem(path) reads the tables of a file")
+        tables = parse_file(plain(data), source)
         system = tables.build_system()
         mismatch = tables.machine.mismatch(system.size - 1)
         if mismatch:
@@ -225,7 +227,8 @@ class Problem:
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Problem) and self._data == other._data
 
-    __hash__ = None  # type: ignore[assignment]
+    def __hash__(self) -> int:
+        return hash(hashable(self._data))
 
 
 def expect_problem(value: object) -> None:
@@ -234,8 +237,7 @@ def expect_problem(value: object) -> None:
     Raises:
         InputError: If it is none; the message says how to get one.
     """
-    if not isinstance(value, Problem):
-        raise InputError(f"{value!r:.60} is not a Problem; planner.load_problem(path) reads one")
+    expect(Problem, value, "planner.load_problem(path) reads one")
 
 
 def load_problem(path: str | Path, changes: Mapping[str, Any] | None = None) -> Problem:
@@ -260,6 +262,7 @@ def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, 
     Raises:
         InputError: If a key leads through what is not a table.
     """
+    expect(Mapping, changes, 'changes are dotted keys to values, as in {"goal.travel": 0.8}')
     for dotted, value in changes.items():
         table = data
         *parents, key = dotted.split(".")

@@ -14,9 +14,10 @@ from planner.support.package import import_when_used
 if TYPE_CHECKING:
     from planner.report.figures.arm import plot_arm
     from planner.report.figures.mechanism import plot_mechanism
-    from planner.report.figures.on_the_machine import plot_errors, plot_replays
+    from planner.report.figures.on_the_machine import plot_efforts, plot_errors, plot_replays
     from planner.report.figures.over_time import plot_inputs, plot_joints, plot_z
     from planner.report.figures.robustness import (
+        plot_budget,
         plot_machine_sensitivity,
         plot_responses,
         plot_sensitivity,
@@ -29,9 +30,10 @@ if TYPE_CHECKING:
 _HOMES = {
     "figures.arm": "plot_arm",
     "figures.mechanism": "plot_mechanism",
-    "figures.on_the_machine": "plot_errors plot_replays",
+    "figures.on_the_machine": "plot_efforts plot_errors plot_replays",
     "figures.over_time": "plot_inputs plot_joints plot_z",
-    "figures.robustness": "plot_machine_sensitivity plot_responses plot_sensitivity plot_trade_off",
+    "figures.robustness": "plot_budget plot_machine_sensitivity plot_responses "
+    "plot_sensitivity plot_trade_off",
     "film": "animate",
     "page.page": "write_report",
     "saved": "load_comparison",
@@ -42,6 +44,8 @@ __all__ = [
     "animate",
     "load_comparison",
     "plot_arm",
+    "plot_budget",
+    "plot_efforts",
     "plot_errors",
     "plot_inputs",
     "plot_joints",

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import InputError
-from planner.machine.machine import Draws, Machine, draw
+from planner.machine.machine import Draws, Machine, draw, machine_for
 from planner.machine.replay import SETTLE_S, refuse_inexecutable, sample_numbers
 from planner.machine.simulate import simulate_draws
 from planner.plan.plan import Plan
@@ -140,7 +140,7 @@ class Budget:
 
 def error_budget(
     plan: Plan,
-    machine: Machine | None = None,
+    machine: Machine | str | None = None,
     *,
     samples: int = 200,
     base: int = 256,
@@ -151,7 +151,8 @@ def error_budget(
 
     Args:
         plan: An executable plan.
-        machine: The machine; the problem's `[machine]` table when left out.
+        machine: The machine, or the name of a preset; the problem's `[machine]` table when left
+            out.
         samples: Machines for each median, at least 1; the same for every median.
         base: Base samples of the Sobol indices, a power of 2. They take (effects + 2) · base runs
             for effects as switches, and as many again for what differs between machines.
@@ -162,10 +163,10 @@ def error_budget(
         InputError: If the plan cannot be executed or has no angles, the machine has no effects or
             does not match the system, a number is out of range, or SALib is missing.
     """
-    used = Machine.from_table(plan.problem.machine) if machine is None else machine
+    refuse_inexecutable(plan)
+    used = machine_for(plan.problem.machine, machine)
     count = len(sample_numbers(samples))
     check(base)
-    refuse_inexecutable(plan)
     if all(c.unit != "rad" for c in plan.problem.system.coordinates[1:]):
         raise InputError("the error index E is of angles, and this system has none")
     if not used.effects:

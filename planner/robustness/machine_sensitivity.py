@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError
-from planner.machine.machine import Draws, Machine, draw
+from planner.machine.machine import Draws, Machine, draw, machine_for
 from planner.machine.simulate import simulate_draws
-from planner.plan.plan import Plan
+from planner.plan.plan import Plan, expect_plan
 from planner.problem.tables.machine_effects import EFFECTS, Effect
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
@@ -176,21 +176,23 @@ class _Step:
     high: float
 
 
-def machine_sensitivity(plan: Plan, machine: Machine | None = None) -> MachineSensitivity:
+def machine_sensitivity(plan: Plan, machine: Machine | str | None = None) -> MachineSensitivity:
     """Paired differences of an executable plan's open-loop replay, one parameter at a time.
 
     Args:
         plan: Any executable plan.
-        machine: The machine; the problem's `[machine]` table when left out.
+        machine: The machine, or the name of a preset; the problem's `[machine]` table when left
+            out.
 
     Raises:
         InputError: If the plan cannot be executed or the machine does not match the system.
     """
+    expect_plan(plan)
     if not plan.executable:
         raise InputError(
             f"the {plan.method} plan leaves the chart's domain, so it has no inputs to replay"
         )
-    used = Machine.from_table(plan.problem.machine) if machine is None else machine
+    used = machine_for(plan.problem.machine, machine)
     system = plan.problem.system
     steps, omitted = [], {}
     for name, effect in EFFECTS.items():

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import InputError, NoPlanError
-from planner.machine.machine import Machine
+from planner.machine.machine import Machine, machine_for
 from planner.methods.registry import find_method, merged_options
 from planner.plan.plan import Plan
-from planner.problem.problem import Problem
+from planner.problem.problem import Problem, expect_problem
 from planner.problem.tables.method_options import DesensitisedOptions
 from planner.robustness.trade_off_axis import KINDS, Axis, Kind, axis
 from planner.robustness.trade_off_points import Point, Store, errors_machine, replayed, solved
@@ -109,7 +109,7 @@ def trade_off(
     points: int = 10,
     folder: str | Path | None = None,
     *,
-    machine: Machine | None = None,
+    machine: Machine | str | None = None,
     samples: int = 200,
     seed: int = 0,
     progress: Progress | None = None,
@@ -126,7 +126,8 @@ def trade_off(
         kind: What is limited.
         points: Number of points, at least 3.
         folder: Where to keep the points' plans.
-        machine: The machine to replay plans on; the problem's `[machine]` table when left out.
+        machine: The machine to replay plans on, or the name of a preset; the problem's
+            `[machine]` table when left out.
         samples: Machines to replay each plan on.
         seed: Seed of the machines.
         progress: Told how far it is.
@@ -137,12 +138,13 @@ def trade_off(
         NoPlanError: If the problem has no plan.
         KeyboardInterrupt: If interrupted; finished points are kept in the folder.
     """
+    expect_problem(problem)
     if kind not in KINDS:
         raise InputError(f"trade-off against {kind!r}: must be one of {', '.join(KINDS)}")
     if isinstance(points, bool) or not isinstance(points, int) or not 3 <= points <= 200:
         raise InputError(f"points = {points}: must be a whole number, 3 to 200")
     design = merged_options(problem, find_method("desensitised"), options)
-    used = Machine.from_table(problem.machine) if machine is None else machine
+    used = machine_for(problem.machine, machine)
     asked = {
         "problem": problem.to_dict(),
         "kind": kind,

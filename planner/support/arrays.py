@@ -22,4 +22,22 @@ def jsonable(value: Any) -> Any:
     return value
 
 
+def plain(value: Any) -> Any:
+    """A copy as a file would hold it: lists for tuples and arrays, Python's numbers for NumPy's."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+def hashable(value: Any) -> Any:
+    """Of a plain value one that has a hash, and is equal where the plain ones are."""
+    if isinstance(value, Mapping):
+        return frozenset((key, hashable(item)) for key, item in value.items())
+    if isinstance(value, list | tuple):
+        return tuple(hashable(item) for item in value)
+    return value
+
+
 Array = NDArray[np.float64]

@@ -84,21 +84,33 @@ def refuse_unwritable(path: str | Path) -> None:
         raise InputError(f"cannot write {target}: no permission to write there")
 
 
+def named(path: object) -> Path:
+    """The path of a file or folder that a caller names.
+
+    Raises:
+        InputError: If it is something else than a name.
+    """
+    if not isinstance(path, str | os.PathLike):
+        raise InputError(f"{brief(repr(path))} is not the name of a file or folder")
+    return Path(path)
+
+
 def _nameable(path: str | Path) -> Path:
     """The path, if there can be one of this name.
 
     Raises:
         InputError: If a part is too long, holds a zero byte, or is a link to itself.
     """
+    wanted = named(path)
     try:
-        Path(path).resolve()
-        os.lstat(path)
+        wanted.resolve()
+        os.lstat(wanted)
     except (FileNotFoundError, NotADirectoryError, PermissionError):
         pass  # told better below
     except (OSError, RuntimeError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise InputError(f"cannot write {brief(str(path))}: {reason}; use another name") from None
-    return Path(path)
+    return wanted
 
 
 def refuse_unwritable_folder(path: str | Path) -> None:
@@ -223,7 +235,7 @@ def read_bytes(path: str | Path, largest: int) -> bytes:
     """
     try:
         # A pipe without a writer is opened at once, to be refused; a file is read as ever.
-        with open(path, "rb", opener=_open_at_once) as stream:
+        with open(named(path), "rb", opener=_open_at_once) as stream:
             found = os.fstat(stream.fileno())
             regular = stat.S_ISREG(found.st_mode)
             unread = not regular or found.st_size > largest

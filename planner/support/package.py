@@ -26,6 +26,7 @@ class LazyPackage(ModuleType):
     """A module that knows where its public names live."""
 
     _homes: dict[str, str]
+    _faces: tuple[str, ...]
 
     def __getattr__(self, name: str) -> Any:
         if name in self._homes:
@@ -44,7 +45,9 @@ class LazyPackage(ModuleType):
         super().__setattr__(name, value)
 
     def __dir__(self) -> list[str]:
-        return sorted({*super().__dir__(), *self._homes})
+        """The public names; not the modules that happen to be imported."""
+        own = {name for name in vars(self) if name.startswith("__")}
+        return sorted({*self._homes, *self._faces, *own})
 
 
 def handed_to(function: str) -> Callable[..., Any]:
@@ -58,16 +61,17 @@ def handed_to(function: str) -> Callable[..., Any]:
     return found
 
 
-def import_when_used(package: str, names: Mapping[str, str]) -> None:
+def import_when_used(package: str, names: Mapping[str, str], faces: tuple[str, ...] = ()) -> None:
     """Make a package lazy.
 
     Args:
         package: Its `__name__`.
         names: Names of its modules to the public names that live there, separated by spaces.
+        faces: Packages in it that have public names of their own.
     """
     module = sys.modules[package]
     homes = {name: f"{package}.{home}" for home, all_ in names.items() for name in all_.split()}
-    module.__dict__["_homes"] = homes
+    module.__dict__["_homes"], module.__dict__["_faces"] = homes, faces
     module.__class__ = LazyPackage
 
 

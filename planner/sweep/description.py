@@ -18,10 +18,11 @@ from planner.errors import InputError
 from planner.methods.registry import Spec, parse_specs
 from planner.problem.problem import Problem, load_problem, with_changes
 from planner.problem.tables.kinds import FILES, parse_file
+from planner.support.arrays import plain
 from planner.support.files import read_toml
 from planner.support.tables import line
 from planner.support.user_tables import parse
-from planner.sweep.points import Point, flat, plain, points, varied
+from planner.sweep.points import Point, flat, points, varied
 from planner.sweep.sweep_file import ReplayTable, SweepFile
 
 

@@ -20,7 +20,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from planner.errors import InputError
-from planner.support.files import parse_json, refuse_unwritable
+from planner.support.files import named, parse_json, refuse_unwritable
 from planner.sweep.case import RESULTS, Case, Row
 from planner.sweep.description import Sweep
 from planner.sweep.points import canonical, digest
@@ -68,7 +68,7 @@ class Database:
     """
 
     def __init__(self, path: str | Path, create: bool = False) -> None:
-        self.path = Path(path)
+        self.path = named(path)
         if create:
             refuse_unwritable(path)
         new = not os.path.exists(path)

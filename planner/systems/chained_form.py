@@ -19,7 +19,7 @@ import numpy as np
 
 from planner.support.arrays import Array
 from planner.support.compiled_calls import Pointwise
-from planner.systems.triangular_system import TriangularSystem
+from planner.systems.triangular_system import TriangularSystem, expect_system
 
 
 class ChainedForm:
@@ -125,7 +125,12 @@ class ChainedForm:
 
 @lru_cache(maxsize=64)
 def chained_form(system: TriangularSystem) -> ChainedForm:
-    """The chained form of a system, built once and kept."""
+    """The chained form of a system, built once and kept.
+
+    Raises:
+        InputError: If it is no system.
+    """
+    expect_system(system)
     return ChainedForm(system)
 
 

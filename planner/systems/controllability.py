@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from planner.errors import InputError
 from planner.support.arrays import Array
 from planner.support.compiled_calls import Pointwise
-from planner.systems.triangular_system import TriangularSystem
+from planner.systems.triangular_system import TriangularSystem, expect_system
 
 RANK_TOLERANCE = 1e-14
 """A singular value counts towards the rank when it exceeds this share of the largest."""
@@ -143,6 +143,7 @@ def controllability(
         InputError: If q does not fit the system, the depth is not positive, or the kinematics are
             infinite at q.
     """
+    expect_system(system)
     point = _checked(system, q, depth)
     family, limit = brackets(system), depth or max(2, 2 * system.size - 3)
     if not np.all(np.abs(family.values(point, 1)) < _INFINITE):

@@ -25,7 +25,7 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 
-from planner.errors import InputError
+from planner.errors import InputError, expect
 from planner.support.arrays import Array
 
 
@@ -170,6 +170,15 @@ class TriangularSystem(ABC):
     @cached_property
     def _text(self) -> str:
         return repr(self.to_dict())
+
+
+def expect_system(value: object) -> None:
+    """Refuse what is no system, such as a problem or a plan of one.
+
+    Raises:
+        InputError: If it is none; the message says how to get one.
+    """
+    expect(TriangularSystem, value, "problem.system is one; planner.Manipulator(K, k_g) makes one")
 
 
 SINGULAR = 1e-12

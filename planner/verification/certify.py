@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from planner.plan.claims import Certificate, Claim, undecided
-from planner.plan.plan import Plan
+from planner.plan.plan import Plan, expect_plan
 from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import ChainedTrajectory, StateTrajectory, Trajectory
 from planner.support.arrays import Array
@@ -43,6 +43,7 @@ def certify(plan: Plan) -> Certificate:
         One claim a requirement: proven with a guaranteed margin, violated with a time, or
         undecided with the reason. Nothing is raised: what cannot be bounded is undecided.
     """
+    expect_plan(plan)
     began = time.perf_counter()
     with np.errstate(all="ignore"):
         claims, error, cells = _claims(plan)

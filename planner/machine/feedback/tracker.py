@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.errors import expect
 from planner.machine.feedback.course import Course, timing
 from planner.machine.feedback.estimate import Estimate, Forecast, History, gearhead_play
 from planner.machine.feedback.programme import Programme
@@ -51,6 +52,8 @@ class Tracker:
     _KEPT = 4
 
     def __init__(self, options: FeedbackTable | None = None, **changes: Any) -> None:
+        if options is not None:
+            expect(FeedbackTable, options, "give keys by name, as in planner.Tracker(run_up=False)")
         given = {} if options is None else options.model_dump(exclude_unset=True)
         self.options = parse(FeedbackTable, {**given, **changes}, "feedback")
         self._designs: OrderedDict[tuple[int, Machine], tuple[Plan, Design]] = OrderedDict()

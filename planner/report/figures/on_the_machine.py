@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from planner.comparison.comparison import Comparison
 from planner.comparison.rows import FEEDBACK, Row, effort_unit
-from planner.errors import InputError
+from planner.errors import InputError, expect
 from planner.machine.replay import Replay
 from planner.report.figures.style import Curve, axis_label, colours, grid, heading, legend
 from planner.support.arrays import Array
@@ -22,7 +23,8 @@ from planner.support.arrays import Array
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from planner.comparison.comparison import Comparison
+
+A_REPLAY = "planner.replay(plan) makes one; several are given by label"
 
 
 def plot_replays(
@@ -42,10 +44,13 @@ def plot_replays(
     Raises:
         InputError: If there is nothing to draw or `axes` do not fit.
     """
-    if isinstance(replays, Replay):
+    if not isinstance(replays, Mapping):
+        expect(Replay, replays, A_REPLAY)
         replays = {replays.plan.method: replays}
     colour = colours(list(replays))
     runs = {label: run for label, run in replays.items() if run is not None}
+    for run in runs.values():
+        expect(Replay, run, A_REPLAY)
     first = next(iter(runs.values()), None)
     if first is None or not first.angles:
         raise InputError("no plan with angles was replayed, so there is nothing to draw")
@@ -87,7 +92,7 @@ CLOSED = "the same plan with feedback"
 REFUSED = " (refused)"
 
 
-def plot_efforts(comparison: Comparison, *, ax: Any = None) -> tuple[Figure, Any]:
+def plot_efforts(comparison: Comparison, *, axes: Any = None) -> tuple[Figure, Any]:
     """Effort of each plan against its error on the machines.
 
     The dot is the median of E with its 95 % interval, the line reaches up to the 95th percentile.
@@ -95,7 +100,7 @@ def plot_efforts(comparison: Comparison, *, ax: Any = None) -> tuple[Figure, Any
 
     Args:
         comparison: What to draw; rows without replay are left out.
-        ax: Axes to draw into.
+        axes: Axes to draw into.
 
     Returns:
         The figure and its axes.
@@ -103,12 +108,13 @@ def plot_efforts(comparison: Comparison, *, ax: Any = None) -> tuple[Figure, Any
     Raises:
         InputError: If no plan was replayed.
     """
+    expect(Comparison, comparison, "planner.compare(problem) makes one")
     rows = [row for row in comparison.rows if np.isfinite([row.effort, row.E_median_deg]).all()]
     if not rows:
         raise InputError("no plan was replayed, so there are no errors to draw")
     colour = colours([row.spec for row in comparison.rows if not row.feedback])
-    ours = ax is None
-    figure, axes = grid(1, 1, ax, size=(6.4, 4.6))
+    ours = axes is None
+    figure, axes = grid(1, 1, axes, size=(6.4, 4.6))
     ax = axes[0, 0]
     for row in rows:
         _draw_row(ax, row, colour[row.spec])
@@ -178,7 +184,7 @@ def _join(ax: Any, rows: list[Row], colour: dict[str, str]) -> None:
 
 
 def plot_errors(
-    errors: Mapping[str, ArrayLike | None], *, refused: Collection[str] = (), ax: Any = None
+    errors: Mapping[str, ArrayLike | None], *, refused: Collection[str] = (), axes: Any = None
 ) -> tuple[Figure, Any]:
     """Share of machines with an error below each value; median and 95th percentile as dots.
 
@@ -188,7 +194,7 @@ def plot_errors(
         errors: For each plan its error index E on every sampled machine, shape (samples,), degrees;
             None for a plan that was not replayed (it keeps its colour).
         refused: Labels of plans that are refused, and were replayed for study.
-        ax: Axes to draw into.
+        axes: Axes to draw into.
 
     Returns:
         The figure and its axes.
@@ -196,12 +202,13 @@ def plot_errors(
     Raises:
         InputError: If no plan was replayed.
     """
+    expect(Mapping, errors, "give errors by label, as in {'mine': replay.index_E_deg}")
     known = {k: np.asarray(e, dtype=float) for k, e in errors.items() if e is not None}
     if not known:
         raise InputError("no plan was replayed, so there are no errors to draw")
     colour = colours(list(errors))
-    ours = ax is None
-    figure, axes = grid(1, 1, ax, size=(6.4, 4.0))
+    ours = axes is None
+    figure, axes = grid(1, 1, axes, size=(6.4, 4.0))
     ax = axes[0, 0]
     for label, error in known.items():
         _distribution(ax, label, np.sort(error), colour[label], label in refused)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.comparison.rows import effort_unit
+from planner.errors import expect
 from planner.report.figures.style import COLOURS, grid, heading, legend, symbol
 from planner.robustness.budget import Budget, Cost, total
 from planner.robustness.machine_sensitivity import MachineEntry, MachineSensitivity
@@ -31,7 +32,7 @@ MAP = "Blues"
 
 
 def plot_sensitivity(
-    found: Sensitivity, spread: Mapping[str, float] = PAPER_SPREAD, *, ax: Any = None
+    found: Sensitivity, spread: Mapping[str, float] = PAPER_SPREAD, *, axes: Any = None
 ) -> tuple[Figure, Any]:
     """Degrees of each angle at the end for one reference error of each parameter.
 
@@ -40,11 +41,12 @@ def plot_sensitivity(
     Args:
         found: The sensitivities.
         spread: Standard deviations; where there is none the usual size is taken.
-        ax: Axes to draw into.
+        axes: Axes to draw into.
 
     Returns:
         The figure and its axes.
     """
+    expect(Sensitivity, found, "planner.sensitivity(plan) makes one")
     names = [found.plan.problem.system.coordinates[i].name for i in found.angles]
     first = found.plan.problem.system.coordinates[0].name
     kept = [p for p, name in enumerate(found.parameters) if name != f"start {first}"]
@@ -53,7 +55,7 @@ def plot_sensitivity(
         for p in kept
     ]
     values = found.contribution_deg(spread)[:, kept]
-    figure, ax, ours = _heat(values, [symbol(n) for n in names], labels, ax)
+    figure, ax, ours = _heat(values, [symbol(n) for n in names], labels, axes)
     for row, column in np.argwhere(found.irreducible[np.ix_(found.angles, kept)]):
         ax.plot(column - 0.38, row - 0.34, "o", color="#D55E00", markersize=4)
     _box_passive(ax, found, kept)
@@ -67,24 +69,25 @@ def plot_sensitivity(
 
 
 def plot_machine_sensitivity(
-    found: MachineSensitivity, *, most: int = 24, ax: Any = None
+    found: MachineSensitivity, *, most: int = 24, axes: Any = None
 ) -> tuple[Figure, Any]:
     """Degrees of each angle at the end for one spread (or step) of each parameter of the machine.
 
     Args:
         found: The sensitivities.
         most: Parameters shown: those of the largest response.
-        ax: Axes to draw into.
+        axes: Axes to draw into.
 
     Returns:
         The figure and its axes.
     """
+    expect(MachineSensitivity, found, "planner.machine_sensitivity(plan) makes one")
     loud = [e for e in found.entries if not e.silent]
     loud = sorted(loud, key=lambda e: -float(np.max(np.abs(e.contribution))))[:most]
     labels = [f"{entry_name(e)}: {e.reference:.3g} {e.unit}".strip() for e in loud]
     values = np.stack([e.contribution for e in loud], axis=0)
     angles = [symbol(n) for n in found.angles]
-    figure, ax, ours = _heat(values, labels, angles, ax, tall=True)
+    figure, ax, ours = _heat(values, labels, angles, axes, tall=True)
     nominal = ", ".join(f"{e:.2g}" for e in found.nominal_error_deg)
     text = f"{found.plan.method} on the machine; nominal errors {nominal} deg"
     heading(figure, text, ours=ours)
@@ -92,20 +95,21 @@ def plot_machine_sensitivity(
 
 
 def plot_responses(
-    found: Sensitivity, spread: Mapping[str, float] = PAPER_SPREAD, *, ax: Any = None
+    found: Sensitivity, spread: Mapping[str, float] = PAPER_SPREAD, *, axes: Any = None
 ) -> tuple[Figure, Any]:
     """Standard deviation of each angle along the plan, degrees.
 
     Args:
         found: The sensitivities.
         spread: Standard deviations of the errors.
-        ax: Axes to draw into.
+        axes: Axes to draw into.
 
     Returns:
         The figure and its axes.
     """
-    ours = ax is None
-    figure, axes = grid(1, 1, ax, size=(6.4, 3.4))
+    expect(Sensitivity, found, "planner.sensitivity(plan) makes one")
+    ours = axes is None
+    figure, axes = grid(1, 1, axes, size=(6.4, 3.4))
     ax = axes[0, 0]
     for k, (i, values) in enumerate(zip(found.angles, found.along_deg(spread).T, strict=True)):
         name = symbol(found.plan.problem.system.coordinates[i].name)
@@ -119,11 +123,11 @@ def plot_responses(
 
 
 def _heat(
-    values: Array, rows: Sequence[str], columns: Sequence[str], ax: Any, *, tall: bool = False
+    values: Array, rows: Sequence[str], columns: Sequence[str], axes: Any, *, tall: bool = False
 ) -> tuple[Figure, Any, bool]:
-    ours = ax is None
+    ours = axes is None
     size = (4.6, 0.28 * len(rows) + 0.9) if tall else (0.72 * len(columns), 0.5 * len(rows) + 1.2)
-    figure, axes = grid(1, 1, ax, size=size)
+    figure, axes = grid(1, 1, axes, size=size)
     ax = axes[0, 0]
     ax.grid(False)
     shade = np.abs(values) ** 0.5  # small responses stay visible beside large ones
@@ -182,6 +186,7 @@ def plot_budget(budget: Budget, *, axes: Any = None) -> tuple[Figure, Any]:
     Returns:
         The figure and its axes, shape (1, 2).
     """
+    expect(Budget, budget, "planner.error_budget(plan) makes one")
     ours = axes is None
     high = 0.3 * len(budget.costs) + 1.2
     figure, axes = grid(1, 2, axes, size=(5.2, high), share=("none", "all"))
@@ -247,6 +252,7 @@ def plot_trade_off(curve: TradeOff, *, axes: Any = None) -> tuple[Figure, Any]:
     Raises:
         InputError: If `axes` do not fit.
     """
+    expect(TradeOff, curve, "planner.trade_off(problem) makes one")
     ours = axes is None
     figure, axes = grid(1, 3, axes, size=(4.3, 3.6))
     _responses(axes[0, 0], curve)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from planner.comparison.rows import FEEDBACK
 from planner.errors import InputError
-from planner.plan.plan import Plan
+from planner.plan.plan import Plan, expect_plan
 from planner.support.arrays import Array
 from planner.support.one_variable import sample_times
 from planner.support.tables import clean
@@ -96,12 +96,17 @@ def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
         executable: Leave out those that have no real coordinates.
 
     Raises:
-        InputError: If nothing is left to draw.
+        InputError: If one is no plan, or nothing is left to draw.
     """
-    if isinstance(plans, Plan):
+    if isinstance(plans, str) or not isinstance(plans, Iterable):
+        expect_plan(plans)
         plans = {plans.method: plans}
-    elif not isinstance(plans, Mapping):
-        plans = {f"{k + 1}: {plan.method}": plan for k, plan in enumerate(plans)}
+    given: list[Any] = list(plans.values() if isinstance(plans, Mapping) else plans)
+    for plan in given:
+        if plan is not None or not isinstance(plans, Mapping):
+            expect_plan(plan)
+    if not isinstance(plans, Mapping):
+        plans = {f"{k + 1}: {plan.method}": plan for k, plan in enumerate(given)}
     colour = colours(list(plans))
     found = [Curve(label, plan, colour[label]) for label, plan in plans.items() if plan is not None]
     found = [c for c in found if c.plan.executable or not executable]

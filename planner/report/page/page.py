@@ -18,7 +18,7 @@ from planner.report.charts.panels import CHARTS, STYLE, script, source
 from planner.report.page.series import page_data
 from planner.report.page.words import answers, facts, places, question, subscripted, verdict
 from planner.report.saved import load_comparison, load_replays
-from planner.support.files import read_json, write_text
+from planner.support.files import named, read_json, write_text
 from planner.support.tables import Column, Markup, R, html_table, number
 
 ROOM = "planner.report.page"
@@ -41,7 +41,7 @@ def write_report(folder: str | Path, out: str | Path | None = None) -> Path:
         InputError: If the folder is not that of a comparison, a plan in it is none any more, or the
             page cannot be written.
     """
-    place = Path(folder)
+    place = named(folder)
     comparison, replays = load_comparison(place, strict=True), load_replays(place)
     made = read_json(place / "comparison.json")
     target = place / "report.html" if out is None else Path(out)

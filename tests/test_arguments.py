@@ -1,0 +1,246 @@
+"""Arguments of another kind: what is meant is taken, and all else is told in one sentence."""
+
+from __future__ import annotations
+
+import copy
+import inspect
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import planner
+from planner import report
+from planner.support.arrays import plain
+
+
+@pytest.fixture(scope="module")
+def plan() -> planner.Plan:
+    return planner.solve(planner.load_problem("problems/paper.toml"), "collocation")
+
+
+# -- what is meant is taken ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "angles", [np.array([20.0, 21.0, 22.0]), (20.0, 21.0, 22.0), [np.float32(20), 21, np.int64(22)]]
+)
+def test_arrays_tuples_and_numpy_numbers_are_values_of_a_problem(angles: Any) -> None:
+    problem = planner.load_problem("problems/paper.toml")
+    changed = problem.changed({"goal.theta_deg": angles, "goal.duration": np.float64(12)})
+    assert np.rad2deg(changed.goal[1:]) == pytest.approx([20, 21, 22])
+    assert changed == problem.changed({"goal.theta_deg": [20, 21, 22], "goal.duration": 12.0})
+    tables = problem.to_dict()
+    tables["goal"]["theta_deg"] = angles
+    tables["goal"]["duration"] = np.float64(12)
+    assert planner.Problem.from_dict(tables) == changed
+    assert tables["goal"]["theta_deg"] is angles  # the caller's tables stay as they are
+
+
+def test_numpy_numbers_out_of_range_are_refused_as_others_are() -> None:
+    problem = planner.load_problem("problems/paper.toml")
+    with pytest.raises(planner.InputError, match="too large"):
+        problem.changed({"goal.duration": np.float64(1e300)})
+    with pytest.raises(planner.InputError, match=r"'goal.theta_deg\[1\]' = 95.0: must be less"):
+        problem.changed({"goal.theta_deg": np.array([1.0, 95.0, 1.0])})
+
+
+def test_arrays_are_options_of_a_method(plan: planner.Plan) -> None:
+    tight = plan.problem.changed({"limits.input_rad_s": 2.0})
+    made = planner.solve(tight, "polynomial", points=np.array([[5.0, -0.3]]))
+    assert made.options["points"] == [[5.0, -0.3]]
+
+
+def test_plain_values_copy_what_they_are_given() -> None:
+    given: dict[str, Any] = {"a": [[1.0]], "b": np.bool_(True), "c": (np.arange(2),)}
+    found = plain(given)
+    assert found == {"a": [[1.0]], "b": True, "c": [[0, 1]]}
+    assert found["a"][0] is not given["a"][0]
+    assert type(found["b"]) is bool
+
+
+def test_a_preset_stands_for_its_machine(plan: planner.Plan) -> None:
+    by_name = planner.replay(plan, "ideal")
+    assert by_name.machine == planner.Machine.ideal()
+    np.testing.assert_array_equal(
+        by_name.q, planner.replay(plan, planner.Machine.ideal(), seed=0).q
+    )
+    found = planner.compare(plan.problem, ["collocation"], machine="ideal", samples=2)
+    assert found.machine == planner.Machine.ideal()
+
+
+# -- all else is told ------------------------------------------------------------------------------
+
+NO_PLAN = "is not a Plan; planner.solve.problem, method. makes one and planner.load_plan"
+NO_PROBLEM = "is not a Problem; planner.load_problem"
+NO_NAME = "is not the name of a file or folder"
+
+TAKE_PLANS: dict[str, Callable[[Any], Any]] = {
+    "certify": planner.certify,
+    "compensate": lambda x: planner.compensate(None if isinstance(x, planner.Problem) else x),
+    "error_budget": planner.error_budget,
+    "export": lambda x: planner.export(x, "never.csv"),
+    "indicators": planner.indicators,
+    "machine_sensitivity": planner.machine_sensitivity,
+    "replay": planner.replay,
+    "retime": planner.retime,
+    "sensitivity": planner.sensitivity,
+    "verify": planner.verify,
+    "animate": lambda x: report.animate(x, "never.gif"),
+    "plot_arm": report.plot_arm,
+    "plot_inputs": report.plot_inputs,
+    "plot_joints": report.plot_joints,
+    "plot_z": report.plot_z,
+}
+TAKE_PROBLEMS: dict[str, Callable[[Any], Any]] = {
+    "check": planner.check,
+    "compare": planner.compare,
+    "explore": planner.explore,
+    "solve": planner.solve,
+    "trade_off": planner.trade_off,
+    "travel_window": planner.travel_window,
+}
+TAKE_NAMES: dict[str, Callable[[Any], Any]] = {
+    "load_plan": planner.load_plan,
+    "load_problem": planner.load_problem,
+    "load_samples": planner.load_samples,
+    "load_sweep": planner.load_sweep,
+    "load_comparison": report.load_comparison,
+    "run_sweep": lambda x: planner.run_sweep(x, "never.db"),
+    "write_report": report.write_report,
+}
+TAKE_OTHERS: dict[str, tuple[Callable[[Any], Any], str]] = {
+    "chained_form": (planner.chained_form, "is not a TriangularSystem; problem.system is one"),
+    "controllability": (
+        lambda x: planner.controllability(x, [0, 0, 0, 0]),
+        "is not a TriangularSystem; problem.system is one",
+    ),
+    "plot_budget": (report.plot_budget, "is not a Budget; planner.error_budget"),
+    "plot_efforts": (report.plot_efforts, "is not a Comparison; planner.compare"),
+    "plot_errors": (report.plot_errors, "give errors by label"),
+    "plot_machine_sensitivity": (report.plot_machine_sensitivity, "planner.machine_sensitivity"),
+    "plot_replays": (report.plot_replays, "is not a Replay; planner.replay.plan. makes one"),
+    "plot_responses": (report.plot_responses, "is not a Sensitivity; planner.sensitivity"),
+    "plot_sensitivity": (report.plot_sensitivity, "is not a Sensitivity; planner.sensitivity"),
+    "plot_trade_off": (report.plot_trade_off, "is not a TradeOff; planner.trade_off"),
+}
+REGISTERING = {"register_method", "register_requirement", "register_system"}
+
+
+def test_every_public_function_is_tried_here() -> None:
+    functions = {
+        name
+        for package in (planner, report)
+        for name in package.__all__
+        if inspect.isroutine(inspect.unwrap(getattr(package, name)))
+    }
+    tried = TAKE_PLANS.keys() | TAKE_PROBLEMS.keys() | TAKE_NAMES.keys() | TAKE_OTHERS.keys()
+    assert functions - REGISTERING == tried
+
+
+@pytest.mark.parametrize("name", TAKE_PLANS)
+@pytest.mark.parametrize("wrong", ["problem", "name", "number"])
+def test_what_is_no_plan_is_told(plan: planner.Plan, name: str, wrong: str) -> None:
+    value = {"problem": plan.problem, "name": "plan.json", "number": 3}[wrong]
+    with pytest.raises(planner.InputError, match=NO_PLAN):
+        TAKE_PLANS[name](value)
+
+
+@pytest.mark.parametrize("name", TAKE_PROBLEMS)
+def test_what_is_no_problem_is_told(plan: planner.Plan, name: str) -> None:
+    for value in (plan, "paper.toml", {"system": {}}):
+        with pytest.raises(planner.InputError, match=NO_PROBLEM):
+            TAKE_PROBLEMS[name](value)
+
+
+@pytest.mark.parametrize("name", TAKE_NAMES)
+def test_what_is_no_file_name_is_told(plan: planner.Plan, name: str) -> None:
+    for value in (plan.problem, 3):
+        with pytest.raises(planner.InputError, match=NO_NAME):
+            TAKE_NAMES[name](value)
+
+
+@pytest.mark.parametrize("name", TAKE_OTHERS)
+def test_what_is_no_result_is_told(plan: planner.Plan, name: str) -> None:
+    call, words = TAKE_OTHERS[name]
+    for value in (plan.problem, 3):
+        with pytest.raises(planner.InputError, match=words):
+            call(value)
+
+
+def test_one_wrong_among_several_plans_is_told(plan: planner.Plan) -> None:
+    for several in ([plan, plan.problem], {"a": plan, "b": plan.problem}, [None]):
+        with pytest.raises(planner.InputError, match=NO_PLAN):
+            report.plot_inputs(several)
+
+
+@pytest.mark.parametrize("given", ["protoype", 3, {"preset": "ideal"}])
+def test_what_is_no_machine_is_told(plan: planner.Plan, given: Any) -> None:
+    for call in (planner.replay, planner.machine_sensitivity, planner.error_budget):
+        with pytest.raises(planner.InputError, match="preset's name stands for one: prototype, id"):
+            call(plan, given)
+    with pytest.raises(planner.InputError, match="is not a Machine"):
+        planner.compare(plan.problem, ["collocation"], machine=given)
+
+
+def test_other_arguments_are_told(plan: planner.Plan) -> None:
+    problem: Any = plan.problem
+    for call, words in (
+        (lambda: problem.changed([("goal.travel", 1)]), "changes are dotted keys to values"),
+        (lambda: planner.Problem.from_dict([1]), "is not a Mapping; planner.load_problem"),  # type: ignore[arg-type]
+        (lambda: planner.retime(plan, 0.3), r"give keys of \[limits\]"),  # type: ignore[arg-type]
+        (lambda: planner.Tracker(3), r"as in planner.Tracker\(run_up=False\)"),  # type: ignore[arg-type]
+        (lambda: planner.compare(problem, 3), "give names, as in"),  # type: ignore[arg-type]
+        (lambda: planner.compare(problem, [3]), "give names, as in"),  # type: ignore[list-item]
+        (lambda: planner.solve(problem, ["convex"]), "unknown method"),  # type: ignore[arg-type]
+        (lambda: planner.solve(problem, warm=problem), NO_PLAN),
+    ):
+        with pytest.raises(planner.InputError, match=words):
+            call()
+
+
+@pytest.mark.parametrize(
+    ("cls", "words"),
+    [
+        (planner.Problem, "planner.load_problem.path., Problem.manipulator.*Problem.from_dict"),
+        (planner.Machine, "planner.Machine.prototype.., .ideal.. or .from_table"),
+        (planner.Plan, "planner.solve.problem, method. or planner.load_plan"),
+    ],
+)
+def test_a_class_that_is_not_filled_in_by_hand_says_how_it_is_made(cls: Any, words: str) -> None:
+    for wrong in ((), ("one",)):
+        with pytest.raises(planner.InputError, match=words):
+            cls(*wrong)
+    with pytest.raises(planner.InputError, match=words):
+        cls(nonsense=1)
+
+
+def test_copies_are_still_made(plan: planner.Plan) -> None:
+    assert copy.deepcopy(plan.problem) == plan.problem
+    assert copy.copy(planner.Machine.prototype()) == planner.Machine.prototype()
+
+
+# -- one word for axes, and public names -----------------------------------------------------------
+
+
+def test_every_figure_is_drawn_into_axes_of_ones_own_by_the_same_word() -> None:
+    figures = [name for name in report.__all__ if name.startswith("plot_")]
+    assert len(figures) == 12
+    for name in figures:
+        keyword = inspect.signature(getattr(report, name)).parameters["axes"]
+        assert keyword.kind is inspect.Parameter.KEYWORD_ONLY
+        assert keyword.default is None
+    drawing = [path.read_text() for path in Path("planner/report/figures").glob("*.py")]
+    public = [text.count("\ndef plot_") for text in drawing]
+    assert sum(public) == len(figures)
+
+
+def test_listing_a_package_shows_its_public_names() -> None:
+    import planner.plan.samples  # a module that is imported is no public name
+
+    assert planner.plan.samples
+    shown = {name for name in dir(planner) if not name.startswith("__")}
+    assert shown == {*planner.__all__, "report"}
+    assert {name for name in dir(report) if not name.startswith("__")} == set(report.__all__)

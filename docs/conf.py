@@ -18,6 +18,7 @@ import planner  # noqa: E402
 
 project = "planner"
 author = "the planner authors"
+copyright = "2026, the planner authors"
 release = version = planner.__version__
 
 extensions = [

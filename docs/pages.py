@@ -41,8 +41,10 @@ def write(docs: Path) -> None:
     for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
         _put(docs / "notebooks" / path.name, path.read_text(encoding="utf-8"))
     shutil.copytree(ROOT / "problems", docs / "problems", dirs_exist_ok=True)
-    shutil.copyfile(ROOT / "results" / "explorer" / "refused.png", made / "explorer.png")
-    shutil.copyfile(ROOT / "results" / "paper" / "mechanism.png", made / "mechanism.png")
+    pictures = ["explorer/refused", "paper/mechanism", "compensation/compensation"]
+    for picture in [*pictures, "coverage/coverage"]:
+        name = picture.rpartition("/")[2].replace("refused", "explorer")
+        shutil.copyfile(ROOT / "results" / f"{picture}.png", made / f"{name}.png")
 
 
 def _put(path: Path, text: str) -> None:

@@ -35,12 +35,14 @@ class Cases:
         free: z without any constraint point (the paper's Fig. 4).
         point: z with the constraint point (its Fig. 5); not executable.
         valid: The same law at the travel of least peak input inside the domain.
+        best: The motion of least effort, any travel.
         replay: `valid` on samples of the emulated prototype.
     """
 
     free: Plan
     point: Plan
     valid: Plan
+    best: Plan
     replay: Replay
 
 
@@ -57,5 +59,6 @@ def cases(samples: int, seed: int) -> Cases:
         free=solve(printed, "polynomial", allow_singular=True),
         point=solve(printed, "polynomial", points=[POINT], allow_singular=True),
         valid=valid,
+        best=solve(paper_problem(), "collocation"),
         replay=replay(valid, Machine.prototype(), samples=samples, seed=seed),
     )

@@ -22,6 +22,7 @@ from planner.report.figures.mechanism import plot_mechanism
 from planner.report.figures.on_the_machine import median_sample, plot_replays
 from planner.report.figures.over_time import plot_inputs, plot_joints, plot_z, z2_band
 from planner.report.figures.style import grid, heading
+from planner.report.film import animate
 from planner.support.files import folder
 from planner.support.tables import Column, Markup, markdown_table
 
@@ -36,7 +37,7 @@ class Reproduction:
     """What `reproduce` made.
 
     Attributes:
-        path: The folder: README.md, one PNG a figure.
+        path: The folder: README.md, one PNG a figure, the arm in motion as a GIF.
         findings: The paper's numbers and claims, each with a verdict.
         cases: The plans behind the figures.
     """
@@ -68,8 +69,11 @@ def reproduce(
         found = findings(made)
         drawn = figures(made)
         for k, (name, figure) in enumerate(drawn.items()):
-            say(f"drawing {name}", 0.6 + 0.4 * k / len(drawn))
+            say(f"drawing {name}", 0.6 + 0.3 * k / len(drawn))
             figure.savefig(place / f"{name}.png", dpi=110, bbox_inches="tight")
+        say(f"drawing {FILM}", 0.9)
+        both = {"the paper's polynomial law": made.valid, "least effort": made.best}
+        animate(both, place / FILM, fps=20, speed=2.0)
         (place / "README.md").write_text(page(found, samples, seed), encoding="utf-8")
     return Reproduction(Path(path), tuple(found), made)
 
@@ -199,6 +203,8 @@ MISPRINTS = (
     ("4.3", '"Fig. 5 indicates the trajectory of Z without any constraint points"', "Fig. 4"),
 )
 
+FILM = "arm.gif"
+
 FIGURES = (
     (
         "mechanism",
@@ -248,6 +254,8 @@ def page(findings: list[Finding], samples: int, seed: int) -> str:
     parts.append("\n## Figures\n")
     for name, title, text in FIGURES:
         parts.append(f"### {title}: {text}\n\n![{title}: {text}]({name}.png)\n")
+    text = "the arm in motion, twice as fast as life: the paper's law beside the least effort"
+    parts.append(f"### Film: {text}\n\n![{text}]({FILM})\n")
     return "\n".join(parts)
 
 

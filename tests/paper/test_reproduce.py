@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import planner
 from planner import solve
@@ -16,7 +17,9 @@ from planner.paper.numbers import (
     scan,
     way_around,
 )
-from planner.paper.reproduce import FIGURES, Reproduction, reproduce
+from planner.paper.reproduce import FIGURES, FILM, Reproduction, reproduce
+from planner.plan.measures import effort
+from planner.report.film import HOLD_S
 
 
 @pytest.fixture(scope="module")
@@ -30,6 +33,18 @@ def test_every_figure_is_made_and_shown(made: Reproduction) -> None:
         assert (made.path / f"{name}.png").stat().st_size > 10_000
         assert f"({name}.png)" in page
     assert {p.stem for p in made.path.glob("*.png")} == {name for name, _, _ in FIGURES}
+
+
+def test_the_film_shows_the_arm_at_twice_its_speed_and_is_small(made: Reproduction) -> None:
+    path = made.path / FILM
+    assert path.stat().st_size < 1.5e6
+    assert f"({FILM})" in (made.path / "README.md").read_text(encoding="utf-8")
+    with Image.open(path) as film:
+        seconds = [film.seek(k) or film.info["duration"] / 1000 for k in range(film.n_frames)]
+    assert sum(seconds) == pytest.approx(made.cases.valid.duration / 2 + HOLD_S, abs=0.1)
+    efforts = [effort(made.cases.best.trajectory), effort(made.cases.valid.trajectory)]
+    assert made.cases.best.verified
+    assert efforts[0] < efforts[1]
 
 
 def test_page_names_its_command(made: Reproduction) -> None:

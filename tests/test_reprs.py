@@ -46,6 +46,8 @@ def values(plan: planner.Plan) -> list[Any]:
         planner.sensitivity(plan),
         planner.machine_sensitivity(plan, machine),
         planner.check(problem, ["polynomial"]),
+        planner.travel_window(problem),
+        planner.indicators(plan),
         sample(plan),
         TradeOff(problem, "effort", (), DesensitisedOptions(), machine, None),
     ]
@@ -78,6 +80,27 @@ def test_the_comparison_says_who_solved_and_who_did_not(comparison: planner.Comp
 def test_sensitivity_prints_its_numbers(plan: planner.Plan) -> None:
     found = planner.sensitivity(plan)
     assert f"{found.floor_deg():.4g}" in repr(found)
+
+
+def test_what_has_few_figures_prints_them_in_one_line(plan: planner.Plan) -> None:
+    problem, found = plan.problem, planner.indicators(plan)
+    window = planner.travel_window(problem)
+    assert window is not None
+    gain, margin = f"{found.initial_error_gain:.3g}", f"{plan.domain.margin:.3g}"
+    for value, words in (
+        (window, f"{window.low:.4g} to {window.high:.4g} rad: each of these can be had"),
+        (found, f"initial error gain {gain})"),
+        (plan.domain, f"inside the chart: least margin {margin} "),
+    ):
+        assert words in repr(value)
+        assert "\n" not in repr(value)
+    back = planner.travel_window(problem.changed({"goal.theta_deg": [30, 30, -30]}))
+    assert repr(back).startswith("TravelWindow(empty: the passive joints must move in opposite")
+    four = planner.travel_window(planner.load_problem("problems/four-joint.toml"))
+    assert "rad: no other can be had while the disk turns one way" in repr(four)
+    with pytest.raises(planner.SingularError) as refusal:
+        planner.solve(problem.changed({"goal.travel": 2.0}), "polynomial")
+    assert "DomainReport(leaves the chart " in repr(refusal.value.plan.domain)
 
 
 class _Cells(HTMLParser):

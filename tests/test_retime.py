@@ -124,11 +124,12 @@ def test_nothing_is_left_to_gain(fast: planner.Plan) -> None:
 def test_file_and_slowing(fast: planner.Plan, tmp_path: Path) -> None:
     back = planner.load_plan(fast.save(tmp_path / "plan.json"))
     times = np.linspace(-0.1, fast.duration + 0.1, 77)
-    for a, b in ((back.q, fast.q), (back.u, fast.u), (back.z, fast.z), (back.v, fast.v)):
+    again, curve = back.trajectory, fast.trajectory
+    for a, b in ((again.q, curve.q), (again.u, curve.u), (again.z, curve.z), (again.v, curve.v)):
         np.testing.assert_array_equal(a(times), b(times))
-    slow = fast.trajectory.slowed(2.0)
-    np.testing.assert_allclose(slow.u(2 * times), fast.u(times) / 2, rtol=0, atol=1e-12)
-    assert not np.any(fast.u(np.array([-0.1, fast.duration + 0.1])))
+    slow = curve.slowed(2.0)
+    np.testing.assert_allclose(slow.u(2 * times), curve.u(times) / 2, rtol=0, atol=1e-12)
+    assert not np.any(curve.u(np.array([-0.1, fast.duration + 0.1])))
 
 
 def test_a_file_is_read_in_a_new_process(fast: planner.Plan, tmp_path: Path) -> None:

@@ -56,7 +56,7 @@ def error_panel(run: Replay | None) -> dict[str, Any] | None:
     """The largest error of any angle over time, on the machines: median and 90 % of them."""
     if run is None or not run.angles:
         return None
-    planned = run.plan.q(run.t)
+    planned = run.plan.trajectory.q(run.t)
     error = np.rad2deg(np.abs(run.q - planned)[:, :, list(run.angles)]).max(axis=2)
     low, middle, high = np.percentile(error, [5, 50, 95], axis=0)
     return over_time(

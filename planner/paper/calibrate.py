@@ -375,7 +375,7 @@ def _errors(ax: Any, motions: Mapping[str, Motion]) -> None:
 
 def _motors(ax: Any, plan: Plan, motions: Mapping[str, Motion]) -> None:
     t = next(iter(motions.values())).t
-    command = np.where((t < plan.duration)[:, None], plan.u(t), 0.0)
+    command = np.where((t < plan.duration)[:, None], plan.trajectory.u(t), 0.0)
     peak = np.max(np.abs(command), axis=0) / 100
     for i in range(2):
         ax.plot(t, command[:, i], color="#BBBBBB", linewidth=4, label="command" if i else None)

@@ -127,7 +127,7 @@ def _motors(cases: Cases) -> Figure:
     """Speeds of both motors of the sample of median error, against the command."""
     run = cases.replay
     figure, axes = grid(1, 2, size=(4.2, 3.0))
-    commanded, k = run.plan.u(run.t), median_sample(run)
+    commanded, k = run.plan.trajectory.u(run.t), median_sample(run)
     for i, ax in enumerate(axes[0]):
         ax.plot(run.t, commanded[:, i], "k--", linewidth=1.1, label="command")
         ax.plot(run.t, run.motor_rates[k, :, i], color="#0072B2", linewidth=1.4, label="motor")

@@ -102,11 +102,11 @@ def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) ->
     }
     draws = Draws(base.numbers, {**base.values, **changed})
     run = simulate_draws(plan, machine, draws, settle_s=SETTLE_S, record_s=RECORD_S)
-    u = np.where((run.t < plan.duration)[:, None], plan.u(run.t), 0.0)
+    u = np.where((run.t < plan.duration)[:, None], plan.trajectory.u(run.t), 0.0)
     peak = np.max(np.abs(u), axis=0) / 100
     return Motion(
         t=run.t,
-        error=np.rad2deg(run.q - plan.q(run.t))[:, :, 1:],
+        error=np.rad2deg(run.q - plan.trajectory.q(run.t))[:, :, 1:],
         motors=run.speed / peak,
         gap=(run.speed - u) / peak,
         largest=np.rad2deg(run.deviation),

@@ -91,7 +91,7 @@ def slowing(requirements: Sequence[Requirement], trajectory: Trajectory) -> floa
     return float(np.max(factors))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class DomainReport:
     """What `domain_report` finds.
 
@@ -114,6 +114,13 @@ class DomainReport:
     z2_crossings_s: tuple[float, ...]
     z2_max: float
     z2_min: float
+
+    def __repr__(self) -> str:
+        where = "inside the chart" if self.ok else f"leaves the chart {len(self.exits_s)} times"
+        return (
+            f"DomainReport({where}: least margin {self.margin:.3g} ({self.label}) at"
+            f" t = {self.time_s:.4g} s, z2 from {self.z2_min:.3g} to {self.z2_max:.3g})"
+        )
 
     @property
     def singular_times_s(self) -> tuple[float, ...]:

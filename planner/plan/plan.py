@@ -35,6 +35,10 @@ if TYPE_CHECKING:
 FORMAT = "planner-plan"
 VERSION = 1
 
+ROUNDING = 1e-9
+"""Part of the duration (of a second, if that is more) by which a time may lie outside a plan: sums
+of thousands of steps are off by less."""
+
 
 @made_by("planner.solve(problem, method) or planner.load_plan(path)")
 @dataclass(frozen=True, eq=False)
@@ -42,6 +46,10 @@ class Plan:
     """A motion from start to goal that evaluates at any time.
 
     `t`, `q(t)`, `u(t)`, `z(t)` and `v(t)` use the method's own interpolant; see `Trajectory`.
+
+    They are defined from 0 to `duration`, and raise InputError at other times (but for rounding,
+    1e-9 of the duration). Where a plan should stay at its ends before and after, ask its
+    `trajectory`: there inputs are zero outside.
 
     Plans are equal that are the same motion for the same problem, by the same method and options,
     with the same verdict; how long they took to find does not count.
@@ -117,16 +125,16 @@ class Plan:
         return 0.0 if self.compensation is None else self.compensation.tail_s
 
     def wanted(self, t: ArrayLike) -> Array:
-        """Coordinates (…, N) that a machine should have at times t (…), to judge it by.
+        """Coordinates (…, N) that a machine should have at any times t (…), to judge it by.
 
         Those of the plan; of a compensated plan those of the plan that it compensates, on its own
         clock, and NaN while it prepares.
         """
         if self.compensates is None:
-            return self.q(t)
+            return self.trajectory.q(t)
         own = np.asarray(t, dtype=float) - self.lead_s
-        early = own < -1e-9 * max(1.0, self.duration)
-        return np.where(early[..., None], np.nan, self.compensates.q(own))
+        early = own < -ROUNDING * max(1.0, self.duration)
+        return np.where(early[..., None], np.nan, self.compensates.trajectory.q(own))
 
     @property
     def t(self) -> Array:
@@ -154,20 +162,36 @@ class Plan:
         return self.trajectory.in_coordinates or self.domain.ok
 
     def q(self, t: ArrayLike) -> Array:
-        """Coordinates, shape (…, N), at times t (…)."""
-        return self.trajectory.q(t)
+        """Coordinates, shape (…, N), at times t (…) within [0, duration]."""
+        return self.trajectory.q(self._times(t))
 
     def u(self, t: ArrayLike) -> Array:
-        """Inputs, shape (…, 2), at times t (…)."""
-        return self.trajectory.u(t)
+        """Inputs, shape (…, 2), at times t (…) within [0, duration]."""
+        return self.trajectory.u(self._times(t))
 
     def z(self, t: ArrayLike) -> Array:
-        """Chained coordinates, shape (…, N), at times t (…)."""
-        return self.trajectory.z(t)
+        """Chained coordinates, shape (…, N), at times t (…) within [0, duration]."""
+        return self.trajectory.z(self._times(t))
 
     def v(self, t: ArrayLike) -> Array:
-        """Chained inputs, shape (…, 2), at times t (…)."""
-        return self.trajectory.v(t)
+        """Chained inputs, shape (…, 2), at times t (…) within [0, duration]."""
+        return self.trajectory.v(self._times(t))
+
+    def _times(self, t: ArrayLike) -> Array:
+        """Times within the plan; those outside by rounding alone are moved to its ends.
+
+        Raises:
+            InputError: If one lies outside.
+        """
+        times, slack = np.asarray(t, dtype=float), ROUNDING * max(1.0, self.duration)
+        outside = times[(times < -slack) | (times > self.duration + slack)]
+        if outside.size:
+            raise InputError(
+                f"t = {outside.flat[0]:.6g} s lies outside the plan, which lasts from 0 to"
+                f" {self.duration:.6g} s; plan.trajectory stays at its ends and can be asked at any"
+                " time"
+            )
+        return np.asarray(times.clip(0.0, self.duration))
 
     def save(self, path: str | Path) -> Path:
         """Write the plan as versioned JSON; `load_plan` gives it back exactly.

@@ -156,7 +156,7 @@ def _shown(value: float, unit: str) -> str:
     return f"{np.rad2deg(value):.4g} deg" if unit == "rad" else f"{value:.4g} {unit}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class TravelWindow:
     """Travels Δφ for which a one-way motion can exist, in radians.
 
@@ -173,6 +173,15 @@ class TravelWindow:
     high: float
     exact: bool
     reason: str = ""
+
+    def __repr__(self) -> str:
+        if self.empty:
+            return f"TravelWindow(empty: {self.reason})"
+        sure = "each of these" if self.exact else "no other"
+        return (
+            f"TravelWindow({self.low:.4g} to {self.high:.4g} rad: {sure} can be had while the disk"
+            " turns one way)"
+        )
 
     @property
     def empty(self) -> bool:

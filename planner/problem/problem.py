@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from planner.errors import InputError, expect, made_by
 from planner.problem.requirements.ends import Duration, Goal, Start
@@ -28,6 +29,13 @@ from planner.support.arrays import Array, hashable, plain
 from planner.support.files import read_toml
 from planner.support.tables import line
 from planner.systems.chained_form import chained_form
+from planner.systems.manipulator import (
+    PROTOTYPE_K,
+    PROTOTYPE_K_G,
+    Gear,
+    Manipulator,
+    prototype_ratios,
+)
 from planner.systems.triangular_system import TriangularSystem
 
 
@@ -126,6 +134,76 @@ class Problem:
         )
         _refuse_contradictions(problem)
         return problem
+
+    @classmethod
+    def manipulator(
+        cls,
+        start_deg: ArrayLike,
+        goal_deg: ArrayLike,
+        *,
+        travel: float | None = None,
+        duration: float | None = 10.0,
+        K: ArrayLike | None = None,
+        k_g: float | None = None,
+        gear: Gear | Mapping[str, float] | None = None,
+        link_lengths: ArrayLike | None = None,
+        input_rad_s: ArrayLike | None = None,
+        input_rate_rad_s2: ArrayLike | None = None,
+        joint_deg: ArrayLike | None = None,
+        z2_margin: float | None = None,
+        title: str = "manipulator",
+        changes: Mapping[str, Any] | None = None,
+    ) -> Problem:
+        """A problem of the manipulator with friction disks, without a file.
+
+        What is left out of the system is as in the paper's prototype of three joints, with K
+        continued by the same ratio for more joints; limits that are left out are none. Each
+        argument is the key of that name in a problem file, with its range.
+
+        Args:
+            start_deg: θ₁ … θₙ at the start, degrees; there are as many joints as angles.
+            goal_deg: θ₁ … θₙ at the goal, degrees.
+            travel: Change of the disk angle φₙ₋₁, radians; None: free.
+            duration: Seconds; None: free.
+            K: K₂ … Kₙ, with k_g beside them.
+            k_g: Drive constant.
+            gear: The gear's geometry, in place of K.
+            link_lengths: Lengths of the links, for drawing and obstacles; 1 each when left out.
+            input_rad_s: Largest |u₁|, |u₂|, rad/s: one number for both, or two.
+            input_rate_rad_s2: Largest |du/dt|, rad/s², likewise.
+            joint_deg: Largest |θ|, degrees: one number, or one a joint.
+            z2_margin: Least |z₂|, on the side of the start.
+            title: What it is called in tables and figures.
+            changes: Further dotted keys to values, as in {"machine.preset": "ideal"}.
+
+        Raises:
+            InputError: As for `from_dict`.
+        """
+        angles = plain(start_deg)
+        joints = len(angles) if isinstance(angles, list) else len(PROTOTYPE_K) + 1
+        if gear is None and K is None:
+            K, k_g = prototype_ratios(joints), PROTOTYPE_K_G if k_g is None else k_g
+        if isinstance(gear, Gear):
+            gear = {"lambda" if key == "lam" else key: v for key, v in vars(gear).items()}
+        system = {"K": K, "k_g": k_g, "gear": gear, "link_lengths": link_lengths}
+        limits = {
+            "input_rad_s": input_rad_s,
+            "input_rate_rad_s2": input_rate_rad_s2,
+            "joint_deg": joint_deg,
+            "z2_margin": z2_margin,
+        }
+        tables = {
+            "title": title,
+            "system": {"kind": Manipulator.kind, "joints": joints, **_given(system)},
+            "start": {"theta_deg": angles},
+            "goal": {
+                "theta_deg": goal_deg,
+                "travel": "free" if travel is None else travel,
+                "duration": "free" if duration is None else duration,
+            },
+            "limits": _given(limits),
+        }
+        return cls.from_dict(with_changes(tables, changes or {}), line(title) or "manipulator")
 
     def __repr__(self) -> str:
         duration = "free duration" if self.duration is None else f"{self.duration:g} s"
@@ -272,6 +350,10 @@ def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, 
                 raise InputError(f"cannot set '{dotted}': '{parent}' is not a table")
         table[key] = value
     return data
+
+
+def _given(keys: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in keys.items() if value is not None}
 
 
 def _plain(tables: ProblemFile) -> dict[str, Any]:

@@ -172,7 +172,7 @@ def _stage(drawn: Sequence[Curve], times: Array) -> tuple[Figure, list[_Scene], 
 
 def _scene(ax: Any, curve: Curve, times: Array) -> _Scene:
     plan = curve.plan
-    points, close = body(plan.problem, plan.q(times)), fine_times(plan)
+    points, close = body(plan.problem, plan.trajectory.q(times)), fine_times(plan)
     path = body(plan.problem, plan.q(close))[:, -1]
     draw_places(ax, plan.problem)
     for k in (0, -1):

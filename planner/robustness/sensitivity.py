@@ -272,7 +272,7 @@ def _irreducible(system: TriangularSystem, names: tuple[str, ...]) -> NDArray[np
     return mask
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Indicators:
     """Our reading of the companion paper's indicators, for one plan.
 
@@ -297,6 +297,13 @@ class Indicators:
     linear_approximation: float
     initial_error_matrix: Array
     initial_error_gain: float
+
+    def __repr__(self) -> str:
+        return (
+            f"Indicators(control precision {self.control_precision_deg:.3g} deg with the input held"
+            f" over {self.period_s:g} s, linear approximation {self.linear_approximation:.3g},"
+            f" initial error gain {self.initial_error_gain:.3g})"
+        )
 
 
 def indicators(plan: Plan, period_s: float = 0.01) -> Indicators:

@@ -16,6 +16,7 @@ from planner.errors import InputError, NoPlanError
 from planner.machine.machine import Machine, machine_for
 from planner.methods.registry import find_method, merged_options
 from planner.plan.plan import Plan
+from planner.plan.samples import imported
 from planner.problem.problem import Problem, expect_problem
 from planner.problem.tables.method_options import DesensitisedOptions
 from planner.robustness.trade_off_axis import KINDS, Axis, Kind, axis
@@ -24,6 +25,7 @@ from planner.support.arrays import Array
 from planner.support.package import handed_to
 
 if TYPE_CHECKING:
+    import pandas
     from matplotlib.figure import Figure
 
 Progress = Callable[[str, float], None]
@@ -94,6 +96,27 @@ class TradeOff:
             "points": [p.to_dict() for p in self.points],
             "folder": None if self.folder is None else str(self.folder),
         }
+
+    def to_frame(self) -> pandas.DataFrame:
+        """One row a point; index `limit`, columns with units in their names.
+
+        Replays have a column each figure: `machine_` on the problem's machine, `errors_alone_` on a
+        machine with the design errors only. `knee` is True in one row.
+
+        Raises:
+            InputError: If pandas is not installed.
+        """
+        rows = []
+        for k, point in enumerate(self.points):
+            row = point.to_dict()
+            row["peak_u1"], row["peak_u2"] = row.pop("peak_u")
+            for name in ("machine", "errors_alone"):
+                replays = row.pop(name) or {}
+                row |= {f"{name}_{key}": value for key, value in replays.items()}
+            rows.append({**row, "knee": k == self.knee_index})
+        frame = imported("pandas").DataFrame(rows)
+        frame.attrs = {"problem": self.problem.name, "kind": self.kind}
+        return frame.set_index("limit") if rows else frame
 
     def figure(self) -> Figure:
         """One picture of what is bought and for how much."""

@@ -48,6 +48,16 @@ class Gear:
         return self.lam * self.R / (self.eta * self.r3) * self.rho ** (i - 1)
 
 
+PROTOTYPE_K, PROTOTYPE_K_G = (0.870125, 0.711625), 0.668811
+"""K₂, K₃ and k_g of the paper's prototype, as its printed z(0) gives them."""
+
+
+def prototype_ratios(joints: int) -> list[float]:
+    """K₂ … Kₙ of the prototype, continued for more joints: each is K₃/K₂ times the one before."""
+    first, second = PROTOTYPE_K
+    return [round(first * (second / first) ** i, 6) for i in range(joints - 1)]
+
+
 class Manipulator(TriangularSystem):
     """A nonholonomic manipulator of n ≥ 2 joints with state q = (φₙ₋₁, θ₁, …, θₙ).
 

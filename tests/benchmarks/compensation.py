@@ -192,7 +192,7 @@ def picture(before: Replay, after: Replay) -> Figure:
     axes = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
     lead, plain = after.plan.lead_s, before.plan
     t = np.linspace(-lead, plain.duration + after.plan.tail_s + 0.5, 800)
-    planned = np.rad2deg(plain.q(t)[:, 3])
+    planned = np.rad2deg(plain.trajectory.q(t)[:, 3])
     looks = [
         (before, 0.0, COLOURS[1], "not compensated"),
         (after, lead, COLOURS[0], "compensated"),
@@ -202,7 +202,7 @@ def picture(before: Replay, after: Replay) -> Figure:
         angle = np.rad2deg(run.q[:, :, 3])
         for axis, values in (
             (axes[0], angle),
-            (axes[1], angle - np.rad2deg(plain.q(own)[:, 3])),
+            (axes[1], angle - np.rad2deg(plain.trajectory.q(own)[:, 3])),
         ):
             low, middle, high = np.percentile(values, [2.5, 50, 97.5], axis=0)
             axis.fill_between(own, low, high, color=colour, alpha=0.25, linewidth=0)

@@ -41,7 +41,7 @@ def missed_deg(plan: Plan, machine: planner.Machine, after_s: float = 0.0, **opt
     table = CompensationTable(**{**NONE, **options})
     made = aimed(plan, machine, table, lambda *_: plan)
     run = planner.replay(made, machine.nominal())
-    errors = np.abs(run.q[0] - plan.q(run.t))[run.t >= after_s, 1:]
+    errors = np.abs(run.q[0] - plan.trajectory.q(run.t))[run.t >= after_s, 1:]
     return float(np.rad2deg(np.max(errors)))
 
 

@@ -54,7 +54,7 @@ def to_plan(plan: Plan) -> Callable[[Array, Array], Array]:
 
     def rule(times: Array, measured: Array) -> Array:
         u = np.repeat(plan.u(times)[:, :, None], measured.shape[1], axis=2)
-        u[:, 1] += 4.0 * (plan.q(times[0])[1] - measured[1])
+        u[:, 1] += 4.0 * (plan.trajectory.q(times[0])[1] - measured[1])
         return u
 
     return rule
@@ -136,7 +136,7 @@ def test_a_controller_may_begin_before_and_end_after_the_plan(plan: Plan, way: s
     assert begin == pytest.approx(np.deg2rad(10) + 0.5 * rate)
     assert run.q[0, -1, 1] == pytest.approx(np.deg2rad(10) + 2.8 * rate)
     assert run.t[[0, -1]].tolist() == [0.0, 2.5]
-    apart = np.abs(run.q[0, :, 1] - plan.q(run.t)[:, 1])
+    apart = np.abs(run.q[0, :, 1] - plan.trajectory.q(run.t)[:, 1])
     assert run.deviation[0, 0] == pytest.approx(np.max(apart), abs=1e-3)
 
 

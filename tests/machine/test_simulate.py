@@ -90,7 +90,7 @@ def test_delay_alone_costs_nothing_at_the_end(jumping: Plan) -> None:
     run = end_of(jumping, delay_s=0.123)
     assert np.max(np.abs(run.terminal_error)) < 1e-9
     ahead = jumping.q(np.linspace(0, 2, 4001))[:, 1]
-    behind = jumping.q(np.linspace(0, 2, 4001) - 0.123)[:, 1]
+    behind = jumping.trajectory.q(np.linspace(0, 2, 4001) - 0.123)[:, 1]
     assert run.deviation[0, 0] == pytest.approx(np.max(np.abs(ahead - behind)), rel=1e-3)
 
 
@@ -162,7 +162,7 @@ def test_encoders_round_what_is_measured_not_what_is(jumping: Plan) -> None:
 def test_index_of_error_is_the_maximum_over_all_steps(jumping: Plan) -> None:
     machine = Machine.ideal(delay_s=0.0435, servo_bandwidth_rad_s=20)
     fine = replay(jumping, machine, record_s=1e-3)
-    errors = np.rad2deg(np.abs(fine.q - jumping.q(fine.t))[0, :, 1:])
+    errors = np.rad2deg(np.abs(fine.q - jumping.trajectory.q(fine.t))[0, :, 1:])
     assert fine.largest_error_deg[0] == pytest.approx(errors.max(axis=0), abs=2e-3)
     assert fine.index_E_deg[0] == fine.largest_error_deg[0].max()
     coarse = replay(jumping, machine, record_s=None)

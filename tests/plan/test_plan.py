@@ -16,7 +16,9 @@ def test_round_trip_is_exact(plan: planner.Plan, tmp_path: Path) -> None:
     back = planner.load_plan(plan.save(tmp_path / "x.json"))
     t = np.linspace(-1, 11, 301)
     for name in ("q", "u", "z", "v"):
-        np.testing.assert_array_equal(getattr(back, name)(t), getattr(plan, name)(t))
+        np.testing.assert_array_equal(
+            getattr(back.trajectory, name)(t), getattr(plan.trajectory, name)(t)
+        )
     assert back.problem == plan.problem
     for name in ("method", "status", "objective", "solve_time_s", "verified", "notes", "options"):
         assert getattr(back, name) == getattr(plan, name)
@@ -84,3 +86,34 @@ def test_plans_problems_and_checks_are_short_in_a_notebook(paper: planner.Proble
         planner.solve(paper.changed({"goal.travel": 0.82}), "polynomial")
     assert "not verified, status verification_failed" in repr(refused.value.plan)
     assert "broken: input u2 reaches 40.32 rad/s" in repr(refused.value.check)
+
+
+@pytest.mark.parametrize("name", ["q", "u", "z", "v"])
+def test_a_plan_is_asked_within_its_time(name: str) -> None:
+    plan = planner.solve(planner.load_problem("problems/paper.toml"), "collocation")
+    asked, held = getattr(plan, name), getattr(plan.trajectory, name)
+    T = plan.duration
+    for wrong in (
+        -0.1,
+        T + 0.1,
+        [0.0, 5.0, T + 1e-6],
+        np.array([[-1e-6, 1.0], [2.0, 3.0]]),
+        np.inf,
+    ):
+        with pytest.raises(planner.InputError, match="lies outside the plan, which lasts from 0 t"):
+            asked(wrong)
+    with pytest.raises(ValueError, match=r"t = 12 s lies .* to 10 s; plan.trajectory stays"):
+        asked([1.0, 12.0])
+    within = np.array([0.0, T * (1 + 1e-13), -1e-12, np.nextafter(T, np.inf)])
+    np.testing.assert_array_equal(asked(within), asked([0.0, T, 0.0, T]))
+    assert asked(within).shape[0] == 4
+    assert asked(0.0).ndim == 1
+    assert np.all(np.isfinite(held([-1.0, T + 1.0])))
+
+
+def test_a_trajectory_stays_at_its_ends() -> None:
+    plan = planner.solve(planner.load_problem("problems/paper.toml"), "collocation")
+    held = plan.trajectory
+    np.testing.assert_array_equal(held.q([-1.0, 11.0]), plan.q([0.0, 10.0]))
+    np.testing.assert_array_equal(held.u([-1.0, 11.0]), np.zeros((2, 2)))
+    np.testing.assert_array_equal(plan.wanted([-1.0, 11.0]), plan.q([0.0, 10.0]))

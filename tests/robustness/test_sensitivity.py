@@ -41,7 +41,7 @@ def _perturbed(plan: planner.Plan, name: str, size: float) -> np.ndarray:
             system = planner.Manipulator(K, system.k_g)
 
     def rates(t: float, q: np.ndarray) -> np.ndarray:
-        u = np.array([plan.u((t - delay[i]) / clock[i])[i] / clock[i] for i in range(2)])
+        u = np.array([plan.trajectory.u((t - delay[i]) / clock[i])[i] / clock[i] for i in range(2)])
         return system.rates(q, u * gain + bias * (t <= plan.duration))
 
     end = plan.duration + (0.1 if word in ("delay", "stretch") else 0.0)

@@ -139,3 +139,17 @@ def test_bad_arguments(two_joints: planner.Problem, paper: planner.Problem) -> N
         trade_off(paper.changed({"limits": {}}), "duration")
     with pytest.raises(planner.InputError, match=r"needs goal\.duration in seconds"):
         trade_off(paper.changed({"goal.duration": "free"}), "effort")
+
+
+def test_a_curve_is_a_frame(curve: TradeOff) -> None:
+    frame = curve.to_frame()
+    assert list(frame.index) == [p.limit for p in curve.points]
+    assert frame.index.name == "limit"
+    assert list(frame["passive_deg"]) == [p.passive_deg for p in curve.points]
+    assert list(frame["peak_u2"]) == [p.peak_u[1] for p in curve.points]
+    assert list(np.flatnonzero(frame["knee"])) == [curve.knee_index]
+    for k, point in enumerate(curve.points):
+        assert point.machine is not None
+        assert frame["machine_E_p95_deg"].iloc[k] == point.machine["E_p95_deg"]
+    assert not any(frame[name].dtype == object for name in frame.columns)
+    assert frame.attrs["kind"] == "effort"

@@ -52,7 +52,7 @@ class Course:
 
     def q(self, t: Array) -> Array:
         """Coordinates (…, N) at times t (…); at rest before and after."""
-        out = self.plan.q(t)
+        out = self.plan.trajectory.q(t)
         if self.run_up is None:
             return out
         before = np.stack(
@@ -62,7 +62,7 @@ class Course:
 
     def u(self, t: Array) -> Array:
         """Inputs (…, 2) at times t (…); zero before and after."""
-        out = self.plan.u(t)
+        out = self.plan.trajectory.u(t)
         if self.run_up is None:
             return out
         index = np.searchsorted(self.run_up.t, t, side="right") - 1

@@ -77,7 +77,7 @@ def median_sample(run: Replay) -> int:
 
 def _draw_replay(axes: Any, run: Replay, colour: str) -> None:
     plan = run.plan
-    planned, median = np.rad2deg(plan.q(run.t)), median_sample(run)
+    planned, median = np.rad2deg(plan.trajectory.q(run.t)), median_sample(run)
     for ax, i in zip(axes, run.angles, strict=True):
         low, high = np.rad2deg(np.percentile(run.q[:, :, i], [5, 95], axis=0))
         style = {"color": colour, "linewidth": 0}

@@ -59,8 +59,8 @@ def test_commands_come_early_by_the_known_delay(smooth: Plan) -> None:
     run = planner.replay(smooth, machine, feedback=True, record_s=0.1)
     late = planner.replay(smooth, machine, record_s=0.1)
     inside = (run.t > 1.0) & (run.t < 9.5)
-    gap = np.abs(run.q - smooth.q(run.t))[0, inside, 1:]
-    behind = np.abs(late.q - smooth.q(late.t))[0, inside, 1:]
+    gap = np.abs(run.q - smooth.trajectory.q(run.t))[0, inside, 1:]
+    behind = np.abs(late.q - smooth.trajectory.q(late.t))[0, inside, 1:]
     assert gap.max() < 0.02 * behind.max()
 
 

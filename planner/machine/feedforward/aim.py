@@ -65,12 +65,11 @@ def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Repl
         )
     moved = slice(0 if problem.travel is not None else 1, None)
     target, made_from = problem.target[moved], Compensation(plan, machine.to_dict(), 0.0, 0.0)
-    pose = plan.q(plan.duration)
     shift, inverse = np.zeros(len(target)), np.eye(len(target))
     tried: list[_Trial] = []
     near = plan
     while True:
-        commands = shaped(near, system, machine, options, pose)
+        commands = shaped(near, system, machine, options, plan)
         timed = replace(made_from, lead_s=commands.lead_s, tail_s=commands.tail_s)
         made, found = commanded(near, timed, commands)
         tried.append(_Trial(made, shift, found.end[moved] - target, float(found.deviation.max())))

@@ -108,7 +108,7 @@ def forward(plan: Plan, system: Manipulator, machine: Machine, tick: float) -> A
     return np.concatenate(out)
 
 
-def back(plan: Plan, system: Manipulator, machine: Machine, pose: Array, tick: float) -> Array:
+def back(plan: Plan, system: Manipulator, machine: Machine, tick: float) -> Array:
     """Angles of both motors at the ticks after the plan's end, from 0, shape (m+1, 2), rad.
 
     The drive turns back through just less than twice the lost motion of the axis that turns fastest
@@ -118,16 +118,16 @@ def back(plan: Plan, system: Manipulator, machine: Machine, pose: Array, tick: f
     either sign at the end (crossing and four joints would end 0.1 degrees worse at 95 %).
 
     Args:
-        plan: Whose drive comes to its end.
+        plan: Whose drive comes to its end, and where.
         system: Its arm.
         machine: Mean backlash, friction and stiffness.
-        pose: Coordinates at the end, (N,).
         tick: Length of a tick, s.
     """
     lost, way = lost_motion(system, machine), float(first_motion(plan)[0])
     if not np.any(lost > 0) or way == 0 or turns_back(plan):
         return np.zeros((1, 2))
-    used = np.abs(system.rates(pose, np.array([1.0, 0.0]))[2:]) / np.maximum(lost, 1e-12)
+    end = plan.q(plan.duration)
+    used = np.abs(system.rates(end, np.array([1.0, 0.0]))[2:]) / np.maximum(lost, 1e-12)
     angle = -way * BACK * 2 / float(used.max())
     return np.concatenate([np.zeros((1, 2)), _move(plan, machine, 0, angle, tick)])
 

@@ -67,7 +67,7 @@ def shaped(
     system: Manipulator,
     machine: Machine,
     options: CompensationTable,
-    pose: Array | None = None,
+    wanted: Plan | None = None,
 ) -> Commands:
     """What the motors of a machine are told to make a plan's motion.
 
@@ -76,16 +76,17 @@ def shaped(
         system: Its arm.
         machine: Its means are what is allowed for.
         options: What is done.
-        pose: Coordinates at which the machine is to end, (N,); the plan's own when left out.
+        wanted: The plan whose motion is wanted, which decides how it is prepared and left, so that
+            both stay as they are for plans next to it; `plan` itself when left out.
     """
+    wanted = plan if wanted is None else wanted
     held = machine.effects.get("control_period_s")
     tick = held.value[0] if held else DEFAULT_TICK_S
     before = after = np.zeros((1, 2))
     if options.preparation == "forward":
-        before = forward(plan, system, machine, tick)
+        before = forward(wanted, system, machine, tick)
     if options.back_off and plan.problem.travel is None:
-        end = plan.q(plan.duration) if pose is None else pose
-        after = back(plan, system, machine, end, tick)
+        after = back(wanted, system, machine, tick)
     lead, tail = tick * (len(before) - 1), tick * (len(after) - 1)
     t = tick * np.arange(len(before) + len(after) - 1 + int(np.ceil(plan.duration / tick - 1e-9)))
     limit, rate = input_limit(plan, machine), plan.problem.limits.input_rate
@@ -94,19 +95,19 @@ def shaped(
     if straight and not held:  # what goes straight comes half a tick before what is held
         ahead = ahead - tick / 2
     times, angles = _turned(plan, tick)
-    wanted = np.empty((len(t), 2))
+    angle = np.empty((len(t), 2))
     for i in range(2):
-        wanted[:, i] = np.interp(t + ahead[i], tick * np.arange(len(before)), before[:, i])
+        angle[:, i] = np.interp(t + ahead[i], tick * np.arange(len(before)), before[:, i])
         own = t + ahead[i] - lead
-        wanted[:, i] += np.interp(own, times, angles[:, i])
-        wanted[:, i] += np.interp(own - plan.duration, tick * np.arange(len(after)), after[:, i])
+        angle[:, i] += np.interp(own, times, angles[:, i])
+        angle[:, i] += np.interp(own - plan.duration, tick * np.arange(len(after)), after[:, i])
     if options.preparation == "jump":
-        wanted[:, 0] += take_up(plan, system, machine, plan.q(0.0)[1]).drive
+        angle[:, 0] += take_up(wanted, system, machine, plan.q(0.0)[1]).drive
     if options.gearheads:
-        wanted += _ahead_of_play(wanted, gearhead_play(system, machine)[:, 0] / 2)
+        angle += _ahead_of_play(angle, gearhead_play(system, machine)[:, 0] / 2)
     grain = np.broadcast_to(mean_of(machine, "velocity_resolution_rad_s"), 2)
     u = np.stack(
-        [_pursued(wanted[:, i], limit[i], rate[i], grain[i], tick) for i in range(2)], axis=1
+        [_pursued(angle[:, i], limit[i], rate[i], grain[i], tick) for i in range(2)], axis=1
     )
     t[-1] = lead + plan.duration + tail
     return Commands(np.asarray(t), u, lead, tail, straight)

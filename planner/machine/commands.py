@@ -68,7 +68,7 @@ class Continuous:
     def __call__(self, times: Array) -> Array:
         """See `Source`."""
         on = (times >= 0) & (times < self._plan.duration)
-        values = np.where(on[..., None], self._plan.trajectory.u(times), 0.0)
+        values = np.where(on[..., None], self._plan.u(np.where(on, times, 0.0)), 0.0)
         return _finite(values, times)
 
 

@@ -98,7 +98,10 @@ class Explorer(anywidget.AnyWidget):
         except Exception as error:
             logger.exception("the explorer could not answer")
             answer = {"kind": "a bug", "text": f"{type(error).__name__}: {error}", "todo": []}
-        self.send({"number": content.get("number"), "facts": "", **answer})
+        try:
+            self.send({"number": content.get("number"), "facts": "", **answer})
+        except Exception:  # nobody else would hear of it in this thread
+            logger.exception("the explorer could not send its answer")
 
     def _answer(self, content: Mapping[str, Any]) -> dict[str, Any]:
         screen, what = self._screen, content.get("ask")

@@ -49,10 +49,15 @@ def show(new_page: Any, address: str) -> Callable[..., Any]:
         page = new_page(width=width, height=1500, strict=False)
         page.set_default_timeout(60_000)
         page.goto(f"{address}doc/tree/{name}.ipynb")
-        page.locator(".jp-CodeCell .cm-content").first.click()
         idle = ".jp-Notebook-ExecutionIndicator[data-status=idle]"
         page.wait_for_selector(idle, state="attached")
-        page.keyboard.press("Shift+Enter")
+        begun = "document.querySelector('.jp-CodeCell .jp-InputPrompt').textContent !== '[ ]:'"
+        for _ in range(5):  # on a busy machine a key may come before the cell hears it
+            page.locator(".jp-CodeCell .cm-content").first.click()
+            page.keyboard.press("Shift+Enter")
+            page.wait_for_timeout(500)
+            if page.evaluate(begun):
+                break
         page.wait_for_selector(".px[data-kind], .jp-OutputArea-output pre")
         failure = page.locator(".jp-OutputArea-output pre")
         assert failure.count() == 0, failure.all_text_contents()

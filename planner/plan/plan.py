@@ -6,6 +6,7 @@ The tables of a plan file (JSON).
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -162,34 +163,34 @@ class Plan:
         return self.trajectory.in_coordinates or self.domain.ok
 
     def q(self, t: ArrayLike) -> Array:
-        """Coordinates, shape (…, N), at times t (…) within [0, duration]."""
+        """Coordinates, shape (…, N), at times t (…); outside [0, duration] those at its ends, with a warning."""
         return self.trajectory.q(self._times(t))
 
     def u(self, t: ArrayLike) -> Array:
-        """Inputs, shape (…, 2), at times t (…) within [0, duration]."""
+        """Inputs, shape (…, 2), at times t (…); outside [0, duration] those at its ends, with a warning."""
         return self.trajectory.u(self._times(t))
 
     def z(self, t: ArrayLike) -> Array:
-        """Chained coordinates, shape (…, N), at times t (…) within [0, duration]."""
+        """Chained coordinates, shape (…, N), at times t (…); outside [0, duration] those at its ends, with a warning."""
         return self.trajectory.z(self._times(t))
 
     def v(self, t: ArrayLike) -> Array:
-        """Chained inputs, shape (…, 2), at times t (…) within [0, duration]."""
+        """Chained inputs, shape (…, 2), at times t (…); outside [0, duration] those at its ends, with a warning."""
         return self.trajectory.v(self._times(t))
 
     def _times(self, t: ArrayLike) -> Array:
-        """Times within the plan; those outside by rounding alone are moved to its ends.
-
-        Raises:
-            InputError: If one lies outside.
+        """Times within the plan; those outside are moved to its ends, by more than rounding with a
+        RuntimeWarning.
         """
         times, slack = np.asarray(t, dtype=float), ROUNDING * max(1.0, self.duration)
         outside = times[(times < -slack) | (times > self.duration + slack)]
         if outside.size:
-            raise InputError(
+            warnings.warn(
                 f"t = {outside.flat[0]:.6g} s lies outside the plan, which lasts from 0 to"
-                f" {self.duration:.6g} s; plan.trajectory stays at its ends and can be asked at any"
-                " time"
+                f" {self.duration:.6g} s; the values at its ends are given"
+                " (plan.trajectory gives them without this warning)",
+                RuntimeWarning,
+                stacklevel=3,
             )
         return np.asarray(times.clip(0.0, self.duration))
 

@@ -72,7 +72,7 @@ class ByHand:
         (self._h,) = set(lengths(command.t))
         self._commands = np.ascontiguousarray(command.block(0, len(command.t) - 1)[:, 0, :, 0])
         self._running = command.running.astype(np.uint8)
-        self._desired = np.ascontiguousarray(plan.q(command.t)[:, 1:])
+        self._desired = np.ascontiguousarray(plan.trajectory.q(command.t)[:, 1:])
         row = np.full(len(command.t), -1, dtype=np.int32)
         row[np.searchsorted(command.t, run.t)] = np.arange(len(run.t))
         self._row = row

@@ -125,23 +125,24 @@ def compensated(
             return entry.plan(shifted, own)
         return entry.replan(shifted, own, near)
 
+    advice = MORE_ROOM + (FORWARD if options.preparation != "forward" else "") + WITHOUT
     tell("compensating")
     patience = max(LEAST_PATIENCE_S, PATIENCE * plan.solve_time_s)
     try:
         with limited(patience, "the time for a plan next to one known"):
             made = aimed(plan, used, options, replan)
     except TimeUpError:
-        raise TimeLimitError(_not_aimed(problem, "it takes too long"), advice=UNAIMED) from None
+        raise TimeLimitError(_not_aimed(problem, "it takes too long"), advice=advice) from None
     except NoPlanError as error:
         why = error.reason.removeprefix(f"{problem.source}: ")
         raise NoPlanError(
-            _not_aimed(problem, why), violations=error.violations, advice=UNAIMED
+            _not_aimed(problem, why), violations=error.violations, advice=advice
         ) from error
     check = verify(made)
     made = replace(made, solve_time_s=plan.solve_time_s + time.perf_counter() - began)
     if check.ok:
         return replace(made, verified=True), check
-    raise _broken(made, check, " on the nominal machine", UNAIMED)
+    raise _broken(made, check, " on the nominal machine", advice)
 
 
 LEAST_PATIENCE_S, PATIENCE = 5.0, 20.0
@@ -149,7 +150,9 @@ LEAST_PATIENCE_S, PATIENCE = 5.0, 20.0
 each starts next to the last. Where one must be searched for, the goal cannot be reached in the
 time."""
 
-UNAIMED = "more time (goal.duration); or compensation.preparation = 'forward'; or no compensation"
+MORE_ROOM = "more time (goal.duration); or "
+FORWARD = "compensation.preparation = 'forward'; or "
+WITHOUT = "no compensation (compensation.on = false)"
 
 
 def _not_aimed(problem: Problem, why: str) -> str:

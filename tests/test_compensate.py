@@ -148,6 +148,9 @@ def test_what_breaks_a_limit_on_the_machine_is_refused() -> None:
     with pytest.raises(planner.VerificationError, match="on the nominal machine") as caught:
         planner.compensate(problem)
     assert caught.value.violations[0].label.startswith("distance from waypoint")
+    assert caught.value.advice == (
+        "more time (goal.duration); or no compensation (compensation.on = false)"
+    )
 
 
 def test_a_goal_that_cannot_be_aimed_beyond_is_refused(paper: planner.Problem) -> None:

@@ -163,19 +163,22 @@ class Plan:
         return self.trajectory.in_coordinates or self.domain.ok
 
     def q(self, t: ArrayLike) -> Array:
-        """Coordinates, shape (…, N), at times t (…); those of its ends, with a warning, outside."""
+        """Coordinates, shape (…, N), at times t (…).
+
+        Outside [0, duration] they are those at its ends, with a RuntimeWarning.
+        """
         return self.trajectory.q(self._times(t))
 
     def u(self, t: ArrayLike) -> Array:
-        """Inputs, shape (…, 2), at times t (…); those of its ends, with a warning, outside."""
+        """Inputs, shape (…, 2), at times t (…); outside as `q`."""
         return self.trajectory.u(self._times(t))
 
     def z(self, t: ArrayLike) -> Array:
-        """Chained coordinates, shape (…, N), at times t (…); those of its ends, with a warning, outside."""
+        """Chained coordinates, shape (…, N), at times t (…); outside as `q`."""
         return self.trajectory.z(self._times(t))
 
     def v(self, t: ArrayLike) -> Array:
-        """Chained inputs, shape (…, 2), at times t (…); those of its ends, with a warning, outside."""
+        """Chained inputs, shape (…, 2), at times t (…); outside as `q`."""
         return self.trajectory.v(self._times(t))
 
     def _times(self, t: ArrayLike) -> Array:

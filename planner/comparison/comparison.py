@@ -14,6 +14,7 @@ import numpy as np
 from planner.comparison.rows import CLOSED, INTERVALS, Row, columns, verdict
 from planner.errors import InputError
 from planner.machine.machine import Machine
+from planner.methods.registry import COMPENSATED
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem, load_problem
 from planner.support.arrays import jsonable
@@ -200,8 +201,14 @@ def command(comparison: Comparison, out: str | None = None, *, report: bool = Fa
     if settings is None:
         return None
     words = ["planner", "compare", comparison.problem.source]
-    words += ["--methods", ",".join(dict.fromkeys(row.spec for row in comparison.rows))]
-    words += ["--feedback"] * any(row.feedback for row in comparison.rows)
+    named = dict.fromkeys(row.spec for row in comparison.rows)
+    closed = {row.spec for row in comparison.rows if row.feedback}
+    by_default = closed and any(
+        spec not in closed and not spec.endswith(COMPENSATED) for spec in named
+    )
+    if not by_default:  # of methods that are named feedback closes all that it can
+        words += ["--methods", ",".join(named)]
+    words += ["--feedback"] * bool(closed)
     for drawn in comparison.chosen or ():
         words += ["--sample", str(drawn)]
     if comparison.chosen is None:

@@ -42,6 +42,17 @@ def test_an_unchanged_problem_needs_no_settings() -> None:
     ]  # fmt: skip
 
 
+def test_methods_are_named_unless_feedback_closes_the_default_alone() -> None:
+    """Of methods that are named feedback closes all, so that the command would give other rows."""
+    comparison = empty(planner.load_problem(PAPER))
+    first, last = (Row(name, name, True, "") for name in ("polynomial", "collocation"))
+    both = replace(comparison, rows=(first, last, replace(last, feedback=True)))
+    assert words(command(both))[3:4] == ["--feedback"]
+    all_closed = (first, replace(first, feedback=True), last, replace(last, feedback=True))
+    parts = words(command(replace(comparison, rows=all_closed)))
+    assert parts[3:6] == ["--methods", "polynomial,collocation", "--feedback"]
+
+
 def test_changes_become_settings_that_give_the_problem_back() -> None:
     changed = {
         "goal.duration": 12.5,

@@ -6,6 +6,7 @@ Waypoints and obstacles of a problem file that no plan could meet, refused befor
 from __future__ import annotations
 
 import copy
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.errors import InputError, Violation, expect, made_by
+from planner.errors import InputError, InputWarning, Violation, expect, made_by
 from planner.problem.requirements.ends import Duration, Goal, Start
 from planner.problem.requirements.limits import InputLimit, JointLimit, RateLimit, Z2Margin
 from planner.problem.requirements.places import Obstacle, Waypoint
@@ -100,6 +101,8 @@ class Problem:
     def from_dict(cls, data: Mapping[str, Any], source: str = "problem") -> Problem:
         """Build a problem from the tables of a problem file.
 
+        A `planner.InputWarning` says so where angles look like radians.
+
         Raises:
             InputError: If a key, value or combination is wrong; the message names it.
         """
@@ -134,6 +137,8 @@ class Problem:
         )
         _refuse_contradictions(problem)
         refuse_misplaced(problem)
+        if doubt := _doubt(problem):
+            warnings.warn(f"{source}: {doubt}", InputWarning, stacklevel=2)
         return problem
 
     @classmethod
@@ -353,6 +358,23 @@ def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, 
     return data
 
 
+LOOKS_LIKE_RADIANS_DEG = 1.6
+"""Joints stay below 90 degrees, 1.57 rad; motions of less than 1.6 degrees are rare."""
+
+
+def _doubt(problem: Problem) -> str:
+    """What can be used as it stands and looks like a slip, in words; empty if nothing does."""
+    coordinates = problem.system.coordinates
+    angular = [i for i in problem.system.limited if coordinates[i].unit == "rad"]
+    angles = np.abs([problem.start[angular], problem.goal[angular]])
+    if 0 < np.rad2deg(np.max(angles, initial=0)) < LOOKS_LIKE_RADIANS_DEG:
+        return (
+            f"all angles of start and goal are below {LOOKS_LIKE_RADIANS_DEG} degrees; if they are"
+            " meant in radians, write them in degrees"
+        )
+    return ""
+
+
 def _given(keys: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in keys.items() if value is not None}
 
@@ -383,10 +405,15 @@ def _refuse_z2(problem: Problem, name: str, q: Array) -> None:
         return
     z2 = float(chained_form(problem.system).z(q)[1])
     if sign * z2 < margin or sign == 0:
+        within = sign * z2 > 0
+        first = float(chained_form(problem.system).z(problem.start)[1])
+        where = "" if within or name == "start" else f", and {first:.6g} at the start"
+        lower = f"lower limits.z2_margin to {0.99 * abs(z2):.3g}, or leave it out"
+        out = f"leave out limits.z2_margin, so that z2 may change sign, or move the {name}"
         raise InputError(
-            f"{problem.source}: contradiction: z2 at the {name} is {z2:.6g}, but limits.z2_margin"
-            f" = {margin:g} keeps it at least that far from zero on the side of the start;"
-            " lower or remove limits.z2_margin"
+            f"{problem.source}: contradiction: z2 at the {name} is {z2:.6g}{where}, but"
+            f" limits.z2_margin = {margin:g} keeps it at least that far from zero on the side of"
+            f" the start; {lower if within else out}"
         )
 
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:  # a new public name goes here, into the table below and into 
     from planner.errors import (
         InfeasibleError,
         InputError,
+        InputWarning,
         NoPlanError,
         NotConvergedError,
         PlannerError,
@@ -64,7 +65,7 @@ _HOMES = {
     "comparison.compare": "compare",
     "comparison.comparison": "Comparison",
     "compensate": "compensate",
-    "errors": "InfeasibleError InputError NoPlanError NotConvergedError "
+    "errors": "InfeasibleError InputError InputWarning NoPlanError NotConvergedError "
     "PlannerError SingularError TimeLimitError VerificationError "
     "Violation",
     "explorer.explore": "explore",
@@ -120,6 +121,7 @@ __all__ = [
     "Indicators",
     "InfeasibleError",
     "InputError",
+    "InputWarning",
     "Limits",
     "Machine",
     "MachineSensitivity",

@@ -66,6 +66,10 @@ class InputError(PlannerError, ValueError):
     exit_status = 2
 
 
+class InputWarning(UserWarning):
+    """Input that can be used as it stands and reads like a mistake."""
+
+
 def expect(kind: type, value: object, how: str) -> None:
     """Refuse an argument of another kind, such as the name of a file or a problem for a plan.
 

@@ -8,9 +8,10 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
 from planner.errors import InputError, NoPlanError, TimeLimitError, VerificationError
+from planner.methods import typed_options
 from planner.methods.advice import advise
 from planner.methods.refusal import BY_COLLOCATION, Change, lasting
 from planner.methods.registry import METHODS, Method, find_method, merged_options
@@ -28,6 +29,102 @@ from planner.verification.verify import Check, verify
 
 if TYPE_CHECKING:
     from planner.machine.machine import Machine
+
+
+@overload
+def solve(
+    problem: Problem,
+    method: Literal["collocation"] = ...,
+    *,
+    warm: Plan | None = ...,
+    time_limit_s: float | None = ...,
+    progress: Listener | None = ...,
+    **options: Unpack[typed_options.Collocation],
+) -> Plan: ...
+
+
+@overload
+def solve(
+    problem: Problem,
+    method: Literal["polynomial"],
+    *,
+    warm: Plan | None = ...,
+    time_limit_s: float | None = ...,
+    progress: Listener | None = ...,
+    **options: Unpack[typed_options.Polynomial],
+) -> Plan: ...
+
+
+@overload
+def solve(
+    problem: Problem,
+    method: Literal["piecewise"],
+    *,
+    warm: Plan | None = ...,
+    time_limit_s: float | None = ...,
+    progress: Listener | None = ...,
+    **options: Unpack[typed_options.Piecewise],
+) -> Plan: ...
+
+
+@overload
+def solve(
+    problem: Problem,
+    method: Literal["sinusoid"],
+    *,
+    warm: Plan | None = ...,
+    time_limit_s: float | None = ...,
+    progress: Listener | None = ...,
+    **options: Unpack[typed_options.Sinusoid],
+) -> Plan: ...
+
+
+@overload
+def solve(
+    problem: Problem,
+    method: Literal["sinusoid_steps"],
+    *,
+    warm: Plan | None = ...,
+    time_limit_s: float | None = ...,
+    progress: Listener | None = ...,
+    **options: Unpack[typed_options.SinusoidSteps],
+) -> Plan: ...
+
+
+@overload
+def solve(
+    problem: Problem,
+    method: Literal["convex"],
+    *,
+    warm: Plan | None = ...,
+    time_limit_s: float | None = ...,
+    progress: Listener | None = ...,
+    **options: Unpack[typed_options.Convex],
+) -> Plan: ...
+
+
+@overload
+def solve(
+    problem: Problem,
+    method: Literal["desensitised"],
+    *,
+    warm: Plan | None = ...,
+    time_limit_s: float | None = ...,
+    progress: Listener | None = ...,
+    **options: Unpack[typed_options.Desensitised],
+) -> Plan: ...
+
+
+@overload
+def solve(
+    problem: Problem,
+    method: str = ...,
+    *,
+    warm: Plan | None = ...,
+    time_limit_s: float | None = ...,
+    progress: Listener | None = ...,
+    **options: Any,
+) -> Plan: ...
 
 
 def solve(

@@ -10,7 +10,9 @@ import io
 import os
 import sys
 import traceback
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Annotated, Any, TextIO
 
 import typer
@@ -31,7 +33,7 @@ from planner.cli.plan import check, plan
 from planner.cli.sensitivity import sensitivity
 from planner.cli.start import methods, new, schema, systems
 from planner.cli.sweep import sweep
-from planner.errors import PlannerError
+from planner.errors import InputWarning, PlannerError
 from planner.support.files import written
 from planner.support.interrupts import Terminated, hear_signals, hearing
 from planner.support.package import version as installed_version
@@ -118,11 +120,36 @@ def main(arguments: Sequence[str] | None = None, *, last: bool = False) -> int:
         if getattr(sys, name) is None:
             setattr(sys, name, _nowhere())
     try:
-        with hear_signals(last):
+        with hear_signals(last), _warnings_told():
             return _run(words)
     except (ReaderGoneError, BrokenPipeError):
         sys.stdout = _nowhere()  # the interpreter would fail to flush the old one at exit
         return 0
+
+
+@contextmanager
+def _warnings_told() -> Iterator[None]:
+    """Warnings about the input in the command's own words, each once."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", InputWarning)
+        usual, told = warnings.showwarning, set[str]()
+
+        def show(
+            message: Warning | str,
+            category: type[Warning],
+            filename: str,
+            lineno: int,
+            file: TextIO | None = None,
+            line: str | None = None,
+        ) -> None:
+            if not issubclass(category, InputWarning):
+                usual(message, category, filename, lineno, file, line)
+            elif str(message) not in told:
+                told.add(str(message))
+                say(f"warning: {message}", "yellow")
+
+        warnings.showwarning = show
+        yield
 
 
 def _nowhere() -> TextIO:

@@ -6,10 +6,8 @@ import re
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 
-from planner.cli.output import say
 from planner.errors import InputError
 from planner.methods.registry import all_methods, find_method
 from planner.problem.problem import Problem, load_problem
@@ -81,28 +79,23 @@ TimeLimit = Annotated[
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the machines.")]
 
-RADIAN_LIKE_DEG = 1.6
-"""Angles all below this many degrees look like radians (a quarter turn is 1.57)."""
 
 _BARE = re.compile(r"[A-Za-z_][\w.+-]*")
 
 
 def read_problem(path: Path, changes: list[str] | None) -> Problem:
-    """The problem with `--set` applied; warns on standard error of what looks like a slip.
+    """The problem with `--set` applied.
 
     Raises:
         InputError: For anything wrong with file or changes.
     """
     parsed = parse_changes(changes or [])
     try:
-        problem = load_problem(path, parsed)
+        return load_problem(path, parsed)
     except InputError as error:
         guilty = [key for key in parsed if _mentions(str(error), key)]
         note = f"\n(from --set: {', '.join(guilty)})" if guilty else ""
         raise InputError(f"{error}{note}") from None
-    for warning in suspicions(problem):
-        say(f"warning: {path}: {warning}", "yellow")
-    return problem
 
 
 def parse_changes(pairs: list[str]) -> dict[str, Any]:
@@ -137,19 +130,6 @@ def parse_methods(text: str | None) -> list[str] | None:
     if not names:
         raise InputError(f"--methods {text!r} names no method; allowed: {', '.join(all_methods())}")
     return [find_method(name).name for name in names]
-
-
-def suspicions(problem: Problem) -> list[str]:
-    """One line for each thing that is legal and yet looks like a slip."""
-    coordinates = problem.system.coordinates
-    angular = [i for i in problem.system.limited if coordinates[i].unit == "rad"]
-    largest = np.rad2deg(np.max(np.abs([problem.start[angular], problem.goal[angular]]), initial=0))
-    if 0 < largest < RADIAN_LIKE_DEG:
-        return [
-            f"all angles of start and goal are below {RADIAN_LIKE_DEG} degrees; if they are meant"
-            " in radians, write them in degrees"
-        ]
-    return []
 
 
 def _mentions(message: str, key: str) -> bool:

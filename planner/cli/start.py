@@ -11,7 +11,9 @@ names every key there is.
 
 from __future__ import annotations
 
+import re
 import textwrap
+import tomllib
 from collections.abc import Callable, Mapping
 from importlib.resources import files
 from operator import itemgetter
@@ -27,14 +29,16 @@ from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.methods.registry import all_methods
 from planner.plan.plan import plan_schema
+from planner.problem.tables.arms import MOST_JOINTS, ArmFile
 from planner.problem.tables.compensation import CompensationTable
 from planner.problem.tables.kinds import all_files, json_schema
 from planner.problem.tables.machine_effects import MachineTable
-from planner.problem.tables.problem_file import FeedbackTable
+from planner.problem.tables.problem_file import FeedbackTable, ProblemFile
 from planner.support.files import refuse_unwritable, toml, write_text
 from planner.support.tables import Column, terminal_table
 from planner.support.user_tables import nearest
 from planner.sweep.sweep_file import sweep_schema
+from planner.systems.manipulator import prototype_ratios
 
 
 def new(
@@ -51,20 +55,32 @@ def new(
             autocompletion=lambda: list(_summaries().items()),
         ),
     ] = "manipulator",
+    joints: Annotated[
+        int | None,
+        typer.Option(
+            "--joints", "-n", metavar="N", help="Number of joints, of an arm; 3 if left out."
+        ),
+    ] = None,
+    brief: Annotated[
+        bool,
+        typer.Option("--brief", help="Leave out options of methods, feedback and the machine."),
+    ] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace FILE if it is there.")] = False,
     as_json: Json = False,
 ) -> int:
     """Write a commented problem file that can be solved as it is.
 
-    It names every key there is with its default, for all methods and the emulated machine.
+    It names every key there is with its default, for all methods and the emulated machine; with
+    --brief those of the problem itself.
 
     \b
     Examples:
       planner new
+      planner new arm.toml --joints 4 --brief
       planner new lane-change.toml --system car
     """
     refuse_unwritable(file)
-    text = problem_text(system).replace("FILE", str(file))
+    text = problem_text(system, joints=joints, brief=brief).replace("FILE", str(file))
     if file.exists() and not force:
         raise InputError(f"{file} is there already; name another file, or replace it with --force")
     written = str(write_text(file, text))
@@ -154,21 +170,30 @@ _LEGEND = """\
 """
 
 
-def problem_text(kind: str = "manipulator") -> str:
+def problem_text(
+    kind: str = "manipulator", *, joints: int | None = None, brief: bool = False
+) -> str:
     """The text of a problem file (TOML) that can be solved as it is.
 
     Args:
         kind: A key of `planner.problem.tables.kinds.FILES`.
+        joints: Number of joints, of an arm; as in the shipped text when left out.
+        brief: Whether to leave out the options of methods, feedback and the machine.
 
     Raises:
-        InputError: If there is no such kind.
+        InputError: If there is no such kind, or not with so many joints.
     """
     kinds = all_files()
     if kind not in kinds:
         raise InputError(f"no system '{kind}'; {nearest(kind, list(kinds))}")
     shipped = files("planner.cli").joinpath(f"heads/{kind}.toml")
     head = kinds[kind].example or shipped.read_text(encoding="utf-8")
+    if joints is not None:
+        head = _with_joints(head, kind, kinds[kind], joints)
     parts = [f"{_LEGEND}{head.strip()}\n"]
+    if brief:
+        about = "Methods, feedback and the emulated machine have keys too: planner new OTHER"
+        return f"{parts[0]}\n{_prose(f'{about} --system {kind}')}"
     for name, method in all_methods().items():
         options = _keys(method.options, _defaults(method.options))
         parts.append(f"[method.{name}]\n{_prose(method.summary)}{options}")
@@ -184,6 +209,32 @@ def problem_text(kind: str = "manipulator") -> str:
     about += " deviation } over machines, or false, which switches it off."
     parts.append(f"[machine]\n{_prose(about)}{_keys(MachineTable, preset)}")
     return "\n".join(parts)
+
+
+def _with_joints(head: str, kind: str, file: type[ProblemFile], joints: int) -> str:
+    """The head of an arm's file for another number of joints.
+
+    Lists go on with their last entry, K by the prototype's ratio; with more joints the motion takes
+    longer than the duration given, and another travel.
+    """
+    if not issubclass(file, ArmFile):
+        arms = ", ".join(name for name, each in all_files().items() if issubclass(each, ArmFile))
+        raise InputError(f"a {kind} has no joints to count; --joints is for {arms}")
+    if not 2 <= joints <= MOST_JOINTS:
+        raise InputError(f"--joints {joints}: an arm here has 2 to {MOST_JOINTS} joints")
+    shipped = tomllib.loads(head)["system"]["joints"]
+
+    def resized(found: re.Match[str]) -> str:
+        entries = found[2].split(", ")
+        if found[1].startswith("K"):
+            return f"{found[1]}{toml(prototype_ratios(joints))}"
+        return f"{found[1]}[{', '.join([*entries, *entries[-1:] * joints][:joints])}]"
+
+    text = re.sub(r"((?:K|theta_deg|link_lengths) = )\[([^\]]*)\]", resized, head)
+    text = text.replace(f"joints = {shipped}", f"joints = {joints}")
+    if joints > shipped:
+        text = re.sub(r"(?m)^(travel|duration) = [\w.]+ ", r'\1 = "free" ', text)
+    return re.sub(r"(?m)^(\S.*?) +(# .*)$", lambda row: f"{row[1]:<28} {row[2]}", text)
 
 
 def _defaults(table: type[BaseModel]) -> Mapping[str, Any]:

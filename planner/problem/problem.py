@@ -6,6 +6,7 @@ What no plan could meet is refused before any method tries.
 from __future__ import annotations
 
 import copy
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.errors import InputError, expect, made_by
+from planner.errors import InputError, InputWarning, expect, made_by
 from planner.problem.requirements.ends import Duration, Goal, Start
 from planner.problem.requirements.limits import InputLimit, JointLimit, RateLimit, Z2Margin
 from planner.problem.requirements.places import Obstacle, Waypoint
@@ -100,6 +101,8 @@ class Problem:
     def from_dict(cls, data: Mapping[str, Any], source: str = "problem") -> Problem:
         """Build a problem from the tables of a problem file.
 
+        A `planner.InputWarning` says so where angles look like radians.
+
         Raises:
             InputError: If a key, value or combination is wrong; the message names it.
         """
@@ -133,6 +136,8 @@ class Problem:
             _data=_plain(tables),
         )
         _refuse_contradictions(problem)
+        if doubt := _doubt(problem):
+            warnings.warn(f"{source}: {doubt}", InputWarning, stacklevel=2)
         return problem
 
     @classmethod
@@ -350,6 +355,23 @@ def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, 
                 raise InputError(f"cannot set '{dotted}': '{parent}' is not a table")
         table[key] = value
     return data
+
+
+LOOKS_LIKE_RADIANS_DEG = 1.6
+"""Joints stay below 90 degrees, 1.57 rad; motions of less than 1.6 degrees are rare."""
+
+
+def _doubt(problem: Problem) -> str:
+    """What can be used as it stands and looks like a slip, in words; empty if nothing does."""
+    coordinates = problem.system.coordinates
+    angular = [i for i in problem.system.limited if coordinates[i].unit == "rad"]
+    angles = np.abs([problem.start[angular], problem.goal[angular]])
+    if 0 < np.rad2deg(np.max(angles, initial=0)) < LOOKS_LIKE_RADIANS_DEG:
+        return (
+            f"all angles of start and goal are below {LOOKS_LIKE_RADIANS_DEG} degrees; if they are"
+            " meant in radians, write them in degrees"
+        )
+    return ""
 
 
 def _given(keys: Mapping[str, Any]) -> dict[str, Any]:

@@ -126,7 +126,11 @@ BAD = [
     ),
     Case(
         "z2 margin wider than z2",
-        ("contradiction", "z2 at the start is -0.0324", "lower or remove limits.z2_margin"),
+        (
+            "contradiction",
+            "z2 at the start is -0.0324",
+            "lower limits.z2_margin to 0.0321, or leave it out",
+        ),
         {END: "z2_margin = 0.1"},
     ),
     Case(

@@ -8,12 +8,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import planner
 from planner.cli.start import problem_text
 from planner.problem.tables.kinds import FILES
 from planner.problem.tables.method_options import MethodsTable
+from planner.systems.manipulator import prototype_ratios
 
 KEY = re.compile(r"^#(?=[a-zA-Z_0-9]+ = )", re.MULTILINE)
 PLACE = re.compile(r"(?ms)^#   (?=(\[\[|theta_deg|q =|time =|centre_m|radius_m))")
@@ -107,3 +109,91 @@ def test_every_system_has_its_line_in_plain_characters() -> None:
     assert all(line.isascii() and 0 < len(line) < 90 for line in lines)
     assert all(problem_text(kind).isascii() for kind in FILES)
     assert max(len(line) for line in problem_text("custom").splitlines()) <= 100
+
+
+@pytest.mark.parametrize(
+    ("kind", "joints"), [("manipulator", 2), ("manipulator", 4), ("ball-gear", 4)]
+)
+def test_a_file_for_other_joints_solves(
+    kind: str, joints: int, run: Callable, tmp_path: Path
+) -> None:
+    path = tmp_path / "mine.toml"
+    assert run("new", path, "--system", kind, "--joints", joints, "--brief").status == 0
+    problem = planner.load_problem(path)
+    assert problem.system.size == joints + 1
+    assert problem.to_dict()["system"]["K"] == prototype_ratios(joints)
+    assert np.rad2deg(problem.goal[1:]) == pytest.approx([30] * joints)
+    assert planner.solve(problem, METHOD.get(kind, "polynomial")).verified
+
+
+@pytest.mark.parametrize("joints", range(2, 9))
+def test_a_file_for_any_number_of_joints_is_valid_with_all_its_keys(joints: int) -> None:
+    for kind in ("manipulator", "ball-gear"):
+        text = problem_text(kind, joints=joints)
+        places = tomllib.loads(PLACE.sub("", text.replace('"free"\n', "10.0\n")))
+        places["goal"]["duration"] = 10.0  # which a waypoint with a time asks for
+        assert len(planner.Problem.from_dict(places).waypoints[0].q) == joints + 1
+        assert f"link_lengths = [{', '.join(['1.0'] * joints)}]" in text
+
+
+def test_the_file_of_three_joints_is_the_shipped_one() -> None:
+    for kind in ("manipulator", "ball-gear"):
+        shipped = tomllib.loads(problem_text(kind))
+        assert tomllib.loads(problem_text(kind, joints=3)) == shipped
+        brief = tomllib.loads(problem_text(kind, brief=True))
+        assert planner.Problem.from_dict(brief) == planner.Problem.from_dict(
+            {key: table for key, table in shipped.items() if key in brief}
+        )
+
+
+@pytest.mark.parametrize("kind", FILES)
+def test_a_brief_file_is_short_and_says_where_the_rest_is(kind: str) -> None:
+    text = problem_text(kind, brief=True)
+    assert len(text.splitlines()) < 60
+    assert f"planner new OTHER --system {kind}\n" in text
+    assert not re.search(r"(?m)^\[(method|machine|feedback|compensation)", text)
+    planner.Problem.from_dict(tomllib.loads(text))
+
+
+def test_the_margin_of_z2_is_not_set_but_explained() -> None:
+    text = problem_text("manipulator")
+    assert "z2_margin" not in tomllib.loads(text)["limits"]
+    assert "z2 is negative where theta2 is" in text
+    arm = planner.Problem.from_dict(tomllib.loads(text)).system
+    q = np.deg2rad(np.random.default_rng(0).uniform(-85, 85, (500, 4)))
+    z2 = planner.chained_form(arm).z(q)[:, 1]
+    assert np.array_equal(np.sign(z2), -np.sign(q[:, 2]))
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (
+            ["--system", "car", "--joints", "3"],
+            "a car has no joints to count; --joints is for",
+        ),
+        (["--joints", "1"], "--joints 1: an arm here has 2 to 8 joints"),
+        (["--joints", "9"], "--joints 9: an arm here has 2 to 8 joints"),
+    ],
+)
+def test_impossible_numbers_of_joints_are_refused(
+    words: list[str], told: str, run: Callable, tmp_path: Path
+) -> None:
+    result = run("new", tmp_path / "x.toml", *words)
+    assert result.status == 2
+    assert told in result.err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.filterwarnings("default")
+def test_a_command_warns_of_radians_once(run: Callable, tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    text = problem_text(brief=True).replace("[30, 30, 30]", "[0.52, 0.52, 0.52]")
+    path.write_text(text)
+    for _ in range(2):  # each command, not each process
+        result = run("check", path, "--methods", "polynomial")
+        told = [line for line in result.err.splitlines() if "warning" in line]
+        assert told == [
+            f"warning: {path}: all angles of start and goal are below 1.6 degrees; if they are"
+            " meant in radians, write them in degrees"
+        ]

@@ -132,7 +132,11 @@ class Z2Margin(Requirement):
         z2 = float(chained_form(system).z(np.append(np.nan_to_num(q[0]), q[1:]))[1])
         if self.side and self.side * z2 >= self.margin:
             return None
+        lower = f"lower limits.z2_margin to {0.99 * abs(z2):.3g}, or leave it out"
+        out = f"leave out limits.z2_margin, so that z2 may change sign, or move the {name}"
+        side = "" if name == "start" else f" ({'positive' if self.side > 0 else 'negative'})"
         return (
             f"z2 at the {name} is {z2:.6g}, but limits.z2_margin = {self.margin:g} keeps it at"
-            " least that far from zero on the side of the start; lower or remove limits.z2_margin"
+            f" least that far from zero on the side of the start{side};"
+            f" {lower if self.side * z2 > 0 else out}"
         )

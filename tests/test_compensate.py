@@ -72,7 +72,7 @@ def test_errors_are_measured_against_the_plan_it_compensates(plain: Plan, better
     run = planner.replay(better, planner.Machine.prototype().nominal(), record_s=0.01)
     own = run.t - better.lead_s
     on = own >= -1e-9
-    errors = np.rad2deg(np.abs(run.q[0, on] - plain.q(own[on])))[:, 1:]
+    errors = np.rad2deg(np.abs(run.q[0, on] - plain.trajectory.q(own[on])))[:, 1:]
     assert run.index_E_deg[0] == pytest.approx(np.max(errors), abs=0.01)
     assert run.index_E_deg[0] < 0.6  # and not the 24 degrees by which joint 1 prepares
     assert run.terminal_error[0, 1:] == pytest.approx(run.q[0, -1, 1:] - plain.q(10.0)[1:])

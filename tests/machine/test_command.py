@@ -25,7 +25,8 @@ def plan_of(u: BPoly) -> Any:
         on = (t >= 0) & (t <= u.x[-1])
         return np.where(on[..., None], u(np.clip(t, 0, u.x[-1])), 0.0)
 
-    return SimpleNamespace(t=u.x, duration=float(u.x[-1]), u=value)
+    curve = SimpleNamespace(u=value)
+    return SimpleNamespace(t=u.x, duration=float(u.x[-1]), u=value, trajectory=curve)
 
 
 RAMP = plan_of(inputs(([1.0, 0.0], [-2.0, 1.0]), breaks=[0.0, 1.0]))  # u = (t, 1 - 2t)
@@ -116,11 +117,11 @@ def test_resolution_rounds_to_the_nearest_step() -> None:
 
 
 def test_an_infinite_input_is_refused_with_its_time() -> None:
-    bad = SimpleNamespace(
-        t=np.array([0.0, 1.0]),
-        duration=1.0,
-        u=lambda t: np.stack([0 * t, np.where(np.asarray(t) < 0.5, 0.0, np.inf)], axis=-1),
-    )
+    def value(t: Array) -> Array:
+        return np.stack([0 * t, np.where(np.asarray(t) < 0.5, 0.0, np.inf)], axis=-1)
+
+    curve = SimpleNamespace(u=value)
+    bad = SimpleNamespace(t=np.array([0.0, 1.0]), duration=1.0, u=value, trajectory=curve)
     for period in (None, 0.01):
         with pytest.raises(InputError, match=r"not finite at t = 0\.5 s"):
             Command(bad, period, draws_of(), 1e-2, STOPS)  # type: ignore[arg-type]

@@ -204,7 +204,8 @@ HEAD = f"""# Which goals each method reaches
 Random pairs of start and goal, every joint drawn alike from the range named; inputs up to
 {INPUT:g} rad/s, joints within {JOINT:g} degrees, {SECONDS[3]:g} s for three joints and
 {SECONDS[4]:g} s for four, travel free. The arm has the prototype's proportions. "Solved" are plans
-that are verified. Effort is beside collocation's where both solve, 1 is as good. Made by
+that are verified. Effort is beside collocation's where both solve, 1 is as good. Times are those of a busy
+computer: compare them with each other only. Made by
 
     python tests/benchmarks/coverage.py
 

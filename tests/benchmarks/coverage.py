@@ -53,9 +53,9 @@ class Family:
 
 
 FAMILIES = (
-    Family("from 5...15 to 20...45", (5.0, 15.0), (20.0, 45.0)),
-    Family("both within 5...60", (5.0, 60.0), (5.0, 60.0)),
-    Family("both within -60...60", (-60.0, 60.0), (-60.0, 60.0)),
+    Family("start 5 to 15, goal 20 to 45", (5.0, 15.0), (20.0, 45.0)),
+    Family("start and goal 5 to 60", (5.0, 60.0), (5.0, 60.0)),
+    Family("start and goal -60 to 60", (-60.0, 60.0), (-60.0, 60.0)),
 )
 Record = dict[str, Any]
 
@@ -169,7 +169,7 @@ def picture(found: list[Record]) -> Figure:
             ax.set_xticks([0, 50, 100])
             ax.spines[["top", "right"]].set_visible(False)
             if i == 0:
-                ax.set_title(f"joints {family.name} degrees".replace("...", " to "), fontsize=9)
+                ax.set_title(f"{family.name} degrees", fontsize=9)
             if j == 0:
                 ax.set_ylabel(f"{joints} joints, {SECONDS[joints]:g} s")
             if i == len(counts) - 1:
@@ -204,8 +204,8 @@ HEAD = f"""# Which goals each method reaches
 Random pairs of start and goal, every joint drawn alike from the range named; inputs up to
 {INPUT:g} rad/s, joints within {JOINT:g} degrees, {SECONDS[3]:g} s for three joints and
 {SECONDS[4]:g} s for four, travel free. The arm has the prototype's proportions. "Solved" are plans
-that are verified. Effort is beside collocation's where both solve, 1 is as good. Times are those of a busy
-computer: compare them with each other only. Made by
+that are verified. Effort is beside collocation's where both solve, 1 is as good. Times are those of
+a busy computer: compare them with each other only. Made by
 
     python tests/benchmarks/coverage.py
 

@@ -121,6 +121,7 @@ TAKE_OTHERS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "plot_efforts": (report.plot_efforts, "is not a Comparison; planner.compare"),
     "plot_errors": (report.plot_errors, "give errors by label"),
     "plot_machine_sensitivity": (report.plot_machine_sensitivity, "planner.machine_sensitivity"),
+    "plot_mechanism": (report.plot_mechanism, "is not a Manipulator; problem.system of an arm"),
     "plot_replays": (report.plot_replays, "is not a Replay; planner.replay.plan. makes one"),
     "plot_responses": (report.plot_responses, "is not a Sensitivity; planner.sensitivity"),
     "plot_sensitivity": (report.plot_sensitivity, "is not a Sensitivity; planner.sensitivity"),
@@ -227,7 +228,7 @@ def test_copies_are_still_made(plan: planner.Plan) -> None:
 
 def test_every_figure_is_drawn_into_axes_of_ones_own_by_the_same_word() -> None:
     figures = [name for name in report.__all__ if name.startswith("plot_")]
-    assert len(figures) == 12
+    assert len(figures) == 13
     for name in figures:
         keyword = inspect.signature(getattr(report, name)).parameters["axes"]
         assert keyword.kind is inspect.Parameter.KEYWORD_ONLY

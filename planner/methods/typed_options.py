@@ -15,7 +15,7 @@ class Polynomial(TypedDict, total=False):
     criterion: Literal["peak", "margin"]
     allow_singular: bool
     travel: Literal["auto", "middle"]
-    offset: float | None
+    offset: float | Literal["auto", "mean"]
     points: list[list[float]] | Literal["auto"]
 
 
@@ -25,7 +25,7 @@ class Piecewise(TypedDict, total=False):
     criterion: Literal["peak", "margin"]
     allow_singular: bool
     travel: Literal["auto", "middle"]
-    offset: float | None
+    offset: float | Literal["auto", "mean"]
     slots: int | None
 
 

@@ -101,6 +101,7 @@ def test_repr_tells_what_differs_from_the_preset() -> None:
     assert text == "Machine.prototype(creep=False, backlash_deg=0.5)"
 
 
+@pytest.mark.filterwarnings("ignore::planner.InputWarning")  # angles of one degree
 def test_a_problem_file_overrides_its_preset() -> None:
     table = {"preset": "ideal", "backlash_deg": {"value": [1.0, 2.0], "spread": 0.1}}
     problem = arm_problem([1, 1, 1], machine=table)

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.errors import InputError
+from planner.errors import expect
 from planner.report.figures.style import COLOURS, TAG, heading
 from planner.support.arrays import Array
 from planner.systems.manipulator import Gear, Manipulator
@@ -53,7 +53,7 @@ BENT = np.deg2rad(35.0)
 """Angle of joint 1 in the view from above."""
 
 
-def plot_mechanism(system: TriangularSystem, ax: Any = None) -> tuple[Figure, Any]:
+def plot_mechanism(system: TriangularSystem, axes: Any = None) -> tuple[Figure, Any]:
     """Draw the chain of friction disks, bevel gears and belts of a manipulator to scale.
 
     All stages from the side, with the arm stretched out, and below them the first contact from
@@ -63,7 +63,7 @@ def plot_mechanism(system: TriangularSystem, ax: Any = None) -> tuple[Figure, An
 
     Args:
         system: A `Manipulator`.
-        ax: Axes to draw into, or None for a new figure; their unit is the largest radius.
+        axes: Axes to draw into, or None for a new figure; their unit is the largest radius.
 
     Returns:
         The figure and its axes.
@@ -71,19 +71,16 @@ def plot_mechanism(system: TriangularSystem, ax: Any = None) -> tuple[Figure, An
     Raises:
         InputError: If the system is another one.
     """
-    if not isinstance(system, Manipulator):
-        raise InputError(
-            f"plot_mechanism draws the friction disks of a manipulator, not a {system.kind}"
-        )
-    plan, ours = layout(system), ax is None
+    expect(Manipulator, system, "problem.system of an arm with friction disks is one")
+    plan, ours = layout(system), axes is None
     if ours:
         from planner.report.figures.shown import ShownFigure  # slow to import
 
         size = (plan.right - plan.left) / INCH, (plan.top - plan.bottom) / INCH + 0.4
-        ax = ShownFigure(figsize=size, dpi=100, layout="constrained").subplots()
-    ax.set(xlim=(plan.left, plan.right), ylim=(plan.bottom, plan.top), aspect="equal")
-    ax.set_axis_off()
-    pen = _Pen(ax)
+        axes = ShownFigure(figsize=size, dpi=100, layout="constrained").subplots()
+    axes.set(xlim=(plan.left, plan.right), ylim=(plan.bottom, plan.top), aspect="equal")
+    axes.set_axis_off()
+    pen = _Pen(axes)
     _bands(pen, plan)
     _base(pen, plan)
     for i in range(1, system.n):
@@ -94,8 +91,8 @@ def plot_mechanism(system: TriangularSystem, ax: Any = None) -> tuple[Figure, An
     _from_above(pen, plan)
     _words(pen, plan)
     title = f"How two motors drive {system.n} joints: the arm stretched out, seen from the side"
-    heading(ax.figure, title, ours=ours)
-    return ax.figure, ax
+    heading(axes.figure, title, ours=ours)
+    return axes.figure, axes
 
 
 @dataclass(frozen=True)

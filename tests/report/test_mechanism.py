@@ -181,9 +181,9 @@ def test_no_words_lie_on_each_other(drawn: tuple[Manipulator, Drawn]) -> None:
 def test_it_draws_into_axes_of_mine_and_refuses_other_systems() -> None:
     figure = Figure()
     ax = figure.subplots()
-    assert plot_mechanism(ARMS["gear, 2 joints"], ax) == (figure, ax)
+    assert plot_mechanism(ARMS["gear, 2 joints"], axes=ax) == (figure, ax)
     assert figure.get_suptitle() == ""
-    with pytest.raises(InputError, match="not a ball-gear"):
+    with pytest.raises(InputError, match="is not a Manipulator"):
         plot_mechanism(BallGear([0.8]))
 
 

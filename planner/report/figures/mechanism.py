@@ -53,7 +53,7 @@ BENT = np.deg2rad(35.0)
 """Angle of joint 1 in the view from above."""
 
 
-def plot_mechanism(system: TriangularSystem, axes: Any = None) -> tuple[Figure, Any]:
+def plot_mechanism(system: TriangularSystem, *, axes: Any = None) -> tuple[Figure, Any]:
     """Draw the chain of friction disks, bevel gears and belts of a manipulator to scale.
 
     All stages from the side, with the arm stretched out, and below them the first contact from
@@ -72,6 +72,7 @@ def plot_mechanism(system: TriangularSystem, axes: Any = None) -> tuple[Figure, 
         InputError: If the system is another one.
     """
     expect(Manipulator, system, "problem.system of an arm with friction disks is one")
+    assert isinstance(system, Manipulator)
     plan, ours = layout(system), axes is None
     if ours:
         from planner.report.figures.shown import ShownFigure  # slow to import

@@ -118,8 +118,8 @@ _PUSHES = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
 _CLOSE: dict[str, Any] = {"mu_init": 1e-6, **dict.fromkeys(_PUSHES, NEAR)}
 
 WAYS = {
-    # the answer is hardly more than the start: 4 to 20 iterations in 130 of 134 random problems that
-    # led to it, 50 where narrow limits are met
+    # the answer is hardly more than the start: 4 to 20 iterations in 130 of 134 random problems
+    # that led to it, up to 50 where narrow limits are met
     "straight": Way(("fatrop", "ipopt"), 1e2, 1e-4, _ADAPTIVE, iterations=50),
     "straight, long chain": Way(("ipopt",), 1e2, 1e-4, _ADAPTIVE, iterations=50),
     # Fatrop takes half of IPOPT's time

@@ -48,9 +48,8 @@ class Plan:
 
     `t`, `q(t)`, `u(t)`, `z(t)` and `v(t)` use the method's own interpolant; see `Trajectory`.
 
-    They are defined from 0 to `duration`, and raise InputError at other times (but for rounding,
-    1e-9 of the duration). Where a plan should stay at its ends before and after, ask its
-    `trajectory`: there inputs are zero outside.
+    Before 0 and after `duration` a plan rests at its ends: coordinates stay, inputs are zero. Asked
+    there, it says so by a RuntimeWarning; its `trajectory` answers without one.
 
     Plans are equal that are the same motion for the same problem, by the same method and options,
     with the same verdict; how long they took to find does not count.
@@ -163,10 +162,7 @@ class Plan:
         return self.trajectory.in_coordinates or self.domain.ok
 
     def q(self, t: ArrayLike) -> Array:
-        """Coordinates, shape (…, N), at times t (…).
-
-        Outside [0, duration] they are those at its ends, with a RuntimeWarning.
-        """
+        """Coordinates, shape (…, N), at times t (…); a RuntimeWarning outside [0, duration]."""
         return self.trajectory.q(self._times(t))
 
     def u(self, t: ArrayLike) -> Array:
@@ -182,20 +178,18 @@ class Plan:
         return self.trajectory.v(self._times(t))
 
     def _times(self, t: ArrayLike) -> Array:
-        """Times within the plan; those outside are moved to its ends, by more than rounding with a
-        RuntimeWarning.
-        """
+        """The times, those outside by rounding alone at its ends; with a warning of others."""
         times, slack = np.asarray(t, dtype=float), ROUNDING * max(1.0, self.duration)
-        outside = times[(times < -slack) | (times > self.duration + slack)]
-        if outside.size:
+        outside = (times < -slack) | (times > self.duration + slack)
+        if np.any(outside):
             warnings.warn(
-                f"t = {outside.flat[0]:.6g} s lies outside the plan, which lasts from 0 to"
-                f" {self.duration:.6g} s; the values at its ends are given"
-                " (plan.trajectory gives them without this warning)",
+                f"t = {times[outside].flat[0]:.6g} s lies outside the plan, which lasts from 0 to"
+                f" {self.duration:.6g} s; there it rests at its ends"
+                " (plan.trajectory says the same without this warning)",
                 RuntimeWarning,
                 stacklevel=3,
             )
-        return np.asarray(times.clip(0.0, self.duration))
+        return np.where(outside, times, times.clip(0.0, self.duration))
 
     def save(self, path: str | Path) -> Path:
         """Write the plan as versioned JSON; `load_plan` gives it back exactly.

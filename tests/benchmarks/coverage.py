@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from rich.progress import Progress
+from stress_problems import INPUT, WIDE, arm
 
 from planner.report.figures.style import COLOURS
 from planner.support.tables import Column, markdown_table
@@ -25,12 +26,6 @@ from planner.sweep.run import run_sweep
 
 ROOT = Path(__file__).parents[2]
 SEED = 7
-RATIO, K2, K_G = 0.8178, 0.870125, 0.668811
-"""The prototype's proportions, for any number of joints."""
-
-INPUT, JOINT = 0.5, 80.0
-"""Limits: inputs in rad/s, joints in degrees."""
-
 SECONDS = {3: 30.0, 4: 120.0}
 """Duration given. Four joints need about four times as long for angles of any sign."""
 
@@ -75,15 +70,11 @@ def pairs(family: int, joints: int, count: int) -> list[dict[str, Any]]:
 def sweep(family: int, joints: int, count: int) -> dict[str, Any]:
     """The sweep of one family."""
     rest = [10.0] * joints
-    gears = [K2 * RATIO**k for k in range(joints - 1)]
+    problem = arm("manipulator", joints, rest, rest, WIDE)
+    problem["goal"]["duration"] = SECONDS[joints]
     return {
         "title": f"{joints} joints, {FAMILIES[family].name} degrees",
-        "problem": {
-            "system": {"kind": "manipulator", "joints": joints, "K": gears, "k_g": K_G},
-            "start": {"theta_deg": rest},
-            "goal": {"theta_deg": rest, "travel": "free", "duration": SECONDS[joints]},
-            "limits": {"input_rad_s": [INPUT, INPUT], "joint_deg": JOINT},
-        },
+        "problem": problem,
         "methods": [*METHODS.values()],
         "cases": pairs(family, joints, count),
     }
@@ -202,7 +193,7 @@ def main() -> int:
 HEAD = f"""# Which goals each method reaches
 
 Random pairs of start and goal, every joint drawn alike from the range named; inputs up to
-{INPUT:g} rad/s, joints within {JOINT:g} degrees, {SECONDS[3]:g} s for three joints and
+{INPUT:g} rad/s, joints within {WIDE:g} degrees, {SECONDS[3]:g} s for three joints and
 {SECONDS[4]:g} s for four, travel free. The arm has the prototype's proportions. "Solved" are plans
 that are verified. Effort is beside collocation's where both solve, 1 is as good. Times are those of
 a busy computer: compare them with each other only. Made by

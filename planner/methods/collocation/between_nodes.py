@@ -56,10 +56,8 @@ def look(task: Task, solution: Solution) -> Look:
     values = values[..., : task.problem.system.size]
     plan = np.asarray(_basis(form.scheme_kind, form.degree) @ values)
     motion = task.motion(iterate).states
-    own = np.abs(task.motion_apart(iterate) - plan).max(axis=2)
     gap = np.abs(motion - plan)
-    error = MeshError(float(gap[-1, -1].max()), float(gap.max()), own[:, -1], own.max(axis=1))
-    return Look(plan, motion, error, iterate)
+    return Look(plan, motion, MeshError(float(gap[-1, -1].max()), float(gap.max())), iterate)
 
 
 @lru_cache(maxsize=16)
@@ -76,14 +74,10 @@ class MeshError:
     Attributes:
         end: At the end of the motion.
         largest: At any time.
-        nodes: At an interval's end, where the motion begins with the interval, shape (K,).
-        inside: The same anywhere in the interval, shape (K,).
     """
 
     end: float
     largest: float
-    nodes: Array
-    inside: Array
 
     def fine(self, accuracy: float) -> bool:
         """Whether no refinement is needed."""

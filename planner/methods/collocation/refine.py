@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.methods.collocation.between_nodes import INTERPOLANT, Look, MeshError, excess, look
+from planner.methods.collocation.between_nodes import INTERPOLANT, Look, excess, look
 from planner.methods.collocation.solvers.solver import Solution
 from planner.methods.collocation.task import Task, transferred
 from planner.methods.collocation.transcription.bounds import everywhere
@@ -63,7 +63,7 @@ def polish(task: Task, solution: Solution, accuracy: float, refinements: int) ->
             while True:
                 while left > 0 and not seen.error.fine(accuracy):
                     progress.tell("refining the mesh")
-                    finer = task.on(_finer(task, seen.error, accuracy))
+                    finer = task.on(_finer(task, seen, accuracy))
                     start = transferred(task, solution.iterate, finer)
                     better = finer.solve(start, near=True)
                     iterations += better.iterations
@@ -116,18 +116,21 @@ def _held_in_time(task: Task, solution: Solution, accuracy: float) -> tuple[Task
         return task, solution
 
 
-def _finer(task: Task, error: MeshError, accuracy: float) -> Mesh:
+def _finer(task: Task, seen: Look, accuracy: float) -> Mesh:
     """Intervals as dense as the errors ask for, at most three times as many, and evenly graded.
 
-    Errors shrink with the interval's width to the power 2d - 1 at the nodes, all together, and
-    d + 1 inside it. Those at the nodes are weighed by what becomes of them at the end: ten thousand
-    times as much where trailers are pushed, and at least what chance makes of so many.
-    The next solution may move where this one rests, so that no interval is much wider than another.
+    The errors are those of the motion that begins with the interval. They shrink with its width to
+    the power 2d - 1 at the nodes, all together, and d + 1 inside it. At the nodes they are weighed
+    by what becomes of them at the end: ten thousand times as much where trailers are pushed, and at
+    least what chance makes of so many. The next solution may move where this one rests, so that no
+    interval is much wider than another.
     """
     d, widths = task.made.form.degree, task.mesh.widths
-    growth = max(np.sqrt(len(widths)), error.end / max(np.max(error.nodes), 1e-16))
-    at_nodes = (error.nodes * growth / accuracy) ** (1 / (2 * d - 1))
-    inside = (error.inside / (INTERPOLANT * accuracy)) ** (1 / (d + 1))
+    own = np.abs(task.motion_apart(seen.iterate) - seen.plan).max(axis=2)
+    nodes = own[:, -1]
+    growth = max(np.sqrt(len(widths)), seen.error.end / max(np.max(nodes), 1e-16))
+    at_nodes = (nodes * growth / accuracy) ** (1 / (2 * d - 1))
+    inside = (own.max(axis=1) / (INTERPOLANT * accuracy)) ** (1 / (d + 1))
     density = np.maximum(at_nodes, inside) / widths
     density = np.maximum(density, EVENNESS * np.max(density))
     wanted = int(np.ceil(1.1 * np.sum(density * widths)))

@@ -363,6 +363,7 @@ PROTOTYPE: Mapping[str, Any] = MappingProxyType(
         "initial_play": {"value": 0.0, "spread": 0.5},
         "initial_angle_error_deg": {"value": 0.0, "spread": 0.2},
         "encoder_resolution_deg": 0.088,
+        "link_moment_kgm": 0.16,  # idle on a level plane
         # What `planner calibrate` gives.
         "servo_bandwidth_rad_s": 67.3,
         "motor_inertia_kgm2": 0.02,

@@ -282,7 +282,8 @@ INLINE double share(const Model *m, double steady, double rising, double capacit
 
 INLINE double kept(const Own *o, double whole, double cosine)
 {
-    double straight = 1 - cosine * cosine, sine = straight > 0 ? sqrt(straight) : 0.0;
+    double straight = o->contact[3] > 0 ? 1 - cosine * cosine : 0.0;
+    double sine = straight > 0 ? sqrt(straight) : 0.0;
     double carried = fabs(whole) < o->contact[2] ? fabs(whole) : o->contact[2];
     double part = 1.0 - o->contact[0] - o->contact[1] * carried - o->contact[3] * sine;
     return part > 0 ? part : 0.0;

@@ -22,6 +22,7 @@ from planner.problem.asked import (
     obstacles_of,
     waypoints_of,
 )
+from planner.problem.requirements.chart import ChartDomain
 from planner.problem.requirements.ends import Duration, Goal, Start
 from planner.problem.requirements.limits import InputLimit, JointLimit, RateLimit, Z2Margin
 from planner.problem.requirements.places import Obstacle, Waypoint
@@ -262,11 +263,19 @@ class Problem:
         """The dotted key of the travel, for messages."""
         return next(iter(self.travel_change(None)))
 
+    @property
+    def chart(self) -> ChartDomain:
+        """What is asked of motions in chained coordinates only."""
+        return ChartDomain(tuple(self.start.tolist()))
+
     @cached_property
     def demands(self) -> tuple[Demand, ...]:
-        """All that is asked of a plan, one object a kind that is set: ends, limits, places."""
+        """All that is asked of a plan, one object a kind that is set: ends, limits, places.
+
+        What is `in_chart` is asked only of plans in chained coordinates.
+        """
         limits, system = self.limits, self.system
-        found: list[Demand] = [Start(), Goal(system.coordinates)]
+        found: list[Demand] = [Start(), Goal(system.coordinates), self.chart]
         if self.duration is not None:
             found.append(Duration(self.duration))
         found += [

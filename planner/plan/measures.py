@@ -13,14 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from planner.plan.curves import polynomial_range, polynomial_roots
 from planner.plan.quadrature import greatest, jumps, largest, own_input, read, slopes
 from planner.plan.retimed import RetimedTrajectory
-from planner.plan.trajectory import (
-    ChainedTrajectory,
-    Trajectory,
-    polynomial_range,
-    polynomial_roots,
-)
+from planner.plan.trajectory import ChainedTrajectory, Trajectory
 from planner.problem.requirements.requirement import At, Requirement
 from planner.support.arrays import Array
 from planner.support.one_variable import maximum, minimum, sample_times, zeros

@@ -16,9 +16,10 @@ from scipy.interpolate import BPoly
 
 import planner
 from planner.plan import quadrature
+from planner.plan.curves import Pieces
 from planner.plan.measures import peak_inputs, peak_rates
 from planner.plan.retimed import RetimedTrajectory
-from planner.plan.trajectory import Pieces, StateTrajectory, Trajectory
+from planner.plan.trajectory import StateTrajectory, Trajectory
 
 Array = NDArray[np.float64]
 

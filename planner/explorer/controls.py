@@ -17,6 +17,7 @@ import numpy as np
 
 from planner.explorer.control import Control, rounded, span, travel_range, z2_reach
 from planner.explorer.state import State
+from planner.machine.feedforward.aim import compensable
 from planner.machine.machine import Machine
 from planner.methods.registry import METHODS
 from planner.plan.plan import Plan
@@ -157,7 +158,20 @@ def machine_controls(state: State, problem: Problem) -> list[Control]:
     used = {**first.effects, **now.effects}
     static = now.fidelity == "quasi-static"
     effects = [k for k, e in EFFECTS.items() if k in used and not (static and e.dynamic)]
-    return [count, *(_effect(name, first, now) for name in effects)]
+    return [count, *_compensation(state, problem), *(_effect(name, first, now) for name in effects)]
+
+
+def _compensation(state: State, problem: Problem) -> list[Control]:
+    """Whether plans allow for the machine, where the system has a mechanism to allow for."""
+    if not compensable(problem.system):
+        return []
+    key = "compensation.on"
+    on = bool(state.value(key, False))
+    help_text = (
+        "plan commands that allow for the mean machine's backlash, shaft torsion, creep and lag"
+    )
+    label = "compensate for the machine"
+    return [Control(MACHINE, label, "switch", key, on, shown=on, help=help_text)]
 
 
 def _effect(name: str, first: Machine, now: Machine) -> Control:

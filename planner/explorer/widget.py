@@ -107,6 +107,8 @@ class Explorer(anywidget.AnyWidget):
         screen, what = self._screen, content.get("ask")
         if what == "texts":
             return {**screen.texts(), "todo": self._todo(errors=False)}
+        if what == "mechanism":
+            return {**screen.mechanism(), "todo": self._todo(errors=False)}
         if what == "judge":
             screen.judge()
             return {**screen.words(), "todo": []}

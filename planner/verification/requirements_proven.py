@@ -26,6 +26,7 @@ from planner.problem.problem import Problem
 from planner.problem.requirements.chart import ChartDomain
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import At, Part, Requirement
+from planner.support import deadline
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
 from planner.verification import affine_models
@@ -326,6 +327,7 @@ def _square(values: list[Model], length: float, cells: Cells) -> tuple[Model, Ce
     kept: list[tuple[Cells, list[Model]]] = []
     best = np.inf
     for step in range(HALVINGS + 1):
+        deadline.check_stopped()
         square, along, _ = values
         low, high = along.low, along.high
         best = np.fmin(best, np.fmin.reduce(square.high + _least_of(high, length)))

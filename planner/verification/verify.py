@@ -21,6 +21,7 @@ from planner.plan.quadrature import Motion, greatest, integrate, jumps, slopes
 from planner.problem.problem import Problem
 from planner.problem.requirements.ends import Duration, Goal, Start
 from planner.problem.requirements.requirement import At
+from planner.support import deadline
 from planner.support.arrays import Array
 from planner.support.tables import Column, html_table
 
@@ -325,6 +326,7 @@ def _least(motion: Motion, function: Callable[[Array], Array]) -> tuple[Array, A
     low, high = grid[np.maximum(sample - 1, 0)], grid[np.minimum(sample + 1, len(grid) - 1)]
     share, row = np.linspace(0.0, 1.0, 17)[:, None], np.arange(len(cell))
     for _ in range(_ROUNDS):
+        deadline.check_stopped()
         x = low + (high - low) * share
         found = function(motion.at(cell, x))[:, row, which]
         k = np.argmin(found, axis=0)

@@ -17,6 +17,7 @@ joint. Wheels turn against faces by θᵢ, so that each contact hands on cosθ�
 
 from __future__ import annotations
 
+import io
 import textwrap
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -79,6 +80,19 @@ def plot_mechanism(system: TriangularSystem, *, axes: Any = None) -> tuple[Figur
     title = f"How two motors drive {system.n} joints: the arm stretched out, seen from the side"
     heading(axes.figure, title, ours=ours)
     return axes.figure, axes
+
+
+def mechanism_svg(system: TriangularSystem) -> str:
+    """The drawing of `plot_mechanism` as one SVG picture; empty for other systems."""
+    if not isinstance(system, Manipulator):
+        return ""
+    import matplotlib as mpl  # slow to import
+
+    figure, _ = plot_mechanism(system)
+    stream = io.StringIO()
+    with mpl.rc_context({"svg.hashsalt": "planner"}):  # so that the same system gives the same text
+        figure.savefig(stream, format="svg", metadata={"Date": None})
+    return stream.getvalue()
 
 
 class _Pen:

@@ -137,6 +137,26 @@ class Passed:
     disk: Array | float
 
 
+def at_contacts(k: Array, torques: Array, cosines: Array) -> Array:
+    """Torques of joints 2 … n as disk B of each stage feels them.
+
+    Args:
+        k: Gear constants k₂ … kₙ of each machine, (n−1, S).
+        torques: Of joints 2 … n, (n−1, …, S), N m.
+        cosines: Of θ₁ … θₙ₋₁, likewise.
+
+    Returns:
+        Shape (2, n−1, …, S), N m: first those that pass P₁, of the stage's joint and all later
+        ones; then those that pass P₂ and P₃, of the stage's joint alone.
+    """
+    out = np.empty((2, *torques.shape))
+    out[1] = k[0] * cosines * cosines * cosines * torques
+    out[0, -1] = out[1, -1]
+    for j in range(len(torques) - 2, -1, -1):
+        out[0, j] = out[1, j] + k[j + 1] / k[j] * cosines[j] * out[0, j + 1]
+    return out
+
+
 class Contacts:
     """The friction contacts of S manipulators.
 
@@ -146,7 +166,7 @@ class Contacts:
     """
 
     def __init__(self, draws: Draws, k: Array) -> None:
-        self._k, self._ratio = k, k[1:] / k[:-1]
+        self._k = k
         self._creep = draws["creep"]
         self._creep_per_nm = draws["creep_per_nm"]
         self._capacity = draws["friction_capacity_nm"]
@@ -165,7 +185,7 @@ class Contacts:
         if not self._loaded:
             return self._unloaded
         turning = np.sign(speed)
-        steady = self._at_contacts(np.stack([j.torque(turning) for j in joints]), cosines)
+        steady = at_contacts(self._k, np.stack([j.torque(turning) for j in joints]), cosines)
         rising = self._rising(joints, cosines, turning, speed)
         whole = steady if rising is None else steady + rising
         carried = np.minimum(np.abs(whole), self._capacity)
@@ -178,19 +198,6 @@ class Contacts:
         disk = before[-2] if len(before) > 1 else 1.0
         return Passed(kept[0], branch * np.minimum(before, share[1]), disk)
 
-    def _at_contacts(self, torques: Array, cosines: Array) -> Array:
-        """Torques (n−1, S) of joints 2 … n as disk B of each stage feels them, (2, n−1, S).
-
-        First those that pass P₁, of the stage's joint and all later ones; then those that pass P₂
-        and P₃, of the stage's joint alone.
-        """
-        out = np.empty((2, *torques.shape))
-        out[1] = self._k[0] * cosines * cosines * cosines * torques
-        out[0, -1] = out[1, -1]
-        for j in range(len(torques) - 2, -1, -1):
-            out[0, j] = out[1, j] + self._ratio[j] * cosines[j] * out[0, j + 1]
-        return out
-
     def _rising(
         self, joints: list[Play], cosines: Array, turning: Array, speed: Array
     ) -> Array | None:
@@ -201,7 +208,7 @@ class Contacts:
         for j, joint in enumerate(joints):
             torques[j] = joint.damping(turning) * self._k[j] * cosines[j] ** 3 * disk
             disk = disk * cosines[j]
-        return self._at_contacts(torques, cosines)
+        return at_contacts(self._k, torques, cosines)
 
     def _share(self, steady: Array, rising: Array | None) -> Array:
         """Part of the speed at which each contact's torque stays within the capacity."""

@@ -189,6 +189,26 @@ class Passed:
     disk: Array | float
 
 
+def at_contacts(k: Array, torques: Array, cosines: Array) -> Array:
+    """Torques of joints 2 … n as disk B of each stage feels them.
+
+    Args:
+        k: Gear constants k₂ … kₙ of each machine, (n−1, S).
+        torques: Of joints 2 … n, (n−1, …, S), N m.
+        cosines: Of θ₁ … θₙ₋₁, likewise.
+
+    Returns:
+        Shape (2, n−1, …, S), N m: first those that pass P₁, of the stage's joint and all later
+        ones; then those that pass P₂ and P₃, of the stage's joint alone.
+    """
+    out = np.empty((2, *torques.shape))
+    out[1] = k[0] * cosines * cosines * cosines * torques
+    out[0, -1] = out[1, -1]
+    for j in range(len(torques) - 2, -1, -1):
+        out[0, j] = out[1, j] + k[j + 1] / k[j] * cosines[j] * out[0, j + 1]
+    return out
+
+
 class Contacts:
     """The friction contacts of S manipulators.
 

@@ -156,21 +156,6 @@ def weights(draws: Draws, joints: int) -> Array | None:
     return np.broadcast_to(slope * draws["link_moment_kgm"], (joints, draws.count))
 
 
-def at_contacts(k: Array, torques: Array, cosines: Array) -> Array:
-    """Torques (n−1, S) of joints 2 … n as disk B of each stage feels them, (2, n−1, S).
-
-    First those that pass P₁, of the stage's joint and all later ones; then those that pass P₂ and
-    P₃, of the stage's joint alone. `k` are the gear constants k₂ … kₙ, (n−1, S).
-    """
-    ratio = k[1:] / k[:-1]
-    out = np.empty((2, *torques.shape))
-    out[1] = k[0] * cosines * cosines * cosines * torques
-    out[0, -1] = out[1, -1]
-    for j in range(len(torques) - 2, -1, -1):
-        out[0, j] = out[1, j] + ratio[j] * cosines[j] * out[0, j + 1]
-    return out
-
-
 TINY_NM = 1e-30
 
 

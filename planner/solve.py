@@ -216,18 +216,25 @@ def compensated(
     used = machine_for(problem.machine, machine)
     began = time.perf_counter()
 
+    left_s = max(LEAST_PATIENCE_S, PATIENCE * plan.solve_time_s)
+
     def replan(shifted: Problem, near: Plan) -> Plan:
-        own = merged_options(shifted, entry, dict(plan.options))
-        if entry.replan is None:
-            return entry.plan(shifted, own)
-        return entry.replan(shifted, own, near)
+        nonlocal left_s
+        own, start = merged_options(shifted, entry, dict(plan.options)), time.perf_counter()
+        if left_s <= 0:
+            raise TimeUpError
+        with limited(left_s, "the time for a plan next to one known"):
+            if entry.replan is None:
+                made = entry.plan(shifted, own)
+            else:
+                made = entry.replan(shifted, own, near)
+        left_s -= time.perf_counter() - start
+        return made
 
     advice = MORE_ROOM + (FORWARD if options.preparation != "forward" else "") + WITHOUT
     tell("compensating")
-    patience = max(LEAST_PATIENCE_S, PATIENCE * plan.solve_time_s)
     try:
-        with limited(patience, "the time for a plan next to one known"):
-            made = aimed(plan, used, options, replan)
+        made = aimed(plan, used, options, replan)
     except TimeUpError:
         raise TimeLimitError(_not_aimed(problem, "it takes too long"), advice=advice) from None
     except NoPlanError as error:
@@ -243,9 +250,9 @@ def compensated(
 
 
 LEAST_PATIENCE_S, PATIENCE = 5.0, 20.0
-"""Seconds for all plans of a compensation, at least and as a multiple of what the plan itself took:
-each starts next to the last. Where one must be searched for, the goal cannot be reached in the
-time."""
+"""Seconds for all plans of a compensation, at least and as a multiple of what the plan itself took
+(replays do not count): each starts next to the last. Where one must be searched for, the goal
+cannot be reached in the time."""
 
 MORE_ROOM = "more time (goal.duration); or "
 FORWARD = "compensation.preparation = 'forward'; or "

@@ -291,3 +291,25 @@ def test_the_arm_s_colours_and_the_map_s_shade_have_a_key(show: Any) -> None:
     colours = poses.evaluate_all("(all) => all.map((pose) => pose.style.stroke)")
     assert len(set(colours)) == len(colours) == 10
     assert page.locator("[data-panel=map] path.below").count() == 1
+
+
+def test_the_mechanism_is_shown_beside_the_sliders_and_follows_them(
+    show: Any, tmp_path: Path
+) -> None:
+    page = show("try")
+    assert page.locator(".px-mechanism").is_hidden()
+    page.locator("[data-button=mechanism]").click()
+    image = page.locator(".px-mechanism img")
+    image.wait_for()
+    page.wait_for_function("document.querySelector('.px-mechanism img').naturalWidth > 0")
+    first = image.get_attribute("src")
+    slide(page, "system.K:0", 700)
+    page.wait_for_function(
+        "(before) => document.querySelector('.px-mechanism img').src !== before", arg=first
+    )
+    settled(page)
+    assert page.locator(".px-verdict").text_content() == "refused: verification failed"
+    page.set_viewport_size({"width": 1500, "height": 2000})
+    picture(page, "mechanism", tmp_path)
+    page.locator("[data-button=mechanism]").click()
+    assert page.locator(".px-mechanism").is_hidden()

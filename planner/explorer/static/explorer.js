@@ -102,7 +102,7 @@ function render({ model, el }) {
     clearTimeout(resting);
     busy = { kind, number: ++number, began, stopped: 0 };
     root.dataset.open = 1;
-    if (kind !== "texts" && kind !== "judge" && kind !== "errors") old();
+    if (!(kind in DOING)) old();
     model.send({ ask: kind, number, ...more });
     clearInterval(ticking);
     ticking = setInterval(tick, 100);

@@ -59,7 +59,9 @@ MADE: dict[str, Callable[[planner.Problem], planner.Plan]] = {
                 "system.link_lengths": [1.0, 1.0, 1.0],
                 "obstacles": [{"centre_m": [0.0, 2.0], "radius_m": 0.2}],
             }
-        )
+        ),
+        intervals=20,
+        starts=1,
     ),
 }
 

@@ -95,5 +95,5 @@ def _show(found: Calibration) -> None:
     ]
     print_text(terminal_table(columns, FITTED))
     for s, value in zip(STATEMENTS, found.fit.found, strict=True):
-        print_text(f"{s.text}: {value:.2f} {s.unit} (target {s.target:g})")
+        print_text(f"{s.text}: {value:.2f} {s.unit} (target {s.wanted})")
     print_text("last columns: part of the range that is left, knowing that; 1 = not identifiable")

@@ -231,9 +231,9 @@ def test_slow_replays_do_not_use_up_the_time_for_plans(
 ) -> None:
     """As without the compiled kernel: what is short is the time for plans, not for replays."""
     module, usual = sys.modules["planner.solve"], aim.commanded
-    monkeypatch.setattr(module, "LEAST_PATIENCE_S", 1.0)
+    monkeypatch.setattr(module, "LEAST_PATIENCE_S", 0.4)
     monkeypatch.setattr(module, "PATIENCE", 0.0)
-    monkeypatch.setattr(aim, "commanded", lambda *given: (time.sleep(0.4), usual(*given))[1])
+    monkeypatch.setattr(aim, "commanded", lambda *given: (time.sleep(0.5), usual(*given))[1])
     assert planner.compensate(plain).verified
     monkeypatch.setattr(module, "LEAST_PATIENCE_S", 1e-4)
     with pytest.raises(planner.TimeLimitError, match="takes too long"):

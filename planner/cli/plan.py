@@ -58,7 +58,7 @@ def plan(
         typer.Option(
             "--method",
             "-m",
-            help="A method; `planner methods` lists them.",
+            help="The method; `planner methods` lists them.",
             autocompletion=lambda: [(name, m.summary) for name, m in all_methods().items()],
         ),
     ] = "collocation",
@@ -66,15 +66,15 @@ def plan(
     changes: Changes = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Write the plan to this JSON file.", show_default=False),
+        typer.Option("--out", "-o", help="Save the plan in this JSON file.", show_default=False),
     ] = None,
     as_json: Json = False,
 ) -> int:
-    """Make a plan, verify it and print what it is worth.
+    """Make a plan, verify it and print its properties.
 
-    A plan that breaks a requirement is not a plan: the command then says what is broken and what
-    would help, and ends with status 3. Ctrl-C while a motion is held already ends the search: the
-    best one found by then is refined, verified and written, with status 130; once more ends all.
+    A plan that breaks a requirement is refused: the command prints what is broken and what would
+    help, and ends with status 3. Ctrl-C ends the search; the best motion found so far, if any, is
+    refined, verified and written, with status 130. A second Ctrl-C ends the command at once.
 
     \b
     Examples:
@@ -105,7 +105,7 @@ def plan(
     if written is not None:
         note(f"plan written to {written}")
     if status:
-        say("planner: interrupted: this is the best plan found by then")
+        say("planner: interrupted: this is the best plan found so far")
     return status
 
 
@@ -165,7 +165,7 @@ def _table(problem: Problem, summary: dict[str, Any], took: float) -> Table:
         *_certificate(summary),
         (
             "time",
-            f"{number(took)} s from the question to the verified answer, of which"
+            f"{number(took)} s in all, with verification; of these"
             f" {number(summary['solve_time_s'])} s to solve, {number(summary['build_time_s'])} s to"
             f" prepare; {summary['iterations']} iterations",
         ),
@@ -196,9 +196,9 @@ def _worst_error(problem: Problem, errors: dict[str, float]) -> str:
 def _chart(summary: dict[str, Any]) -> str:
     margin = f"smallest margin {number(summary['domain_margin'])}"
     if summary["domain_ok"]:
-        return f"inside its domain, {margin}"
+        return f"inside the domain, {margin}"
     times = ", ".join(number(t) for t in summary["singular_times_s"][:6])
-    return f"leaves its domain or touches the edge at t = {times} s, {margin}"
+    return f"leaves the domain or touches its edge at t = {times} s, {margin}"
 
 
 def _start(notes: dict[str, Any]) -> list[tuple[str, str]]:
@@ -212,8 +212,8 @@ def _compensation(notes: dict[str, Any]) -> list[tuple[str, str]]:
     found = notes.get("compensation")
     if found is None:
         return []
-    before = f"{number(found['lead_s'])} s of preparation, then " if found["lead_s"] else ""
-    after = f", then {number(found['tail_s'])} s of backing off" if found["tail_s"] else ""
+    before = f"{number(found['lead_s'])} s of preparatory motion, then " if found["lead_s"] else ""
+    after = f", then {number(found['tail_s'])} s of drive reversal" if found["tail_s"] else ""
     words = f"{before}the plan, made {found['plans']} times to aim at the goal{after}"
     return [("compensated", words)]
 
@@ -223,7 +223,7 @@ def _optimality(notes: dict[str, Any]) -> list[tuple[str, str]]:
     if found is None:
         return []
     gap = found["relative_gap"]
-    within = "" if gap is None else f", within {gap:.1e} of the best that its bound allows"
+    within = "" if gap is None else f", within {gap:.1e} of the proven lower bound"
     return [("optimum", f"{found['kind']}, of its class of paths{within}")]
 
 
@@ -244,9 +244,10 @@ def check(
     time_limit: TimeLimit = None,
     as_json: Json = False,
 ) -> int:
-    """Say whether there is a plan; if not, why and what would help.
+    """Find out whether there is a plan; if not, say why not.
 
-    Tries every method of the registry. Ends with status 0 if one has a verified plan, else 3.
+    Tries every method, then changes of the problem that may help. Ends with status 0 if
+    one method has a verified plan, else 3.
 
     \b
     Examples:

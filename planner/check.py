@@ -10,6 +10,7 @@ import numpy as np
 
 from planner.errors import InputError, NoPlanError
 from planner.methods.advice import tried
+from planner.methods.keeping import not_promised
 from planner.methods.refusal import Change, in_other_time, on_other_paths
 from planner.methods.registry import METHODS, find_method
 from planner.plan.measures import DomainReport
@@ -78,6 +79,8 @@ class Analysis:
         plain_polynomial: Where the polynomial without points leaves the chart's domain and z₂
             crosses zero, and the travel this was found for; None when it stays inside.
         nonholonomy: Controllability at the start, the goal and on θ₁ = 0.
+        not_promised: For each method what it does not promise to keep of what is asked, by label
+            (known before it searches, see `planner.methods.keeping`).
         outcomes: For each method its summary, see `planner.verification.summary.KEYS`.
         remedy: When no method has a plan, a change that gives one, if one was found.
         ended_early: What cut the search short, in words; None where nothing did.
@@ -90,6 +93,7 @@ class Analysis:
     duration_bound: DurationBound
     plain_polynomial: tuple[float, DomainReport] | None
     nonholonomy: Nonholonomy
+    not_promised: Mapping[str, tuple[str, ...]]
     outcomes: tuple[dict[str, Any], ...]
     remedy: Remedy | None
     ended_early: str | None = None
@@ -138,6 +142,7 @@ class Analysis:
             "least_duration_reason": self.duration_bound.reason,
             "plain_polynomial": _polynomial_dict(self.plain_polynomial),
             "nonholonomy": self.nonholonomy.to_dict(),
+            "not_promised": {name: list(labels) for name, labels in self.not_promised.items()},
             "methods": list(self.outcomes),
             "remedy": None if self.remedy is None else self.remedy.to_dict(),
             "ended_early": self.ended_early,
@@ -188,6 +193,7 @@ def check(
         duration_bound=least_duration(problem),
         plain_polynomial=_plain_polynomial(problem, window) if singular else None,
         nonholonomy=nonholonomy(problem),
+        not_promised={name: not_promised(problem, METHODS[name].keeps) for name in names},
         outcomes=tuple(outcomes),
         remedy=remedy,
         ended_early=f"{span.why} ended the search" if span.reached else None,

@@ -10,16 +10,18 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
+import numpy as np
+
 from planner.errors import InputError, NoPlanError, TimeLimitError, VerificationError
 from planner.methods import typed_options
-from planner.methods.advice import advise
+from planner.methods.advice import advise, asked_instead
+from planner.methods.keeping import not_promised, refuse_unkept
 from planner.methods.refusal import BY_COLLOCATION, Change, lasting
 from planner.methods.registry import METHODS, Method, find_method, merged_options
 from planner.plan.plan import Plan, expect_plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
 from planner.problem.requirements.ends import Goal
-from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import Requirement
 from planner.problem.tables.compensation import CompensationTable
 from planner.support.deadline import MORE_TIME, TimeUpError, checked, limited
@@ -304,6 +306,7 @@ def _planned(
 def _solved(problem: Problem, entry: Method, options: Any, warm: Plan | None) -> tuple[Plan, Check]:
     if not entry.finds_time:
         refuse_too_short(problem)
+    refuse_unkept(problem, entry.name, entry.keeps)
     if warm is None:
         return judged(entry.plan(problem, options))
     if entry.replan is None:
@@ -337,8 +340,13 @@ def _refusal(plan: Plan, check: Check) -> NoPlanError:
             violations=check.violations,
             advice=MORE_TIME,
         )
+    others = not_promised(plan.problem, find_method(plan.method).keeps)
+    said = ""
+    if left := sum(v.label in others for v in check.violations):
+        part = "" if left == len(check.violations) else f"{left} of "
+        said = f", {part}which this method does not promise to keep"
     changes, otherwise = _ways(plan, check)
-    return _broken(plan, check, "", otherwise, changes)
+    return _broken(plan, check, said, otherwise, changes)
 
 
 def _broken(
@@ -363,9 +371,6 @@ def _ways(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
     found = [plan.problem.asking(v.label) for v in check.violations]
     broken = [asked[0] for asked in found if asked]
     speeds = [each.speed if isinstance(each, Requirement) else 0 for each in broken]
-    if any(isinstance(each, Waypoint | Obstacle) for each in broken):
-        words = ", which plans around obstacles and by way of waypoints"
-        return [replace(BY_COLLOCATION, words=words)], "move what is in the way"
     if len(broken) == len(found) and all(speeds) and plan.trajectory.kind == "chained":
         sizes = (v.value / v.limit for v in check.violations)
         factor = max(size ** (1 / speed) for size, speed in zip(sizes, speeds, strict=True))
@@ -375,4 +380,5 @@ def _ways(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
     if len(broken) < len(found) or any(isinstance(each, Goal) for each in broken):
         return [], "a finer mesh: more method.collocation.intervals or a higher degree"
     other = [BY_COLLOCATION] if plan.method != BY_COLLOCATION.method else []
-    return other, f"wider limits, or another {plan.problem.travel_key}"
+    instead = asked_instead(plan, [v for v in check.violations if np.isfinite(v.value)])
+    return other, f"{instead or 'wider limits'}, or another {plan.problem.travel_key}"

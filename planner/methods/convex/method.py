@@ -51,13 +51,10 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
     without the domain is taken, if it stays inside; `plan.notes["optimality"]` says what is proven.
 
     Input limits concern the timing only: v₁ is constant where that keeps them, else the motion is
-    in proportion to the path's fastest one, which is taken where the duration is free. Limits of
-    joints that are not convex in the chart (θ₁ for n = 3, all for longer chains), obstacles and
-    waypoints play no part: `verify` refuses a path that breaks them. Limits of further kinds that
-    depend on the speed are kept by the timing; the others are refused before.
+    in proportion to the path's fastest one, which is taken where the duration is free. Which other
+    requirements play no part, so that `verify` may refuse the path: `planner.methods.keeping`.
 
     Raises:
-        NoPlanError: If there is such a limit.
         InfeasibleError: With `certificate`, if no path of the class meets travel, domain and z₂
             margin; or without, if no one-way motion at all meets travel and duration.
         NotConvergedError: If no path was found and that proves nothing, or the best one takes
@@ -66,7 +63,6 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
         InputError: If there are too few pieces, or the duration is free and an input has no limit.
     """
     began = time.perf_counter()
-    _refuse_unkept(problem)
     start, goal = chart_ends(problem, problem.travel or 1.0)
     _refuse_input(problem, options, 2 * len(start))
     travels = _travels(problem, options)
@@ -92,17 +88,6 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
         solve_time_s=time.perf_counter() - built,
         notes=_notes(problem, band, found, found.best) | {"timing": timing},
     )
-
-
-def _refuse_unkept(problem: Problem) -> None:
-    """Refuse limits of further kinds that no choice of a path or of its timing keeps."""
-    parts = [part for each in problem.further if not each.speed for part in each.parts]
-    if parts:
-        raise NoPlanError(
-            f"{problem.source}: the method '{NAME}' does not plan for"
-            f" {', '.join(part.label for part in parts)}",
-            changes=[BY_COLLOCATION],
-        )
 
 
 def _refuse_input(problem: Problem, options: ConvexOptions, fewest: int) -> None:

@@ -37,10 +37,6 @@ if TYPE_CHECKING:
 def solve(
     problem: Problem,
     method: Literal["collocation"] = ...,
-    *,
-    warm: Plan | None = ...,
-    time_limit_s: float | None = ...,
-    progress: Listener | None = ...,
     **options: Unpack[typed_options.Collocation],
 ) -> Plan: ...
 
@@ -49,10 +45,6 @@ def solve(
 def solve(
     problem: Problem,
     method: Literal["polynomial"],
-    *,
-    warm: Plan | None = ...,
-    time_limit_s: float | None = ...,
-    progress: Listener | None = ...,
     **options: Unpack[typed_options.Polynomial],
 ) -> Plan: ...
 
@@ -61,10 +53,6 @@ def solve(
 def solve(
     problem: Problem,
     method: Literal["piecewise"],
-    *,
-    warm: Plan | None = ...,
-    time_limit_s: float | None = ...,
-    progress: Listener | None = ...,
     **options: Unpack[typed_options.Piecewise],
 ) -> Plan: ...
 
@@ -73,10 +61,6 @@ def solve(
 def solve(
     problem: Problem,
     method: Literal["sinusoid"],
-    *,
-    warm: Plan | None = ...,
-    time_limit_s: float | None = ...,
-    progress: Listener | None = ...,
     **options: Unpack[typed_options.Sinusoid],
 ) -> Plan: ...
 
@@ -85,10 +69,6 @@ def solve(
 def solve(
     problem: Problem,
     method: Literal["sinusoid_steps"],
-    *,
-    warm: Plan | None = ...,
-    time_limit_s: float | None = ...,
-    progress: Listener | None = ...,
     **options: Unpack[typed_options.SinusoidSteps],
 ) -> Plan: ...
 
@@ -97,10 +77,6 @@ def solve(
 def solve(
     problem: Problem,
     method: Literal["convex"],
-    *,
-    warm: Plan | None = ...,
-    time_limit_s: float | None = ...,
-    progress: Listener | None = ...,
     **options: Unpack[typed_options.Convex],
 ) -> Plan: ...
 
@@ -109,24 +85,12 @@ def solve(
 def solve(
     problem: Problem,
     method: Literal["desensitised"],
-    *,
-    warm: Plan | None = ...,
-    time_limit_s: float | None = ...,
-    progress: Listener | None = ...,
     **options: Unpack[typed_options.Desensitised],
 ) -> Plan: ...
 
 
 @overload
-def solve(
-    problem: Problem,
-    method: str = ...,
-    *,
-    warm: Plan | None = ...,
-    time_limit_s: float | None = ...,
-    progress: Listener | None = ...,
-    **options: Any,
-) -> Plan: ...
+def solve(problem: Problem, method: str = ..., **options: Any) -> Plan: ...
 
 
 def solve(
@@ -226,10 +190,8 @@ def compensated(
 
     advice = MORE_ROOM + (FORWARD if options.preparation != "forward" else "") + WITHOUT
     tell("compensating")
-    patience = max(LEAST_PATIENCE_S, PATIENCE * plan.solve_time_s)
     try:
-        with limited(patience, "the time for a plan next to one known"):
-            made = aimed(plan, used, options, replan)
+        made = aimed(plan, used, options, replan)
     except TimeUpError:
         raise TimeLimitError(_not_aimed(problem, "it takes too long"), advice=advice) from None
     except NoPlanError as error:
@@ -243,11 +205,6 @@ def compensated(
         return replace(made, verified=True), check
     raise _broken(made, check, " on the nominal machine", advice)
 
-
-LEAST_PATIENCE_S, PATIENCE = 5.0, 20.0
-"""Seconds for all plans of a compensation, at least and as a multiple of what the plan itself took:
-each starts next to the last. Where one must be searched for, the goal cannot be reached in the
-time."""
 
 MORE_ROOM = "more time (goal.duration); or "
 FORWARD = "compensation.preparation = 'forward'; or "

@@ -24,12 +24,17 @@ from planner.plan.plan import Compensation, Plan
 from planner.problem.problem import Problem
 from planner.problem.tables.compensation import CompensationTable
 from planner.support.arrays import Array
+from planner.support.deadline import limited
 from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem
 
 MOST_PLANS = 12
 """Plans after which the best is taken: two or three do where the drive keeps its direction, four to
 ten where it turns back."""
+
+LEAST_S, TIMES = 5.0, 20.0
+"""Seconds for all of them, at least and as a multiple of what the plan itself took: each starts
+next to the last. Where one must be searched for, the goal cannot be reached in the time."""
 
 AIMED_RAD = np.deg2rad(0.01)
 """Error on the nominal machine that is good enough: a hundredth of what spreads leave."""
@@ -55,6 +60,7 @@ def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Repl
     Raises:
         InputError: If the system is no arm with friction disks.
         NoPlanError: If the shifted goal breaks a limit, or by `replan`.
+        TimeUpError: If it takes too long.
     """
     problem, system = plan.problem, plan.problem.system
     if not compensable(system) or not isinstance(system, Manipulator):
@@ -63,7 +69,19 @@ def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Repl
             f" (system.kind = 'manipulator'); between the motors and the motion of a {system.kind}"
             " there is nothing to allow for"
         )
-    moved = slice(0 if problem.travel is not None else 1, None)
+    patience = max(LEAST_S, TIMES * plan.solve_time_s)
+    with limited(patience, "the time for a plan next to one known"):
+        return _aimed(plan, system, machine, options, replan)
+
+
+def _aimed(
+    plan: Plan,
+    system: Manipulator,
+    machine: Machine,
+    options: CompensationTable,
+    replan: Replan,
+) -> Plan:
+    problem, moved = plan.problem, slice(0 if plan.problem.travel is not None else 1, None)
     target, made_from = problem.target[moved], Compensation(plan, machine.to_dict(), 0.0, 0.0)
     shift, inverse = np.zeros(len(target)), np.eye(len(target))
     tried: list[_Trial] = []

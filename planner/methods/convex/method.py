@@ -66,8 +66,7 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
     start, goal = chart_ends(problem, problem.travel or 1.0)
     _refuse_input(problem, options, 2 * len(start))
     travels = _travels(problem, options)
-    rated = bool(np.any(np.isfinite(problem.limits.input_rate)))
-    linear = options.input == "linear" or (options.input == "auto" and rated)
+    linear = options.input == "linear" or (options.input == "auto" and problem.reads("du"))
     frame = Frame(input_shape(options.pieces, int(linear)), start, goal, 1.0)
     band = band_of(problem, start, goal, options.edge)
     built = time.perf_counter()
@@ -96,8 +95,7 @@ def _refuse_input(problem: Problem, options: ConvexOptions, fewest: int) -> None
             f"{problem.source}: method.convex.pieces = {options.pieces} is too few for"
             f" {fewest // 2} coordinates; use at least {fewest}"
         )
-    limits = problem.limits
-    for i in np.flatnonzero(np.isinf(limits.input) & np.isinf(limits.input_rate)):
+    for i in np.flatnonzero(problem.limits.unlimited):
         if problem.duration is None:
             raise InputError(
                 f"{problem.source}: goal.duration is free but [limits] holds no limit of input"
@@ -178,10 +176,9 @@ def _timed(problem: Problem, path: ChainedTrajectory) -> tuple[Trajectory, str]:
     if duration is not None and slowing(problem.requirements, path) <= 1:
         return path, "v1 constant"
     # An input without a limit goes no faster than with v1 constant.
-    unlimited = np.isinf(limits.input) & np.isinf(limits.input_rate)
-    limits = replace(limits, input=np.where(unlimited, peaks, limits.input))
-    asked = problem.requirements
-    fastest = fastest_motion(path, limits, asked, peaks > 1e-12)[0].slowed(1 + SLACK)
+    limits = replace(limits, input=np.where(limits.unlimited, peaks, limits.input))
+    moving = peaks > 1e-12
+    fastest = fastest_motion(path, limits, problem.requirements, moving)[0].slowed(1 + SLACK)
     if duration is None:
         return fastest, "as fast as the input limits allow"
     if fastest.duration > duration:

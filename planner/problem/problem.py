@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError, InputWarning, expect, made_by
 from planner.problem.asked import (
@@ -61,6 +61,16 @@ class Limits:
     input_rate: Array
     joint: Array
     z2_margin: float | None
+
+    @property
+    def input_scale(self) -> Array:
+        """What inputs are measured by, shape (2,): their limits, or 1 where there is none."""
+        return np.where(np.isfinite(self.input), self.input, 1.0)
+
+    @property
+    def unlimited(self) -> NDArray[np.bool_]:
+        """Which inputs have no limit, and nor have their rates, shape (2,)."""
+        return np.isinf(self.input) & np.isinf(self.input_rate)
 
 
 @made_by("planner.load_problem(path), Problem.manipulator(...) or Problem.from_dict({...})")

@@ -76,7 +76,6 @@ def plan_desensitised(
 
 def _planned(problem: Problem, options: DesensitisedOptions, near: Plan | None, span: Span) -> Plan:
     began = time.perf_counter()
-    refuse_waypoints(problem)
     if not options.reversal:
         refuse_one_way(problem)
     job = _task(problem.within_reach(), options)
@@ -237,15 +236,6 @@ def _functions(required: Requirement, system: TriangularSystem) -> list[tuple[Pa
     q = ca.SX.sym("q", system.size)
     pairs = zip(required.parts, required.rows(At(system, q)), strict=True)
     return [(part, row, q) for part, row in pairs]
-
-
-def refuse_waypoints(problem: Problem) -> None:
-    """Raise NotConvergedError for a problem with waypoints, unknown to the programme."""
-    if problem.waypoints:
-        raise NotConvergedError(
-            f"{problem.source}: desensitised plans do not pass waypoints",
-            advice="the method 'collocation', which does; or leave out the waypoints",
-        )
 
 
 def refuse_one_way(problem: Problem) -> None:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from planner.problem.requirements.requirement import At, Demand, Part
+from planner.problem.requirements.requirement import At, Broken, Demand, Part
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
 
@@ -28,6 +28,11 @@ class ChartDomain(Demand):
     def parts(self) -> tuple[Part, ...]:
         """One: the least margin. The domain is open, so that zero is outside."""
         return (Part("chart domain", "", 0.0, np.inf, 1.0),)
+
+    @classmethod
+    def eased(cls, broken: Sequence[Broken]) -> str:
+        """Nothing: no key of the file widens the domain."""
+        return ""
 
     def branch(self, system: TriangularSystem) -> Array:
         """The chart's branch, shape (N,)."""

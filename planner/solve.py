@@ -142,7 +142,8 @@ def solve(
         problem: What to solve.
         method: A name of the registry, `planner.METHODS`.
         warm: A plan of a neighbouring problem of the same system, by any method, from which
-            'collocation' starts instead of searching; the answer is the optimum next to it.
+            'collocation' and 'desensitised' start instead of searching; the answer is the optimum
+            next to it.
         time_limit_s: Seconds after which 'collocation' answers with the best verified plan found so
             far, and every method refuses where it has none; at the latest 1.2 times as long and
             two seconds after the call. No limit when left out. It stands for the option of the same

@@ -110,6 +110,7 @@ _ALL = (
         "least response to errors of inputs, start and constants, weighed against effort",
         DesensitisedOptions,
         _later("desensitised.method", "plan_desensitised"),
+        _later("desensitised.method", "plan_desensitised"),
         refines="collocation",
         finds_time=True,
     ),

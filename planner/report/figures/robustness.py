@@ -264,8 +264,8 @@ def plot_trade_off(curve: TradeOff, *, axes: Any = None) -> tuple[Figure, Any]:
 
 
 TELLING = 0.99
-"""A figure at the knee tells what was bought if it is below this part of the first point's: less
-does not show on the curve."""
+"""The passive block at the knee tells what was bought if it is below this part of the first point's:
+less does not show on the curve, and the total tells it."""
 
 
 def bought(curve: TradeOff) -> str:
@@ -275,13 +275,9 @@ def bought(curve: TradeOff) -> str:
     cost = f"{curve.kind} {number(_cost(curve, k))}{unit[curve.kind]}"
     if k is first:
         return f"the first point, {cost}, is the knee: more buys little"
-    figures = (
-        ("a passive block", first.passive_deg, k.passive_deg),
-        ("a total", first.total_deg, k.total_deg),
-        ("a response", first.response_deg, k.response_deg),
-    )
-    told = [each for each in figures if each[2] < TELLING * each[1]]
-    what, before, after = told[0] if told else figures[2]
+    what, before, after = "a total", first.total_deg, k.total_deg
+    if k.passive_deg < TELLING * first.passive_deg:
+        what, before, after = "a passive block", first.passive_deg, k.passive_deg
     now, then = apart(after, before)
     return f"at the knee {cost} buys {what} of {now} instead of {then}"
 

@@ -107,8 +107,9 @@ def solve(
     Args:
         problem: The problem.
         method: Name of a method; `planner.METHODS` lists them.
-        warm: A plan of a similar problem of the same system, by any method. 'collocation' starts
-            from it instead of searching and returns the local optimum next to it.
+        warm: A plan of a similar problem of the same system, by any method. 'collocation' and
+            'desensitised' start from it instead of searching and return the local optimum next to
+            it.
         time_limit_s: Seconds for planning; no limit by default. Then 'collocation' returns the best
             verified plan found so far; without one, and for other methods, the call is refused. The
             call ends at the latest after 1.2 times the limit plus two seconds. Replaces the option

@@ -120,6 +120,7 @@ _ALL = (
         DesensitisedOptions,
         _later("desensitised.method", "plan_desensitised"),
         keeping.desensitised,
+        _later("desensitised.method", "plan_desensitised"),
         refines="collocation",
         finds_time=True,
     ),

@@ -59,7 +59,10 @@ class DesensitisedOptions(Table):
         " of the errors above, everywhere along the path.",
     )
     reversal: bool = Field(
-        True, description="Whether the first input may change its sign; false: one way only."
+        False,
+        description="Whether the disk may turn back more often than in the plan of least effort."
+        " Each turn costs passive joints their backlash and shaft torsion, of which the response"
+        " knows nothing: true is for machines without.",
     )
     starts: Annotated[int, Field(ge=1, le=20)] = Field(
         4, description="First guesses tried; the best plan is kept and its start named."

@@ -25,6 +25,7 @@ from pydantic import BaseModel
 
 from planner.cli.arguments import Json
 from planner.cli.output import note, print_json, print_text
+from planner.design.design_file import design_schema
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.methods.registry import all_methods
@@ -120,19 +121,20 @@ def schema(
     of: Annotated[
         str,
         typer.Argument(
-            metavar="problem|sweep|plan",
+            metavar="problem|sweep|design|plan",
             help="Of what file.",
             autocompletion=lambda: list(_SCHEMAS),
         ),
     ] = "problem",
     as_json: Annotated[bool, typer.Option("--json", help="Accepted; the output is JSON.")] = False,
 ) -> int:
-    """Print the JSON Schema of a problem, sweep or plan file.
+    """Print the JSON Schema of a kind of file.
 
     \b
     Examples:
       planner schema > problem.schema.json
       planner schema sweep > sweep.schema.json
+      planner schema design > design.schema.json
       planner schema plan > plan.schema.json
     """
     if of not in _SCHEMAS:
@@ -144,6 +146,7 @@ def schema(
 _SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
     "problem": json_schema,
     "sweep": sweep_schema,
+    "design": design_schema,
     "plan": lambda: plan_schema(json_schema()),
 }
 

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -157,6 +158,7 @@ def _table(problem: Problem, summary: dict[str, Any], took: float) -> Table:
         ("objective", f"{number(summary['objective'])}, {summary['objective_name']}"),
         *_inputs(problem, summary["peak_u_rad_s"]),
         ("largest error at the goal", _worst_error(problem, summary["terminal_error"])),
+        *_chosen(summary["notes"]),
         ("chart", _chart(summary)),
         ("largest z2", number(summary["z2_max"])),
         *_start(summary["notes"]),
@@ -191,6 +193,15 @@ def _worst_error(problem: Problem, errors: dict[str, float]) -> str:
     )
     value = np.rad2deg(errors[name]) if unit == "rad" else errors[name]
     return f"{abs(value):.1e} {'deg' if unit == 'rad' else unit} ({name})"
+
+
+def _chosen(notes: dict[str, Any]) -> list[tuple[str, str]]:
+    angles = notes.get("goal_theta_deg")
+    return [("joints at the goal", f"{_degrees(angles)} deg")] if angles else []
+
+
+def _degrees(angles: Sequence[float]) -> str:
+    return f"({', '.join(f'{angle:.4g}' for angle in angles)})"
 
 
 def _chart(summary: dict[str, Any]) -> str:

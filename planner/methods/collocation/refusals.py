@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from planner.errors import InfeasibleError, NoPlanError, NotConvergedError, Violation
@@ -14,6 +16,7 @@ from planner.methods.refusal import Change, free_travel, in_other_time, lasting,
 from planner.plan.plan import Plan
 from planner.problem.feasibility import why_too_short
 from planner.problem.problem import Problem
+from planner.problem.reach import goal_reach
 from planner.problem.tables.method_options import CollocationOptions
 from planner.verification.verify import verify
 
@@ -29,6 +32,33 @@ def refusal(problem: Problem, search: Pipeline) -> NoPlanError:
     if search.fastest is not None:
         return too_short(problem, search.fastest, search.options)
     return no_motion(problem, search)
+
+
+def no_goal(problem: Problem) -> NoPlanError:
+    """No place of the joints is found that meets a goal which leaves some free."""
+    reach, tip = goal_reach(problem), problem.tip
+    assert reach is not None
+    what = f"puts {tip}" if tip else "keeps all limits"
+    if reach.blocked or tip is None:
+        return NotConvergedError(
+            f"{problem.source}: no place of the joints was found that {what} and keeps every limit"
+            " there",
+            changes=on_other_paths(problem),
+            advice="another goal",
+        )
+    nearest: dict[str, Any] = {}
+    if tip.place is not None:
+        nearest["goal.tip_m"] = [float(f"{x:.4g}") for x in reach.tip[:2]]
+    if tip.angle is not None:
+        nearest["goal.tip_angle_deg"] = float(f"{np.rad2deg(reach.tip[2]):.4g}")
+    off = f"{reach.missed:.3g} m" if nearest.keys() != {"goal.tip_angle_deg"} else ""
+    off = off or f"{np.rad2deg(reach.missed):.3g} deg"
+    return NotConvergedError(
+        f"{problem.source}: no place of the joints within their limits was found that {what};"
+        f" the nearest found is {off} off",
+        changes=[Change(nearest), *on_other_paths(problem)],
+        advice="another goal",
+    )
 
 
 def too_short(problem: Problem, fastest: Polished, options: CollocationOptions) -> NoPlanError:

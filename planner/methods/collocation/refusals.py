@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from planner.errors import InfeasibleError, NoPlanError, NotConvergedError, Violation
@@ -12,7 +10,14 @@ from planner.methods.collocation.pipeline import Pipeline
 from planner.methods.collocation.refine import Polished
 from planner.methods.collocation.solvers.solver import Solution
 from planner.methods.collocation.task import Task, stretched
-from planner.methods.refusal import Change, free_travel, in_other_time, lasting, on_other_paths
+from planner.methods.refusal import (
+    Change,
+    free_travel,
+    in_other_time,
+    lasting,
+    on_other_paths,
+    within_reach,
+)
 from planner.plan.plan import Plan
 from planner.problem.feasibility import why_too_short
 from planner.problem.problem import Problem
@@ -38,25 +43,16 @@ def no_goal(problem: Problem) -> NoPlanError:
     """No place of the joints is found that meets a goal which leaves some free."""
     reach, tip = goal_reach(problem), problem.tip
     assert reach is not None
-    what = f"puts {tip}" if tip else "keeps all limits"
-    if reach.blocked or tip is None:
-        return NotConvergedError(
-            f"{problem.source}: no place of the joints was found that {what} and keeps every limit"
-            " there",
-            changes=on_other_paths(problem),
-            advice="another goal",
-        )
-    nearest: dict[str, Any] = {}
-    if tip.place is not None:
-        nearest["goal.tip_m"] = [float(f"{x:.4g}") for x in reach.tip[:2]]
-    if tip.angle is not None:
-        nearest["goal.tip_angle_deg"] = float(f"{np.rad2deg(reach.tip[2]):.4g}")
-    off = f"{reach.missed:.3g} m" if nearest.keys() != {"goal.tip_angle_deg"} else ""
-    off = off or f"{np.rad2deg(reach.missed):.3g} deg"
+    why = f"puts {tip}" if tip else "keeps all limits"
+    if tip and reach.blocked:
+        why += " and keeps all limits there"
+    elif tip:
+        angle = tip.place is None
+        off = f"{np.rad2deg(reach.missed):.3g} deg" if angle else f"{reach.missed:.3g} m"
+        why += f"; the nearest found is {off} off"
     return NotConvergedError(
-        f"{problem.source}: no place of the joints within their limits was found that {what};"
-        f" the nearest found is {off} off",
-        changes=[Change(nearest), *on_other_paths(problem)],
+        f"{problem.source}: no place of the joints within their limits was found that {why}",
+        changes=[*within_reach(problem, reach), *on_other_paths(problem)],
         advice="another goal",
     )
 

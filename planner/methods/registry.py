@@ -44,7 +44,7 @@ class Method:
         replan: The same from a plan of a neighbouring problem, or None.
         refines: The method whose plan it starts from, or None. Where that finds none this finds
             none, so that `check` does not try it.
-        finds_time: Whether it says itself that a duration is too short, and finds one that is not.
+        finds_time: Whether it reports a too short duration by itself and finds a longer one.
     """
 
     name: str
@@ -145,25 +145,25 @@ def register_method(
     refines: str | None = None,
     finds_time: bool = False,
 ) -> None:
-    """Add a method to those that `solve`, `compare`, `check`, sweeps and problem files know.
+    """Register a method for `solve`, `compare`, `check`, sweeps and problem files.
 
-    A process that is started later, as a worker of a sweep is, knows it only from a plugin: a
-    package whose entry point `planner.plugins` names a function that calls this.
+    Other processes, such as workers of a sweep, know it only from a plugin: a package whose entry
+    point `planner.plugins` names a function that calls this one.
 
     Args:
-        name: As users write it: a Python name.
-        plan: From the problem and an instance of `options` to a plan, which `solve` then verifies.
-            Where it finds none it raises a `NoPlanError` that says why.
+        name: Name of the method: a Python identifier.
+        plan: A function of the problem and an instance of `options` that returns a plan, which
+            `solve` then verifies. If it finds none it raises a `NoPlanError` with the reason.
         options: The table `[method.NAME]` of problem files, a `planner.support.user_tables.Table`;
             every key has a default.
         summary: One line for listings.
-        replan: The same from a plan of a neighbouring problem.
-        refines: The method whose plan it starts from: where that finds none this finds none, so
-            that `check` does not try it.
-        finds_time: Whether it says itself that a duration is too short, and finds one that is not.
+        replan: The same, starting from a plan of a similar problem.
+        refines: The method whose plan it starts from, if any; `check` then does not try it by
+            itself.
+        finds_time: Whether it reports a too short duration by itself and finds a longer one.
 
     Raises:
-        InputError: If the name is taken or cannot be one, or something is not of the right kind.
+        InputError: If the name is taken or invalid, or an argument has the wrong type.
     """
     if not isinstance(name, str) or not name.isidentifier() or not name.isascii():
         raise InputError(

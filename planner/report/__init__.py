@@ -1,9 +1,9 @@
-"""What is shown of plans and comparisons.
+"""Figures, films and pages of plans and comparisons.
 
 `figures` (one `plot_*` each), `film`, `charts` (in a browser), `page` (a comparison there),
 `folders` (all of it in a folder) and `saved` (read back), `export` (a plan for other programs).
 
-Every `plot_*` function takes plans (or replays), draws into axes of yours or a new figure, and
+Every `plot_*` function takes plans (or replays), draws into your axes or a new figure, and
 returns both: `figure, axes = plot_z({"one": plan, "other": plan2})`. `plot_mechanism` takes an arm.
 """
 

@@ -98,7 +98,7 @@ class TradeOff:
         }
 
     def to_frame(self) -> pandas.DataFrame:
-        """One row a point; index `limit`, columns with units in their names.
+        """One row per point; index `limit`, columns with units in their names.
 
         Replays have a column each figure: `machine_` on the problem's machine, `errors_alone_` on a
         machine with the design errors only. `knee` is True in one row.
@@ -149,8 +149,8 @@ def trade_off(
         kind: What is limited.
         points: Number of points, at least 3.
         folder: Where to keep the points' plans.
-        machine: The machine to replay plans on, or the name of a preset; the problem's
-            `[machine]` table when left out.
+        machine: The machine to replay plans on, or the name of a preset. By default the problem's
+            `[machine]` table.
         samples: Machines to replay each plan on.
         seed: Seed of the machines.
         progress: Told how far it is.

@@ -298,7 +298,7 @@ def spreads(system: TriangularSystem, options: DesensitisedOptions) -> dict[str,
     """Standard deviation of each error by its name, in SI units; those without any are left out.
 
     Raises:
-        InputError: If a list does not have one number an input, joint or constant, or all are zero.
+        InputError: If a list does not have one number per input, joint or constant, or is all zero.
     """
     families: dict[str, list[Parameter]] = {}
     for parameter in parameters(system):

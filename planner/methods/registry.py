@@ -69,7 +69,7 @@ def _later(module: str, name: str) -> Callable[..., Plan]:
 _ALL = (
     Method(
         "polynomial",
-        "the paper's law: v1 constant, v2 polynomial, with constraint points",
+        "the paper's method: v1 constant, v2 polynomial, with constraint points",
         PolynomialOptions,
         _later("laws.polynomial", "plan_polynomial"),
     ),
@@ -87,13 +87,13 @@ _ALL = (
     ),
     Method(
         "sinusoid_steps",
-        "z1, z2 first, then one further coordinate by each period of sinusoids",
+        "z1 and z2 first, then one further coordinate in each period of sinusoids",
         SinusoidStepsOptions,
         _later("laws.sinusoids", "plan_sinusoid_steps"),
     ),
     Method(
         "collocation",
-        "optimal plans in the coordinates themselves, within all limits, by direct collocation",
+        "optimal plans in joint coordinates within all limits, by direct collocation",
         CollocationOptions,
         _later("collocation.method", "plan_collocation"),
         _later("collocation.method", "replan_collocation"),
@@ -101,13 +101,13 @@ _ALL = (
     ),
     Method(
         "convex",
-        "the optimal path in the chart: global with a gap, or a certificate that there is none",
+        "globally optimal path in the chart with its gap, or a certificate that none exists",
         ConvexOptions,
         _later("convex.method", "plan_convex"),
     ),
     Method(
         "desensitised",
-        "least response to errors of inputs, start and constants, weighed against effort",
+        "least response to errors of inputs, start and constants, traded against effort",
         DesensitisedOptions,
         _later("desensitised.method", "plan_desensitised"),
         refines="collocation",
@@ -171,9 +171,9 @@ def register_method(
             " and begins with a letter"
         )
     if name in METHODS:
-        raise InputError(f"method '{name}' is there already: {METHODS[name].summary}")
+        raise InputError(f"method '{name}' exists already: {METHODS[name].summary}")
     if name == ALL or name.startswith("_") or hasattr(Table, name):
-        raise InputError(f"method '{name}' cannot be registered: the name has another meaning")
+        raise InputError(f"method '{name}' cannot be registered: the name is reserved")
     entry = Method(name, summary, options, plan, replan, refines, finds_time)
     if why := next(_faults(entry), None):
         raise InputError(f"method '{name}' cannot be registered: {why}")
@@ -278,7 +278,8 @@ def parse_specs(problem: Problem, specs: str | Sequence[str]) -> list[Spec]:
     texts = list(_split(specs, ",")) if isinstance(specs, str) else specs
     if not isinstance(texts, Iterable) or not all(isinstance(text, str) for text in texts):
         raise InputError(
-            f"methods = {brief(repr(specs))}: give names, as in ['polynomial', 'collocation']"
+            f"methods = {brief(repr(specs))}: give a list of names, for example ['polynomial',"
+            " 'collocation']"
         )
     parsed = [parse_spec(text) for text in texts]
     if not parsed:
@@ -302,8 +303,8 @@ def _value(text: str, key: str, value: str) -> Any:
     if re.fullmatch(r"[A-Za-z][\w.+-]*", value):
         return value
     raise InputError(
-        f"'{text}': option '{key}' = {value} is not a value; write a number, true, false, a word,"
-        " or a list as in [[5.0, -0.2]]"
+        f"'{text}': option '{key}' = {value} is not a value; write a number, true, false, a"
+        " word, or a list such as [[5.0, -0.2]]"
     )
 
 

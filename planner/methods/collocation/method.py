@@ -190,8 +190,8 @@ def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan
 def _refuse(problem: Problem, warm: Plan) -> None:
     if warm.problem.system != problem.system:
         raise InputError(
-            f"{problem.source}: warm is a plan of another system ({warm.problem.source}); a start"
-            " must belong to the same one"
+            f"{problem.source}: warm is a plan of another system ({warm.problem.source}); it"
+            " must be of the same system"
         )
     if not warm.executable:
         raise InputError(

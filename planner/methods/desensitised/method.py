@@ -257,13 +257,13 @@ def refuse_one_way(problem: Problem) -> None:
         reason = window.reason
     elif problem.travel is not None and problem.travel not in window:
         reason = (
-            f"one-way motions travel between {window.low:.5g} and {window.high:.5g} rad, not"
-            f" {problem.travel:.5g}"
+            f"motions without reversal have travels between {window.low:.5g} and"
+            f" {window.high:.5g} rad, not {problem.travel:.5g}"
         )
     else:
         return
     raise InfeasibleError(
-        f"{problem.source}: no one-way motion exists: {reason}",
+        f"{problem.source}: no motion without reversal exists: {reason}",
         advice="method.desensitised.reversal = true",
     )
 
@@ -286,8 +286,9 @@ def refuse_no_room(job: Task) -> None:
             if needed > room:
                 name = required.called(part)
                 raise InfeasibleError(
-                    f"{problem.source}: method.desensitised.backoff = {moved.backoff:g} needs"
-                    f" {needed:.4g} of room to the limit on {name} and the start has {room:.4g}",
+                    f"{problem.source}: method.desensitised.backoff = {moved.backoff:g} needs a"
+                    f" distance of {needed:.4g} from the limit on {name}, but the start has"
+                    f" only {room:.4g}",
                     advice="method.desensitised.backoff ="
                     f" {moved.backoff * room / needed * 0.99:.3g} or less, or a wider limit on"
                     f" {name}",
@@ -320,8 +321,8 @@ def spreads(system: TriangularSystem, options: DesensitisedOptions) -> dict[str,
         out |= _family(key, members, numbers, unit)
     if not out:
         raise InputError(
-            "method.desensitised: every spread is zero, so there is nothing to plan against; give"
-            " gain, start_deg, bias, delay_s, stretch or gear a value"
+            "method.desensitised: all standard deviations are zero, so there is no error to plan"
+            " for; set gain, start_deg, bias, delay_s, stretch or gear"
         )
     return out
 

@@ -84,7 +84,7 @@ def finish(
         method=name,
         options=options.model_dump(),
         trajectory=trajectory,
-        objective_name="effort: integral of u1^2 + u2^2 dt (not minimised by this law)",
+        objective_name="effort: integral of u1^2 + u2^2 dt (not minimised by this method)",
         solve_time_s=time.perf_counter() - began,
         notes=notes,
     )
@@ -146,7 +146,7 @@ def _edge(problem: Problem, name: str, q: Array, i: int, label: str, on_it: bool
             " where the chained-form chart is singular"
         )
     if f"{coordinate.name} = 0" in label:
-        return f"{coordinate.name} changes sign on the way, which no path in the chart can do"
+        return f"{coordinate.name} changes sign, which no path in the chart can do"
     return (
         f"{coordinate.name} goes from {start:.6g} to {here:.6g} {unit}, past an edge of the"
         f" chained-form chart ({label}), which no path in the chart can do"

@@ -186,7 +186,9 @@ def test_waypoints_are_refused_with_the_way_out() -> None:
 
 def test_one_way_where_it_cannot_be() -> None:
     problem = planner.load_problem(PROBLEMS / "parking.toml")
-    with pytest.raises(planner.InfeasibleError, match="no one-way motion exists") as refusal:
+    with pytest.raises(
+        planner.InfeasibleError, match="no motion without reversal exists"
+    ) as refusal:
         planner.solve(problem, "desensitised", reversal=False)
     assert "reversal = true" in str(refusal.value.advice)
 

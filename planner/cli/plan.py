@@ -370,7 +370,7 @@ def _window(analysis: Analysis) -> list[tuple[str, str]]:
     text = given if problem.travel is None else f"{given} {unit}"
     if problem.travel is not None and not window.empty:
         text += ", inside the window" if problem.travel in window else ", outside the window"
-    return [(f"travel of {name}", text), ("one-way window", _range(window, unit))]
+    return [(f"travel of {name}", text), ("travels without reversal", _range(window, unit))]
 
 
 def _range(window: TravelWindow, unit: str) -> str:

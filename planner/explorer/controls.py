@@ -151,7 +151,7 @@ def machine_controls(state: State, problem: Problem) -> list[Control]:
     """
     count = Control(
         MACHINE, "machines", "slider", "samples", state.samples, shown=state.samples, high=200,
-        integer=True, help="samples of the machine that the plan is replayed on; 0: none",
+        integer=True, help="number of random machines on which the plan is replayed; 0: none",
     )  # fmt: skip
     first = Machine.from_table(state.base.machine)
     now = Machine.from_table(problem.machine)
@@ -241,7 +241,7 @@ USUAL: Mapping[str, float] = {"deg": 80.0, "": 0.01}
 
 
 def limit_controls(state: State, problem: Problem) -> list[Control]:
-    """One slider a limit, or one an input where the problem gives two numbers."""
+    """One slider per limit, or one per input where the problem gives two numbers."""
     table = parse_file(state.base.to_dict(), state.base.source).limits
     found = []
     for name, field in type(table).model_fields.items():
@@ -329,7 +329,7 @@ HIDDEN = frozenset(
 
 
 def option_controls(state: State, plan: Plan | None) -> list[Control]:
-    """One control an option of the present method."""
+    """One control per option of the present method."""
     table = METHODS[state.method].options
     found = []
     for name, field in table.model_fields.items():

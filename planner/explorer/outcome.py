@@ -91,7 +91,7 @@ def judge(outcome: Outcome) -> Outcome:
     except TimeUpError:
         ended = TimeLimitError(
             f"{outcome.plan.problem.source}: the Stop button ended the verification",
-            advice="any change here, which plans and verifies again",
+            advice="any change of a setting; it starts planning and verification again",
         )
         ended.status = "stopped"
         return replace(outcome, error=ended, judged=True)

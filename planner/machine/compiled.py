@@ -106,7 +106,7 @@ def opened(path: Path) -> Any | None:
 
 
 def threads() -> int:
-    """How many threads to use: OMP_NUM_THREADS if set, else one a core of this process."""
+    """How many threads to use: OMP_NUM_THREADS if set, else one per core of this process."""
     wanted = os.environ.get("OMP_NUM_THREADS", "")
     if wanted.isdigit() and int(wanted) > 0:
         return int(wanted)

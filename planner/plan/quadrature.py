@@ -22,13 +22,13 @@ from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
 
 POINTS = 16
-"""Points a cell: rates of degree 15 are integrated exactly."""
+"""Points per cell: rates of degree 15 are integrated exactly."""
 
 CONTROL_POINTS = 29
-"""Points a cell at which the integral is done again; they share none but the ends with the 16."""
+"""Points per cell at which the integral is done again; they share none but the ends with the 16."""
 
 SAMPLES = 33
-"""Samples a cell for extremes: twice as many as a series of degree 15 can have turns."""
+"""Samples per cell for extremes: twice as many as a series of degree 15 can have turns."""
 
 RESOLVED = 1e-11
 """Tail of a series, relative to the function's size on the cell or one, that needs no splitting."""

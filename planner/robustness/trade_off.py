@@ -105,7 +105,7 @@ class TradeOff:
         }
 
     def to_frame(self) -> pandas.DataFrame:
-        """One row a point; index `limit`, columns with units in their names.
+        """One row per point; index `limit`, columns with units in their names.
 
         Replays have a column each figure: `machine_` on the problem's machine, `compensated_` on it
         with the plan compensated for it, `errors_alone_` on a machine with the design errors only.

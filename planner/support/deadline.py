@@ -193,7 +193,9 @@ def checked(seconds: float) -> float:
     """
     number = isinstance(seconds, int | float) and not isinstance(seconds, bool)
     if not number or not 0 < seconds < math.inf:
-        raise InputError(f"time_limit_s = {seconds!r:.40} is no time limit; give seconds above 0")
+        raise InputError(
+            f"time_limit_s = {seconds!r:.40} is not a time limit; give seconds above 0"
+        )
     return float(seconds)
 
 

@@ -66,8 +66,8 @@ class Manipulator(TriangularSystem):
     Args:
         K: The ratios Kᵢ = kᵢ/k_g for i = 2 … n (n − 1 positive numbers). They alone shape the path.
         k_g: Drive constant (dimensionless); it only scales u₁.
-        link_lengths: Lengths of the n links for drawing; 1 each when left out.
-        k_g_rule: Where k_g came from, for reports.
+        link_lengths: Lengths of the n links, for drawing and obstacles; by default 1 each.
+        k_g_rule: How k_g was determined, for reports.
 
     Raises:
         InputError: If a constant is not a positive finite number or the lengths do not match.

@@ -46,18 +46,18 @@ may be missed by."""
 
 @dataclass(frozen=True)
 class Check:
-    """What `verify` finds.
+    """Result of `verify`.
 
     Attributes:
         ok: Whether the motion reaches the goal and keeps every limit.
         terminal_error: Integrated end minus goal, shape (N,), in the coordinates' units; zero for
             joints and a travel that the goal leaves free.
         terminal_error_deg: The same for the coordinates after the first that are angles, degrees.
-        margins: For each requirement, how far it is kept (negative: broken), in its own unit.
-        violations: The broken ones, worst first.
+        margins: Margin of each requirement (negative: broken), in its own unit.
+        violations: Broken requirements, the worst first.
         interpolant_error: Largest |plan.q(t) − integrated q(t)|, in the coordinates' units.
-        integration_error: The judge's estimate of its own error, in the coordinates' units; NaN
-            where nothing was integrated.
+        integration_error: Estimated error of the integration, in the coordinates' units; NaN if
+            nothing was integrated.
     """
 
     ok: bool
@@ -75,7 +75,7 @@ class Check:
         return "Check(broken: " + "; ".join(map(str, self.violations)) + ")"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: one row a requirement."""
+        """What a notebook shows: one row per requirement."""
         broken = {violation.label: str(violation) for violation in self.violations}
         columns: list[Column[tuple[str, float]]] = [
             Column("requirement", "", lambda r: r[0], left=True),
@@ -112,13 +112,13 @@ class _Finding:
 
 
 def verify(plan: Plan) -> Check:
-    """Judge a plan by integrating its input.
+    """Verify a plan by integrating its inputs with independent code.
 
     Args:
         plan: Any plan, verified or not.
 
     Returns:
-        The findings; `ok` is False for a plan that cannot be executed.
+        The result; `ok` is False for a plan that cannot be executed.
     """
     expect_plan(plan)
     if not _in_order(plan.t):

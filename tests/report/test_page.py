@@ -162,7 +162,7 @@ def test_compare_with_a_report(
     words = ["compare", str(PAPER), "--methods", "polynomial", "--samples", "2", "--report"]
     changes = ["--set", "goal.travel=0.82", "--set", "goal.duration=2.5", "--set", "limits={}"]
     assert main(words) == 2
-    assert "--report needs a folder to go into: --out FOLDER" in capsys.readouterr().err
+    assert "--report needs a folder: add --out FOLDER" in capsys.readouterr().err
     assert main([*words, *changes, "--out", str(tmp_path / "x")]) == 0
     assert (tmp_path / "x/report.html").exists()
     assert "report.html" in capsys.readouterr().err

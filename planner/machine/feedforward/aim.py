@@ -67,9 +67,9 @@ def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Repl
     problem, system = plan.problem, plan.problem.system
     if not compensable(system) or not isinstance(system, Manipulator):
         raise InputError(
-            f"{problem.source}: compensation is for arms driven through friction disks"
-            f" (system.kind = 'manipulator'); between the motors and the motion of a {system.kind}"
-            " there is nothing to allow for"
+            f"{problem.source}: compensation is for arms with friction disks (system.kind ="
+            f" 'manipulator'); a {system.kind} has no mechanism between motors and motion to"
+            " compensate"
         )
     moved = slice(0 if problem.travel is not None else 1, None)
     wanted = _wanted(plan)

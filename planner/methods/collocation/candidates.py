@@ -216,8 +216,9 @@ def routes(problem: Problem) -> list[Problem]:
     free = sum(w.time_s is None for w in problem.waypoints)
     if (ways := math.perm(count, free)) > MOST_SORTED:
         raise InputError(
-            f"{problem.source}: {count} waypoints, {free} of them without a time, may be passed in"
-            f" {ways:.3g} orders; at most {MOST_SORTED} are looked at, so give more of them a time"
+            f"{problem.source}: {count} waypoints, {free} of them without a time, can be passed"
+            f" in {ways:.3g} orders; at most {MOST_SORTED} are tried, so give more of them a"
+            " time"
         )
     orders = sorted(_orders(problem), key=lambda order: _length(expected[0], order))[:MOST_ORDERS]
     every = [(each, order) for each in expected for order in orders]

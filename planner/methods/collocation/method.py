@@ -201,8 +201,8 @@ def refuse_start(problem: Problem, warm: Plan) -> None:
     """Raise InputError for a plan that cannot be started from."""
     if warm.problem.system != problem.system:
         raise InputError(
-            f"{problem.source}: warm is a plan of another system ({warm.problem.source}); a start"
-            " must belong to the same one"
+            f"{problem.source}: warm is a plan of another system ({warm.problem.source}); it"
+            " must be of the same system"
         )
     if not warm.executable:
         raise InputError(

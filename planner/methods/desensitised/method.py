@@ -269,8 +269,9 @@ def refuse_no_room(job: Task) -> None:
             if needed > room:
                 name = required.called(part)
                 raise InfeasibleError(
-                    f"{problem.source}: method.desensitised.backoff = {moved.backoff:g} needs"
-                    f" {needed:.4g} of room to the limit on {name} and the start has {room:.4g}",
+                    f"{problem.source}: method.desensitised.backoff = {moved.backoff:g} needs a"
+                    f" distance of {needed:.4g} from the limit on {name}, but the start has"
+                    f" only {room:.4g}",
                     advice="method.desensitised.backoff ="
                     f" {moved.backoff * room / needed * 0.99:.3g} or less, or a wider limit on"
                     f" {name}",
@@ -281,7 +282,7 @@ def spreads(system: TriangularSystem, options: DesensitisedOptions) -> dict[str,
     """Standard deviation of each error by its name, in SI units; those without any are left out.
 
     Raises:
-        InputError: If a list does not have one number an input, joint or constant, or all are zero.
+        InputError: If a list does not have one number per input, joint or constant, or is all zero.
     """
     families: dict[str, list[Parameter]] = {}
     for parameter in parameters(system):
@@ -303,8 +304,8 @@ def spreads(system: TriangularSystem, options: DesensitisedOptions) -> dict[str,
         out |= _family(key, members, numbers, unit)
     if not out:
         raise InputError(
-            "method.desensitised: every spread is zero, so there is nothing to plan against; give"
-            " gain, start_deg, bias, delay_s, stretch or gear a value"
+            "method.desensitised: all standard deviations are zero, so there is no error to plan"
+            " for; set gain, start_deg, bias, delay_s, stretch or gear"
         )
     return out
 

@@ -42,10 +42,10 @@ BANDS = ("#F3F3F3", "#FFFFFF")
 def plot_mechanism(system: TriangularSystem, *, axes: Any = None) -> tuple[Figure, Any]:
     """Draw the chain of friction disks, bevel gears and belts of a manipulator to scale.
 
-    All stages from the side, with the arm stretched out, and below them the first contact from
-    above with joint 1 bent, which shows where cosθ comes from. Links are not to scale. An arm that
-    is given by K and k_g has no geometry: one is inferred that moves the joints at the same rates,
-    with λ = η = R = 1, and the figure says so.
+    The upper part is a side view of all stages with the arm stretched out. The lower part shows the
+    first contact from above with joint 1 bent, which explains the factor cosθ. Link lengths are not
+    to scale. An arm given by K and k_g has no geometry; a geometry with the same joint rates and λ
+    = η = R = 1 is inferred, and the figure says so.
 
     Args:
         system: A `Manipulator`.
@@ -55,7 +55,7 @@ def plot_mechanism(system: TriangularSystem, *, axes: Any = None) -> tuple[Figur
         The figure and its axes.
 
     Raises:
-        InputError: If the system is another one.
+        InputError: If the system is not a `Manipulator`.
     """
     expect(Manipulator, system, "problem.system of an arm with friction disks is one")
     assert isinstance(system, Manipulator)
@@ -313,15 +313,15 @@ def _words(pen: _Pen, plan: Layout) -> None:
     ]
     lines += [
         ("", INK, "normal"),
-        ("orange: what motor 1 turns, handed on from disk to disk", CHAIN, "bold"),
-        ("green: the branch to the next joint, by a belt", BRANCH, "bold"),
+        ("orange: the drive of motor 1, transmitted from disk to disk", CHAIN, "bold"),
+        ("green: the branch to the next joint, through a belt", BRANCH, "bold"),
         ("blue: motor 2, which turns joint 1", MOTOR_2, "bold"),
         ("red: friction contacts", CONTACT, "bold"),
         ("", INK, "normal"),
         ("Drawn to scale from", INK, "bold"),
         (given + ("," if plan.inferred else "."), INK, "normal"),
         *((text, INK, "normal") for text in textwrap.wrap(plan.inferred, LETTERS)),
-        ("$r_2$ cancels: any will do. The links' lengths are not to scale.", INK, "normal"),
+        ("$r_2$ cancels out. The link lengths are not to scale.", INK, "normal"),
     ]
     for k, (text, colour, weight) in enumerate(lines):
         pen.say((plan.words, plan.below - 0.2 * k * INCH), text, colour, 9.5, weight=weight)

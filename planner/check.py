@@ -10,6 +10,7 @@ import numpy as np
 
 from planner.errors import InputError, NoPlanError
 from planner.methods.advice import tried
+from planner.methods.keeping import not_promised
 from planner.methods.refusal import Change, in_other_time, on_other_paths
 from planner.methods.registry import METHODS, find_method
 from planner.plan.measures import DomainReport
@@ -78,6 +79,8 @@ class Analysis:
         plain_polynomial: Times at which the polynomial without constraint points leaves the chart's
             domain and at which z₂ crosses zero, with the travel used; None if it stays inside.
         nonholonomy: Controllability at the start, at the goal and at θ₁ = 0.
+        not_promised: For each method the labels of the requirements that it does not promise to
+            keep (known before it searches, see `planner.methods.keeping`).
         outcomes: A summary for each method; keys: `planner.verification.summary.KEYS`.
         remedy: If no method has a plan, a change of the problem that gives one, if one was found.
         ended_early: What ended the search early, in words; None if it was completed.
@@ -90,6 +93,7 @@ class Analysis:
     duration_bound: DurationBound
     plain_polynomial: tuple[float, DomainReport] | None
     nonholonomy: Nonholonomy
+    not_promised: Mapping[str, tuple[str, ...]]
     outcomes: tuple[dict[str, Any], ...]
     remedy: Remedy | None
     ended_early: str | None = None
@@ -138,6 +142,7 @@ class Analysis:
             "least_duration_reason": self.duration_bound.reason,
             "plain_polynomial": _polynomial_dict(self.plain_polynomial),
             "nonholonomy": self.nonholonomy.to_dict(),
+            "not_promised": {name: list(labels) for name, labels in self.not_promised.items()},
             "methods": list(self.outcomes),
             "remedy": None if self.remedy is None else self.remedy.to_dict(),
             "ended_early": self.ended_early,
@@ -188,6 +193,7 @@ def check(
         duration_bound=least_duration(problem),
         plain_polynomial=_plain_polynomial(problem, window) if singular else None,
         nonholonomy=nonholonomy(problem),
+        not_promised={name: not_promised(problem, METHODS[name].keeps) for name in names},
         outcomes=tuple(outcomes),
         remedy=remedy,
         ended_early=f"{span.why} ended the search" if span.reached else None,

@@ -107,12 +107,11 @@ def _over(problem: Problem, certificate: Certificate) -> float:
 
 def _refuse_unlimited(problem: Problem, moving: Moving, rest: bool) -> None:
     limits = problem.limits
-    for i in np.flatnonzero(moving):
-        if not np.isfinite(limits.input[i]) and not np.isfinite(limits.input_rate[i]):
-            raise InputError(
-                f"{problem.source}: input {problem.system.inputs[i].name} moves and has no"
-                " limit, so there is no fastest timing; give a limit for it"
-            )
+    for i in np.flatnonzero(moving & limits.unlimited):
+        raise InputError(
+            f"{problem.source}: input {problem.system.inputs[i].name} moves and has no"
+            " limit, so there is no fastest timing; give a limit for it"
+        )
     if np.any(np.isfinite(limits.input_rate)):
         return
     if rest:

@@ -482,7 +482,7 @@ class Folded(Requirement):
 
 
 @pytest.mark.usefixtures("clean")
-def test_a_limit_on_the_way_is_kept_refused_or_said_not_to_be_planned_for(
+def test_a_limit_on_the_way_is_kept_or_said_not_to_be_promised(
     paper: planner.Problem,
 ) -> None:
     planner.register_requirement(Folded)
@@ -503,8 +503,10 @@ def test_a_limit_on_the_way_is_kept_refused_or_said_not_to_be_planned_for(
     away = {"start.theta_deg": [28, 30, 30], "limits.folded": 0.52, "goal.theta_deg": [1, 9, 35]}
     with pytest.raises(planner.InfeasibleError, match="room to the limit on second link's cosine"):
         planner.solve(paper.changed(away), "desensitised", backoff=1.0)
-    with pytest.raises(planner.NoPlanError, match="'convex' does not plan for second link's cos"):
-        planner.solve(problem, "convex")
+    assert least(planner.solve(problem, "convex")) >= 0.45  # by luck: it promises nothing
+    law = problem.with_travel(planner.solve(fast, "polynomial").travel)
+    with pytest.raises(planner.VerificationError, match="which this method does not promise"):
+        planner.solve(law, "polynomial")
     (change,) = (c for c in on_other_paths(problem) if "limits.folded" in c.keys)
     assert problem.changed(change.keys).further == ()
     (folded,) = problem.further

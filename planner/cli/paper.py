@@ -99,7 +99,7 @@ def _show(found: Calibration) -> None:
     ]
     print_text(terminal_table(columns, FITTED))
     for s, value in zip(STATEMENTS, found.fit.found, strict=True):
-        print_text(f"{s.text}: {value:.2f} {s.unit} (target {s.target:g})")
+        print_text(f"{s.text}: {value:.2f} {s.unit} (target {s.wanted})")
     print_text(
         "last columns: share of the range that remains, given that statement; 1 = not identifiable"
     )

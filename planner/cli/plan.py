@@ -264,7 +264,7 @@ def check(
         print_json({"file": task.source, **analysis.to_dict(), "exit_status": status})
         return status
     print_text(task.name, "", _facts(analysis), "", _methods(analysis))
-    for line in _refusals(analysis):
+    for line in [*_not_promised(analysis), *_refusals(analysis)]:
         print_text(line)
     print_text("", analysis.verdict)
     return status
@@ -376,6 +376,16 @@ def _answer(outcome: Outcome) -> str:
 def _kind(outcome: Outcome) -> str:
     where = "" if outcome["domain_ok"] else ", leaves the chart"
     return f"{outcome['direction']}{where}" if outcome["verified"] else ""
+
+
+def _not_promised(analysis: Analysis) -> list[str]:
+    """What methods do not promise to keep, those with the same list together."""
+    lists: dict[tuple[str, ...], list[str]] = {}
+    for name, labels in analysis.not_promised.items():
+        lists.setdefault(labels, []).append(name)
+    kept = lists.pop((), [])
+    out = [f"{', '.join(names)}: may break {', '.join(labels)}" for labels, names in lists.items()]
+    return ["", *out, f"{', '.join(kept)}: every motion found keeps all"] if kept else ["", *out]
 
 
 def _refusals(analysis: Analysis) -> list[str]:

@@ -28,7 +28,7 @@ from planner.cli.output import note, print_json, print_text
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.methods.registry import all_methods
-from planner.plan.plan import plan_schema
+from planner.plan.plan_file import plan_schema
 from planner.problem.tables.arms import MOST_JOINTS, ArmFile
 from planner.problem.tables.compensation import CompensationTable
 from planner.problem.tables.kinds import all_files, json_schema

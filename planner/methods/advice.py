@@ -95,13 +95,13 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
     broken = verify(shown).violations
     if not broken and not tries.change.defaults:
         return tries.plan
-    error.advise(f"{_asked(shown, broken) or tries.change} (tried)")
+    error.advise(f"{asked_instead(shown, broken) or tries.change} (tried)")
     if tries.change.without:
         error.blame(tries.change.without, replace(shown, status=error.status), broken)
     return None
 
 
-def _asked(plan: Plan, broken: Sequence[Violation]) -> str:
+def asked_instead(plan: Plan, broken: Sequence[Violation]) -> str:
     """What a problem would have to say for this to be a plan of it, given what it breaks now."""
     problem, parts = plan.problem, []
     found = [(*asked, v) for v in broken if (asked := problem.asking(v.label))]
@@ -114,4 +114,4 @@ def _asked(plan: Plan, broken: Sequence[Violation]) -> str:
             parts.append(f"{key} = {value:.6g}")
         elif own and kind not in (Start, Goal):
             parts.append(kind.eased(sorted(own, key=lambda each: each[2].label)))
-    return " and ".join(parts)
+    return " and ".join(words for words in parts if words)

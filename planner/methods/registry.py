@@ -13,6 +13,7 @@ from importlib import import_module
 from typing import Any
 
 from planner.errors import InputError
+from planner.methods import keeping
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.problem.tables.kinds import add_method_table
@@ -41,7 +42,8 @@ class Method:
         summary: One line for listings.
         options: The table of its options.
         plan: From problem and options to a plan that is not verified yet.
-        replan: The same from a plan of a neighbouring problem, or None.
+        keeps: What it says before it searches: which parts of what is asked it keeps.
+        replan: The same as `plan` from a plan of a neighbouring problem, or None.
         refines: The method whose plan it starts from, or None. Where that finds none this finds
             none, so that `check` does not try it.
         finds_time: Whether it reports a too short duration by itself and finds a longer one.
@@ -51,6 +53,7 @@ class Method:
     summary: str
     options: type[Any]
     plan: Callable[[Problem, Any], Plan]
+    keeps: keeping.Keeps = keeping.nothing
     replan: Callable[[Problem, Any, Plan], Plan] | None = None
     refines: str | None = None
     finds_time: bool = False
@@ -72,30 +75,35 @@ _ALL = (
         "the paper's method: v1 constant, v2 polynomial, with constraint points",
         PolynomialOptions,
         _later("laws.polynomial", "plan_polynomial"),
+        keeping.law(keeping.one_leg),
     ),
     Method(
         "piecewise",
         "multirate: v1 constant, v2 piecewise constant",
         PiecewiseOptions,
         _later("laws.piecewise", "plan_piecewise"),
+        keeping.law(keeping.slots),
     ),
     Method(
         "sinusoid",
         "one period of v1 = a0 + a1 sin wt, v2 = sum of bj cos jwt",
         SinusoidOptions,
         _later("laws.sinusoids", "plan_sinusoid"),
+        keeping.law(keeping.smooth),
     ),
     Method(
         "sinusoid_steps",
         "z1 and z2 first, then one further coordinate in each period of sinusoids",
         SinusoidStepsOptions,
         _later("laws.sinusoids", "plan_sinusoid_steps"),
+        keeping.law(keeping.steps),
     ),
     Method(
         "collocation",
         "optimal plans in joint coordinates within all limits, by direct collocation",
         CollocationOptions,
         _later("collocation.method", "plan_collocation"),
+        keeping.collocation,
         _later("collocation.method", "replan_collocation"),
         finds_time=True,
     ),
@@ -104,11 +112,14 @@ _ALL = (
         "globally optimal path in the chart with its gap, or a certificate that none exists",
         ConvexOptions,
         _later("convex.method", "plan_convex"),
+        keeping.convex,
     ),
     Method(
         "desensitised",
         "least response to errors of inputs, start and constants, traded against effort",
         DesensitisedOptions,
+        _later("desensitised.method", "plan_desensitised"),
+        keeping.desensitised,
         _later("desensitised.method", "plan_desensitised"),
         refines="collocation",
         finds_time=True,
@@ -141,6 +152,7 @@ def register_method(
     *,
     options: type[Table],
     summary: str,
+    keeps: keeping.Keeps = keeping.nothing,
     replan: Callable[[Problem, Any, Plan], Plan] | None = None,
     refines: str | None = None,
     finds_time: bool = False,
@@ -157,10 +169,14 @@ def register_method(
         options: The table `[method.NAME]` of problem files, a `planner.support.user_tables.Table`;
             every key has a default.
         summary: One line for listings.
-        replan: The same, starting from a plan of a similar problem.
+        keeps: From the problem, a `Demand` of it and a `Part` of that to "kept" where no motion of
+            the method breaks it, "judged" where that is left to the judge, or "never": then the
+            problem is refused before the method begins. When left out all is judged.
+        replan: As `plan`, from a plan of a neighbouring problem.
         refines: The method whose plan it starts from, if any; `check` then does not try it by
             itself.
-        finds_time: Whether it reports a too short duration by itself and finds a longer one.
+        finds_time: Whether it reports by itself that a duration is too short and finds a longer
+            one.
 
     Raises:
         InputError: If the name is taken or invalid, or an argument has the wrong type.
@@ -174,7 +190,7 @@ def register_method(
         raise InputError(f"method '{name}' exists already: {METHODS[name].summary}")
     if name == ALL or name.startswith("_") or hasattr(Table, name):
         raise InputError(f"method '{name}' cannot be registered: the name is reserved")
-    entry = Method(name, summary, options, plan, replan, refines, finds_time)
+    entry = Method(name, summary, options, plan, keeps, replan, refines, finds_time)
     if why := next(_faults(entry), None):
         raise InputError(f"method '{name}' cannot be registered: {why}")
     add_method_table(name, options)
@@ -184,7 +200,7 @@ def register_method(
 
 def _faults(method: Any) -> Iterator[str]:
     """Why an entry is no method."""
-    for key in ("plan", "replan"):
+    for key in ("plan", "keeps", "replan"):
         function = getattr(method, key)
         if not callable(function) and not (key == "replan" and function is None):
             yield f"{key} = {line(repr(function))} is not a function"

@@ -1,4 +1,4 @@
-"""Figures of a trajectory that every method is compared by: effort and peak inputs.
+"""Figures of a trajectory that every method is compared by: effort, peak inputs, turns.
 
 Where a trajectory lies in the chart's domain: margins, exits and crossings over all time.
 
@@ -13,14 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from planner.plan.curves import polynomial_range, polynomial_roots
 from planner.plan.quadrature import greatest, jumps, largest, own_input, read, slopes
 from planner.plan.retimed import RetimedTrajectory
-from planner.plan.trajectory import (
-    ChainedTrajectory,
-    Trajectory,
-    polynomial_range,
-    polynomial_roots,
-)
+from planner.plan.trajectory import ChainedTrajectory, Trajectory
 from planner.problem.requirements.requirement import At, Requirement
 from planner.support.arrays import Array
 from planner.support.one_variable import maximum, minimum, sample_times, zeros
@@ -63,6 +59,25 @@ def peak_rates(trajectory: Trajectory) -> Array:
     reading = read(trajectory)
     peaks = largest(reading.cells, slopes(reading.cells, reading.u))
     return np.where(jumps(reading.cells, reading.u), np.inf, peaks)
+
+
+TURN = 0.02
+"""A turn of the path coordinate counts from this part of its range: the least that shows."""
+
+
+def turns(trajectory: Trajectory) -> Array:
+    """Times at which the path coordinate turns back by more than `TURN` of its range, (m,), s."""
+    t = np.linspace(0.0, trajectory.duration, 2001)
+    way = trajectory.q(t)[:, 0]
+    least, out, heading, far = TURN * float(np.ptp(way)), [], 0.0, 0
+    for k, value in enumerate(way):
+        ahead = value - way[far]
+        if heading and ahead * heading >= 0:
+            far = k
+        elif abs(ahead) > least:
+            out += [t[far]] if heading else []
+            heading, far = float(np.sign(ahead)), k
+    return np.array(out)
 
 
 def slowing(requirements: Sequence[Requirement], trajectory: Trajectory) -> float:

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from planner.plan.trajectory import Pieces, Trajectory, product
+from planner.plan.curves import Pieces, product
+from planner.plan.trajectory import Trajectory
 from planner.support import deadline
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem

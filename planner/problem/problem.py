@@ -1,7 +1,4 @@
-"""A motion-planning problem and its file form (TOML).
-
-Problems that no plan can solve are refused before any method runs.
-"""
+"""A motion-planning problem, read from the tables of its file (TOML) and checked."""
 
 from __future__ import annotations
 
@@ -14,15 +11,24 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError, InputWarning, expect, made_by
+from planner.problem.asked import (
+    clash_of_times,
+    contradiction,
+    further_of,
+    likely_slip,
+    obstacles_of,
+    waypoints_of,
+)
+from planner.problem.requirements.chart import ChartDomain
 from planner.problem.requirements.ends import Duration, Goal, Start
 from planner.problem.requirements.limits import InputLimit, JointLimit, RateLimit, Z2Margin
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import Demand, Part, Requirement
 from planner.problem.tables.compensation import CompensationTable
-from planner.problem.tables.kinds import REQUIREMENTS, parse_file
+from planner.problem.tables.kinds import parse_file
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.problem_file import FeedbackTable, ProblemFile
@@ -55,6 +61,16 @@ class Limits:
     input_rate: Array
     joint: Array
     z2_margin: float | None
+
+    @property
+    def input_scale(self) -> Array:
+        """What inputs are measured by, shape (2,): their limits, or 1 where there is none."""
+        return np.where(np.isfinite(self.input), self.input, 1.0)
+
+    @property
+    def unlimited(self) -> NDArray[np.bool_]:
+        """Which inputs have no limit, and nor have their rates, shape (2,)."""
+        return np.isinf(self.input) & np.isinf(self.input_rate)
 
 
 @made_by("planner.load_problem(path), Problem.manipulator(...) or Problem.from_dict({...})")
@@ -135,8 +151,12 @@ class Problem:
             source=source,
             _data=_plain(tables),
         )
-        _refuse_contradictions(problem)
-        if doubt := _doubt(problem):
+        states = {"start": problem.start, "goal": problem.goal}
+        states |= {f"waypoint {point.number}": point.q for point in problem.waypoints}
+        why = contradiction(states, problem.requirements, system)
+        if why := why or clash_of_times(problem.waypoints, problem.duration):
+            raise InputError(f"{source}: {why}")
+        if doubt := likely_slip(system, problem.start, problem.goal):
             warnings.warn(f"{source}: {doubt}", InputWarning, stacklevel=2)
         return problem
 
@@ -254,11 +274,19 @@ class Problem:
         """The dotted key of the travel."""
         return next(iter(self.travel_change(None)))
 
+    @property
+    def chart(self) -> ChartDomain:
+        """What is asked of motions in chained coordinates only."""
+        return ChartDomain(tuple(self.start.tolist()))
+
     @cached_property
     def demands(self) -> tuple[Demand, ...]:
-        """All requirements of a plan, one object per kind: ends, limits, waypoints, obstacles."""
+        """All requirements of a plan, one object per kind: ends, limits, waypoints, obstacles.
+
+        What is `in_chart` is asked only of plans in chained coordinates.
+        """
         limits, system = self.limits, self.system
-        found: list[Demand] = [Start(), Goal(system.coordinates)]
+        found: list[Demand] = [Start(), Goal(system.coordinates), self.chart]
         if self.duration is not None:
             found.append(Duration(self.duration))
         found += [
@@ -361,113 +389,9 @@ def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, 
     return data
 
 
-LOOKS_LIKE_RADIANS_DEG = 1.6
-"""Joints stay below 90 degrees, 1.57 rad; motions of less than 1.6 degrees are rare."""
-
-
-def _doubt(problem: Problem) -> str:
-    """What can be used as it stands and looks like a slip, in words; empty if nothing does."""
-    coordinates = problem.system.coordinates
-    angular = [i for i in problem.system.limited if coordinates[i].unit == "rad"]
-    angles = np.abs([problem.start[angular], problem.goal[angular]])
-    if 0 < np.rad2deg(np.max(angles, initial=0)) < LOOKS_LIKE_RADIANS_DEG:
-        return (
-            f"all angles of start and goal are below {LOOKS_LIKE_RADIANS_DEG} degrees; if they are"
-            " meant in radians, write them in degrees"
-        )
-    return ""
-
-
 def _given(keys: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in keys.items() if value is not None}
 
 
 def _plain(tables: ProblemFile) -> dict[str, Any]:
     return tables.model_dump(mode="json", by_alias=True, exclude_unset=True)
-
-
-def _refuse_contradictions(problem: Problem) -> None:
-    """Refuse what no method could satisfy, before any of them tries."""
-    places = [("start", problem.start), ("goal", problem.goal)]
-    places += [(f"waypoint {point.number}", point.q) for point in problem.waypoints]
-    for name, q in places:
-        for required in problem.requirements:
-            if why := required.contradiction(name, q, problem.system):
-                raise InputError(f"{problem.source}: contradiction: {why}")
-    _refuse_times(problem)
-
-
-APART_S = 1e-6
-"""Least time between two waypoints, relative to the duration."""
-
-
-def waypoints_of(tables: ProblemFile, system: TriangularSystem, source: str) -> list[Waypoint]:
-    """The waypoints of a problem file.
-
-    Raises:
-        InputError: If one names a coordinate that there is not.
-    """
-    try:
-        states = tables.waypoint_states([c.name for c in system.coordinates])
-    except ValueError as error:
-        raise InputError(f"{source}: {error}") from None
-    out = []
-    for k, (table, q) in enumerate(zip(tables.waypoints, states, strict=True), 1):
-        units = {c.unit for c, known in zip(system.coordinates, ~np.isnan(q), strict=True) if known}
-        out.append(Waypoint(k, q, table.time, units.pop() if len(units) == 1 else ""))
-    return out
-
-
-def obstacles_of(tables: ProblemFile, system: TriangularSystem) -> list[Obstacle]:
-    """The obstacles of a problem file."""
-    links = len(getattr(system, "link_lengths", ()))
-    discs = enumerate(tables.discs(), 1)
-    return [Obstacle(k, links, d.centre_m[0], d.centre_m[1], d.radius_m) for k, d in discs]
-
-
-def further_of(tables: ProblemFile, system: TriangularSystem, source: str) -> list[Requirement]:
-    """The limits of kinds that all systems know.
-
-    Raises:
-        InputError: If one cannot be of this system, or its class contradicts itself.
-    """
-    out = []
-    for key, kind in REQUIREMENTS.items():
-        value = getattr(tables.limits, key, None)
-        if value is None:
-            continue
-        try:
-            required = kind.of(value, system)
-        except ValueError as error:
-            raise InputError(f"{source}: 'limits.{key}': {error}") from None
-        if why := required.fault(system):
-            raise InputError(f"{source}: 'limits.{key}': its class {kind.__name__} {why}")
-        out.append(required)
-    return out
-
-
-def _refuse_times(problem: Problem) -> None:
-    timed = sorted((p.time_s, p.number) for p in problem.waypoints if p.time_s is not None)
-    if not timed:
-        return
-    if problem.duration is None:
-        raise InputError(
-            f"{problem.source}: waypoints[{timed[0][1] - 1}].time needs a fixed goal.duration;"
-            " set one or leave out the time"
-        )
-    before = [(0.0, 0), *timed]
-    for (earlier, first), (later, second) in zip(
-        before, [*timed, (problem.duration, 0)], strict=True
-    ):
-        if later - earlier > APART_S * problem.duration:
-            continue
-        if first and second:
-            raise InputError(
-                f"{problem.source}: waypoints {first} and {second} have the same time {later:g} s;"
-                " merge them or change a time"
-            )
-        number, time = (second, later) if second else (first, earlier)
-        raise InputError(
-            f"{problem.source}: waypoints[{number - 1}].time = {time:g} s must lie inside the"
-            f" motion, between 0 and goal.duration = {problem.duration:g} s"
-        )

@@ -290,3 +290,20 @@ class Manipulator(TriangularSystem):
             "k_g": self.k_g,
             "link_lengths": self.link_lengths.tolist(),
         }
+
+
+def gravity_torques(weights: Array, theta: Array) -> Array:
+    """Torque of gravity on each joint of an arm on an inclined plane.
+
+    From the potential Σ weightⱼ sin(θ₁ + … + θⱼ): the slope rises along y of the base.
+
+    Args:
+        weights: Torque of each link's weight about its own joint where the link lies across the
+            slope, with all that it carries, (n, …), N m.
+        theta: Joint angles, (n, …), rad.
+
+    Returns:
+        Torques, (n, …), positive where they raise the angle, N m.
+    """
+    turning = weights * np.cos(np.cumsum(theta, axis=0))
+    return np.asarray(-np.cumsum(turning[::-1], axis=0)[::-1])

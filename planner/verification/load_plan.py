@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from planner.errors import InputError, VerificationError
-from planner.plan.plan import Plan, read_plan
+from planner.plan.plan import Plan
+from planner.plan.plan_file import read_plan
 from planner.verification.certify import certify
 from planner.verification.verify import verify
 

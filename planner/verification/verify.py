@@ -123,11 +123,8 @@ def verify(plan: Plan) -> Check:
     if not _in_order(plan.t):
         return _not_judged(plan, Violation(_ORDER, None, np.nan, 0.0, "s", np.inf))
     if not plan.executable:
-        domain = plan.domain
-        label = f"chart domain ({domain.label})"
-        return _not_judged(
-            plan, Violation(label, domain.time_s, domain.margin, 0.0, "", -domain.margin)
-        )
+        (outside,) = (v for f in _in_chart(plan) if (v := f.violation()))
+        return _not_judged(plan, outside)
     problem = plan.problem
     to_resolve = [r for r in problem.requirements if r.smooth and not r.plain]
 
@@ -148,6 +145,7 @@ def verify(plan: Plan) -> Check:
         error = _goal_error(plan, end)
         findings = [
             *_motion(plan, motion, error, tolerance),
+            *_in_chart(plan),
             *_limits(plan, motion),
             *_passes(plan.problem, motion, tolerance, plan.lead_s),
             *_with_corners(plan, motion),
@@ -217,6 +215,15 @@ def _motion(plan: Plan, motion: Motion, error: Array, tolerance: float) -> list[
     return out
 
 
+def _in_chart(plan: Plan) -> Iterator[_Finding]:
+    """What only a plan in chained coordinates has to keep, whose edge is outside too."""
+    for demand in plan.problem.demands:
+        if demand.in_chart and not plan.trajectory.in_coordinates:
+            (part,), found = demand.parts, plan.domain
+            value, edge = found.margin, -np.finfo(float).tiny
+            yield _Finding(part.label, value, part.low, found.time_s, "", part.scale, edge, False)
+
+
 def _limits(plan: Plan, motion: Motion) -> list[_Finding]:
     """What holds at all times, by the extremes of its series, all at once."""
     problem, cells = plan.problem, motion.cells
@@ -273,7 +280,7 @@ def _not_judged(plan: Plan, violation: Violation) -> Check:
         ok=False,
         terminal_error=unknown,
         terminal_error_deg=unknown[_angular(plan)],
-        margins={violation.label.split(" (")[0]: violation.value},
+        margins={violation.label: violation.value},
         violations=(violation,),
         interpolant_error=np.nan,
     )

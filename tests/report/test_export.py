@@ -16,7 +16,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.io import loadmat
 
 import planner
-from planner.plan.plan import plan_schema
+from planner.plan.plan_file import plan_schema
 from planner.plan.samples import load_samples, sample
 from planner.problem.tables.kinds import json_schema
 from planner.report.export import joint_trajectory

@@ -132,8 +132,8 @@ def _filled(s: Array, knots: Array, values: Array) -> Array:
 
 
 def _duration(problem: Problem, rates: Array) -> float:
-    limit = np.where(np.isfinite(problem.limits.input), problem.limits.input, 1.0)
-    return 1.5 * float(np.max(np.mean(np.abs(rates), axis=0) / limit)) + 0.01
+    slowest = np.max(np.mean(np.abs(rates), axis=0) / problem.limits.input_scale)
+    return 1.5 * float(slowest) + 0.01
 
 
 def _away_from_zero(values: Array) -> Array:
@@ -275,8 +275,7 @@ def _shared_out(job: Task, iterate: Iterate) -> Array:
     left, right = iterate.input_ends()
     weights = np.sqrt(job.objective.weights[1:3])
     if job.problem.duration is None or not np.any(weights):
-        limit = job.problem.limits.input
-        weights = np.where(np.isfinite(limit), 1 / limit, 1.0)
+        weights = 1 / job.problem.limits.input_scale
     speed = np.linalg.norm((left + right) / 2 * weights, axis=1) * job.mesh.widths
     needs = np.add.reduceat(speed, [0, *job.mesh.marks])
     needs = np.maximum(needs, LEAST_SHARE * np.sum(needs))

@@ -172,7 +172,7 @@ def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan
         NotConvergedError: As for `plan_collocation`.
     """
     began = time.perf_counter()
-    _refuse(problem, warm)
+    refuse_start(problem, warm)
     with deadline.limited(options.time_limit_s) as span:
         found = _next_to(problem.within_reach(), options, warm)
         if found is None:
@@ -187,7 +187,8 @@ def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan
         return ended_early(plan, span) if span.reached else plan
 
 
-def _refuse(problem: Problem, warm: Plan) -> None:
+def refuse_start(problem: Problem, warm: Plan) -> None:
+    """Raise InputError for a plan that cannot be started from."""
     if warm.problem.system != problem.system:
         raise InputError(
             f"{problem.source}: warm is a plan of another system ({warm.problem.source}); it"

@@ -51,13 +51,10 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
     without the domain is taken, if it stays inside; `plan.notes["optimality"]` says what is proven.
 
     Input limits concern the timing only: v₁ is constant where that keeps them, else the motion is
-    in proportion to the path's fastest one, which is taken where the duration is free. Limits of
-    joints that are not convex in the chart (θ₁ for n = 3, all for longer chains), obstacles and
-    waypoints play no part: `verify` refuses a path that breaks them. Limits of further kinds that
-    depend on the speed are kept by the timing; the others are refused before.
+    in proportion to the path's fastest one, which is taken where the duration is free. Which other
+    requirements play no part, so that `verify` may refuse the path: `planner.methods.keeping`.
 
     Raises:
-        NoPlanError: If there is such a limit.
         InfeasibleError: With `certificate`, if no path of the class meets travel, domain and z₂
             margin; or without, if no one-way motion at all meets travel and duration.
         NotConvergedError: If no path was found and that proves nothing, or the best one takes
@@ -66,12 +63,10 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
         InputError: If there are too few pieces, or the duration is free and an input has no limit.
     """
     began = time.perf_counter()
-    _refuse_unkept(problem)
     start, goal = chart_ends(problem, problem.travel or 1.0)
     _refuse_input(problem, options, 2 * len(start))
     travels = _travels(problem, options)
-    rated = bool(np.any(np.isfinite(problem.limits.input_rate)))
-    linear = options.input == "linear" or (options.input == "auto" and rated)
+    linear = options.input == "linear" or (options.input == "auto" and problem.reads("du"))
     frame = Frame(input_shape(options.pieces, int(linear)), start, goal, 1.0)
     band = band_of(problem, start, goal, options.edge)
     built = time.perf_counter()
@@ -94,25 +89,13 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
     )
 
 
-def _refuse_unkept(problem: Problem) -> None:
-    """Refuse limits of further kinds that no choice of a path or of its timing keeps."""
-    parts = [part for each in problem.further if not each.speed for part in each.parts]
-    if parts:
-        raise NoPlanError(
-            f"{problem.source}: the method '{NAME}' does not plan for"
-            f" {', '.join(part.label for part in parts)}",
-            changes=[BY_COLLOCATION],
-        )
-
-
 def _refuse_input(problem: Problem, options: ConvexOptions, fewest: int) -> None:
     if options.pieces < fewest:
         raise InputError(
             f"{problem.source}: method.convex.pieces = {options.pieces} is too few for"
             f" {fewest // 2} coordinates; use at least {fewest}"
         )
-    limits = problem.limits
-    for i in np.flatnonzero(np.isinf(limits.input) & np.isinf(limits.input_rate)):
+    for i in np.flatnonzero(problem.limits.unlimited):
         if problem.duration is None:
             raise InputError(
                 f"{problem.source}: goal.duration is free but [limits] holds no limit of input"
@@ -193,10 +176,9 @@ def _timed(problem: Problem, path: ChainedTrajectory) -> tuple[Trajectory, str]:
     if duration is not None and slowing(problem.requirements, path) <= 1:
         return path, "v1 constant"
     # An input without a limit goes no faster than with v1 constant.
-    unlimited = np.isinf(limits.input) & np.isinf(limits.input_rate)
-    limits = replace(limits, input=np.where(unlimited, peaks, limits.input))
-    asked = problem.requirements
-    fastest = fastest_motion(path, limits, asked, peaks > 1e-12)[0].slowed(1 + SLACK)
+    limits = replace(limits, input=np.where(limits.unlimited, peaks, limits.input))
+    moving = peaks > 1e-12
+    fastest = fastest_motion(path, limits, problem.requirements, moving)[0].slowed(1 + SLACK)
     if duration is None:
         return fastest, "as fast as the input limits allow"
     if fastest.duration > duration:

@@ -124,33 +124,11 @@ def chart_ends(problem: Problem, travel: float) -> tuple[Array, Array]:
     """
     goal = problem.goal.copy()
     goal[0] = problem.start[0] + travel
-    labels = problem.system.margin_labels
     for name, q in (("start", problem.start), ("goal", goal)):
-        margins = problem.system.chart_margins(q, problem.branch)
-        if np.min(margins) > 0:
-            continue
-        worst = int(np.argmin(margins))
-        reason = _edge(problem, name, q, *labels[worst], abs(float(margins[worst])) < 1e-15)
-        raise SingularError(f"{problem.source}: {reason}", changes=[BY_COLLOCATION])
+        if why := problem.chart.contradiction(name, q, problem.system):
+            raise SingularError(f"{problem.source}: {why}", changes=[BY_COLLOCATION])
     form = chained_form(problem.system)
     return form.z(problem.start), form.z(goal)
-
-
-def _edge(problem: Problem, name: str, q: Array, i: int, label: str, on_it: bool) -> str:
-    coordinate = problem.system.coordinates[i]
-    unit = "deg" if coordinate.unit == "rad" else coordinate.unit
-    start, here = (np.rad2deg(v[i]) if unit == "deg" else v[i] for v in (problem.start, q))
-    if problem.branch[i] == 0 or on_it:
-        return (
-            f"the {name} has {coordinate.name} = {here:.6g} {unit},"
-            " where the chained-form chart is singular"
-        )
-    if f"{coordinate.name} = 0" in label:
-        return f"{coordinate.name} changes sign, which no path in the chart can do"
-    return (
-        f"{coordinate.name} goes from {start:.6g} to {here:.6g} {unit}, past an edge of the"
-        f" chained-form chart ({label}), which no path in the chart can do"
-    )
 
 
 def fit_duration(problem: Problem, trajectory: Trajectory) -> Trajectory:

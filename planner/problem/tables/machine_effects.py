@@ -239,6 +239,11 @@ class MachineTable(Table):
     creep_per_nm: Annotated[Setting | None, Effect("1/(N m)", "machine", low=0)] = Field(
         None, description="Rate lost at each contact for each N m it transmits (fraction per N m)."
     )
+    lateral_creep: Annotated[Setting | None, Effect("", "machine", low=0, high=1)] = Field(
+        None,
+        description="Rate lost at each contact on top of creep, times |sin| of the joint angle that"
+        " turns its rolling direction (fraction): a contact that is turned also slips sideways.",
+    )
     friction_capacity_nm: Annotated[
         Setting | None, Effect("N m", "machine", low=0, off=math.inf, positive=True)
     ] = Field(
@@ -301,6 +306,16 @@ class MachineTable(Table):
     viscous_friction_nms_per_rad: Annotated[
         Setting | None, Effect("N m s/rad", "passive", low=0)
     ] = Field(None, description="Viscous friction of joints 2 ... n, N m s/rad; likewise.")
+    incline_deg: Annotated[Setting | None, Effect("deg", "machine", low=0, high=90)] = Field(
+        None,
+        description="Slope of the plane in which the arm moves, degrees: gravity pulls the links"
+        " towards -y of the base; 0 is level.",
+    )
+    link_moment_kgm: Annotated[Setting | None, Effect("kg m", "joint", low=0)] = Field(
+        None,
+        description="Mass of each link, with all that it carries, times the distance of its centre"
+        " of mass from its joint, kg m: what gravity acts on when the plane is inclined.",
+    )
     initial_angle_error_deg: Annotated[Setting | None, Effect("deg", "joint")] = Field(
         None, description="True minus assumed angle of each joint at the start, degrees."
     )

@@ -72,9 +72,10 @@ class DesensitisedOptions(Table):
         " many standard deviations, caused by the errors above.",
     )
     reversal: bool = Field(
-        True,
-        description="Whether the first input may change its sign; false: the drive turns"
-        " one way only.",
+        False,
+        description="Whether the disk may turn back more often than in the plan of least effort."
+        " Each turn costs passive joints their backlash and shaft torsion, of which the response"
+        " knows nothing: true is for machines without.",
     )
     starts: Annotated[int, Field(ge=1, le=20)] = Field(
         4, description="Number of first guesses; the best plan is returned."

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +14,9 @@ from scipy.integrate import solve_ivp
 
 import planner
 from planner.plan.measures import peak_inputs, peak_rates
+from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.problem.tables.method_options import ConvexOptions
+from planner.solve import solve_and_check
 
 PIECES = 20
 
@@ -146,6 +151,27 @@ def test_rate_limits_make_v2_continuous_and_are_kept(paper: planner.Problem) -> 
     assert slow.notes["timing"] == "v1 constant"
     breaks = slow.t[1:-1]
     np.testing.assert_allclose(slow.v(np.nextafter(breaks, 0)), slow.v(breaks), atol=1e-9)
+
+
+@dataclass(frozen=True)
+class RatesTogether(Requirement):
+    """du₁/dt + du₂/dt ≤ 5."""
+
+    reads, speed = frozenset({"du"}), 2
+    parts = (Part("rates together", "rad/s²", -np.inf, 5.0, 5.0),)
+
+    def rows(self, at: At) -> Sequence[Any]:
+        return [at.du[0] + at.du[1]]
+
+
+def test_a_limit_on_rates_of_any_kind_makes_v2_continuous(paper: planner.Problem) -> None:
+    slow = paper.changed({"goal.duration": 400.0, "goal.travel": 0.829})
+    plan = planner.solve(replace(slow, further=(RatesTogether(),)), "convex", pieces=PIECES)
+    assert "continuous" in optimality(plan)["of"]
+    assert planner.verify(plan).margins["rates together"] >= 0
+    free = replace(slow, duration=None, further=(RatesTogether(),))
+    with pytest.raises(planner.NotConvergedError, match="something else is asked of their rates"):
+        solve_and_check(free, "convex", advice=False, pieces=PIECES)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import numpy as np
 from planner.errors import InputError, NoPlanError
 from planner.methods.advice import tried
 from planner.methods.keeping import not_promised
-from planner.methods.refusal import Change, in_other_time, on_other_paths
+from planner.methods.refusal import Change, in_other_time, on_other_paths, within_reach
 from planner.methods.registry import METHODS, find_method
 from planner.plan.measures import DomainReport
 from planner.plan.plan import Plan
@@ -25,6 +25,7 @@ from planner.problem.feasibility import (
 )
 from planner.problem.nonholonomy import Nonholonomy, nonholonomy
 from planner.problem.problem import Problem, expect_problem
+from planner.problem.reach import Reach, goal_reach
 from planner.solve import solve, solve_and_check
 from planner.support.deadline import limited, share
 from planner.verification.summary import plan_summary, refusal_summary
@@ -73,6 +74,7 @@ class Analysis:
     Attributes:
         problem: The problem.
         ends: Start and goal in chained coordinates.
+        reach: Possible joint angles at a goal that leaves some free; None where it gives all.
         window: Travels that are possible without reversing; None where no such window is known.
         reversal: Whether the first coordinate must reverse.
         duration_bound: Duration below which no plan exists.
@@ -88,6 +90,7 @@ class Analysis:
 
     problem: Problem
     ends: tuple[End, End]
+    reach: Reach | None
     window: TravelWindow | None
     reversal: Reversal
     duration_bound: DurationBound
@@ -136,6 +139,7 @@ class Analysis:
             "proven_impossible": self.proven_impossible,
             "constants": system.to_dict() | {"k_g_rule": getattr(system, "k_g_rule", None)},
             "ends": {end.name: end.to_dict() for end in self.ends},
+            "reach": None if self.reach is None else self.reach.to_dict(),
             "travel_window": _window_dict(self.problem, self.window),
             "reversal": {"verdict": self.reversal.verdict, "reason": self.reversal.reason},
             "least_duration_s": self.duration_bound.seconds,
@@ -172,7 +176,7 @@ def check(
     say = progress or (lambda _: None)
     own = [name for name, method in METHODS.items() if method.refines is None]
     names = own if methods is None else [find_method(m).name for m in methods]
-    window = travel_window(problem)
+    window, reach = travel_window(problem), goal_reach(problem)
     outcomes, remedy = [], None
     with limited(time_limit_s) as span:
         words = f"its share of {span.why}" if time_limit_s is not None else ""
@@ -182,12 +186,13 @@ def check(
                 outcomes.append(_outcome(problem, name))
         found = any(o["verified"] for o in outcomes)
         if not found:
-            remedy = find_remedy(problem, names, say)
+            remedy = find_remedy(problem, names, say, reach)
     say("looking at the plain polynomial")
     singular = any(o["method"] == "polynomial" and o["status"] == "singular" for o in outcomes)
     return Analysis(
         problem=problem,
         ends=chart_ends_report(problem),
+        reach=reach,
         window=window,
         reversal=_reversal(problem, window, outcomes),
         duration_bound=least_duration(problem),
@@ -200,16 +205,19 @@ def check(
     )
 
 
-def find_remedy(problem: Problem, names: Sequence[str], say: Progress) -> Remedy | None:
+def find_remedy(
+    problem: Problem, names: Sequence[str], say: Progress, reach: Reach | None = None
+) -> Remedy | None:
     """The first change of the problem with which a method has a verified plan."""
 
     def attempt(change: Change) -> Plan:
         return solve_and_check(problem.changed(change.keys), change.method, advice=False)[0]
 
+    nearer = within_reach(problem, reach) if reach else []
     able = sorted(names, key=lambda name: name != "collocation")  # the most able first
     changes = [
         replace(change, method=name)
-        for change in (*in_other_time(problem), *on_other_paths(problem))
+        for change in (*nearer, *in_other_time(problem), *on_other_paths(problem))
         for name in able
     ]
     found = tried(changes, attempt, say)
@@ -236,7 +244,8 @@ def _reversal(
     if one_way:
         return Reversal("not needed", f"the {one_way[0]} plan moves one way")
     if window is None:
-        return Reversal("open", "no travel window is known for this system")
+        what = "goals that leave joints free" if problem.free else "this system"
+        return Reversal("open", f"no travel window is known for {what}")
     if window.empty:
         return Reversal("needed", window.reason)
     if problem.travel is not None and problem.travel not in window:

@@ -21,7 +21,7 @@ from planner.methods.registry import METHODS, Method, find_method, merged_option
 from planner.plan.plan import Plan, expect_plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
-from planner.problem.requirements.ends import Goal
+from planner.problem.requirements.ends import Goal, TipGoal
 from planner.problem.requirements.requirement import Requirement
 from planner.problem.tables.compensation import CompensationTable
 from planner.support.deadline import MORE_TIME, TimeUpError, checked, limited
@@ -334,7 +334,7 @@ def _ways(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
         if factor < float("inf"):
             slower = lasting(plan.duration * factor * 1.0001)
             return [slower, BY_COLLOCATION], None
-    if len(broken) < len(found) or any(isinstance(each, Goal) for each in broken):
+    if len(broken) < len(found) or any(isinstance(each, Goal | TipGoal) for each in broken):
         return [], "a finer mesh: more method.collocation.intervals or a higher degree"
     other = [BY_COLLOCATION] if plan.method != BY_COLLOCATION.method else []
     instead = asked_instead(plan, [v for v in check.violations if np.isfinite(v.value)])

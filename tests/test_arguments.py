@@ -103,6 +103,7 @@ TAKE_PROBLEMS: dict[str, Callable[[Any], Any]] = {
     "travel_window": planner.travel_window,
 }
 TAKE_NAMES: dict[str, Callable[[Any], Any]] = {
+    "design_study": planner.design_study,
     "load_plan": planner.load_plan,
     "load_problem": planner.load_problem,
     "load_samples": planner.load_samples,
@@ -118,6 +119,7 @@ TAKE_OTHERS: dict[str, tuple[Callable[[Any], Any], str]] = {
         "is not a TriangularSystem; problem.system is one",
     ),
     "plot_budget": (report.plot_budget, "is not a Budget; planner.error_budget"),
+    "plot_design": (report.plot_design, "is not a DesignStudy; planner.design_study"),
     "plot_efforts": (report.plot_efforts, "is not a Comparison; planner.compare"),
     "plot_errors": (report.plot_errors, "give errors by label"),
     "plot_machine_sensitivity": (report.plot_machine_sensitivity, "planner.machine_sensitivity"),
@@ -193,8 +195,8 @@ def test_other_arguments_are_told(plan: planner.Plan) -> None:
         (lambda: planner.Problem.from_dict([1]), "is not a Mapping; planner.load_problem"),  # type: ignore[arg-type]
         (lambda: planner.retime(plan, 0.3), r"give keys of \[limits\]"),  # type: ignore[arg-type]
         (lambda: planner.Tracker(3), r"as in planner.Tracker\(run_up=False\)"),  # type: ignore[arg-type]
-        (lambda: planner.compare(problem, 3), "give names, as in"),  # type: ignore[arg-type]
-        (lambda: planner.compare(problem, [3]), "give names, as in"),  # type: ignore[list-item]
+        (lambda: planner.compare(problem, 3), "give a list of names, for example"),  # type: ignore[arg-type]
+        (lambda: planner.compare(problem, [3]), "give a list of names, for example"),  # type: ignore[list-item]
         (lambda: planner.solve(problem, ["convex"]), "unknown method"),  # type: ignore[arg-type]
         (lambda: planner.solve(problem, warm=problem), NO_PLAN),
     ):
@@ -228,7 +230,7 @@ def test_copies_are_still_made(plan: planner.Plan) -> None:
 
 def test_every_figure_is_drawn_into_axes_of_ones_own_by_the_same_word() -> None:
     figures = [name for name in report.__all__ if name.startswith("plot_")]
-    assert len(figures) == 13
+    assert len(figures) == 14
     for name in figures:
         keyword = inspect.signature(getattr(report, name)).parameters["axes"]
         assert keyword.kind is inspect.Parameter.KEYWORD_ONLY

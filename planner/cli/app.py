@@ -18,6 +18,7 @@ from typing import Annotated, Any, TextIO
 import typer
 
 from planner.cli.compare import budget, compare
+from planner.cli.design import design
 from planner.cli.files import animate, export, report
 from planner.cli.output import (
     INTERRUPTED,
@@ -93,6 +94,7 @@ for _command in (
     budget,
     sensitivity,
     sweep,
+    design,
     export,
     animate,
     report,

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -157,6 +158,7 @@ def _table(problem: Problem, summary: dict[str, Any], took: float) -> Table:
         ("objective", f"{number(summary['objective'])}, {summary['objective_name']}"),
         *_inputs(problem, summary["peak_u_rad_s"]),
         ("largest error at the goal", _worst_error(problem, summary["terminal_error"])),
+        *_chosen(summary["notes"]),
         ("chart", _chart(summary)),
         ("largest z2", number(summary["z2_max"])),
         *_start(summary["notes"]),
@@ -191,6 +193,15 @@ def _worst_error(problem: Problem, errors: dict[str, float]) -> str:
     )
     value = np.rad2deg(errors[name]) if unit == "rad" else errors[name]
     return f"{abs(value):.1e} {'deg' if unit == 'rad' else unit} ({name})"
+
+
+def _chosen(notes: dict[str, Any]) -> list[tuple[str, str]]:
+    angles = notes.get("goal_theta_deg")
+    return [("joints at the goal", f"{_degrees(angles)} deg")] if angles else []
+
+
+def _degrees(angles: Sequence[float]) -> str:
+    return f"({', '.join(f'{angle:.4g}' for angle in angles)})"
 
 
 def _chart(summary: dict[str, Any]) -> str:
@@ -274,7 +285,9 @@ def _facts(analysis: Analysis) -> Table:
     problem = analysis.problem
     rows = [("system", _system(problem.system))]
     for end in analysis.ends:
-        rows += _end(problem.system, end)
+        if analysis.reach is None or end.name != "goal":
+            rows += _end(problem.system, end)
+    rows += _reach(analysis)
     rows += _window(analysis)
     rows.append(("reversal", f"{analysis.reversal.verdict}: {analysis.reversal.reason}"))
     if analysis.duration_bound.reason:
@@ -315,6 +328,37 @@ def _end(system: TriangularSystem, end: End) -> list[tuple[str, str]]:
     else:
         where = f"inside the chart, nearest edge {number(least)} ({label})"
     return [(f"{end.name} z", f"({z})"), (f"{end.name} chart", where)]
+
+
+def _reach(analysis: Analysis) -> list[tuple[str, str]]:
+    problem, reach = analysis.problem, analysis.reach
+    if reach is None:
+        return []
+    free = [problem.system.coordinates[i].name for i in problem.free]
+    goal = f"{problem.tip}; " * (problem.tip is not None) + f"{', '.join(free)} free"
+    rows = [("goal", goal)]
+    if problem.tip is not None and problem.tip.place is not None:
+        away = float(np.hypot(*problem.tip.place))
+        rows.append(
+            ("reach", f"{number(away)} m from the base; the arm is {reach.reach:.4g} m long")
+        )
+    if reach.branches:
+        count = len(reach.branches)
+        said = f"elbows can bend in {count} way{'s' * (count > 1)}, the one nearest to the start"
+        said += f" {_degrees(np.rad2deg(reach.branches[0][1:]).tolist())} deg"
+    elif reach.blocked:
+        said = "none that keeps every limit"
+    else:
+        angle = problem.tip is not None and problem.tip.place is None
+        off = f"{np.rad2deg(reach.missed):.3g} deg" if angle else f"{reach.missed:.3g} m"
+        x, y, turn = reach.tip
+        said = f"none found within the limits of the joints; the nearest, {off} off, has the tip"
+        said += f" at ({x:.4g}, {y:.4g}) m, {np.rad2deg(turn):.4g} deg"
+    if reach.blocked:
+        said += (
+            f"; {reach.blocked} more break{'s' * (reach.blocked == 1)} a limit or touch something"
+        )
+    return [*rows, ("places of the joints", said)]
 
 
 def _window(analysis: Analysis) -> list[tuple[str, str]]:

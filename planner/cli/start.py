@@ -25,6 +25,7 @@ from pydantic import BaseModel
 
 from planner.cli.arguments import Json
 from planner.cli.output import note, print_json, print_text
+from planner.design.design_file import design_schema
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.methods.registry import all_methods
@@ -121,8 +122,8 @@ def schema(
     of: Annotated[
         str,
         typer.Argument(
-            metavar="problem|sweep|plan",
-            help="Kind of file: problem, sweep or plan.",
+            metavar="problem|sweep|design|plan",
+            help="Kind of file: problem, sweep, design or plan.",
             autocompletion=lambda: list(_SCHEMAS),
         ),
     ] = "problem",
@@ -130,12 +131,13 @@ def schema(
         bool, typer.Option("--json", help="No effect: the output is JSON in any case.")
     ] = False,
 ) -> int:
-    """Print the JSON Schema of a problem, sweep or plan file.
+    """Print the JSON Schema of a kind of file.
 
     \b
     Examples:
       planner schema > problem.schema.json
       planner schema sweep > sweep.schema.json
+      planner schema design > design.schema.json
       planner schema plan > plan.schema.json
     """
     if of not in _SCHEMAS:
@@ -147,6 +149,7 @@ def schema(
 _SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
     "problem": json_schema,
     "sweep": sweep_schema,
+    "design": design_schema,
     "plan": lambda: plan_schema(json_schema()),
 }
 

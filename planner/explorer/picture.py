@@ -13,7 +13,7 @@ from planner.machine.replay import Replay
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.report.charts.panels import Panel, band, curve, near, over_time, rounded, unit_of
-from planner.report.figures.arm import body, drawable, waypoint_tips
+from planner.report.figures.arm import body, drawable, tips_to_pass
 from planner.report.figures.over_time import view
 from planner.report.figures.style import shown, times
 from planner.report.page.words import subscripted
@@ -153,7 +153,7 @@ def _plane(plan: Plan, q: Array) -> Panel:
         "poses": [pose.tolist() for pose in poses if np.isfinite(pose).all()],
         "path": [rounded(path[:, 0]), rounded(path[:, 1])],
         "discs": [[*o.centre.tolist(), o.radius] for o in plan.problem.obstacles],
-        "tips": waypoint_tips(plan.problem).tolist(),
+        "tips": tips_to_pass(plan.problem).tolist(),
         "key": [
             ["ramp", f"from 0 s to {plan.duration:.3g} s"],
             ["path", "path of the tip" if arm else "path"],
@@ -166,7 +166,8 @@ def _map(plan: Plan, q: Array) -> Panel:
     problem, limits = plan.problem, np.rad2deg(plan.problem.limits.joint[1:3])
     names = [subscripted(problem.system.coordinates[i].name) for i in (1, 2)]
     path = np.rad2deg(q[:, 1:3])
-    ends = np.rad2deg([problem.start[1:3], problem.goal[1:3]])
+    goal = np.where(np.isnan(problem.goal), q[-1], problem.goal)  # free joints: the plan's
+    ends = np.rad2deg([problem.start[1:3], goal[1:3]])
     chart = [_inside(problem, i) for i in (1, 2)]
     view = []
     for k in (0, 1):

@@ -31,8 +31,9 @@ class End:
     Attributes:
         name: "start" or "goal".
         q: Coordinates, shape (N,); NaN for a free path coordinate.
-        z: Chained coordinates, shape (N,); NaN for a free path coordinate.
-        branch: The chart's branch it lies on, shape (N,).
+        z: Chained coordinates, shape (N,); NaN for a free path coordinate, and for all where a
+            joint is free.
+        branch: The chart's branch it lies on, shape (N,); NaN likewise.
         margins: Distance from each edge of the chart, on the start's branch: label to value,
             negative beyond the edge.
         singular: Names of the coordinates that lie on a singularity of the chart.
@@ -49,8 +50,8 @@ class End:
 
     @property
     def in_chart(self) -> bool:
-        """Whether a chart method can begin or end here."""
-        return not self.singular and not self.crossed
+        """Whether a chart method can begin or end here; not where joints are free."""
+        return not (self.singular or self.crossed or np.any(np.isnan(self.z[1:])))
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready form (NaN where undefined)."""
@@ -72,6 +73,10 @@ def chart_ends_report(problem: Problem) -> tuple[End, End]:
 
 def _end(name: str, problem: Problem, q: Array) -> End:
     system, home = problem.system, problem.branch
+    if np.any(np.isnan(q[1:])):
+        nowhere = np.full(system.size, np.nan)
+        unknown = {label: np.nan for _, label in system.margin_labels}
+        return End(name, q, nowhere, nowhere, unknown, (), ())
     known = np.where(np.isnan(q), 0.0, q)
     z = chained_form(system).z(known)
     z[0] = q[0]
@@ -104,7 +109,7 @@ def least_duration(problem: Problem) -> DurationBound:
 
     It is necessary, not sufficient: a plan may need longer.
     """
-    distance = np.abs(problem.goal - problem.start)
+    distance = np.nan_to_num(np.abs(problem.goal - problem.start))  # a free joint may stay
     distance[0] = abs(problem.travel or 0.0)
     rates = _top_rates(problem)
     needed = distance / rates
@@ -178,7 +183,7 @@ class TravelWindow:
             return f"TravelWindow(empty: {self.reason})"
         sure = "each of these" if self.exact else "no other"
         return (
-            f"TravelWindow({self.low:.4g} to {self.high:.4g} rad: {sure} possible while the disk"
+            f"TravelWindow({self.low:.4g} to {self.high:.4g} rad: {sure} is possible while the disk"
             " turns one way)"
         )
 
@@ -195,10 +200,11 @@ def travel_window(problem: Problem) -> TravelWindow | None:
     """Travels that are possible without reversing the disk, between the problem's start and goal.
 
     Returns:
-        The window, or None for systems other than the manipulator.
+        The window, or None for systems other than the manipulator, and where the goal leaves joints
+        free.
     """
     expect_problem(problem)
-    if not isinstance(problem.system, Manipulator):
+    if not isinstance(problem.system, Manipulator) or problem.free:
         return None
     start, goal = problem.start[1:], problem.goal[1:]
     moved = goal[1:] - start[1:]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -20,10 +20,11 @@ from planner.problem.asked import (
     further_of,
     likely_slip,
     obstacles_of,
+    tip_of,
     waypoints_of,
 )
 from planner.problem.requirements.chart import ChartDomain
-from planner.problem.requirements.ends import Duration, Goal, Start
+from planner.problem.requirements.ends import Duration, Goal, Start, TipGoal
 from planner.problem.requirements.limits import InputLimit, JointLimit, RateLimit, Z2Margin
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import Demand, Part, Requirement
@@ -73,6 +74,11 @@ class Limits:
         return np.isinf(self.input) & np.isinf(self.input_rate)
 
 
+FREE_WITHIN = np.deg2rad(88.0)
+"""Largest |θ| at the goal of a joint that it leaves free, where no limit says less: as wide as
+limits of joints are made at most, since at 90 degrees an arm's drive stands still."""
+
+
 @made_by("planner.load_problem(path), Problem.manipulator(...) or Problem.from_dict({...})")
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -82,7 +88,8 @@ class Problem:
         name: Title, or the file's name.
         system: The system.
         start: q(0), shape (N,).
-        goal: q(T), shape (N,); NaN for the first coordinate, which `travel` determines.
+        goal: q(T), shape (N,); NaN for the path coordinate, of which `travel` speaks, and for
+            joints that the goal leaves free.
         travel: q₁(T) − q₁(0), or None if free.
         duration: Seconds, or None if free.
         limits: Limits that every plan keeps.
@@ -93,6 +100,7 @@ class Problem:
         waypoints: Places that every plan passes through.
         obstacles: Discs that the links of an arm must not touch.
         further: Registered limits that any system may have, see `planner.register_requirement`.
+        tip: Where an arm's tip ends, in place of joints' angles; None where it is not asked for.
         source: Where the problem came from, for messages.
     """
 
@@ -110,8 +118,10 @@ class Problem:
     waypoints: tuple[Waypoint, ...]
     obstacles: tuple[Obstacle, ...]
     further: tuple[Requirement, ...]
+    tip: TipGoal | None
     source: str
     _data: Mapping[str, Any]
+    _hint: Array | None = None  # q(T) that a search may expect where the goal leaves joints free
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], source: str = "problem") -> Problem:
@@ -128,6 +138,7 @@ class Problem:
         mismatch = tables.machine.mismatch(system.size - 1)
         if mismatch:
             raise InputError(f"{source}: {mismatch}")
+        obstacles = tuple(obstacles_of(tables, system))
         problem = cls(
             name=line(tables.title) or line(Path(source).stem),
             system=system,
@@ -146,8 +157,9 @@ class Problem:
             feedback=tables.feedback,
             compensation=tables.compensation,
             waypoints=tuple(waypoints_of(tables, system, source)),
-            obstacles=tuple(obstacles_of(tables, system)),
+            obstacles=obstacles,
             further=tuple(further_of(tables, system, source)),
+            tip=tip_of(tables, system, obstacles, source),
             source=source,
             _data=_plain(tables),
         )
@@ -164,8 +176,10 @@ class Problem:
     def manipulator(
         cls,
         start_deg: ArrayLike,
-        goal_deg: ArrayLike,
+        goal_deg: ArrayLike | Sequence[float | str] | None = None,
         *,
+        tip_m: ArrayLike | None = None,
+        tip_angle_deg: float | None = None,
         travel: float | None = None,
         duration: float | None = 10.0,
         K: ArrayLike | None = None,
@@ -187,13 +201,16 @@ class Problem:
 
         Args:
             start_deg: θ₁ … θₙ at the start, degrees; their number is that of the joints.
-            goal_deg: θ₁ … θₙ at the goal, degrees.
+            goal_deg: θ₁ … θₙ at the goal, degrees, or "free"; all free when left out.
+            tip_m: Where the tip ends, x and y in metres.
+            tip_angle_deg: Direction of the last link at the end, degrees: the sum of all angles.
             travel: Change of the disk angle φₙ₋₁, radians; None if free.
             duration: Seconds; None if free.
             K: K₂ … Kₙ; needs k_g too.
             k_g: Drive constant.
             gear: Geometry of the gears, instead of K.
-            link_lengths: Lengths of the links, for drawing and obstacles; 1 each when left out.
+            link_lengths: Lengths of the links in metres, for tip, drawing and obstacles; 1 each
+                when left out, but for a goal of the tip.
             input_rad_s: Largest |u₁|, |u₂|, rad/s: one number for both, or two.
             input_rate_rad_s2: Largest |du/dt|, rad/s², likewise.
             joint_deg: Largest |θ|, degrees: one number, or one per joint.
@@ -222,7 +239,7 @@ class Problem:
             "system": {"kind": Manipulator.kind, "joints": joints, **_given(system)},
             "start": {"theta_deg": angles},
             "goal": {
-                "theta_deg": goal_deg,
+                **_given({"theta_deg": goal_deg, "tip_m": tip_m, "tip_angle_deg": tip_angle_deg}),
                 "travel": "free" if travel is None else travel,
                 "duration": "free" if duration is None else duration,
             },
@@ -286,7 +303,9 @@ class Problem:
         What is `in_chart` is asked only of plans in chained coordinates.
         """
         limits, system = self.limits, self.system
-        found: list[Demand] = [Start(), Goal(system.coordinates), self.chart]
+        found: list[Demand] = [Start(), Goal(system.coordinates, self.free), self.chart]
+        if self.tip is not None:
+            found.append(self.tip)
         if self.duration is not None:
             found.append(Duration(self.duration))
         found += [
@@ -302,7 +321,22 @@ class Problem:
     @cached_property
     def requirements(self) -> tuple[Requirement, ...]:
         """Those requirements that hold at all times."""
-        return tuple(each for each in self.demands if isinstance(each, Requirement))
+        return tuple(d for d in self.demands if isinstance(d, Requirement) and not d.final)
+
+    @cached_property
+    def final(self) -> tuple[Requirement, ...]:
+        """Those that hold at the end alone, beside coordinates that the goal gives."""
+        return tuple(d for d in self.demands if isinstance(d, Requirement) and d.final)
+
+    @cached_property
+    def free(self) -> tuple[int, ...]:
+        """Indices of the joints that the goal leaves free, from 1; most often none."""
+        return tuple((np.flatnonzero(np.isnan(self.goal[1:])) + 1).tolist())
+
+    @property
+    def free_within(self) -> Array:
+        """Largest |θ| at the goal of each of those, radians."""
+        return np.minimum(self.limits.joint[list(self.free)], FREE_WITHIN)
 
     def asking(self, label: str) -> tuple[Demand, Part] | None:
         """The requirement and part with this label in messages; None if the problem has none."""
@@ -326,6 +360,28 @@ class Problem:
         if self.travel is not None:
             out[0] = self.start[0] + self.travel
         return out
+
+    def expecting(self, goal: Array) -> Problem:
+        """The same, for a search that is to look for a goal near these coordinates (N,)."""
+        return replace(self, _hint=goal)
+
+    @cached_property
+    def likely(self) -> Problem:
+        """The problem whose goal is the one expected; itself where the goal gives all joints."""
+        if self._hint is None:
+            return self
+        return replace(self, goal=self._hint, tip=None, _hint=None)
+
+    def settled(self, end: Array) -> Problem:
+        """The problem whose goal gives all joints: those of q(T) (N,); itself where it does so.
+
+        Raises:
+            InputError: As for `from_dict`.
+        """
+        if not self.free:
+            return self
+        given = {"goal.theta_deg": np.rad2deg(end[1:]).tolist()}
+        return self.changed({**given, "goal.tip_m": None, "goal.tip_angle_deg": None})
 
     @property
     def branch(self) -> Array:

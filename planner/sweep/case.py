@@ -50,6 +50,8 @@ RESULTS: Mapping[str, str] = {
     "terminal_error_deg": "REAL",
     "E_median_deg": "REAL",
     "E_p95_deg": "REAL",
+    "end_median_deg": "REAL",
+    "end_p95_deg": "REAL",
     "end_spread_deg": "REAL",
     "contact_torque_nm": "REAL",
     "contact_load": "REAL",
@@ -65,7 +67,8 @@ RESULTS: Mapping[str, str] = {
 """What a case leaves, as columns of SQLite. For systems whose path coordinate is a length, travel
 and the first peak are in metres and metres per second.
 
-`end_spread_deg` is the largest standard deviation over the machines of an angle at the end.
+`end_median_deg` and `end_p95_deg` are of the largest error of an angle at the end, and
+`end_spread_deg` is the largest standard deviation over the machines of an angle there.
 `contact_torque_nm` is the largest torque at a friction contact, in the median over the machines,
 and `contact_load` that over what the contact transmits, on `CARRIED` % of them; see
 `planner.machine.contact_load`. Figures of the machine are there where plans are replayed."""
@@ -215,6 +218,7 @@ def _on_the_machine(plan: Plan, samples: int, seed: int) -> Row:
     runs = replay(plan, samples=samples, seed=seed, record_s=record)
     if runs.angles:
         row["E_median_deg"], row["E_p95_deg"] = np.percentile(runs.index_E_deg, [50, 95])
+        row["end_median_deg"], row["end_p95_deg"] = np.percentile(runs.terminal_E_deg, [50, 95])
         row["end_spread_deg"] = np.max(np.std(runs.terminal_error_deg, axis=0))
     if isinstance(plan.problem.system, Manipulator):
         load = contact_load(plan, samples=CONTACTS, seed=seed)

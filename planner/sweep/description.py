@@ -80,7 +80,8 @@ class Sweep:
         if isinstance(problem, Problem):
             given["problem"] = problem.to_dict()
         table = parse(SweepFile, _flattened(plain(given)), source)
-        base = _base(table, source, problem if isinstance(problem, Problem) else None)
+        known = problem if isinstance(problem, Problem) else None
+        base = base_problem(table.problem, table.changes, source, known)
         methods = parse_specs(base, table.methods)
         found = points(table, source)
         check_keys(base, table, found, [m.method for m in methods], source)
@@ -116,18 +117,31 @@ def _flattened(data: dict[str, Any]) -> dict[str, Any]:
     return out
 
 
-def _base(table: SweepFile, source: str, given: Problem | None) -> Problem:
-    if given is not None:
-        return given.changed(table.changes)
-    if isinstance(table.problem, str):
-        path = os.path.normpath(Path(source).parent / table.problem)
+def base_problem(
+    problem: str | dict[str, Any], changes: Mapping[str, Any], source: str, known: Problem | None
+) -> Problem:
+    """The problem that a sweep or design file names.
+
+    Args:
+        problem: A problem file, relative to the file, or its tables.
+        changes: Dotted keys to change.
+        source: The file, or a name for messages.
+        known: The problem itself, where a caller has one.
+
+    Raises:
+        InputError: If there is no such file, or it says what cannot be.
+    """
+    if known is not None:
+        return known.changed(changes)
+    if isinstance(problem, str):
+        path = os.path.normpath(Path(source).parent / problem)
         if not os.path.exists(path):
             raise InputError(
-                f"{source}: 'problem' = {table.problem!r}: there is no file {path}; the name is"
-                " relative to the sweep file"
+                f"{source}: 'problem' = {problem!r}: there is no file {path}; the name is"
+                " relative to the file that says so"
             )
-        return load_problem(path, table.changes)
-    return Problem.from_dict(table.problem, f"{source} [problem]").changed(table.changes)
+        return load_problem(path, changes)
+    return Problem.from_dict(problem, f"{source} [problem]").changed(changes)
 
 
 def check_keys(

@@ -307,3 +307,21 @@ def gravity_torques(weights: Array, theta: Array) -> Array:
     """
     turning = weights * np.cos(np.cumsum(theta, axis=0))
     return np.asarray(-np.cumsum(turning[::-1], axis=0)[::-1])
+
+
+def stage_gears(system: Manipulator) -> tuple[tuple[Gear, ...], str]:
+    """Geometry of the stages 1 … n−1, given or inferred, and what was assumed; "" where given.
+
+    What is inferred moves the joints at the same rates: from kᵢ₊₁ = κᵢ ρ^i with κᵢ = λR/(ηr₃), one
+    ρ for all stages, and what is left of each kᵢ₊₁ in r₃.
+    """
+    if system.gear is not None:
+        return (system.gear,) * (system.n - 1), ""
+    K, n = system.K, system.n
+    rho = float(K[-1] / K[0]) ** (1 / (n - 2)) if n > 2 else 1.0
+    kappa = system.k_g * K / rho ** np.arange(1, n)
+    note = "inferred from K and k_g with λ = η = 1 and R = 1" + (" = r₁" if n == 2 else "")
+    turned = system.k_g / rho ** (n - 2)
+    if abs(turned - 1) > 1e-6:
+        note += f"; φ of the problem is {turned:.3g} times the angle of the last B (k_g is given)"
+    return tuple(Gear(rho, 1.0, 1 / k, 1.0, 1.0) for k in kappa.tolist()), note + "."

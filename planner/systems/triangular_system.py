@@ -288,3 +288,14 @@ def arm_points(theta: Array, lengths: Array) -> Array:
     steps = lengths[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
     base = np.zeros((*steps.shape[:-2], 1, 2))
     return np.concatenate([base, np.cumsum(steps, axis=-2)], axis=-2)
+
+
+def arm_points_expr(theta: Sequence[Any], lengths: Array) -> list[tuple[Any, Any]]:
+    """The same as CasADi expressions: x and y of the base, the joints and the tip."""
+    out: list[tuple[Any, Any]] = [(0.0, 0.0)]
+    heading: Any = 0.0
+    for angle, length in zip(theta, lengths.tolist(), strict=True):
+        heading = heading + angle
+        x, y = out[-1]
+        out.append((x + length * ca.cos(heading), y + length * ca.sin(heading)))
+    return out

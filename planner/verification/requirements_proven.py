@@ -120,7 +120,7 @@ def unsaid(problem: Problem, claims: list[Claim]) -> list[Claim]:
     said = {each.label for each in claims}
     return [
         undecided(part.label, part.unit, "no proof is written for this kind of requirement")
-        for required in problem.requirements
+        for required in (*problem.requirements, *problem.final)
         for part in required.parts
         if part.label not in said
     ]
@@ -187,7 +187,7 @@ def domain(problem: Problem, motion: Motion, required: bool) -> tuple[list[ToPro
 
 
 def goal(problem: Problem, motion: Motion) -> list[Claim]:
-    """The end of the true motion at the goal, within `verify`'s tolerance."""
+    """The end of the true motion at the goal, within `verify`'s tolerance; also its tip."""
     target = problem.target
     time, out = float(motion.cells.times(np.array([1.0]))[-1, 0]), []
     for i, c in enumerate(problem.system.coordinates):
@@ -197,6 +197,14 @@ def goal(problem: Problem, motion: Motion) -> list[Claim]:
         gap = abs(end - target[i])
         of = ToProve(f"goal {c.name}", [], GOAL_TOLERANCE, c.unit)
         out.append(claim(of, GOAL_TOLERANCE - gap - doubt, GOAL_TOLERANCE - gap + doubt, time))
+    for required in problem.final:
+        balls = _rows(problem.system, required)(motion.q)
+        for part, value in zip(required.parts, motion.models(*balls), strict=True):
+            end, doubt = (float(x[-1]) for x in value.at_end())
+            slack = GOAL_TOLERANCE * part.scale
+            margin = slack + min(end - part.low, part.high - end)
+            of = ToProve(part.label, [], slack, part.unit)
+            out.append(claim(of, margin - doubt, margin + doubt, time))
     return out
 
 

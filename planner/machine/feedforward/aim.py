@@ -72,7 +72,8 @@ def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Repl
             " compensate"
         )
     moved = slice(0 if problem.travel is not None else 1, None)
-    target, made_from = problem.target[moved], Compensation(plan, machine.to_dict(), 0.0, 0.0)
+    wanted = _wanted(plan)
+    target, made_from = wanted[moved], Compensation(plan, machine.to_dict(), 0.0, 0.0)
     shift, inverse = np.zeros(len(target)), np.eye(len(target))
     tried: list[_Trial] = []
     near, left_s = plan, max(LEAST_S, TIMES * plan.solve_time_s)
@@ -90,7 +91,7 @@ def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Repl
             raise TimeUpError
         began = time.perf_counter()
         with limited(left_s, "the time for a plan next to one known"):
-            near = replan(_shifted(problem, shift, moved), near)
+            near = replan(_shifted(problem, wanted, shift, moved), near)
         left_s -= time.perf_counter() - began
         if not near.executable:
             raise NoPlanError("that plan leaves the domain of the chained-form chart")
@@ -138,11 +139,21 @@ def _updated(inverse: Array, before: _Trial, now: _Trial) -> Array:
     return np.asarray(inverse + np.outer(step - inverse @ change, along) / scale)
 
 
-def _shifted(problem: Problem, shift: Array, moved: slice) -> Problem:
-    """The problem with its goal shifted."""
-    goal = problem.target
+def _wanted(plan: Plan) -> Array:
+    """q(T), shape (N,): the goal, and where it leaves joints free what the plan chose."""
+    goal, free = plan.problem.target, list(plan.problem.free)
+    if free:
+        goal[free] = plan.trajectory.q(plan.duration)[free]
+    return goal
+
+
+def _shifted(problem: Problem, goal: Array, shift: Array, moved: slice) -> Problem:
+    """The problem with its goal shifted from there."""
+    goal = goal.copy()
     goal[moved] += shift
     keys: dict[str, Any] = {"goal.theta_deg": np.rad2deg(goal[1:]).tolist()}
+    if problem.free:
+        keys |= {"goal.tip_m": None, "goal.tip_angle_deg": None}
     if problem.travel is not None:
         keys |= problem.travel_change(float(goal[0] - problem.start[0]))
     try:

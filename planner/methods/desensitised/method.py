@@ -17,7 +17,12 @@ import numpy as np
 
 from planner.errors import InfeasibleError, InputError, NotConvergedError, Violation
 from planner.methods.collocation.early import believed
-from planner.methods.collocation.method import input_kind, plan_collocation, refuse_start
+from planner.methods.collocation.method import (
+    chosen_goal,
+    input_kind,
+    plan_collocation,
+    refuse_start,
+)
 from planner.methods.collocation.refine import polish
 from planner.methods.collocation.solvers.backends import Settings
 from planner.methods.collocation.solvers.solver import ACCEPTED_RESIDUAL, Solution
@@ -186,7 +191,11 @@ def _plan(job: Task, solution: Solution, options: DesensitisedOptions) -> Plan:
         objective=solution.objective,
         objective_name=job.objective.name,
         iterations=solution.iterations,
-        notes={"spread": dict(moved.spread), **_sizes(job, solution)},
+        notes={
+            "spread": dict(moved.spread),
+            **chosen_goal(job.problem, solution.iterate),
+            **_sizes(job, solution),
+        },
     )
 
 

@@ -181,7 +181,7 @@ class ProblemFile(Table):
 
     @abstractmethod
     def goal_state(self) -> Array:
-        """q(T), shape (N,), NaN for the path coordinate."""
+        """q(T), shape (N,), NaN for the path coordinate and where the goal leaves one free."""
 
     @abstractmethod
     def path_travel(self) -> float | None:
@@ -202,6 +202,10 @@ class ProblemFile(Table):
         Raises:
             ValueError: If one names a coordinate that there is not.
         """
+
+    def tip(self) -> dict[str, float]:
+        """What the goal asks of an arm's tip, by name; only arms have one."""
+        return {}
 
     def discs(self) -> list[ObstacleTable]:
         """Obstacles; only arms have links that could touch them."""

@@ -43,8 +43,7 @@ def question(problem: Problem) -> str:
     arm = hasattr(problem.system, "arm_points")
     duration = "a free duration" if problem.duration is None else f"{problem.duration:g} s"
     if arm:
-        start, goal = (_angles(q[1:]) for q in (problem.start, problem.goal))
-        what = f"the arm from θ = {start} to {goal}"
+        what = f"the arm from θ = {_angles(problem.start[1:])} to {_arm_goal(problem)}"
     else:
         what = f"the {html.escape(problem.system.kind)} from {_places(problem, problem.start)}"
         what += f" to {_places(problem, problem.goal)}"
@@ -153,8 +152,17 @@ def _plain(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
+def _arm_goal(problem: Problem) -> str:
+    """The joints' angles; or the tip, and those that are given."""
+    goal, tip = problem.goal[1:], "" if problem.tip is None else str(problem.tip)
+    if np.all(np.isnan(goal)):
+        return tip
+    return _angles(goal) + f" with {tip}" * bool(tip)
+
+
 def _angles(radians: Sequence[float] | np.ndarray) -> str:
-    return "(" + ", ".join(f"{x:.4g}" for x in np.rad2deg(radians)) + ")°"
+    words = ("free" if np.isnan(x) else f"{x:.4g}" for x in np.rad2deg(radians))
+    return "(" + ", ".join(words) + ")°"
 
 
 def _places(problem: Problem, q: np.ndarray) -> str:

@@ -68,10 +68,9 @@ def contact_load(
 
     Args:
         plan: An executable plan of an arm with friction disks.
-        machine: The machine, or the name of a preset; the problem's `[machine]` table when left
-            out.
+        machine: The machine, or the name of a preset. By default the problem's `[machine]` table.
         samples: Machines to draw, those that `replay` draws; 0: the nominal one alone.
-        seed: Seed of the draws.
+        seed: Random seed.
 
     Raises:
         InputError: If the plan has no real inputs, or is of another system.

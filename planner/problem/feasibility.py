@@ -183,7 +183,7 @@ class TravelWindow:
             return f"TravelWindow(empty: {self.reason})"
         sure = "each of these" if self.exact else "no other"
         return (
-            f"TravelWindow({self.low:.4g} to {self.high:.4g} rad: {sure} possible while the disk"
+            f"TravelWindow({self.low:.4g} to {self.high:.4g} rad: {sure} is possible while the disk"
             " turns one way)"
         )
 

@@ -90,16 +90,16 @@ class Problem:
         start: q(0), shape (N,).
         goal: q(T), shape (N,); NaN for the path coordinate, of which `travel` speaks, and for
             joints that the goal leaves free.
-        travel: q₁(T) − q₁(0), or None when free.
-        duration: Seconds, or None when free.
-        limits: What every plan keeps.
+        travel: q₁(T) − q₁(0), or None if free.
+        duration: Seconds, or None if free.
+        limits: Limits that every plan keeps.
         methods: Options of each method.
-        machine: Changes to the emulated machine.
-        feedback: Options of the tracker that closes the loop.
-        compensation: Whether and how plans allow for the machine.
-        waypoints: Places every plan passes through.
-        obstacles: Discs that the links of an arm clear in every plan.
-        further: Limits of kinds that all systems know, see `planner.register_requirement`.
+        machine: The emulated machine: preset and changes.
+        feedback: Options of the tracker (feedback).
+        compensation: Whether and how plans are compensated for the machine.
+        waypoints: Places that every plan passes through.
+        obstacles: Discs that the links of an arm must not touch.
+        further: Registered limits that any system may have, see `planner.register_requirement`.
         tip: Where an arm's tip ends, in place of joints' angles; None where it is not asked for.
         source: Where the problem came from, for messages.
     """
@@ -200,15 +200,15 @@ class Problem:
         argument corresponds to the key of the same name in a problem file and has the same range.
 
         Args:
-            start_deg: θ₁ … θₙ at the start, degrees; there are as many joints as angles.
+            start_deg: θ₁ … θₙ at the start, degrees; their number is that of the joints.
             goal_deg: θ₁ … θₙ at the goal, degrees, or "free"; all free when left out.
             tip_m: Where the tip ends, x and y in metres.
             tip_angle_deg: Direction of the last link at the end, degrees: the sum of all angles.
-            travel: Change of the disk angle φₙ₋₁, radians; None: free.
-            duration: Seconds; None: free.
-            K: K₂ … Kₙ, with k_g beside them.
+            travel: Change of the disk angle φₙ₋₁, radians; None if free.
+            duration: Seconds; None if free.
+            K: K₂ … Kₙ; needs k_g too.
             k_g: Drive constant.
-            gear: The gear's geometry, in place of K.
+            gear: Geometry of the gears, instead of K.
             link_lengths: Lengths of the links in metres, for tip, drawing and obstacles; 1 each
                 when left out, but for a goal of the tip.
             input_rad_s: Largest |u₁|, |u₂|, rad/s: one number for both, or two.
@@ -298,7 +298,7 @@ class Problem:
 
     @cached_property
     def demands(self) -> tuple[Demand, ...]:
-        """All that is asked of a plan, one object a kind that is set: ends, limits, places.
+        """All requirements of a plan, one object per kind: ends, limits, waypoints, obstacles.
 
         What is `in_chart` is asked only of plans in chained coordinates.
         """
@@ -320,7 +320,7 @@ class Problem:
 
     @cached_property
     def requirements(self) -> tuple[Requirement, ...]:
-        """Those that hold at all times."""
+        """Those requirements that hold at all times."""
         return tuple(d for d in self.demands if isinstance(d, Requirement) and not d.final)
 
     @cached_property

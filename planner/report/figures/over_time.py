@@ -47,7 +47,7 @@ FAR = 5.0
 
 
 def plot_inputs(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
-    """Plot u₁ and u₂ over time with their limits as lines, all plans in each of two panels.
+    """Plot Plot u₁ and u₂ over time with their limits as lines, all plans in each of two panels.
 
     Peaks far beyond the limits (or, without limits, far beyond most of the motion) are cut off and
     named above the panel, so that the rest stays readable.
@@ -197,7 +197,7 @@ EXIT = {"marker": "x", "color": "#B00020", "markersize": 8, "linestyle": "none"}
 
 
 def plot_z(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
-    """Plot z₂ with its domain shaded, and z₃ … z_N, over time; one column per plan.
+    """Plot Plot z₂ with its domain shaded, and z₃ … z_N, over time; one column per plan.
 
     For the manipulator the shaded band is where a real θ₁ exists, given the later angles: for n = 3
     and θ₂ > 0 it is −g(z₃) < z₂ < 0. If the domain has further conditions (n > 3, and other

@@ -192,22 +192,23 @@ def of_group(name: str, count: int, seed: int, again: bool) -> list[Mutant]:
     if not folder.exists():
         sample(files, folder, count, seed)
     sessions = [s for s in sorted(folder.glob("*.sqlite")) if not s.stem.endswith("again")]
-    left = again or any(None in (r for _, r in dumped(session)) for session in sessions)
-    command = test_command(tests) if left else ""
-    found: list[Mutant] = []
-    for session in track(sessions, f"{name}"):
-        later = session.with_name(f"{session.stem}-again.sqlite")
-        if again:
-            shutil.copy(session, later)
-            with sqlite3.connect(later) as base:
-                unknown = [(m.job,) for m in outcomes(name, session) if m.open and not reason_of(m)]
+    later = {session: session.with_name(f"{session.stem}-again.sqlite") for session in sessions}
+    if again:
+        for session in sessions:
+            unknown = [(m.job,) for m in outcomes(name, session) if not m.seen and not reason_of(m)]
+            shutil.copy(session, later[session])
+            with sqlite3.connect(later[session]) as base:
                 base.executemany("delete from work_results where job_id = ?", unknown)
-            execute(later, command)
-        elif left:
-            execute(session, command)
-        first = outcomes(name, session)
-        now = {m.job: m.outcome for m in outcomes(name, later)} if later.exists() else {}
-        found += [replace(m, again=now.get(m.job, "")) for m in first]
+    asked = list(later.values()) if again else sessions
+    left = [session for session in asked if any(None in pair for pair in dumped(session))]
+    command = test_command(tests) if left else ""
+    for session in track(left, name):
+        execute(session, command)
+    found: list[Mutant] = []
+    for session in sessions:
+        known = outcomes(name, later[session]) if later[session].exists() else []
+        now = {m.job: m.outcome for m in known}
+        found += [replace(m, again=now.get(m.job, "")) for m in outcomes(name, session)]
     return found
 
 

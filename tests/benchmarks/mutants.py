@@ -339,6 +339,8 @@ def page(found: list[Mutant], given: argparse.Namespace) -> str:
     ]
     for name in given.groups.split(","):
         own = [m for m in found if m.group == name]
+        if not own:  # not run yet
+            continue
         left = [r for m, r in reasons if m.group == name]
         counts = [len(own), sum(m.seen for m in own), sum(m.outcome == "ended" for m in own)]
         counts += [len(own) - len(left), sum(map(bool, left))]

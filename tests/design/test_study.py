@@ -104,8 +104,8 @@ def test_it_is_a_frame_and_a_folder(study: planner.DesignStudy, tmp_path: Path) 
     assert data["designs"][0]["figures"]["effort"] == study.rows[0]["effort"]
     head, *lines = (place / "design.csv").read_text(encoding="utf-8").splitlines()
     assert len(lines) == 2
-    assert {"effort", "contact_load", "r3", "on_front"} <= set(head.split(","))
-    assert "| kappa = 1.5 \\*" in (place / "design.md").read_text().replace(" *", " \\*")
+    assert {"effort", "contact_load", "r3", "front"} <= set(head.split(","))
+    assert "| kappa = 1.5 | take |" in (place / "design.md").read_text(encoding="utf-8")
     (tmp_path / "file").touch()
     with pytest.raises(planner.InputError, match="is a file; name a folder"):
         study.save(tmp_path / "file")
@@ -230,7 +230,8 @@ def test_tasks_are_drawn_alike_for_every_design_and_more_begin_with_the_same() -
 
 
 def test_the_problems_own_task_and_mechanism_are_taken_where_nothing_else_is_said() -> None:
-    asked = read_design({key: v for key, v in STUDY.items() if key not in ("tasks", "present")})
+    kept = {key: v for key, v in STUDY.items() if key not in ("tasks", "present")}
+    asked = read_design({**kept, "problem": planner.Problem.from_dict(PROBLEM)})
     assert asked.tasks == {2: (([10, 10], [30, 30]),)}
     first = asked.designs[0]
     assert (first.name, first.values) == ("as it is", {})

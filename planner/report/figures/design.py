@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.design.figures import LOAD, DesignRow, Figure
-from planner.design.study import DesignStudy
+from planner.design.result import DesignStudy
 from planner.errors import expect
 from planner.report.figures.style import COLOURS, TAG, grid, heading, plain
 from planner.support.tables import number

@@ -146,6 +146,19 @@ def test_the_picture_has_bars_or_a_map(study: planner.DesignStudy) -> None:
         plot_design(study.rows[0])  # type: ignore[arg-type]
 
 
+def test_rows_of_different_variables_are_bars_and_a_grid_is_a_map(
+    folder: Path, study: planner.DesignStudy
+) -> None:
+    several = [{"kappa": 1.5}, {"rho": 1.2, "kappa": 0.7}]
+    tables = {**STUDY, "grid": {}, "cases": several}
+    _, axes = planner.design_study(tables, folder, workers=0).plot()
+    assert axes[0, 1].get_xlabel() == ""
+    grid = {"rho": [1.0, 1.2], "kappa": [0.7, 1.5]}
+    _, axes = planner.design_study({**STUDY, "grid": grid}, folder, workers=0).plot()
+    assert (axes[0, 1].get_xlabel(), axes[0, 1].get_ylabel()) == ("rho", "kappa")
+    assert [t.get_text() for t in axes[0, 1].get_xticklabels()] == ["1", "1.2"]
+
+
 def test_what_cannot_be_built_is_named_and_not_planned(
     folder: Path, study: planner.DesignStudy
 ) -> None:

@@ -182,7 +182,7 @@ def test_one_wrong_among_several_plans_is_told(plan: planner.Plan) -> None:
 @pytest.mark.parametrize("given", ["protoype", 3, {"preset": "ideal"}])
 def test_what_is_no_machine_is_told(plan: planner.Plan, given: Any) -> None:
     for call in (planner.replay, planner.machine_sensitivity, planner.error_budget):
-        with pytest.raises(planner.InputError, match="preset's name stands for one: prototype, id"):
+        with pytest.raises(planner.InputError, match="the name of a preset: prototype, id"):
             call(plan, given)
     with pytest.raises(planner.InputError, match="is not a Machine"):
         planner.compare(plan.problem, ["collocation"], machine=given)
@@ -191,7 +191,7 @@ def test_what_is_no_machine_is_told(plan: planner.Plan, given: Any) -> None:
 def test_other_arguments_are_told(plan: planner.Plan) -> None:
     problem: Any = plan.problem
     for call, words in (
-        (lambda: problem.changed([("goal.travel", 1)]), "changes are dotted keys to values"),
+        (lambda: problem.changed([("goal.travel", 1)]), "changes must be dotted keys and values"),
         (lambda: planner.Problem.from_dict([1]), "is not a Mapping; planner.load_problem"),  # type: ignore[arg-type]
         (lambda: planner.retime(plan, 0.3), r"give keys of \[limits\]"),  # type: ignore[arg-type]
         (lambda: planner.Tracker(3), r"as in planner.Tracker\(run_up=False\)"),  # type: ignore[arg-type]

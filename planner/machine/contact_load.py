@@ -7,7 +7,8 @@ force at their rims: pressed alike, P₁, P₂ and P₃ all hold up to that torq
 
     τᵢ = coulomb + viscous |θ̇ᵢ|,
 
-and disk B of stage j (of joint j) feels it, by the virtual work of eq. (6), as
+and on an inclined plane for what gravity asks against its motion. Disk B of stage j (of joint j)
+feels it, by the virtual work of eq. (6), as
 
     P₂, P₃:  k₂ cos³θⱼ τⱼ₊₁        P₁:  that + (kⱼ₊₂/kⱼ₊₁) cosθⱼ · (P₁ of the next stage).
 
@@ -23,13 +24,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.errors import InputError
-from planner.machine.disk_chain import at_contacts
+from planner.machine.disk_chain import at_contacts, weights
 from planner.machine.machine import Machine, draw, machine_for
 from planner.machine.replay import refuse_inexecutable, sample_numbers
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
 from planner.support.one_variable import sample_times
-from planner.systems.manipulator import Manipulator
+from planner.systems.manipulator import Manipulator, gravity_torques
 
 INSTANTS = 100
 """At least so many; the torque is smooth, and its maxima are flat."""
@@ -87,12 +88,17 @@ def contact_load(
     draws = draw(used, system.n, sample_numbers(samples or 1), seed)
     times = sample_times(plan.t, INSTANTS)
     q, u = plan.trajectory.q(times), plan.trajectory.u(times)
-    speeds = np.abs(system.rates(q, u)[:, 2:]).T[..., None]
+    rates = system.rates(q, u)[:, 2:].T[..., None]
     friction = [draws[name] for name in ("coulomb_friction_nm", "viscous_friction_nms_per_rad")]
     coulomb, viscous = (values[:, None, :] for values in friction)
     k = system.k_g * system.K[:, None] * (1 + draws["gear_ratio_error"])
     shape = (system.n - 1, len(times), draws.count)
-    torques = np.broadcast_to(coulomb + viscous * speeds, shape)
-    felt = at_contacts(k, torques, np.cos(q[:, 1:-1]).T[..., None])
+    torques = np.broadcast_to(coulomb + viscous * np.abs(rates), shape)
+    weighed = weights(draws, system.n)
+    if weighed is not None:
+        down = gravity_torques(weighed[:, None, :], q[:, 1:].T[..., None])[1:]
+        held = np.maximum(np.abs(down) - coulomb, 0.0)
+        torques = np.where(rates == 0, held, torques - down * np.sign(rates))
+    felt = np.abs(at_contacts(k, torques, np.cos(q[:, 1:-1]).T[..., None]))
     capacity = np.broadcast_to(draws["friction_capacity_nm"][0], draws.count)
     return ContactLoad(felt.max(axis=(0, 1, 2)), capacity)

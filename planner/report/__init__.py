@@ -1,4 +1,4 @@
-"""What is shown of plans and comparisons.
+"""Figures, films and pages of plans and comparisons.
 
 `figures` (one `plot_*` each), `film`, `charts` (in a browser), `page` (a comparison there),
 `folders` (all of it in a folder) and `saved` (read back), `export` (a plan for other programs).

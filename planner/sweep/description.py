@@ -28,16 +28,16 @@ from planner.sweep.sweep_file import ReplayTable, SweepFile
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """Many cases of one problem. Build it with `Sweep.load` or `Sweep.from_dict`.
+    """A sweep: many variants of one problem. Build it with `Sweep.load` or `Sweep.from_dict`.
 
     Attributes:
         name: Title, or the file's name.
         base: The problem whose keys vary.
-        methods: Each plans every point.
+        methods: The methods; each plans every point.
         keys: The dotted keys that vary, in the order of the description.
-        points: Values of the keys, one dictionary a point.
+        points: Values of the keys, one dictionary per point.
         replay: Replays on the emulated machine, if any.
-        plans: Whether plans are kept in the database.
+        plans: Whether plans are saved in the database.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Sweep:
         """Read a sweep file (TOML).
 
         Raises:
-            InputError: If the file is missing, not TOML, or describes what cannot be.
+            InputError: If the file is missing, not TOML, or has an invalid key or value.
         """
         return cls.from_dict(read_toml(path, "a sweep file"), str(path))
 
@@ -97,7 +97,7 @@ class Sweep:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """The tables of a sweep file that give this sweep back, the problem's tables included."""
+        """The tables of a sweep file that reproduces this sweep, including the problem."""
         data = {key: value for key, value in self._data.items() if key != "set"}
         return {**data, "problem": self.base.to_dict()}
 
@@ -213,7 +213,8 @@ def _refuse_idle(keys: list[str], samples: int, methods: Sequence[str], source: 
         table, _, rest = key.partition(".")
         if table == "machine" and samples == 0:
             raise InputError(
-                f"{source}: '{key}' varies, but no plan meets a machine; add [replay] samples = 200"
+                f"{source}: '{key}' varies, but no plan is replayed on a machine; add [replay]"
+                " samples = 200"
             )
         method = rest.partition(".")[0]
         if table == "method" and method and method not in methods:

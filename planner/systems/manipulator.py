@@ -66,8 +66,8 @@ class Manipulator(TriangularSystem):
     Args:
         K: The ratios Kᵢ = kᵢ/k_g for i = 2 … n (n − 1 positive numbers). They alone shape the path.
         k_g: Drive constant (dimensionless); it only scales u₁.
-        link_lengths: Lengths of the n links for drawing; 1 each when left out.
-        k_g_rule: Where k_g came from, for reports.
+        link_lengths: Lengths of the n links, for drawing and obstacles; by default 1 each.
+        k_g_rule: How k_g was determined, for reports.
 
     Raises:
         InputError: If a constant is not a positive finite number or the lengths do not match.
@@ -290,6 +290,23 @@ class Manipulator(TriangularSystem):
             "k_g": self.k_g,
             "link_lengths": self.link_lengths.tolist(),
         }
+
+
+def gravity_torques(weights: Array, theta: Array) -> Array:
+    """Torque of gravity on each joint of an arm on an inclined plane.
+
+    From the potential Σ weightⱼ sin(θ₁ + … + θⱼ): the slope rises along y of the base.
+
+    Args:
+        weights: Torque of each link's weight about its own joint where the link lies across the
+            slope, with all that it carries, (n, …), N m.
+        theta: Joint angles, (n, …), rad.
+
+    Returns:
+        Torques, (n, …), positive where they raise the angle, N m.
+    """
+    turning = weights * np.cos(np.cumsum(theta, axis=0))
+    return np.asarray(-np.cumsum(turning[::-1], axis=0)[::-1])
 
 
 def stage_gears(system: Manipulator) -> tuple[tuple[Gear, ...], str]:

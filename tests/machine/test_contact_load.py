@@ -33,13 +33,24 @@ def test_the_first_contact_carries_the_power_of_all_joints(plan: Plan) -> None:
     assert "slips on 0 of 1 machine)" in repr(found)
 
 
+@pytest.mark.parametrize("incline_deg", [False, 4.0])
 @pytest.mark.parametrize(("part", "slips"), [(1.02, False), (0.98, True)])
-def test_beyond_it_the_machine_slips(plan: Plan, part: float, slips: bool) -> None:
-    rigid = planner.Machine.ideal(**FRICTION)
+def test_beyond_it_the_machine_slips(
+    plan: Plan, part: float, slips: bool, incline_deg: float
+) -> None:
+    rigid = planner.Machine.ideal(**FRICTION, incline_deg=incline_deg, link_moment_kgm=0.05)
     torque = float(contact_load(plan, rigid).torque_nm[0])
     free = planner.replay(plan, rigid)
     held = planner.replay(plan, rigid.with_(friction_capacity_nm=part * torque))
     assert (np.max(np.abs(held.q - free.q)) > 1e-6) == slips
+
+
+def test_a_slope_loads_what_goes_up_and_relieves_what_goes_down(plan: Plan) -> None:
+    slope = planner.Machine.ideal(**FRICTION, incline_deg=4.0, link_moment_kgm=0.05)
+    up, level = (contact_load(plan, m).torque_nm[0] for m in (slope, slope.without("incline_deg")))
+    back = inputs(([-0.4], [0.1]), breaks=[0.0, 2.0])
+    down = plan_from(arm_problem([20.0, 15.0, 10.0, 5.0], 2.0), back, pieces=20)
+    assert contact_load(down, slope).torque_nm[0] < level < up
 
 
 def test_its_machines_are_those_of_a_replay(plan: Plan) -> None:

@@ -21,6 +21,7 @@ from planner.cli.arguments import (
     ProblemPath,
     Seed,
     TimeLimit,
+    out_option,
     parse_changes,
     read_problem,
 )
@@ -86,14 +87,7 @@ def compare(
     time_limit: TimeLimit = None,
     changes: Changes = None,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FOLDER",
-            help="Write table, figures, plans and data to this folder.",
-            show_default=False,
-        ),
+        Path | None, out_option("FOLDER", "Write table, figures, plans and data to this folder.")
     ] = None,
     report: Annotated[
         bool,
@@ -234,14 +228,7 @@ def budget(
     seed: Seed = 0,
     changes: Changes = None,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FOLDER",
-            help="Write tables, figures and data to this folder.",
-            show_default=False,
-        ),
+        Path | None, out_option("FOLDER", "Write tables, figures and data to this folder.")
     ] = None,
     as_json: Json = False,
 ) -> int:

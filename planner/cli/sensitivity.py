@@ -14,7 +14,7 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from planner.cli.arguments import Changes, Json, Seed, read_problem
+from planner.cli.arguments import Changes, Json, Seed, out_option, read_problem
 from planner.cli.output import note, print_json, print_text, progress_bar, waiting
 from planner.cli.plan import number
 from planner.cli.sweep import Interrupted
@@ -79,12 +79,8 @@ def sensitivity(
     seed: Seed = 0,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FOLDER",
-            help="Write plans, figures and data to this folder; a curve goes on from it.",
-            show_default=False,
+        out_option(
+            "FOLDER", "Write plans, figures and data to this folder; a curve goes on from it."
         ),
     ] = None,
     as_json: Json = False,

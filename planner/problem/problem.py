@@ -31,7 +31,7 @@ from planner.problem.tables.compensation import CompensationTable
 from planner.problem.tables.kinds import parse_file
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.method_options import MethodsTable
-from planner.problem.tables.problem_file import FeedbackTable, ProblemFile
+from planner.problem.tables.problem_file import FeedbackTable
 from planner.support.arrays import Array, hashable, plain
 from planner.support.files import read_toml
 from planner.support.tables import line
@@ -149,7 +149,7 @@ class Problem:
             obstacles=tuple(obstacles_of(tables, system)),
             further=tuple(further_of(tables, system, source)),
             source=source,
-            _data=_plain(tables),
+            _data=tables.model_dump(mode="json", by_alias=True, exclude_unset=True),
         )
         states = {"start": problem.start, "goal": problem.goal}
         states |= {f"waypoint {point.number}": point.q for point in problem.waypoints}
@@ -387,7 +387,3 @@ def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, 
 
 def _given(keys: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in keys.items() if value is not None}
-
-
-def _plain(tables: ProblemFile) -> dict[str, Any]:
-    return tables.model_dump(mode="json", by_alias=True, exclude_unset=True)

@@ -74,7 +74,7 @@ def seeds(kind: str, count: int = 12) -> list[Seed]:
 @lru_cache(maxsize=1)
 def _known() -> dict[str, list[Seed]]:
     return {
-        "straight": [_straight()],
+        "straight": [Seed("straight", np.zeros_like, lambda s: 0.1 * np.sin(np.pi * s))],
         "bump": [_bump(a, b) for a, b in ((1.0, 0.8), (-1.0, -0.8), (-1.0, 0.8), (1.0, -0.8))],
         "reverse": [_reverse(a, b) for a, b in ((-0.7, 0.8), (0.7, -0.8), (0.7, 0.8))],
     }
@@ -144,10 +144,6 @@ def _interpolate(where: Array, s: Array, values: Array) -> Array:
     return np.stack([np.interp(where, s, column) for column in values.T], axis=-1)
 
 
-def _straight() -> Seed:
-    return Seed("straight", np.zeros_like, lambda s: 0.1 * np.sin(np.pi * s))
-
-
 def _bump(path: float, driven: float) -> Seed:
     return Seed(
         f"bump {_sign(path)}{_sign(driven)}",
@@ -206,7 +202,7 @@ def routes(problem: Problem) -> list[Problem]:
             f"{problem.source}: {count} waypoints, {free} of them without a time, may be passed in"
             f" {ways:.3g} orders; at most {MOST_SORTED} are looked at, so give more of them a time"
         )
-    orders = sorted(_orders(problem), key=lambda order: _length(problem, order))
+    orders = sorted(_orders(problem), key=lambda order: np.sum(_steps(problem, order)))
     return [replace(problem, waypoints=order) for order in orders[:MOST_ORDERS]]
 
 
@@ -242,10 +238,6 @@ def _orders(problem: Problem) -> list[tuple[Waypoint, ...]]:
     for free in (w for w in problem.waypoints if w.time_s is None):
         orders = [(*o[:k], free, *o[k:]) for o in orders for k in range(len(o) + 1)]
     return orders
-
-
-def _length(problem: Problem, order: tuple[Waypoint, ...]) -> float:
-    return float(np.sum(_steps(problem, order)))
 
 
 def _steps(problem: Problem, order: tuple[Waypoint, ...]) -> Array:

@@ -16,6 +16,13 @@ from pydantic import BaseModel
 
 import planner
 from planner.cli.app import app, main
+from planner.design.design_file import (
+    DesignFile,
+    MachinesTable,
+    PairTable,
+    TasksTable,
+    VariablesTable,
+)
 from planner.problem.tables.compensation import CompensationTable
 from planner.problem.tables.kinds import FILES
 from planner.problem.tables.machine_effects import EFFECTS, MachineTable
@@ -35,6 +42,7 @@ def write(docs: Path) -> None:
         "problem-file.md": problem_file(),
         "machine.md": machine(),
         "sweep-file.md": sweep_file(),
+        "design-file.md": design_file(),
     }.items():
         _put(made / name, text)
     (docs / "notebooks").mkdir(exist_ok=True)
@@ -171,6 +179,16 @@ def _described(name: str, model: type[BaseModel], whose: str = "") -> list[str]:
 def sweep_file() -> str:
     """Every key of a sweep file."""
     return "# The sweep file\n\n" + table(SweepFile)
+
+
+def design_file() -> str:
+    """Every key of a design file."""
+    parts = ["# The design file\n", table(DesignFile)]
+    parts += ["\n## Design variables, in `grid` and `cases`\n", table(VariablesTable)]
+    tables = {"tasks": TasksTable, "tasks.pairs": PairTable, "replay": MachinesTable}
+    for name, model in tables.items():
+        parts += [f"\n## [{name}]\n", table(model)]
+    return "\n".join(parts)
 
 
 def machine() -> str:

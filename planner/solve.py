@@ -21,7 +21,7 @@ from planner.methods.registry import METHODS, Method, find_method, merged_option
 from planner.plan.plan import Plan, expect_plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
-from planner.problem.requirements.ends import Goal
+from planner.problem.requirements.ends import Goal, TipGoal
 from planner.problem.requirements.requirement import Requirement
 from planner.problem.tables.compensation import CompensationTable
 from planner.support.deadline import MORE_TIME, TimeUpError, checked, limited
@@ -105,34 +105,34 @@ def solve(
     """Plan a motion and verify it.
 
     Args:
-        problem: What to solve.
-        method: A name of the registry, `planner.METHODS`.
-        warm: A plan of a neighbouring problem of the same system, by any method, from which
-            'collocation' starts instead of searching; the answer is the optimum next to it.
-        time_limit_s: Seconds after which 'collocation' answers with the best verified plan found so
-            far, and every method refuses where it has none; at the latest 1.2 times as long and
-            two seconds after the call. No limit when left out. It stands for the option of the same
-            name where the method has one.
-        progress: Called with a `planner.support.progress.Progress` whenever there is something to
-            tell. The logger `planner` hears the same.
-        **options: Override the problem's `[method.<name>]` table, key by key.
+        problem: The problem.
+        method: Name of a method; `planner.METHODS` lists them.
+        warm: A plan of a similar problem of the same system, by any method. 'collocation' and
+            'desensitised' start from it instead of searching and return the local optimum next to
+            it.
+        time_limit_s: Seconds for planning; no limit by default. Then 'collocation' returns the best
+            verified plan found so far; without one, and for other methods, the call is refused. The
+            call ends at the latest after 1.2 times the limit plus two seconds. Replaces the option
+            of the same name of the method, if it has one.
+        progress: Called with a `planner.support.progress.Progress` at every step. The logger
+            `planner` receives the same.
+        **options: Override single keys of the problem's `[method.<name>]` table.
 
     Returns:
-        A plan with `verified` True and its `certificate`; its status is "time_limit" where that
-        ended the search. Where the problem's `[compensation]` is on, the plan is that compensated
-        for its machine (see `planner.compensate`). The one exception is a chart method told
-        `allow_singular`: its path outside the domain comes back with status "singular" and
-        `verified` False.
+        A plan with `verified` True and a `certificate`. Its status is "time_limit" if the limit
+        ended the search. If the problem's `[compensation]` is on, the plan is compensated for its
+        machine (see `planner.compensate`). The only exception: a method in chained coordinates with
+        `allow_singular` may return a path outside the domain, with status "singular" and `verified`
+        False.
 
     Raises:
         InputError: If the method or an option is unknown or has an impossible value, the problem is
-            no `Problem`, or `warm` belongs to another system or is given to a method that has no
-            use for it.
-        TimeLimitError: If time was up and there was no plan; it says how far the search came.
-        NoPlanError: If no plan is found, or the one found breaks a requirement; its subclasses say
-            which, and it carries the last iterate and what that breaks. Changes of the problem are
-            tried first, see `planner.methods.advice`: within the time limit, and in at most a few
-            times the time that it took to find no plan.
+            not a `Problem`, `warm` belongs to another system, or the method cannot use `warm`.
+        TimeLimitError: If the time limit ended without a plan; it says how far the search got.
+        NoPlanError: If no plan is found, or the one found breaks a requirement; the subclass says
+            which. The error carries the last iterate and its violations. Before it is raised,
+            changes of the problem are tried (`planner.methods.advice`), within the time limit and
+            in at most a few times the duration of the failed search.
     """
     return solve_and_check(
         problem, method, warm=warm, time_limit_s=time_limit_s, progress=progress, **options
@@ -213,8 +213,8 @@ WITHOUT = "no compensation (compensation.on = false)"
 
 def _not_aimed(problem: Problem, why: str) -> str:
     return (
-        f"{problem.source}: the plan cannot be compensated: there is no plan for the shifted goal"
-        f" from which the nominal machine would end at the goal: {why}"
+        f"{problem.source}: the plan cannot be compensated: the shifted goal, for which the"
+        f" nominal machine would end at the goal, has no plan: {why}"
     )
 
 
@@ -334,7 +334,7 @@ def _ways(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
         if factor < float("inf"):
             slower = lasting(plan.duration * factor * 1.0001)
             return [slower, BY_COLLOCATION], None
-    if len(broken) < len(found) or any(isinstance(each, Goal) for each in broken):
+    if len(broken) < len(found) or any(isinstance(each, Goal | TipGoal) for each in broken):
         return [], "a finer mesh: more method.collocation.intervals or a higher degree"
     other = [BY_COLLOCATION] if plan.method != BY_COLLOCATION.method else []
     instead = asked_instead(plan, [v for v in check.violations if np.isfinite(v.value)])

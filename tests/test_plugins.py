@@ -292,7 +292,7 @@ def test_what_no_other_process_knows_is_not_sent_to_workers(tmp_path: Path) -> N
 
 
 METHOD_REFUSALS: list[tuple[dict[str, Any], str]] = [
-    ({"name": "polynomial"}, "method 'polynomial' is there already: the paper's law"),
+    ({"name": "polynomial"}, "method 'polynomial' exists already: the paper's method"),
     ({"name": "two words"}, "method 'two words' cannot be registered: a name has letters"),
     ({"name": "a\x1b[31mb"}, r"method 'a\[31mb' cannot be registered"),
     ({"name": 3}, "method '3' cannot be registered"),
@@ -523,7 +523,7 @@ def test_a_limit_on_the_way_is_kept_or_said_not_to_be_promised(
 def test_nothing_is_registered_twice() -> None:
     register()
     planner.register_system("sled", SledFile)
-    with pytest.raises(InputError, match="method 'mine' is there already"):
+    with pytest.raises(InputError, match="method 'mine' exists already"):
         register()
     with pytest.raises(InputError, match="system kind 'sled' is taken, by SledFile"):
         planner.register_system("sled", SledFile)

@@ -90,9 +90,9 @@ class State:
                 continue
             now = [*now, *(base[len(now) :] if isinstance(base, list) else [])]
             # The gears of a chain are alike: each ratio is the one before times the same number.
-            ratio = now[-1] / now[-2] if lacking and len(now) > 1 else 1.0
+            ratio = now[-1] / now[-2] if lacking and len(now) > 1 else None
             while len(now) < count:
-                now.append(now[-1] * ratio)
+                now.append(now[-1] * ratio if ratio else now[-1])
             found[key] = now[:count]
         if points := self.value("waypoints"):
             free = ["free"] * joints

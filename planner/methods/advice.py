@@ -81,14 +81,14 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
     own = [change for change in error.changes if not change.method]
     if not own:
         return None
-    with limited(max(LEAST_S, TIMES * seconds), "the time to try changes"):
+    with limited(max(LEAST_S, TIMES * seconds), "the time for trying changes"):
         tries = tried(own, attempt, lambda doing: progress.tell(f"no plan; {doing}"))
     if tries.change is None or tries.plan is None:
         said = [error.otherwise] if error.otherwise else []
         if tries.vain:
-            said.append(f"in vain were tried {', '.join(map(str, tries.vain))}")
+            said.append(f"tried without success: {', '.join(map(str, tries.vain))}")
         if tries.left:
-            said.append(f"there was no time to try {', '.join(map(str, tries.left))}")
+            said.append(f"not tried for lack of time: {', '.join(map(str, tries.left))}")
         error.advise(MORE_TIME if remaining() <= 0 else None, "; ".join(said))
         return None
     shown = replace(tries.plan, problem=problem, verified=False, certificate=None)

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from planner.errors import InputError
+from planner.problem.requirements.ends import TipGoal
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import Requirement
 from planner.problem.tables.kinds import REQUIREMENTS
@@ -37,6 +38,57 @@ def obstacles_of(tables: ProblemFile, system: TriangularSystem) -> list[Obstacle
     links = len(getattr(system, "link_lengths", ()))
     discs = enumerate(tables.discs(), 1)
     return [Obstacle(k, links, d.centre_m[0], d.centre_m[1], d.radius_m) for k, d in discs]
+
+
+SMALL_UNITS = {100.0: "centimetres", 1000.0: "millimetres"}
+"""In which a place ten times out of reach or more may have been meant."""
+
+
+def tip_of(
+    tables: ProblemFile, system: TriangularSystem, discs: Sequence[Obstacle], source: str
+) -> TipGoal | None:
+    """What the goal asks of the tip; None where it gives the joints.
+
+    Raises:
+        InputError: If no joints' angles at all, within 90 degrees, would do it.
+    """
+    asked = tables.tip()
+    if not asked:
+        return None
+    lengths = system.link_lengths  # type: ignore[attr-defined]
+    reach = float(np.sum(lengths))
+    tip = TipGoal(tuple(asked), tuple(asked.values()), reach)
+    turn = 90.0 * len(lengths)
+    if tip.angle is not None and abs(np.rad2deg(tip.angle)) >= turn:
+        raise InputError(
+            f"{source}: goal.tip_angle_deg = {np.rad2deg(tip.angle):.6g} is the sum of"
+            f" {len(lengths)} joints' angles, each within 90 degrees: it lies between -{turn:g} and"
+            f" {turn:g}"
+        )
+    if tip.place is None:
+        return tip
+    away, least = float(np.hypot(*tip.place)), float(2 * np.max(lengths) - reach)
+    where = f"{source}: goal.tip_m = [{tip.place[0]:g}, {tip.place[1]:g}]"
+    if away > reach:
+        nearest = tip.place * (reach / away)
+        small = SMALL_UNITS.items() if away > 10 * reach else ()
+        unit = next((unit for by, unit in small if away / by <= reach), "")
+        slip = f" (in {unit}? The key is in metres)" if unit else ""
+        raise InputError(
+            f"{where} is {away:.4g} m from the base{slip}, and the stretched arm is {reach:.4g} m"
+            f" long; the nearest place that it could reach is [{nearest[0]:.4g}, {nearest[1]:.4g}]"
+        )
+    if away < least:
+        raise InputError(
+            f"{where} is {away:.4g} m from the base, and the longest link keeps the tip at least"
+            f" {least:.4g} m away"
+        )
+    for disc in discs:
+        if (inside := disc.radius - float(np.hypot(*(tip.place - disc.centre)))) > 0:
+            raise InputError(
+                f"{where} lies {inside:.3g} m inside obstacle {disc.number}; move one of them"
+            )
+    return tip
 
 
 def further_of(tables: ProblemFile, system: TriangularSystem, source: str) -> list[Requirement]:
@@ -110,7 +162,7 @@ def likely_slip(system: TriangularSystem, start: Array, goal: Array) -> str:
     """What can be used as it stands and looks like a slip, in words; empty if nothing does."""
     angular = [i for i in system.limited if system.coordinates[i].unit == "rad"]
     angles = np.abs([start[angular], goal[angular]])
-    if 0 < np.rad2deg(np.max(angles, initial=0)) < LOOKS_LIKE_RADIANS_DEG:
+    if 0 < np.rad2deg(np.max(angles, initial=0)) < LOOKS_LIKE_RADIANS_DEG:  # not where one is free
         return (
             f"all angles of start and goal are below {LOOKS_LIKE_RADIANS_DEG} degrees; if they are"
             " meant in radians, write them in degrees"

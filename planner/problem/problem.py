@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -20,10 +20,11 @@ from planner.problem.asked import (
     further_of,
     likely_slip,
     obstacles_of,
+    tip_of,
     waypoints_of,
 )
 from planner.problem.requirements.chart import ChartDomain
-from planner.problem.requirements.ends import Duration, Goal, Start
+from planner.problem.requirements.ends import Duration, Goal, Start, TipGoal
 from planner.problem.requirements.limits import InputLimit, JointLimit, RateLimit, Z2Margin
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import Demand, Part, Requirement
@@ -48,13 +49,13 @@ from planner.systems.triangular_system import TriangularSystem
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Limits a plan keeps at all times; infinite (or None) where there is none.
+    """Limits that a plan keeps at all times; infinite (or None) where there is no limit.
 
     Attributes:
         input: Largest |u|, shape (2,), in the inputs' units (rad/s).
         input_rate: Largest |du/dt|, shape (2,) (rad/s²).
         joint: Largest |q|, shape (N,), in the coordinates' units (rad).
-        z2_margin: Least |z₂|, on the side the start lies on; None when z₂ is free.
+        z2_margin: Least |z₂|; z₂ keeps the sign it has at the start. None: no limit of z₂.
     """
 
     input: Array
@@ -73,16 +74,22 @@ class Limits:
         return np.isinf(self.input) & np.isinf(self.input_rate)
 
 
+FREE_WITHIN = np.deg2rad(88.0)
+"""Largest |θ| at the goal of a joint that it leaves free, where no limit says less: as wide as
+limits of joints are made at most, since at 90 degrees an arm's drive stands still."""
+
+
 @made_by("planner.load_problem(path), Problem.manipulator(...) or Problem.from_dict({...})")
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """From where, to where, with what, within which limits. Build it with `load_problem`.
+    """A motion-planning problem: system, start, goal and limits. Build it with `load_problem`.
 
     Attributes:
         name: Title, or the file's name.
-        system: What is steered.
+        system: The system.
         start: q(0), shape (N,).
-        goal: q(T), shape (N,); NaN for the path coordinate, of which `travel` speaks.
+        goal: q(T), shape (N,); NaN for the path coordinate, of which `travel` speaks, and for
+            joints that the goal leaves free.
         travel: q₁(T) − q₁(0), or None when free.
         duration: Seconds, or None when free.
         limits: What every plan keeps.
@@ -93,6 +100,7 @@ class Problem:
         waypoints: Places every plan passes through.
         obstacles: Discs that the links of an arm clear in every plan.
         further: Limits of kinds that all systems know, see `planner.register_requirement`.
+        tip: Where an arm's tip ends, in place of joints' angles; None where it is not asked for.
         source: Where the problem came from, for messages.
     """
 
@@ -110,14 +118,16 @@ class Problem:
     waypoints: tuple[Waypoint, ...]
     obstacles: tuple[Obstacle, ...]
     further: tuple[Requirement, ...]
+    tip: TipGoal | None
     source: str
     _data: Mapping[str, Any]
+    _hint: Array | None = None  # q(T) that a search may expect where the goal leaves joints free
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], source: str = "problem") -> Problem:
         """Build a problem from the tables of a problem file.
 
-        A `planner.InputWarning` says so where angles look like radians.
+        Gives a `planner.InputWarning` if angles look like radians.
 
         Raises:
             InputError: If a key, value or combination is wrong; the message names it.
@@ -128,6 +138,7 @@ class Problem:
         mismatch = tables.machine.mismatch(system.size - 1)
         if mismatch:
             raise InputError(f"{source}: {mismatch}")
+        obstacles = tuple(obstacles_of(tables, system))
         problem = cls(
             name=line(tables.title) or line(Path(source).stem),
             system=system,
@@ -146,8 +157,9 @@ class Problem:
             feedback=tables.feedback,
             compensation=tables.compensation,
             waypoints=tuple(waypoints_of(tables, system, source)),
-            obstacles=tuple(obstacles_of(tables, system)),
+            obstacles=obstacles,
             further=tuple(further_of(tables, system, source)),
+            tip=tip_of(tables, system, obstacles, source),
             source=source,
             _data=tables.model_dump(mode="json", by_alias=True, exclude_unset=True),
         )
@@ -164,8 +176,10 @@ class Problem:
     def manipulator(
         cls,
         start_deg: ArrayLike,
-        goal_deg: ArrayLike,
+        goal_deg: ArrayLike | Sequence[float | str] | None = None,
         *,
+        tip_m: ArrayLike | None = None,
+        tip_angle_deg: float | None = None,
         travel: float | None = None,
         duration: float | None = 10.0,
         K: ArrayLike | None = None,
@@ -179,27 +193,30 @@ class Problem:
         title: str = "manipulator",
         changes: Mapping[str, Any] | None = None,
     ) -> Problem:
-        """A problem of the manipulator with friction disks, without a file.
+        """Build a problem of the manipulator with friction disks without a file.
 
-        What is left out of the system is as in the paper's prototype of three joints, with K
-        continued by the same ratio for more joints; limits that are left out are none. Each
-        argument is the key of that name in a problem file, with its range.
+        System constants that are left out are those of the paper's prototype with three joints; for
+        more joints K continues with the same ratio. Limits that are left out do not apply. Each
+        argument corresponds to the key of the same name in a problem file and has the same range.
 
         Args:
             start_deg: θ₁ … θₙ at the start, degrees; there are as many joints as angles.
-            goal_deg: θ₁ … θₙ at the goal, degrees.
+            goal_deg: θ₁ … θₙ at the goal, degrees, or "free"; all free when left out.
+            tip_m: Where the tip ends, x and y in metres.
+            tip_angle_deg: Direction of the last link at the end, degrees: the sum of all angles.
             travel: Change of the disk angle φₙ₋₁, radians; None: free.
             duration: Seconds; None: free.
             K: K₂ … Kₙ, with k_g beside them.
             k_g: Drive constant.
             gear: The gear's geometry, in place of K.
-            link_lengths: Lengths of the links, for drawing and obstacles; 1 each when left out.
+            link_lengths: Lengths of the links in metres, for tip, drawing and obstacles; 1 each
+                when left out, but for a goal of the tip.
             input_rad_s: Largest |u₁|, |u₂|, rad/s: one number for both, or two.
             input_rate_rad_s2: Largest |du/dt|, rad/s², likewise.
-            joint_deg: Largest |θ|, degrees: one number, or one a joint.
-            z2_margin: Least |z₂|, on the side of the start.
-            title: What it is called in tables and figures.
-            changes: Further dotted keys to values, as in {"machine.preset": "ideal"}.
+            joint_deg: Largest |θ|, degrees: one number, or one per joint.
+            z2_margin: Least |z₂|; z₂ keeps the sign it has at the start.
+            title: Its name in tables and figures.
+            changes: Further dotted keys and values, for example {"machine.preset": "ideal"}.
 
         Raises:
             InputError: As for `from_dict`.
@@ -222,7 +239,7 @@ class Problem:
             "system": {"kind": Manipulator.kind, "joints": joints, **_given(system)},
             "start": {"theta_deg": angles},
             "goal": {
-                "theta_deg": goal_deg,
+                **_given({"theta_deg": goal_deg, "tip_m": tip_m, "tip_angle_deg": tip_angle_deg}),
                 "travel": "free" if travel is None else travel,
                 "duration": "free" if duration is None else duration,
             },
@@ -235,14 +252,15 @@ class Problem:
         return f"Problem({self.name!r}, {self.system.kind}, {duration})"
 
     def to_dict(self) -> dict[str, Any]:
-        """The tables of a problem file that give this problem back."""
+        """The tables of a problem file that describes this problem."""
         return copy.deepcopy(dict(self._data))
 
     def changed(self, changes: Mapping[str, Any]) -> Problem:
-        """This problem with some keys changed, checked anew.
+        """A copy with some keys changed, checked again.
 
         Args:
-            changes: Dotted keys to values, as in {"goal.travel": 0.8, "limits.joint_deg": 60}.
+            changes: Dotted keys and values, for example {"goal.travel": 0.8, "limits.joint_deg":
+                60}.
 
         Raises:
             InputError: As for `from_dict`.
@@ -250,14 +268,14 @@ class Problem:
         return Problem.from_dict(with_changes(self.to_dict(), changes), self.source)
 
     def within_reach(self) -> Problem:
-        """The problem without the discs that no link can touch, whatever the joints' angles."""
+        """The problem without the obstacles that are out of reach of every link."""
         near = tuple(disc for disc in self.obstacles if disc.settled(self.system) is None)
         return self if len(near) == len(self.obstacles) else replace(self, obstacles=near)
 
     def with_travel(self, travel: float | None) -> Problem:
-        """This problem with another travel of the path coordinate (None: free), checked anew.
+        """A copy with another travel of the first coordinate (None: free), checked again.
 
-        Which key says so depends on the system: `goal.travel` of arms, `goal.x_m` of vehicles.
+        The key depends on the system: `goal.travel` for arms, `goal.x_m` for vehicles.
 
         Raises:
             InputError: As for `from_dict`.
@@ -265,12 +283,12 @@ class Problem:
         return self.changed(self.travel_change(travel))
 
     def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """The dotted key that sets this travel (None: free), and its value."""
+        """The dotted key that sets this travel (None: free), with its value."""
         return parse_file(self.to_dict(), self.source).travel_change(travel)
 
     @property
     def travel_key(self) -> str:
-        """The dotted key of the travel, for messages."""
+        """The dotted key of the travel."""
         return next(iter(self.travel_change(None)))
 
     @property
@@ -285,10 +303,13 @@ class Problem:
         What is `in_chart` is asked only of plans in chained coordinates.
         """
         limits, system = self.limits, self.system
-        found: list[Demand] = [Start(), Goal(system.coordinates), self.chart]
+        found: list[Demand] = [Start(), Goal(system.coordinates, self.free)]
+        if self.tip is not None:
+            found.append(self.tip)
         if self.duration is not None:
             found.append(Duration(self.duration))
         found += [
+            self.chart,
             InputLimit(system.inputs, tuple(limits.input.tolist())),
             RateLimit(system.inputs, tuple(limits.input_rate.tolist())),
             JointLimit(system.coordinates, tuple(limits.joint.tolist())),
@@ -301,16 +322,32 @@ class Problem:
     @cached_property
     def requirements(self) -> tuple[Requirement, ...]:
         """Those that hold at all times."""
-        return tuple(each for each in self.demands if isinstance(each, Requirement))
+        return tuple(d for d in self.demands if isinstance(d, Requirement) and not d.final)
+
+    @cached_property
+    def final(self) -> tuple[Requirement, ...]:
+        """Those that hold at the end alone, beside coordinates that the goal gives."""
+        return tuple(d for d in self.demands if isinstance(d, Requirement) and d.final)
+
+    @cached_property
+    def free(self) -> tuple[int, ...]:
+        """Indices of the joints that the goal leaves free, from 1; most often none."""
+        return tuple((np.flatnonzero(np.isnan(self.goal[1:])) + 1).tolist())
+
+    @property
+    def free_within(self) -> Array:
+        """Largest |θ| at the goal of each of those, radians."""
+        return np.minimum(self.limits.joint[list(self.free)], FREE_WITHIN)
 
     def asking(self, label: str) -> tuple[Demand, Part] | None:
-        """Whose part has this label in messages; None where it is not the problem's."""
+        """The requirement and part with this label in messages; None if the problem has none."""
         named = ((each, part) for each in self.demands for part in each.parts)
         return next((pair for pair in named if pair[1].label == label), None)
 
     @property
     def divided(self) -> bool:
-        """Whether paths lie on different sides of something, so that there are many optima."""
+        """Whether paths can pass on different sides of a requirement, so that there are many
+        optima."""
         return any(required.divides for required in self.requirements)
 
     def reads(self, name: str) -> bool:
@@ -319,11 +356,33 @@ class Problem:
 
     @property
     def target(self) -> Array:
-        """q(T), shape (N,): the goal, with the path coordinate where the travel is given."""
+        """q(T), shape (N,): the goal, with the first coordinate from the travel (NaN if free)."""
         out = self.goal.copy()
         if self.travel is not None:
             out[0] = self.start[0] + self.travel
         return out
+
+    def expecting(self, goal: Array) -> Problem:
+        """The same, for a search that is to look for a goal near these coordinates (N,)."""
+        return replace(self, _hint=goal)
+
+    @cached_property
+    def likely(self) -> Problem:
+        """The problem whose goal is the one expected; itself where the goal gives all joints."""
+        if self._hint is None:
+            return self
+        return replace(self, goal=self._hint, tip=None, _hint=None)
+
+    def settled(self, end: Array) -> Problem:
+        """The problem whose goal gives all joints: those of q(T) (N,); itself where it does so.
+
+        Raises:
+            InputError: As for `from_dict`.
+        """
+        if not self.free:
+            return self
+        given = {"goal.theta_deg": np.rad2deg(end[1:]).tolist()}
+        return self.changed({**given, "goal.tip_m": None, "goal.tip_angle_deg": None})
 
     @property
     def branch(self) -> Array:
@@ -343,7 +402,7 @@ class Problem:
 
 
 def expect_problem(value: object) -> None:
-    """Refuse what is no problem, such as the name of its file.
+    """Raise an error if the value is not a problem (but, for example, a file name).
 
     Raises:
         InputError: If it is none; the message says how to get one.
@@ -356,10 +415,10 @@ def load_problem(path: str | Path, changes: Mapping[str, Any] | None = None) -> 
 
     Args:
         path: A TOML file; `planner schema` prints its keys.
-        changes: Dotted keys to values that override the file's.
+        changes: Dotted keys and values that replace those of the file.
 
     Raises:
-        InputError: If the file is missing, not TOML, or says something that cannot be.
+        InputError: If the file is missing, not TOML, or has an invalid key or value.
     """
     data = read_toml(path, "a problem file")
     if not data:
@@ -373,7 +432,9 @@ def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, 
     Raises:
         InputError: If a key leads through what is not a table.
     """
-    expect(Mapping, changes, 'changes are dotted keys to values, as in {"goal.travel": 0.8}')
+    expect(
+        Mapping, changes, 'changes must be dotted keys and values, for example {"goal.travel": 0.8}'
+    )
     for dotted, value in changes.items():
         table = data
         *parents, key = dotted.split(".")

@@ -40,8 +40,8 @@ def certify(plan: Plan) -> Certificate:
         plan: Any plan, verified or not.
 
     Returns:
-        One claim a requirement: proven with a guaranteed margin, violated with a time, or
-        undecided with the reason. Nothing is raised: what cannot be bounded is undecided.
+        One claim per requirement: proven with a guaranteed margin, violated with a time, or
+        undecided with the reason. It raises no errors: what cannot be bounded is undecided.
     """
     expect_plan(plan)
     began = time.perf_counter()

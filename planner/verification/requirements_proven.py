@@ -26,6 +26,7 @@ from planner.problem.problem import Problem
 from planner.problem.requirements.chart import ChartDomain
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import At, Part, Requirement
+from planner.support import deadline
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
 from planner.verification import affine_models
@@ -119,7 +120,7 @@ def unsaid(problem: Problem, claims: list[Claim]) -> list[Claim]:
     said = {each.label for each in claims}
     return [
         undecided(part.label, part.unit, "no proof is written for this kind of requirement")
-        for required in problem.requirements
+        for required in (*problem.requirements, *problem.final)
         for part in required.parts
         if part.label not in said
     ]
@@ -186,7 +187,7 @@ def domain(problem: Problem, motion: Motion, required: bool) -> tuple[list[ToPro
 
 
 def goal(problem: Problem, motion: Motion) -> list[Claim]:
-    """The end of the true motion at the goal, within `verify`'s tolerance."""
+    """The end of the true motion at the goal, within `verify`'s tolerance; also its tip."""
     target = problem.target
     time, out = float(motion.cells.times(np.array([1.0]))[-1, 0]), []
     for i, c in enumerate(problem.system.coordinates):
@@ -196,6 +197,14 @@ def goal(problem: Problem, motion: Motion) -> list[Claim]:
         gap = abs(end - target[i])
         of = ToProve(f"goal {c.name}", [], GOAL_TOLERANCE, c.unit)
         out.append(claim(of, GOAL_TOLERANCE - gap - doubt, GOAL_TOLERANCE - gap + doubt, time))
+    for required in problem.final:
+        balls = _rows(problem.system, required)(motion.q)
+        for part, value in zip(required.parts, motion.models(*balls), strict=True):
+            end, doubt = (float(x[-1]) for x in value.at_end())
+            slack = GOAL_TOLERANCE * part.scale
+            margin = slack + min(end - part.low, part.high - end)
+            of = ToProve(part.label, [], slack, part.unit)
+            out.append(claim(of, margin - doubt, margin + doubt, time))
     return out
 
 
@@ -326,6 +335,7 @@ def _square(values: list[Model], length: float, cells: Cells) -> tuple[Model, Ce
     kept: list[tuple[Cells, list[Model]]] = []
     best = np.inf
     for step in range(HALVINGS + 1):
+        deadline.check_stopped()
         square, along, _ = values
         low, high = along.low, along.high
         best = np.fmin(best, np.fmin.reduce(square.high + _least_of(high, length)))

@@ -15,12 +15,13 @@ from planner.solve import solve_and_check
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 METHODS = ("polynomial", "piecewise", "sinusoid", "sinusoid_steps", "collocation", "convex")
-SOLVED, LIMIT, CHART, NONE, OPEN = (
+SOLVED, LIMIT, CHART, NONE, OPEN, UNABLE = (
     "solved",
     "verification_failed",
     "singular",
     "infeasible",
     "not_converged",
+    "no_plan",
 )
 EXPECTED = {
     "ball-gear": (SOLVED, SOLVED, SOLVED, LIMIT, SOLVED, SOLVED),
@@ -33,6 +34,7 @@ EXPECTED = {
     "paper-fig4": (CHART, CHART, LIMIT, LIMIT, SOLVED, NONE),
     "paper-fig5": (CHART, CHART, LIMIT, LIMIT, SOLVED, NONE),
     "parking": (CHART, CHART, CHART, CHART, SOLVED, NONE),
+    "tip": (UNABLE, UNABLE, UNABLE, UNABLE, SOLVED, UNABLE),
     "trailers": (SOLVED, SOLVED, LIMIT, LIMIT, SOLVED, SOLVED),
     "unicycle": (SOLVED, SOLVED, LIMIT, LIMIT, SOLVED, SOLVED),
     "unreachable": (NONE, NONE, NONE, NONE, NONE, NONE),

@@ -83,6 +83,7 @@ def test_missed_goal(good: planner.Plan) -> None:
     check = _with(good, {"goal.theta_deg": goal.tolist()})
     assert [v.label for v in check.violations] == ["goal theta2"]
     assert check.terminal_error_deg[1] == pytest.approx(-0.01, rel=1e-4)
+    assert repr(check) == f"Check(broken: {check.violations[0]})"
 
 
 @pytest.mark.filterwarnings("ignore::planner.InputWarning")  # back to where it started, at 1 deg

@@ -99,8 +99,8 @@ def _refuse_input(problem: Problem, options: ConvexOptions, fewest: int) -> None
         if problem.duration is None:
             raise InputError(
                 f"{problem.source}: goal.duration is free but [limits] holds no limit of input"
-                f" {problem.system.inputs[i].name}, so that no motion is the fastest; set one, or"
-                " a duration"
+                f" {problem.system.inputs[i].name}, so there is no fastest motion; set one, or a"
+                " duration"
             )
 
 
@@ -108,13 +108,13 @@ def _travels(problem: Problem, options: ConvexOptions) -> Array:
     """The travel, or those to scan, increasing."""
     window, travel = travel_window(problem), problem.travel
     if window is not None and window.empty:
-        raise _infeasible(problem, f"no one-way motion exists: {window.reason}", [])
+        raise _infeasible(problem, f"no motion without reversal exists: {window.reason}", [])
     if travel == 0:
-        why = f"{problem.travel_key} = 0, and a path of this method moves one way"
+        why = f"{problem.travel_key} = 0, but a path of this method cannot reverse"
         raise _infeasible(problem, why, [])
     words = "" if window is None else f"between {window.low:.6g} and {window.high:.6g} rad"
     if travel is not None and window is not None and travel not in window:
-        why = f"goal.travel = {travel:.6g} rad: one-way motions of any kind have travels {words}"
+        why = f"goal.travel = {travel:.6g} rad: motions without reversal have travels {words}"
         raise _infeasible(problem, why, free_travel(problem))
     if window is not None and problem.duration is not None:
         assert isinstance(problem.system, Manipulator)  # no other has a window
@@ -122,7 +122,7 @@ def _travels(problem: Problem, options: ConvexOptions) -> Array:
         shortest = min(abs(window.low), abs(window.high)) if travel is None else abs(travel)
         if shortest > top:
             why = (
-                f"a one-way motion must travel {shortest:.4g} rad, and |u1| <="
+                f"a motion without reversal needs a travel of {shortest:.4g} rad, but |u1| <="
                 f" {problem.limits.input[0]:.4g} rad/s allows at most {top:.4g} rad in"
                 f" {problem.duration:.4g} s"
             )
@@ -198,7 +198,7 @@ def _class_words(shape: Shape) -> str:
 def _notes(problem: Problem, band: Band, found: Found, best: Best) -> dict[str, Any]:
     where = f", at travel {best.frame.travel:.6g}"
     if problem.travel is None:
-        where = f", the best of {found.tried} travels tried (over travel it need not be convex)"
+        where = f", the best of {found.tried} travels tried (not a proof over all travels)"
     proof = "the optimum without the chart's domain stays inside it"
     return {
         "travels_tried": found.tried,
@@ -228,13 +228,13 @@ def _no_path(problem: Problem, shape: Shape, band: Band, found: Found) -> NoPlan
     """No path of the class was found inside the domain; with a certificate where there is one."""
     changes = [*free_travel(problem), BY_COLLOCATION]
     if not found.refusals:
-        why = f"no programme settled ({found.tried} tried), for {_class_words(shape)}"
+        why = f"no quadratic program converged ({found.tried} tried), for {_class_words(shape)}"
         ways: str | None = "other method.convex.pieces"
         if not band.complete:
             why = (
-                f"the best of all {_class_words(shape)} leaves the chart's domain at every travel"
-                f" tried ({found.tried}); for this system the domain is not convex, so the method"
-                " cannot keep to it"
+                f"the best of all {_class_words(shape)} leaves the chart's domain at every"
+                f" travel tried ({found.tried}); for this system the domain is not convex, so"
+                " the method cannot stay inside it"
             )
             ways = None
         return NotConvergedError(f"{problem.source}: {why}", advice=ways, changes=changes)
@@ -247,7 +247,7 @@ def _no_path(problem: Problem, shape: Shape, band: Band, found: Found) -> NoPlan
     )
     window = travel_window(problem)
     if window is not None:
-        proof += f"; one-way motions of any kind have travels between {window.low:.6g} and"
+        proof += f"; motions without reversal have travels between {window.low:.6g} and"
         proof += f" {window.high:.6g} rad"
     ways = "a smaller limits.z2_margin, or more method.convex.pieces"
     if problem.travel is None:

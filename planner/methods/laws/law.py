@@ -84,7 +84,7 @@ def finish(
         method=name,
         options=options.model_dump(),
         trajectory=trajectory,
-        objective_name="effort: integral of u1^2 + u2^2 dt (not minimised by this law)",
+        objective_name="effort: integral of u1^2 + u2^2 dt (not minimised by this method)",
         solve_time_s=time.perf_counter() - began,
         notes=notes,
     )

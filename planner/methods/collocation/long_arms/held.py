@@ -55,6 +55,10 @@ def held(job: Task, chain: Chain, accuracy: float) -> tuple[Task, Solution] | No
     """
     system = job.problem.system
     places = Ends.of(job.problem, 1 - DRAWN_IN)
+    if free := list(job.problem.free):  # the path's end is a goal, and stays it
+        goal = places.goal.copy()
+        goal[free] = chain.q[-1, free]
+        places = replace(places, goal=goal)
     for turn in TURNS:
         cut = finer(system, chain, list(system.limited), turn)
         whole, _ = closed(system, cut, places)

@@ -33,12 +33,14 @@ class Asked:
     Attributes:
         rest: Whether they are zero at both ends.
         way: Sign that the first one keeps; zero where it may change.
+        turns: Shares of the duration at which that sign changes.
         effort: Most that ∫ u₁² + u₂² dt may be, where the transcription meters it.
         timeless: Whether limits that read inputs are not asked for: a path has no timing yet.
     """
 
     rest: bool = False
     way: float = 0.0
+    turns: tuple[float, ...] = ()
     effort: float = np.inf
     timeless: bool = False
 
@@ -96,11 +98,16 @@ def bounds(
     low, high = (np.concatenate([[], *(each.sides[k] for each in held)]) for k in (0, 1))
     most = MOST_DRAWN_IN * (high - low) / 2
     inside, edges = np.minimum(drawn, most), np.minimum(_at_nodes(drawn), most)
-    lower, upper = _limits(problem, made, asked, inside, edges)
+    lower, upper = _limits(problem, made, mesh, asked, inside, edges)
     _fix(lower, upper, problem, made, mesh, asked)
     reads = [required.reads for required in held for _ in required.parts]
     row_lower, row_upper = np.zeros((2, made.form.intervals, made.height))
+    ends = [part for required in problem.final for part in required.parts]
     for rows in made.labels:
+        if rows.kind == "final":
+            row_lower[:-1, rows.positions], row_upper[:-1, rows.positions] = -np.inf, np.inf
+            row_lower[-1, rows.positions] = ends[rows.index].low
+            row_upper[-1, rows.positions] = ends[rows.index].high
         if rows.kind != "kept":
             continue
         r, where = rows.index, rows.positions
@@ -112,14 +119,14 @@ def bounds(
         elif asked.timeless:
             amounts[:] = -np.inf
         row_lower[:, where], row_upper[:, where] = low[r] + amounts, high[r] - amounts
-    numbers = [number for required in held for number in required.given]
+    numbers = [number for required in (*held, *problem.final) for number in required.given]
     known = [] if made.form.free_duration else [problem.duration]
     parameters = np.concatenate([objective.weights, numbers, known, mesh.widths])
     return Bounds(lower, upper, row_lower.ravel(), row_upper.ravel(), parameters, mesh.widths)
 
 
 def _limits(
-    problem: Problem, made: Transcription, asked: Asked, inside: Array, edges: Array
+    problem: Problem, made: Transcription, mesh: Mesh, asked: Asked, inside: Array, edges: Array
 ) -> tuple[Array, Array]:
     """Bounds of the unknowns; what is kept is drawn in by (K, R) inside and (K+1, R) at edges."""
     places = made.layout
@@ -145,9 +152,14 @@ def _limits(
                 points = places.points[..., places.lifted.index(k)]
                 within(points, (low[at], high[at]), inside[:, [r + at]])
         r += len(index)
+    if problem.free:
+        end, most = places.nodes[-1, list(problem.free)], problem.free_within
+        within(end, (-most, most))
     lower[places.durations[:1]] = SHORTEST_S
     if asked.way:
-        (lower if asked.way > 0 else upper)[places.inputs[:, 0]] = 0.0
+        turned = np.searchsorted(asked.turns, made.form.input_places(mesh))
+        forward = asked.way * (-1.0) ** turned > 0
+        lower[places.inputs[forward, 0]] = upper[places.inputs[~forward, 0]] = 0.0
     if np.isfinite(asked.effort):
         upper[places.nodes[-1, -1]] = asked.effort
     return lower, upper

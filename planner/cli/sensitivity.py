@@ -14,7 +14,7 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from planner.cli.arguments import Changes, Json, Seed, read_problem
+from planner.cli.arguments import Changes, Json, Seed, out_option, read_problem
 from planner.cli.output import note, print_json, print_text, progress_bar, waiting
 from planner.cli.plan import number
 from planner.cli.sweep import Interrupted
@@ -83,13 +83,9 @@ def sensitivity(
     seed: Seed = 0,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FOLDER",
-            help="Save plans, figures and data in this folder; an interrupted curve continues"
-            " from it.",
-            show_default=False,
+        out_option(
+            "FOLDER",
+            "Save plans, figures and data in this folder; an interrupted curve continues from it.",
         ),
     ] = None,
     as_json: Json = False,

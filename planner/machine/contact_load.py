@@ -26,8 +26,8 @@ import numpy as np
 from planner.errors import InputError
 from planner.machine.disk_chain import at_contacts, weights
 from planner.machine.machine import Machine, draw, machine_for
-from planner.machine.replay import refuse_inexecutable, sample_numbers
-from planner.plan.plan import Plan
+from planner.machine.replay import sample_numbers
+from planner.plan.plan import Plan, refuse_inexecutable
 from planner.support.arrays import Array
 from planner.support.one_variable import sample_times
 from planner.systems.manipulator import Manipulator, gravity_torques

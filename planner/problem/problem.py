@@ -32,7 +32,7 @@ from planner.problem.tables.compensation import CompensationTable
 from planner.problem.tables.kinds import parse_file
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.method_options import MethodsTable
-from planner.problem.tables.problem_file import FeedbackTable, ProblemFile
+from planner.problem.tables.problem_file import FeedbackTable
 from planner.support.arrays import Array, hashable, plain
 from planner.support.files import read_toml
 from planner.support.tables import line
@@ -161,7 +161,7 @@ class Problem:
             further=tuple(further_of(tables, system, source)),
             tip=tip_of(tables, system, obstacles, source),
             source=source,
-            _data=_plain(tables),
+            _data=tables.model_dump(mode="json", by_alias=True, exclude_unset=True),
         )
         states = {"start": problem.start, "goal": problem.goal}
         states |= {f"waypoint {point.number}": point.q for point in problem.waypoints}
@@ -303,12 +303,13 @@ class Problem:
         What is `in_chart` is asked only of plans in chained coordinates.
         """
         limits, system = self.limits, self.system
-        found: list[Demand] = [Start(), Goal(system.coordinates, self.free), self.chart]
+        found: list[Demand] = [Start(), Goal(system.coordinates, self.free)]
         if self.tip is not None:
             found.append(self.tip)
         if self.duration is not None:
             found.append(Duration(self.duration))
         found += [
+            self.chart,
             InputLimit(system.inputs, tuple(limits.input.tolist())),
             RateLimit(system.inputs, tuple(limits.input_rate.tolist())),
             JointLimit(system.coordinates, tuple(limits.joint.tolist())),
@@ -447,7 +448,3 @@ def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, 
 
 def _given(keys: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in keys.items() if value is not None}
-
-
-def _plain(tables: ProblemFile) -> dict[str, Any]:
-    return tables.model_dump(mode="json", by_alias=True, exclude_unset=True)

@@ -15,9 +15,9 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.machine.machine import Draws, Machine, draw, machine_for
-from planner.machine.replay import SETTLE_S, refuse_inexecutable, sample_numbers
+from planner.machine.replay import SETTLE_S, sample_numbers
 from planner.machine.simulate import simulate_draws
-from planner.plan.plan import Plan
+from planner.plan.plan import Plan, refuse_inexecutable
 from planner.problem.tables.machine_effects import EFFECTS
 from planner.robustness.sobol import Index, between_machines, check, on_or_off, per_sample, switched
 from planner.support.arrays import Array, jsonable

@@ -14,10 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import InputError
 from planner.machine.machine import Draws, Machine, draw, machine_for
 from planner.machine.simulate import simulate_draws
-from planner.plan.plan import Plan, expect_plan
+from planner.plan.plan import Plan, refuse_inexecutable
 from planner.problem.tables.machine_effects import EFFECTS, Effect
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
@@ -186,11 +185,7 @@ def machine_sensitivity(plan: Plan, machine: Machine | str | None = None) -> Mac
     Raises:
         InputError: If the plan cannot be executed or the machine does not match the system.
     """
-    expect_plan(plan)
-    if not plan.executable:
-        raise InputError(
-            f"the {plan.method} plan leaves the chart's domain, so it has no inputs to replay"
-        )
+    refuse_inexecutable(plan)
     used = machine_for(plan.problem.machine, machine)
     system = plan.problem.system
     steps, omitted = [], {}

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from planner.errors import InputError
-from planner.plan.plan import Plan, refuse_compensated
+from planner.plan.plan import Plan, refuse_compensated, refuse_inexecutable
 from planner.support.arrays import Array
 from planner.support.compiled_calls import Pointwise
 from planner.support.one_variable import maximum, sample_times
@@ -212,10 +212,7 @@ def sensitivity(plan: Plan, samples: int = 2000) -> Sensitivity:
         InputError: If the plan cannot be executed.
     """
     refuse_compensated(plan, "sensitivity")
-    if not plan.executable:
-        raise InputError(
-            f"the {plan.method} plan leaves the chart's domain, so it has no inputs to perturb"
-        )
+    refuse_inexecutable(plan)
     system = plan.problem.system
     known = parameters(system)
     names, units = tuple(p.name for p in known), tuple(p.unit for p in known)
@@ -318,8 +315,7 @@ def indicators(plan: Plan, period_s: float = 0.01) -> Indicators:
             no angles after its path coordinate.
     """
     refuse_compensated(plan, "indicators")
-    if not plan.executable:
-        raise InputError(f"the {plan.method} plan leaves the chart's domain and has no inputs")
+    refuse_inexecutable(plan)
     if not period_s > 0:
         raise InputError(f"period_s = {period_s!r} must be a positive number of seconds")
     coordinates = plan.problem.system.coordinates

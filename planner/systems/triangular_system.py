@@ -302,6 +302,20 @@ def product(factors: Sequence[Any]) -> Any:
     return out
 
 
+def lengths_of_links(joints: int, given: Sequence[float] | None) -> Array:
+    """Those of a planar arm, shape (n,); 1 each where none are given.
+
+    Raises:
+        InputError: If there are more or fewer than joints, or one is not positive and finite.
+    """
+    lengths = np.ones(joints) if given is None else positive("link_lengths", given)
+    if len(lengths) != joints:
+        raise InputError(
+            f"link_lengths has {len(lengths)} values for {joints} joints; give {joints}"
+        )
+    return lengths
+
+
 def arm_points(theta: Array, lengths: Array) -> Array:
     """Forward kinematics of a planar arm.
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import InputError, NoPlanError, SingularError
+from planner.errors import InputError, SingularError
 from planner.methods.laws.legs import Leg, LegMotion
 from planner.methods.refusal import BY_COLLOCATION
 from planner.plan.measures import effort, slowing
@@ -119,18 +119,9 @@ def chart_ends(problem: Problem, travel: float) -> tuple[Array, Array]:
     """z(0) and z(T), shape (N,) each, of a problem that a chart method can take.
 
     Raises:
-        NoPlanError: If the goal leaves joints free: what they may be is no set that is simple in z.
         SingularError: If the start or goal lies on a singularity of the chart, or the goal lies on
             another branch than the start.
     """
-    if problem.free:
-        names = ", ".join(problem.system.coordinates[i].name for i in problem.free)
-        words = ", which finds them; then give all, its plan's end, as goal.theta_deg"
-        raise NoPlanError(
-            f"{problem.source}: methods in the chart need every joint at the goal, and [goal]"
-            f" leaves {names} free",
-            changes=[replace(BY_COLLOCATION, words=words)],
-        )
     goal = problem.goal.copy()
     goal[0] = problem.start[0] + travel
     for name, q in (("start", problem.start), ("goal", goal)):

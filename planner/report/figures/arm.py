@@ -45,7 +45,7 @@ def plot_arm(plans: Plans, *, axes: Any = None, poses: int = 12) -> tuple[Figure
     shape, size = arrangement(drawn)
     figure, axes = grid(*shape, axes, size=size, share=("all", "all"))
     scale = _time_scale(max(curve.plan.duration for curve in drawn))
-    arm = _is_arm(problem)
+    arm = hasattr(problem.system, "arm_points")
     for curve, ax in zip(drawn, axes.flat, strict=True):
         _draw(ax, curve, scale, poses)
         ax.set_title(curve.title, fontsize=10)
@@ -128,10 +128,6 @@ def _draw(ax: Any, curve: Curve, scale: Any, poses: int) -> None:
         ax.annotate(
             text, point, (6, -10), textcoords="offset points", fontsize=8, zorder=6, bbox=TAG
         )
-
-
-def _is_arm(problem: Problem) -> bool:
-    return hasattr(problem.system, "arm_points")
 
 
 def _time_scale(longest: float) -> Any:

@@ -88,7 +88,8 @@ class Problem:
         compensation: Whether and how plans allow for the machine.
         waypoints: Places every plan passes through.
         obstacles: Discs that the links of an arm clear in every plan.
-        further: Limits of kinds that all systems know, see `planner.register_requirement`.
+        further: The clearance of an arm's links, and limits of kinds that all systems know, see
+            `planner.register_requirement`.
         tip: Where an arm's tip ends, in place of joints' angles; None where it is not asked for.
         source: Where the problem came from, for messages.
     """

@@ -33,6 +33,7 @@ EXPECTED = {
     "paper-fig4": (CHART, CHART, LIMIT, LIMIT, SOLVED, NONE),
     "paper-fig5": (CHART, CHART, LIMIT, LIMIT, SOLVED, NONE),
     "parking": (CHART, CHART, CHART, CHART, SOLVED, NONE),
+    "self-collision": (UNABLE, UNABLE, UNABLE, UNABLE, SOLVED, UNABLE),
     "tip": (UNABLE, UNABLE, UNABLE, UNABLE, SOLVED, UNABLE),
     "trailers": (SOLVED, SOLVED, LIMIT, LIMIT, SOLVED, SOLVED),
     "unicycle": (SOLVED, SOLVED, LIMIT, LIMIT, SOLVED, SOLVED),
@@ -60,9 +61,10 @@ def _outcome(problem: planner.Problem, method: str) -> tuple[str, str, planner.P
 
 
 PAIRS = [(name, method) for method in METHODS for name in sorted(EXPECTED)]
-# The longest search of all is done once, with the same assertions: tests/methods/collocation/
-# test_places.py.
+# The longest searches are done once, with the same assertions: tests/methods/collocation/
+# test_places.py and test_links_apart.py.
 PAIRS.remove(("obstacle", "collocation"))
+PAIRS.remove(("self-collision", "collocation"))
 
 
 @pytest.mark.parametrize(("name", "method"), PAIRS)

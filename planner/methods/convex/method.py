@@ -25,6 +25,7 @@ from planner.plan.plan import Plan
 from planner.plan.trajectory import ChainedTrajectory, Trajectory
 from planner.problem.feasibility import travel_window
 from planner.problem.problem import Problem
+from planner.problem.requirements.self_collision import SelfCollision
 from planner.problem.tables.method_options import ConvexOptions
 from planner.support.arrays import Array
 from planner.support.one_variable import elevate, sample_times
@@ -95,8 +96,12 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
 
 
 def _refuse_unkept(problem: Problem) -> None:
-    """Refuse limits of further kinds that no choice of a path or of its timing keeps."""
-    parts = [part for each in problem.further if not each.speed for part in each.parts]
+    """Refuse limits of further kinds that no choice of a path or of its timing keeps.
+
+    Links that come too close are refused as obstacles are: by whoever judges the path.
+    """
+    further = (each for each in problem.further if not isinstance(each, SelfCollision))
+    parts = [part for each in further if not each.speed for part in each.parts]
     if parts:
         raise NoPlanError(
             f"{problem.source}: the method '{NAME}' does not plan for"

@@ -1,1 +1,4 @@
-"""What a motion must keep: `requirement` (what each kind answers), `limits`, `places`, `ends`."""
+"""What a motion must keep.
+
+In this order: `requirement` (what each kind answers), `limits`, `places`, `self_collision`, `ends`.
+"""

@@ -59,7 +59,7 @@ def plan(
         typer.Option(
             "--method",
             "-m",
-            help="A method; `planner methods` lists them.",
+            help="The method; `planner methods` lists them.",
             autocompletion=lambda: [(name, m.summary) for name, m in all_methods().items()],
         ),
     ] = "collocation",
@@ -67,15 +67,15 @@ def plan(
     changes: Changes = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Write the plan to this JSON file.", show_default=False),
+        typer.Option("--out", "-o", help="Save the plan in this JSON file.", show_default=False),
     ] = None,
     as_json: Json = False,
 ) -> int:
-    """Make a plan, verify it and print what it is worth.
+    """Make a plan, verify it and print its properties.
 
-    A plan that breaks a requirement is not a plan: the command then says what is broken and what
-    would help, and ends with status 3. Ctrl-C while a motion is held already ends the search: the
-    best one found by then is refined, verified and written, with status 130; once more ends all.
+    A plan that breaks a requirement is refused: the command prints what is broken and what would
+    help, and ends with status 3. Ctrl-C ends the search; the best motion found so far, if any, is
+    refined, verified and written, with status 130. A second Ctrl-C ends the command at once.
 
     \b
     Examples:
@@ -106,7 +106,7 @@ def plan(
     if written is not None:
         note(f"plan written to {written}")
     if status:
-        say("planner: interrupted: this is the best plan found by then")
+        say("planner: interrupted: this is the best plan found so far")
     return status
 
 
@@ -167,7 +167,7 @@ def _table(problem: Problem, summary: dict[str, Any], took: float) -> Table:
         *_certificate(summary),
         (
             "time",
-            f"{number(took)} s from the question to the verified answer, of which"
+            f"{number(took)} s in all, with verification; of these"
             f" {number(summary['solve_time_s'])} s to solve, {number(summary['build_time_s'])} s to"
             f" prepare; {summary['iterations']} iterations",
         ),
@@ -207,9 +207,9 @@ def _degrees(angles: Sequence[float]) -> str:
 def _chart(summary: dict[str, Any]) -> str:
     margin = f"smallest margin {number(summary['domain_margin'])}"
     if summary["domain_ok"]:
-        return f"inside its domain, {margin}"
+        return f"inside the domain, {margin}"
     times = ", ".join(number(t) for t in summary["singular_times_s"][:6])
-    return f"leaves its domain or touches the edge at t = {times} s, {margin}"
+    return f"leaves the domain or touches its edge at t = {times} s, {margin}"
 
 
 def _start(notes: dict[str, Any]) -> list[tuple[str, str]]:
@@ -223,8 +223,8 @@ def _compensation(notes: dict[str, Any]) -> list[tuple[str, str]]:
     found = notes.get("compensation")
     if found is None:
         return []
-    before = f"{number(found['lead_s'])} s of preparation, then " if found["lead_s"] else ""
-    after = f", then {number(found['tail_s'])} s of backing off" if found["tail_s"] else ""
+    before = f"{number(found['lead_s'])} s of preparatory motion, then " if found["lead_s"] else ""
+    after = f", then {number(found['tail_s'])} s of drive reversal" if found["tail_s"] else ""
     words = f"{before}the plan, made {found['plans']} times to aim at the goal{after}"
     return [("compensated", words)]
 
@@ -234,7 +234,7 @@ def _optimality(notes: dict[str, Any]) -> list[tuple[str, str]]:
     if found is None:
         return []
     gap = found["relative_gap"]
-    within = "" if gap is None else f", within {gap:.1e} of the best that its bound allows"
+    within = "" if gap is None else f", within {gap:.1e} of the proven lower bound"
     return [("optimum", f"{found['kind']}, of its class of paths{within}")]
 
 
@@ -255,9 +255,10 @@ def check(
     time_limit: TimeLimit = None,
     as_json: Json = False,
 ) -> int:
-    """Say whether there is a plan; if not, why and what would help.
+    """Find out whether there is a plan; if not, say why not.
 
-    Tries every method of the registry. Ends with status 0 if one has a verified plan, else 3.
+    Tries every method, then changes of the problem that may help. Ends with status 0 if
+    one method has a verified plan, else 3.
 
     \b
     Examples:
@@ -274,7 +275,7 @@ def check(
         print_json({"file": task.source, **analysis.to_dict(), "exit_status": status})
         return status
     print_text(task.name, "", _facts(analysis), "", _methods(analysis))
-    for line in _refusals(analysis):
+    for line in [*_not_promised(analysis), *_refusals(analysis)]:
         print_text(line)
     print_text("", analysis.verdict)
     return status
@@ -369,7 +370,7 @@ def _window(analysis: Analysis) -> list[tuple[str, str]]:
     text = given if problem.travel is None else f"{given} {unit}"
     if problem.travel is not None and not window.empty:
         text += ", inside the window" if problem.travel in window else ", outside the window"
-    return [(f"travel of {name}", text), ("one-way window", _range(window, unit))]
+    return [(f"travel of {name}", text), ("travels without reversal", _range(window, unit))]
 
 
 def _range(window: TravelWindow, unit: str) -> str:
@@ -419,6 +420,16 @@ def _answer(outcome: Outcome) -> str:
 def _kind(outcome: Outcome) -> str:
     where = "" if outcome["domain_ok"] else ", leaves the chart"
     return f"{outcome['direction']}{where}" if outcome["verified"] else ""
+
+
+def _not_promised(analysis: Analysis) -> list[str]:
+    """What methods do not promise to keep, those with the same list together."""
+    lists: dict[tuple[str, ...], list[str]] = {}
+    for name, labels in analysis.not_promised.items():
+        lists.setdefault(labels, []).append(name)
+    kept = lists.pop((), [])
+    out = [f"{', '.join(names)}: may break {', '.join(labels)}" for labels, names in lists.items()]
+    return ["", *out, f"{', '.join(kept)}: every motion found keeps all"] if kept else ["", *out]
 
 
 def _refusals(analysis: Analysis) -> list[str]:

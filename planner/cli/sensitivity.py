@@ -23,7 +23,7 @@ from planner.methods.desensitised.method import spreads
 from planner.methods.registry import find_method
 from planner.plan.plan import Plan
 from planner.problem.tables.method_options import DesensitisedOptions
-from planner.report.figures.robustness import entry_name
+from planner.report.figures.robustness import apart, bought, entry_name
 from planner.report.folders import save_sensitivity
 from planner.robustness.machine_sensitivity import (
     MachineEntry,
@@ -36,14 +36,14 @@ from planner.robustness.trade_off import TradeOff, trade_off
 from planner.robustness.trade_off_axis import KINDS
 from planner.robustness.trade_off_points import Point
 from planner.solve import solve
-from planner.support.files import refuse_unwritable_folder, write_bytes
+from planner.support.files import refuse_unwritable_folder, write_bytes, write_text
 from planner.support.interrupts import Terminated
-from planner.support.tables import Column, terminal_table
+from planner.support.tables import Column, csv_table, terminal_table
 from planner.support.user_tables import parse
 from planner.verification.load_plan import load_plan
 
 SHOWN = 12
-"""Parameters of the machine in the table: those of the largest response."""
+"""Most parameters of the machine in the table; those with the largest response are shown."""
 
 
 def sensitivity(
@@ -56,10 +56,11 @@ def sensitivity(
         ),
     ],
     method: Annotated[
-        str, typer.Option("--method", "-m", help="Who plans, when a problem is given.")
+        str,
+        typer.Option("--method", "-m", help="Method that makes the plan, if a problem is given."),
     ] = "collocation",
     machine: Annotated[
-        bool, typer.Option(help="Also the parameters of the emulated machine.")
+        bool, typer.Option(help="Also show the parameters of the emulated machine.")
     ] = True,
     changes: Changes = None,
     pareto: Annotated[
@@ -68,13 +69,16 @@ def sensitivity(
             "--pareto",
             metavar="effort|duration|peak",
             autocompletion=lambda: ["effort", "duration", "peak"],
-            help="Trace the curve of least sensitivity against this; needs a problem and --out.",
+            help="Trace the least sensitivity against this quantity; needs a problem and --out.",
             show_default=False,
         ),
     ] = None,
-    points: Annotated[int, typer.Option("--points", min=3, help="Points of the curve.")] = 10,
+    points: Annotated[int, typer.Option("--points", min=3, help="Number of points.")] = 10,
     samples: Annotated[
-        int, typer.Option("--samples", "-n", min=1, help="Machines to replay each point on.")
+        int,
+        typer.Option(
+            "--samples", "-n", min=1, help="Number of random machines to replay each point on."
+        ),
     ] = 200,
     seed: Seed = 0,
     out: Annotated[
@@ -83,18 +87,19 @@ def sensitivity(
             "--out",
             "-o",
             metavar="FOLDER",
-            help="Write plans, figures and data to this folder; a curve goes on from it.",
+            help="Save plans, figures and data in this folder; an interrupted curve continues"
+            " from it.",
             show_default=False,
         ),
     ] = None,
     as_json: Json = False,
 ) -> int:
-    """Say how errors reach the end of a plan.
+    """Compute how errors shift the end of a plan.
 
-    Errors are those of inputs, timing, start, gears and machine. Each response is that to an error
-    of the size shown: one standard deviation of the table [method.desensitised], or a usual size
-    where that is zero. With --pareto: plans of least sensitivity along a curve, each kept at once,
-    so that the same command goes on after Ctrl-C.
+    The errors are those of inputs, timing, start, gears and machine. Each response belongs to an
+    error of the size shown: one standard deviation from the table [method.desensitised], or a
+    typical size where that is zero. With --pareto: plans of least sensitivity along a curve. Each
+    point is saved at once, and after Ctrl-C the same command continues.
 
     \b
     Examples:
@@ -216,7 +221,7 @@ def _machine_sums(found: MachineSensitivity) -> str:
     )
 
 
-PICTURE = "trade-off.png"
+PICTURE, TABLE = "trade-off.png", "trade-off.csv"
 
 
 def run_trade_off(
@@ -250,12 +255,14 @@ def run_trade_off(
                 problem, named, points, out, samples=drawn[0], seed=drawn[1], progress=progress
             )
             write_bytes(out / PICTURE, picture(curve))
+            write_text(out / TABLE, csv_table(_columns(curve), curve.points))
     except (KeyboardInterrupt, Terminated):
         raise Interrupted(f"finished points are in {out}") from None
     if as_json:
         print_json({**curve.to_dict(), "written": str(out), "exit_status": 0})
     else:
-        print_text(f"{problem.name}: least sensitivity against {kind}", "", _table(curve), "")
+        table = terminal_table(_columns(curve), curve.points)
+        print_text(f"{problem.name}: least sensitivity against {kind}", "", table, "")
         print_text(_knee(curve))
     note(f"written to {out}")
     return 0
@@ -270,36 +277,45 @@ def picture(curve: TradeOff) -> bytes:
     return stream.getvalue()
 
 
-def _table(curve: TradeOff) -> Table:
+def _columns(curve: TradeOff) -> list[Column[Point]]:
     inputs = enumerate(curve.problem.system.inputs)
-    columns: list[Column[Point]] = [
-        Column("", "", lambda p: "knee" if p is curve.knee else "", left=True),
+    ends = [(name.replace("_", " "), name) for name in ("errors_alone", "machine", "compensated")]
+    return [
+        Column("", "", lambda p: "knee" if p is curve.knee else "", key="knee", left=True),
         Column("effort", "", lambda p: p.effort, number),
         Column("duration", "", lambda p: p.duration_s, number),
         *(Column(f"|{u.name}|", "", partial(_peak, i), number) for i, u in inputs),
         Column("total", "deg", lambda p: p.total_deg, number),
         Column("passive", "deg", lambda p: p.passive_deg, number),
+        Column("irreducible", "deg", lambda p: p.floor_deg, None),
         Column("reversals", "", lambda p: p.reversals),
-        Column("errors alone 95 %", "deg", lambda p: _p95(p.errors_alone), number),
-        Column("machine 95 %", "deg", lambda p: _p95(p.machine), number),
+        *(Column(f"{name} 95 %", "deg", partial(_end, kind), number) for name, kind in ends),
+        *(
+            Column(f"{name} {what}", "deg", partial(_end, kind, key=key), None)
+            for name, kind in ends[1:]
+            for what, key in (("E 95 %", "E_p95_deg"), ("median", "terminal_median_deg"))
+        ),
     ]
-    return terminal_table(columns, curve.points)
 
 
 def _peak(which: int, point: Point) -> float:
     return point.peak_u[which]
 
 
-def _p95(found: Mapping[str, Any] | None) -> float | None:
-    return None if found is None else float(found["terminal_p95_deg"])
+def _end(which: str, point: Point, key: str = "terminal_p95_deg") -> float | None:
+    found: Mapping[str, Any] = getattr(point, which) or {}
+    return found.get(key)
 
 
 def _knee(curve: TradeOff) -> str:
     first, k = curve.points[0], curve.knee
-    return (
-        f"The knee, farthest below the chord between the curve's ends: passive block"
-        f" {number(k.passive_deg)} deg instead of {number(first.passive_deg)}, total"
-        f" {number(k.total_deg)} instead of {number(first.total_deg)}"
-        f" (irreducible {number(k.floor_deg)}).\nErrors are the largest joint error at the end:"
-        " under the design errors alone, and on the problem's machine."
+    now, then = apart(k.total_deg, first.total_deg)
+    text = (
+        f"{curve.problem.name}: {bought(curve)}; total {now} instead of {then}, of it irreducible"
+        f" {number(k.floor_deg)}.\nThe knee lies farthest below the chord between the curve's ends."
+        " Errors are the largest joint error at the end: under the design errors alone, and on the"
+        " problem's machine, with the plan as it is and compensated for it."
     )
+    refused = [(p.compensated or {}).get("refused") for p in curve.points]
+    why = next((text for text in refused if text), None)
+    return text if why is None else f"{text}\nNot compensated where it says '-': {why}"

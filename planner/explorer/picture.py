@@ -56,13 +56,14 @@ def error_panel(run: Replay | None) -> dict[str, Any] | None:
     """The largest error of any angle over time, on the machines: median and 90 % of them."""
     if run is None or not run.angles:
         return None
-    planned = run.plan.trajectory.q(run.t)
-    error = np.rad2deg(np.abs(run.q - planned)[:, :, list(run.angles)]).max(axis=2)
+    wanted = run.plan.wanted(run.t)  # not a number while a compensated plan prepares
+    begun = np.isfinite(wanted).all(axis=1)
+    error = np.rad2deg(np.abs(run.q - wanted)[:, begun][:, :, list(run.angles)]).max(axis=2)
     low, middle, high = np.percentile(error, [5, 50, 95], axis=0)
     return over_time(
         "error",
         "deg",
-        [curve(0, middle, name="median machine", t=rounded(run.t))],
+        [curve(0, middle, name="median machine", t=rounded(run.t[begun]))],
         id="error",
         band={"low": rounded(low), "high": rounded(high), "name": "90 % of the machines"},
         note=f"E median {run.percentile(50):.3g} deg, 95 % {run.percentile(95):.3g} deg",

@@ -1,4 +1,4 @@
-"""The emulated machine as a set of named effects, each on or off, each with an optional spread.
+"""The emulated machine: a set of named effects, each on or off, with an optional random spread.
 
 From a machine with spreads to single machines, reproducibly.
 
@@ -11,9 +11,9 @@ Where machines start from: everything off, or the paper's prototype.
 
 The paper gives no data sheet. The prototype is **calibrated, not measured**: its parameters are the
 most probable ones within the ranges of parts of their kind, given that the largest error of θ₃ was
-5 degrees (Fig. 9) and the motors followed their commands precisely (Fig. 10). `planner calibrate`
-gives the numbers again and says which of them the paper cannot tell: results/calibration has the
-ranges, their sources and the figures.
+5 degrees (Fig. 9), that of θ₂ no more (eq. 29), and that the motors followed their commands
+precisely (Fig. 10). `planner calibrate` gives the numbers again and says which of them the paper
+cannot tell: results/calibration has the ranges, their sources and the figures.
 """
 
 from __future__ import annotations
@@ -62,18 +62,18 @@ class Quantity:
 @made_by("planner.Machine.prototype(), .ideal() or .from_table({...})")
 @dataclass(frozen=True, repr=False)
 class Machine:
-    """What stands between a plan and the motion that it makes; immutable.
+    """The emulated machine: everything between a plan's inputs and the real motion; immutable.
 
     Build it with `Machine.prototype()`, `Machine.ideal()` or `Machine.from_table`. The effects,
     with units and meaning, are the keys of the `[machine]` table
     (`planner.problem.tables.machine_effects.MachineTable`).
 
     Attributes:
-        preset: What it started from.
+        preset: Name of the preset it was made from.
         step_s: Largest simulation step, seconds.
-        effects: The effects that are on, by name; those missing are off.
-        fidelity: "quasi-static", or "dynamic" with inertia and torque (of a manipulator; other
-            systems have nothing between motor and motion, and are the same in both).
+        effects: The effects that are on, by name; all others are off.
+        fidelity: "quasi-static", or "dynamic" with inertia and torque. Only manipulators differ;
+            other systems have no mechanism between motor and motion.
     """
 
     preset: str
@@ -83,9 +83,9 @@ class Machine:
 
     @classmethod
     def prototype(cls, **changes: Any) -> Machine:
-        """The paper's prototype, with changes: `Machine.prototype(backlash_deg=0.5)`.
+        """The emulated prototype of the paper, with changes: `Machine.prototype(backlash_deg=0.5)`.
 
-        Calibrated, not measured: see `planner.machine.machine`.
+        Its parameters are calibrated, not measured: see `planner.machine.machine`.
 
         Raises:
             InputError: If a name is unknown or a value impossible.
@@ -94,7 +94,7 @@ class Machine:
 
     @classmethod
     def ideal(cls, **changes: Any) -> Machine:
-        """A machine with every effect off, with changes.
+        """A machine with all effects off, except for the given changes.
 
         Raises:
             InputError: If a name is unknown or a value impossible.
@@ -157,13 +157,14 @@ class Machine:
         return self.without(*(name for name in EFFECTS if name not in kept))
 
     def nominal(self) -> Machine:
-        """The same machine with every spread zero, so that all samples are alike."""
+        """The same machine with all spreads zero, so that all samples are equal."""
         return self.with_(**{name: _plain(q.value) for name, q in self.effects.items()})
 
     # -- looking -------------------------------------------------------------------------------
 
     def to_dict(self) -> dict[str, Any]:
-        """The complete `[machine]` table: every effect, so that a later preset changes nothing."""
+        """The complete `[machine]` table with every effect, independent of later changes of
+        presets."""
         settings = {
             name: self.effects[name].to_setting() if name in self.effects else False
             for name in EFFECTS
@@ -207,7 +208,8 @@ def machine_for(table: MachineTable, given: Machine | str | None) -> Machine:
     expect(
         Machine,
         given,
-        "planner.Machine.prototype(backlash_deg=0.5) makes one, and a preset's name stands for one:"
+        "planner.Machine.prototype(backlash_deg=0.5) makes a machine; you can also give the name"
+        " of a preset:"
         f" {', '.join(PRESETS)}",
     )
     return cast("Machine", given)
@@ -363,25 +365,26 @@ PROTOTYPE: Mapping[str, Any] = MappingProxyType(
         "initial_play": {"value": 0.0, "spread": 0.5},
         "initial_angle_error_deg": {"value": 0.0, "spread": 0.2},
         "encoder_resolution_deg": 0.088,
+        "link_moment_kgm": 0.16,  # idle on a level plane
         # What `planner calibrate` gives.
-        "servo_bandwidth_rad_s": 67.3,
+        "servo_bandwidth_rad_s": 67.1,
         "motor_inertia_kgm2": 0.02,
-        "servo_gain_nms_per_rad": 5.03,
+        "servo_gain_nms_per_rad": 5.05,
         "servo_integral_time_s": 0.0199,
         "torque_limit_nm": 2.45,
-        "creep": 0.00317,
-        "creep_per_nm": 0.00447,
+        "creep": 0.0022,
+        "creep_per_nm": 0.00404,
         "friction_capacity_nm": {"value": 1.58, "spread": 0.158},
         "disk_inertia_kgm2": 0.000158,
-        "gearhead_backlash_deg": {"value": 0.5, "spread": 0.1},
-        "backlash_deg": {"value": 2.68, "spread": 0.536},
+        "gearhead_backlash_deg": {"value": 0.542, "spread": 0.108},
+        "backlash_deg": {"value": 2.69, "spread": 0.538},
         "axis_inertia_kgm2": 1e-05,
-        "shaft_stiffness_nm_per_rad": {"value": 3.26, "spread": 0.326},
+        "shaft_stiffness_nm_per_rad": {"value": 3.22, "spread": 0.322},
         "shaft_damping_nms_per_rad": 0.02,
         "link_inertia_kgm2": 0.0316,
-        "base_friction_nm": 0.157,
-        "coulomb_friction_nm": {"value": 0.194, "spread": 0.0388},
-        "viscous_friction_nms_per_rad": 0.0449,
+        "base_friction_nm": 0.155,
+        "coulomb_friction_nm": {"value": 0.187, "spread": 0.0374},
+        "viscous_friction_nms_per_rad": 0.0454,
     }
 )
 

@@ -40,7 +40,7 @@ class Change:
         return self.words or " and ".join(f"{key} = {toml(v)}" for key, v in self.keys.items())
 
 
-BY_COLLOCATION = Change(method="collocation", words=", which plans in the coordinates themselves")
+BY_COLLOCATION = Change(method="collocation", words=", which plans in joint coordinates")
 
 
 def lasting(seconds: float) -> Change:

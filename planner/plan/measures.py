@@ -1,4 +1,4 @@
-"""Figures of a trajectory that every method is compared by: effort and peak inputs.
+"""Figures of a trajectory that every method is compared by: effort, peak inputs, turns.
 
 Where a trajectory lies in the chart's domain: margins, exits and crossings over all time.
 
@@ -61,6 +61,25 @@ def peak_rates(trajectory: Trajectory) -> Array:
     return np.where(jumps(reading.cells, reading.u), np.inf, peaks)
 
 
+TURN = 0.02
+"""A turn of the path coordinate counts from this part of its range: the least that shows."""
+
+
+def turns(trajectory: Trajectory) -> Array:
+    """Times at which the path coordinate turns back by more than `TURN` of its range, (m,), s."""
+    t = np.linspace(0.0, trajectory.duration, 2001)
+    way = trajectory.q(t)[:, 0]
+    least, out, heading, far = TURN * float(np.ptp(way)), [], 0.0, 0
+    for k, value in enumerate(way):
+        ahead = value - way[far]
+        if heading and ahead * heading >= 0:
+            far = k
+        elif abs(ahead) > least:
+            out += [t[far]] if heading else []
+            heading, far = float(np.sign(ahead)), k
+    return np.array(out)
+
+
 def slowing(requirements: Sequence[Requirement], trajectory: Trajectory) -> float:
     """How many times slower a motion must be to keep what a slower one keeps; NaN if undefined.
 
@@ -89,12 +108,12 @@ def slowing(requirements: Sequence[Requirement], trajectory: Trajectory) -> floa
 
 @dataclass(frozen=True, repr=False)
 class DomainReport:
-    """What `domain_report` finds.
+    """Result of `domain_report`.
 
     Attributes:
         ok: Whether the trajectory stays strictly inside the chart's domain at all times.
-        margin: Least signed margin (cos²θ or 1 − cos²θ, dimensionless); negative outside.
-        time_s: When it is least, in seconds.
+        margin: Least margin (cos²θ or 1 − cos²θ, dimensionless); negative outside the domain.
+        time_s: Time of the least margin, in seconds.
         label: Which margin that is.
         exits_s: Times at which the trajectory leaves or re-enters the domain, in seconds.
         z2_crossings_s: Times at which z₂ = 0, in seconds.

@@ -1,4 +1,4 @@
-"""The one thing every method returns."""
+"""The plan: the result of every method."""
 
 from __future__ import annotations
 
@@ -41,28 +41,31 @@ class Plan:
 
     `t`, `q(t)`, `u(t)`, `z(t)` and `v(t)` use the method's own interpolant; see `Trajectory`.
 
-    Before 0 and after `duration` a plan rests at its ends: coordinates stay, inputs are zero. Asked
-    there, it says so by a RuntimeWarning; its `trajectory` answers without one.
+    Before 0 and after `duration` the plan is at rest: coordinates are those of its ends, inputs are
+    zero. Evaluating it there gives a RuntimeWarning; its `trajectory` gives none.
 
-    Plans are equal that are the same motion for the same problem, by the same method and options,
-    with the same verdict; how long they took to find does not count.
+    Two plans are equal if they have the same motion, problem, method, options and verdict.
+    Computing times do not count.
 
     Attributes:
-        problem: What it solves.
+        problem: The problem it solves.
         method: Name of the method that made it.
         options: The method's options, as used.
         trajectory: The curve itself.
-        status: "solved", or what kept it from being a plan ("singular", "not_converged", …).
+        status: "solved", or why it is not a valid plan ("singular", "not_converged", …).
         objective: Value of the method's objective.
-        objective_name: What that objective is ("effort: integral of u1^2 + u2^2 dt").
+        objective_name: Name of the objective ("effort: integral of u1^2 + u2^2 dt").
         solve_time_s: Seconds the method spent solving.
-        build_time_s: Seconds it spent preparing (zero when a preparation was reused).
-        iterations: Iterations of its solver, 0 for closed forms.
-        verified: Whether the independent check passed (set by `solve`).
-        notes: Further facts of the method, JSON-ready (which start won, constraint points, …).
-        certificate: What is proven of it between the nodes (set by `solve`; see `certify`).
-        why: What a plan that was read as verified breaks, in one line; empty for all others.
-        compensation: Of a compensated plan what it compensates (set by `compensate`); else None.
+        build_time_s: Seconds it spent on building the optimisation problem (zero if reused).
+        iterations: Iterations of its solver; 0 for closed-form methods.
+        verified: Whether the independent verification passed (set by `solve`).
+        notes: Further facts from the method, JSON-ready (the first guess used, constraint points,
+            …).
+        certificate: What is proven about it between the nodes (set by `solve`; see `certify`).
+        why: If a plan was read from a file that calls it verified and is not: what it breaks, in
+            one line. Otherwise empty.
+        compensation: For a compensated plan, its original plan and machine (set by `compensate`);
+            else None.
     """
 
     problem: Problem
@@ -104,24 +107,24 @@ class Plan:
 
     @property
     def compensates(self) -> Plan | None:
-        """The plan whose motion a compensated plan makes on the nominal machine; else None."""
+        """The original plan of a compensated plan; None for all others."""
         return None if self.compensation is None else self.compensation.plan
 
     @property
     def lead_s(self) -> float:
-        """How long a compensated plan prepares before the plan that it compensates starts, s."""
+        """Duration of a compensated plan's preparatory motion, in seconds; else 0."""
         return 0.0 if self.compensation is None else self.compensation.lead_s
 
     @property
     def tail_s(self) -> float:
-        """How long a compensated plan goes on after the plan that it compensates has ended, s."""
+        """Time that a compensated plan continues after the end of the original plan, s."""
         return 0.0 if self.compensation is None else self.compensation.tail_s
 
     def wanted(self, t: ArrayLike) -> Array:
-        """Coordinates (…, N) that a machine should have at any times t (…), to judge it by.
+        """Desired coordinates (…, N) at times t (…), against which errors are measured.
 
-        Those of the plan; of a compensated plan those of the plan that it compensates, on its own
-        clock, and NaN while it prepares.
+        Those of the plan itself. For a compensated plan, those of the original plan, shifted by
+        `lead_s`, and NaN during the preparatory motion.
         """
         if self.compensates is None:
             return self.trajectory.q(t)
@@ -131,7 +134,7 @@ class Plan:
 
     @property
     def t(self) -> Array:
-        """Times between which the curve is smooth, shape (K+1,), seconds."""
+        """Times between which the motion is smooth, shape (K+1,), seconds."""
         return self.trajectory.breaks
 
     @property
@@ -146,7 +149,7 @@ class Plan:
 
     @cached_property
     def domain(self) -> DomainReport:
-        """Where it lies in the chart's domain, over all time."""
+        """Position relative to the chart's domain over all time."""
         return domain_report(self.trajectory)
 
     @property
@@ -155,7 +158,7 @@ class Plan:
         return self.trajectory.in_coordinates or self.domain.ok
 
     def q(self, t: ArrayLike) -> Array:
-        """Coordinates, shape (…, N), at times t (…); a RuntimeWarning outside [0, duration]."""
+        """Coordinates, shape (…, N), at times t (…); RuntimeWarning outside [0, duration]."""
         return self.trajectory.q(self._times(t))
 
     def u(self, t: ArrayLike) -> Array:
@@ -176,9 +179,9 @@ class Plan:
         outside = (times < -slack) | (times > self.duration + slack)
         if np.any(outside):
             warnings.warn(
-                f"t = {times[outside].flat[0]:.6g} s lies outside the plan, which lasts from 0 to"
-                f" {self.duration:.6g} s; there it rests at its ends"
-                " (plan.trajectory says the same without this warning)",
+                f"t = {times[outside].flat[0]:.6g} s lies outside the plan, which lasts from 0"
+                f" to {self.duration:.6g} s; outside it is at rest (plan.trajectory.q and .u"
+                " give the same without this warning)",
                 RuntimeWarning,
                 stacklevel=3,
             )
@@ -188,7 +191,7 @@ class Plan:
         """Write the plan as versioned JSON; `load_plan` gives it back exactly.
 
         Raises:
-            InputError: If the file cannot be written; nothing is left behind.
+            InputError: If the file cannot be written; no partial file is left.
         """
         return write_text(
             path, json.dumps(jsonable(self._to_dict()), indent=1, allow_nan=False) + "\n"
@@ -225,12 +228,14 @@ class Plan:
         return data
 
     def to_frame(self, rate_hz: float = 100.0) -> pandas.DataFrame:
-        """The plan at even times as a pandas frame; see `planner.plan.samples.to_frame`."""
+        """The plan at evenly spaced times as a pandas DataFrame; see
+        `planner.plan.samples.to_frame`."""
         frame: pandas.DataFrame = handed_to("planner.plan.samples.to_frame")(self, rate_hz)
         return frame
 
     def to_xarray(self, rate_hz: float = 100.0) -> xarray.Dataset:
-        """The plan at even times as an xarray dataset; see `planner.plan.samples.to_xarray`."""
+        """The plan at evenly spaced times as an xarray Dataset; see
+        `planner.plan.samples.to_xarray`."""
         dataset: xarray.Dataset = handed_to("planner.plan.samples.to_xarray")(self, rate_hz)
         return dataset
 
@@ -271,6 +276,6 @@ def refuse_compensated(plan: Plan, what: str) -> None:
     expect_plan(plan)
     if plan.compensation is not None:
         raise InputError(
-            f"{what} takes a plan as the kinematics say, and this one is compensated for a machine;"
-            " give it plan.compensates"
+            f"{what} needs a plan whose inputs follow the kinematics, but this one is"
+            " compensated for a machine; use the original plan, plan.compensates"
         )

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError, InputWarning, expect, made_by
 from planner.problem.asked import (
@@ -23,6 +23,7 @@ from planner.problem.asked import (
     tip_of,
     waypoints_of,
 )
+from planner.problem.requirements.chart import ChartDomain
 from planner.problem.requirements.ends import Duration, Goal, Start, TipGoal
 from planner.problem.requirements.limits import InputLimit, JointLimit, RateLimit, Z2Margin
 from planner.problem.requirements.places import Obstacle, Waypoint
@@ -48,19 +49,29 @@ from planner.systems.triangular_system import TriangularSystem
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Limits a plan keeps at all times; infinite (or None) where there is none.
+    """Limits that a plan keeps at all times; infinite (or None) where there is no limit.
 
     Attributes:
         input: Largest |u|, shape (2,), in the inputs' units (rad/s).
         input_rate: Largest |du/dt|, shape (2,) (rad/s²).
         joint: Largest |q|, shape (N,), in the coordinates' units (rad).
-        z2_margin: Least |z₂|, on the side the start lies on; None when z₂ is free.
+        z2_margin: Least |z₂|; z₂ keeps the sign it has at the start. None: no limit of z₂.
     """
 
     input: Array
     input_rate: Array
     joint: Array
     z2_margin: float | None
+
+    @property
+    def input_scale(self) -> Array:
+        """What inputs are measured by, shape (2,): their limits, or 1 where there is none."""
+        return np.where(np.isfinite(self.input), self.input, 1.0)
+
+    @property
+    def unlimited(self) -> NDArray[np.bool_]:
+        """Which inputs have no limit, and nor have their rates, shape (2,)."""
+        return np.isinf(self.input) & np.isinf(self.input_rate)
 
 
 FREE_WITHIN = np.deg2rad(88.0)
@@ -71,11 +82,11 @@ limits of joints are made at most, since at 90 degrees an arm's drive stands sti
 @made_by("planner.load_problem(path), Problem.manipulator(...) or Problem.from_dict({...})")
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """From where, to where, with what, within which limits. Build it with `load_problem`.
+    """A motion-planning problem: system, start, goal and limits. Build it with `load_problem`.
 
     Attributes:
         name: Title, or the file's name.
-        system: What is steered.
+        system: The system.
         start: q(0), shape (N,).
         goal: q(T), shape (N,); NaN for the path coordinate, of which `travel` speaks, and for
             joints that the goal leaves free.
@@ -117,7 +128,7 @@ class Problem:
     def from_dict(cls, data: Mapping[str, Any], source: str = "problem") -> Problem:
         """Build a problem from the tables of a problem file.
 
-        A `planner.InputWarning` says so where angles look like radians.
+        Gives a `planner.InputWarning` if angles look like radians.
 
         Raises:
             InputError: If a key, value or combination is wrong; the message names it.
@@ -180,14 +191,15 @@ class Problem:
         input_rate_rad_s2: ArrayLike | None = None,
         joint_deg: ArrayLike | None = None,
         z2_margin: float | None = None,
+        self_clearance_m: float | None = None,
         title: str = "manipulator",
         changes: Mapping[str, Any] | None = None,
     ) -> Problem:
-        """A problem of the manipulator with friction disks, without a file.
+        """Build a problem of the manipulator with friction disks without a file.
 
-        What is left out of the system is as in the paper's prototype of three joints, with K
-        continued by the same ratio for more joints; limits that are left out are none. Each
-        argument is the key of that name in a problem file, with its range.
+        System constants that are left out are those of the paper's prototype with three joints; for
+        more joints K continues with the same ratio. Limits that are left out do not apply. Each
+        argument corresponds to the key of the same name in a problem file and has the same range.
 
         Args:
             start_deg: θ₁ … θₙ at the start, degrees; there are as many joints as angles.
@@ -203,10 +215,11 @@ class Problem:
                 when left out, but for a goal of the tip.
             input_rad_s: Largest |u₁|, |u₂|, rad/s: one number for both, or two.
             input_rate_rad_s2: Largest |du/dt|, rad/s², likewise.
-            joint_deg: Largest |θ|, degrees: one number, or one a joint.
-            z2_margin: Least |z₂|, on the side of the start.
-            title: What it is called in tables and figures.
-            changes: Further dotted keys to values, as in {"machine.preset": "ideal"}.
+            joint_deg: Largest |θ|, degrees: one number, or one per joint.
+            z2_margin: Least |z₂|; z₂ keeps the sign it has at the start.
+            self_clearance_m: Least distance of links that are not neighbours, metres.
+            title: Its name in tables and figures.
+            changes: Further dotted keys and values, for example {"machine.preset": "ideal"}.
 
         Raises:
             InputError: As for `from_dict`.
@@ -223,6 +236,7 @@ class Problem:
             "input_rate_rad_s2": input_rate_rad_s2,
             "joint_deg": joint_deg,
             "z2_margin": z2_margin,
+            "self_clearance_m": self_clearance_m,
         }
         tables = {
             "title": title,
@@ -242,14 +256,15 @@ class Problem:
         return f"Problem({self.name!r}, {self.system.kind}, {duration})"
 
     def to_dict(self) -> dict[str, Any]:
-        """The tables of a problem file that give this problem back."""
+        """The tables of a problem file that describes this problem."""
         return copy.deepcopy(dict(self._data))
 
     def changed(self, changes: Mapping[str, Any]) -> Problem:
-        """This problem with some keys changed, checked anew.
+        """A copy with some keys changed, checked again.
 
         Args:
-            changes: Dotted keys to values, as in {"goal.travel": 0.8, "limits.joint_deg": 60}.
+            changes: Dotted keys and values, for example {"goal.travel": 0.8, "limits.joint_deg":
+                60}.
 
         Raises:
             InputError: As for `from_dict`.
@@ -257,14 +272,14 @@ class Problem:
         return Problem.from_dict(with_changes(self.to_dict(), changes), self.source)
 
     def within_reach(self) -> Problem:
-        """The problem without the discs that no link can touch, whatever the joints' angles."""
+        """The problem without the obstacles that are out of reach of every link."""
         near = tuple(disc for disc in self.obstacles if disc.settled(self.system) is None)
         return self if len(near) == len(self.obstacles) else replace(self, obstacles=near)
 
     def with_travel(self, travel: float | None) -> Problem:
-        """This problem with another travel of the path coordinate (None: free), checked anew.
+        """A copy with another travel of the first coordinate (None: free), checked again.
 
-        Which key says so depends on the system: `goal.travel` of arms, `goal.x_m` of vehicles.
+        The key depends on the system: `goal.travel` for arms, `goal.x_m` for vehicles.
 
         Raises:
             InputError: As for `from_dict`.
@@ -272,19 +287,27 @@ class Problem:
         return self.changed(self.travel_change(travel))
 
     def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """The dotted key that sets this travel (None: free), and its value."""
+        """The dotted key that sets this travel (None: free), with its value."""
         return parse_file(self.to_dict(), self.source).travel_change(travel)
 
     @property
     def travel_key(self) -> str:
-        """The dotted key of the travel, for messages."""
+        """The dotted key of the travel."""
         return next(iter(self.travel_change(None)))
+
+    @property
+    def chart(self) -> ChartDomain:
+        """What is asked of motions in chained coordinates only."""
+        return ChartDomain(tuple(self.start.tolist()))
 
     @cached_property
     def demands(self) -> tuple[Demand, ...]:
-        """All that is asked of a plan, one object a kind that is set: ends, limits, places."""
+        """All that is asked of a plan, one object a kind that is set: ends, limits, places.
+
+        What is `in_chart` is asked only of plans in chained coordinates.
+        """
         limits, system = self.limits, self.system
-        found: list[Demand] = [Start(), Goal(system.coordinates, self.free)]
+        found: list[Demand] = [Start(), Goal(system.coordinates, self.free), self.chart]
         if self.tip is not None:
             found.append(self.tip)
         if self.duration is not None:
@@ -320,13 +343,14 @@ class Problem:
         return np.minimum(self.limits.joint[list(self.free)], FREE_WITHIN)
 
     def asking(self, label: str) -> tuple[Demand, Part] | None:
-        """Whose part has this label in messages; None where it is not the problem's."""
+        """The requirement and part with this label in messages; None if the problem has none."""
         named = ((each, part) for each in self.demands for part in each.parts)
         return next((pair for pair in named if pair[1].label == label), None)
 
     @property
     def divided(self) -> bool:
-        """Whether paths lie on different sides of something, so that there are many optima."""
+        """Whether paths can pass on different sides of a requirement, so that there are many
+        optima."""
         return any(required.divides for required in self.requirements)
 
     def reads(self, name: str) -> bool:
@@ -335,7 +359,7 @@ class Problem:
 
     @property
     def target(self) -> Array:
-        """q(T), shape (N,): the goal, with the path coordinate where the travel is given."""
+        """q(T), shape (N,): the goal, with the first coordinate from the travel (NaN if free)."""
         out = self.goal.copy()
         if self.travel is not None:
             out[0] = self.start[0] + self.travel
@@ -381,7 +405,7 @@ class Problem:
 
 
 def expect_problem(value: object) -> None:
-    """Refuse what is no problem, such as the name of its file.
+    """Raise an error if the value is not a problem (but, for example, a file name).
 
     Raises:
         InputError: If it is none; the message says how to get one.
@@ -394,10 +418,10 @@ def load_problem(path: str | Path, changes: Mapping[str, Any] | None = None) -> 
 
     Args:
         path: A TOML file; `planner schema` prints its keys.
-        changes: Dotted keys to values that override the file's.
+        changes: Dotted keys and values that replace those of the file.
 
     Raises:
-        InputError: If the file is missing, not TOML, or says something that cannot be.
+        InputError: If the file is missing, not TOML, or has an invalid key or value.
     """
     data = read_toml(path, "a problem file")
     if not data:
@@ -411,7 +435,9 @@ def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, 
     Raises:
         InputError: If a key leads through what is not a table.
     """
-    expect(Mapping, changes, 'changes are dotted keys to values, as in {"goal.travel": 0.8}')
+    expect(
+        Mapping, changes, 'changes must be dotted keys and values, for example {"goal.travel": 0.8}'
+    )
     for dotted, value in changes.items():
         table = data
         *parents, key = dotted.split(".")

@@ -8,28 +8,25 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from planner.errors import InputError
+from planner.errors import InputError, NoPlanError
 from planner.machine.machine import Machine
 from planner.machine.replay import replay
 from planner.methods.desensitised.method import plan_desensitised, spreads
-from planner.plan.measures import effort, peak_inputs
+from planner.plan.measures import effort, peak_inputs, turns
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import DesensitisedOptions
 from planner.robustness.sensitivity import sensitivity
-from planner.solve import judged
+from planner.solve import compensated, judged
 from planner.support.arrays import jsonable
 from planner.support.files import read_json, write_text
 from planner.verification.load_plan import load_plan
-
-TURN = 0.02
-"""A turn of the path coordinate counts from this part of its range."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +48,8 @@ class Point:
         swept: Sweeps of the curve it has been through: 1 upwards, 2 downwards too.
         machine: Replays on the problem's machine: percentiles of errors, degrees; None before.
         errors_alone: The same on a machine with the design errors and nothing else.
+        compensated: As `machine`, of the plan compensated for that machine (see
+            `planner.compensate`); {"refused": why} where it cannot be; None before.
     """
 
     limit: float
@@ -65,7 +64,8 @@ class Point:
     reversals: int
     swept: int = 1
     machine: dict[str, Any] | None = None
-    errors_alone: dict[str, Any] | None = field(default=None)
+    errors_alone: dict[str, Any] | None = None
+    compensated: dict[str, Any] | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready facts, without the plan."""
@@ -104,22 +104,8 @@ def measured(plan: Plan, options: DesensitisedOptions, limit: float) -> Point:
         passive_deg=passive,
         total_deg=total,
         floor_deg=found.floor_deg(spread),
-        reversals=_reversals(plan),
+        reversals=len(turns(plan.trajectory)),
     )
-
-
-def _reversals(plan: Plan) -> int:
-    """Turns of the path coordinate by more than `TURN` of its range."""
-    way = plan.q(np.linspace(0, plan.duration, 2001))[:, 0]
-    least = TURN * float(np.ptp(way))
-    turns, heading, extreme = -1, 0.0, way[0]
-    for value in way:
-        ahead = (value - extreme) * heading
-        if heading and ahead >= 0:
-            extreme = value
-        elif abs(value - extreme) > least:
-            heading, extreme, turns = float(np.sign(value - extreme)), value, turns + 1
-    return max(turns, 0)
 
 
 def replayed(plan: Plan, machine: Machine, samples: int, seed: int) -> dict[str, Any]:
@@ -134,6 +120,15 @@ def replayed(plan: Plan, machine: Machine, samples: int, seed: int) -> dict[str,
         "terminal_p95_deg": float(np.percentile(run.terminal_E_deg, 95)),
         "terminal_rms_deg": float(np.sqrt(np.mean(np.sum(run.terminal_error_deg**2, axis=1)))),
     }
+
+
+def allowed_for(plan: Plan, machine: Machine, samples: int, seed: int) -> dict[str, Any]:
+    """The same of the plan compensated for the machine, or {"refused": why}."""
+    options = plan.problem.compensation.model_copy(update={"on": True})
+    try:
+        return replayed(compensated(plan, machine, options)[0], machine, samples, seed)
+    except (InputError, NoPlanError) as error:  # another system, or no plan ends at the goal
+        return {"refused": str(error).splitlines()[0]}
 
 
 def errors_machine(problem: Problem, options: DesensitisedOptions) -> Machine:
@@ -229,7 +224,7 @@ class Store:
         for name, entry in data["points"].items():
             known = {f.name for f in fields(Point)} - {"plan"}
             plan = load_plan(path / "plans" / f"{name}.json", strict=True)
-            values = {key: entry[key] for key in known}
+            values = {key: entry.get(key) for key in known}
             self.points[int(name)] = Point(plan=plan, **values)
 
     def _read(self, index: Path) -> dict[str, Any]:

@@ -76,7 +76,7 @@ class TriangularSystem(ABC):
 
     @property
     def limited(self) -> tuple[int, ...]:
-        """Indices of the coordinates that joint limits apply to (all but the path coordinate)."""
+        """Indices of the coordinates to which joint limits apply (by default all but the first)."""
         return tuple(range(1, self.size))
 
     # -- symbolic form -------------------------------------------------------------------------
@@ -114,7 +114,7 @@ class TriangularSystem(ABC):
 
     @abstractmethod
     def branch(self, q: Array) -> Array:
-        """Numbers (N,) that tell which of the chart's branches q lies on; 0 on a singularity."""
+        """Numbers (N,) that identify the chart's branch on which q lies; 0 on a singularity."""
 
     @abstractmethod
     def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
@@ -133,8 +133,8 @@ class TriangularSystem(ABC):
     def link_expr(self, i: int, slope: Any, q: list[Any], branch: Any) -> Any | None:
         """`link_from_slope` as a CasADi expression, NaN where no real solution exists.
 
-        Where every link has one the whole inverse is compiled into one function; None, the default,
-        leaves it to `link_from_slope`.
+        If every link has one, the whole inverse is compiled into one function. With the default,
+        None, `link_from_slope` is used.
         """
         return None
 
@@ -159,7 +159,7 @@ class TriangularSystem(ABC):
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:
-        """The `[system]` table of a problem file that gives this system back."""
+        """The `[system]` table of a problem file that describes this system."""
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, TriangularSystem) and self._text == other._text
@@ -173,7 +173,7 @@ class TriangularSystem(ABC):
 
 
 def expect_system(value: object) -> None:
-    """Refuse what is no system, such as a problem or a plan of one.
+    """Raise an error if the value is not a system (but, for example, a problem or a plan).
 
     Raises:
         InputError: If it is none; the message says how to get one.

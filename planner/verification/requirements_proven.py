@@ -23,9 +23,11 @@ import numpy as np
 
 from planner.plan.claims import Claim, undecided
 from planner.problem.problem import Problem
+from planner.problem.requirements.chart import ChartDomain
 from planner.problem.requirements.places import Waypoint
 from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.problem.requirements.self_collision import SelfCollision
+from planner.support import deadline
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem, arm_points_expr
 from planner.verification import affine_models
@@ -174,15 +176,15 @@ def shaped(
     return wanted, claims
 
 
-def domain(problem: Problem, motion: Motion, required: bool) -> list[ToProve]:
-    """Every margin of the chart positive.
-
-    Raises:
-        UnboundedError: If the system has no expression of them.
-    """
-    margins = _margins(problem.system, tuple(problem.branch.tolist()))(motion.q)
-    wanted = [(1.0, value, 0.0) for value in motion.models(*margins)]
-    return [ToProve("chart domain", wanted, 1.0, "", required)]
+def domain(problem: Problem, motion: Motion, required: bool) -> tuple[list[ToProve], list[Claim]]:
+    """Every margin of the chart positive, or the claim that nothing bounds them."""
+    (part,) = problem.chart.parts
+    try:
+        margins = _margins(problem.system, problem.chart)(motion.q)
+    except UnboundedError as error:
+        return [], [undecided(part.label, part.unit, f"nothing bounds {error}", required)]
+    wanted = [(1.0, value, -part.low) for value in motion.models(*margins)]
+    return [ToProve(part.label, wanted, part.scale, part.unit, required)], []
 
 
 def goal(problem: Problem, motion: Motion) -> list[Claim]:
@@ -236,8 +238,9 @@ def interpolant(problem: Problem, motion: Motion, own: list[Model]) -> list[Clai
 
 def unknown(problem: Problem, why: str, in_chart: bool) -> list[Claim]:
     """All requirements, where nothing could be bounded."""
-    labels = [(part.label, part.unit) for each in problem.demands for part in each.parts]
-    labels += [(INTERPOLANT, ""), *[("chart domain", "")] * in_chart]
+    asked = [each for each in problem.demands if in_chart or not each.in_chart]
+    labels = [(part.label, part.unit) for each in asked for part in each.parts]
+    labels.append((INTERPOLANT, ""))
     free = {f"goal {problem.system.coordinates[0].name}"} if problem.travel is None else set()
     return [undecided(label, unit, why) for label, unit in labels if label not in free]
 
@@ -256,9 +259,9 @@ def _rows(system: TriangularSystem, required: Requirement) -> Expression:
 
 
 @lru_cache(maxsize=32)
-def _margins(system: TriangularSystem, branch: tuple[float, ...]) -> Expression:
+def _margins(system: TriangularSystem, chart: ChartDomain) -> Expression:
     q = ca.SX.sym("q", system.size)
-    margins = system.chart_margins_expr(q, np.array(branch))
+    margins = chart.rows(At(system, q))
     if not margins:
         raise UnboundedError(f"the chart margins of system '{system.kind}'")
     return Expression([q], ca.vertcat(*margins))
@@ -365,6 +368,7 @@ def _square(values: list[Model], length: float, cells: Cells) -> tuple[Model, Ce
     kept: list[tuple[Cells, list[Model]]] = []
     best = np.inf
     for step in range(HALVINGS + 1):
+        deadline.check_stopped()
         square, along, _ = values
         low, high = along.low, along.high
         best = np.fmin(best, np.fmin.reduce(square.high + _least_of(high, length)))

@@ -21,6 +21,7 @@ from planner.plan.quadrature import Motion, greatest, integrate, jumps, slopes
 from planner.problem.problem import Problem
 from planner.problem.requirements.ends import Duration, Goal, Start
 from planner.problem.requirements.requirement import At, Requirement
+from planner.support import deadline
 from planner.support.arrays import Array
 from planner.support.tables import Column, html_table
 
@@ -45,18 +46,18 @@ may be missed by."""
 
 @dataclass(frozen=True)
 class Check:
-    """What `verify` finds.
+    """Result of `verify`.
 
     Attributes:
         ok: Whether the motion reaches the goal and keeps every limit.
         terminal_error: Integrated end minus goal, shape (N,), in the coordinates' units; zero for
             joints and a travel that the goal leaves free.
         terminal_error_deg: The same for the coordinates after the first that are angles, degrees.
-        margins: For each requirement, how far it is kept (negative: broken), in its own unit.
-        violations: The broken ones, worst first.
+        margins: Margin of each requirement (negative: broken), in its own unit.
+        violations: Broken requirements, the worst first.
         interpolant_error: Largest |plan.q(t) − integrated q(t)|, in the coordinates' units.
-        integration_error: The judge's estimate of its own error, in the coordinates' units; NaN
-            where nothing was integrated.
+        integration_error: Estimated error of the integration, in the coordinates' units; NaN if
+            nothing was integrated.
     """
 
     ok: bool
@@ -74,7 +75,7 @@ class Check:
         return "Check(broken: " + "; ".join(map(str, self.violations)) + ")"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: one row a requirement."""
+        """What a notebook shows: one row per requirement."""
         broken = {violation.label: str(violation) for violation in self.violations}
         columns: list[Column[tuple[str, float]]] = [
             Column("requirement", "", lambda r: r[0], left=True),
@@ -111,23 +112,20 @@ class _Finding:
 
 
 def verify(plan: Plan) -> Check:
-    """Judge a plan by integrating its input.
+    """Verify a plan by integrating its inputs with independent code.
 
     Args:
         plan: Any plan, verified or not.
 
     Returns:
-        The findings; `ok` is False for a plan that cannot be executed.
+        The result; `ok` is False for a plan that cannot be executed.
     """
     expect_plan(plan)
     if not _in_order(plan.t):
         return _not_judged(plan, Violation(_ORDER, None, np.nan, 0.0, "s", np.inf))
     if not plan.executable:
-        domain = plan.domain
-        label = f"chart domain ({domain.label})"
-        return _not_judged(
-            plan, Violation(label, domain.time_s, domain.margin, 0.0, "", -domain.margin)
-        )
+        (outside,) = (v for f in _in_chart(plan) if (v := f.violation()))
+        return _not_judged(plan, outside)
     problem = plan.problem
     to_resolve = [r for r in problem.requirements if r.smooth and not r.plain]
 
@@ -148,6 +146,7 @@ def verify(plan: Plan) -> Check:
         error = _goal_error(plan, end)
         findings = [
             *_motion(plan, motion, end, error, tolerance),
+            *_in_chart(plan),
             *_limits(plan, motion),
             *_passes(plan.problem, motion, tolerance, plan.lead_s),
             *_with_corners(plan, motion),
@@ -226,6 +225,15 @@ def _motion(
     return out
 
 
+def _in_chart(plan: Plan) -> Iterator[_Finding]:
+    """What only a plan in chained coordinates has to keep, whose edge is outside too."""
+    for demand in plan.problem.demands:
+        if demand.in_chart and not plan.trajectory.in_coordinates:
+            (part,), found = demand.parts, plan.domain
+            value, edge = found.margin, -np.finfo(float).tiny
+            yield _Finding(part.label, value, part.low, found.time_s, "", part.scale, edge, False)
+
+
 def _limits(plan: Plan, motion: Motion) -> list[_Finding]:
     """What holds at all times, by the extremes of its series, all at once."""
     problem, cells = plan.problem, motion.cells
@@ -282,7 +290,7 @@ def _not_judged(plan: Plan, violation: Violation) -> Check:
         ok=False,
         terminal_error=unknown,
         terminal_error_deg=unknown[_angular(plan)],
-        margins={violation.label.split(" (")[0]: violation.value},
+        margins={violation.label: violation.value},
         violations=(violation,),
         interpolant_error=np.nan,
     )
@@ -332,6 +340,7 @@ def _least(motion: Motion, function: Callable[[Array], Array]) -> tuple[Array, A
     low, high = grid[np.maximum(sample - 1, 0)], grid[np.minimum(sample + 1, len(grid) - 1)]
     share, row = np.linspace(0.0, 1.0, 17)[:, None], np.arange(len(cell))
     for _ in range(_ROUNDS):
+        deadline.check_stopped()
         x = low + (high - low) * share
         found = function(motion.at(cell, x))[:, row, which]
         k = np.argmin(found, axis=0)

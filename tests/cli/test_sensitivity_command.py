@@ -88,6 +88,10 @@ def test_trade_off(run: Callable[..., Any], tmp_path: Path) -> None:
     assert first.status == 0
     assert first.json["points"][0]["machine"]["samples"] == 5
     assert (tmp_path / "curve" / "trade-off.png").read_bytes().startswith(b"\x89PNG")
+    head, *rows = (tmp_path / "curve" / "trade-off.csv").read_text().splitlines()
+    assert len(rows) == len(first.json["points"])
+    assert {"machine_95_deg", "compensated_95_deg", "irreducible_deg"} <= set(head.split(","))
+    assert sum(row.startswith("knee,") for row in rows) == 1
     again = run(*words, "--out", tmp_path / "curve")
     assert (again.status, "knee" in again.out) == (0, True)
     assert run(*words).status == 2

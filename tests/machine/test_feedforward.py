@@ -66,7 +66,9 @@ def test_all_axes_take_up_their_play_at_one_angle(plan: Plan) -> None:
     theta2 = plan.q(0.0)[2]
     assert K[0] * np.cos(found.theta1) ** 2 == pytest.approx(K[1] * np.cos(theta2) ** 3, rel=2e-3)
     assert found.evenness > 0.99
-    lost = np.deg2rad(2.68 / 2) + 0.194 / 3.26  # half the backlash, and friction over stiffness
+    names = ("backlash_deg", "coulomb_friction_nm", "shaft_stiffness_nm_per_rad")
+    backlash, friction, stiffness = (machine.effects[name].value[0] for name in names)
+    lost = np.deg2rad(backlash / 2) + friction / stiffness
     rate = K[0] * 0.668811 * np.cos(found.theta1) ** 3
     assert found.drive == pytest.approx(lost / rate, rel=5e-3)
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import planner
+from planner.methods.keeping import not_promised
 from planner.solve import solve_and_check
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -48,16 +49,18 @@ def test_the_table_is_complete() -> None:
     assert set(METHODS) == {name for name, m in planner.METHODS.items() if m.refines is None}
 
 
-def _outcome(problem: planner.Problem, method: str) -> tuple[str, str, planner.Plan | None]:
-    """Status, reason of the refusal, and the plan or the last iterate.
+def _outcome(
+    problem: planner.Problem, method: str
+) -> tuple[str, str, planner.Plan | None, tuple[planner.Violation, ...]]:
+    """Status, reason of the refusal, the plan or the last iterate, and what that breaks.
 
     Changes are not tried, which would take as long again: tests/methods/test_advice.py does.
     """
     try:
         plan, _ = solve_and_check(problem, method, advice=False)
     except planner.NoPlanError as error:
-        return error.status, error.reason, error.plan
-    return plan.status, "", plan
+        return error.status, error.reason, error.plan, error.violations
+    return plan.status, "", plan, ()
 
 
 PAIRS = [(name, method) for method in METHODS for name in sorted(EXPECTED)]
@@ -70,9 +73,11 @@ PAIRS.remove(("self-collision", "collocation"))
 @pytest.mark.parametrize(("name", "method"), PAIRS)
 def test_pair(name: str, method: str) -> None:
     problem = planner.load_problem(PROBLEMS / f"{name}.toml")
-    status, reason, plan = _outcome(problem, method)
+    status, reason, plan, broken = _outcome(problem, method)
     assert status == EXPECTED[name][METHODS.index(method)], reason
     assert (problem.source in reason) == (status != SOLVED)
+    if status == LIMIT:  # a method breaks only what it never promised to keep
+        assert {v.label for v in broken} <= {*not_promised(problem, planner.METHODS[method].keeps)}
     if plan is None:
         return
     assert plan.verified == (status == SOLVED)

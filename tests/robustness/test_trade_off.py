@@ -2,6 +2,7 @@
 
 import json
 import signal
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,9 @@ import pytest
 
 import planner
 from planner.plan.measures import effort, peak_inputs
+from planner.report.figures.robustness import apart, bought, reversals
 from planner.robustness.trade_off import TradeOff, knee, trade_off
+from planner.robustness.trade_off_points import allowed_for
 
 SETTINGS = {"samples": 20, "intervals": 12}
 
@@ -128,6 +131,48 @@ def test_picture(curve: TradeOff) -> None:
     axes = curve.figure().axes
     assert [len(ax.get_lines()) > 1 for ax in axes] == [True, True, True]
     assert "effort" in axes[0].get_xlabel()
+    labels = axes[1].get_legend_handles_labels()[1]
+    assert labels == ["machine, plan as it is", "machine, compensated", "design errors alone"]
+
+
+def test_the_machine_is_told_with_and_without_compensation(curve: TradeOff) -> None:
+    for point in curve.points:
+        plain, compensated = point.machine, point.compensated
+        assert plain is not None
+        assert compensated is not None
+        plan = planner.compensate(point.plan)
+        run = planner.replay(plan, samples=20, seed=0, record_s=None)
+        assert compensated["E_p95_deg"] == pytest.approx(run.percentile(95))
+        assert compensated["terminal_p95_deg"] < 0.7 * plain["terminal_p95_deg"]
+    frame = curve.to_frame()
+    assert list(frame["compensated_E_p95_deg"]) == [
+        point.compensated["E_p95_deg"]  # type: ignore[index]
+        for point in curve.points
+    ]
+
+
+def test_a_system_that_cannot_be_compensated_says_so() -> None:
+    problem = planner.load_problem(Path(__file__).parents[2] / "problems" / "unicycle.toml")
+    plan = planner.solve(problem)
+    assert "arms driven through friction disks" in allowed_for(
+        plan, planner.Machine.ideal(), 2, 0)["refused"]  # fmt: skip
+
+
+def test_titles_never_compare_nothing_with_nothing(curve: TradeOff) -> None:
+    assert apart(0.001, 1.0) == ["0.0010 deg", "1.0 deg"]
+    assert apart(0.0, 1e-9) == ["less than 0.001 deg"] * 2
+    assert apart(12.34, 12.36) == ["12.3 deg", "12.4 deg"]
+    assert apart(123.0, 0.5) == ["123 deg", "0.50 deg"]
+
+    def told(k: int, **figures: float) -> str:
+        points = [replace(p, **figures) if i == k else p for i, p in enumerate(curve.points)]
+        return bought(replace(curve, points=tuple(points)))
+
+    first, knee = curve.points[0], curve.knee_index
+    assert "buys a passive block of 0.0010 deg instead of" in told(knee, passive_deg=0.001)
+    assert "buys a total of" in told(knee, passive_deg=first.passive_deg)
+    assert "more buys little" in bought(replace(curve, points=curve.points[:1]))
+    assert [reversals(count) for count in (0, 1, 2)] == ["one way", "1 reversal", "2 reversals"]
 
 
 def test_bad_arguments(two_joints: planner.Problem, paper: planner.Problem) -> None:

@@ -59,7 +59,9 @@ MADE: dict[str, Callable[[planner.Problem], planner.Plan]] = {
                 "system.link_lengths": [1.0, 1.0, 1.0],
                 "obstacles": [{"centre_m": [0.0, 2.0], "radius_m": 0.2}],
             }
-        )
+        ),
+        intervals=20,
+        starts=1,
     ),
 }
 
@@ -292,7 +294,8 @@ def test_times_that_run_back_or_begin_late(paper: planner.Problem) -> None:
     plan = planner.solve(paper)
     path = plan.trajectory
     assert isinstance(path, StateTrajectory)
-    for x in (path.breaks[::-1].copy(), path.breaks + 1.0, -path.breaks):
+    endless = np.append(path.breaks[:-1], np.inf)
+    for x in (path.breaks[::-1].copy(), path.breaks + 1.0, -path.breaks, endless):
         curves = BPoly(path.q_curve.c, x), BPoly(path.u_curve.c, x)
         with pytest.raises(ValueError, match="must increase from 0"):
             StateTrajectory(path.system, *curves)

@@ -137,8 +137,8 @@ def _filled(s: Array, knots: Array, values: Array) -> Array:
 
 
 def _duration(problem: Problem, rates: Array) -> float:
-    limit = np.where(np.isfinite(problem.limits.input), problem.limits.input, 1.0)
-    return 1.5 * float(np.max(np.mean(np.abs(rates), axis=0) / limit)) + 0.01
+    slowest = np.max(np.mean(np.abs(rates), axis=0) / problem.limits.input_scale)
+    return 1.5 * float(slowest) + 0.01
 
 
 def _away_from_zero(values: Array) -> Array:
@@ -216,8 +216,9 @@ def routes(problem: Problem) -> list[Problem]:
     free = sum(w.time_s is None for w in problem.waypoints)
     if (ways := math.perm(count, free)) > MOST_SORTED:
         raise InputError(
-            f"{problem.source}: {count} waypoints, {free} of them without a time, may be passed in"
-            f" {ways:.3g} orders; at most {MOST_SORTED} are looked at, so give more of them a time"
+            f"{problem.source}: {count} waypoints, {free} of them without a time, can be passed"
+            f" in {ways:.3g} orders; at most {MOST_SORTED} are tried, so give more of them a"
+            " time"
         )
     orders = sorted(_orders(problem), key=lambda order: _length(expected[0], order))[:MOST_ORDERS]
     every = [(each, order) for each in expected for order in orders]
@@ -289,8 +290,7 @@ def _shared_out(job: Task, iterate: Iterate) -> Array:
     left, right = iterate.input_ends()
     weights = np.sqrt(job.objective.weights[1:3])
     if job.problem.duration is None or not np.any(weights):
-        limit = job.problem.limits.input
-        weights = np.where(np.isfinite(limit), 1 / limit, 1.0)
+        weights = 1 / job.problem.limits.input_scale
     speed = np.linalg.norm((left + right) / 2 * weights, axis=1) * job.mesh.widths
     needs = np.add.reduceat(speed, [0, *job.mesh.marks])
     needs = np.maximum(needs, LEAST_SHARE * np.sum(needs))

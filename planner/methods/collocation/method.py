@@ -182,7 +182,7 @@ def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan
         NotConvergedError: As for `plan_collocation`.
     """
     began = time.perf_counter()
-    _refuse(problem, warm)
+    refuse_start(problem, warm)
     with deadline.limited(options.time_limit_s) as span:
         found = _next_to(problem.within_reach(), options, warm)
         if found is None:
@@ -197,11 +197,12 @@ def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan
         return ended_early(plan, span) if span.reached else plan
 
 
-def _refuse(problem: Problem, warm: Plan) -> None:
+def refuse_start(problem: Problem, warm: Plan) -> None:
+    """Raise InputError for a plan that cannot be started from."""
     if warm.problem.system != problem.system:
         raise InputError(
-            f"{problem.source}: warm is a plan of another system ({warm.problem.source}); a start"
-            " must belong to the same one"
+            f"{problem.source}: warm is a plan of another system ({warm.problem.source}); it"
+            " must be of the same system"
         )
     if not warm.executable:
         raise InputError(

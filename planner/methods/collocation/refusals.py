@@ -94,8 +94,8 @@ def no_motion(problem: Problem, search: Pipeline) -> NoPlanError:
     starts = f"{count} start{'s' * (count != 1)}" if search.pathless else "the paths found"
     said = f" (it says {solution.status} after {solution.iterations} iterations)"
     return (InfeasibleError if proof else NotConvergedError)(
-        f"{problem.source}: {f'{proof}; and ' if proof else ''}the solver found no motion"
-        f" from {starts}{'' if solution.ok else said}",
+        f"{problem.source}: {f'{proof}; and ' if proof else ''}the solver found no motion from"
+        f" {starts}{'' if solution.ok else said}",
         plan=plan,
         violations=broken,
         changes=changes,

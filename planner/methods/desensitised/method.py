@@ -17,7 +17,12 @@ import numpy as np
 
 from planner.errors import InfeasibleError, InputError, NotConvergedError, Violation
 from planner.methods.collocation.early import believed
-from planner.methods.collocation.method import chosen_goal, input_kind, plan_collocation
+from planner.methods.collocation.method import (
+    chosen_goal,
+    input_kind,
+    plan_collocation,
+    refuse_start,
+)
 from planner.methods.collocation.refine import polish
 from planner.methods.collocation.solvers.backends import Settings
 from planner.methods.collocation.solvers.solver import ACCEPTED_RESIDUAL, Solution
@@ -27,9 +32,8 @@ from planner.methods.collocation.transcription.bounds import Asked
 from planner.methods.collocation.transcription.form import Form, uniform
 from planner.methods.collocation.transcription.objective import Objective
 from planner.methods.desensitised.starts import guess, seeds
-from planner.plan.measures import effort
+from planner.plan.measures import effort, turns
 from planner.plan.plan import Plan
-from planner.problem.feasibility import travel_window
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions
@@ -55,19 +59,20 @@ def plan_desensitised(
 
     Motion and response are one collocation problem
     (`planner.methods.collocation.transcription.augmented`). It is solved from the plan of least
-    effort and from excursions about it that let φ turn back, since optima are local; the best is
-    kept (`notes["start"]`, `notes["tried"]`).
+    effort and from excursions about it, since optima are local; the best is kept (`notes["start"]`,
+    `notes["tried"]`). Unless `reversal` is on, φ turns back only where the plan of least effort
+    does: the response knows nothing of the backlash and shaft torsion that each turn costs.
 
     Args:
         problem: What to solve.
         options: Weights, spreads and form.
-        near: A plan of the same problem to start from, instead of all other starts: a neighbour on
-            a trade-off curve.
+        near: A plan of this problem or one like it to start from, instead of all other starts: a
+            neighbour on a trade-off curve, or the plan for a goal next to this one.
 
     Raises:
-        InputError: If a spread does not fit the system or options contradict each other.
-        InfeasibleError: If one way is asked for and impossible, or the start has no room to back
-            off.
+        InputError: If a spread does not fit the system, options contradict each other, or the plan
+            to start from is of another system.
+        InfeasibleError: If the start has no room to back off.
         NotConvergedError: If no motion is found.
     """
     with limited(None, holds=lambda: False) as span:  # the plan of least effort is no answer
@@ -76,9 +81,8 @@ def plan_desensitised(
 
 def _planned(problem: Problem, options: DesensitisedOptions, near: Plan | None, span: Span) -> Plan:
     began = time.perf_counter()
-    refuse_waypoints(problem)
-    if not options.reversal:
-        refuse_one_way(problem)
+    if near is not None:
+        refuse_start(problem, near)
     job = _task(problem.within_reach(), options)
     refuse_no_room(job)
     if near is None:
@@ -88,7 +92,11 @@ def _planned(problem: Problem, options: DesensitisedOptions, near: Plan | None, 
     else:
         easy = near
     if not options.reversal:
-        job = replace(job, asked=replace(job.asked, way=1.0 if easy.travel >= 0 else -1.0))
+        turned = turns(easy.trajectory)
+        first = easy.q(turned[0] if len(turned) else easy.duration)[0] - easy.q(0.0)[0]
+        shares = tuple(turned / easy.duration)
+        way = 1.0 if first >= 0 else -1.0
+        job = replace(job, asked=replace(job.asked, way=way, turns=shares))
     start, solution, log = _searched(job, options, easy, near is not None)
     done = polish(job, solution, options.accuracy, REFINEMENTS)
     if span.reached and not believed(done, options.accuracy):
@@ -243,35 +251,6 @@ def _functions(required: Requirement, system: TriangularSystem) -> list[tuple[Pa
     return [(part, row, q) for part, row in pairs]
 
 
-def refuse_waypoints(problem: Problem) -> None:
-    """Raise NotConvergedError for a problem with waypoints, unknown to the programme."""
-    if problem.waypoints:
-        raise NotConvergedError(
-            f"{problem.source}: desensitised plans do not pass waypoints",
-            advice="the method 'collocation', which does; or leave out the waypoints",
-        )
-
-
-def refuse_one_way(problem: Problem) -> None:
-    """Raise InfeasibleError where no one-way motion exists."""
-    window = travel_window(problem)
-    if window is None:
-        return
-    if window.empty:
-        reason = window.reason
-    elif problem.travel is not None and problem.travel not in window:
-        reason = (
-            f"one-way motions travel between {window.low:.5g} and {window.high:.5g} rad, not"
-            f" {problem.travel:.5g}"
-        )
-    else:
-        return
-    raise InfeasibleError(
-        f"{problem.source}: no one-way motion exists: {reason}",
-        advice="method.desensitised.reversal = true",
-    )
-
-
 def refuse_no_room(job: Task) -> None:
     """Raise InfeasibleError where the start has no room to back off.
 
@@ -290,8 +269,9 @@ def refuse_no_room(job: Task) -> None:
             if needed > room:
                 name = required.called(part)
                 raise InfeasibleError(
-                    f"{problem.source}: method.desensitised.backoff = {moved.backoff:g} needs"
-                    f" {needed:.4g} of room to the limit on {name} and the start has {room:.4g}",
+                    f"{problem.source}: method.desensitised.backoff = {moved.backoff:g} needs a"
+                    f" distance of {needed:.4g} from the limit on {name}, but the start has"
+                    f" only {room:.4g}",
                     advice="method.desensitised.backoff ="
                     f" {moved.backoff * room / needed * 0.99:.3g} or less, or a wider limit on"
                     f" {name}",
@@ -302,7 +282,7 @@ def spreads(system: TriangularSystem, options: DesensitisedOptions) -> dict[str,
     """Standard deviation of each error by its name, in SI units; those without any are left out.
 
     Raises:
-        InputError: If a list does not have one number an input, joint or constant, or all are zero.
+        InputError: If a list does not have one number per input, joint or constant, or is all zero.
     """
     families: dict[str, list[Parameter]] = {}
     for parameter in parameters(system):
@@ -324,8 +304,8 @@ def spreads(system: TriangularSystem, options: DesensitisedOptions) -> dict[str,
         out |= _family(key, members, numbers, unit)
     if not out:
         raise InputError(
-            "method.desensitised: every spread is zero, so there is nothing to plan against; give"
-            " gain, start_deg, bias, delay_s, stretch or gear a value"
+            "method.desensitised: all standard deviations are zero, so there is no error to plan"
+            " for; set gain, start_deg, bias, delay_s, stretch or gear"
         )
     return out
 

@@ -1,4 +1,2 @@
-"""What a motion must keep.
-
-In this order: `requirement` (what each kind answers), `limits`, `places`, `self_collision`, `ends`.
-"""
+"""What a motion must keep: `requirement` (what each kind answers), `limits`, `places`,
+`self_collision`, `ends`, `chart`."""

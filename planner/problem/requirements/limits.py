@@ -136,7 +136,7 @@ class Z2Margin(Requirement):
         out = f"leave out limits.z2_margin, so that z2 may change sign, or move the {name}"
         side = "" if name == "start" else f" ({'positive' if self.side > 0 else 'negative'})"
         return (
-            f"z2 at the {name} is {z2:.6g}, but limits.z2_margin = {self.margin:g} keeps it at"
-            f" least that far from zero on the side of the start{side};"
+            f"z2 at the {name} is {z2:.6g}, but limits.z2_margin = {self.margin:g} requires at"
+            f" least that distance from zero, with the sign at the start{side};"
             f" {lower if self.side * z2 > 0 else out}"
         )

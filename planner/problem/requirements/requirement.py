@@ -67,7 +67,13 @@ class Part:
 
 
 class Demand(ABC):
-    """Something that is asked of a motion: at an end, on its way, or (a `Requirement`) always."""
+    """Something that is asked of a motion: at an end, on its way, or (a `Requirement`) always.
+
+    Attributes:
+        in_chart: Whether it is asked only of a motion that is given in chained coordinates.
+    """
+
+    in_chart: ClassVar[bool] = False
 
     @property
     @abstractmethod

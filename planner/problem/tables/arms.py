@@ -40,7 +40,9 @@ class ArmLimits(BaseLimits):
     )
     joint_deg: (
         Annotated[float, Field(gt=0, lt=90)] | list[Annotated[float, Field(gt=0, lt=90)]] | None
-    ) = Field(None, description="Largest |theta| in degrees, below 90: one number, or one a joint.")
+    ) = Field(
+        None, description="Largest |theta| in degrees, below 90: one number, or one per joint."
+    )
 
     self_clearance_m: Positive | None = Field(
         None,
@@ -61,7 +63,7 @@ class LimitsTable(ArmLimits):
     """Limits every plan must keep at all times; each may be left out."""
 
     z2_margin: Annotated[float, Field(ge=0)] | None = Field(
-        None, description="Keep z2 at least this far from zero, on the side it starts on."
+        None, description="Least |z2|; z2 keeps the sign it has at the start."
     )
 
     def least_z2(self) -> float | None:
@@ -154,7 +156,7 @@ class ArmFile(ProblemFile):
     obstacles: list[ObstacleTable] = Field(
         default_factory=list,
         max_length=MOST_OBSTACLES,
-        description="Discs in the plane that the links must clear.",
+        description="Discs in the plane that the links must not touch.",
     )
 
     @model_validator(mode="after")
@@ -288,14 +290,14 @@ class ManipulatorTable(Table):
     K: list[Ratio] | None = Field(
         None, description=f"K2 ... Kn, n-1 numbers, at most {MOST_RATIO:g}."
     )
-    gear: GearTable | None = Field(None, description="Gear geometry in place of K.")
+    gear: GearTable | None = Field(None, description="Gear geometry, instead of K.")
     k_g: Positive | None = Field(
-        None, description="Drive constant; needed with K, by rule with gear."
+        None, description="Drive constant; needed with K; with gear it follows from k_g_rule."
     )
     k_g_rule: Literal["chain", "printed"] = Field(
         "chain",
-        description="k_g with gear: rho^(n-2), what the chain of disks gives; or rho^2 as printed,"
-        " a misprint.",
+        description="k_g with gear: rho^(n-2), from the chain of disks; or rho^2 as printed in"
+        " the paper, a misprint.",
     )
     link_lengths: list[Positive] | None = Field(None, description="Link lengths for drawing.")
 
@@ -309,7 +311,7 @@ class ManipulatorTable(Table):
                 f" (K2 ... K{self.joints}), not {len(self.K)}"
             )
         if self.K is not None and self.k_g is None:
-            raise ValueError("K needs k_g beside it")
+            raise ValueError("K needs k_g too")
         if self.link_lengths is not None and len(self.link_lengths) != self.joints:
             raise ValueError(
                 f"link_lengths needs {self.joints} values, not {len(self.link_lengths)}"

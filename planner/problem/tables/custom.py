@@ -23,13 +23,14 @@ class CustomTable(Table):
     """A system q1' = drive * u1, q2' = u2, qi' = slope_i * q1' by its expressions."""
 
     kind: Literal["custom"]
-    name: str = Field("custom system", description="What to call it.")
+    name: str = Field("custom system", description="Name of the system.")
     coordinates: Annotated[list[str], Field(min_length=3)] = Field(
         description="Names of the coordinates in triangular order."
     )
     units: list[str] = Field(description="Their units; 'rad' is shown in degrees.")
     slopes: list[str] = Field(
-        description="f3 ... fN as expressions of the coordinates; f_i reads q_(i-1) and later."
+        description="f3 ... fN as expressions of the coordinates; f_i may depend on q_(i-1) and"
+        " later ones."
     )
     drive: str = Field("1.0", description="Expression of gamma, with q1' = gamma u1.")
     intervals: dict[str, Pair] = Field(
@@ -84,7 +85,7 @@ class CustomLimits(BaseLimits):
         default_factory=dict, description="Largest |coordinate| by name, in its unit."
     )
     z2_margin: Annotated[float, Field(ge=0)] | None = Field(
-        None, description="Keep z2 at least this far from zero, on the side it starts on."
+        None, description="Least |z2|; z2 keeps the sign it has at the start."
     )
 
     def inputs(self) -> Array:

@@ -2,5 +2,5 @@
 
 In this order: `style`, `shown` (by themselves, in a notebook); `over_time` (inputs, joints, z),
 `arm` (in the plane), `mechanism_layout` and `mechanism` (motors, disks, gears and belts),
-`on_the_machine` (replays, errors), `robustness`.
+`on_the_machine` (replays, errors), `robustness`, `design` (studies of mechanisms).
 """

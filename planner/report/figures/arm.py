@@ -22,13 +22,14 @@ COLOUR_MAP = "viridis"
 
 
 def plot_arm(plans: Plans, *, axes: Any = None, poses: int = 12) -> tuple[Figure, Any]:
-    """The arm at equal steps of time, coloured by time, and the path of its tip; one panel a plan.
+    """Draw the arm at equal time steps, coloured by time, and the path of its tip; one panel per
+    plan.
 
     Vehicles are drawn by their axles, other systems with coordinates x and y by that point.
 
     Args:
         plans: One plan, several, or several by label; those without real angles are left out.
-        axes: Axes to draw into, one an executable plan.
+        axes: Axes to draw into, one per executable plan.
         poses: Number of poses.
 
     Returns:

@@ -17,6 +17,7 @@ joint. Wheels turn against faces by θᵢ, so that each contact hands on cosθ�
 
 from __future__ import annotations
 
+import io
 import textwrap
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -41,10 +42,10 @@ BANDS = ("#F3F3F3", "#FFFFFF")
 def plot_mechanism(system: TriangularSystem, *, axes: Any = None) -> tuple[Figure, Any]:
     """Draw the chain of friction disks, bevel gears and belts of a manipulator to scale.
 
-    All stages from the side, with the arm stretched out, and below them the first contact from
-    above with joint 1 bent, which shows where cosθ comes from. Links are not to scale. An arm that
-    is given by K and k_g has no geometry: one is inferred that moves the joints at the same rates,
-    with λ = η = R = 1, and the figure says so.
+    The upper part is a side view of all stages with the arm stretched out. The lower part shows the
+    first contact from above with joint 1 bent, which explains the factor cosθ. Link lengths are not
+    to scale. An arm given by K and k_g has no geometry; a geometry with the same joint rates and λ
+    = η = R = 1 is inferred, and the figure says so.
 
     Args:
         system: A `Manipulator`.
@@ -54,7 +55,7 @@ def plot_mechanism(system: TriangularSystem, *, axes: Any = None) -> tuple[Figur
         The figure and its axes.
 
     Raises:
-        InputError: If the system is another one.
+        InputError: If the system is not a `Manipulator`.
     """
     expect(Manipulator, system, "problem.system of an arm with friction disks is one")
     assert isinstance(system, Manipulator)
@@ -79,6 +80,19 @@ def plot_mechanism(system: TriangularSystem, *, axes: Any = None) -> tuple[Figur
     title = f"How two motors drive {system.n} joints: the arm stretched out, seen from the side"
     heading(axes.figure, title, ours=ours)
     return axes.figure, axes
+
+
+def mechanism_svg(system: TriangularSystem) -> str:
+    """The drawing of `plot_mechanism` as one SVG picture; empty for other systems."""
+    if not isinstance(system, Manipulator):
+        return ""
+    import matplotlib as mpl  # slow to import
+
+    figure, _ = plot_mechanism(system)
+    stream = io.StringIO()
+    with mpl.rc_context({"svg.hashsalt": "planner"}):  # so that the same system gives the same text
+        figure.savefig(stream, format="svg", metadata={"Date": None})
+    return stream.getvalue()
 
 
 class _Pen:
@@ -299,15 +313,15 @@ def _words(pen: _Pen, plan: Layout) -> None:
     ]
     lines += [
         ("", INK, "normal"),
-        ("orange: what motor 1 turns, handed on from disk to disk", CHAIN, "bold"),
-        ("green: the branch to the next joint, by a belt", BRANCH, "bold"),
+        ("orange: the drive of motor 1, transmitted from disk to disk", CHAIN, "bold"),
+        ("green: the branch to the next joint, through a belt", BRANCH, "bold"),
         ("blue: motor 2, which turns joint 1", MOTOR_2, "bold"),
         ("red: friction contacts", CONTACT, "bold"),
         ("", INK, "normal"),
         ("Drawn to scale from", INK, "bold"),
         (given + ("," if plan.inferred else "."), INK, "normal"),
         *((text, INK, "normal") for text in textwrap.wrap(plan.inferred, LETTERS)),
-        ("$r_2$ cancels: any will do. The links' lengths are not to scale.", INK, "normal"),
+        ("$r_2$ cancels out. The link lengths are not to scale.", INK, "normal"),
     ]
     for k, (text, colour, weight) in enumerate(lines):
         pen.say((plan.words, plan.below - 0.2 * k * INCH), text, colour, 9.5, weight=weight)

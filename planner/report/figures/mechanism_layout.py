@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.support.arrays import Array
-from planner.systems.manipulator import Gear, Manipulator
+from planner.systems.manipulator import Gear, Manipulator, stage_gears
 
 INCH = 1 / 1.3
 """Of paper, in largest radii: labels of 9 points then stand clear of each other."""
@@ -103,25 +103,8 @@ class Layout:
 
 def layout(system: Manipulator) -> Layout:
     """The geometry of a manipulator, given or inferred, and the places of its stages."""
-    given, inferred = _gears(system)
+    given, inferred = stage_gears(system)
     unit = max(max(g.r1, g.R, g.r3) for g in given)
     gears = tuple(Gear(g.r1 / unit, g.R / unit, g.r3 / unit, g.lam, g.eta) for g in given)
     spans = [(1 + RIM) * max(g.R, g.r3) + 1 for g in gears]
     return Layout(gears, unit, inferred, np.concatenate([[0.0], np.cumsum(spans)]))
-
-
-def _gears(system: Manipulator) -> tuple[tuple[Gear, ...], str]:
-    """Geometry of each stage, and what was assumed of it.
-
-    From kᵢ₊₁ = κᵢ ρ^i with κᵢ = λR/(ηr₃): one ρ for all stages, what is left of each kᵢ₊₁ in r₃.
-    """
-    if system.gear is not None:
-        return (system.gear,) * (system.n - 1), ""
-    K, n = system.K, system.n
-    rho = float(K[-1] / K[0]) ** (1 / (n - 2)) if n > 2 else 1.0
-    kappa = system.k_g * K / rho ** np.arange(1, n)
-    note = "inferred from K and k_g with λ = η = 1 and R = 1" + (" = r₁" if n == 2 else "")
-    turned = system.k_g / rho ** (n - 2)
-    if abs(turned - 1) > 1e-6:
-        note += f"; φ of the problem is {turned:.3g} times the angle of the last B (k_g is given)"
-    return tuple(Gear(rho, 1.0, 1 / k, 1.0, 1.0) for k in kappa.tolist()), note + "."

@@ -23,6 +23,7 @@ from planner.robustness.sobol import Index
 from planner.robustness.trade_off import TradeOff
 from planner.robustness.trade_off_points import Point
 from planner.support.arrays import Array
+from planner.support.tables import number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -258,14 +259,47 @@ def plot_trade_off(curve: TradeOff, *, axes: Any = None) -> tuple[Figure, Any]:
     _responses(axes[0, 0], curve)
     _machines(axes[0, 1], curve)
     _paths(axes[0, 2], curve)
-    k = curve.knee
-    heading(
-        figure,
-        f"{curve.problem.name}: at the knee (ring) {curve.kind} {_cost(curve, k):.3g} buys"
-        f" a passive block of {k.passive_deg:.2g} deg instead of {curve.points[0].passive_deg:.2g}",
-        ours=ours,
-    )
+    heading(figure, f"{curve.problem.name}: {bought(curve)} (rings: the knee)", ours=ours)
     return figure, axes
+
+
+TELLING = 0.99
+"""The passive block at the knee tells what was bought if it is below this part of the first
+point's: less does not show on the curve, and the total tells it."""
+
+
+def bought(curve: TradeOff) -> str:
+    """What the knee of a curve has for its cost, in one sentence without its full stop."""
+    first, k = curve.points[0], curve.knee
+    unit = {"effort": f" {effort_unit(curve.problem.system)}", "duration": " s", "peak": ""}
+    cost = f"{curve.kind} {number(_cost(curve, k))}{unit[curve.kind]}"
+    if k is first:
+        return f"the first point, {cost}, is the knee: more buys little"
+    what, before, after = "a total", first.total_deg, k.total_deg
+    if k.passive_deg < TELLING * first.passive_deg:
+        what, before, after = "a passive block", first.passive_deg, k.passive_deg
+    now, then = apart(after, before)
+    return f"at the knee {cost} buys {what} of {now} instead of {then}"
+
+
+def apart(*angles: float) -> list[str]:
+    """Angles in degrees with the fewest digits, two at least, that tell different ones apart."""
+    for digits in range(2, 8):
+        texts = [_degrees(angle, digits) for angle in angles]
+        if len(set(texts)) == len(set(angles)):
+            break
+    return texts
+
+
+def _degrees(angle: float, digits: int) -> str:
+    """Never 0: what is less than the last digit that an encoder could tell is said to be less."""
+    if abs(angle) < LEAST_DEG:
+        return f"less than {LEAST_DEG:g} deg"
+    places = max(digits - 1 - int(np.floor(np.log10(abs(angle)))), 0)
+    return f"{angle:.{places}f} deg"
+
+
+LEAST_DEG = 0.001
 
 
 def _responses(ax: Any, curve: TradeOff) -> None:
@@ -287,20 +321,22 @@ def _responses(ax: Any, curve: TradeOff) -> None:
 def _machines(ax: Any, curve: TradeOff) -> None:
     cost, at = curve.cost, curve.knee_index
     rows = (
-        (COLOURS[0], "design errors alone, 95 %", "errors_alone", "terminal_p95_deg"),
-        (COLOURS[3], "whole machine, 95 %", "machine", "terminal_p95_deg"),
-        (COLOURS[4], "whole machine, median", "machine", "terminal_median_deg"),
+        (COLOURS[3], "machine, plan as it is", "machine"),
+        (COLOURS[2], "machine, compensated", "compensated"),
+        (COLOURS[0], "design errors alone", "errors_alone"),
     )
-    for colour, label, which, key in rows:
-        found = [getattr(p, which) for p in curve.points]
-        if any(f is None for f in found):
+    for colour, label, which in rows:
+        found = [getattr(p, which) or {} for p in curve.points]
+        values = [f.get("terminal_p95_deg", np.nan) for f in found]
+        none = sum("refused" in f for f in found)
+        if none == len(found):
             continue
-        values = [f[key] for f in found]
+        label += f" ({none} of {len(found)} cannot be)" if none else ""
         ax.plot(cost, values, ".-", color=colour, label=label)
         ax.plot(cost[at], values[at], color=colour, **KNEE)
     ax.set_ylim(bottom=0)
     ax.set_xlabel(_across(curve))
-    ax.set_ylabel("largest joint error at the end (deg)")
+    ax.set_ylabel("largest joint error at the end (deg, 95 %)")
     ax.legend(fontsize=8)
 
 
@@ -310,12 +346,17 @@ def _paths(ax: Any, curve: TradeOff) -> None:
     for colour, k in zip(COLOURS, chosen, strict=False):
         point = curve.points[k]
         q = point.plan.q(np.linspace(0, point.plan.duration, 800))
-        turns = f", {point.reversals} reversals" if point.reversals else ", one way"
+        turns = f", {reversals(point.reversals)}"
         label = f"{curve.kind} {_cost(curve, point):.3g}{turns}"
         ax.plot(np.rad2deg(q[:, 0] - q[0, 0]), np.rad2deg(q[:, 1]), color=colour, label=label)
     ax.set_xlabel(f"travel of {symbol(system.coordinates[0].name)} (deg)")
     ax.set_ylabel(f"{symbol(system.coordinates[1].name)} (deg)")
     ax.legend(fontsize=8)
+
+
+def reversals(count: int) -> str:
+    """How often a drive turns back, in words."""
+    return {0: "one way", 1: "1 reversal"}.get(count, f"{count} reversals")
 
 
 def _across(curve: TradeOff) -> str:

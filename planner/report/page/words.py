@@ -49,8 +49,8 @@ def question(problem: Problem) -> str:
         what = f"the {html.escape(problem.system.kind)} from {_places(problem, problem.start)}"
         what += f" to {_places(problem, problem.goal)}"
     return (
-        f"Which plan brings {what} in {duration} within its limits, at what effort, and how far"
-        " from its path does a real machine stray?"
+        f"Which plan moves {what} in {duration} within the limits, with what effort, and how far"
+        " does the emulated machine deviate from its path?"
     )
 
 
@@ -64,13 +64,13 @@ def verdict(comparison: Comparison) -> str:
     rows = [row for row in comparison.rows if not row.feedback]
     solved = [row for row in rows if row.solved]
     if not solved:
-        return "None of the methods gave a plan that keeps every limit."
+        return "None of the methods found a plan that keeps every limit."
     least = min(solved, key=lambda row: row.effort if np.isfinite(row.effort) else np.inf)
     name = f"<b>{html.escape(least.label)}</b>"
     if len(solved) == 1:
-        return f"Only {name} gave a plan that reaches the goal and keeps every limit."
+        return f"Only {name} found a plan that reaches the goal and keeps every limit."
     text = f"{len(solved)} of {len(rows)} plans reach the goal and keep every limit."
-    return f"{text} The least effort is that of {name}."
+    return f"{text} The plan of {name} has the least effort."
 
 
 def facts(comparison: Comparison) -> list[tuple[str, str]]:

@@ -10,7 +10,7 @@ import planner
 from planner.methods.collocation.long_arms.held import can_hold
 from planner.methods.collocation.method import collocation_task
 from planner.methods.desensitised.method import _task
-from planner.plan.measures import effort
+from planner.plan.measures import effort, turns
 from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions
 from planner.robustness.sensitivity import sensitivity
 from planner.support.deadline import time_up
@@ -26,12 +26,12 @@ def example(paper: planner.Problem) -> planner.Problem:
 
 @pytest.fixture(scope="module")
 def reversing(example: planner.Problem) -> planner.Plan:
-    return planner.solve(example, "desensitised", intervals=24)
+    return planner.solve(example, "desensitised", reversal=True, intervals=24)
 
 
 @pytest.fixture(scope="module")
 def one_way(example: planner.Problem) -> planner.Plan:
-    return planner.solve(example, "desensitised", reversal=False, starts=2, intervals=20)
+    return planner.solve(example, "desensitised", starts=2, intervals=20)
 
 
 def test_reversing_plan_beats_the_known_optimum(reversing: planner.Plan) -> None:
@@ -180,15 +180,41 @@ def test_obstacles_are_cleared() -> None:
 
 def test_waypoints_are_refused_with_the_way_out() -> None:
     problem = planner.load_problem(PROBLEMS / "waypoint.toml")
-    with pytest.raises(planner.NotConvergedError, match="do not pass waypoints"):
+    with pytest.raises(planner.NoPlanError, match="does not plan for distance from waypoint 1"):
         planner.solve(problem, "desensitised")
 
 
-def test_one_way_where_it_cannot_be() -> None:
-    problem = planner.load_problem(PROBLEMS / "parking.toml")
-    with pytest.raises(planner.InfeasibleError, match="no one-way motion exists") as refusal:
-        planner.solve(problem, "desensitised", reversal=False)
-    assert "reversal = true" in str(refusal.value.advice)
+@pytest.mark.parametrize("input", ["constant", "linear"])
+def test_the_drive_turns_back_only_where_the_plan_of_least_effort_does(input: str) -> None:
+    problem = planner.load_problem(PROBLEMS / "crossing.toml")
+    easy = planner.solve(problem, "collocation")
+    options = {"starts": 1, "intervals": 24, "input": input}
+    free = planner.solve(problem, "desensitised", reversal=True, **options)  # type: ignore[arg-type]
+    plan = planner.solve(problem, "desensitised", **options)  # type: ignore[arg-type]
+    found = [len(turns(each.trajectory)) for each in (easy, plan, free)]
+    assert found == [1, 1, 3]
+    passive = [sensitivity(each).passive_block_deg() for each in (easy, plan, free)]
+    assert passive[0] > 1.5 * passive[1] > 3 * passive[2]
+
+
+def test_on_the_machine_no_worse_than_least_effort_and_compensated_as_well(
+    one_way: planner.Plan,
+) -> None:
+    """Free to turn back it was the worst plan there is on the prototype: 9.8 degrees."""
+    easy = planner.solve(one_way.problem, "collocation")
+    for change, most in ((lambda plan: plan, 7.5), (planner.compensate, 2.6)):
+        ends = [planner.replay(change(p), samples=300, seed=3) for p in (easy, one_way)]
+        least, ours = (float(np.percentile(run.terminal_E_deg, 95)) for run in ends)
+        assert ours < least + 0.1 < most
+
+
+def test_a_plan_next_to_one_known_comes_from_it(one_way: planner.Plan) -> None:
+    near = one_way.problem.changed({"goal.theta_deg": [30.5, 30, 30]})
+    plan = planner.solve(near, "desensitised", starts=2, intervals=20, warm=one_way)
+    assert [entry["start"] for entry in plan.notes["tried"]] == ["the plan given"]
+    other = planner.solve(planner.load_problem(PROBLEMS / "four-joint.toml"))
+    with pytest.raises(planner.InputError, match="warm is a plan of another system"):
+        planner.solve(near, "desensitised", warm=other)
 
 
 def test_a_spread_that_does_not_fit(paper: planner.Problem) -> None:

@@ -33,12 +33,14 @@ class Asked:
     Attributes:
         rest: Whether they are zero at both ends.
         way: Sign that the first one keeps; zero where it may change.
+        turns: Shares of the duration at which that sign changes.
         effort: Most that ∫ u₁² + u₂² dt may be, where the transcription meters it.
         timeless: Whether limits that read inputs are not asked for: a path has no timing yet.
     """
 
     rest: bool = False
     way: float = 0.0
+    turns: tuple[float, ...] = ()
     effort: float = np.inf
     timeless: bool = False
 
@@ -96,7 +98,7 @@ def bounds(
     low, high = (np.concatenate([[], *(each.sides[k] for each in held)]) for k in (0, 1))
     most = MOST_DRAWN_IN * (high - low) / 2
     inside, edges = np.minimum(drawn, most), np.minimum(_at_nodes(drawn), most)
-    lower, upper = _limits(problem, made, asked, inside, edges)
+    lower, upper = _limits(problem, made, mesh, asked, inside, edges)
     _fix(lower, upper, problem, made, mesh, asked)
     reads = [required.reads for required in held for _ in required.parts]
     row_lower, row_upper = np.zeros((2, made.form.intervals, made.height))
@@ -124,7 +126,7 @@ def bounds(
 
 
 def _limits(
-    problem: Problem, made: Transcription, asked: Asked, inside: Array, edges: Array
+    problem: Problem, made: Transcription, mesh: Mesh, asked: Asked, inside: Array, edges: Array
 ) -> tuple[Array, Array]:
     """Bounds of the unknowns; what is kept is drawn in by (K, R) inside and (K+1, R) at edges."""
     places = made.layout
@@ -155,7 +157,9 @@ def _limits(
         within(end, (-most, most))
     lower[places.durations[:1]] = SHORTEST_S
     if asked.way:
-        (lower if asked.way > 0 else upper)[places.inputs[:, 0]] = 0.0
+        turned = np.searchsorted(asked.turns, made.form.input_places(mesh))
+        forward = asked.way * (-1.0) ** turned > 0
+        lower[places.inputs[forward, 0]] = upper[places.inputs[~forward, 0]] = 0.0
     if np.isfinite(asked.effort):
         upper[places.nodes[-1, -1]] = asked.effort
     return lower, upper

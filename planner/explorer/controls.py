@@ -233,10 +233,11 @@ UNITS = {
     "_m_s2": "m/s²",
     "_m_s": "m/s",
     "_deg": "deg",
+    "_m": "m",
 }
 """Unit by the ending of a key."""
 
-USUAL: Mapping[str, float] = {"deg": 80.0, "": 0.01}
+USUAL: Mapping[str, float] = {"deg": 80.0, "": 0.01, "m": 0.02}
 """Where a limit starts when it is switched on, by unit; 1 of other units."""
 
 

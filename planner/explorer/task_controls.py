@@ -62,11 +62,9 @@ def _sliders(group: str, key: str, now: Any, usual: Any, help_text: str) -> Iter
         label = name.replace("_", " ") if len(name) > 3 else name
         if listed:  # the first joint has a motor of its own, so that gears begin with K2
             number = k + (2 if name == "K" else 1)
-            label = (
-                subscripted(f"{name}{number}")
-                if name in ("theta", "K")
-                else f"{label.removesuffix('s')} {number}"
-            )
+            counted = f"{label.removesuffix('s')} {number}"
+            known = {"theta": subscripted(f"theta{number}"), "K": subscripted(f"K{number}")}
+            label = f"tip {'xy'[k]}" if name == "tip" else known.get(name, counted)
         if key == JOINTS:
             ends: tuple[float, float] = (2, max(MOST_SHOWN, value))
         elif group == GROUPS["system"]:

@@ -71,7 +71,7 @@ Rates = Callable[[float | None], tuple[Keeping, Keeping]]
 
 
 def law(rates: Rates) -> Keeps:
-    """A closed form reaches the goal within the chart.
+    """A closed form reaches the goal within the chart, if that gives every joint.
 
     Where the duration is free, it becomes so long that what depends on the speed is kept.
     """

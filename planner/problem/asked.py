@@ -10,6 +10,7 @@ from planner.errors import InputError
 from planner.problem.requirements.ends import TipGoal
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import Requirement
+from planner.problem.requirements.self_collision import SelfCollision
 from planner.problem.tables.kinds import REQUIREMENTS
 from planner.problem.tables.problem_file import ProblemFile
 from planner.support.arrays import Array
@@ -92,13 +93,14 @@ def tip_of(
 
 
 def further_of(tables: ProblemFile, system: TriangularSystem, source: str) -> list[Requirement]:
-    """The limits of kinds that all systems know.
+    """The clearance of an arm's links, and limits of kinds that all systems know.
 
     Raises:
         InputError: If one cannot be of this system, or its class contradicts itself.
     """
     out = []
-    for key, kind in REQUIREMENTS.items():
+    kinds: dict[str, type[Requirement]] = {SelfCollision.key: SelfCollision, **REQUIREMENTS}
+    for key, kind in kinds.items():
         value = getattr(tables.limits, key, None)
         if value is None:
             continue

@@ -99,7 +99,8 @@ class Problem:
         compensation: Whether and how plans are compensated for the machine.
         waypoints: Places that every plan passes through.
         obstacles: Discs that the links of an arm must not touch.
-        further: Registered limits that any system may have, see `planner.register_requirement`.
+        further: The clearance of an arm's links, and registered limits that any system may have,
+            see `planner.register_requirement`.
         tip: Where an arm's tip ends, in place of joints' angles; None where it is not asked for.
         source: Where the problem came from, for messages.
     """
@@ -190,6 +191,7 @@ class Problem:
         input_rate_rad_s2: ArrayLike | None = None,
         joint_deg: ArrayLike | None = None,
         z2_margin: float | None = None,
+        self_clearance_m: float | None = None,
         title: str = "manipulator",
         changes: Mapping[str, Any] | None = None,
     ) -> Problem:
@@ -215,6 +217,7 @@ class Problem:
             input_rate_rad_s2: Largest |du/dt|, rad/s², likewise.
             joint_deg: Largest |θ|, degrees: one number, or one per joint.
             z2_margin: Least |z₂|; z₂ keeps the sign it has at the start.
+            self_clearance_m: Least distance of links that are not neighbours, metres.
             title: Its name in tables and figures.
             changes: Further dotted keys and values, for example {"machine.preset": "ideal"}.
 
@@ -233,6 +236,7 @@ class Problem:
             "input_rate_rad_s2": input_rate_rad_s2,
             "joint_deg": joint_deg,
             "z2_margin": z2_margin,
+            "self_clearance_m": self_clearance_m,
         }
         tables = {
             "title": title,

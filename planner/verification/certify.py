@@ -78,6 +78,7 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int]:
     found = [
         *need.decide(wanted + inside, motion.cells),
         *requirements_proven.obstacles(problem, motion),
+        *requirements_proven.links_apart(problem, motion),
         *requirements_proven.waypoints(problem, motion, lambda t: _own_time(trajectory, t)),
     ]
     claims += _on_clock(found, trajectory)

@@ -1,6 +1,6 @@
 """A problem's requirements as functions of time that must not be negative.
 
-Waypoints and obstacles, proven.
+Waypoints, obstacles and links that stay apart, proven.
 
 A link from P in direction e of length l has from a disc's centre C the squared distance
 
@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, cast
 
 import casadi as ca
 import numpy as np
@@ -24,11 +24,12 @@ import numpy as np
 from planner.plan.claims import Claim, undecided
 from planner.problem.problem import Problem
 from planner.problem.requirements.chart import ChartDomain
-from planner.problem.requirements.places import Obstacle, Waypoint
+from planner.problem.requirements.places import Waypoint
 from planner.problem.requirements.requirement import At, Part, Requirement
+from planner.problem.requirements.self_collision import SelfCollision
 from planner.support import deadline
 from planner.support.arrays import Array
-from planner.systems.triangular_system import TriangularSystem
+from planner.systems.triangular_system import TriangularSystem, arm_points_expr
 from planner.verification import affine_models
 from planner.verification.affine_models import UNIT, Model
 from planner.verification.balls import Ball
@@ -274,15 +275,39 @@ def obstacles(problem: Problem, motion: Motion) -> list[Claim]:
     out = []
     for disc in problem.obstacles:
         centre = [Ball.constant(x) for x in disc.centre]
-        values = motion.models(*_links(problem.system)(motion.q, centre))
-        lengths = problem.system.link_lengths  # type: ignore[attr-defined]
-        for link, (part, length) in enumerate(zip(disc.parts, lengths, strict=True)):
-            own = values[3 * link : 3 * link + 3]
-            square, cells = _square(own, float(length), motion.cells)
-            of = ToProve(part.label, [], part.scale, part.unit)
-            (found,) = least([(1.0, square, 0.0)], cells, np.array([disc.radius**2]))
-            bounds = [_clearance(x, disc) for x in (found.guaranteed, found.attained)]
-            out.append(claim(of, bounds[0], bounds[1], found.time_s))
+        out += _clear(problem, motion, centre, list(enumerate(disc.parts)), disc.radius)
+    return out
+
+
+def links_apart(problem: Problem, motion: Motion) -> list[Claim]:
+    """The distance of each joint from each link that is not next to it, beyond the clearance.
+
+    While all are proven no two links cross that did not at the start, which the problem has
+    excluded: by continuity an end of one would first touch the other.
+    """
+    out = []
+    for required in problem.requirements:
+        if isinstance(required, SelfCollision):
+            points = _points(problem.system)(motion.q)
+            for part, (place, link) in zip(required.parts, required.near, strict=True):
+                centre, wanted = points[2 * place : 2 * place + 2], [(link - 1, part)]
+                out += _clear(problem, motion, centre, wanted, required.clearance)
+    return out
+
+
+def _clear(
+    problem: Problem, motion: Motion, centre: list[Ball], wanted: list[tuple[int, Part]], by: float
+) -> list[Claim]:
+    """How far some links (from 0), each with its part, are from a place, beyond a distance."""
+    balls, out = _links(problem.system)(motion.q, centre), []
+    lengths = problem.system.link_lengths  # type: ignore[attr-defined]
+    values = motion.models(*(balls[3 * link + k] for link, _ in wanted for k in range(3)))
+    for k, (link, part) in enumerate(wanted):
+        square, cells = _square(values[3 * k : 3 * k + 3], float(lengths[link]), motion.cells)
+        of = ToProve(part.label, [], part.scale, part.unit)
+        (found,) = least([(1.0, square, 0.0)], cells, np.array([by**2]))
+        bounds = [_clearance(x, by) for x in (found.guaranteed, found.attained)]
+        out.append(claim(of, bounds[0], bounds[1], found.time_s))
     return out
 
 
@@ -329,6 +354,14 @@ def _links(system: TriangularSystem) -> Expression:
     return Expression([q, centre], ca.vertcat(*out))
 
 
+@lru_cache(maxsize=32)
+def _points(system: TriangularSystem) -> Expression:
+    """x and y of the base, the joints and the tip, of q."""
+    q, arm = ca.SX.sym("q", system.size), cast("Any", system)
+    points = arm_points_expr([q[i] for i in range(1, system.size)], arm.link_lengths)
+    return Expression([q], ca.vertcat(*(x for point in points for x in point)))
+
+
 def _square(values: list[Model], length: float, cells: Cells) -> tuple[Model, Cells]:
     """A model that is nowhere above the squared distance, close to it where it may be least, and
     its cells."""
@@ -369,8 +402,8 @@ def _least_of(a: Array, length: float) -> Array:
     return np.asarray(2 * a * t + t**2)
 
 
-def _clearance(square: float, disc: Obstacle) -> float:
-    return float(np.sqrt(max(square, 0.0)) - disc.radius) if np.isfinite(square) else square
+def _clearance(square: float, by: float) -> float:
+    return float(np.sqrt(max(square, 0.0)) - by) if np.isfinite(square) else square
 
 
 def _nearest(motion: Motion, point: Waypoint) -> tuple[float, bool]:

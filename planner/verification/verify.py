@@ -293,6 +293,9 @@ def _not_judged(plan: Plan, violation: Violation) -> Check:
     )
 
 
+FLAT = 1e-13
+"""Depth of a dip, metres or radians, that is rounding: a distance may be the same all the time."""
+
 _ROUNDS = 11
 """Rounds that each narrow a dip eight times: to 1e-10 of the distance between samples."""
 
@@ -327,8 +330,9 @@ def _least(motion: Motion, function: Callable[[Array], Array]) -> tuple[Array, A
     walls = np.full((1, *values.shape[1:]), np.inf)
     before, after = np.concatenate([walls, values[:-1]]), np.concatenate([values[1:], walls])
     sides = [np.where(np.isfinite(side), side - values, 0.0) for side in (before, after)]
-    lowest = values - 2 * np.maximum(*sides)
-    dips = (values <= before) & (values <= after) & (lowest <= np.min(values, axis=(0, 1)))
+    deep, least = np.maximum(*sides), np.min(values, axis=(0, 1))
+    dips = (values <= before) & (values <= after) & (values - 2 * deep <= least)
+    dips &= (deep > FLAT) | (values == least)
     sample, cell, which = np.nonzero(dips)
     low, high = grid[np.maximum(sample - 1, 0)], grid[np.minimum(sample + 1, len(grid) - 1)]
     share, row = np.linspace(0.0, 1.0, 17)[:, None], np.arange(len(cell))

@@ -59,6 +59,27 @@ def test_a_free_slider_shows_what_the_method_chose() -> None:
     assert not shown.controls["goal.travel"].on
 
 
+def test_a_goal_of_the_tip_moves_with_its_sliders() -> None:
+    shown = screen("tip", "collocation")
+    assert [shown.controls[f"goal.tip_m:{k}"].label for k in (0, 1)] == ["tip x", "tip y"]
+    assert panel(shown, "plane")["tips"] == [[0.4964, 0.6598]]
+    assert None not in np.ravel(panel(shown, "map")["ends"])
+    json.dumps(shown.picture(), allow_nan=False)
+    shown.change([("goal.tip_m:0", 0.5), ("goal.tip_m:1", 0.64)])
+    assert shown.outcome.plan is not None
+    poses = panel(shown, "plane")["poses"]
+    np.testing.assert_allclose(poses[-1][-1], [0.5, 0.64], atol=1e-6)
+    fixed = State.of(
+        shown.state.problem().changed({"goal.theta_deg": [20, "free", "free"]}), "auto", 0
+    )
+    assert fixed.with_value("system.joints", 5).changes["goal.theta_deg"] == [20.0, *["free"] * 4]
+
+
+def test_the_clearance_of_links_is_a_slider_that_is_off() -> None:
+    control = screen("paper").controls["limits.self_clearance_m"]
+    assert (control.unit, control.on) == ("m", False)
+
+
 def test_a_refused_path_is_drawn_with_the_reason_in_words() -> None:
     shown = screen("paper-fig5")
     words = shown.words()

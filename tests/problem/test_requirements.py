@@ -131,7 +131,17 @@ def kinds() -> list[tuple[planner.Problem, Requirement]]:
     mirrored = {"start.theta_deg": [-1, -1, -1], "goal.theta_deg": [-30, -30, -30]}
     found += [(paper, required) for required in paper.changed(mirrored).requirements]
     obstacle = planner.load_problem(ROOT / "problems/obstacle.toml")
-    return found + [(obstacle, required) for required in obstacle.obstacles]
+    found += [(obstacle, required) for required in obstacle.obstacles]
+    arm = {"joints": 4, "K": [0.87, 0.71, 0.58], "link_lengths": [0.3, 0.2, 0.2, 0.3]}
+    four = paper.changed(
+        {
+            **{f"system.{key}": value for key, value in arm.items()},
+            "start.theta_deg": [1, 1, 1, 1],
+            "goal.theta_deg": [30, 30, 30, 30],
+            "limits": {"self_clearance_m": 0.1},
+        }
+    )
+    return found + [(four, required) for required in four.further]
 
 
 @pytest.mark.parametrize(("problem", "required"), kinds(), ids=lambda x: type(x).__name__)

@@ -12,8 +12,10 @@ import pytest
 from compared import ROOT, outside, quick_comparison
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
+from scipy.interpolate import BPoly
 
 import planner
+from planner.plan.trajectory import StateTrajectory
 from planner.report.figures.arm import plot_arm
 from planner.report.figures.on_the_machine import (
     median_sample,
@@ -175,6 +177,30 @@ def test_arm_shows_poses_from_start_to_goal(plans: dict[str, planner.Plan]) -> N
     (path,) = lines(axes[0, 1], COLOURS[1])
     np.testing.assert_allclose(path.get_xydata()[-1], expected[-1])
     assert axes[0, 0].get_aspect() == 1
+
+
+def test_where_links_come_nearest_is_marked() -> None:
+    problem = planner.Problem.manipulator(
+        [5, 60, 60, 60], [45, 60, 60, 59], link_lengths=[0.4, 0.2, 0.2, 0.35], duration=1.0,
+        changes={"limits.self_clearance_m": 0.05},
+    )  # fmt: skip
+    end = problem.start + np.deg2rad([0, 40, 0, 0, 0])
+    curve = BPoly(np.stack([problem.start, end])[:, None], [0.0, 1.0])
+    u = BPoly(np.array([[[0.0, np.deg2rad(40)]]]), [0.0, 1.0])
+    turning = StateTrajectory(problem.system, curve, u)
+    _, axes = plot_arm(planner.Plan(problem, "collocation", {}, turning))
+    drawn = [line for line in axes[0, 0].lines if line.get_color() == "crimson"]
+    pose, gap = (np.array(line.get_data()).T for line in drawn)
+    assert len(pose) == 5
+    assert np.linalg.norm(gap[1] - gap[0]) == pytest.approx(0.2)  # joints 2 and 3, all the time
+    assert "links 0.2 m apart" in {text.get_text() for text in axes[0, 0].texts}
+
+
+def test_a_goal_of_the_tip_is_a_cross() -> None:
+    plan = planner.solve(planner.load_problem(ROOT / "problems/tip.toml"))
+    _, axes = plot_arm(plan)
+    (cross,) = [line for line in axes[0, 0].lines if line.get_marker() == "x"]
+    np.testing.assert_allclose(np.ravel(cross.get_data()), [0.4964, 0.6598])
 
 
 def test_vehicles_are_drawn_by_their_path() -> None:

@@ -44,6 +44,12 @@ class ArmLimits(BaseLimits):
         None, description="Largest |theta| in degrees, below 90: one number, or one per joint."
     )
 
+    self_clearance_m: Positive | None = Field(
+        None,
+        description="Least distance in metres (in the unit of system.link_lengths, 1 each) of links"
+        " that are no neighbours: their width, or more. Left out, links may cross.",
+    )
+
     def inputs(self) -> Array:
         """Largest |u|, shape (2,), rad/s."""
         return bound(self.input_rad_s, 2)

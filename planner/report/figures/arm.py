@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import InputError
+from planner.plan.plan import Plan
 from planner.problem.problem import Problem
+from planner.problem.requirements.self_collision import SelfCollision
 from planner.report.figures.style import TAG, Curve, Plans, curves, grid, heading, times
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
@@ -123,11 +125,26 @@ def _draw(ax: Any, curve: Curve, scale: Any, poses: int) -> None:
         style = {"linewidth": 1.8, "markersize": 2.5 if len(points) > 2 else 4, "alpha": 0.75}
         order = 2 if len(points) > 2 else 4
         ax.plot(*points.T, "-o", color=scale.to_rgba(t), zorder=order, **style)
+    _draw_closest(ax, plan)
     for point, text in ((path[0], "start"), (path[-1], "end")):
         ax.plot(*point, "o", color="black", markersize=4, zorder=5)
         ax.annotate(
             text, point, (6, -10), textcoords="offset points", fontsize=8, zorder=6, bbox=TAG
         )
+
+
+def _draw_closest(ax: Any, plan: Plan) -> None:
+    """Where two links that are to keep apart are nearest to each other: the pose, and how near."""
+    for required in plan.problem.requirements:
+        if not isinstance(required, SelfCollision):
+            continue
+        poses = body(plan.problem, plan.q(times(plan)))
+        points = poses[int(np.argmin(np.min(required.distances(poses), axis=0)))]
+        one, other, away = required.closest(points)
+        ax.plot(*points.T, "-", color="crimson", linewidth=1, zorder=4)
+        ax.plot(*np.stack([one, other]).T, "-", color="crimson", linewidth=2.5, zorder=6)
+        words = f"links {away:.2g} m apart" if away > 0 else "links cross"
+        ax.annotate(words, one, (6, 6), textcoords="offset points", fontsize=8, bbox=TAG, zorder=6)
 
 
 def _time_scale(longest: float) -> Any:

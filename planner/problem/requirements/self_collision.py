@@ -1,0 +1,217 @@
+"""Links of an arm that keep clear of each other.
+
+Of two links that do not cross, the places nearest to each other include an end of one of them. So
+links stay apart by c > 0 as long as the ends of each stay that far from the other: before they
+could cross an end would have to touch. What is kept are therefore distances of joints (and the tip)
+from links, as from obstacles that move along. Neighbours share a joint and are not looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import Violation
+from planner.problem.requirements.requirement import At, Broken, Part, Requirement
+from planner.support.arrays import Array
+from planner.systems.triangular_system import TriangularSystem, arm_points_expr
+
+Pair = tuple[int, int]
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class SelfCollision(Requirement):
+    """Links that are no neighbours stay apart.
+
+    Attributes:
+        links: Number of the arm's links; with fewer than three all are neighbours.
+        clearance: Least distance, metres.
+    """
+
+    links: int
+    clearance: float
+
+    reads = frozenset({"q"})
+    numbers = ("clearance",)
+    smooth = False
+    key = "self_clearance_m"
+
+    @classmethod
+    def of(cls, value: Any, system: TriangularSystem) -> SelfCollision:
+        """From the clearance.
+
+        Raises:
+            ValueError: If the arm has no such links, or the links between them are shorter.
+        """
+        lengths = system.link_lengths  # type: ignore[attr-defined]
+        if len(lengths) < 3:
+            raise ValueError(f"an arm of {len(lengths)} links has none that are no neighbours")
+        if value >= (least := float(np.min(lengths[1:-1]))):
+            raise ValueError(
+                f"{value:g} m is not less than the shortest link between two, {least:g} m, which"
+                " holds their joints together"
+            )
+        return cls(len(lengths), float(value))
+
+    @cached_property
+    def crossing(self) -> list[Pair]:
+        """Links, from 1, that are no neighbours."""
+        pairs = product(range(1, self.links + 1), repeat=2)
+        return [(i, j) for i, j in pairs if j >= i + 2]
+
+    @cached_property
+    def near(self) -> dict[Pair, list[Pair]]:
+        """What stays apart: a joint (from 0; the last is the tip) and a link, from 1. For each the
+        links whose crossing it would mean."""
+        out: dict[Pair, list[Pair]] = {}
+        for i, j in self.crossing:
+            for end in _ends((i, j)):
+                out.setdefault(end, []).append((i, j))
+        return dict(sorted(out.items()))
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """One for each joint, or the tip, and each link that is not next to it."""
+        names = [*(f"joint {k + 1}" for k in range(self.links)), "the tip"]
+        least = self.clearance
+        return tuple(
+            Part(f"clearance of {names[place]} from link {link}", "m", least, np.inf, least)
+            for place, link in self.near
+        )
+
+    @classmethod
+    def eased(cls, broken: Sequence[Broken]) -> str:
+        """A smaller clearance, or none where links cross."""
+        least = min(v.value for *_, v in broken)
+        if least > 0:
+            return f"limits.{cls.key} = {0.999 * least:.4g} or less"
+        return f"leave out limits.{cls.key}"
+
+    def without(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
+        """No clearance."""
+        return {f"limits.{self.key}": None}, f"leave out limits.{self.key}", "the links' clearance"
+
+    def rows(self, at: At) -> Sequence[Any]:
+        """The distance of each joint from each link, to first order near the clearance c.
+
+        (distance² + c²)/(2c) is smooth where the distance is zero, equals c where that does, and
+        has its slope there. Where two links cross the distance counts as negative and is that of
+        the nearest of their ends, which is the shortest way out.
+        """
+        system: Any = at.system
+        points = arm_points_expr([at.q[i] for i in range(1, system.size)], system.link_lengths)
+        square = {
+            (place, link): _square(points[place], points[link - 1], points[link])
+            for place, link in self.near
+        }
+        cross, deep = {}, {}
+        for i, j in self.crossing:
+            a, b, c, d = points[i - 1], points[i], points[j - 1], points[j]
+            apart = _side(a, b, c) * _side(a, b, d), _side(c, d, a) * _side(c, d, b)
+            cross[i, j] = ca.logic_and(apart[0] < 0, apart[1] < 0)
+            ends = [square[end] for end in _ends((i, j))]
+            deep[i, j] = ca.fmin(ca.fmin(ends[0], ends[1]), ca.fmin(ends[2], ends[3]))
+        out = []
+        for end, pairs in self.near.items():
+            value = square[end]
+            for pair in pairs:
+                value = ca.if_else(cross[pair], -deep[pair], value)
+            out.append((value + self.clearance**2) / (2 * self.clearance))
+        return out
+
+    def values(self, at: At) -> Sequence[Any]:
+        """The distance of each joint from each link, metres; minus the way out where they cross."""
+        system: Any = at.system
+        return list(self.distances(system.arm_points(at.states[..., 1:])))
+
+    def distances(self, points: Array) -> Array:
+        """The same, shape (R, …).
+
+        Args:
+            points: Base, joints and tip, shape (…, n+1, 2), metres.
+        """
+        i, j = np.array(self.crossing).T
+        a, b, c, d = (points[..., k, :] for k in (i - 1, i, j - 1, j))
+        one = _turn(b - a, c - a) * _turn(b - a, d - a)
+        other = _turn(d - c, a - c) * _turn(d - c, b - c)
+        place, link = np.array(list(self.near)).T
+        spot = points[..., place, :]
+        gap = nearest(spot, points[..., link - 1, :], points[..., link, :]) - spot
+        away, (ends, pairs) = np.linalg.norm(gap, axis=-1), self._numbers
+        inside = np.where((one < 0) & (other < 0), np.min(away[..., ends], axis=-1), np.inf)
+        deep = np.min(inside[..., pairs], axis=-1)
+        return np.moveaxis(np.where(np.isfinite(deep), -deep, away), -1, 0)
+
+    @cached_property
+    def _numbers(self) -> tuple[Index, Index]:
+        """The four ends among the parts of each pair that may cross (P, 4), and the one or two
+        pairs that each part belongs to (R, 2)."""
+        parts, pairs = list(self.near), self.crossing
+        ends = [[parts.index(end) for end in _ends(pair)] for pair in pairs]
+        own = [[pairs.index(near[0]), pairs.index(near[-1])] for near in self.near.values()]
+        return np.array(ends), np.array(own)
+
+    def excluded(self, name: str, v: Violation) -> str:
+        """The words of a contradiction."""
+        what = v.label.removeprefix("clearance of ")
+        change = f"move it or lower limits.{self.key}"
+        if v.value <= 0:
+            return f"at the {name} links cross ({what}); move it, or leave out limits.{self.key}"
+        is_ = f"the clearance of {what} is {v.value:.3g} m, allowed {v.limit:g} m"
+        return f"at the {name} {is_}; {change}"
+
+    def closest(self, points: Array) -> tuple[Array, Array, float]:
+        """The joint and the place of a link that are nearest to each other in one pose.
+
+        Args:
+            points: Base, joints and tip, shape (n+1, 2), metres.
+
+        Returns:
+            Both places, shape (2,), and their distance as of `distances`.
+        """
+        values = self.distances(points)
+        places = [
+            (points[place], nearest(points[place], points[link - 1], points[link]))
+            for place, link in self.near
+        ]
+        away = np.linalg.norm([one - other for one, other in places], axis=-1)
+        k = int(np.lexsort((away, values))[0])  # of those that cross the one with the way out
+        return (*places[k], float(values[k]))
+
+
+def nearest(point: Array, first: Array, last: Array) -> Array:
+    """The place of a segment that is nearest to a point; all of shape (…, 2)."""
+    step = last - first
+    share = np.sum((point - first) * step, axis=-1) / np.sum(step**2, axis=-1)
+    return np.asarray(first + np.clip(share, 0.0, 1.0)[..., None] * step)
+
+
+def _ends(pair: Pair) -> list[Pair]:
+    """The ends of two links, each with the other link."""
+    i, j = pair
+    return [(i - 1, j), (i, j), (j - 1, i), (j, i)]
+
+
+def _turn(a: Array, b: Array) -> Array:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def _square(point: Any, first: Any, last: Any) -> Any:
+    """Squared distance of a point from a segment, as an expression."""
+    step, off = (last[0] - first[0], last[1] - first[1]), (point[0] - first[0], point[1] - first[1])
+    share = (off[0] * step[0] + off[1] * step[1]) / (step[0] ** 2 + step[1] ** 2)
+    share = ca.fmin(ca.fmax(share, 0.0), 1.0)
+    return (off[0] - share * step[0]) ** 2 + (off[1] - share * step[1]) ** 2
+
+
+def _side(a: Any, b: Any, c: Any) -> Any:
+    """On which side of the line from a to b a point lies: positive to the left."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

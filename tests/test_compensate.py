@@ -199,6 +199,16 @@ def test_the_table_is_checked(paper: planner.Problem) -> None:
     assert not paper.compensation.on
 
 
+def test_derivatives_across_a_plan_of_another_kind_lead_nowhere_far() -> None:
+    """The second plan turns back elsewhere; the step after it would be 129 degrees."""
+    problem = planner.load_problem(ROOT / "problems/crossing.toml")
+    plan = planner.solve(problem, "desensitised", intervals=24, starts=1)
+    made = planner.compensate(plan)
+    assert np.max(np.abs(np.rad2deg(made.notes["compensation"]["goal_shift"]))) < 30
+    run = planner.replay(made, samples=100, seed=UNTUNED)
+    assert np.median(run.terminal_E_deg) < 1.4  # 2.1 as it is
+
+
 def test_aiming_needs_broydens_method(monkeypatch: pytest.MonkeyPatch) -> None:
     """With the Jacobian kept at one, which takes the error itself off the goal, it goes astray."""
     problem = planner.load_problem(ROOT / "problems/paper-fig4.toml")

@@ -1,5 +1,6 @@
 """What is asked: a problem, its file, its requirements, and what no plan can beat.
 
 In this order: `requirements`, `tables` (the file's keys), `asked` (what they ask, and where that
-contradicts itself), `problem`, `feasibility` (least duration, window of travels), `nonholonomy`.
+contradicts itself), `problem`, `feasibility` (least duration, window of travels), `reach` (where a
+goal's tip can be), `nonholonomy`.
 """

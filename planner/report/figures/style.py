@@ -128,6 +128,11 @@ def times(plan: Plan, count: int = 1500) -> Array:
     return sample_times(plan.t, max(count, 12 * (len(plan.t) - 1)))
 
 
+def time_label(plans: Iterable[Plan]) -> str:
+    """The label of a time axis, on which 0 is where the plan starts: preparations lie before it."""
+    return "time since the plan's start (s)" if any(p.lead_s for p in plans) else "time (s)"
+
+
 def grid(
     rows: int,
     columns: int,

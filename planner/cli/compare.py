@@ -307,7 +307,7 @@ def save(found: dict[str, Budget], out: Path, command: str | None) -> str:
 
 
 def print_budgets(found: dict[str, Budget]) -> None:
-    """One table a plan."""
+    """Print one table per plan."""
     for each in found.values():
         print_text(each.table(), "")
 

@@ -50,7 +50,7 @@ class Quantity:
 
     @property
     def varies(self) -> bool:
-        """Whether samples differ in it."""
+        """Whether it differs between samples."""
         return any(s > 0 for s in self.spread)
 
     def to_setting(self) -> Any:
@@ -269,7 +269,7 @@ class Draws:
         return np.array([[EFFECTS[name].off]])
 
     def part(self, chosen: slice) -> Draws:
-        """A run of the samples."""
+        """The draws of a range of samples."""
         values = {name: value[:, chosen] for name, value in self.values.items()}
         return Draws(self.numbers[chosen], values)
 

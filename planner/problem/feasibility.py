@@ -67,7 +67,7 @@ class End:
 
 
 def chart_ends_report(problem: Problem) -> tuple[End, End]:
-    """The start and the goal."""
+    """Start and goal in the chart."""
     return _end("start", problem, problem.start), _end("goal", problem, problem.target)
 
 

@@ -100,11 +100,11 @@ class MachineEntry:
 
 @dataclass(frozen=True, eq=False)
 class MachineSensitivity:
-    """Responses of one plan to the parameters of one machine.
+    """Response of one plan to each parameter of a machine.
 
     Attributes:
         plan: The plan.
-        machine: The machine; its nominal values are what is stepped from.
+        machine: The machine; steps start from its nominal values.
         angles: Names of the n angles.
         t: Recorded times, shape (R,), s; the last is after the servos have settled.
         nominal_error_deg: Error of each angle at the end on the nominal machine, shape (n,).
@@ -176,7 +176,7 @@ class _Step:
 
 
 def machine_sensitivity(plan: Plan, machine: Machine | str | None = None) -> MachineSensitivity:
-    """Paired differences of an executable plan's open-loop replay, one parameter at a time.
+    """Compute paired differences of open-loop replays of a plan, one machine parameter at a time.
 
     Args:
         plan: Any executable plan.

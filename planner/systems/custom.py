@@ -138,7 +138,7 @@ class CustomSystem(TriangularSystem):
         return np.stack(out, axis=-1)
 
     def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
-        """The same."""
+        """The margins as CasADi expressions."""
         slopes, out = self.slopes_expr(q), []
         for i, (low, high) in self._intervals.items():
             derivative = ca.jacobian(slopes[i - 1], q)[0, i]

@@ -134,7 +134,7 @@ class _Trial:
 
     @property
     def worst(self) -> float:
-        """Largest part of what is missed."""
+        """Largest component of the error at the goal."""
         return float(np.max(np.abs(self.missed)))
 
 

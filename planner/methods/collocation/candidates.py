@@ -85,7 +85,7 @@ def _known() -> dict[str, list[Seed]]:
 
 
 def guess(problem: Problem, made: Transcription, mesh: Mesh, seed: Seed) -> Iterate:
-    """The unknowns along a seed."""
+    """Initial values of the unknowns along a first guess."""
     s = np.linspace(0.0, 1.0, SAMPLES)
     q = _states(problem, mesh, seed, s)
     rates = np.gradient(q[:, :2], s, axis=0)

@@ -201,7 +201,7 @@ def shown(values: Array, unit: str) -> Array:
 
 
 def line(curve: Curve) -> Any:
-    """A legend's entry for a curve."""
+    """A legend entry for a curve."""
     from matplotlib.lines import Line2D
 
     return Line2D(
@@ -221,7 +221,7 @@ def legend(
 
 
 def heading(figure: Figure, text: str, *, ours: bool) -> None:
-    """A title over a figure of ours."""
+    """Set a title above a figure that we made."""
     if ours:
         letters = int(11 * figure.get_figwidth())
         figure.suptitle(plain(textwrap.fill(text, letters)), fontsize=11)

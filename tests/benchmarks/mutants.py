@@ -9,7 +9,8 @@ minute to two where they do not. After each part README.md is written to the fol
 survivor and the reasons that mutants.toml gives for it.
 
 A run that was ended goes on where it was: delete out/mutants to begin anew. `--again` runs the
-survivors without a reason against the tests of the commit that is the last one now.
+survivors without a reason against the tests of the commit that is the last one now, whose code must
+be the same.
 """
 
 from __future__ import annotations

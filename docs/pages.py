@@ -16,6 +16,13 @@ from pydantic import BaseModel
 
 import planner
 from planner.cli.app import app, main
+from planner.design.design_file import (
+    DesignFile,
+    MachinesTable,
+    PairTable,
+    TasksTable,
+    VariablesTable,
+)
 from planner.problem.tables.compensation import CompensationTable
 from planner.problem.tables.kinds import FILES
 from planner.problem.tables.machine_effects import EFFECTS, MachineTable
@@ -35,6 +42,7 @@ def write(docs: Path) -> None:
         "problem-file.md": problem_file(),
         "machine.md": machine(),
         "sweep-file.md": sweep_file(),
+        "design-file.md": design_file(),
     }.items():
         _put(made / name, text)
     (docs / "notebooks").mkdir(exist_ok=True)
@@ -90,9 +98,45 @@ def methods() -> str:
     parts.append(
         "The tables `[method.NAME]` of a problem file, and the keywords of `planner.solve`.\n"
     )
+    parts += ["## What each method promises\n", promises()]
     for method in planner.METHODS.values():
         parts += [f"## {method.name}\n", method.summary + ".\n", table(method.options)]
     return "\n".join(parts)
+
+
+ASKED: tuple[dict[str, Any], ...] = (
+    {},
+    {"limits.input_rate_rad_s2": 5.0},
+    {"limits.input_rate_rad_s2": 5.0, "goal.duration": "free"},
+    {"limits.input_rate_rad_s2": 5.0, "goal.travel": 0.0},
+)
+"""Changes of the problem files with which every answer is given once."""
+
+
+def promises() -> str:
+    """What each method answers for each kind of requirement, over the problem files."""
+    found: dict[type, dict[str, set[str]]] = {}
+    for path in sorted((ROOT / "problems").glob("*.toml")):
+        for changes in ASKED:
+            try:
+                problem = planner.load_problem(path, changes)
+            except planner.InputError:  # a vehicle's travel, a waypoint's time
+                continue
+            for demand in problem.demands:
+                own = found.setdefault(type(demand), {name: set() for name in planner.METHODS})
+                for name, method in planner.METHODS.items():
+                    own[name] |= {method.keeps(problem, demand, part) for part in demand.parts}
+    rows = []
+    for kind, own in found.items():
+        what = (kind.__doc__ or "").splitlines()[0].replace("|", "\\|")
+        rows.append([what, *(" or ".join(sorted(answers)) for answers in own.values())])
+    return (
+        "*Kept*: no motion that the method finds breaks it. *Judged*: the method finds its motion"
+        " without it, or only compares some motions by it, and the judge then decides. *Never*: the"
+        " problem is refused before the method begins. Where there are two answers it depends on"
+        " the problem; `planner check` says which holds, and `planner/methods/keeping.py` why.\n\n"
+        + _table(["what is asked", *planner.METHODS], rows)
+    )
 
 
 def problem_file() -> str:
@@ -135,6 +179,16 @@ def _described(name: str, model: type[BaseModel], whose: str = "") -> list[str]:
 def sweep_file() -> str:
     """Every key of a sweep file."""
     return "# The sweep file\n\n" + table(SweepFile)
+
+
+def design_file() -> str:
+    """Every key of a design file."""
+    parts = ["# The design file\n", table(DesignFile)]
+    parts += ["\n## Design variables, in `grid` and `cases`\n", table(VariablesTable)]
+    tables = {"tasks": TasksTable, "tasks.pairs": PairTable, "replay": MachinesTable}
+    for name, model in tables.items():
+        parts += [f"\n## [{name}]\n", table(model)]
+    return "\n".join(parts)
 
 
 def machine() -> str:

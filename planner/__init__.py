@@ -16,6 +16,9 @@ if TYPE_CHECKING:  # a new public name goes here, into the table below and into 
     from planner.comparison.compare import compare
     from planner.comparison.comparison import Comparison
     from planner.compensate import compensate
+    from planner.design.geometry import Design
+    from planner.design.result import DesignStudy
+    from planner.design.study import design_study
     from planner.errors import (
         InfeasibleError,
         InputError,
@@ -65,6 +68,9 @@ _HOMES = {
     "comparison.compare": "compare",
     "comparison.comparison": "Comparison",
     "compensate": "compensate",
+    "design.geometry": "Design",
+    "design.result": "DesignStudy",
+    "design.study": "design_study",
     "errors": "InfeasibleError InputError InputWarning NoPlanError NotConvergedError "
     "PlannerError SingularError TimeLimitError VerificationError "
     "Violation",
@@ -117,6 +123,8 @@ __all__ = [
     "Comparison",
     "Controllability",
     "CustomSystem",
+    "Design",
+    "DesignStudy",
     "Gear",
     "Indicators",
     "InfeasibleError",
@@ -151,6 +159,7 @@ __all__ = [
     "compare",
     "compensate",
     "controllability",
+    "design_study",
     "error_budget",
     "explore",
     "export",

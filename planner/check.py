@@ -1,4 +1,4 @@
-"""Is there a plan, of what kind, and if not, why and what would make one."""
+"""Find out whether a problem has a plan; if not, why not and which change would help."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import numpy as np
 
 from planner.errors import InputError, NoPlanError
 from planner.methods.advice import tried
-from planner.methods.refusal import Change, in_other_time, on_other_paths
+from planner.methods.keeping import not_promised
+from planner.methods.refusal import Change, in_other_time, on_other_paths, within_reach
 from planner.methods.registry import METHODS, find_method
 from planner.plan.measures import DomainReport
 from planner.plan.plan import Plan
@@ -24,6 +25,7 @@ from planner.problem.feasibility import (
 )
 from planner.problem.nonholonomy import Nonholonomy, nonholonomy
 from planner.problem.problem import Problem, expect_problem
+from planner.problem.reach import Reach, goal_reach
 from planner.solve import solve, solve_and_check
 from planner.support.deadline import limited, share
 from planner.verification.summary import plan_summary, refusal_summary
@@ -33,7 +35,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Reversal:
-    """Whether the path coordinate has to turn back: "needed", "not needed" or "open", and why."""
+    """Whether the first coordinate has to reverse: "needed", "not needed" or "open", and why."""
 
     verdict: str
     reason: str
@@ -41,7 +43,7 @@ class Reversal:
 
 @dataclass(frozen=True)
 class Remedy:
-    """A change that was tried and gave a verified plan.
+    """A change of the problem that was tried and gave a verified plan.
 
     Attributes:
         changes: Dotted keys to values, as `Problem.changed` takes them.
@@ -67,29 +69,34 @@ class Remedy:
 
 @dataclass(frozen=True)
 class Analysis:
-    """What `check` finds.
+    """Result of `check`.
 
     Attributes:
-        problem: What was examined.
-        ends: The start and the goal in the chart.
-        window: Travels a one-way motion can have; None where no window is known.
-        reversal: Whether the path coordinate must turn back.
-        duration_bound: Time below which no plan exists.
-        plain_polynomial: Where the polynomial without points leaves the chart's domain and z₂
-            crosses zero, and the travel this was found for; None when it stays inside.
-        nonholonomy: Controllability at the start, the goal and on θ₁ = 0.
-        outcomes: For each method its summary, see `planner.verification.summary.KEYS`.
-        remedy: When no method has a plan, a change that gives one, if one was found.
-        ended_early: What cut the search short, in words; None where nothing did.
+        problem: The problem.
+        ends: Start and goal in chained coordinates.
+        reach: Possible joint angles at a goal that leaves some free; None where it gives all.
+        window: Travels that are possible without reversing; None where no such window is known.
+        reversal: Whether the first coordinate must reverse.
+        duration_bound: Duration below which no plan exists.
+        plain_polynomial: Times at which the polynomial without constraint points leaves the chart's
+            domain and at which z₂ crosses zero, with the travel used; None if it stays inside.
+        nonholonomy: Controllability at the start, at the goal and at θ₁ = 0.
+        not_promised: For each method the labels of the requirements that it does not promise to
+            keep (known before it searches, see `planner.methods.keeping`).
+        outcomes: A summary for each method; keys: `planner.verification.summary.KEYS`.
+        remedy: If no method has a plan, a change of the problem that gives one, if one was found.
+        ended_early: What ended the search early, in words; None if it was completed.
     """
 
     problem: Problem
     ends: tuple[End, End]
+    reach: Reach | None
     window: TravelWindow | None
     reversal: Reversal
     duration_bound: DurationBound
     plain_polynomial: tuple[float, DomainReport] | None
     nonholonomy: Nonholonomy
+    not_promised: Mapping[str, tuple[str, ...]]
     outcomes: tuple[dict[str, Any], ...]
     remedy: Remedy | None
     ended_early: str | None = None
@@ -104,13 +111,13 @@ class Analysis:
 
     @property
     def proven_impossible(self) -> bool:
-        """Whether it is shown that no plan of any kind exists."""
+        """Whether it is proven that no plan of any kind exists."""
         duration = self.problem.duration
         return duration is not None and duration < self.duration_bound.seconds * (1 - 1e-9)
 
     @property
     def verdict(self) -> str:
-        """One or two sentences."""
+        """The result in one or two sentences."""
         if self.has_plan:
             kinds = [_kind(o) for o in self.outcomes if o["verified"]]
             return f"There is a plan: {'; '.join(kinds)}."
@@ -132,12 +139,14 @@ class Analysis:
             "proven_impossible": self.proven_impossible,
             "constants": system.to_dict() | {"k_g_rule": getattr(system, "k_g_rule", None)},
             "ends": {end.name: end.to_dict() for end in self.ends},
+            "reach": None if self.reach is None else self.reach.to_dict(),
             "travel_window": _window_dict(self.problem, self.window),
             "reversal": {"verdict": self.reversal.verdict, "reason": self.reversal.reason},
             "least_duration_s": self.duration_bound.seconds,
             "least_duration_reason": self.duration_bound.reason,
             "plain_polynomial": _polynomial_dict(self.plain_polynomial),
             "nonholonomy": self.nonholonomy.to_dict(),
+            "not_promised": {name: list(labels) for name, labels in self.not_promised.items()},
             "methods": list(self.outcomes),
             "remedy": None if self.remedy is None else self.remedy.to_dict(),
             "ended_early": self.ended_early,
@@ -150,15 +159,15 @@ def check(
     progress: Progress | None = None,
     time_limit_s: float | None = None,
 ) -> Analysis:
-    """Examine a problem and try the methods on it.
+    """Examine a problem and try every method on it.
 
     Args:
-        problem: What to examine.
-        methods: Names to try; when left out, every method of the registry that does not start from
-            another's plan.
-        progress: Called with a line of text before each step that may take time.
-        time_limit_s: Seconds for all of it. Each method has its share of what is left, and so has
-            the search for a remedy; see `planner.solve`.
+        problem: The problem.
+        methods: Names of methods to try. By default every method that does not start from the plan
+            of another one.
+        progress: Called with one line of text before each slow step.
+        time_limit_s: Seconds for the whole analysis. The methods and the search for a remedy share
+            the time that remains; see `planner.solve`.
 
     Raises:
         InputError: If a method is unknown.
@@ -167,7 +176,7 @@ def check(
     say = progress or (lambda _: None)
     own = [name for name, method in METHODS.items() if method.refines is None]
     names = own if methods is None else [find_method(m).name for m in methods]
-    window = travel_window(problem)
+    window, reach = travel_window(problem), goal_reach(problem)
     outcomes, remedy = [], None
     with limited(time_limit_s) as span:
         words = f"its share of {span.why}" if time_limit_s is not None else ""
@@ -177,33 +186,38 @@ def check(
                 outcomes.append(_outcome(problem, name))
         found = any(o["verified"] for o in outcomes)
         if not found:
-            remedy = find_remedy(problem, names, say)
+            remedy = find_remedy(problem, names, say, reach)
     say("looking at the plain polynomial")
     singular = any(o["method"] == "polynomial" and o["status"] == "singular" for o in outcomes)
     return Analysis(
         problem=problem,
         ends=chart_ends_report(problem),
+        reach=reach,
         window=window,
         reversal=_reversal(problem, window, outcomes),
         duration_bound=least_duration(problem),
         plain_polynomial=_plain_polynomial(problem, window) if singular else None,
         nonholonomy=nonholonomy(problem),
+        not_promised={name: not_promised(problem, METHODS[name].keeps) for name in names},
         outcomes=tuple(outcomes),
         remedy=remedy,
         ended_early=f"{span.why} ended the search" if span.reached else None,
     )
 
 
-def find_remedy(problem: Problem, names: Sequence[str], say: Progress) -> Remedy | None:
+def find_remedy(
+    problem: Problem, names: Sequence[str], say: Progress, reach: Reach | None = None
+) -> Remedy | None:
     """The first change of the problem with which a method has a verified plan."""
 
     def attempt(change: Change) -> Plan:
         return solve_and_check(problem.changed(change.keys), change.method, advice=False)[0]
 
+    nearer = within_reach(problem, reach) if reach else []
     able = sorted(names, key=lambda name: name != "collocation")  # the most able first
     changes = [
         replace(change, method=name)
-        for change in (*in_other_time(problem), *on_other_paths(problem))
+        for change in (*nearer, *in_other_time(problem), *on_other_paths(problem))
         for name in able
     ]
     found = tried(changes, attempt, say)
@@ -230,13 +244,17 @@ def _reversal(
     if one_way:
         return Reversal("not needed", f"the {one_way[0]} plan moves one way")
     if window is None:
-        return Reversal("open", "no travel window is known for this system")
+        what = "goals that leave joints free" if problem.free else "this system"
+        return Reversal("open", f"no travel window is known for {what}")
     if window.empty:
         return Reversal("needed", window.reason)
     if problem.travel is not None and problem.travel not in window:
-        return Reversal("needed", "the travel lies outside the window of one-way motions")
+        return Reversal("needed", "the travel lies outside the window of motions without reversal")
     if window.exact:
-        return Reversal("not needed", "one-way motions exist, if limits on inputs and joints allow")
+        return Reversal(
+            "not needed",
+            "motions without reversal exist, if the limits of inputs and joints allow them",
+        )
     return Reversal("open", "the window is only a necessary condition for more than 3 joints")
 
 

@@ -1,7 +1,7 @@
-"""Plans that know the hardware: inputs that allow for the systematic errors of a machine.
+"""Compensated plans: inputs that correct the systematic errors of a machine in advance.
 
-Backlash, shaft torsion, creep and lag are much the same on every machine of a kind, so most of what
-they do to a plan can be taken off without any sensor. See `planner.machine.feedforward` for how.
+Backlash, shaft torsion, creep and lag are similar on all machines of a kind, so most of their
+effect can be compensated without sensors. See `planner.machine.feedforward`.
 """
 
 from __future__ import annotations
@@ -24,29 +24,29 @@ def compensate(
     method: str = "collocation",
     **options: Any,
 ) -> Plan:
-    """Change a plan's inputs so that the nominal machine makes its motion and ends at its goal.
+    """Change a plan's inputs so that the nominal machine follows its motion and ends at the goal.
 
-    The nominal machine has every spread off and every systematic effect on. It is asked in
-    whichever fidelity it has. No input exceeds the plan's limits.
+    The nominal machine has all systematic effects and no random spread. It is simulated in its own
+    fidelity (quasi-static or dynamic). No input exceeds the plan's limits.
 
     Args:
-        plan: A plan of an arm with friction disks (`system.kind = "manipulator"`), or a problem of
-            one, for which a plan is made first. A compensated plan is compensated anew.
-        machine: The machine, or the name of a preset; the problem's `[machine]` table when left
-            out.
-        method: By which a problem is planned.
+        plan: A plan of an arm with friction disks (`system.kind = "manipulator"`), or a problem,
+            which is planned first. Of a compensated plan, the original plan is compensated again.
+        machine: The machine, or the name of a preset. By default the problem's `[machine]` table.
+        method: The method that plans a problem.
         **options: Override the problem's `[compensation]` table, key by key: `aim`, `preparation`,
             `back_off`, `lag`, `gearheads`.
 
     Returns:
-        A verified plan. Its inputs are what the motors are commanded, from the beginning of the
-        preparatory motion, `lead_s` seconds before the plan starts, to `tail_s` seconds after it.
-        Its q(t) is the motion predicted on the nominal machine, by which it is verified: goal (to
-        0.05 degrees), limits and places at all times. `compensates` is the plan it was made from,
-        and what replays measure errors against.
+        A verified plan. Its inputs are the motor commands. They begin with a preparatory motion,
+        `lead_s` seconds before the original plan starts, and end `tail_s` seconds after it. Its
+        q(t) is the motion predicted on the nominal machine. This motion is verified: goal (to 0.05
+        degrees), limits, waypoints and obstacles at all times. `compensates` is the original plan;
+        replays measure errors against it.
 
     Raises:
-        InputError: If the plan is not executable, the system is another, or an option is wrong.
+        InputError: If the plan is not executable, the system is not a manipulator, or an option is
+            wrong.
         NoPlanError: If it cannot be compensated; the message says why.
     """
     if isinstance(plan, Problem):

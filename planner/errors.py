@@ -1,7 +1,7 @@
-"""The ways in which `planner` says no.
+"""The exceptions of `planner`.
 
-Every refusal is one of two kinds: the input was wrong (`InputError`), or the input was right and
-no plan can be returned for it (`NoPlanError`). Both carry what is needed to understand them.
+There are two kinds: the input is wrong (`InputError`), or the input is right and no plan can be
+returned for it (`NoPlanError`). Both carry the data that explain them.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from typing import Any, TypeVar
 
 @dataclass(frozen=True)
 class Violation:
-    """One requirement a trajectory breaks.
+    """One requirement that a motion breaks.
 
     Attributes:
         label: What is broken, in words ("input u2", "joint theta3", "goal theta2").
-        time_s: When it is worst, in seconds; None when it belongs to no time.
+        time_s: Time of the largest violation, in seconds; None if it belongs to no time.
         value: The value reached.
         limit: The value allowed.
         unit: Unit of `value` and `limit`.
-        scaled: Excess divided by the scale of the requirement, for sorting (dimensionless).
+        scaled: Violation divided by the scale of the requirement, for sorting (dimensionless).
     """
 
     label: str
@@ -44,7 +44,7 @@ class Violation:
         """Value, limit and unit as text; angles in degrees, as problem files give them.
 
         Args:
-            digits: Significant digits; more are taken where value and limit would read the same.
+            digits: Significant digits; more are used where value and limit would look equal.
         """
         angle = self.unit == "rad"
         value, limit = (math.degrees(v) if angle else v for v in (self.value, self.limit))
@@ -55,19 +55,19 @@ class Violation:
 
 
 class PlannerError(Exception):
-    """Base of every error this package raises on purpose."""
+    """Base class of all errors that this package raises on purpose."""
 
     exit_status = 1
 
 
 class InputError(PlannerError, ValueError):
-    """A file, key, value or option that cannot be used; the message names it and the way out."""
+    """A file, key, value or option that cannot be used; the message says what is allowed."""
 
     exit_status = 2
 
 
 class InputWarning(UserWarning):
-    """Input that can be used as it stands and reads like a mistake."""
+    """Input that can be used but looks like a mistake."""
 
 
 def expect(kind: type, value: object, how: str) -> None:
@@ -115,7 +115,7 @@ def made_by(how: str) -> Callable[[Class], Class]:
 
 
 class UntrackableError(InputError):
-    """A plan that feedback cannot follow: the motors would have to be faster than they may.
+    """A plan that feedback cannot follow, because the motors would exceed their speed limit.
 
     Attributes:
         why: Which one and how fast, in few words.
@@ -130,12 +130,12 @@ class NoPlanError(PlannerError):
     """No plan exists, or none was found, or the one found failed its verification.
 
     Attributes:
-        plan: The last iterate, for study, or None. It is not a plan to execute.
-        violations: What that iterate breaks, worst first by scaled violation.
-        changes: What else to ask for, as data (`planner.methods.refusal.Change`).
-        otherwise: What else may help, in words, or None.
-        advice: Both in words; once the changes have been tried those that work. Or None.
-        blamed: The requirement that `plan` was made without, in words, or "".
+        plan: The last iterate, for study, or None. Do not execute it.
+        violations: Requirements that the iterate breaks, the worst first (by scaled violation).
+        changes: Changes of the problem that may help, as data (`planner.methods.refusal.Change`).
+        otherwise: Other advice in words, or None.
+        advice: Both in words, or None. Once the changes have been tried, only those that work.
+        blamed: The requirement that was left out to find `plan`, in words, or "".
     """
 
     exit_status = 3
@@ -160,7 +160,7 @@ class NoPlanError(PlannerError):
         self.advise(*(str(change) for change in changes if not change.method), advice)
 
     def advise(self, *words: str | None) -> None:
-        """Give this advice, and the other methods among the changes."""
+        """Set the advice, followed by the other methods among the changes."""
         others = (str(change) for change in self.changes if change.method)
         self.advice = "; or ".join(each for each in (*words, *others) if each) or None
         self.args = (self._text(),)
@@ -181,7 +181,7 @@ class NoPlanError(PlannerError):
 
 
 class SingularError(NoPlanError):
-    """The path leaves the domain of the chained-form chart, so part of it maps to no real angle.
+    """The path leaves the domain of the chained-form chart: a part of it has no real joint angles.
 
     Attributes:
         times_s: Times at which the path leaves or re-enters the domain, in seconds.
@@ -204,10 +204,10 @@ class SingularError(NoPlanError):
 
 
 class InfeasibleError(NoPlanError):
-    """It can be shown that no plan of the kind asked for exists; the message says how.
+    """It is proven that no plan of the requested kind exists; the message contains the proof.
 
     Attributes:
-        certificate: The numbers that prove it, where there are such (see the method), or None.
+        certificate: Numbers that prove it, if the method provides them, or None.
     """
 
     status = "infeasible"
@@ -215,22 +215,23 @@ class InfeasibleError(NoPlanError):
 
 
 class NotConvergedError(NoPlanError):
-    """The solver stopped without a plan; this alone does not show that none exists."""
+    """The solver stopped without a plan. This does not prove that none exists."""
 
     status = "not_converged"
 
 
 class TimeLimitError(NoPlanError):
-    """Time was up before there was a verified plan; the message says how far the search came."""
+    """The time limit ended before there was a verified plan; the message says how far the search
+    got."""
 
     status = "time_limit"
 
 
 class VerificationError(NoPlanError):
-    """A trajectory was found, but the independent check found a requirement it breaks.
+    """A motion was found, but the independent verification found a broken requirement.
 
     Attributes:
-        check: All that the check found, or None.
+        check: The complete result of the verification, or None.
     """
 
     status = "verification_failed"

@@ -1,7 +1,7 @@
 """The fastest timing of a plan's path.
 
-The systems are driftless: where a motion goes does not depend on its timing. So a plan whose inputs
-are too fast for the motors, or too slow for the user, keeps its path and gets another clock.
+The systems are driftless: the path does not depend on the timing. So a plan that is too fast for
+the motors, or too slow for the user, can keep its path and get another timing.
 """
 
 from __future__ import annotations
@@ -34,27 +34,27 @@ def retime(
 ) -> Plan:
     """Give a plan's path its fastest timing within input limits.
 
-    Under limits on the inputs alone the timing is exact: at every instant one input is at its limit
-    (the time is ∫ max|uᵢ|/limitᵢ over the plan). Under limits on their rates too it is the optimum
-    of a convex programme; see `planner.plan.fastest_timing`. With rate limits the motion stops
-    where the path has a corner, that is where the plan's inputs jump to another ratio.
+    With limits on the inputs only, the result is exact: at every instant one input is at its limit
+    (the duration is ∫ max|uᵢ|/limitᵢ over the plan). With limits on input rates too, it is the
+    optimum of a convex program; see `planner.plan.fastest_timing`. With rate limits the motion
+    stops at every corner of the path, that is where the ratio of the inputs jumps.
 
     Args:
         plan: A plan whose inputs exist at all times.
         limits: Keys of the `[limits]` table that replace the problem's, as in
             {"input_rad_s": 0.3, "input_rate_rad_s2": [2.0, 1.0]}; None for the problem's own.
         rest: Whether inputs are zero at both ends; needs rate limits.
-        intervals: Intervals of the programme.
+        intervals: Number of intervals of the convex program.
 
     Returns:
-        A verified plan with its certificate and the same path. Its problem has these limits and, as
-        its duration, the time found.
+        A verified plan with a certificate and the same path. Its problem has the given limits and
+        the duration that was found.
 
     Raises:
-        InputError: If the plan is compensated, or an input moves that nothing limits, or `rest` is
-            asked for without rate limits, or a limit's key or value is wrong.
+        InputError: If the plan is compensated, a moving input has no limit, `rest` is set without
+            rate limits, or a limit's key or value is wrong.
         SingularError: If the plan is not executable.
-        NotConvergedError: If the programme is not solved.
+        NotConvergedError: If the convex program is not solved.
         VerificationError: If the retimed plan breaks a requirement (another limit of the problem).
     """
     refuse_compensated(plan, "retime")
@@ -107,18 +107,17 @@ def _over(problem: Problem, certificate: Certificate) -> float:
 
 def _refuse_unlimited(problem: Problem, moving: Moving, rest: bool) -> None:
     limits = problem.limits
-    for i in np.flatnonzero(moving):
-        if not np.isfinite(limits.input[i]) and not np.isfinite(limits.input_rate[i]):
-            raise InputError(
-                f"{problem.source}: input {problem.system.inputs[i].name} moves and has no limit,"
-                " so no timing is the fastest; give limits for it"
-            )
+    for i in np.flatnonzero(moving & limits.unlimited):
+        raise InputError(
+            f"{problem.source}: input {problem.system.inputs[i].name} moves and has no"
+            " limit, so there is no fastest timing; give a limit for it"
+        )
     if np.any(np.isfinite(limits.input_rate)):
         return
     if rest:
         raise InputError(
             f"{problem.source}: rest at the ends needs limits on the inputs' rates; without them"
-            " the inputs jump to their limits at no cost"
+            " the inputs may jump to their limits"
         )
 
 

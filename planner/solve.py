@@ -10,16 +10,18 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
+import numpy as np
+
 from planner.errors import InputError, NoPlanError, TimeLimitError, VerificationError
 from planner.methods import typed_options
-from planner.methods.advice import advise
+from planner.methods.advice import advise, asked_instead
+from planner.methods.keeping import not_promised, refuse_unkept
 from planner.methods.refusal import BY_COLLOCATION, Change, lasting
 from planner.methods.registry import METHODS, Method, find_method, merged_options
 from planner.plan.plan import Plan, expect_plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
-from planner.problem.requirements.ends import Goal
-from planner.problem.requirements.places import Obstacle, Waypoint
+from planner.problem.requirements.ends import Goal, TipGoal
 from planner.problem.requirements.requirement import Requirement
 from planner.problem.tables.compensation import CompensationTable
 from planner.support.deadline import MORE_TIME, TimeUpError, checked, limited
@@ -35,10 +37,6 @@ if TYPE_CHECKING:
 def solve(
     problem: Problem,
     method: Literal["collocation"] = ...,
-    *,
-    warm: Plan | None = ...,
-    time_limit_s: float | None = ...,
-    progress: Listener | None = ...,
     **options: Unpack[typed_options.Collocation],
 ) -> Plan: ...
 
@@ -47,10 +45,6 @@ def solve(
 def solve(
     problem: Problem,
     method: Literal["polynomial"],
-    *,
-    warm: Plan | None = ...,
-    time_limit_s: float | None = ...,
-    progress: Listener | None = ...,
     **options: Unpack[typed_options.Polynomial],
 ) -> Plan: ...
 
@@ -59,10 +53,6 @@ def solve(
 def solve(
     problem: Problem,
     method: Literal["piecewise"],
-    *,
-    warm: Plan | None = ...,
-    time_limit_s: float | None = ...,
-    progress: Listener | None = ...,
     **options: Unpack[typed_options.Piecewise],
 ) -> Plan: ...
 
@@ -71,10 +61,6 @@ def solve(
 def solve(
     problem: Problem,
     method: Literal["sinusoid"],
-    *,
-    warm: Plan | None = ...,
-    time_limit_s: float | None = ...,
-    progress: Listener | None = ...,
     **options: Unpack[typed_options.Sinusoid],
 ) -> Plan: ...
 
@@ -83,10 +69,6 @@ def solve(
 def solve(
     problem: Problem,
     method: Literal["sinusoid_steps"],
-    *,
-    warm: Plan | None = ...,
-    time_limit_s: float | None = ...,
-    progress: Listener | None = ...,
     **options: Unpack[typed_options.SinusoidSteps],
 ) -> Plan: ...
 
@@ -95,10 +77,6 @@ def solve(
 def solve(
     problem: Problem,
     method: Literal["convex"],
-    *,
-    warm: Plan | None = ...,
-    time_limit_s: float | None = ...,
-    progress: Listener | None = ...,
     **options: Unpack[typed_options.Convex],
 ) -> Plan: ...
 
@@ -107,24 +85,12 @@ def solve(
 def solve(
     problem: Problem,
     method: Literal["desensitised"],
-    *,
-    warm: Plan | None = ...,
-    time_limit_s: float | None = ...,
-    progress: Listener | None = ...,
     **options: Unpack[typed_options.Desensitised],
 ) -> Plan: ...
 
 
 @overload
-def solve(
-    problem: Problem,
-    method: str = ...,
-    *,
-    warm: Plan | None = ...,
-    time_limit_s: float | None = ...,
-    progress: Listener | None = ...,
-    **options: Any,
-) -> Plan: ...
+def solve(problem: Problem, method: str = ..., **options: Any) -> Plan: ...
 
 
 def solve(
@@ -139,35 +105,34 @@ def solve(
     """Plan a motion and verify it.
 
     Args:
-        problem: What to solve.
-        method: A name of the registry, `planner.METHODS`.
-        warm: A plan of a neighbouring problem of the same system, by any method, from which
-            'collocation' and 'desensitised' start instead of searching; the answer is the optimum
-            next to it.
-        time_limit_s: Seconds after which 'collocation' answers with the best verified plan found so
-            far, and every method refuses where it has none; at the latest 1.2 times as long and
-            two seconds after the call. No limit when left out. It stands for the option of the same
-            name where the method has one.
-        progress: Called with a `planner.support.progress.Progress` whenever there is something to
-            tell. The logger `planner` hears the same.
-        **options: Override the problem's `[method.<name>]` table, key by key.
+        problem: The problem.
+        method: Name of a method; `planner.METHODS` lists them.
+        warm: A plan of a similar problem of the same system, by any method. 'collocation' and
+            'desensitised' start from it instead of searching and return the local optimum next to
+            it.
+        time_limit_s: Seconds for planning; no limit by default. Then 'collocation' returns the best
+            verified plan found so far; without one, and for other methods, the call is refused. The
+            call ends at the latest after 1.2 times the limit plus two seconds. Replaces the option
+            of the same name of the method, if it has one.
+        progress: Called with a `planner.support.progress.Progress` at every step. The logger
+            `planner` receives the same.
+        **options: Override single keys of the problem's `[method.<name>]` table.
 
     Returns:
-        A plan with `verified` True and its `certificate`; its status is "time_limit" where that
-        ended the search. Where the problem's `[compensation]` is on, the plan is that compensated
-        for its machine (see `planner.compensate`). The one exception is a chart method told
-        `allow_singular`: its path outside the domain comes back with status "singular" and
-        `verified` False.
+        A plan with `verified` True and a `certificate`. Its status is "time_limit" if the limit
+        ended the search. If the problem's `[compensation]` is on, the plan is compensated for its
+        machine (see `planner.compensate`). The only exception: a method in chained coordinates with
+        `allow_singular` may return a path outside the domain, with status "singular" and `verified`
+        False.
 
     Raises:
         InputError: If the method or an option is unknown or has an impossible value, the problem is
-            no `Problem`, or `warm` belongs to another system or is given to a method that has no
-            use for it.
-        TimeLimitError: If time was up and there was no plan; it says how far the search came.
-        NoPlanError: If no plan is found, or the one found breaks a requirement; its subclasses say
-            which, and it carries the last iterate and what that breaks. Changes of the problem are
-            tried first, see `planner.methods.advice`: within the time limit, and in at most a few
-            times the time that it took to find no plan.
+            not a `Problem`, `warm` belongs to another system, or the method cannot use `warm`.
+        TimeLimitError: If the time limit ended without a plan; it says how far the search got.
+        NoPlanError: If no plan is found, or the one found breaks a requirement; the subclass says
+            which. The error carries the last iterate and its violations. Before it is raised,
+            changes of the problem are tried (`planner.methods.advice`), within the time limit and
+            in at most a few times the duration of the failed search.
     """
     return solve_and_check(
         problem, method, warm=warm, time_limit_s=time_limit_s, progress=progress, **options
@@ -225,10 +190,8 @@ def compensated(
 
     advice = MORE_ROOM + (FORWARD if options.preparation != "forward" else "") + WITHOUT
     tell("compensating")
-    patience = max(LEAST_PATIENCE_S, PATIENCE * plan.solve_time_s)
     try:
-        with limited(patience, "the time for a plan next to one known"):
-            made = aimed(plan, used, options, replan)
+        made = aimed(plan, used, options, replan)
     except TimeUpError:
         raise TimeLimitError(_not_aimed(problem, "it takes too long"), advice=advice) from None
     except NoPlanError as error:
@@ -243,11 +206,6 @@ def compensated(
     raise _broken(made, check, " on the nominal machine", advice)
 
 
-LEAST_PATIENCE_S, PATIENCE = 5.0, 20.0
-"""Seconds for all plans of a compensation, at least and as a multiple of what the plan itself took:
-each starts next to the last. Where one must be searched for, the goal cannot be reached in the
-time."""
-
 MORE_ROOM = "more time (goal.duration); or "
 FORWARD = "compensation.preparation = 'forward'; or "
 WITHOUT = "no compensation (compensation.on = false)"
@@ -255,8 +213,8 @@ WITHOUT = "no compensation (compensation.on = false)"
 
 def _not_aimed(problem: Problem, why: str) -> str:
     return (
-        f"{problem.source}: the plan cannot be compensated: there is no plan for the shifted goal"
-        f" from which the nominal machine would end at the goal: {why}"
+        f"{problem.source}: the plan cannot be compensated: the shifted goal, for which the"
+        f" nominal machine would end at the goal, has no plan: {why}"
     )
 
 
@@ -305,6 +263,7 @@ def _planned(
 def _solved(problem: Problem, entry: Method, options: Any, warm: Plan | None) -> tuple[Plan, Check]:
     if not entry.finds_time:
         refuse_too_short(problem)
+    refuse_unkept(problem, entry.name, entry.keeps)
     if warm is None:
         return judged(entry.plan(problem, options))
     if entry.replan is None:
@@ -338,8 +297,13 @@ def _refusal(plan: Plan, check: Check) -> NoPlanError:
             violations=check.violations,
             advice=MORE_TIME,
         )
+    others = not_promised(plan.problem, find_method(plan.method).keeps)
+    said = ""
+    if left := sum(v.label in others for v in check.violations):
+        part = "" if left == len(check.violations) else f"{left} of "
+        said = f", {part}which this method does not promise to keep"
     changes, otherwise = _ways(plan, check)
-    return _broken(plan, check, "", otherwise, changes)
+    return _broken(plan, check, said, otherwise, changes)
 
 
 def _broken(
@@ -364,16 +328,14 @@ def _ways(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
     found = [plan.problem.asking(v.label) for v in check.violations]
     broken = [asked[0] for asked in found if asked]
     speeds = [each.speed if isinstance(each, Requirement) else 0 for each in broken]
-    if any(isinstance(each, Waypoint | Obstacle) for each in broken):
-        words = ", which plans around obstacles and by way of waypoints"
-        return [replace(BY_COLLOCATION, words=words)], "move what is in the way"
     if len(broken) == len(found) and all(speeds) and plan.trajectory.kind == "chained":
         sizes = (v.value / v.limit for v in check.violations)
         factor = max(size ** (1 / speed) for size, speed in zip(sizes, speeds, strict=True))
         if factor < float("inf"):
             slower = lasting(plan.duration * factor * 1.0001)
             return [slower, BY_COLLOCATION], None
-    if len(broken) < len(found) or any(isinstance(each, Goal) for each in broken):
+    if len(broken) < len(found) or any(isinstance(each, Goal | TipGoal) for each in broken):
         return [], "a finer mesh: more method.collocation.intervals or a higher degree"
     other = [BY_COLLOCATION] if plan.method != BY_COLLOCATION.method else []
-    return other, f"wider limits, or another {plan.problem.travel_key}"
+    instead = asked_instead(plan, [v for v in check.violations if np.isfinite(v.value)])
+    return other, f"{instead or 'wider limits'}, or another {plan.problem.travel_key}"

@@ -103,6 +103,7 @@ TAKE_PROBLEMS: dict[str, Callable[[Any], Any]] = {
     "travel_window": planner.travel_window,
 }
 TAKE_NAMES: dict[str, Callable[[Any], Any]] = {
+    "design_study": planner.design_study,
     "load_plan": planner.load_plan,
     "load_problem": planner.load_problem,
     "load_samples": planner.load_samples,
@@ -118,6 +119,7 @@ TAKE_OTHERS: dict[str, tuple[Callable[[Any], Any], str]] = {
         "is not a TriangularSystem; problem.system is one",
     ),
     "plot_budget": (report.plot_budget, "is not a Budget; planner.error_budget"),
+    "plot_design": (report.plot_design, "is not a DesignStudy; planner.design_study"),
     "plot_efforts": (report.plot_efforts, "is not a Comparison; planner.compare"),
     "plot_errors": (report.plot_errors, "give errors by label"),
     "plot_machine_sensitivity": (report.plot_machine_sensitivity, "planner.machine_sensitivity"),
@@ -180,7 +182,7 @@ def test_one_wrong_among_several_plans_is_told(plan: planner.Plan) -> None:
 @pytest.mark.parametrize("given", ["protoype", 3, {"preset": "ideal"}])
 def test_what_is_no_machine_is_told(plan: planner.Plan, given: Any) -> None:
     for call in (planner.replay, planner.machine_sensitivity, planner.error_budget):
-        with pytest.raises(planner.InputError, match="preset's name stands for one: prototype, id"):
+        with pytest.raises(planner.InputError, match="the name of a preset: prototype, id"):
             call(plan, given)
     with pytest.raises(planner.InputError, match="is not a Machine"):
         planner.compare(plan.problem, ["collocation"], machine=given)
@@ -189,12 +191,12 @@ def test_what_is_no_machine_is_told(plan: planner.Plan, given: Any) -> None:
 def test_other_arguments_are_told(plan: planner.Plan) -> None:
     problem: Any = plan.problem
     for call, words in (
-        (lambda: problem.changed([("goal.travel", 1)]), "changes are dotted keys to values"),
+        (lambda: problem.changed([("goal.travel", 1)]), "changes must be dotted keys and values"),
         (lambda: planner.Problem.from_dict([1]), "is not a Mapping; planner.load_problem"),  # type: ignore[arg-type]
         (lambda: planner.retime(plan, 0.3), r"give keys of \[limits\]"),  # type: ignore[arg-type]
         (lambda: planner.Tracker(3), r"as in planner.Tracker\(run_up=False\)"),  # type: ignore[arg-type]
-        (lambda: planner.compare(problem, 3), "give names, as in"),  # type: ignore[arg-type]
-        (lambda: planner.compare(problem, [3]), "give names, as in"),  # type: ignore[list-item]
+        (lambda: planner.compare(problem, 3), "give a list of names, for example"),  # type: ignore[arg-type]
+        (lambda: planner.compare(problem, [3]), "give a list of names, for example"),  # type: ignore[list-item]
         (lambda: planner.solve(problem, ["convex"]), "unknown method"),  # type: ignore[arg-type]
         (lambda: planner.solve(problem, warm=problem), NO_PLAN),
     ):
@@ -228,7 +230,7 @@ def test_copies_are_still_made(plan: planner.Plan) -> None:
 
 def test_every_figure_is_drawn_into_axes_of_ones_own_by_the_same_word() -> None:
     figures = [name for name in report.__all__ if name.startswith("plot_")]
-    assert len(figures) == 13
+    assert len(figures) == 14
     for name in figures:
         keyword = inspect.signature(getattr(report, name)).parameters["axes"]
         assert keyword.kind is inspect.Parameter.KEYWORD_ONLY

@@ -137,3 +137,32 @@ def test_the_ablest_method_answers_for_the_unreachable() -> None:
     assert remedy is not None
     assert remedy.method == "collocation"
     assert remedy.plan["duration_s"] == pytest.approx(3.1, abs=0.05)
+
+
+def test_a_goal_of_the_tip_says_what_is_reachable() -> None:
+    problem = planner.load_problem(PROBLEMS / "tip.toml")
+    analysis = check(problem, [*QUICK, "collocation"])
+    assert analysis.has_plan
+    assert analysis.reach is not None
+    assert len(analysis.reach.branches) == 4
+    assert analysis.window is None
+    assert [o["status"] for o in analysis.outcomes] == ["no_plan", "solved"]
+    found = json.loads(json.dumps(jsonable(analysis.to_dict())))
+    assert len(found["reach"]["branches_theta_deg"]) == 4
+    assert found["ends"]["goal"]["in_chart"] is False
+
+
+def test_a_tip_out_of_reach_has_a_remedy_that_was_tried() -> None:
+    """Within 50 degrees a joint the tip does not get there; the nearest place is tried first."""
+    problem = planner.load_problem(PROBLEMS / "tip.toml")
+    asked = {"goal.tip_m": [-0.1, 0.7], "goal.duration": "free", "limits.joint_deg": 50}
+    analysis = check(problem.changed(asked), ["collocation"])
+    assert not analysis.has_plan
+    assert analysis.reach is not None
+    assert analysis.reach.branches == ()
+    assert analysis.reach.missed == pytest.approx(
+        float(np.linalg.norm(analysis.reach.tip[:2] - [-0.1, 0.7])), rel=1e-9
+    )
+    assert analysis.remedy is not None
+    (place,) = analysis.remedy.changes.values()
+    np.testing.assert_allclose(place, analysis.reach.tip[:2], atol=1e-4)

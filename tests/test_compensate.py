@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -232,3 +233,17 @@ def test_sweeps_and_check_know_it(paper: planner.Problem, tmp_path: Path) -> Non
     planner.run_sweep(tables, tmp_path / "db.sqlite", workers=0)
     errors = planner.load_sweep(tmp_path / "db.sqlite")["E_median_deg"].tolist()
     assert errors[0] > 4.5 > 2 > errors[1]
+
+
+def test_slow_replays_do_not_use_up_the_time_for_plans(
+    plain: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As without the compiled kernel: what is short is the time for plans, not for replays."""
+    usual = aim.commanded
+    monkeypatch.setattr(aim, "LEAST_S", 0.4)
+    monkeypatch.setattr(aim, "TIMES", 0.0)
+    monkeypatch.setattr(aim, "commanded", lambda *given: (time.sleep(0.5), usual(*given))[1])
+    assert planner.compensate(plain).verified
+    monkeypatch.setattr(aim, "LEAST_S", 1e-4)
+    with pytest.raises(planner.TimeLimitError, match="takes too long"):
+        planner.compensate(plain)

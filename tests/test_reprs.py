@@ -88,7 +88,7 @@ def test_what_has_few_figures_prints_them_in_one_line(plan: planner.Plan) -> Non
     assert window is not None
     gain, margin = f"{found.initial_error_gain:.3g}", f"{plan.domain.margin:.3g}"
     for value, words in (
-        (window, f"{window.low:.4g} to {window.high:.4g} rad: each of these can be had"),
+        (window, f"{window.low:.4g} to {window.high:.4g} rad: each of these is possible"),
         (found, f"initial error gain {gain})"),
         (plan.domain, f"inside the chart: least margin {margin} "),
     ):
@@ -97,7 +97,7 @@ def test_what_has_few_figures_prints_them_in_one_line(plan: planner.Plan) -> Non
     back = planner.travel_window(problem.changed({"goal.theta_deg": [30, 30, -30]}))
     assert repr(back).startswith("TravelWindow(empty: the passive joints must move in opposite")
     four = planner.travel_window(planner.load_problem("problems/four-joint.toml"))
-    assert "rad: no other can be had while the disk turns one way" in repr(four)
+    assert "rad: no other is possible while the disk turns one way" in repr(four)
     with pytest.raises(planner.SingularError) as refusal:
         planner.solve(problem.changed({"goal.travel": 2.0}), "polynomial")
     assert "DomainReport(leaves the chart " in repr(refusal.value.plan.domain)

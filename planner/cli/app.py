@@ -18,6 +18,7 @@ from typing import Annotated, Any, TextIO
 import typer
 
 from planner.cli.compare import budget, compare
+from planner.cli.design import design
 from planner.cli.files import animate, export, report
 from planner.cli.output import (
     INTERRUPTED,
@@ -71,12 +72,12 @@ def _top(
         bool, typer.Option("--debug", help="Show the traceback of a bug.", envvar="PLANNER_DEBUG")
     ] = False,
 ) -> None:
-    """Plan motions of nonholonomic manipulators, and see which survive a real machine.
+    """Plan motions of nonholonomic manipulators and replay them on an emulated machine.
 
     \b
     Examples:
       planner new                    writes problem.toml, commented
-      planner check problem.toml     is there a plan, and if not, why
+      planner check problem.toml     is there a plan, and if not, why not
       planner compare problem.toml --out out/mine --report
 
     Exit status: 0 done; 2 bad input; 3 no plan exists or none was found; 1 a bug; 130 Ctrl-C;
@@ -93,6 +94,7 @@ for _command in (
     budget,
     sensitivity,
     sweep,
+    design,
     export,
     animate,
     report,

@@ -28,13 +28,13 @@ Changes = Annotated[
     typer.Option(
         "--set",
         metavar="KEY=VALUE",
-        help="Change a key of the problem file, as in goal.travel=0.8; repeatable. The value is"
-        " TOML; a bare word is a text.",
+        help="Change a key of the problem file, for example goal.travel=0.8; repeatable. The"
+        " value is TOML; a bare word is taken as text.",
         show_default=False,
     ),
 ]
 Json = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object on standard output, nothing else.")
+    bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")
 ]
 
 
@@ -52,7 +52,7 @@ MethodNames = Annotated[
         "--methods",
         metavar="A,B,C",
         autocompletion=complete_methods,
-        help="Methods to try; those that need no other's plan when left out.",
+        help="Methods to try. Default: all that do not start from another method's plan.",
         show_default=False,
     ),
 ]
@@ -62,8 +62,8 @@ PlannedMethods = Annotated[
         "--methods",
         metavar="A,B,C",
         autocompletion=complete_methods,
-        help="Methods, each with options if wanted, as in polynomial:travel=middle, or with the"
-        " word compensated, as in 'collocation compensated'; or all.",
+        help="Methods, each with options if needed (polynomial:travel=middle) or followed by the"
+        " word compensated ('collocation compensated'); or all.",
         show_default=False,
     ),
 ]
@@ -72,12 +72,12 @@ TimeLimit = Annotated[
     typer.Option(
         "--time-limit",
         metavar="SECONDS",
-        help="Seconds for planning, for each method by itself in `compare`: then the best verified"
-        " plan found so far is taken, or a refusal says how far the search came.",
+        help="Seconds for planning, in `compare` for each method. Then the best verified plan"
+        " found so far is taken; without one, a refusal says how far the search got.",
         show_default=False,
     ),
 ]
-Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the machines.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the random machines.")]
 
 
 _BARE = re.compile(r"[A-Za-z_][\w.+-]*")
@@ -113,7 +113,7 @@ def parse_changes(pairs: list[str]) -> dict[str, Any]:
                 f"--set {brief(pair)}: write it as key=value, as in --set goal.travel=0.8"
             )
         if key.count(".") > DEEPEST:
-            raise InputError(f"--set {brief(pair)}: a key of more than {DEEPEST} parts")
+            raise InputError(f"--set {brief(pair)}: the key has more than {DEEPEST} parts")
         out[key] = _value(brief(pair), text)
     return out
 

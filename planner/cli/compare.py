@@ -55,7 +55,10 @@ def compare(
     problem: ProblemPath,
     methods: PlannedMethods = None,
     samples: Annotated[
-        int, typer.Option("--samples", "-n", min=1, help="Machines to replay each plan on.")
+        int,
+        typer.Option(
+            "--samples", "-n", min=1, help="Number of random machines to replay each plan on."
+        ),
     ] = 1000,
     seed: Seed = 0,
     sample: Annotated[
@@ -64,7 +67,8 @@ def compare(
             "--sample",
             metavar="NUMBER",
             min=0,
-            help="Replay on this machine of the draw alone, as for the worst one; repeatable.",
+            help="Replay only on the random machine of this number, for example the worst one;"
+            " repeatable.",
             show_default=False,
         ),
     ] = None,
@@ -72,15 +76,15 @@ def compare(
         bool,
         typer.Option(
             "--feedback",
-            help="Replay plans with feedback too: each that is named and not compensated; without"
-            " --methods that of collocation.",
+            help="Also replay with feedback: every named plan that is not compensated; without"
+            " --methods, collocation only.",
         ),
     ] = False,
     budget: Annotated[
         bool,
         typer.Option(
             "--budget",
-            help="Also find which effect of the machine costs how much (extra `budget`).",
+            help="Also compute how much error each effect of the machine causes (extra `budget`).",
         ),
     ] = False,
     time_limit: TimeLimit = None,
@@ -91,24 +95,24 @@ def compare(
             "--out",
             "-o",
             metavar="FOLDER",
-            help="Write table, figures, plans and data to this folder.",
+            help="Save table, figures, plans and data in this folder.",
             show_default=False,
         ),
     ] = None,
     report: Annotated[
         bool,
         typer.Option(
-            "--report", help="Add report.html, a page to look at, to the folder of --out."
+            "--report", help="Also write report.html, an interactive page, to the folder of --out."
         ),
     ] = False,
     as_json: Json = False,
 ) -> int:
     """Compare methods on the same emulated machines.
 
-    Plans by each of them, replays every plan and prints one table.
+    Makes a plan with each method, replays every plan and prints one table.
 
     Ends with status 0 if one method has a verified plan, else 3. The same seed gives the same
-    machines. Ctrl-C keeps what is done, says so, and ends with status 130.
+    machines. Ctrl-C saves the finished results, says so, and ends with status 130.
 
     \b
     Examples:
@@ -170,7 +174,7 @@ def compare(
 def _refuse_in_time(out: Path | None, budget: bool, report: bool) -> None:
     """Refuse what would fail after the work."""
     if report and out is None:
-        raise InputError("--report needs a folder to go into: --out FOLDER")
+        raise InputError("--report needs a folder: add --out FOLDER")
     if budget:
         refuse_without_salib()
     if out is not None:
@@ -209,7 +213,7 @@ def _print(found: Comparison) -> None:
         print_text("", pairs)
     commands = [c for c in (worst_command(found, row) for row in found.rows) if c]
     if commands:
-        print_text("", "the worst machine of each plan alone:", *(f"  {c}" for c in commands))
+        print_text("", "to replay each plan on its worst machine:", *(f"  {c}" for c in commands))
 
 
 Progress = Callable[[str, float], None]
@@ -226,7 +230,8 @@ def budget(
     ],
     methods: PlannedMethods = None,
     samples: Annotated[
-        int, typer.Option("--samples", "-n", min=1, help="Machines for each median.")
+        int,
+        typer.Option("--samples", "-n", min=1, help="Number of random machines for each median."),
     ] = 200,
     base: Annotated[
         int, typer.Option("--base", min=2, help="Base samples of the Sobol indices, a power of 2.")
@@ -239,16 +244,16 @@ def budget(
             "--out",
             "-o",
             metavar="FOLDER",
-            help="Write tables, figures and data to this folder.",
+            help="Save tables, figures and data in this folder.",
             show_default=False,
         ),
     ] = None,
     as_json: Json = False,
 ) -> int:
-    """Find what each effect of the machine costs a plan.
+    """Compute how much error each effect of the machine causes.
 
-    Each effect alone, each switched off, and each one's share of the variance (Sobol indices; they
-    need the extra `budget`). Refused plans that can be executed are looked at too.
+    Each effect alone, each effect switched off, and the share of each in the variance (Sobol
+    indices; they need the extra `budget`). Refused plans that can be executed are included.
 
     \b
     Examples:
@@ -338,7 +343,7 @@ def _plans(
         if row.label not in found:
             say(f"{row.label}: {row.why}", "yellow")
     if not found:
-        raise NoPlanError("no method has a plan that can be executed, so there is no budget")
+        raise NoPlanError("no method has a plan that can be executed, so there is no error budget")
     return found
 
 

@@ -34,13 +34,13 @@ def export(
         typer.Option(
             "--format",
             "-f",
-            help=f"One of {', '.join(FORMATS)}; by the ending of FILE when left out.",
+            help=f"One of {', '.join(FORMATS)}; by default from the ending of FILE.",
             show_default=False,
             autocompletion=lambda: list(FORMATS.items()),
         ),
     ] = None,
     rate: Annotated[
-        float, typer.Option("--rate", metavar="HZ", help="Samples a second (not for json).")
+        float, typer.Option("--rate", metavar="HZ", help="Samples per second (not for json).")
     ] = RATE_HZ,
     joints: Annotated[
         str | None,
@@ -86,15 +86,15 @@ def animate(
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="FILE", help="The film: FILE.gif or FILE.mp4.")
     ],
-    fps: Annotated[int, typer.Option("--fps", help="Pictures a second, 1 to 60.")] = 25,
+    fps: Annotated[int, typer.Option("--fps", help="Frames per second, 1 to 60.")] = 25,
     speed: Annotated[
-        float, typer.Option("--speed", help="Seconds of motion a second of the film.")
+        float, typer.Option("--speed", help="Speed: seconds of motion per second of the film.")
     ] = 1.0,
     as_json: Json = False,
 ) -> int:
-    """Write plans as a film, GIF or MP4, on the same clock.
+    """Write plans as a film (GIF or MP4) with a common clock.
 
-    An MP4 needs ffmpeg, on the path or by the extra 'video'.
+    An MP4 needs ffmpeg, on the path or from the extra 'video'.
 
     \b
     Examples:
@@ -134,7 +134,7 @@ def report(
     folder: Annotated[
         Path,
         typer.Argument(
-            metavar="FOLDER", help="What `planner compare --out` wrote.", show_default=False
+            metavar="FOLDER", help="A folder of `planner compare --out`.", show_default=False
         ),
     ],
     out: Annotated[
@@ -143,7 +143,7 @@ def report(
             "--out",
             "-o",
             metavar="FILE",
-            help="The page; report.html in FOLDER when left out.",
+            help="The page. Default: report.html in FOLDER.",
             show_default=False,
         ),
     ] = None,
@@ -152,8 +152,8 @@ def report(
     """Write a comparison as one HTML page.
 
     The page opens from disk, without a network. It holds the table, the motion of two plans side by
-    side, figures that show their values, the distribution of the error, and the command that makes
-    it again.
+    side, figures that show values under the pointer, the distribution of the error, and the command
+    that reproduces it.
 
     \b
     Examples:

@@ -294,11 +294,15 @@ Command = Callable[..., int]
 _OPTIONS = {
     "quiet": Annotated[
         bool,
-        typer.Option("--quiet", "-q", help="Say nothing but the result, warnings and errors."),
+        typer.Option("--quiet", "-q", help="Print only the result, warnings and errors."),
     ],
     "verbose": Annotated[
         bool,
-        typer.Option("--verbose", "-v", help="Say on standard error what is done and how long."),
+        typer.Option(
+            "--verbose",
+            "-v",
+            help="Print on standard error what is being done and how long it takes.",
+        ),
     ],
 }
 
@@ -314,7 +318,7 @@ def with_volume(command: Command) -> Command:
     @functools.wraps(command)
     def run(*words: Any, quiet: bool = False, verbose: bool = False, **options: Any) -> int:
         if quiet and verbose:
-            raise InputError("--quiet and --verbose say opposite things; give one of them")
+            raise InputError("--quiet and --verbose contradict each other; give one of them")
         volume.quiet, volume.verbose = quiet, verbose
         began = time.monotonic()
         detail(", ".join(f"{name} {number}" for name, number in versions().items()))

@@ -24,10 +24,12 @@ from planner.support.tables import Column, terminal_table
 
 def reproduce(
     out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="FOLDER", help="Where figures and page go.")
+        Path,
+        typer.Option("--out", "-o", metavar="FOLDER", help="Folder for the figures and the page."),
     ] = Path("results/paper"),
     samples: Annotated[
-        int, typer.Option("--samples", "-n", min=1, help="Machines for Figs 9 and 10.")
+        int,
+        typer.Option("--samples", "-n", min=1, help="Number of random machines for Figs 9 and 10."),
     ] = 200,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the machines.")] = 0,
     as_json: Json = False,
@@ -56,14 +58,16 @@ def reproduce(
 def calibrate(
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", metavar="FOLDER", help="Also write page and figure there."),
+        typer.Option(
+            "--out", "-o", metavar="FOLDER", help="Also save a page and a figure in this folder."
+        ),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the machines.")] = 0,
     as_json: Json = False,
 ) -> int:
     """Fit the emulated prototype to the paper's experiment.
 
-    Says too what the paper cannot tell.
+    Also prints which parameters the paper does not determine.
 
     \b
     Example:
@@ -96,4 +100,6 @@ def _show(found: Calibration) -> None:
     print_text(terminal_table(columns, FITTED))
     for s, value in zip(STATEMENTS, found.fit.found, strict=True):
         print_text(f"{s.text}: {value:.2f} {s.unit} (target {s.wanted})")
-    print_text("last columns: part of the range that is left, knowing that; 1 = not identifiable")
+    print_text(
+        "last columns: share of the range that remains, given that statement; 1 = not identifiable"
+    )

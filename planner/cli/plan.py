@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -58,7 +59,7 @@ def plan(
         typer.Option(
             "--method",
             "-m",
-            help="A method; `planner methods` lists them.",
+            help="The method; `planner methods` lists them.",
             autocompletion=lambda: [(name, m.summary) for name, m in all_methods().items()],
         ),
     ] = "collocation",
@@ -66,15 +67,15 @@ def plan(
     changes: Changes = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Write the plan to this JSON file.", show_default=False),
+        typer.Option("--out", "-o", help="Save the plan in this JSON file.", show_default=False),
     ] = None,
     as_json: Json = False,
 ) -> int:
-    """Make a plan, verify it and print what it is worth.
+    """Make a plan, verify it and print its properties.
 
-    A plan that breaks a requirement is not a plan: the command then says what is broken and what
-    would help, and ends with status 3. Ctrl-C while a motion is held already ends the search: the
-    best one found by then is refined, verified and written, with status 130; once more ends all.
+    A plan that breaks a requirement is refused: the command prints what is broken and what would
+    help, and ends with status 3. Ctrl-C ends the search; the best motion found so far, if any, is
+    refined, verified and written, with status 130. A second Ctrl-C ends the command at once.
 
     \b
     Examples:
@@ -105,7 +106,7 @@ def plan(
     if written is not None:
         note(f"plan written to {written}")
     if status:
-        say("planner: interrupted: this is the best plan found by then")
+        say("planner: interrupted: this is the best plan found so far")
     return status
 
 
@@ -157,6 +158,7 @@ def _table(problem: Problem, summary: dict[str, Any], took: float) -> Table:
         ("objective", f"{number(summary['objective'])}, {summary['objective_name']}"),
         *_inputs(problem, summary["peak_u_rad_s"]),
         ("largest error at the goal", _worst_error(problem, summary["terminal_error"])),
+        *_chosen(summary["notes"]),
         ("chart", _chart(summary)),
         ("largest z2", number(summary["z2_max"])),
         *_start(summary["notes"]),
@@ -165,7 +167,7 @@ def _table(problem: Problem, summary: dict[str, Any], took: float) -> Table:
         *_certificate(summary),
         (
             "time",
-            f"{number(took)} s from the question to the verified answer, of which"
+            f"{number(took)} s in all, with verification; of these"
             f" {number(summary['solve_time_s'])} s to solve, {number(summary['build_time_s'])} s to"
             f" prepare; {summary['iterations']} iterations",
         ),
@@ -193,12 +195,21 @@ def _worst_error(problem: Problem, errors: dict[str, float]) -> str:
     return f"{abs(value):.1e} {'deg' if unit == 'rad' else unit} ({name})"
 
 
+def _chosen(notes: dict[str, Any]) -> list[tuple[str, str]]:
+    angles = notes.get("goal_theta_deg")
+    return [("joints at the goal", f"{_degrees(angles)} deg")] if angles else []
+
+
+def _degrees(angles: Sequence[float]) -> str:
+    return f"({', '.join(f'{angle:.4g}' for angle in angles)})"
+
+
 def _chart(summary: dict[str, Any]) -> str:
     margin = f"smallest margin {number(summary['domain_margin'])}"
     if summary["domain_ok"]:
-        return f"inside its domain, {margin}"
+        return f"inside the domain, {margin}"
     times = ", ".join(number(t) for t in summary["singular_times_s"][:6])
-    return f"leaves its domain or touches the edge at t = {times} s, {margin}"
+    return f"leaves the domain or touches its edge at t = {times} s, {margin}"
 
 
 def _start(notes: dict[str, Any]) -> list[tuple[str, str]]:
@@ -212,8 +223,8 @@ def _compensation(notes: dict[str, Any]) -> list[tuple[str, str]]:
     found = notes.get("compensation")
     if found is None:
         return []
-    before = f"{number(found['lead_s'])} s of preparation, then " if found["lead_s"] else ""
-    after = f", then {number(found['tail_s'])} s of backing off" if found["tail_s"] else ""
+    before = f"{number(found['lead_s'])} s of preparatory motion, then " if found["lead_s"] else ""
+    after = f", then {number(found['tail_s'])} s of drive reversal" if found["tail_s"] else ""
     words = f"{before}the plan, made {found['plans']} times to aim at the goal{after}"
     return [("compensated", words)]
 
@@ -223,7 +234,7 @@ def _optimality(notes: dict[str, Any]) -> list[tuple[str, str]]:
     if found is None:
         return []
     gap = found["relative_gap"]
-    within = "" if gap is None else f", within {gap:.1e} of the best that its bound allows"
+    within = "" if gap is None else f", within {gap:.1e} of the proven lower bound"
     return [("optimum", f"{found['kind']}, of its class of paths{within}")]
 
 
@@ -244,9 +255,10 @@ def check(
     time_limit: TimeLimit = None,
     as_json: Json = False,
 ) -> int:
-    """Say whether there is a plan; if not, why and what would help.
+    """Find out whether there is a plan; if not, say why not.
 
-    Tries every method of the registry. Ends with status 0 if one has a verified plan, else 3.
+    Tries every method, then changes of the problem that may help. Ends with status 0 if
+    one method has a verified plan, else 3.
 
     \b
     Examples:
@@ -263,7 +275,7 @@ def check(
         print_json({"file": task.source, **analysis.to_dict(), "exit_status": status})
         return status
     print_text(task.name, "", _facts(analysis), "", _methods(analysis))
-    for line in _refusals(analysis):
+    for line in [*_not_promised(analysis), *_refusals(analysis)]:
         print_text(line)
     print_text("", analysis.verdict)
     return status
@@ -273,7 +285,9 @@ def _facts(analysis: Analysis) -> Table:
     problem = analysis.problem
     rows = [("system", _system(problem.system))]
     for end in analysis.ends:
-        rows += _end(problem.system, end)
+        if analysis.reach is None or end.name != "goal":
+            rows += _end(problem.system, end)
+    rows += _reach(analysis)
     rows += _window(analysis)
     rows.append(("reversal", f"{analysis.reversal.verdict}: {analysis.reversal.reason}"))
     if analysis.duration_bound.reason:
@@ -316,6 +330,37 @@ def _end(system: TriangularSystem, end: End) -> list[tuple[str, str]]:
     return [(f"{end.name} z", f"({z})"), (f"{end.name} chart", where)]
 
 
+def _reach(analysis: Analysis) -> list[tuple[str, str]]:
+    problem, reach = analysis.problem, analysis.reach
+    if reach is None:
+        return []
+    free = [problem.system.coordinates[i].name for i in problem.free]
+    goal = f"{problem.tip}; " * (problem.tip is not None) + f"{', '.join(free)} free"
+    rows = [("goal", goal)]
+    if problem.tip is not None and problem.tip.place is not None:
+        away = float(np.hypot(*problem.tip.place))
+        rows.append(
+            ("reach", f"{number(away)} m from the base; the arm is {reach.reach:.4g} m long")
+        )
+    if reach.branches:
+        count = len(reach.branches)
+        said = f"elbows can bend in {count} way{'s' * (count > 1)}, the one nearest to the start"
+        said += f" {_degrees(np.rad2deg(reach.branches[0][1:]).tolist())} deg"
+    elif reach.blocked:
+        said = "none that keeps every limit"
+    else:
+        angle = problem.tip is not None and problem.tip.place is None
+        off = f"{np.rad2deg(reach.missed):.3g} deg" if angle else f"{reach.missed:.3g} m"
+        x, y, turn = reach.tip
+        said = f"none found within the limits of the joints; the nearest, {off} off, has the tip"
+        said += f" at ({x:.4g}, {y:.4g}) m, {np.rad2deg(turn):.4g} deg"
+    if reach.blocked:
+        said += (
+            f"; {reach.blocked} more break{'s' * (reach.blocked == 1)} a limit or touch something"
+        )
+    return [*rows, ("places of the joints", said)]
+
+
 def _window(analysis: Analysis) -> list[tuple[str, str]]:
     window, problem = analysis.window, analysis.problem
     given = "free" if problem.travel is None else number(problem.travel)
@@ -325,7 +370,7 @@ def _window(analysis: Analysis) -> list[tuple[str, str]]:
     text = given if problem.travel is None else f"{given} {unit}"
     if problem.travel is not None and not window.empty:
         text += ", inside the window" if problem.travel in window else ", outside the window"
-    return [(f"travel of {name}", text), ("one-way window", _range(window, unit))]
+    return [(f"travel of {name}", text), ("travels without reversal", _range(window, unit))]
 
 
 def _range(window: TravelWindow, unit: str) -> str:
@@ -375,6 +420,16 @@ def _answer(outcome: Outcome) -> str:
 def _kind(outcome: Outcome) -> str:
     where = "" if outcome["domain_ok"] else ", leaves the chart"
     return f"{outcome['direction']}{where}" if outcome["verified"] else ""
+
+
+def _not_promised(analysis: Analysis) -> list[str]:
+    """What methods do not promise to keep, those with the same list together."""
+    lists: dict[tuple[str, ...], list[str]] = {}
+    for name, labels in analysis.not_promised.items():
+        lists.setdefault(labels, []).append(name)
+    kept = lists.pop((), [])
+    out = [f"{', '.join(names)}: may break {', '.join(labels)}" for labels, names in lists.items()]
+    return ["", *out, f"{', '.join(kept)}: every motion found keeps all"] if kept else ["", *out]
 
 
 def _refusals(analysis: Analysis) -> list[str]:

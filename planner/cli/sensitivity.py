@@ -43,7 +43,7 @@ from planner.support.user_tables import parse
 from planner.verification.load_plan import load_plan
 
 SHOWN = 12
-"""Parameters of the machine in the table: those of the largest response."""
+"""Most parameters of the machine in the table; those with the largest response are shown."""
 
 
 def sensitivity(
@@ -56,10 +56,11 @@ def sensitivity(
         ),
     ],
     method: Annotated[
-        str, typer.Option("--method", "-m", help="Who plans, when a problem is given.")
+        str,
+        typer.Option("--method", "-m", help="Method that makes the plan, if a problem is given."),
     ] = "collocation",
     machine: Annotated[
-        bool, typer.Option(help="Also the parameters of the emulated machine.")
+        bool, typer.Option(help="Also show the parameters of the emulated machine.")
     ] = True,
     changes: Changes = None,
     pareto: Annotated[
@@ -68,13 +69,16 @@ def sensitivity(
             "--pareto",
             metavar="effort|duration|peak",
             autocompletion=lambda: ["effort", "duration", "peak"],
-            help="Trace the curve of least sensitivity against this; needs a problem and --out.",
+            help="Trace the least sensitivity against this quantity; needs a problem and --out.",
             show_default=False,
         ),
     ] = None,
-    points: Annotated[int, typer.Option("--points", min=3, help="Points of the curve.")] = 10,
+    points: Annotated[int, typer.Option("--points", min=3, help="Number of points.")] = 10,
     samples: Annotated[
-        int, typer.Option("--samples", "-n", min=1, help="Machines to replay each point on.")
+        int,
+        typer.Option(
+            "--samples", "-n", min=1, help="Number of random machines to replay each point on."
+        ),
     ] = 200,
     seed: Seed = 0,
     out: Annotated[
@@ -83,18 +87,19 @@ def sensitivity(
             "--out",
             "-o",
             metavar="FOLDER",
-            help="Write plans, figures and data to this folder; a curve goes on from it.",
+            help="Save plans, figures and data in this folder; an interrupted curve continues"
+            " from it.",
             show_default=False,
         ),
     ] = None,
     as_json: Json = False,
 ) -> int:
-    """Say how errors reach the end of a plan.
+    """Compute how errors shift the end of a plan.
 
-    Errors are those of inputs, timing, start, gears and machine. Each response is that to an error
-    of the size shown: one standard deviation of the table [method.desensitised], or a usual size
-    where that is zero. With --pareto: plans of least sensitivity along a curve, each kept at once,
-    so that the same command goes on after Ctrl-C.
+    The errors are those of inputs, timing, start, gears and machine. Each response belongs to an
+    error of the size shown: one standard deviation from the table [method.desensitised], or a
+    typical size where that is zero. With --pareto: plans of least sensitivity along a curve. Each
+    point is saved at once, and after Ctrl-C the same command continues.
 
     \b
     Examples:

@@ -25,10 +25,11 @@ from pydantic import BaseModel
 
 from planner.cli.arguments import Json
 from planner.cli.output import note, print_json, print_text
+from planner.design.design_file import design_schema
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.methods.registry import all_methods
-from planner.plan.plan import plan_schema
+from planner.plan.plan_file import plan_schema
 from planner.problem.tables.arms import MOST_JOINTS, ArmFile
 from planner.problem.tables.compensation import CompensationTable
 from planner.problem.tables.kinds import all_files, json_schema
@@ -51,27 +52,28 @@ def new(
             "--system",
             "-s",
             metavar="KIND",
-            help="What is steered; `planner systems` lists the kinds.",
+            help="The kind of system; `planner systems` lists them.",
             autocompletion=lambda: list(_summaries().items()),
         ),
     ] = "manipulator",
     joints: Annotated[
         int | None,
-        typer.Option(
-            "--joints", "-n", metavar="N", help="Number of joints, of an arm; 3 if left out."
-        ),
+        typer.Option("--joints", "-n", metavar="N", help="Number of joints of an arm. Default: 3."),
     ] = None,
     brief: Annotated[
         bool,
-        typer.Option("--brief", help="Leave out options of methods, feedback and the machine."),
+        typer.Option(
+            "--brief",
+            help="Leave out the options of methods, feedback, compensation and the machine.",
+        ),
     ] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace FILE if it is there.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace FILE if it exists.")] = False,
     as_json: Json = False,
 ) -> int:
     """Write a commented problem file that can be solved as it is.
 
-    It names every key there is with its default, for all methods and the emulated machine; with
-    --brief those of the problem itself.
+    The file holds every key with its default, for all methods and the emulated machine; with
+    --brief only those of the problem itself.
 
     \b
     Examples:
@@ -82,7 +84,7 @@ def new(
     refuse_unwritable(file)
     text = problem_text(system, joints=joints, brief=brief).replace("FILE", str(file))
     if file.exists() and not force:
-        raise InputError(f"{file} is there already; name another file, or replace it with --force")
+        raise InputError(f"{file} exists; name another file, or replace it with --force")
     written = str(write_text(file, text))
     if as_json:
         print_json({"written": written, "system": system, "exit_status": 0})
@@ -91,7 +93,7 @@ def new(
 
 
 def methods(as_json: Json = False) -> int:
-    """List the methods that make plans, one line each.
+    """List the planning methods, one per line.
 
     \b
     Example:
@@ -102,7 +104,7 @@ def methods(as_json: Json = False) -> int:
 
 
 def systems(as_json: Json = False) -> int:
-    """List the systems that can be steered, one line each.
+    """List the kinds of systems, one per line.
 
     \b
     Example:
@@ -120,19 +122,22 @@ def schema(
     of: Annotated[
         str,
         typer.Argument(
-            metavar="problem|sweep|plan",
-            help="Of what file.",
+            metavar="problem|sweep|design|plan",
+            help="Kind of file: problem, sweep, design or plan.",
             autocompletion=lambda: list(_SCHEMAS),
         ),
     ] = "problem",
-    as_json: Annotated[bool, typer.Option("--json", help="Accepted; the output is JSON.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="No effect: the output is JSON in any case.")
+    ] = False,
 ) -> int:
-    """Print the JSON Schema of a problem, sweep or plan file.
+    """Print the JSON Schema of a kind of file.
 
     \b
     Examples:
       planner schema > problem.schema.json
       planner schema sweep > sweep.schema.json
+      planner schema design > design.schema.json
       planner schema plan > plan.schema.json
     """
     if of not in _SCHEMAS:
@@ -144,6 +149,7 @@ def schema(
 _SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
     "problem": json_schema,
     "sweep": sweep_schema,
+    "design": design_schema,
     "plan": lambda: plan_schema(json_schema()),
 }
 
@@ -162,10 +168,10 @@ WIDTH = 100
 
 _LEGEND = """\
 # A problem file of planner. Try it:
-#   planner check FILE       is there a plan, and if not, why
-#   planner compare FILE     several methods, replayed on one emulated machine
-# Remove the # before a key to set it; the values shown are the ones used when it is left out, or
-# examples. Angles in degrees end in _deg, times are in seconds.
+#   planner check FILE       is there a plan, and if not, why not
+#   planner compare FILE     several methods, replayed on the same emulated machines
+# Remove the # before a key to set it. The values shown are defaults or examples. Keys of angles in
+# degrees end in _deg; times are in seconds.
 #
 """
 
@@ -197,8 +203,8 @@ def problem_text(
     for name, method in all_methods().items():
         options = _keys(method.options, _defaults(method.options))
         parts.append(f"[method.{name}]\n{_prose(method.summary)}{options}")
-    about = "Commands that allow for the machine's systematic errors; with on = true every method's"
-    about += " plan has them."
+    about = "Commands that compensate the machine's systematic errors. With on = true the plans"
+    about += " of all methods are compensated."
     parts.append(
         f"[compensation]\n{_prose(about)}{_keys(CompensationTable, _defaults(CompensationTable))}"
     )
@@ -219,7 +225,7 @@ def _with_joints(head: str, kind: str, file: type[ProblemFile], joints: int) -> 
     """
     if not issubclass(file, ArmFile):
         arms = ", ".join(name for name, each in all_files().items() if issubclass(each, ArmFile))
-        raise InputError(f"a {kind} has no joints to count; --joints is for {arms}")
+        raise InputError(f"--joints is for {arms}; a {kind} has no number of joints")
     if not 2 <= joints <= MOST_JOINTS:
         raise InputError(f"--joints {joints}: an arm here has 2 to {MOST_JOINTS} joints")
     shipped = tomllib.loads(head)["system"]["joints"]

@@ -23,7 +23,7 @@ class Interrupted(PlannerError):  # noqa: N818 (not an error)
     def __init__(self, rest: str) -> None:
         self.exit_status = hearing.status
         self.status = "interrupted" if self.exit_status == 130 else "terminated"
-        super().__init__(f"{self.status}; {rest}; the same command goes on with the rest")
+        super().__init__(f"{self.status}; {rest}; the same command runs the rest")
 
 
 def sweep(
@@ -35,7 +35,7 @@ def sweep(
         typer.Option(
             "--db",
             metavar="X.sqlite",
-            help="Database file; FILE's name with .sqlite in this folder when left out.",
+            help="Database file. Default: FILE's name with .sqlite, in the current folder.",
             show_default=False,
         ),
     ] = None,
@@ -45,7 +45,7 @@ def sweep(
             "--workers",
             "-j",
             min=1,
-            help="Processes; one a core when left out.",
+            help="Number of processes. Default: one per core.",
             show_default=False,
         ),
     ] = None,
@@ -54,7 +54,7 @@ def sweep(
         typer.Option(
             "--cluster",
             metavar="ADDRESS",
-            help="Run on the Dask cluster of this scheduler, as in tcp://host:8786.",
+            help="Run on the Dask cluster of this scheduler, for example tcp://host:8786.",
             show_default=False,
         ),
     ] = None,
@@ -63,7 +63,8 @@ def sweep(
         typer.Option(
             "--retry",
             metavar="STATUS",
-            help="Run cases again that ended so, as in bug or not_converged; repeatable.",
+            help="Run again the cases that ended with this status, for example bug or"
+            " not_converged; repeatable.",
             show_default=False,
         ),
     ] = None,
@@ -72,20 +73,20 @@ def sweep(
         typer.Option(
             "--export",
             metavar="OUT",
-            help="Write the results to this .csv or .parquet file.",
+            help="Save the results in this .csv or .parquet file.",
             show_default=False,
         ),
     ] = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Check the file and count its cases; run none.")
+        bool, typer.Option("--dry-run", help="Check the file and count its cases, but run none.")
     ] = False,
     as_json: Json = False,
 ) -> int:
-    """Run the cases of a sweep that the database does not hold yet.
+    """Run those cases of a sweep that are not yet in the database.
 
-    Each finished case is kept at once: however a run ends, the same command goes on with the rest.
-    A case that has no plan is a result like any other, with its reason. Ends with status 0, or 1 if
-    a case met a bug.
+    Each finished case is saved at once; after an interruption the same command runs the rest. A
+    refused case is a result too and is saved with its reason. Ends with status 0, or 1 if a case
+    met a bug.
 
     \b
     Examples:
@@ -114,7 +115,7 @@ def sweep(
     else:
         print_text(task.name, facts(_facts(outcome)))
     if outcome.bugs:
-        say(f"{outcome.bugs} cases met a bug; see the column 'traceback'", "red")
+        say(f"{outcome.bugs} cases ended with a bug; see the column 'traceback'", "red")
     if written is not None:
         note(f"written to {written}")
     return status
@@ -140,7 +141,7 @@ def _facts(outcome: Outcome) -> list[tuple[str, str]]:
     each = f", {outcome.elapsed_s / outcome.ran:.3g} s a case" if outcome.ran else ""
     rows = [
         ("database", outcome.db),
-        ("cases", f"{outcome.cases}" + (f" ({same} more are the same)" if same else "")),
+        ("cases", f"{outcome.cases}" + (f"  ({same} more are identical)" if same else "")),
         ("were there", str(outcome.kept)),
         ("ran", f"{outcome.ran} in {outcome.elapsed_s:.3g} s{each}"),
     ]

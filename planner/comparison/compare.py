@@ -63,32 +63,31 @@ def compare(
     time_limit_s: float | None = None,
     threshold_deg: float = THRESHOLD_DEG,
 ) -> Comparison:
-    """Plan one problem by several methods and replay every plan on the same emulated machines.
+    """Plan one problem with several methods and replay every plan on the same emulated machines.
 
-    A plan that is refused for breaking a limit, but can be executed, is replayed too: its row says
-    why it is refused and its error shows what the limit costs on the machine.
+    A refused plan that can be executed is replayed too: its row gives the reason for the refusal
+    and its error on the machine.
 
-    Ctrl-C ends it and returns what is done, with `complete` False; before anything is done it
+    Ctrl-C returns the finished rows with `complete` False. Before the first row is finished it
     raises KeyboardInterrupt as usual.
 
     Args:
         problem: What to solve.
-        methods: Names of methods with options, as in "polynomial:travel=middle" or
-            "collocation:intervals=20:degree=2", and with `compensated` after the name for plans
-            that allow for the machine; "all" for every method there is. By default the polynomial
-            (when the travel is free in the middle of the travels that it can use), the polynomial
-            with constraint points chosen automatically, the sinusoid, collocation and, of arms
-            with friction disks, collocation compensated.
-        machine: The machine, or the name of a preset; the problem's `[machine]` table when left
-            out.
-        samples: Number of machines drawn, at least 1, or the numbers of those wanted.
-        seed: Seed of the draws; the same seed gives the same machines.
-        feedback: Whether to replay every plan a second time with the tracker closing the loop, but
-            for compensated ones: it follows the plan that they compensate. By default the last one.
-        progress: Told what is being done; see `Progress`.
-        time_limit_s: Seconds for planning by each of the methods; see `planner.solve`.
-        threshold_deg: A difference of E below this matters to nobody, degrees: it is called neither
-            better nor worse, however sure it is.
+        methods: Names of methods with options, for example "polynomial:travel=middle" or
+            "collocation:intervals=20:degree=2"; with the word `compensated` after the name for a
+            compensated plan; "all" for every method. By default: the polynomial (with a free
+            travel, the middle of its possible travels), the polynomial with automatic constraint
+            points, the sinusoid, collocation and, for arms with friction disks, collocation
+            compensated.
+        machine: The machine, or the name of a preset. By default the problem's `[machine]` table.
+        samples: Number of random machines, at least 1, or a list of sample numbers.
+        seed: Random seed; the same seed gives the same machines.
+        feedback: Whether to replay every plan that is not compensated a second time with feedback
+            by the tracker. With the default methods, only the plan of collocation.
+        progress: Called with what is being done and the share done, 0 … 1; see `Progress`.
+        time_limit_s: Seconds for planning with each method; see `planner.solve`.
+        threshold_deg: A difference of E below this is too small to matter, degrees. It is called
+            neither better nor worse, even if it is significant.
 
     Raises:
         InputError: If a method, an option, or a number is wrong.
@@ -303,7 +302,9 @@ def _measured(spec: Spec, plan: Plan, check: Check, why: str) -> Row:
     peaks = peak_inputs(plan.trajectory)
     away = plan.notes["compensation"]["path_rad"] if plan.compensates else 0.0
     if np.rad2deg(away) > OTHER_WAY_DEG:
-        row = replace(row, note=f"goes another way, {np.rad2deg(away):.3g} deg from the plan's")
+        row = replace(
+            row, note=f"takes another path, up to {np.rad2deg(away):.3g} deg from the original plan"
+        )
     return replace(row, effort=effort(plan.trajectory), peak_u=(float(peaks[0]), float(peaks[1])))
 
 

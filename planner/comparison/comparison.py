@@ -43,17 +43,17 @@ VERSION = 1
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """One row a method; see `compare`.
+    """Result of `compare`: one row per method.
 
     Attributes:
-        problem: What all of them solve.
-        rows: In the order asked for.
-        machine: The distribution of machines that every plan met.
-        samples: Number of machines drawn from it.
-        seed: Seed of the draws.
-        chosen: Their numbers in the draw; None for the first `samples`.
-        complete: Whether all that was asked for was done; False after Ctrl-C.
-        threshold_deg: Differences of E below this are called neither better nor worse, degrees.
+        problem: The problem that all methods solve.
+        rows: One per method and mode, in the requested order.
+        machine: The distribution of machines on which every plan was replayed.
+        samples: Number of random machines drawn from it.
+        seed: Random seed.
+        chosen: Their sample numbers; None for the first `samples`.
+        complete: Whether all rows are finished; False after Ctrl-C.
+        threshold_deg: Differences of E below this count as neither better nor worse, degrees.
     """
 
     problem: Problem
@@ -79,37 +79,37 @@ class Comparison:
 
     @property
     def plans(self) -> Mapping[str, Plan | None]:
-        """Each label's plan, as the figures take them."""
+        """The plans by label, as the figures take them."""
         return {row.label: row.plan for row in self.rows if not row.feedback}
 
     @property
     def columns(self) -> list[Column[Row]]:
-        """What the table shows of a row; see `planner.comparison.rows`."""
+        """Columns of the table; see `planner.comparison.rows`."""
         return columns(self.problem.system)
 
     @property
     def differences(self) -> tuple[Difference, ...]:
-        """Every two replayed plans, machine by machine; see `significance`."""
+        """Paired differences between every two replayed plans; see `planner.support.statistics`."""
         runs = {row.label: row.replay for row in self.rows if row.worst is not None}
         errors = {k: run.index_E_deg for k, run in runs.items() if run is not None}
         return differences(errors, self.threshold_deg)
 
     @property
     def advice(self) -> Mapping[str, str]:
-        """Where no method has a plan, what would help each: words by label."""
+        """If no method has a plan: advice by label."""
         if any(row.solved for row in self.rows):
             return {}
         return {row.label: row.advice for row in self.rows if row.advice and not row.feedback}
 
     @property
     def best(self) -> str | None:
-        """Label of the plan with the least median error; verified ones go first."""
+        """Label of the plan with the least median error; verified plans take precedence."""
         ranked = [(not row.solved, row.E_median_deg, row.label) for row in self.rows]
         ranked = [entry for entry in ranked if np.isfinite(entry[1])]
         return min(ranked)[2] if ranked else None
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready: rows, problem, machine, seed, versions and the command that repeats it."""
+        """JSON-ready: rows, problem, machine, seed, versions and the command that reproduces it."""
         from planner.support.package import versions
 
         data = {
@@ -133,7 +133,7 @@ class Comparison:
         return {**row.to_dict(), "worst_command": worst_command(self, row)}
 
     def table(self) -> Table:
-        """For a terminal, at most 100 columns wide: `rich.print(comparison.table())`."""
+        """The table for a terminal, at most 100 columns wide: `rich.print(comparison.table())`."""
         return terminal_table(
             self._with_advice(),
             self.rows,
@@ -161,16 +161,16 @@ class Comparison:
         return comparison_markdown(self)
 
     def figures(self) -> dict[str, Figure]:
-        """Figures by name: z, joints, inputs, arm, errors, effort, replay; those that apply."""
+        """Figures by name: z, joints, inputs, arm, errors, effort, replay, as far as they apply."""
         made: dict[str, Figure] = handed_to("planner.report.folders.figures")(self)
         return made
 
     def save(self, folder: str | Path, *, report: bool = False) -> Path:
-        """Write table, figures, plans and data to a folder, all or nothing.
+        """Save table, figures, plans and data in a folder, all or nothing.
 
         Args:
-            folder: An earlier run's is replaced.
-            report: Whether to add report.html, a page that opens from disk.
+            folder: The folder; that of an earlier run is replaced.
+            report: Whether to add report.html, a page that opens without a network.
 
         Raises:
             InputError: If the folder cannot be written or holds something else.
@@ -272,7 +272,7 @@ def comparison_markdown(comparison: Comparison) -> str:
     )
     heading = f"# Comparison: {markdown(comparison.problem.name)}\n"
     if not comparison.complete:
-        heading += "\n**Partial: interrupted before all methods were done.**\n"
+        heading += "\n**Partial: interrupted before all methods were finished.**\n"
     tries = [f"- Try, for {markdown_code(k)}: {clean(v)}" for k, v in comparison.advice.items()]
     said = [*tries, ""] if tries else []
     after = ["", *said, _explained(comparison), "", *_worst(comparison), again]
@@ -293,7 +293,7 @@ def _worst(comparison: Comparison) -> list[str]:
 
 
 def comparison_csv(comparison: Comparison) -> str:
-    """One line a method, full precision, empty where a number is not defined."""
+    """One line per method, full precision, empty where a number is not defined."""
     # The inputs' peaks come after what is one number a row, as they always did.
     shown = sorted(comparison.columns, key=lambda c: c.title.startswith("|u"))
     return csv_table([*shown, *INTERVALS], comparison.rows)
@@ -304,9 +304,8 @@ def _explained(comparison: Comparison) -> str:
         "effort: integral of u1^2 + u2^2 dt; E: largest joint error on the machine at any time"
         " (eq. 29), end: at the end; median and 95th"
         f" percentile over {comparison.samples} machines ({comparison.machine.preset}), seed"
-        f" {comparison.seed}, the same machines for every plan; took: from the question to the"
-        " verified answer; refused plans that can be executed"
-        " are replayed for study."
+        f" {comparison.seed}, the same machines for every plan; took: planning and verification;"
+        " refused plans that can be executed are replayed for study."
         + (CLOSED if any(row.feedback for row in comparison.rows) else "")
         + "".join(f" {row.label}: {row.note}." for row in comparison.rows if row.note)
     )

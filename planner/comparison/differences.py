@@ -91,11 +91,11 @@ def markdown_differences(comparison: Comparison) -> str:
 
 Each plan met the same {comparison.samples} machines ({comparison.machine.preset}), seed \
 {comparison.seed}. Difference: median over the machines of
-E of the plan minus E of the other, degrees, and its 95 % interval (order statistics; exact for any
+E of the plan minus E of the other, degrees, with its 95 % interval (order statistics; exact for any
 distribution). Better on: share of the machines on which the plan has the smaller E. p: Wilcoxon's
 signed-rank test, corrected for {len(comparison.differences)} pairs by Holm's method; with many \
 machines small differences are
-significant too, but below {comparison.threshold_deg:g} degrees none matters to a person.
+significant too, but those below {comparison.threshold_deg:g} degrees are too small to matter.
 """
 
 

@@ -20,14 +20,14 @@ FEEDBACK = " + feedback"
 
 @dataclass(frozen=True)
 class Row:
-    """What became of one method. Numbers are NaN where they are not defined.
+    """Result of one method. Undefined numbers are NaN.
 
     Attributes:
-        label: The spec it came from.
+        label: The method with its options, as given.
         method: Name of the method.
-        solved: Whether it gave a verified plan.
-        why: Why not, in one line; when solved empty, or what ended the search early.
-        plan: The plan; a refused one is kept when it is complete, for study; else None.
+        solved: Whether the method gave a verified plan.
+        why: Reason of the refusal, in one line; if solved, empty or what ended the search early.
+        plan: The plan; a refused plan is kept for study if it is complete; else None.
         travel_rad: q₁(T) − q₁(0), rad (metres for vehicles).
         duration_s: Duration, s.
         effort: ∫ u₁² + u₂² dt.
@@ -41,16 +41,17 @@ class Row:
         end_p95_deg: Its 95th percentile.
         E_median_interval_deg: 95 % confidence interval of the median; see `significance`.
         E_p95_interval_deg: That of the 95th percentile; NaN where there are too few machines.
-        took_s: Seconds from the question to the answer: planning, verification and proofs, and for
-            a refusal the changes that were tried.
+        took_s: Seconds for planning, verification and proofs; for a refusal including the changes
+            that were tried.
         solve_time_s: Seconds of these that the method spent solving, as it reports.
-        build_time_s: Seconds it spent preparing.
-        replay: The runs on the machines; None for what cannot be executed.
+        build_time_s: Seconds spent on building the optimisation problem.
+        replay: The replays on the machines; None for a plan that cannot be executed.
         feedback: Whether they were run with feedback; `effort` is then the median of what was
             commanded, `peak_u` the largest speeds of the motors on any machine.
-        note: Why feedback gains little, or how far a compensated plan leaves the path of the one
-            it compensates, where it does; else empty.
-        advice: For a refused one what would help, in words; what has been tried says so.
+        note: Why feedback gains little, or how far a compensated plan leaves the original path;
+            else empty.
+        advice: For a refused plan, changes that would help, in words; those that were tried are
+            marked.
     """
 
     label: str
@@ -91,7 +92,7 @@ class Row:
 
     @property
     def remark(self) -> str:
-        """Why it is refused; of a solved one what needs a word all the same."""
+        """Why the plan is refused; for a verified plan a remark, if there is one."""
         leaves = "leaves the chart (allowed)" if self.solved and self.domain_ok is False else ""
         return "; ".join(filter(None, [self.why, leaves]))
 
@@ -117,8 +118,8 @@ class Row:
 
 
 CLOSED = (
-    " Rows with feedback: the same plan with the tracker closing the loop; effort is the median of"
-    " what it commanded, |u1| and |u2| the largest motor speeds on any machine."
+    " Rows with feedback: the same plan with feedback by the tracker; effort is the median"
+    " effort of its commands, |u1| and |u2| are the largest motor speeds on any machine."
 )
 
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from planner.explorer.control import Control, rounded, span, travel_range, z2_reach
 from planner.explorer.state import State
+from planner.machine.feedforward.aim import compensable
 from planner.machine.machine import Machine
 from planner.methods.registry import METHODS
 from planner.plan.plan import Plan
@@ -150,14 +151,27 @@ def machine_controls(state: State, problem: Problem) -> list[Control]:
     """
     count = Control(
         MACHINE, "machines", "slider", "samples", state.samples, shown=state.samples, high=200,
-        integer=True, help="samples of the machine that the plan is replayed on; 0: none",
+        integer=True, help="number of random machines on which the plan is replayed; 0: none",
     )  # fmt: skip
     first = Machine.from_table(state.base.machine)
     now = Machine.from_table(problem.machine)
     used = {**first.effects, **now.effects}
     static = now.fidelity == "quasi-static"
     effects = [k for k, e in EFFECTS.items() if k in used and not (static and e.dynamic)]
-    return [count, *(_effect(name, first, now) for name in effects)]
+    return [count, *_compensation(state, problem), *(_effect(name, first, now) for name in effects)]
+
+
+def _compensation(state: State, problem: Problem) -> list[Control]:
+    """Whether plans allow for the machine, where the system has a mechanism to allow for."""
+    if not compensable(problem.system):
+        return []
+    key = "compensation.on"
+    on = bool(state.value(key, False))
+    help_text = (
+        "plan commands that allow for the mean machine's backlash, shaft torsion, creep and lag"
+    )
+    label = "compensate for the machine"
+    return [Control(MACHINE, label, "switch", key, on, shown=on, help=help_text)]
 
 
 def _effect(name: str, first: Machine, now: Machine) -> Control:
@@ -227,7 +241,7 @@ USUAL: Mapping[str, float] = {"deg": 80.0, "": 0.01}
 
 
 def limit_controls(state: State, problem: Problem) -> list[Control]:
-    """One slider a limit, or one an input where the problem gives two numbers."""
+    """One slider per limit, or one per input where the problem gives two numbers."""
     table = parse_file(state.base.to_dict(), state.base.source).limits
     found = []
     for name, field in type(table).model_fields.items():
@@ -315,7 +329,7 @@ HIDDEN = frozenset(
 
 
 def option_controls(state: State, plan: Plan | None) -> list[Control]:
-    """One control an option of the present method."""
+    """One control per option of the present method."""
     table = METHODS[state.method].options
     found = []
     for name, field in table.model_fields.items():

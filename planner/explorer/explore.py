@@ -19,23 +19,24 @@ def explore(
     samples: int = 20,
     time_limit_s: float | None = 30.0,
 ) -> Explorer:
-    """Sliders for everything that shapes a plan, and a picture that follows them.
+    """Show an explorer in a notebook: sliders for the problem, and figures that follow them.
 
-    Show it as the last expression of a notebook's cell. The system's constants, start and goal, the
-    travel, the duration, constraint points (also dragged in the picture), the method's weights, the
-    limits and the effects of the machine can be set. While it plans, the picture is grey and says
-    for how long; a button stops it. A refused plan is still drawn, with the reason. The buttons
-    give the Python code and the problem file of what is on the screen; in Python, `explorer.plan`,
-    `explorer.problem`, `explorer.code` and `explorer.problem_file` do.
+    Put it as the last expression of a notebook cell. Sliders set the system's constants, start,
+    goal, travel, duration, constraint points (which can also be dragged in the figure), the options
+    of the method, the limits and the effects of the machine. During planning the figures are grey,
+    the elapsed time is shown, and a button stops it. A refused plan is drawn with the reason.
+    Buttons show the mechanism, the Python code and the problem file. In Python: `explorer.plan`,
+    `explorer.problem`, `explorer.code` and `explorer.problem_file`.
 
-    While it is explored, collocation tries fewer starts and the machine is simulated in steps of
-    0.01 s, unless the problem says otherwise; the code and the problem file say so.
+    Unless the problem sets these options, the explorer lets collocation try fewer first guesses and
+    simulates the machine in steps of 0.01 s; the code and the problem file contain these settings.
 
     Args:
-        problem: What to start from.
+        problem: The problem to start from.
         method: The method to start with.
-        samples: Samples of the machine that every plan is replayed on; 0 for none.
-        time_limit_s: Seconds for planning, where the problem's options set none; None for no limit.
+        samples: Number of random machines on which every plan is replayed; 0 for none.
+        time_limit_s: Seconds for planning, unless the problem's options set a limit; None for no
+            limit.
 
     Raises:
         InputError: If the extra `notebook` is not installed, or the method is unknown.

@@ -17,7 +17,7 @@ from planner.methods.registry import Method, find_method, merged_options
 from planner.plan.plan import Plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem
-from planner.solve import judged
+from planner.solve import compensated, judged
 from planner.support import deadline
 from planner.support.deadline import MORE_TIME, TimeUpError, limited
 
@@ -61,7 +61,10 @@ def path(state: State) -> Outcome:
     with limited(getattr(options, "time_limit_s", None) or state.time_limit_s) as span:
         try:
             refuse_too_short(problem)
-            return Outcome(state, problem, method.plan(problem, options))
+            plan = method.plan(problem, options)
+            if problem.compensation.on and plan.status != "singular":
+                plan = compensated(judged(plan)[0], None, problem.compensation)[0]
+            return Outcome(state, problem, plan, judged=plan.verified)
         except InputError as error:
             return Outcome(state, problem, None, error, judged=True)
         except TimeUpError:
@@ -85,6 +88,13 @@ def judge(outcome: Outcome) -> Outcome:
         return outcome
     try:
         plan, _ = judged(outcome.plan)
+    except TimeUpError:
+        ended = TimeLimitError(
+            f"{outcome.plan.problem.source}: the Stop button ended the verification",
+            advice="any change of a setting; it starts planning and verification again",
+        )
+        ended.status = "stopped"
+        return replace(outcome, error=ended, judged=True)
     except NoPlanError as error:
         if outcome.plan.status == "interrupted":
             error.status = "stopped"

@@ -13,7 +13,7 @@ from planner.machine.replay import Replay
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.report.charts.panels import Panel, band, curve, near, over_time, rounded, unit_of
-from planner.report.figures.arm import body, drawable, waypoint_tips
+from planner.report.figures.arm import body, drawable, tips_to_pass
 from planner.report.figures.over_time import view
 from planner.report.figures.style import shown, times
 from planner.report.page.words import subscripted
@@ -56,13 +56,14 @@ def error_panel(run: Replay | None) -> dict[str, Any] | None:
     """The largest error of any angle over time, on the machines: median and 90 % of them."""
     if run is None or not run.angles:
         return None
-    planned = run.plan.trajectory.q(run.t)
-    error = np.rad2deg(np.abs(run.q - planned)[:, :, list(run.angles)]).max(axis=2)
+    wanted = run.plan.wanted(run.t)  # not a number while a compensated plan prepares
+    begun = np.isfinite(wanted).all(axis=1)
+    error = np.rad2deg(np.abs(run.q - wanted)[:, begun][:, :, list(run.angles)]).max(axis=2)
     low, middle, high = np.percentile(error, [5, 50, 95], axis=0)
     return over_time(
         "error",
         "deg",
-        [curve(0, middle, name="median machine", t=rounded(run.t))],
+        [curve(0, middle, name="median machine", t=rounded(run.t[begun]))],
         id="error",
         band={"low": rounded(low), "high": rounded(high), "name": "90 % of the machines"},
         note=f"E median {run.percentile(50):.3g} deg, 95 % {run.percentile(95):.3g} deg",
@@ -152,7 +153,7 @@ def _plane(plan: Plan, q: Array) -> Panel:
         "poses": [pose.tolist() for pose in poses if np.isfinite(pose).all()],
         "path": [rounded(path[:, 0]), rounded(path[:, 1])],
         "discs": [[*o.centre.tolist(), o.radius] for o in plan.problem.obstacles],
-        "tips": waypoint_tips(plan.problem).tolist(),
+        "tips": tips_to_pass(plan.problem).tolist(),
         "key": [
             ["ramp", f"from 0 s to {plan.duration:.3g} s"],
             ["path", "path of the tip" if arm else "path"],
@@ -165,7 +166,8 @@ def _map(plan: Plan, q: Array) -> Panel:
     problem, limits = plan.problem, np.rad2deg(plan.problem.limits.joint[1:3])
     names = [subscripted(problem.system.coordinates[i].name) for i in (1, 2)]
     path = np.rad2deg(q[:, 1:3])
-    ends = np.rad2deg([problem.start[1:3], problem.goal[1:3]])
+    goal = np.where(np.isnan(problem.goal), q[-1], problem.goal)  # free joints: the plan's
+    ends = np.rad2deg([problem.start[1:3], goal[1:3]])
     chart = [_inside(problem, i) for i in (1, 2)]
     view = []
     for k in (0, 1):

@@ -28,7 +28,9 @@ from planner.explorer.state import State, code, problem_file
 from planner.explorer.task_controls import task_controls
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
+from planner.report.figures.mechanism import mechanism_svg
 from planner.support.user_tables import nearest
+from planner.systems.manipulator import Manipulator
 
 
 class Screen:
@@ -95,6 +97,7 @@ class Screen:
         return {
             **picture(self.outcome),
             "controls": self.shown_controls(),
+            "system": self._system(),
             **self.words(),
         }
 
@@ -115,6 +118,21 @@ class Screen:
     def errors(self) -> dict[str, Any] | None:
         """The panel of errors on the machine."""
         return error_panel(errors(self.outcome))
+
+    def mechanism(self) -> dict[str, str]:
+        """The drawing of the mechanism (SVG), and the `system` of `picture` that it shows."""
+        problem = self.outcome.problem
+        return {
+            "mechanism": "" if problem is None else mechanism_svg(problem.system),
+            "drawn": self._system(),
+        }
+
+    def _system(self) -> str:
+        """The constants of a system whose mechanism can be drawn; empty for all others."""
+        problem = self.outcome.problem
+        if problem is None or not isinstance(problem.system, Manipulator):
+            return ""
+        return str(problem.to_dict()["system"])
 
     def texts(self) -> dict[str, str]:
         """The Python code and the problem file of what is on the screen."""

@@ -47,7 +47,8 @@ class State:
         method: Name of the method.
         changes: Dotted keys of the problem file to values, in the order they were first made.
         samples: Machines that the plan is replayed on; 0 for none.
-        time_limit_s: Seconds for planning, where the problem's options set none; None for no limit.
+        time_limit_s: Seconds for planning, unless the problem's options set a limit; None for no
+            limit.
     """
 
     base: Problem
@@ -90,9 +91,9 @@ class State:
                 continue
             now = [*now, *(base[len(now) :] if isinstance(base, list) else [])]
             # The gears of a chain are alike: each ratio is the one before times the same number.
-            ratio = now[-1] / now[-2] if lacking and len(now) > 1 else 1.0
+            ratio = now[-1] / now[-2] if lacking and len(now) > 1 else None
             while len(now) < count:
-                now.append(now[-1] * ratio)
+                now.append(now[-1] * ratio if ratio else now[-1])
             found[key] = now[:count]
         if points := self.value("waypoints"):
             free = ["free"] * joints
@@ -141,7 +142,7 @@ def value_at(data: Mapping[str, Any], dotted: str) -> Any:
 
 
 def code(state: State) -> str:
-    """Python that makes the plan on the screen anew."""
+    """Python code that makes the plan on the screen."""
     lines = ["import planner", "", *_problem(state)]
     lines += [f'plan = planner.solve(problem, "{state.method}")', "check = planner.verify(plan)"]
     if state.samples:

@@ -54,8 +54,11 @@ def _sliders(group: str, key: str, now: Any, usual: Any, help_text: str) -> Iter
     listed = isinstance(now, list)
     for k, value in enumerate(now if listed else [now]):
         if isinstance(value, bool) or not isinstance(value, int | float):
+            if listed and value == "free":
+                continue
             return
-        size = abs(usual[min(k, len(usual) - 1)] if listed else usual)
+        size = usual[min(k, len(usual) - 1)] if listed else usual
+        size = abs(value if isinstance(size, str) else size)
         label = name.replace("_", " ") if len(name) > 3 else name
         if listed:  # the first joint has a motor of its own, so that gears begin with K2
             number = k + (2 if name == "K" else 1)

@@ -60,13 +60,13 @@ class Explorer(anywidget.AnyWidget):
         """The verified plan on the screen.
 
         Raises:
-            PlannerError: What the screen says, when there is no plan.
+            PlannerError: The refusal on the screen, if there is no plan.
         """
         return worker().do(lambda: self._screen.plan()).result()
 
     @property
     def code(self) -> str:
-        """Python that makes the plan on the screen anew."""
+        """Python code that makes the plan on the screen."""
         return worker().do(self._texts).result()["code"]
 
     @property
@@ -107,6 +107,8 @@ class Explorer(anywidget.AnyWidget):
         screen, what = self._screen, content.get("ask")
         if what == "texts":
             return {**screen.texts(), "todo": self._todo(errors=False)}
+        if what == "mechanism":
+            return {**screen.mechanism(), "todo": self._todo(errors=False)}
         if what == "judge":
             screen.judge()
             return {**screen.words(), "todo": []}

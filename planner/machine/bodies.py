@@ -34,6 +34,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.machine.disk_chain import weights
 from planner.machine.machine import Draws
 from planner.support.arrays import Array
 
@@ -109,6 +110,9 @@ class Masses:
         kept: Part of the rate that a contact passes on without load, (1, S).
         creep: Part that it loses for each N m, (1, S), 1/(N m).
         capacity: Largest torque of a contact, at its disk B, (1, S), N m.
+        lateral: Part that a contact turned by a right angle loses, (1, S).
+        weights: Torques of the links' weights about their own joints, (1+m, S), N m; see
+            `gravity_torques`.
     """
 
     inertia: Array
@@ -125,6 +129,8 @@ class Masses:
     kept: Array
     creep: Array
     capacity: Array
+    lateral: Array
+    weights: Array
 
     def part(self, chosen: NDArray[np.intp]) -> Masses:
         """Those of some samples."""
@@ -150,6 +156,7 @@ def masses(draws: Draws, k: Array) -> Masses:
     damping[2:] = rows("shaft_damping_nms_per_rad", m)
     gain = rows("servo_gain_nms_per_rad", 2, STICK)
     disk = k / k[0]
+    weighed = weights(draws, 1 + m)
     bodies = [
         rows("motor_inertia_kgm2", 2),
         rows("axis_inertia_kgm2", m),
@@ -172,6 +179,8 @@ def masses(draws: Draws, k: Array) -> Masses:
         kept=1 - rows("creep", 1),
         creep=rows("creep_per_nm", 1),
         capacity=rows("friction_capacity_nm", 1, UNBOUNDED),
+        lateral=rows("lateral_creep", 1),
+        weights=np.zeros((1 + m, count)) if weighed is None else weighed,
     )
 
 

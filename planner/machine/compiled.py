@@ -22,19 +22,20 @@ from numpy.typing import NDArray
 
 from planner.machine.bodies import Place
 from planner.machine.commands import Orders, Steps, lengths
+from planner.machine.disk_chain import Chain, weights
 from planner.machine.machine import Draws
 from planner.machine.march import GAMMA, begin
 from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
-VERSION = 3
+VERSION = 4
 """Of the structures below; a kernel of another version is not used."""
 
 SAMPLES, STEPS = 32, 2000
 """How much one call does: short enough to share the work among threads and to heed Ctrl-C."""
 
 FLAGS = ("lagging", "second", "limited", "ramped", "geared_1", "geared_2", "lagged", "soft",
-         "damped", "creeping", "loaded", "dynamic", "coordinates")  # fmt: skip
+         "damped", "creeping", "loaded", "inclined", "dynamic", "coordinates")  # fmt: skip
 ARRAYS = ("parameters", "length", "running", "desired", "row", "state", "q", "speed", "masses",
           "moving")  # fmt: skip
 
@@ -43,6 +44,8 @@ SLOW = (
     " once: 30 times; 1000: 3 times); install a C compiler, then this package again"
 )
 """Process time on the paper's plan, its machine, one thread."""
+
+CONTACTS = ("creep", "creep_per_nm", "friction_capacity_nm", "lateral_creep")
 
 MOST_PASSIVE = 16
 """Passive joints that `dynamic.c` has room for."""
@@ -103,7 +106,7 @@ def opened(path: Path) -> Any | None:
 
 
 def threads() -> int:
-    """How many threads to use: OMP_NUM_THREADS if set, else one a core of this process."""
+    """How many threads to use: OMP_NUM_THREADS if set, else one per core of this process."""
     wanted = os.environ.get("OMP_NUM_THREADS", "")
     if wanted.isdigit() and int(wanted) > 0:
         return int(wanted)
@@ -143,7 +146,7 @@ class Compiled:
         parameters = _parameters(system, draws)
         self._n, self._state = (
             n,
-            _state(draws, start, np.nan_to_num(np.abs(start[1:] - desired[0]))),
+            _state(system, draws, start, np.nan_to_num(np.abs(start[1:] - desired[0]))),
         )
         self._arrays = {  # kept here as long as the kernel points into them
             "parameters": np.concatenate([*parameters.values()]).T.copy(),
@@ -212,7 +215,7 @@ def _parameters(system: Manipulator, draws: Draws) -> dict[str, Array]:
         "damping": draws["servo_damping"],
         "half": np.deg2rad(draws["gearhead_backlash_deg"]) / 2,
     }
-    contacts = {name: draws[name] for name in ("creep", "creep_per_nm", "friction_capacity_nm")}
+    contacts = {name: draws[name] for name in CONTACTS}
     half_gap = np.deg2rad(draws["backlash_deg"]) / 2
     stiffness, coulomb = draws["shaft_stiffness_nm_per_rad"], draws["coulomb_friction_nm"]
     joints = {
@@ -224,9 +227,11 @@ def _parameters(system: Manipulator, draws: Draws) -> dict[str, Array]:
         "viscous": draws["viscous_friction_nms_per_rad"],
     }
     count = len(system.K)
+    weighed = weights(draws, count + 1)
+    arm = {"weights": np.zeros((count + 1, 1)) if weighed is None else weighed}
     return {
         name: np.broadcast_to(values, (size, draws.count))
-        for size, table in ((2, motors), (1, contacts), (count, joints))
+        for size, table in ((2, motors), (1, contacts), (count, joints), (count + 1, arm))
         for name, values in table.items()
     }
 
@@ -244,19 +249,19 @@ def _flags(draws: Draws, own: dict[str, Array]) -> dict[str, int]:
         "soft": soft,
         "damped": not soft and own["viscous"].any(),
         "creeping": draws.on("creep"),
-        "loaded": draws.on("friction_capacity_nm") or draws.on("creep_per_nm"),
+        "loaded": any(draws.on(name) for name in CONTACTS[1:]),
+        "inclined": own["weights"].any(),
     }
     return {name: int(flags[name]) for name in flags}
 
 
-def _state(draws: Draws, start: Array, gap: Array) -> Array:
+def _state(system: Manipulator, draws: Draws, start: Array, gap: Array) -> Array:
     """The state at the start in the order of `Held` in kernel.c, (S, 9 + 4 n)."""
     n = len(start) - 1
     state = np.zeros((draws.count, 9 + 4 * n))
-    theta, axis = start[1:].T, start[1:].T.copy()
-    axis[:, 1:] += (draws["initial_play"] * np.deg2rad(draws["backlash_deg"]) / 2).T
-    state[:, 8], state[:, 9 : 9 + n] = start[0], theta
-    state[:, 9 + n : 9 + 2 * n], state[:, 9 + 3 * n :] = axis, gap.T
+    state[:, 8], state[:, 9 : 9 + n] = start[0], start[1:].T
+    state[:, 9 + n : 9 + 2 * n] = Chain(system, draws, start).axes.T
+    state[:, 9 + 3 * n :] = gap.T
     return state
 
 

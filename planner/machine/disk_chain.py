@@ -16,10 +16,12 @@ Disk Bⱼ drives disk A of its joint at contact P₁; that drives the next disk,
 and, through P₂ and P₃, joint j+1: θ̇ⱼ₊₁ = κ cos³θⱼ φ̇ⱼ (paper, Fig. 2). By geometry κ = k₂ and
 ρⱼ = kⱼ₊₂/kⱼ₊₁ = r₁/(λR).
 
-Every contact loses the fraction creep + creep_per_nm · |torque| of its rate, and passes at most its
-capacity: what needs more is slowed to what the capacity can drive, or stopped. Torques are referred
-to the driving disk B of the stage by virtual work: P₁ carries its joint and all later ones, P₂ and
-P₃ their joint alone. One capacity stands for all, since the paper does not print the other radii.
+Every contact loses the fraction creep + creep_per_nm · |torque| + lateral_creep · |sinθⱼ| of its
+rate, the last since a contact whose rolling direction is turned by θⱼ also slips sideways, in
+proportion to sinθⱼ to first order. It passes at most its capacity: what needs more is slowed to
+what the capacity can drive, or stopped. Torques are referred to the driving disk B of the stage by
+virtual work: P₁ carries its joint and all later ones, P₂ and P₃ their joint alone. One capacity
+stands for all, since the paper does not print the other radii.
 
 From a driven axis to what it turns: backlash, and a soft shaft wound up by friction.
 
@@ -31,6 +33,11 @@ for stiffness k and viscous friction d: the joint rests while the play and the w
 friction can hold are not used up, and otherwise follows with the time constant d/k. Without
 viscous friction, or with a rigid shaft, this is the play operator θ ← clip(θ, m − w, m + w); with
 every effect off it is θ = m.
+
+On an inclined plane gravity loads joint i with G = −∂V/∂θᵢ, V = g sin(incline) Σ momentⱼ sinψⱼ,
+ψⱼ = θ₁ + … + θⱼ. The joint then rests while the shaft's torque lies between −coulomb − G and
+coulomb − G. Where gravity overcomes friction it takes the link to the other side of its play. The
+arm starts settled. Friction is taken to hold the disk behind motor 1's gearhead.
 """
 
 from __future__ import annotations
@@ -42,7 +49,7 @@ import numpy as np
 from planner.machine.machine import Draws
 from planner.machine.servos import integrals, to_end
 from planner.support.arrays import Array
-from planner.systems.manipulator import Manipulator
+from planner.systems.manipulator import Manipulator, gravity_torques
 
 
 class Chain:
@@ -64,11 +71,20 @@ class Chain:
         self._joints += [Play.passive(draws, i, theta) for i, theta in enumerate(q[2:].copy())]
         self._cosines = np.cos(q[1:-1])
         self._state = q.copy()
+        self._weights = weights(draws, len(self._joints))
+        self._load()
+        for joint in self._joints:
+            joint.settle()
 
     @property
     def q(self) -> Array:
         """Coordinates (φₙ₋₁, θ₁ … θₙ), shape (N, S), rad."""
         return self._state
+
+    @property
+    def axes(self) -> Array:
+        """Angles of the driven axes on the joints' scale, (n, S), rad."""
+        return np.stack([joint.axis for joint in self._joints])
 
     def step(self, speed: Array, travel: Array, h: float) -> None:
         """Advance by a step.
@@ -79,6 +95,7 @@ class Chain:
             h: Length of the step, s.
         """
         last = len(self._k) - 1
+        self._load()
         passed = self._contacts.passed(self._joints[1:], self._cosines, speed[-1, 0])
         disk = self._geared(speed[:, 0], travel[-1, 0], h)
         ways = list(travel[:, 1])
@@ -96,6 +113,14 @@ class Chain:
             driven *= c
             ways = [gain * way for way in integrals(driven, h)]
         self._state[last + 2] = self._joints[last + 1].move(ways[-1], h)
+
+    def _load(self) -> None:
+        """Load the joints with what gravity does where they are."""
+        if self._weights is not None:
+            for joint, load in zip(
+                self._joints, gravity_torques(self._weights, self._state[1:]), strict=True
+            ):
+                joint.bear(load)
 
     def _geared(self, speed: Array, travel: Array, h: float) -> Array:
         """Speed of the first disk: of motor 1, less what its gearhead's play takes up, (P, S)."""
@@ -119,6 +144,18 @@ class Chain:
         return c
 
 
+GRAVITY_M_S2 = 9.80665
+"""Standard acceleration of free fall."""
+
+
+def weights(draws: Draws, joints: int) -> Array | None:
+    """Largest torque of gravity about each link's own joint, (n, S), N m; None on a level plane."""
+    if not (draws.on("incline_deg") and draws.on("link_moment_kgm")):
+        return None
+    slope = GRAVITY_M_S2 * np.sin(np.deg2rad(draws["incline_deg"]))
+    return np.broadcast_to(slope * draws["link_moment_kgm"], (joints, draws.count))
+
+
 TINY_NM = 1e-30
 
 
@@ -137,6 +174,26 @@ class Passed:
     disk: Array | float
 
 
+def at_contacts(k: Array, torques: Array, cosines: Array) -> Array:
+    """Torques of joints 2 … n as disk B of each stage feels them.
+
+    Args:
+        k: Gear constants k₂ … kₙ of each machine, (n−1, S).
+        torques: Of joints 2 … n, (n−1, …, S), N m.
+        cosines: Of θ₁ … θₙ₋₁, likewise.
+
+    Returns:
+        Shape (2, n−1, …, S), N m: first those that pass P₁, of the stage's joint and all later
+        ones; then those that pass P₂ and P₃, of the stage's joint alone.
+    """
+    out = np.empty((2, *torques.shape))
+    out[1] = k[0] * cosines * cosines * cosines * torques
+    out[0, -1] = out[1, -1]
+    for j in range(len(torques) - 2, -1, -1):
+        out[0, j] = out[1, j] + k[j + 1] / k[j] * cosines[j] * out[0, j + 1]
+    return out
+
+
 class Contacts:
     """The friction contacts of S manipulators.
 
@@ -146,11 +203,14 @@ class Contacts:
     """
 
     def __init__(self, draws: Draws, k: Array) -> None:
-        self._k, self._ratio = k, k[1:] / k[:-1]
+        self._k = k
         self._creep = draws["creep"]
         self._creep_per_nm = draws["creep_per_nm"]
         self._capacity = draws["friction_capacity_nm"]
-        self._loaded = draws.on("friction_capacity_nm") or draws.on("creep_per_nm")
+        self._lateral = draws["lateral_creep"] if draws.on("lateral_creep") else None
+        self._loaded = any(
+            draws.on(name) for name in ("friction_capacity_nm", "creep_per_nm", "lateral_creep")
+        )
         kept = np.repeat(1 - self._creep, len(k), axis=0)
         self._unloaded = Passed(kept, kept**2, 1.0) if draws.on("creep") else None
 
@@ -165,11 +225,14 @@ class Contacts:
         if not self._loaded:
             return self._unloaded
         turning = np.sign(speed)
-        steady = self._at_contacts(np.stack([j.torque(turning) for j in joints]), cosines)
+        steady = at_contacts(self._k, np.stack([j.torque(turning) for j in joints]), cosines)
         rising = self._rising(joints, cosines, turning, speed)
         whole = steady if rising is None else steady + rising
         carried = np.minimum(np.abs(whole), self._capacity)
-        kept = np.maximum(1.0 - self._creep - self._creep_per_nm * carried, 0.0)
+        kept = 1.0 - self._creep - self._creep_per_nm * carried
+        if self._lateral is not None:
+            kept -= self._lateral * np.sqrt(np.maximum(1.0 - cosines * cosines, 0.0))
+        kept = np.maximum(kept, 0.0)
         branch = kept[1] * kept[1]
         if not (whole >= self._capacity).any():
             return Passed(kept[0], branch, 1.0)
@@ -177,19 +240,6 @@ class Contacts:
         before = np.minimum.accumulate(share[0], axis=0)
         disk = before[-2] if len(before) > 1 else 1.0
         return Passed(kept[0], branch * np.minimum(before, share[1]), disk)
-
-    def _at_contacts(self, torques: Array, cosines: Array) -> Array:
-        """Torques (n−1, S) of joints 2 … n as disk B of each stage feels them, (2, n−1, S).
-
-        First those that pass P₁, of the stage's joint and all later ones; then those that pass P₂
-        and P₃, of the stage's joint alone.
-        """
-        out = np.empty((2, *torques.shape))
-        out[1] = self._k[0] * cosines * cosines * cosines * torques
-        out[0, -1] = out[1, -1]
-        for j in range(len(torques) - 2, -1, -1):
-            out[0, j] = out[1, j] + self._ratio[j] * cosines[j] * out[0, j + 1]
-        return out
 
     def _rising(
         self, joints: list[Play], cosines: Array, turning: Array, speed: Array
@@ -201,7 +251,7 @@ class Contacts:
         for j, joint in enumerate(joints):
             torques[j] = joint.damping(turning) * self._k[j] * cosines[j] ** 3 * disk
             disk = disk * cosines[j]
-        return self._at_contacts(torques, cosines)
+        return at_contacts(self._k, torques, cosines)
 
     def _share(self, steady: Array, rising: Array | None) -> Array:
         """Part of the speed at which each contact's torque stays within the capacity."""
@@ -249,14 +299,27 @@ class Play:
         )
         self._soft = bool(np.all(np.isfinite(self._stiffness)))
         self._rest = self._half_gap + self._coulomb / self._stiffness
+        self._least, self._most = -self._rest, self._rest
+        self._load: Value = 0.0
         self._constant = self._viscous / self._stiffness
         self._lagging = bool(self._constant.any())
         self.exact = not self._lagging and not self._rest.any()
         self.damped = not self._soft and bool(self._viscous.any())
         self._wound = np.zeros(theta.shape)
+        self._start = start
         self._weight: dict[float, tuple[Array, Array]] = {}
         self.theta = theta
         self.axis = theta + start * self._half_gap
+
+    def bear(self, load: Array) -> None:
+        """Be pushed forwards by a torque (S,), N m, from now on."""
+        self._load, self.exact = load, False
+        self._least, self._most = resting(load, self._half_gap, self._coulomb, self._stiffness)
+
+    def settle(self) -> None:
+        """Let the axis be where the joint rests at its angle under its load."""
+        ahead = np.clip(self._start * self._half_gap, self._least, self._most)
+        self.axis = self.theta + ahead
 
     @classmethod
     def gearhead(cls, draws: Draws, motor: int, angle: Array) -> Play:
@@ -282,7 +345,7 @@ class Play:
             self.theta = axis
             return axis
         still = self.theta
-        least, most = axis - self._rest, axis + self._rest
+        least, most = axis - self._most, axis - self._least
         moved = np.minimum(np.maximum(still, least), most)
         if self._lagging:
             start, end = self._weight.get(h) or self._weigh(h)
@@ -315,7 +378,8 @@ class Play:
         ahead = (self.axis - self.theta) * turning
         if self._soft:
             return np.asarray(self._stiffness * _dead_zone(ahead, self._half_gap))
-        return np.asarray(self._touching(ahead, turning) * self._coulomb)
+        asked = self._coulomb - self._load * turning
+        return np.asarray(self._touching(ahead, turning) * asked)
 
     def damping(self, turning: Array) -> Array:
         """Torque that comes on top for each rad/s of the joint, (S,), N m s/rad.
@@ -328,7 +392,21 @@ class Play:
         return np.asarray(self._touching(ahead, turning) * self._viscous)
 
     def _touching(self, ahead: Array, turning: Array) -> Array:
-        return np.asarray((ahead >= self._half_gap - TOUCH) & (turning != 0))
+        overrun = self._load * turning > self._coulomb  # gravity holds it on the other side
+        return np.asarray(((ahead >= self._half_gap - TOUCH) | overrun) & (turning != 0))
+
+
+def resting(load: Value, half_gap: Value, coulomb: Value, stiffness: Value) -> tuple[Array, Array]:
+    """How far the axis may be ahead of a joint at rest: least and most, rad.
+
+    Args:
+        load: Torque that pushes the joint forwards, N m; the rest as of `Play`.
+    """
+    least, most = -coulomb - load, coulomb - load
+    return (
+        np.asarray(least / stiffness + np.where(least > 0, half_gap, -half_gap)),
+        np.asarray(most / stiffness + np.where(most < 0, -half_gap, half_gap)),
+    )
 
 
 def _row(draws: Draws, name: str, i: int) -> Array:

@@ -31,6 +31,7 @@ typedef struct {
     double inertia[BODIES], gain[2], integral[2], limit[2];
     double stiffness[PLAYS], damping[PLAYS], half_gap[PLAYS];
     double coulomb[1 + JOINTS], viscous[JOINTS], k[JOINTS], disk[JOINTS], kept, creep, capacity;
+    double lateral, weights[1 + JOINTS];
 } Masses;
 
 /* Rows of the speeds (`Rows`) and of the rest of the state (`_State`), for m passive joints. */
@@ -41,6 +42,7 @@ typedef struct {
 
 typedef struct {
     double first[JOINTS], second[JOINTS], slope[2 * JOINTS], limit[2 * JOINTS];
+    double pull[1 + JOINTS];
 } Gears;
 
 typedef struct {
@@ -254,7 +256,9 @@ static void gears(const Rows *r, const Masses *p, const double *y, const double 
     int m = r->m;
     for (int j = 0; j < m; j++) {
         double c = cos(y[r->q + 1 + j] + h / 2 * y[r->links + j]);
-        double first = c * p->kept, second = p->k[j] * c * c * p->kept * p->kept;
+        double straight = 1 - c * c, kept = p->kept - p->lateral * sqrt(larger(straight, 0.0));
+        kept = larger(kept, 0.0);
+        double first = c * kept, second = p->k[j] * c * c * kept * kept;
         double disk = fabs(y[driver(r, j)] + lead * gained[j]);
         double both = larger(fabs(first * second), UPRIGHT);
         double share = p->creep * disk / p->disk[j], limit = p->capacity * p->disk[j];
@@ -265,6 +269,13 @@ static void gears(const Rows *r, const Masses *p, const double *y, const double 
         g->limit[j] = limit / larger(fabs(first), UPRIGHT);
         g->limit[m + j] = limit / both;
     }
+    double angle = 0.0, load = 0.0;
+    for (int i = 0; i <= m; i++) {
+        angle += y[r->q + 1 + i] + h / 2 * y[r->links + i];
+        g->pull[i] = p->weights[i] * cos(angle);
+    }
+    for (int i = m; i >= 0; i--)
+        g->pull[i] = load -= g->pull[i];
 }
 
 /* The state y + h f(new state) by the implicit Euler method; power[0] of motors, [1] lost. */
@@ -298,6 +309,7 @@ static void stage(const Rows *r, const Masses *p, const Gears *g, const double *
         s.limit[2 + i] = g->limit[i];
     }
     for (int i = 0; i <= m; i++) {
+        s.push[r->links + i] += g->pull[i];
         s.offset[2 + 2 * m + i] = 0.0;
         s.slope[2 + 2 * m + i] = p->coulomb[i] > 0 ? STICK : 0.0;
         s.limit[2 + 2 * m + i] = p->coulomb[i];
@@ -406,7 +418,9 @@ static Masses masses_of(const Rows *r, const double *at, int64_t samples)
     at = take(at, p.disk, m, samples);
     at = take(at, &p.kept, 1, samples);
     at = take(at, &p.creep, 1, samples);
-    take(at, &p.capacity, 1, samples);
+    at = take(at, &p.capacity, 1, samples);
+    at = take(at, &p.lateral, 1, samples);
+    take(at, p.weights, 1 + m, samples);
     return p;
 }
 

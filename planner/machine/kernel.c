@@ -21,7 +21,7 @@
 #define INLINE static inline __attribute__((always_inline))
 #endif
 
-#define VERSION 3 /* of the structures below; compiled.py has the same */
+#define VERSION 4 /* of the structures below; compiled.py has the same */
 #define KEPT 8    /* lengths of steps whose exponentials are kept */
 #define MOTORS 2
 #define POINTS 3 /* at most, of a step */
@@ -33,7 +33,7 @@ typedef struct {
     int64_t samples, joints, points, steps, rows;
     int64_t lagging, second, limited, ramped;      /* servos */
     int64_t geared[MOTORS], lagged, soft, damped;  /* play */
-    int64_t creeping, loaded;                      /* friction */
+    int64_t creeping, loaded, inclined;            /* friction, gravity */
     int64_t dynamic, coordinates;                  /* rows of a dynamic state, 0: quasi-static; */
     double k_g, gamma;                             /* where its coordinates begin */
     const double *parameters; /* (samples, see `own`) */
@@ -65,9 +65,10 @@ typedef struct {
 typedef struct {
     const double *gain, *bias, *limit, *ramp, *bandwidth, *damping; /* (2) each */
     const double *half;                                             /* of the gearheads (2) */
-    const double *contact; /* creep, creep_per_nm, capacity */
+    const double *contact; /* creep, creep_per_nm, capacity, lateral_creep */
     const double *k;       /* (joints - 1), as the following */
     const double *half_gap, *rest, *stiffness, *coulomb, *viscous;
+    const double *weights; /* of the links (joints) */
 } Own;
 
 /* One sample's state, in the order of compiled.py. */
@@ -86,9 +87,11 @@ typedef struct {
     double *weight; /* (joints - 1, 2) */
 } Factors;
 
-/* What the contacts pass on: (joints - 1) each. */
+/* What the contacts pass on: (joints - 1) each. Load on the joints, and how far their axes may be
+ * ahead of them at rest: (joints) each. */
 typedef struct {
     double *cosine, *stage, *branch, *steady1, *steady2, *rising1, *rising2;
+    double *load, *least, *most;
     double disk;
 } Contacts;
 
@@ -103,10 +106,10 @@ INLINE double between(double x, double low, double high)
 INLINE Own own(const Model *m, int64_t sample)
 {
     int64_t n = m->joints - 1;
-    const double *p = m->parameters + sample * (7 * MOTORS + 3 + 6 * n);
-    const double *k = p + 17;
+    const double *p = m->parameters + sample * (7 * MOTORS + 5 + 7 * n);
+    const double *k = p + 18;
     Own o = {p, p + 2, p + 4, p + 6, p + 8, p + 10, p + 12, p + 14,
-             k, k + n, k + 2 * n, k + 3 * n, k + 4 * n, k + 5 * n};
+             k, k + n, k + 2 * n, k + 3 * n, k + 4 * n, k + 5 * n, k + 6 * n};
     return o;
 }
 
@@ -277,10 +280,12 @@ INLINE double share(const Model *m, double steady, double rising, double capacit
     return between(room, 0.0, 1.0);
 }
 
-INLINE double kept(const Own *o, double whole)
+INLINE double kept(const Own *o, double whole, double cosine)
 {
+    double straight = o->contact[3] > 0 ? 1 - cosine * cosine : 0.0;
+    double sine = straight > 0 ? sqrt(straight) : 0.0;
     double carried = fabs(whole) < o->contact[2] ? fabs(whole) : o->contact[2];
-    double part = 1.0 - o->contact[0] - o->contact[1] * carried;
+    double part = 1.0 - o->contact[0] - o->contact[1] * carried - o->contact[3] * sine;
     return part > 0 ? part : 0.0;
 }
 
@@ -292,11 +297,12 @@ INLINE void passed(const Model *m, const Own *o, const Held *x, double speed, Co
     double *steady = c->stage, *rising = c->branch; /* used up before they are filled */
     for (int64_t j = 0; j < count; j++) {
         double ahead = (x->axis[j + 1] - x->theta[j + 1]) * turning;
-        int touching = ahead >= o->half_gap[j] - TOUCH && turning != 0;
+        double against = o->coulomb[j] - c->load[j + 1] * turning;
+        int touching = (ahead >= o->half_gap[j] - TOUCH || against < 0) && turning != 0;
         if (m->soft)
             steady[j] = o->stiffness[j] * (ahead - clip(ahead, o->half_gap[j]));
         else
-            steady[j] = touching ? o->coulomb[j] : 0.0;
+            steady[j] = touching ? against : 0.0;
         if (m->damped) {
             double cosine = c->cosine[j], rate = o->k[j] * cosine * cosine * cosine * disk;
             rising[j] = touching ? o->viscous[j] * rate : 0.0;
@@ -309,38 +315,60 @@ INLINE void passed(const Model *m, const Own *o, const Held *x, double speed, Co
     c->disk = 1.0;
     for (int64_t j = 0; j < count; j++) {
         double more1 = m->damped ? c->rising1[j] : 0.0, more2 = m->damped ? c->rising2[j] : 0.0;
-        double part = kept(o, c->steady2[j] + more2);
+        double part = kept(o, c->steady2[j] + more2, c->cosine[j]);
         double at1 = share(m, c->steady1[j], more1, o->contact[2]);
         double at2 = share(m, c->steady2[j], more2, o->contact[2]);
         c->disk = before;
         before = at1 < before ? at1 : before;
-        c->stage[j] = kept(o, c->steady1[j] + more1);
+        c->stage[j] = kept(o, c->steady1[j] + more1, c->cosine[j]);
         c->branch[j] = part * part * (before < at2 ? before : at2);
     }
 }
 
 /* -- joints -------------------------------------------------------------------------------- */
 
-/* The play operator with half gap `rest`. */
-INLINE double taken(double theta, double axis, double rest)
+/* The play operator: the axis is so far ahead at least and at most. */
+INLINE double taken(double theta, double axis, double least, double most)
 {
-    return between(theta, axis - rest, axis + rest);
+    return between(theta, axis - most, axis - least);
+}
+
+/* See `resting` of disk_chain.py. */
+INLINE void rest(const Contacts *c, int64_t i, double half_gap, double coulomb, double stiffness)
+{
+    double least = -coulomb - c->load[i], most = coulomb - c->load[i];
+    c->least[i] = least / stiffness + (least > 0 ? half_gap : -half_gap);
+    c->most[i] = most / stiffness + (most < 0 ? -half_gap : half_gap);
+}
+
+/* Load all joints with gravity where they are. */
+INLINE void bear(const Model *m, const Own *o, const Held *x, const Contacts *c)
+{
+    double angle = 0, load = 0;
+    for (int64_t i = 0; i < m->joints; i++) {
+        angle += x->theta[i];
+        c->load[i] = m->inclined ? o->weights[i] * cos(angle) : 0.0;
+    }
+    for (int64_t i = m->joints - 1; i >= 0; i--)
+        c->load[i] = load -= c->load[i];
+    rest(c, 0, o->half[1], 0.0, INFINITY);
+    for (int64_t j = 0; j < m->joints - 1; j++)
+        rest(c, j + 1, o->half_gap[j], o->coulomb[j], o->stiffness[j]);
 }
 
 /* Turn joint i by `travel`; returns its angle. Joint 0 has the gearhead of motor 2 alone. */
-INLINE double turn(const Model *m, const Own *o, const Held *x, const Factors *f, int64_t i,
+INLINE double turn(const Model *m, const Held *x, const Factors *f, const Contacts *c, int64_t i,
                    double travel)
 {
-    double axis = x->axis[i] += travel;
+    double axis = x->axis[i] += travel, least = c->least[i], most = c->most[i];
     if (i == 0)
-        return x->theta[0] = m->geared[1] ? taken(x->theta[0], axis, o->half[1]) : axis;
+        return x->theta[0] = m->geared[1] ? taken(x->theta[0], axis, least, most) : axis;
     int64_t j = i - 1;
-    double rest = o->rest[j];
-    double moved = taken(x->theta[i], axis, rest);
+    double moved = taken(x->theta[i], axis, least, most);
     if (m->lagged) {
         const double *weight = f->weight + 2 * j;
         double now = x->theta[i] + weight[0] * x->wound[i] + weight[1] * (moved - x->theta[i]);
-        x->wound[i] = taken(now, axis, rest) - now;
+        x->wound[i] = taken(now, axis, least, most) - now;
         moved = now;
     }
     return x->theta[i] = moved;
@@ -353,7 +381,7 @@ INLINE void geared(const Model *m, const Own *o, const Held *x, double *speed, d
         return;
     double before = x->disk[0];
     x->disk[1] += travel;
-    x->disk[0] = taken(before, x->disk[1], o->half[0]);
+    x->disk[0] = taken(before, x->disk[1], -o->half[0], o->half[0]);
     if (travel == 0)
         return;
     double turned = (x->disk[0] - before) / travel;
@@ -367,15 +395,17 @@ INLINE void chain(const Model *m, const Own *o, const Held *x, const Factors *f,
 {
     int64_t points = m->points, last = m->joints - 2;
     int passing = m->creeping || m->loaded;
+    if (m->inclined)
+        bear(m, o, x, c);
     if (m->loaded)
         passed(m, o, x, disk[points - 1], c);
     geared(m, o, x, disk, disk_travel);
     for (int64_t j = 0; j <= last; j++) {
         double cosine[POINTS], driven[POINTS], gain = o->k[j];
         cosine[0] = c->cosine[j];
-        cosine[1] = cos(turn(m, o, x, f, j, ways[0]));
+        cosine[1] = cos(turn(m, x, f, c, j, ways[0]));
         if (points > 2)
-            cosine[2] = cos(turn(m, o, x, f, j, ways[1] - ways[0]));
+            cosine[2] = cos(turn(m, x, f, c, j, ways[1] - ways[0]));
         c->cosine[j] = cosine[points - 1];
         if (j == last) {
             double way[POINTS - 1];
@@ -394,7 +424,7 @@ INLINE void chain(const Model *m, const Own *o, const Held *x, const Factors *f,
         for (int64_t p = 0; p + 1 < points; p++)
             ways[p] *= gain;
     }
-    turn(m, o, x, f, last + 1, ways[points - 2]);
+    turn(m, x, f, c, last + 1, ways[points - 2]);
 }
 
 /* -- with inertia -------------------------------------------------------------------------- */
@@ -467,6 +497,7 @@ INLINE void run(const Model *m, const Commands *u, int64_t sample, int64_t first
         c->branch[j] = c->stage[j] * c->stage[j];
     }
     c->disk = 1.0;
+    bear(m, &o, &x, c);
     int slot = 0;
     for (int64_t k = first; k < last; k++) {
         double h = m->length[k], speed[MOTORS][POINTS], ways[MOTORS][POINTS - 1];
@@ -521,14 +552,15 @@ EXPORT int planner_advance(const Model *m, const Commands *u, int64_t begin, int
                            int64_t first, int64_t last)
 {
     int64_t n = m->joints - 1;
-    double *room = malloc((size_t)(7 * n + KEPT * 2 * n) * sizeof(double));
+    double *room = malloc((size_t)(10 * n + 3 + KEPT * 2 * n) * sizeof(double));
     if (room == NULL)
         return -1;
+    double *loads = room + 7 * n;
     Contacts c = {room, room + n, room + 2 * n, room + 3 * n, room + 4 * n, room + 5 * n,
-                  room + 6 * n, 1.0};
+                  room + 6 * n, loads, loads + n + 1, loads + 2 * (n + 1), 1.0};
     Factors kept_[KEPT];
     for (int i = 0; i < KEPT; i++)
-        kept_[i].weight = room + 7 * n + i * 2 * n;
+        kept_[i].weight = loads + 3 * (n + 1) + i * 2 * n;
     int three = m->joints == 3 && m->points == 2;
     for (int64_t sample = begin; sample < end; sample++)
         (three ? run_three : run_any)(m, u, sample, first, last, kept_, &c);

@@ -1,4 +1,4 @@
-"""The emulated machine as a set of named effects, each on or off, each with an optional spread.
+"""The emulated machine: a set of named effects, each on or off, with an optional random spread.
 
 From a machine with spreads to single machines, reproducibly.
 
@@ -62,18 +62,18 @@ class Quantity:
 @made_by("planner.Machine.prototype(), .ideal() or .from_table({...})")
 @dataclass(frozen=True, repr=False)
 class Machine:
-    """What stands between a plan and the motion that it makes; immutable.
+    """The emulated machine: everything between a plan's inputs and the real motion; immutable.
 
     Build it with `Machine.prototype()`, `Machine.ideal()` or `Machine.from_table`. The effects,
     with units and meaning, are the keys of the `[machine]` table
     (`planner.problem.tables.machine_effects.MachineTable`).
 
     Attributes:
-        preset: What it started from.
+        preset: Name of the preset it was made from.
         step_s: Largest simulation step, seconds.
-        effects: The effects that are on, by name; those missing are off.
-        fidelity: "quasi-static", or "dynamic" with inertia and torque (of a manipulator; other
-            systems have nothing between motor and motion, and are the same in both).
+        effects: The effects that are on, by name; all others are off.
+        fidelity: "quasi-static", or "dynamic" with inertia and torque. Only manipulators differ;
+            other systems have no mechanism between motor and motion.
     """
 
     preset: str
@@ -83,9 +83,9 @@ class Machine:
 
     @classmethod
     def prototype(cls, **changes: Any) -> Machine:
-        """The paper's prototype, with changes: `Machine.prototype(backlash_deg=0.5)`.
+        """The emulated prototype of the paper, with changes: `Machine.prototype(backlash_deg=0.5)`.
 
-        Calibrated, not measured: see `planner.machine.machine`.
+        Its parameters are calibrated, not measured: see `planner.machine.machine`.
 
         Raises:
             InputError: If a name is unknown or a value impossible.
@@ -94,7 +94,7 @@ class Machine:
 
     @classmethod
     def ideal(cls, **changes: Any) -> Machine:
-        """A machine with every effect off, with changes.
+        """A machine with all effects off, except for the given changes.
 
         Raises:
             InputError: If a name is unknown or a value impossible.
@@ -157,13 +157,14 @@ class Machine:
         return self.without(*(name for name in EFFECTS if name not in kept))
 
     def nominal(self) -> Machine:
-        """The same machine with every spread zero, so that all samples are alike."""
+        """The same machine with all spreads zero, so that all samples are equal."""
         return self.with_(**{name: _plain(q.value) for name, q in self.effects.items()})
 
     # -- looking -------------------------------------------------------------------------------
 
     def to_dict(self) -> dict[str, Any]:
-        """The complete `[machine]` table: every effect, so that a later preset changes nothing."""
+        """The complete `[machine]` table with every effect, independent of later changes of
+        presets."""
         settings = {
             name: self.effects[name].to_setting() if name in self.effects else False
             for name in EFFECTS
@@ -207,7 +208,8 @@ def machine_for(table: MachineTable, given: Machine | str | None) -> Machine:
     expect(
         Machine,
         given,
-        "planner.Machine.prototype(backlash_deg=0.5) makes one, and a preset's name stands for one:"
+        "planner.Machine.prototype(backlash_deg=0.5) makes a machine; you can also give the name"
+        " of a preset:"
         f" {', '.join(PRESETS)}",
     )
     return cast("Machine", given)
@@ -363,6 +365,7 @@ PROTOTYPE: Mapping[str, Any] = MappingProxyType(
         "initial_play": {"value": 0.0, "spread": 0.5},
         "initial_angle_error_deg": {"value": 0.0, "spread": 0.2},
         "encoder_resolution_deg": 0.088,
+        "link_moment_kgm": 0.16,  # idle on a level plane
         # What `planner calibrate` gives.
         "servo_bandwidth_rad_s": 67.1,
         "motor_inertia_kgm2": 0.02,

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.machine.bodies import STICK, Masses, Place, Stage, masses
+from planner.machine.disk_chain import at_contacts, resting
 from planner.machine.machine import Draws
 from planner.support.arrays import Array
-from planner.systems.manipulator import Manipulator
+from planner.systems.manipulator import Manipulator, gravity_torques
 
 GAMMA = 1 - 1 / np.sqrt(2)
 """Length of a stage of SDIRK2 as a part of the step."""
@@ -30,12 +31,16 @@ UPRIGHT = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class _Gears:
-    """What is frozen over a step: see `Stage.first` and `second`, slope and limit of contacts."""
+    """What is frozen over a step: see `Stage.first` and `second`, slope and limit of contacts.
+
+    `pull` is the torque of gravity on the links, (1+m, S), N m.
+    """
 
     first: Array
     second: Array
     slope: Array
     limit: Array
+    pull: Array
 
     def part(self, chosen: NDArray[np.intp]) -> _Gears:
         return _Gears(*(getattr(self, f.name)[:, chosen] for f in fields(self)))
@@ -112,16 +117,19 @@ class March:
     def _gears(self, h: float, lead: float) -> _Gears:
         """Ratios at the middle of the step, and the contacts that go with them."""
         data, rows, y = self.data, self.place.bodies, self.y
-        angles = y[self.place.q][1:-1] + h / 2 * y[rows.links][:-1]
-        c = np.cos(angles)
-        first, second = c * data.kept, data.k * c * c * data.kept * data.kept
+        angles = y[self.place.q][1:] + h / 2 * y[rows.links]
+        c = np.cos(angles[:-1])
+        kept = data.kept - data.lateral * np.sqrt(np.maximum(1 - c * c, 0.0))
+        kept = np.maximum(kept, 0.0)
+        first, second = c * kept, data.k * c * c * kept * kept
         disk = np.abs(y[rows.drivers] + lead * self.gained)
         both = np.maximum(np.abs(first * second), UPRIGHT)
         share = data.creep * disk / data.disk
         slip = np.concatenate([share * first * first, 2 * share * both * both])
         levers = np.concatenate([np.maximum(np.abs(first), UPRIGHT), both])
         limit = np.tile(data.capacity * data.disk, (2, 1)) / levers
-        return _Gears(first, second, 1 / (slip + 1 / STICK), limit)
+        pull = gravity_torques(data.weights, angles)
+        return _Gears(first, second, 1 / (slip + 1 / STICK), limit, pull)
 
     def _stage(
         self, data: Masses, gears: _Gears, y: Array, reference: Array, h: float, pieces: Array
@@ -155,13 +163,15 @@ class March:
         heavy, spring = data.inertia / h, data.stiffness + data.damping / h
         drag = heavy + DRAG
         drag[rows.passive] += data.viscous
+        push = heavy * y[at.v]
+        push[rows.links] += gears.pull
         driven = data.integral * y[at.behind] + fed
         rough = np.where(data.coulomb > 0, STICK, 0.0)
         return Stage(
             rows=rows,
             h=h,
             drag=drag,
-            push=heavy * y[at.v],
+            push=push,
             reference=reference,
             first=gears.first,
             second=gears.second,
@@ -182,5 +192,29 @@ def begin(system: Manipulator, draws: Draws, q: Array) -> March:
     y = np.zeros((place.count, draws.count))
     y[place.q] = q
     y[place.gap][2:] = draws["initial_play"] * data.half_gap[2:]
+    _settle(data, place, y)
     pieces, gained = np.zeros((5 + 4 * len(k), draws.count)), np.zeros_like(k)
     return March(data, place, system.k_g, y, pieces, gained, np.zeros((2, draws.count)))
+
+
+def _settle(data: Masses, place: Place, y: Array) -> None:
+    """Let gears, shafts and velocity loops hold the arm against gravity from the start."""
+    angles = y[place.q][1:]
+    load = gravity_torques(data.weights, angles)
+    ahead, k = np.zeros_like(data.half_gap), data.stiffness
+    ahead[2:] = y[place.gap][2:]
+
+    def held(rows: slice, load: Array, friction: Array) -> None:
+        least, most = resting(load, data.half_gap[rows], friction, k[rows])
+        ahead[rows] = np.clip(ahead[rows], least, most)
+        y[place.gap][rows] = np.clip(ahead[rows], -data.half_gap[rows], data.half_gap[rows])
+        y[place.twist][rows] = ahead[rows] - y[place.gap][rows]
+        y[place.torque][rows] = k[rows] * y[place.twist][rows]
+
+    held(slice(1, None), load, data.coulomb)
+    shafts, c = y[place.torque][2:], np.cos(angles[:-1])
+    held(slice(0, 1), -at_contacts(data.k, shafts, c)[:1, 0], np.zeros((1, y.shape[1])))
+    held_back = data.integral > 0
+    y[place.behind] = np.where(
+        held_back, y[place.torque][:2] / np.where(held_back, data.integral, 1.0), 0.0
+    )

@@ -1,4 +1,4 @@
-"""A plan replayed on the emulated machine: its errors and their distribution."""
+"""Replays of a plan on the emulated machine: errors and their distribution."""
 
 from __future__ import annotations
 
@@ -30,25 +30,24 @@ RECORD_S = 0.02
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Replay:
-    """What became of a plan on S samples of a machine.
+    """Motions of a plan on S random samples of a machine.
 
     Attributes:
         plan: The plan.
-        machine: The distribution that the samples come from.
-        seed: Seed of the draws; with `numbers` it gives every sample back.
-        numbers: Which samples, shape (S,).
-        draws: Each sample's parameters.
+        machine: The machine, a distribution from which the samples are drawn.
+        seed: Random seed; together with `numbers` it reproduces every sample.
+        numbers: Sample numbers, shape (S,).
+        draws: Parameters of each sample.
         t: Recorded times, shape (R,), s; the last one is `settle_s` after the plan's end.
         q: True coordinates, shape (S, R, N), in the coordinates' units.
         motor_rates: Speeds of both motors, shape (S, R, 2), rad/s.
-        saturated_s: How long each motor was asked for more than its limit of speed or torque,
-            shape (S, 2), s.
-        terminal_error: True end minus plan's end, shape (S, N), in the coordinates' units.
+        saturated_s: Time during which the command of each motor exceeded its limit of speed or
+            torque, shape (S, 2), s.
+        terminal_error: True end minus planned end, shape (S, N), in the coordinates' units.
         deviation: Largest |true − plan| over time of the coordinates after the first, (S, N−1).
-            Of a compensated plan both errors are those to the plan that it compensates, from where
-            that starts.
-        effort: ∫ u₁² + u₂² dt of what a controller commanded, (S,); None in open loop.
-        fallbacks: How often a controller commanded something cruder than it should, (S,).
+            For a compensated plan both errors refer to the original plan, from its start on.
+        effort: ∫ u₁² + u₂² dt of the controller's commands, (S,); None in open loop.
+        fallbacks: Number of control steps in which the controller used a fallback command, (S,).
     """
 
     plan: Plan
@@ -74,7 +73,7 @@ class Replay:
         )
 
     def percentile(self, percent: float) -> float:
-        """Percentile of E over the samples, degrees; 50 is the median."""
+        """Percentile (0 … 100) of E over the samples, degrees; 50 is the median."""
         return float(np.percentile(self.index_E_deg, percent))
 
     @property
@@ -85,7 +84,7 @@ class Replay:
 
     @property
     def terminal_error_deg(self) -> Array:
-        """True end minus plan's end of each angle, shape (S, n), degrees, signed."""
+        """True end minus planned end of each angle, shape (S, n), degrees, signed."""
         return np.rad2deg(self.terminal_error[:, list(self.angles)])
 
     @property
@@ -97,9 +96,10 @@ class Replay:
     def index_E_deg(self) -> Array:
         """The paper's index of error, shape (S,), degrees: E = max |θ_r − θ_d|, eq. (29).
 
-        The paper writes a maximum over joints and leaves open over which times. We take all of
-        them, from the start until the servos have settled, since it applies the index to the curves
-        of Fig. 9 ("5 degree error on the θ3 curve"). `terminal_E_deg` is the other reading.
+        The paper defines a maximum over the joints but does not say over which times. We take all
+        times from the start until the servos have settled, since the paper applies the index to the
+        curves of Fig. 9 ("5 degree error on the θ3 curve"). `terminal_E_deg` is the other
+        interpretation.
         """
         return np.asarray(self.largest_error_deg.max(axis=1))
 
@@ -110,18 +110,18 @@ class Replay:
 
     @property
     def measured(self) -> Array:
-        """What the encoders read, shape (S, R, N): `q` with the angles at their resolution."""
+        """Encoder readings, shape (S, R, N): `q` with the angles rounded to their resolution."""
         return measured(self.plan.problem.system, self.draws, self.q.T).T
 
     @property
     def worst(self) -> int:
-        """Number of the sample with the largest E; `replay(…, samples=[worst])` gives it again."""
+        """Number of the sample with the largest E; `replay(…, samples=[worst])` reproduces it."""
         return int(self.numbers[np.argmax(self.index_E_deg)])
 
     # Views are made of replays; these only make them easy to reach, and import them when asked.
 
     def to_frame(self) -> pandas.DataFrame:
-        """One row a machine, errors and settings; see `planner.machine.replay.replay_frame`."""
+        """One row per machine, errors and settings; see `planner.machine.replay.replay_frame`."""
 
         return replay_frame(self)
 
@@ -131,11 +131,11 @@ class Replay:
         return replay_dataset(self)
 
     def summary(self) -> dict[str, Any]:
-        """The figures of a comparison table, JSON-ready, in degrees and seconds.
+        """The numbers of a comparison table, JSON-ready, in degrees and seconds.
 
-        Median and 95th percentile of E and of the terminal error, over samples; the median of each
-        angle's terminal error; the longest time any sample's motors were saturated; and how many
-        steps of a controller fell back, over all samples.
+        Over all samples: median and 95th percentile of E and of the terminal error, the median of
+        each angle's terminal error, the longest saturation of each motor, and the number of
+        fallback steps of the controller.
         """
         end = self.terminal_E_deg
         return {
@@ -170,21 +170,20 @@ def replay(
 
     Args:
         plan: An executable plan.
-        machine: The machine, or the name of a preset; the problem's `[machine]` table when left
-            out.
-        samples: How many, or a list of sample numbers (from 0).
-        seed: Seed of the draws.
-        feedback: What closes the loop: True for the tracker with the problem's `[feedback]` table,
-            a `planner.Tracker`, or another `planner.machine.closed_loop.Feedback`; False: open
-            loop.
-        settle_s: Time after the plan's end with zero command, s, so that the lag of the servos is
-            not counted as a terminal error.
-        record_s: Time between recorded instants, s; None records the start, the plan's end and the
-            end alone. Errors are taken over all steps, recorded or not.
+        machine: The machine, or the name of a preset. By default the problem's `[machine]` table.
+        samples: Number of samples, or a list of sample numbers (from 0).
+        seed: Random seed.
+        feedback: False for open loop. True for feedback by the tracker with the problem's
+            `[feedback]` table; or a `planner.Tracker`; or another
+            `planner.machine.closed_loop.Feedback`.
+        settle_s: Time with zero command after the plan's end, s. It keeps servo lag out of the
+            terminal error.
+        record_s: Time between recorded instants, s; None records only the start, the plan's end and
+            the final instant. Errors use all simulation steps, recorded or not.
         progress: Called with (steps done, steps in all).
 
     Raises:
-        InputError: If the plan has no real inputs, or is compensated and feedback is asked for, the
+        InputError: If the plan has no real inputs, a compensated plan is to run with feedback, the
             machine does not match the system, or an argument is out of range.
     """
     refuse_inexecutable(plan)
@@ -261,7 +260,9 @@ def sample_numbers(samples: int | Sequence[int]) -> NDArray[np.int64]:
         InputError: If there is none, or one is not a whole number from 0.
     """
     if isinstance(samples, bool):
-        raise InputError(f"samples = {samples}: give how many, or a list of sample numbers")
+        raise InputError(
+            f"samples = {samples}: give a number of samples, or a list of sample numbers"
+        )
     if isinstance(samples, int) and samples > MOST_MACHINES:
         raise InputError(f"samples = {samples}: at most {MOST_MACHINES} machines")
     numbers = np.arange(samples) if isinstance(samples, int | np.integer) else np.asarray(samples)
@@ -272,7 +273,8 @@ def sample_numbers(samples: int | Sequence[int]) -> NDArray[np.int64]:
         or numbers.min() < 0
     ):
         raise InputError(
-            f"samples = {samples}: give how many (at least 1), or a list of sample numbers from 0"
+            f"samples = {samples}: give a number of samples (at least 1), or a list of sample"
+            " numbers from 0"
         )
     return numbers.astype(np.int64)
 
@@ -287,10 +289,10 @@ def _check(seed: int, settle_s: float, record_s: float | None) -> None:
 
 
 def replay_frame(replay: Replay) -> pandas.DataFrame:
-    """One row a machine: its errors, and every setting of it that differs from machine to machine.
+    """One row per machine: its errors, and every parameter that differs between machines.
 
     Index: number of the sample. Columns: E_deg (eq. 29), terminal_E_deg, terminal_NAME_deg for each
-    angle, then settings by name, with _1, _2 ... where there is one a motor or joint.
+    angle, then settings by name, with _1, _2 ... where there is one per motor or joint.
 
     Raises:
         InputError: If pandas is not installed.

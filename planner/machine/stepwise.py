@@ -241,10 +241,13 @@ class DynamicChain:
 
     @property
     def stored_J(self) -> Array:
-        """Kinetic energy and that of the shafts, (S,), J."""
+        """Kinetic energy, that of the shafts, and of the links' height, (S,), J."""
         v, twist = self._y[self._at.v], self._y[self._at.twist]
         kinetic = np.sum(self._masses.inertia * v * v, axis=0)
-        return np.asarray((kinetic + np.sum(self._masses.stiffness * twist * twist, axis=0)) / 2)
+        elastic = np.sum(self._masses.stiffness * twist * twist, axis=0)
+        height = np.sin(np.cumsum(self.q[1:], axis=0))
+        raised = np.sum(self._masses.weights * height, axis=0)
+        return np.asarray((kinetic + elastic) / 2 + raised)
 
     @property
     def work_J(self) -> Array:

@@ -81,27 +81,27 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
     own = [change for change in error.changes if not change.method]
     if not own:
         return None
-    with limited(max(LEAST_S, TIMES * seconds), "the time to try changes"):
+    with limited(max(LEAST_S, TIMES * seconds), "the time for trying changes"):
         tries = tried(own, attempt, lambda doing: progress.tell(f"no plan; {doing}"))
     if tries.change is None or tries.plan is None:
         said = [error.otherwise] if error.otherwise else []
         if tries.vain:
-            said.append(f"in vain were tried {', '.join(map(str, tries.vain))}")
+            said.append(f"tried without success: {', '.join(map(str, tries.vain))}")
         if tries.left:
-            said.append(f"there was no time to try {', '.join(map(str, tries.left))}")
+            said.append(f"not tried for lack of time: {', '.join(map(str, tries.left))}")
         error.advise(MORE_TIME if remaining() <= 0 else None, "; ".join(said))
         return None
     shown = replace(tries.plan, problem=problem, verified=False, certificate=None)
     broken = verify(shown).violations
     if not broken and not tries.change.defaults:
         return tries.plan
-    error.advise(f"{_asked(shown, broken) or tries.change} (tried)")
+    error.advise(f"{asked_instead(shown, broken) or tries.change} (tried)")
     if tries.change.without:
         error.blame(tries.change.without, replace(shown, status=error.status), broken)
     return None
 
 
-def _asked(plan: Plan, broken: Sequence[Violation]) -> str:
+def asked_instead(plan: Plan, broken: Sequence[Violation]) -> str:
     """What a problem would have to say for this to be a plan of it, given what it breaks now."""
     problem, parts = plan.problem, []
     found = [(*asked, v) for v in broken if (asked := problem.asking(v.label))]
@@ -114,4 +114,4 @@ def _asked(plan: Plan, broken: Sequence[Violation]) -> str:
             parts.append(f"{key} = {value:.6g}")
         elif own and kind not in (Start, Goal):
             parts.append(kind.eased(sorted(own, key=lambda each: each[2].label)))
-    return " and ".join(parts)
+    return " and ".join(words for words in parts if words)

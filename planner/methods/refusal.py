@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from planner.problem.problem import Problem
+from planner.problem.reach import Reach
 from planner.support.files import toml
 
 
@@ -39,7 +40,7 @@ class Change:
         return self.words or " and ".join(f"{key} = {toml(v)}" for key, v in self.keys.items())
 
 
-BY_COLLOCATION = Change(method="collocation", words=", which plans in the coordinates themselves")
+BY_COLLOCATION = Change(method="collocation", words=", which plans in joint coordinates")
 
 
 def lasting(seconds: float) -> Change:
@@ -50,6 +51,18 @@ def lasting(seconds: float) -> Change:
 def free_travel(problem: Problem, without: str = "") -> list[Change]:
     """The travel left free, where it is given."""
     return [Change(problem.travel_change(None), without=without)][: problem.travel is not None]
+
+
+def within_reach(problem: Problem, reach: Reach) -> list[Change]:
+    """The tip at the nearest place within reach, where no joints' angles meet the goal."""
+    tip, keys = problem.tip, dict[str, Any]()
+    if tip is None or reach.branches or reach.blocked:
+        return []
+    if tip.place is not None:
+        keys["goal.tip_m"] = [float(f"{x:.4g}") for x in reach.tip[:2]]
+    if tip.angle is not None:
+        keys["goal.tip_angle_deg"] = float(f"{np.rad2deg(reach.tip[2]):.4g}")
+    return [Change(keys)]
 
 
 def in_other_time(problem: Problem) -> list[Change]:

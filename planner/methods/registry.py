@@ -13,6 +13,7 @@ from importlib import import_module
 from typing import Any
 
 from planner.errors import InputError
+from planner.methods import keeping
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.problem.tables.kinds import add_method_table
@@ -41,16 +42,18 @@ class Method:
         summary: One line for listings.
         options: The table of its options.
         plan: From problem and options to a plan that is not verified yet.
-        replan: The same from a plan of a neighbouring problem, or None.
+        keeps: What it says before it searches: which parts of what is asked it keeps.
+        replan: The same as `plan` from a plan of a neighbouring problem, or None.
         refines: The method whose plan it starts from, or None. Where that finds none this finds
             none, so that `check` does not try it.
-        finds_time: Whether it says itself that a duration is too short, and finds one that is not.
+        finds_time: Whether it reports a too short duration by itself and finds a longer one.
     """
 
     name: str
     summary: str
     options: type[Any]
     plan: Callable[[Problem, Any], Plan]
+    keeps: keeping.Keeps = keeping.nothing
     replan: Callable[[Problem, Any, Plan], Plan] | None = None
     refines: str | None = None
     finds_time: bool = False
@@ -69,47 +72,54 @@ def _later(module: str, name: str) -> Callable[..., Plan]:
 _ALL = (
     Method(
         "polynomial",
-        "the paper's law: v1 constant, v2 polynomial, with constraint points",
+        "the paper's method: v1 constant, v2 polynomial, with constraint points",
         PolynomialOptions,
         _later("laws.polynomial", "plan_polynomial"),
+        keeping.law(keeping.one_leg),
     ),
     Method(
         "piecewise",
         "multirate: v1 constant, v2 piecewise constant",
         PiecewiseOptions,
         _later("laws.piecewise", "plan_piecewise"),
+        keeping.law(keeping.slots),
     ),
     Method(
         "sinusoid",
         "one period of v1 = a0 + a1 sin wt, v2 = sum of bj cos jwt",
         SinusoidOptions,
         _later("laws.sinusoids", "plan_sinusoid"),
+        keeping.law(keeping.smooth),
     ),
     Method(
         "sinusoid_steps",
-        "z1, z2 first, then one further coordinate by each period of sinusoids",
+        "z1 and z2 first, then one further coordinate in each period of sinusoids",
         SinusoidStepsOptions,
         _later("laws.sinusoids", "plan_sinusoid_steps"),
+        keeping.law(keeping.steps),
     ),
     Method(
         "collocation",
-        "optimal plans in the coordinates themselves, within all limits, by direct collocation",
+        "optimal plans in joint coordinates within all limits, by direct collocation",
         CollocationOptions,
         _later("collocation.method", "plan_collocation"),
+        keeping.collocation,
         _later("collocation.method", "replan_collocation"),
         finds_time=True,
     ),
     Method(
         "convex",
-        "the optimal path in the chart: global with a gap, or a certificate that there is none",
+        "globally optimal path in the chart with its gap, or a certificate that none exists",
         ConvexOptions,
         _later("convex.method", "plan_convex"),
+        keeping.convex,
     ),
     Method(
         "desensitised",
-        "least response to errors of inputs, start and constants, weighed against effort",
+        "least response to errors of inputs, start and constants, traded against effort",
         DesensitisedOptions,
         _later("desensitised.method", "plan_desensitised"),
+        keeping.desensitised,
         _later("desensitised.method", "plan_desensitised"),
         refines="collocation",
         finds_time=True,
@@ -142,29 +152,34 @@ def register_method(
     *,
     options: type[Table],
     summary: str,
+    keeps: keeping.Keeps = keeping.nothing,
     replan: Callable[[Problem, Any, Plan], Plan] | None = None,
     refines: str | None = None,
     finds_time: bool = False,
 ) -> None:
-    """Add a method to those that `solve`, `compare`, `check`, sweeps and problem files know.
+    """Register a method for `solve`, `compare`, `check`, sweeps and problem files.
 
-    A process that is started later, as a worker of a sweep is, knows it only from a plugin: a
-    package whose entry point `planner.plugins` names a function that calls this.
+    Other processes, such as workers of a sweep, know it only from a plugin: a package whose entry
+    point `planner.plugins` names a function that calls this one.
 
     Args:
-        name: As users write it: a Python name.
-        plan: From the problem and an instance of `options` to a plan, which `solve` then verifies.
-            Where it finds none it raises a `NoPlanError` that says why.
+        name: Name of the method: a Python identifier.
+        plan: A function of the problem and an instance of `options` that returns a plan, which
+            `solve` then verifies. If it finds none it raises a `NoPlanError` with the reason.
         options: The table `[method.NAME]` of problem files, a `planner.support.user_tables.Table`;
             every key has a default.
         summary: One line for listings.
-        replan: The same from a plan of a neighbouring problem.
-        refines: The method whose plan it starts from: where that finds none this finds none, so
-            that `check` does not try it.
-        finds_time: Whether it says itself that a duration is too short, and finds one that is not.
+        keeps: From the problem, a `Demand` of it and a `Part` of that to "kept" where no motion of
+            the method breaks it, "judged" where that is left to the judge, or "never": then the
+            problem is refused before the method begins. When left out all is judged.
+        replan: As `plan`, from a plan of a neighbouring problem.
+        refines: The method whose plan it starts from, if any; `check` then does not try it by
+            itself.
+        finds_time: Whether it reports by itself that a duration is too short and finds a longer
+            one.
 
     Raises:
-        InputError: If the name is taken or cannot be one, or something is not of the right kind.
+        InputError: If the name is taken or invalid, or an argument has the wrong type.
     """
     if not isinstance(name, str) or not name.isidentifier() or not name.isascii():
         raise InputError(
@@ -172,10 +187,10 @@ def register_method(
             " and begins with a letter"
         )
     if name in METHODS:
-        raise InputError(f"method '{name}' is there already: {METHODS[name].summary}")
+        raise InputError(f"method '{name}' exists already: {METHODS[name].summary}")
     if name == ALL or name.startswith("_") or hasattr(Table, name):
-        raise InputError(f"method '{name}' cannot be registered: the name has another meaning")
-    entry = Method(name, summary, options, plan, replan, refines, finds_time)
+        raise InputError(f"method '{name}' cannot be registered: the name is reserved")
+    entry = Method(name, summary, options, plan, keeps, replan, refines, finds_time)
     if why := next(_faults(entry), None):
         raise InputError(f"method '{name}' cannot be registered: {why}")
     add_method_table(name, options)
@@ -185,7 +200,7 @@ def register_method(
 
 def _faults(method: Any) -> Iterator[str]:
     """Why an entry is no method."""
-    for key in ("plan", "replan"):
+    for key in ("plan", "keeps", "replan"):
         function = getattr(method, key)
         if not callable(function) and not (key == "replan" and function is None):
             yield f"{key} = {line(repr(function))} is not a function"
@@ -279,7 +294,8 @@ def parse_specs(problem: Problem, specs: str | Sequence[str]) -> list[Spec]:
     texts = list(_split(specs, ",")) if isinstance(specs, str) else specs
     if not isinstance(texts, Iterable) or not all(isinstance(text, str) for text in texts):
         raise InputError(
-            f"methods = {brief(repr(specs))}: give names, as in ['polynomial', 'collocation']"
+            f"methods = {brief(repr(specs))}: give a list of names, for example ['polynomial',"
+            " 'collocation']"
         )
     parsed = [parse_spec(text) for text in texts]
     if not parsed:
@@ -303,8 +319,8 @@ def _value(text: str, key: str, value: str) -> Any:
     if re.fullmatch(r"[A-Za-z][\w.+-]*", value):
         return value
     raise InputError(
-        f"'{text}': option '{key}' = {value} is not a value; write a number, true, false, a word,"
-        " or a list as in [[5.0, -0.2]]"
+        f"'{text}': option '{key}' = {value} is not a value; write a number, true, false, a"
+        " word, or a list such as [[5.0, -0.2]]"
     )
 
 

@@ -8,8 +8,19 @@ from __future__ import annotations
 
 from typing import Literal, TypedDict
 
+from planner.plan.plan import Plan
+from planner.support.progress import Listener
 
-class Polynomial(TypedDict, total=False):
+
+class Call(TypedDict, total=False):
+    """Keywords of `solve` that every method takes."""
+
+    warm: Plan | None
+    time_limit_s: float | None
+    progress: Listener | None
+
+
+class Polynomial(Call, total=False):
     """Keys of `[method.polynomial]`."""
 
     criterion: Literal["peak", "margin"]
@@ -19,7 +30,7 @@ class Polynomial(TypedDict, total=False):
     points: list[list[float]] | Literal["auto"]
 
 
-class Piecewise(TypedDict, total=False):
+class Piecewise(Call, total=False):
     """Keys of `[method.piecewise]`."""
 
     criterion: Literal["peak", "margin"]
@@ -29,7 +40,7 @@ class Piecewise(TypedDict, total=False):
     slots: int | None
 
 
-class Sinusoid(TypedDict, total=False):
+class Sinusoid(Call, total=False):
     """Keys of `[method.sinusoid]`."""
 
     criterion: Literal["peak", "margin"]
@@ -37,7 +48,7 @@ class Sinusoid(TypedDict, total=False):
     amplitude: float | Literal["auto"]
 
 
-class SinusoidSteps(TypedDict, total=False):
+class SinusoidSteps(Call, total=False):
     """Keys of `[method.sinusoid_steps]`."""
 
     criterion: Literal["peak", "margin"]
@@ -46,7 +57,7 @@ class SinusoidSteps(TypedDict, total=False):
     shares: list[float] | None
 
 
-class Collocation(TypedDict, total=False):
+class Collocation(Call, total=False):
     """Keys of `[method.collocation]`."""
 
     intervals: int | Literal["auto"]
@@ -70,7 +81,7 @@ class Collocation(TypedDict, total=False):
     max_iterations: int
 
 
-class Convex(TypedDict, total=False):
+class Convex(Call, total=False):
     """Keys of `[method.convex]`."""
 
     objective: Literal["smooth", "peak"]
@@ -83,7 +94,7 @@ class Convex(TypedDict, total=False):
     max_cuts: int
 
 
-class Desensitised(TypedDict, total=False):
+class Desensitised(Call, total=False):
     """Keys of `[method.desensitised]`."""
 
     passive: float

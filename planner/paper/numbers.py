@@ -13,9 +13,10 @@ import numpy as np
 from planner.methods.laws.legs import Leg, Point, steer
 from planner.methods.laws.scores import score
 from planner.paper.cases import POINT, Cases, paper_problem
+from planner.plan.curves import polynomial_roots
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan
-from planner.plan.trajectory import ChainedTrajectory, polynomial_roots
+from planner.plan.trajectory import ChainedTrajectory
 from planner.problem.feasibility import travel_window
 from planner.problem.nonholonomy import paper_recursion
 from planner.solve import solve

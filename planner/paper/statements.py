@@ -209,6 +209,7 @@ FIXED: dict[str, str] = {
     "velocity_resolution_rad_s": "one motor rpm behind 1:100",
     "input_gain_error": "drives with encoders hold 0.1 to 0.5 % of speed; mean 0, drawn",
     "input_bias_rad_s": "drift of a command's zero, some 0.03 deg/s at the output; mean 0, drawn",
+    "link_moment_kgm": "0.8 kg at 0.2 m, as the links' inertia; acts on an inclined plane only",
     "velocity_limit_rad_s": "3000 to 4000 rpm behind 1:100; the paper's motion needs a fifth",
     "acceleration_limit_rad_s2": "a tenth of a second to that speed",
     "gear_ratio_error": "radii of disks and contacts to 0.1 mm on 20 mm; mean 0, drawn",

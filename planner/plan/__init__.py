@@ -1,6 +1,6 @@
 """What every method returns, and what can be read of it.
 
-In this order: `trajectory` (curves in time), `retimed` and `fastest_timing` (another clock on the
-same path), `quadrature`, `measures` (effort, peaks, the chart's domain), `claims` (what is proven),
-`plan`, `samples` (as arrays and tables).
+In this order: `curves` (piecewise polynomials), `trajectory` (curves in time), `retimed` and
+`fastest_timing` (another clock on the same path), `quadrature`, `measures` (effort, peaks, the
+chart's domain), `claims` (what is proven), `plan`, `plan_file`, `samples` (as arrays and tables).
 """

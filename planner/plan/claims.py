@@ -18,14 +18,14 @@ class Claim:
     """One requirement, over all time.
 
     Attributes:
-        label: What is required, in the words of `verify` ("input u2", "joint theta3").
-        status: "proven"; "violated", which is proven too; or "undecided".
-        guaranteed: The margin is nowhere less than this; −inf where nothing could be bounded.
-        attained: The margin is this small, or smaller, at `time_s`; NaN where unknown.
-        time_s: When the margin is least as far as known, in seconds; None without one.
+        label: The requirement, as `verify` calls it ("input u2", "joint theta3").
+        status: "proven", "violated" (also by proof), or "undecided".
+        guaranteed: Proven lower bound of the margin; −inf if there is none.
+        attained: Proven upper bound of the least margin, reached at `time_s`; NaN if unknown.
+        time_s: Time of the least margin, as far as known, in seconds; None if there is none.
         unit: Unit of the margin.
-        required: Whether the problem asks for it; otherwise it is information.
-        why: What kept it from being decided; empty otherwise.
+        required: Whether the problem requires it; otherwise it is for information.
+        why: Why it is undecided; empty otherwise.
     """
 
     label: str
@@ -63,14 +63,14 @@ COLUMNS: list[Column[Claim]] = [
 
 @dataclass(frozen=True)
 class Certificate:
-    """What is proven of a plan's true motion over each whole interval, not at samples.
+    """What is proven about a plan's true motion, over whole intervals instead of at samples.
 
     Attributes:
-        claims: One a requirement.
-        motion_error: Proven bound on |plan.q(t) − true motion| over all time, by coordinate name,
-            in the coordinates' units; infinite where there is none.
-        cells: Number of subintervals the proof rests on.
-        seconds: How long it took.
+        claims: One per requirement.
+        motion_error: Proven bound of |plan.q(t) − true motion| over all time, by coordinate name,
+            in the coordinates' units; infinite if there is none.
+        cells: Number of subintervals used in the proof.
+        seconds: Computing time, in seconds.
     """
 
     claims: tuple[Claim, ...]
@@ -86,7 +86,7 @@ class Certificate:
 
     @property
     def open(self) -> tuple[Claim, ...]:
-        """What is required and not proven; violations first."""
+        """Requirements that are not proven; violations first."""
         left = [c for c in self.claims if c.required and c.status != "proven"]
         return tuple(sorted(left, key=lambda c: c.status != "violated"))
 

@@ -251,13 +251,20 @@ def fastest_motion(
         The motion, and what to note of it.
 
     Raises:
-        NotConvergedError: If the programme is not solved.
+        NotConvergedError: If the programme is not solved, or an input would jump where something
+            other than `limits` is asked of its rate.
     """
     if np.any(np.isfinite(limits.input_rate[moving])):
         trajectory, notes = _with_rates(path, limits, moving, rest, intervals)
     else:
         trajectory, notes = _without_rates(path, limits, moving), {}
     factor = slowing(requirements, trajectory)
+    if np.isinf(factor):
+        raise NotConvergedError(
+            "the fastest clock within the limits of the inputs makes one jump, and something else"
+            " is asked of their rates",
+            advice="limits.input_rate_rad_s2, which the clock keeps without jumps",
+        )
     return (trajectory.slowed(factor) if factor > 1 else trajectory), notes
 
 

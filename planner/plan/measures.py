@@ -13,14 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from planner.plan.curves import polynomial_range, polynomial_roots
 from planner.plan.quadrature import greatest, jumps, largest, own_input, read, slopes
 from planner.plan.retimed import RetimedTrajectory
-from planner.plan.trajectory import (
-    ChainedTrajectory,
-    Trajectory,
-    polynomial_range,
-    polynomial_roots,
-)
+from planner.plan.trajectory import ChainedTrajectory, Trajectory
 from planner.problem.requirements.requirement import At, Requirement
 from planner.support.arrays import Array
 from planner.support.one_variable import maximum, minimum, sample_times, zeros
@@ -112,12 +108,12 @@ def slowing(requirements: Sequence[Requirement], trajectory: Trajectory) -> floa
 
 @dataclass(frozen=True, repr=False)
 class DomainReport:
-    """What `domain_report` finds.
+    """Result of `domain_report`.
 
     Attributes:
         ok: Whether the trajectory stays strictly inside the chart's domain at all times.
-        margin: Least signed margin (cos²θ or 1 − cos²θ, dimensionless); negative outside.
-        time_s: When it is least, in seconds.
+        margin: Least margin (cos²θ or 1 − cos²θ, dimensionless); negative outside the domain.
+        time_s: Time of the least margin, in seconds.
         label: Which margin that is.
         exits_s: Times at which the trajectory leaves or re-enters the domain, in seconds.
         z2_crossings_s: Times at which z₂ = 0, in seconds.

@@ -1,7 +1,4 @@
-"""The one thing every method returns.
-
-The tables of a plan file (JSON).
-"""
+"""The plan: the result of every method."""
 
 from __future__ import annotations
 
@@ -10,24 +7,20 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field, field_validator
 
 from planner.errors import InputError, expect, made_by
-from planner.plan.claims import Certificate, certificate_from_dict
+from planner.plan.claims import Certificate
 from planner.plan.measures import DomainReport, domain_report
-from planner.plan.trajectory import Trajectory, trajectory_from_dict
+from planner.plan.trajectory import Trajectory
 from planner.problem.problem import Problem
 from planner.support.arrays import Array, jsonable
-from planner.support.files import read_json, write_text
+from planner.support.files import write_text
 from planner.support.package import handed_to
-from planner.support.tables import line
-from planner.support.user_tables import Table, parse
 
 if TYPE_CHECKING:
     import pandas
@@ -48,28 +41,31 @@ class Plan:
 
     `t`, `q(t)`, `u(t)`, `z(t)` and `v(t)` use the method's own interpolant; see `Trajectory`.
 
-    Before 0 and after `duration` a plan rests at its ends: coordinates stay, inputs are zero. Asked
-    there, it says so by a RuntimeWarning; its `trajectory` answers without one.
+    Before 0 and after `duration` the plan is at rest: coordinates are those of its ends, inputs are
+    zero. Evaluating it there gives a RuntimeWarning; its `trajectory` gives none.
 
-    Plans are equal that are the same motion for the same problem, by the same method and options,
-    with the same verdict; how long they took to find does not count.
+    Two plans are equal if they have the same motion, problem, method, options and verdict.
+    Computing times do not count.
 
     Attributes:
-        problem: What it solves.
+        problem: The problem it solves.
         method: Name of the method that made it.
         options: The method's options, as used.
         trajectory: The curve itself.
-        status: "solved", or what kept it from being a plan ("singular", "not_converged", …).
+        status: "solved", or why it is not a valid plan ("singular", "not_converged", …).
         objective: Value of the method's objective.
-        objective_name: What that objective is ("effort: integral of u1^2 + u2^2 dt").
+        objective_name: Name of the objective ("effort: integral of u1^2 + u2^2 dt").
         solve_time_s: Seconds the method spent solving.
-        build_time_s: Seconds it spent preparing (zero when a preparation was reused).
-        iterations: Iterations of its solver, 0 for closed forms.
-        verified: Whether the independent check passed (set by `solve`).
-        notes: Further facts of the method, JSON-ready (which start won, constraint points, …).
-        certificate: What is proven of it between the nodes (set by `solve`; see `certify`).
-        why: What a plan that was read as verified breaks, in one line; empty for all others.
-        compensation: Of a compensated plan what it compensates (set by `compensate`); else None.
+        build_time_s: Seconds it spent on building the optimisation problem (zero if reused).
+        iterations: Iterations of its solver; 0 for closed-form methods.
+        verified: Whether the independent verification passed (set by `solve`).
+        notes: Further facts from the method, JSON-ready (the first guess used, constraint points,
+            …).
+        certificate: What is proven about it between the nodes (set by `solve`; see `certify`).
+        why: If a plan was read from a file that calls it verified and is not: what it breaks, in
+            one line. Otherwise empty.
+        compensation: For a compensated plan, its original plan and machine (set by `compensate`);
+            else None.
     """
 
     problem: Problem
@@ -111,24 +107,24 @@ class Plan:
 
     @property
     def compensates(self) -> Plan | None:
-        """The plan whose motion a compensated plan makes on the nominal machine; else None."""
+        """The original plan of a compensated plan; None for all others."""
         return None if self.compensation is None else self.compensation.plan
 
     @property
     def lead_s(self) -> float:
-        """How long a compensated plan prepares before the plan that it compensates starts, s."""
+        """Duration of a compensated plan's preparatory motion, in seconds; else 0."""
         return 0.0 if self.compensation is None else self.compensation.lead_s
 
     @property
     def tail_s(self) -> float:
-        """How long a compensated plan goes on after the plan that it compensates has ended, s."""
+        """Time that a compensated plan continues after the end of the original plan, s."""
         return 0.0 if self.compensation is None else self.compensation.tail_s
 
     def wanted(self, t: ArrayLike) -> Array:
-        """Coordinates (…, N) that a machine should have at any times t (…), to judge it by.
+        """Desired coordinates (…, N) at times t (…), against which errors are measured.
 
-        Those of the plan; of a compensated plan those of the plan that it compensates, on its own
-        clock, and NaN while it prepares.
+        Those of the plan itself. For a compensated plan, those of the original plan, shifted by
+        `lead_s`, and NaN during the preparatory motion.
         """
         if self.compensates is None:
             return self.trajectory.q(t)
@@ -138,7 +134,7 @@ class Plan:
 
     @property
     def t(self) -> Array:
-        """Times between which the curve is smooth, shape (K+1,), seconds."""
+        """Times between which the motion is smooth, shape (K+1,), seconds."""
         return self.trajectory.breaks
 
     @property
@@ -153,7 +149,7 @@ class Plan:
 
     @cached_property
     def domain(self) -> DomainReport:
-        """Where it lies in the chart's domain, over all time."""
+        """Position relative to the chart's domain over all time."""
         return domain_report(self.trajectory)
 
     @property
@@ -162,7 +158,7 @@ class Plan:
         return self.trajectory.in_coordinates or self.domain.ok
 
     def q(self, t: ArrayLike) -> Array:
-        """Coordinates, shape (…, N), at times t (…); a RuntimeWarning outside [0, duration]."""
+        """Coordinates, shape (…, N), at times t (…); RuntimeWarning outside [0, duration]."""
         return self.trajectory.q(self._times(t))
 
     def u(self, t: ArrayLike) -> Array:
@@ -183,9 +179,9 @@ class Plan:
         outside = (times < -slack) | (times > self.duration + slack)
         if np.any(outside):
             warnings.warn(
-                f"t = {times[outside].flat[0]:.6g} s lies outside the plan, which lasts from 0 to"
-                f" {self.duration:.6g} s; there it rests at its ends"
-                " (plan.trajectory says the same without this warning)",
+                f"t = {times[outside].flat[0]:.6g} s lies outside the plan, which lasts from 0"
+                f" to {self.duration:.6g} s; outside it is at rest (plan.trajectory.q and .u"
+                " give the same without this warning)",
                 RuntimeWarning,
                 stacklevel=3,
             )
@@ -195,7 +191,7 @@ class Plan:
         """Write the plan as versioned JSON; `load_plan` gives it back exactly.
 
         Raises:
-            InputError: If the file cannot be written; nothing is left behind.
+            InputError: If the file cannot be written; no partial file is left.
         """
         return write_text(
             path, json.dumps(jsonable(self._to_dict()), indent=1, allow_nan=False) + "\n"
@@ -232,12 +228,14 @@ class Plan:
         return data
 
     def to_frame(self, rate_hz: float = 100.0) -> pandas.DataFrame:
-        """The plan at even times as a pandas frame; see `planner.plan.samples.to_frame`."""
+        """The plan at evenly spaced times as a pandas DataFrame; see
+        `planner.plan.samples.to_frame`."""
         frame: pandas.DataFrame = handed_to("planner.plan.samples.to_frame")(self, rate_hz)
         return frame
 
     def to_xarray(self, rate_hz: float = 100.0) -> xarray.Dataset:
-        """The plan at even times as an xarray dataset; see `planner.plan.samples.to_xarray`."""
+        """The plan at evenly spaced times as an xarray Dataset; see
+        `planner.plan.samples.to_xarray`."""
         dataset: xarray.Dataset = handed_to("planner.plan.samples.to_xarray")(self, rate_hz)
         return dataset
 
@@ -278,213 +276,6 @@ def refuse_compensated(plan: Plan, what: str) -> None:
     expect_plan(plan)
     if plan.compensation is not None:
         raise InputError(
-            f"{what} takes a plan as the kinematics say, and this one is compensated for a machine;"
-            " give it plan.compensates"
+            f"{what} needs a plan whose inputs follow the kinematics, but this one is"
+            " compensated for a machine; use the original plan, plan.compensates"
         )
-
-
-def read_plan(path: str | Path) -> Plan:
-    """What a file of `Plan.save` says, believed as it stands; `planner.load_plan` judges it.
-
-    Raises:
-        InputError: If the file is missing, is not a plan, or has a newer version.
-    """
-    return _plan(_read(path), path)
-
-
-def _plan(data: Mapping[str, Any], path: str | Path) -> Plan:
-    problem = Problem.from_dict(data["problem"], data["source"])
-    if made_from := data.get("compensation"):
-        parse(PlanFile, made_from["plan"], f"{path}, the plan that it compensates")
-        made_from = Compensation(
-            _plan(made_from["plan"], path),
-            made_from["machine"],
-            made_from["lead_s"],
-            made_from["tail_s"],
-        )
-    try:
-        return Plan(
-            problem=problem,
-            trajectory=trajectory_from_dict(problem.system, data["trajectory"]),
-            certificate=_certificate(data.get("certificate")),
-            why="" if data["verified"] else data.get("why", ""),
-            compensation=made_from,
-            **{key: _read_back(data[key]) for key in _COPIED},
-        )
-    except (KeyError, TypeError) as error:
-        raise InputError(f"{path} is not a complete plan file: {error!r}") from None
-    except ValueError as error:
-        raise InputError(f"{path} holds no trajectory of this problem: {error}") from None
-
-
-_COPIED = (
-    "method",
-    "options",
-    "status",
-    "objective",
-    "objective_name",
-    "solve_time_s",
-    "build_time_s",
-    "iterations",
-    "verified",
-    "notes",
-)
-
-
-def _certificate(data: Mapping[str, Any] | None) -> Certificate | None:
-    return None if data is None else certificate_from_dict(data)
-
-
-def _read_back(value: Any) -> Any:
-    """A number that is not defined is null in the file; nothing else is. Texts are for show."""
-    if isinstance(value, str):
-        return line(value)
-    return float("nan") if value is None else value
-
-
-def _read(path: str | Path) -> dict[str, Any]:
-    data = read_json(path, "`planner plan PROBLEM --out FILE` writes a plan file")
-    if data.get("format") != FORMAT:
-        raise InputError(f"{path} is not a plan file (its 'format' is not '{FORMAT}')")
-    if data.get("version") != VERSION:
-        raise InputError(f"{path} has version {data.get('version')}; this planner reads {VERSION}")
-    parse(PlanFile, data, str(path))
-    return data
-
-
-Number = float | None
-"""A number; null where it is not defined."""
-
-
-class CurveTable(Table):
-    """A piecewise polynomial in the Bernstein basis.
-
-    On [breaks[k], breaks[k+1]], with x from 0 to 1 in it, component i is the sum over a of
-    bernstein[a][k][i] C(d, a) x^a (1-x)^(d-a), where d is the degree; a scalar curve has no [i].
-    """
-
-    breaks: Annotated[list[float], Field(min_length=2)] = Field(description="K+1 increasing times.")
-
-    @field_validator("breaks")
-    @classmethod
-    def _increase(cls, breaks: list[float]) -> list[float]:
-        if not all(a < b < 1e15 for a, b in pairwise(breaks)):
-            raise ValueError("times must increase, and stay below 1e15 s")
-        return breaks
-
-    bernstein: list[list[Number | list[Number]]] = Field(
-        description="Coefficients: degree + 1 lists of K pieces, each a list of components."
-    )
-
-
-class ChainedTable(Table):
-    """A curve given in chained coordinates."""
-
-    kind: Literal["chained"]
-    branch: list[float] = Field(description="Signs (N) of the chart's branch.")
-    z: CurveTable = Field(description="z1 ... zN over time in s.")
-    v: CurveTable = Field(description="v1, v2 over time in s.")
-
-
-class StateTable(Table):
-    """A curve given in coordinates and inputs."""
-
-    kind: Literal["state"]
-    q: CurveTable = Field(description="q1 ... qN in rad or m over time in s.")
-    u: CurveTable = Field(description="u1, u2 in rad/s or m/s over time in s.")
-
-
-class RetimedTable(Table):
-    """A curve with another clock."""
-
-    kind: Literal["retimed"]
-    path: TrajectoryTable
-    length: CurveTable = Field(description="Length along the path over the path's own time.")
-    clock: CurveTable = Field(description="Length over time in s.")
-    stations: list[float] = Field(description="The path's own time at the breaks of the clock.")
-
-
-TrajectoryTable = Annotated[
-    Union[ChainedTable, StateTable, RetimedTable],  # noqa: UP007
-    Field(discriminator="kind"),
-]
-
-
-class ClaimTable(Table):
-    """One requirement over all time."""
-
-    label: str = Field(description="What is required, as in 'joint theta3'.")
-    status: Literal["proven", "undecided", "violated"]
-    guaranteed: Number = Field(description="The margin is nowhere less; null: nothing is known.")
-    attained: Number = Field(description="The margin is this small, or smaller, at time_s.")
-    time_s: Number = Field(description="When the margin is least, as far as known.")
-    unit: str = Field(description="Unit of the margin.")
-    required: bool = Field(description="Whether the problem asks for it.")
-    why: str = Field(description="What kept it from being decided.")
-    text: str = Field(description="The same in words.")
-
-
-class CertificateTable(Table):
-    """What is proven of the plan over whole intervals."""
-
-    ok: bool = Field(description="Whether everything required is proven.")
-    text: str = Field(description="The same in words.")
-    claims: list[ClaimTable]
-    motion_error: dict[str, Number] = Field(
-        description="Proven bound on |q(t) - true motion|, by coordinate; null: none."
-    )
-    cells: int = Field(description="Subintervals the proof rests on.")
-    seconds: float = Field(description="How long it took.")
-
-
-class PlanFile(Table):
-    """A plan as `Plan.save` writes it. Angles are in radians, times in seconds."""
-
-    format: Literal["planner-plan"]
-    version: Literal[1] = Field(description="Version of this form.")
-    problem: dict[str, Any] = Field(description="The tables of the problem file.")
-    source: str = Field(description="Where the problem came from.")
-    method: str = Field(description="Method that made it.")
-    options: dict[str, Any] = Field(description="The method's options, as used.")
-    status: str = Field(description="'solved', or what kept it from being a plan.")
-    objective: Number = Field(description="Value of the method's objective.")
-    objective_name: str = Field(description="What that objective is.")
-    solve_time_s: Number = Field(description="Time the method spent solving.")
-    build_time_s: Number = Field(description="Time it spent preparing.")
-    iterations: int = Field(description="Iterations of its solver, 0 for closed forms.")
-    verified: bool = Field(description="Whether the independent check passed.")
-    notes: dict[str, Any] = Field(description="Further facts of the method.")
-    certificate: CertificateTable | None = Field(
-        None, description="What is proven of it between the nodes; null: not examined."
-    )
-    why: str = Field("", description="What a plan that was read as verified breaks.")
-    trajectory: TrajectoryTable = Field(description="The curve itself.")
-    compensation: CompensationOfTable | None = Field(
-        None, description="Of a compensated plan what it was made from."
-    )
-
-
-class CompensationOfTable(Table):
-    """What a compensated plan was made from."""
-
-    plan: dict[str, Any] = Field(description="The plan as the kinematics say, as a plan file.")
-    machine: dict[str, Any] = Field(description="The [machine] table that is allowed for.")
-    lead_s: Annotated[float, Field(ge=0)] = Field(
-        description="How long the commands prepare before that plan starts."
-    )
-    tail_s: Annotated[float, Field(ge=0)] = Field(
-        description="How long they go on after that plan has ended."
-    )
-
-
-def plan_schema(problem: dict[str, Any]) -> dict[str, Any]:
-    """JSON Schema of a plan file.
-
-    Args:
-        problem: JSON Schema of a problem file.
-    """
-    schema = PlanFile.model_json_schema()
-    inner = dict(problem)
-    schema["$defs"] |= inner.pop("$defs", {})
-    schema["properties"]["problem"] = inner
-    return schema

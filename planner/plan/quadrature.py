@@ -15,18 +15,20 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from planner.plan.trajectory import Pieces, Trajectory, product
+from planner.plan.curves import Pieces, product
+from planner.plan.trajectory import Trajectory
+from planner.support import deadline
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
 
 POINTS = 16
-"""Points a cell: rates of degree 15 are integrated exactly."""
+"""Points per cell: rates of degree 15 are integrated exactly."""
 
 CONTROL_POINTS = 29
-"""Points a cell at which the integral is done again; they share none but the ends with the 16."""
+"""Points per cell at which the integral is done again; they share none but the ends with the 16."""
 
 SAMPLES = 33
-"""Samples a cell for extremes: twice as many as a series of degree 15 can have turns."""
+"""Samples per cell for extremes: twice as many as a series of degree 15 can have turns."""
 
 RESOLVED = 1e-11
 """Tail of a series, relative to the function's size on the cell or one, that needs no splitting."""
@@ -120,6 +122,7 @@ def read(trajectory: Trajectory, *values: Values, start: Cells | None = None) ->
     kept: list[Reading] = []
     held, most = 0, MOST_CELLS + len(open_.piece)
     for step in range(SPLITS + 1):
+        deadline.check_stopped()
         q, u = trajectory.inside(open_.piece, open_.fractions(POINTS))
         tail = tails(np.concatenate([f(q, u) for f in wanted], axis=-1))
         rough = (tail > RESOLVED) & ((tail > NOISE) | (tail < 0.2 * before))
@@ -257,6 +260,7 @@ def _settled(system: TriangularSystem, start: Array, width: Array, q: Array, u: 
     """
     change = np.inf
     for _ in range(system.size + 1):
+        deadline.check_stopped()
         new = _integral(start, width, system.rates(q, u))
         change, q = float(np.max(np.abs(new - q))), new
         if not change > SETTLED * max(1.0, float(np.max(np.abs(q)))):
@@ -264,6 +268,7 @@ def _settled(system: TriangularSystem, start: Array, width: Array, q: Array, u: 
     growth = apply(_integration(POINTS), _jacobian(system, q, u)) * width[..., None]
     across = growth[-1] + np.eye(system.size)
     for _ in range(SWEEPS):
+        deadline.check_stopped()
         own = apply(_integration(POINTS), system.rates(q, u)) * width
         miss = q[0] + own[-1]
         miss[:-1] -= q[0, 1:]

@@ -18,17 +18,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import BPoly, PPoly
 
-from planner.plan.trajectory import (
+from planner.plan.curves import (
     Pieces,
-    Trajectory,
     at_times,
     curve_from_dict,
     curve_to_dict,
     expect_curve,
     on_pieces,
-    trajectory_from_dict,
     undefined,
 )
+from planner.plan.trajectory import Trajectory, trajectory_from_dict
 from planner.support.arrays import Array
 from planner.support.one_variable import Grid, sample_times, zeros
 from planner.systems.triangular_system import TriangularSystem

@@ -29,16 +29,16 @@ if TYPE_CHECKING:
 
 MAX_ROWS = 2_000_000
 RATE_HZ = 100.0
-"""Default number of samples a second, that of the emulated machine's controller."""
+"""Default number of samples per second, that of the emulated machine's controller."""
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """A motion at R times.
+    """A motion sampled at R times.
 
     Attributes:
-        coordinates: Names of the columns of `q`, with units, as in "theta1_rad".
-        inputs: Names of the columns of `u`, as in "u1_rad_s".
+        coordinates: Names of the columns of `q`, with units, for example "theta1_rad".
+        inputs: Names of the columns of `u`, for example "u1_rad_s".
         t: Times, shape (R,), s; the first is 0, the last the duration.
         q: Coordinates, shape (R, N); NaN where no real ones exist.
         u: Inputs, shape (R, 2); at a jump the value after it. NaN where undefined.
@@ -65,7 +65,7 @@ class Samples:
 
     @property
     def table(self) -> Array:
-        """All of it, shape (R, 2N + 5), one column for each of `columns`."""
+        """All values, shape (R, 2N + 5), one column for each name in `columns`."""
         return np.column_stack([self.t, self.q, self.u, self.z, self.v])
 
     @classmethod
@@ -92,14 +92,14 @@ def sample(plan: Plan, rate_hz: float = RATE_HZ) -> Samples:
 
     Args:
         plan: Any plan.
-        rate_hz: Samples a second; the spacing is made a little finer where that is needed for the
-            last sample to fall on the plan's end.
+        rate_hz: Samples per second. The spacing is reduced slightly if needed, so that the last
+            sample is at the plan's end.
 
     Raises:
         InputError: If the rate is not positive, or gives more than two million samples.
     """
     if isinstance(rate_hz, bool) or not (np.isfinite(rate_hz) and rate_hz > 0):
-        raise InputError(f"rate_hz = {rate_hz}: must be a positive number of samples a second")
+        raise InputError(f"rate_hz = {rate_hz}: must be a positive number of samples per second")
     steps = max(1, int(np.ceil(min(plan.duration * rate_hz, 1e15) - 1e-9)))
     if steps >= MAX_ROWS:
         raise InputError(
@@ -120,10 +120,10 @@ def sample(plan: Plan, rate_hz: float = RATE_HZ) -> Samples:
 
 
 def load_samples(path: str | Path) -> Samples:
-    """Read back a CSV or MATLAB file that `export` wrote.
+    """Read a CSV or MATLAB file written by `export`.
 
     Raises:
-        InputError: If the file is missing, is neither .csv nor .mat, or is not of that form.
+        InputError: If the file is missing, is neither .csv nor .mat, or has another content.
     """
     readers: dict[str, Callable[[Path], Samples]] = {".csv": _from_csv, ".mat": _from_mat}
     suffix = named(path).suffix.lower()

@@ -1,5 +1,5 @@
 """What is asked: a problem, its file, its requirements, and what no plan can beat.
 
-In this order: `requirements`, `tables` (the file's keys), `problem` (and what contradicts itself),
-`feasibility` (least duration, window of travels), `nonholonomy`.
+In this order: `requirements`, `tables` (the file's keys), `asked` (what they ask, and where that
+contradicts itself), `problem`, `feasibility` (least duration, window of travels), `nonholonomy`.
 """

@@ -1,4 +1,4 @@
-"""The start and the goal of a problem, seen in the chained-form chart.
+"""Start and goal of a problem in the chained-form chart.
 
 The least time a problem's input limits allow: a bound that no plan of any method can beat.
 
@@ -31,8 +31,9 @@ class End:
     Attributes:
         name: "start" or "goal".
         q: Coordinates, shape (N,); NaN for a free path coordinate.
-        z: Chained coordinates, shape (N,); NaN for a free path coordinate.
-        branch: The chart's branch it lies on, shape (N,).
+        z: Chained coordinates, shape (N,); NaN for a free path coordinate, and for all where a
+            joint is free.
+        branch: The chart's branch it lies on, shape (N,); NaN likewise.
         margins: Distance from each edge of the chart, on the start's branch: label to value,
             negative beyond the edge.
         singular: Names of the coordinates that lie on a singularity of the chart.
@@ -49,8 +50,8 @@ class End:
 
     @property
     def in_chart(self) -> bool:
-        """Whether a chart method can begin or end here."""
-        return not self.singular and not self.crossed
+        """Whether a chart method can begin or end here; not where joints are free."""
+        return not (self.singular or self.crossed or np.any(np.isnan(self.z[1:])))
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready form (NaN where undefined)."""
@@ -72,6 +73,10 @@ def chart_ends_report(problem: Problem) -> tuple[End, End]:
 
 def _end(name: str, problem: Problem, q: Array) -> End:
     system, home = problem.system, problem.branch
+    if np.any(np.isnan(q[1:])):
+        nowhere = np.full(system.size, np.nan)
+        unknown = {label: np.nan for _, label in system.margin_labels}
+        return End(name, q, nowhere, nowhere, unknown, (), ())
     known = np.where(np.isnan(q), 0.0, q)
     z = chained_form(system).z(known)
     z[0] = q[0]
@@ -93,7 +98,7 @@ def _end(name: str, problem: Problem, q: Array) -> End:
 
 @dataclass(frozen=True)
 class DurationBound:
-    """Seconds below which no plan exists, and why; zero when nothing bounds it."""
+    """Duration (seconds) below which no plan exists, with the reason; zero if there is no bound."""
 
     seconds: float
     reason: str
@@ -104,7 +109,7 @@ def least_duration(problem: Problem) -> DurationBound:
 
     It is necessary, not sufficient: a plan may need longer.
     """
-    distance = np.abs(problem.goal - problem.start)
+    distance = np.nan_to_num(np.abs(problem.goal - problem.start))  # a free joint may stay
     distance[0] = abs(problem.travel or 0.0)
     rates = _top_rates(problem)
     needed = distance / rates
@@ -158,15 +163,14 @@ def _shown(value: float, unit: str) -> str:
 
 @dataclass(frozen=True, repr=False)
 class TravelWindow:
-    """Travels Δφ for which a one-way motion can exist, in radians.
+    """Travels Δφ (radians) for which a motion without reversal can exist.
 
     Attributes:
-        low: Least travel; the ends themselves are limits that no motion attains.
-        high: Greatest travel; infinite when there is none.
-        exact: Whether every travel strictly inside is attained by some one-way motion when joints
-            and inputs have no limits (n = 2 and 3); otherwise travels outside are impossible and
-            those inside are open.
-        reason: Why the window is empty, in words; empty when it is not.
+        low: Lower bound of the travel; no motion reaches the bounds themselves.
+        high: Upper bound of the travel; infinite if there is none.
+        exact: Whether every travel strictly inside is possible if joints and inputs have no limits
+            (n = 2 and 3). Otherwise travels outside are impossible and those inside are open.
+        reason: Why the window is empty, in words; "" if it is not empty.
     """
 
     low: float
@@ -179,13 +183,13 @@ class TravelWindow:
             return f"TravelWindow(empty: {self.reason})"
         sure = "each of these" if self.exact else "no other"
         return (
-            f"TravelWindow({self.low:.4g} to {self.high:.4g} rad: {sure} can be had while the disk"
+            f"TravelWindow({self.low:.4g} to {self.high:.4g} rad: {sure} is possible while the disk"
             " turns one way)"
         )
 
     @property
     def empty(self) -> bool:
-        """Whether no one-way motion exists at all."""
+        """Whether no motion without reversal exists."""
         return bool(self.reason)
 
     def __contains__(self, travel: float) -> bool:
@@ -193,13 +197,14 @@ class TravelWindow:
 
 
 def travel_window(problem: Problem) -> TravelWindow | None:
-    """The window of one-way travels between the problem's start and goal.
+    """Travels that are possible without reversing the disk, between the problem's start and goal.
 
     Returns:
-        The window, or None for systems other than the manipulator.
+        The window, or None for systems other than the manipulator, and where the goal leaves joints
+        free.
     """
     expect_problem(problem)
-    if not isinstance(problem.system, Manipulator):
+    if not isinstance(problem.system, Manipulator) or problem.free:
         return None
     start, goal = problem.start[1:], problem.goal[1:]
     moved = goal[1:] - start[1:]
@@ -233,8 +238,8 @@ def _forward(system: Manipulator, start: Array, goal: Array) -> TravelWindow:
     spare = last - swept
     if spare <= 0:
         return _none(
-            f"theta2 cannot move {np.rad2deg(b - a):.4g} deg while theta3 moves only"
-            f" {np.rad2deg(last):.4g} deg (at least {np.rad2deg(swept):.4g} deg)"
+            f"while theta2 moves {np.rad2deg(b - a):.4g} deg, theta3 moves at least"
+            f" {np.rad2deg(swept):.4g} deg, but the goal asks for {np.rad2deg(last):.4g} deg"
         )
     base = (b - a) / K[0]
     return TravelWindow(base + spare / (K[1] * fast), base + spare / (K[1] * slow), True)

@@ -250,9 +250,11 @@ class Nonholonomy:
 
 
 def nonholonomy(problem: Problem) -> Nonholonomy:
-    """Examine start, goal and, for the manipulator, what happens on θ₁ = 0."""
+    """Examine start, goal (if it gives all joints) and, for the manipulator, a start on θ₁ = 0."""
     start, goal = problem.start, np.where(np.isnan(problem.goal), problem.start, problem.goal)
-    places = [_place(problem.system, "start", start), _place(problem.system, "goal", goal)]
+    places = [_place(problem.system, "start", start)]
+    if not problem.free:
+        places.append(_place(problem.system, "goal", goal))
     recursion = None
     if isinstance(problem.system, Manipulator):
         straight = start.copy()

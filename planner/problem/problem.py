@@ -1,28 +1,35 @@
-"""A motion-planning problem and its file form (TOML).
-
-What no plan could meet is refused before any method tries.
-"""
+"""A motion-planning problem, read from the tables of its file (TOML) and checked."""
 
 from __future__ import annotations
 
 import copy
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError, InputWarning, expect, made_by
-from planner.problem.requirements.ends import Duration, Goal, Start
+from planner.problem.asked import (
+    clash_of_times,
+    contradiction,
+    further_of,
+    likely_slip,
+    obstacles_of,
+    tip_of,
+    waypoints_of,
+)
+from planner.problem.requirements.chart import ChartDomain
+from planner.problem.requirements.ends import Duration, Goal, Start, TipGoal
 from planner.problem.requirements.limits import InputLimit, JointLimit, RateLimit, Z2Margin
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import Demand, Part, Requirement
 from planner.problem.tables.compensation import CompensationTable
-from planner.problem.tables.kinds import REQUIREMENTS, parse_file
+from planner.problem.tables.kinds import parse_file
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.problem_file import FeedbackTable, ProblemFile
@@ -42,13 +49,13 @@ from planner.systems.triangular_system import TriangularSystem
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Limits a plan keeps at all times; infinite (or None) where there is none.
+    """Limits that a plan keeps at all times; infinite (or None) where there is no limit.
 
     Attributes:
         input: Largest |u|, shape (2,), in the inputs' units (rad/s).
         input_rate: Largest |du/dt|, shape (2,) (rad/s²).
         joint: Largest |q|, shape (N,), in the coordinates' units (rad).
-        z2_margin: Least |z₂|, on the side the start lies on; None when z₂ is free.
+        z2_margin: Least |z₂|; z₂ keeps the sign it has at the start. None: no limit of z₂.
     """
 
     input: Array
@@ -56,27 +63,44 @@ class Limits:
     joint: Array
     z2_margin: float | None
 
+    @property
+    def input_scale(self) -> Array:
+        """What inputs are measured by, shape (2,): their limits, or 1 where there is none."""
+        return np.where(np.isfinite(self.input), self.input, 1.0)
+
+    @property
+    def unlimited(self) -> NDArray[np.bool_]:
+        """Which inputs have no limit, and nor have their rates, shape (2,)."""
+        return np.isinf(self.input) & np.isinf(self.input_rate)
+
+
+FREE_WITHIN = np.deg2rad(88.0)
+"""Largest |θ| at the goal of a joint that it leaves free, where no limit says less: as wide as
+limits of joints are made at most, since at 90 degrees an arm's drive stands still."""
+
 
 @made_by("planner.load_problem(path), Problem.manipulator(...) or Problem.from_dict({...})")
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """From where, to where, with what, within which limits. Build it with `load_problem`.
+    """A motion-planning problem: system, start, goal and limits. Build it with `load_problem`.
 
     Attributes:
         name: Title, or the file's name.
-        system: What is steered.
+        system: The system.
         start: q(0), shape (N,).
-        goal: q(T), shape (N,); NaN for the path coordinate, of which `travel` speaks.
-        travel: q₁(T) − q₁(0), or None when free.
-        duration: Seconds, or None when free.
-        limits: What every plan keeps.
+        goal: q(T), shape (N,); NaN for the path coordinate, of which `travel` speaks, and for
+            joints that the goal leaves free.
+        travel: q₁(T) − q₁(0), or None if free.
+        duration: Seconds, or None if free.
+        limits: Limits that every plan keeps.
         methods: Options of each method.
-        machine: Changes to the emulated machine.
-        feedback: Options of the tracker that closes the loop.
-        compensation: Whether and how plans allow for the machine.
-        waypoints: Places every plan passes through.
-        obstacles: Discs that the links of an arm clear in every plan.
-        further: Limits of kinds that all systems know, see `planner.register_requirement`.
+        machine: The emulated machine: preset and changes.
+        feedback: Options of the tracker (feedback).
+        compensation: Whether and how plans are compensated for the machine.
+        waypoints: Places that every plan passes through.
+        obstacles: Discs that the links of an arm must not touch.
+        further: Registered limits that any system may have, see `planner.register_requirement`.
+        tip: Where an arm's tip ends, in place of joints' angles; None where it is not asked for.
         source: Where the problem came from, for messages.
     """
 
@@ -94,14 +118,16 @@ class Problem:
     waypoints: tuple[Waypoint, ...]
     obstacles: tuple[Obstacle, ...]
     further: tuple[Requirement, ...]
+    tip: TipGoal | None
     source: str
     _data: Mapping[str, Any]
+    _hint: Array | None = None  # q(T) that a search may expect where the goal leaves joints free
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], source: str = "problem") -> Problem:
         """Build a problem from the tables of a problem file.
 
-        A `planner.InputWarning` says so where angles look like radians.
+        Gives a `planner.InputWarning` if angles look like radians.
 
         Raises:
             InputError: If a key, value or combination is wrong; the message names it.
@@ -112,6 +138,7 @@ class Problem:
         mismatch = tables.machine.mismatch(system.size - 1)
         if mismatch:
             raise InputError(f"{source}: {mismatch}")
+        obstacles = tuple(obstacles_of(tables, system))
         problem = cls(
             name=line(tables.title) or line(Path(source).stem),
             system=system,
@@ -130,13 +157,18 @@ class Problem:
             feedback=tables.feedback,
             compensation=tables.compensation,
             waypoints=tuple(waypoints_of(tables, system, source)),
-            obstacles=tuple(obstacles_of(tables, system)),
+            obstacles=obstacles,
             further=tuple(further_of(tables, system, source)),
+            tip=tip_of(tables, system, obstacles, source),
             source=source,
             _data=_plain(tables),
         )
-        _refuse_contradictions(problem)
-        if doubt := _doubt(problem):
+        states = {"start": problem.start, "goal": problem.goal}
+        states |= {f"waypoint {point.number}": point.q for point in problem.waypoints}
+        why = contradiction(states, problem.requirements, system)
+        if why := why or clash_of_times(problem.waypoints, problem.duration):
+            raise InputError(f"{source}: {why}")
+        if doubt := likely_slip(system, problem.start, problem.goal):
             warnings.warn(f"{source}: {doubt}", InputWarning, stacklevel=2)
         return problem
 
@@ -144,8 +176,10 @@ class Problem:
     def manipulator(
         cls,
         start_deg: ArrayLike,
-        goal_deg: ArrayLike,
+        goal_deg: ArrayLike | Sequence[float | str] | None = None,
         *,
+        tip_m: ArrayLike | None = None,
+        tip_angle_deg: float | None = None,
         travel: float | None = None,
         duration: float | None = 10.0,
         K: ArrayLike | None = None,
@@ -159,27 +193,30 @@ class Problem:
         title: str = "manipulator",
         changes: Mapping[str, Any] | None = None,
     ) -> Problem:
-        """A problem of the manipulator with friction disks, without a file.
+        """Build a problem of the manipulator with friction disks without a file.
 
-        What is left out of the system is as in the paper's prototype of three joints, with K
-        continued by the same ratio for more joints; limits that are left out are none. Each
-        argument is the key of that name in a problem file, with its range.
+        System constants that are left out are those of the paper's prototype with three joints; for
+        more joints K continues with the same ratio. Limits that are left out do not apply. Each
+        argument corresponds to the key of the same name in a problem file and has the same range.
 
         Args:
-            start_deg: θ₁ … θₙ at the start, degrees; there are as many joints as angles.
-            goal_deg: θ₁ … θₙ at the goal, degrees.
-            travel: Change of the disk angle φₙ₋₁, radians; None: free.
-            duration: Seconds; None: free.
-            K: K₂ … Kₙ, with k_g beside them.
+            start_deg: θ₁ … θₙ at the start, degrees; their number is that of the joints.
+            goal_deg: θ₁ … θₙ at the goal, degrees, or "free"; all free when left out.
+            tip_m: Where the tip ends, x and y in metres.
+            tip_angle_deg: Direction of the last link at the end, degrees: the sum of all angles.
+            travel: Change of the disk angle φₙ₋₁, radians; None if free.
+            duration: Seconds; None if free.
+            K: K₂ … Kₙ; needs k_g too.
             k_g: Drive constant.
-            gear: The gear's geometry, in place of K.
-            link_lengths: Lengths of the links, for drawing and obstacles; 1 each when left out.
+            gear: Geometry of the gears, instead of K.
+            link_lengths: Lengths of the links in metres, for tip, drawing and obstacles; 1 each
+                when left out, but for a goal of the tip.
             input_rad_s: Largest |u₁|, |u₂|, rad/s: one number for both, or two.
             input_rate_rad_s2: Largest |du/dt|, rad/s², likewise.
-            joint_deg: Largest |θ|, degrees: one number, or one a joint.
-            z2_margin: Least |z₂|, on the side of the start.
-            title: What it is called in tables and figures.
-            changes: Further dotted keys to values, as in {"machine.preset": "ideal"}.
+            joint_deg: Largest |θ|, degrees: one number, or one per joint.
+            z2_margin: Least |z₂|; z₂ keeps the sign it has at the start.
+            title: Its name in tables and figures.
+            changes: Further dotted keys and values, for example {"machine.preset": "ideal"}.
 
         Raises:
             InputError: As for `from_dict`.
@@ -202,7 +239,7 @@ class Problem:
             "system": {"kind": Manipulator.kind, "joints": joints, **_given(system)},
             "start": {"theta_deg": angles},
             "goal": {
-                "theta_deg": goal_deg,
+                **_given({"theta_deg": goal_deg, "tip_m": tip_m, "tip_angle_deg": tip_angle_deg}),
                 "travel": "free" if travel is None else travel,
                 "duration": "free" if duration is None else duration,
             },
@@ -215,14 +252,15 @@ class Problem:
         return f"Problem({self.name!r}, {self.system.kind}, {duration})"
 
     def to_dict(self) -> dict[str, Any]:
-        """The tables of a problem file that give this problem back."""
+        """The tables of a problem file that describes this problem."""
         return copy.deepcopy(dict(self._data))
 
     def changed(self, changes: Mapping[str, Any]) -> Problem:
-        """This problem with some keys changed, checked anew.
+        """A copy with some keys changed, checked again.
 
         Args:
-            changes: Dotted keys to values, as in {"goal.travel": 0.8, "limits.joint_deg": 60}.
+            changes: Dotted keys and values, for example {"goal.travel": 0.8, "limits.joint_deg":
+                60}.
 
         Raises:
             InputError: As for `from_dict`.
@@ -230,14 +268,14 @@ class Problem:
         return Problem.from_dict(with_changes(self.to_dict(), changes), self.source)
 
     def within_reach(self) -> Problem:
-        """The problem without the discs that no link can touch, whatever the joints' angles."""
+        """The problem without the obstacles that are out of reach of every link."""
         near = tuple(disc for disc in self.obstacles if disc.settled(self.system) is None)
         return self if len(near) == len(self.obstacles) else replace(self, obstacles=near)
 
     def with_travel(self, travel: float | None) -> Problem:
-        """This problem with another travel of the path coordinate (None: free), checked anew.
+        """A copy with another travel of the first coordinate (None: free), checked again.
 
-        Which key says so depends on the system: `goal.travel` of arms, `goal.x_m` of vehicles.
+        The key depends on the system: `goal.travel` for arms, `goal.x_m` for vehicles.
 
         Raises:
             InputError: As for `from_dict`.
@@ -245,19 +283,29 @@ class Problem:
         return self.changed(self.travel_change(travel))
 
     def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """The dotted key that sets this travel (None: free), and its value."""
+        """The dotted key that sets this travel (None: free), with its value."""
         return parse_file(self.to_dict(), self.source).travel_change(travel)
 
     @property
     def travel_key(self) -> str:
-        """The dotted key of the travel, for messages."""
+        """The dotted key of the travel."""
         return next(iter(self.travel_change(None)))
+
+    @property
+    def chart(self) -> ChartDomain:
+        """What is asked of motions in chained coordinates only."""
+        return ChartDomain(tuple(self.start.tolist()))
 
     @cached_property
     def demands(self) -> tuple[Demand, ...]:
-        """All that is asked of a plan, one object a kind that is set: ends, limits, places."""
+        """All requirements of a plan, one object per kind: ends, limits, waypoints, obstacles.
+
+        What is `in_chart` is asked only of plans in chained coordinates.
+        """
         limits, system = self.limits, self.system
-        found: list[Demand] = [Start(), Goal(system.coordinates)]
+        found: list[Demand] = [Start(), Goal(system.coordinates, self.free), self.chart]
+        if self.tip is not None:
+            found.append(self.tip)
         if self.duration is not None:
             found.append(Duration(self.duration))
         found += [
@@ -272,17 +320,33 @@ class Problem:
 
     @cached_property
     def requirements(self) -> tuple[Requirement, ...]:
-        """Those that hold at all times."""
-        return tuple(each for each in self.demands if isinstance(each, Requirement))
+        """Those requirements that hold at all times."""
+        return tuple(d for d in self.demands if isinstance(d, Requirement) and not d.final)
+
+    @cached_property
+    def final(self) -> tuple[Requirement, ...]:
+        """Those that hold at the end alone, beside coordinates that the goal gives."""
+        return tuple(d for d in self.demands if isinstance(d, Requirement) and d.final)
+
+    @cached_property
+    def free(self) -> tuple[int, ...]:
+        """Indices of the joints that the goal leaves free, from 1; most often none."""
+        return tuple((np.flatnonzero(np.isnan(self.goal[1:])) + 1).tolist())
+
+    @property
+    def free_within(self) -> Array:
+        """Largest |θ| at the goal of each of those, radians."""
+        return np.minimum(self.limits.joint[list(self.free)], FREE_WITHIN)
 
     def asking(self, label: str) -> tuple[Demand, Part] | None:
-        """Whose part has this label in messages; None where it is not the problem's."""
+        """The requirement and part with this label in messages; None if the problem has none."""
         named = ((each, part) for each in self.demands for part in each.parts)
         return next((pair for pair in named if pair[1].label == label), None)
 
     @property
     def divided(self) -> bool:
-        """Whether paths lie on different sides of something, so that there are many optima."""
+        """Whether paths can pass on different sides of a requirement, so that there are many
+        optima."""
         return any(required.divides for required in self.requirements)
 
     def reads(self, name: str) -> bool:
@@ -291,11 +355,33 @@ class Problem:
 
     @property
     def target(self) -> Array:
-        """q(T), shape (N,): the goal, with the path coordinate where the travel is given."""
+        """q(T), shape (N,): the goal, with the first coordinate from the travel (NaN if free)."""
         out = self.goal.copy()
         if self.travel is not None:
             out[0] = self.start[0] + self.travel
         return out
+
+    def expecting(self, goal: Array) -> Problem:
+        """The same, for a search that is to look for a goal near these coordinates (N,)."""
+        return replace(self, _hint=goal)
+
+    @cached_property
+    def likely(self) -> Problem:
+        """The problem whose goal is the one expected; itself where the goal gives all joints."""
+        if self._hint is None:
+            return self
+        return replace(self, goal=self._hint, tip=None, _hint=None)
+
+    def settled(self, end: Array) -> Problem:
+        """The problem whose goal gives all joints: those of q(T) (N,); itself where it does so.
+
+        Raises:
+            InputError: As for `from_dict`.
+        """
+        if not self.free:
+            return self
+        given = {"goal.theta_deg": np.rad2deg(end[1:]).tolist()}
+        return self.changed({**given, "goal.tip_m": None, "goal.tip_angle_deg": None})
 
     @property
     def branch(self) -> Array:
@@ -315,7 +401,7 @@ class Problem:
 
 
 def expect_problem(value: object) -> None:
-    """Refuse what is no problem, such as the name of its file.
+    """Raise an error if the value is not a problem (but, for example, a file name).
 
     Raises:
         InputError: If it is none; the message says how to get one.
@@ -328,10 +414,10 @@ def load_problem(path: str | Path, changes: Mapping[str, Any] | None = None) -> 
 
     Args:
         path: A TOML file; `planner schema` prints its keys.
-        changes: Dotted keys to values that override the file's.
+        changes: Dotted keys and values that replace those of the file.
 
     Raises:
-        InputError: If the file is missing, not TOML, or says something that cannot be.
+        InputError: If the file is missing, not TOML, or has an invalid key or value.
     """
     data = read_toml(path, "a problem file")
     if not data:
@@ -345,7 +431,9 @@ def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, 
     Raises:
         InputError: If a key leads through what is not a table.
     """
-    expect(Mapping, changes, 'changes are dotted keys to values, as in {"goal.travel": 0.8}')
+    expect(
+        Mapping, changes, 'changes must be dotted keys and values, for example {"goal.travel": 0.8}'
+    )
     for dotted, value in changes.items():
         table = data
         *parents, key = dotted.split(".")
@@ -357,113 +445,9 @@ def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, 
     return data
 
 
-LOOKS_LIKE_RADIANS_DEG = 1.6
-"""Joints stay below 90 degrees, 1.57 rad; motions of less than 1.6 degrees are rare."""
-
-
-def _doubt(problem: Problem) -> str:
-    """What can be used as it stands and looks like a slip, in words; empty if nothing does."""
-    coordinates = problem.system.coordinates
-    angular = [i for i in problem.system.limited if coordinates[i].unit == "rad"]
-    angles = np.abs([problem.start[angular], problem.goal[angular]])
-    if 0 < np.rad2deg(np.max(angles, initial=0)) < LOOKS_LIKE_RADIANS_DEG:
-        return (
-            f"all angles of start and goal are below {LOOKS_LIKE_RADIANS_DEG} degrees; if they are"
-            " meant in radians, write them in degrees"
-        )
-    return ""
-
-
 def _given(keys: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in keys.items() if value is not None}
 
 
 def _plain(tables: ProblemFile) -> dict[str, Any]:
     return tables.model_dump(mode="json", by_alias=True, exclude_unset=True)
-
-
-def _refuse_contradictions(problem: Problem) -> None:
-    """Refuse what no method could satisfy, before any of them tries."""
-    places = [("start", problem.start), ("goal", problem.goal)]
-    places += [(f"waypoint {point.number}", point.q) for point in problem.waypoints]
-    for name, q in places:
-        for required in problem.requirements:
-            if why := required.contradiction(name, q, problem.system):
-                raise InputError(f"{problem.source}: contradiction: {why}")
-    _refuse_times(problem)
-
-
-APART_S = 1e-6
-"""Least time between two waypoints, relative to the duration."""
-
-
-def waypoints_of(tables: ProblemFile, system: TriangularSystem, source: str) -> list[Waypoint]:
-    """The waypoints of a problem file.
-
-    Raises:
-        InputError: If one names a coordinate that there is not.
-    """
-    try:
-        states = tables.waypoint_states([c.name for c in system.coordinates])
-    except ValueError as error:
-        raise InputError(f"{source}: {error}") from None
-    out = []
-    for k, (table, q) in enumerate(zip(tables.waypoints, states, strict=True), 1):
-        units = {c.unit for c, known in zip(system.coordinates, ~np.isnan(q), strict=True) if known}
-        out.append(Waypoint(k, q, table.time, units.pop() if len(units) == 1 else ""))
-    return out
-
-
-def obstacles_of(tables: ProblemFile, system: TriangularSystem) -> list[Obstacle]:
-    """The obstacles of a problem file."""
-    links = len(getattr(system, "link_lengths", ()))
-    discs = enumerate(tables.discs(), 1)
-    return [Obstacle(k, links, d.centre_m[0], d.centre_m[1], d.radius_m) for k, d in discs]
-
-
-def further_of(tables: ProblemFile, system: TriangularSystem, source: str) -> list[Requirement]:
-    """The limits of kinds that all systems know.
-
-    Raises:
-        InputError: If one cannot be of this system, or its class contradicts itself.
-    """
-    out = []
-    for key, kind in REQUIREMENTS.items():
-        value = getattr(tables.limits, key, None)
-        if value is None:
-            continue
-        try:
-            required = kind.of(value, system)
-        except ValueError as error:
-            raise InputError(f"{source}: 'limits.{key}': {error}") from None
-        if why := required.fault(system):
-            raise InputError(f"{source}: 'limits.{key}': its class {kind.__name__} {why}")
-        out.append(required)
-    return out
-
-
-def _refuse_times(problem: Problem) -> None:
-    timed = sorted((p.time_s, p.number) for p in problem.waypoints if p.time_s is not None)
-    if not timed:
-        return
-    if problem.duration is None:
-        raise InputError(
-            f"{problem.source}: waypoints[{timed[0][1] - 1}].time needs a fixed goal.duration;"
-            " give one or leave out the time"
-        )
-    before = [(0.0, 0), *timed]
-    for (earlier, first), (later, second) in zip(
-        before, [*timed, (problem.duration, 0)], strict=True
-    ):
-        if later - earlier > APART_S * problem.duration:
-            continue
-        if first and second:
-            raise InputError(
-                f"{problem.source}: waypoints {first} and {second} have the same time {later:g} s;"
-                " make them one or set them apart"
-            )
-        number, time = (second, later) if second else (first, earlier)
-        raise InputError(
-            f"{problem.source}: waypoints[{number - 1}].time = {time:g} s must lie inside the"
-            f" motion, between 0 and goal.duration = {problem.duration:g} s"
-        )

@@ -1,10 +1,11 @@
-"""What is shown of plans and comparisons.
+"""Figures, films and pages of plans and comparisons.
 
 `figures` (one `plot_*` each), `film`, `charts` (in a browser), `page` (a comparison there),
 `folders` (all of it in a folder) and `saved` (read back), `export` (a plan for other programs).
 
 Every `plot_*` function takes plans (or replays), draws into axes of yours or a new figure, and
-returns both: `figure, axes = plot_z({"one": plan, "other": plan2})`. `plot_mechanism` takes an arm.
+returns both: `figure, axes = plot_z({"one": plan, "other": plan2})`. `plot_mechanism` takes an arm,
+`plot_design` a study of designs.
 """
 
 from typing import TYPE_CHECKING
@@ -13,6 +14,7 @@ from planner.support.package import import_when_used
 
 if TYPE_CHECKING:
     from planner.report.figures.arm import plot_arm
+    from planner.report.figures.design import plot_design
     from planner.report.figures.mechanism import plot_mechanism
     from planner.report.figures.on_the_machine import plot_efforts, plot_errors, plot_replays
     from planner.report.figures.over_time import plot_inputs, plot_joints, plot_z
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "figures.arm": "plot_arm",
+    "figures.design": "plot_design",
     "figures.mechanism": "plot_mechanism",
     "figures.on_the_machine": "plot_efforts plot_errors plot_replays",
     "figures.over_time": "plot_inputs plot_joints plot_z",
@@ -45,6 +48,7 @@ __all__ = [
     "load_comparison",
     "plot_arm",
     "plot_budget",
+    "plot_design",
     "plot_efforts",
     "plot_errors",
     "plot_inputs",

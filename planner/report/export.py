@@ -47,19 +47,19 @@ def export(
     rate_hz: float = RATE_HZ,
     joint_names: Sequence[str] | None = None,
 ) -> Path:
-    """Write a plan as a file for another program, whole or not at all.
+    """Write a plan as a file for another program, all or nothing.
 
     Args:
-        plan: The plan. One that is kept for study only goes into every format but "ros2", with NaN
-            (in CSV: nothing) where no real angles or inputs exist.
+        plan: The plan. A refused plan can be written in every format but "ros2", with NaN (in CSV:
+            empty) where no real angles or inputs exist.
         path: The file; an existing one is replaced.
-        format: One of `FORMATS`; by the ending of `path` (.csv, .json, .yaml, .mat) when left out.
-        rate_hz: Samples a second, for all but "json"; see `sample`.
+        format: One of `FORMATS`; by default from the ending of `path` (.csv, .json, .yaml, .mat).
+        rate_hz: Samples per second, for all but "json"; see `sample`.
         joint_names: For "ros2"; see `joint_trajectory`.
 
     Raises:
-        InputError: If the format is unknown, the plan is not fit for it, or the file cannot be
-            written.
+        InputError: If the format is unknown, the plan cannot be written in it, or the file cannot
+            be written.
     """
     expect_plan(plan)
     name = find_format(path, format)
@@ -88,7 +88,8 @@ def find_format(path: str | Path, format: str | None) -> str:
         if format is None:
             endings = ", ".join(_SUFFIXES)
             raise InputError(
-                f"the ending of {path} tells no format ({endings}); name it with --format:"
+                f"the ending of {path} is not that of a format ({endings}); name the format with"
+                " --format:"
                 f" {', '.join(FORMATS)}"
             )
     if format not in FORMATS:
@@ -145,7 +146,7 @@ def joint_trajectory(
 
     Args:
         plan: A plan that starts and ends at rest and passes `verify`.
-        rate_hz: Points a second.
+        rate_hz: Points per second.
         joint_names: Two names, as the robot's controller knows them; by default "phi1" and the name
             of the second coordinate for arms, the inputs' names elsewhere.
 
@@ -212,7 +213,9 @@ def _integral(plan: Plan, t: Array) -> Array:
 def _refuse_unfit(plan: Plan) -> None:
     check = verify(plan)
     if not check.ok:
-        raise InputError(f"this {plan.method} plan is not fit for a robot: {check.violations[0]}")
+        raise InputError(
+            f"this {plan.method} plan cannot be sent to a robot: {check.violations[0]}"
+        )
     peaks = np.maximum(peak_inputs(plan.trajectory), 1e-12)
     inputs = plan.problem.system.inputs
     for time, when in ((0.0, "start"), (plan.duration, "end")):
@@ -229,7 +232,7 @@ def _refuse_unfit(plan: Plan) -> None:
     for k, i in np.argwhere(jumps > REST * peaks):
         raise InputError(
             f"{inputs[i].name} of this {plan.method} plan jumps by {jumps[k, i]:.4g}"
-            f" {inputs[i].unit} at t = {inner[k]:.4g} s, which no motor follows; plan it with"
+            f" {inputs[i].unit} at t = {inner[k]:.4g} s, which no motor can follow; plan it with"
             " rest = true (--set method.collocation.rest=true)"
         )
 

@@ -67,22 +67,22 @@ def animate(
     speed: float = 1.0,
     progress: Progress | None = None,
 ) -> Path:
-    """Write the motion of one or several plans, side by side on the same clock, as a film.
+    """Write the motion of one or several plans as a film, side by side with a common clock.
 
     Args:
         plans: One plan, several, or several by label; those without real angles are left out.
         path: A name that ends in .gif, or in .mp4, which needs ffmpeg (on the path, or by
             the extra `video`). An existing file is replaced.
-        fps: Pictures a second, 1 to 60; a GIF keeps time in hundredths of a second.
-        speed: Seconds of the motion a second of the film; 2 is twice as fast as life.
-        progress: Told how many frames are done.
+        fps: Frames per second, 1 to 60; a GIF stores times in hundredths of a second.
+        speed: Seconds of motion per second of film; 2 is twice real time.
+        progress: Called with (frames done, frames in all).
 
     Returns:
         The path.
 
     Raises:
-        InputError: If the name ends otherwise, ffmpeg is missing, no plan can be drawn, a number
-            is out of range, or the file cannot be written.
+        InputError: If the name has another ending, ffmpeg is missing, no plan can be drawn, a
+            number is out of range, or the file cannot be written.
     """
     suffix = check_film(path, fps, speed)
     drawn = curves(plans, executable=True)
@@ -93,7 +93,7 @@ def animate(
     count = int(np.ceil(longest / speed * fps)) + 1
     if count > MAX_FRAMES:
         raise InputError(
-            f"{longest:g} s at speed {speed:g} and {fps} frames a second are {count} frames,"
+            f"{longest:g} s at speed {speed:g} and {fps} frames per second are {count} frames,"
             f" allowed {MAX_FRAMES}; raise the speed"
         )
     times = np.minimum(np.arange(count) * speed / fps, longest)
@@ -114,7 +114,7 @@ def check_film(path: str | Path, fps: int, speed: float) -> str:
         raise InputError(f"cannot animate to {path}: its name must end in {' or '.join(SUFFIXES)}")
     refuse_unwritable(path)
     if isinstance(fps, bool) or not 1 <= fps <= 60:
-        raise InputError(f"fps = {fps}: must be 1 to 60 frames a second")
+        raise InputError(f"fps = {fps}: must be 1 to 60 frames per second")
     if isinstance(speed, bool) or not (np.isfinite(speed) and speed > 0):
         raise InputError(f"speed = {speed}: must be a positive number")
     if suffix == ".mp4":
@@ -265,5 +265,5 @@ def find_ffmpeg() -> str:
     except (ImportError, RuntimeError):
         raise InputError(
             f"an MP4 needs ffmpeg; install it, or: {how_to_install('video')}; a name that ends"
-            " in .gif needs nothing"
+            " in .gif needs no ffmpeg"
         ) from None

@@ -238,7 +238,7 @@ def save_sensitivity(
 
 
 def _csv(found: Sensitivity) -> str:
-    """S(T): one row a coordinate, one column a parameter, units beside the names."""
+    """S(T): one row per coordinate, one column a parameter, units beside the names."""
     named = zip(found.parameters, found.units, strict=True)
     rows = [["coordinate", *(f"{name} ({unit})" for name, unit in named)]]
     for c, row in zip(found.plan.problem.system.coordinates, found.terminal, strict=True):

@@ -151,8 +151,7 @@ def error_budget(
 
     Args:
         plan: An executable plan.
-        machine: The machine, or the name of a preset; the problem's `[machine]` table when left
-            out.
+        machine: The machine, or the name of a preset. By default the problem's `[machine]` table.
         samples: Machines for each median, at least 1; the same for every median.
         base: Base samples of the Sobol indices, a power of 2. They take (effects + 2) · base runs
             for effects as switches, and as many again for what differs between machines.
@@ -362,7 +361,7 @@ def budget_markdown(budgets: Mapping[str, Budget], command: str | None = None) -
 
 
 def budget_csv(budgets: Mapping[str, Budget]) -> str:
-    """One line an effect of a plan, full precision, empty where a number is not defined."""
+    """One line per effect of a plan, full precision, empty where a number is not defined."""
     rows = [(label, cost) for label, budget in budgets.items() for cost in budget.costs]
     return csv_table(COLUMNS, rows)
 

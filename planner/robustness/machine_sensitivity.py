@@ -181,8 +181,7 @@ def machine_sensitivity(plan: Plan, machine: Machine | str | None = None) -> Mac
 
     Args:
         plan: Any executable plan.
-        machine: The machine, or the name of a preset; the problem's `[machine]` table when left
-            out.
+        machine: The machine, or the name of a preset. By default the problem's `[machine]` table.
 
     Raises:
         InputError: If the plan cannot be executed or the machine does not match the system.

@@ -3,7 +3,7 @@
 The variance of E is split among the effects and their interactions (I. M. Sobol, Math. Comput.
 Simul. 55, 2001, 271). First order: the share that goes when the effect alone is fixed. Total: the
 share in which it has a part. Sampled and estimated by SALib (J. Herman, W. Usher, J. Open Source
-Softw. 2, 2017, 97) with Saltelli's scheme; all values of one effect (one a joint) are one group.
+Softw. 2, 2017, 97) with Saltelli's scheme; all values of one effect (one per joint) are one group.
 
 Two questions have two answers. *Between machines*: only effects with a spread are factors, each at
 its quantiles; what has no spread stays as it is. *On or off*: every effect is a factor that is off

@@ -105,7 +105,7 @@ class TradeOff:
         }
 
     def to_frame(self) -> pandas.DataFrame:
-        """One row a point; index `limit`, columns with units in their names.
+        """One row per point; index `limit`, columns with units in their names.
 
         Replays have a column each figure: `machine_` on the problem's machine, `compensated_` on it
         with the plan compensated for it, `errors_alone_` on a machine with the design errors only.
@@ -153,7 +153,7 @@ def trade_off(
     is kept at once, and the same call goes on after an interruption.
 
     Args:
-        problem: What to solve.
+        problem: The problem.
         kind: What is limited.
         points: Number of points, at least 3.
         folder: Where to keep the points' plans.
@@ -163,7 +163,7 @@ def trade_off(
             percentile of 2.5 degrees to about 0.15, as much as neighbours on the curve differ by,
             in a second a point; a thousand to 0.06.
         seed: Seed of the machines.
-        progress: Told how far it is.
+        progress: Called with the progress of the run.
         **options: Override the problem's `[method.desensitised]` table.
 
     Raises:

@@ -47,6 +47,7 @@ class Span:
         reached: Whether something in the block was cut short.
         interrupted: Who ended it before its time ("Ctrl-C"), or "".
         once: The end counts only once this is true; None if it always does.
+        stopped: Whether even the verification of what was found must stop.
     """
 
     outer: Span | None
@@ -57,6 +58,7 @@ class Span:
     reached: bool = False
     interrupted: str = ""
     once: Callable[[], bool] | None = None
+    stopped: bool = False
 
     @property
     def ended_by(self) -> str:
@@ -140,6 +142,16 @@ def check() -> None:
         raise time_up()
 
 
+def check_stopped() -> None:
+    """The same for work that a time limit must not cut short, such as a verification.
+
+    Raises:
+        TimeUpError: If `end` was called.
+    """
+    if any(span.stopped for span in _spans()):
+        raise time_up()
+
+
 def time_up() -> TimeUpError:
     """The exception, to be raised where a solver has noticed the end by itself."""
     for span in _spans():
@@ -167,9 +179,10 @@ def stop(context: Context | None = None, by: str = "Ctrl-C") -> bool:
 
 
 def end(context: Context, by: str) -> None:
-    """End all that runs in a context of another thread, whatever it holds."""
+    """End all that runs in a context of another thread, verification included."""
     for span in _spans(context):
         span.end, span.interrupted, span.reached = time.monotonic(), by, True
+        span.stopped = True
 
 
 def checked(seconds: float) -> float:
@@ -180,7 +193,9 @@ def checked(seconds: float) -> float:
     """
     number = isinstance(seconds, int | float) and not isinstance(seconds, bool)
     if not number or not 0 < seconds < math.inf:
-        raise InputError(f"time_limit_s = {seconds!r:.40} is no time limit; give seconds above 0")
+        raise InputError(
+            f"time_limit_s = {seconds!r:.40} is not a time limit; give seconds above 0"
+        )
     return float(seconds)
 
 

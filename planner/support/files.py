@@ -364,7 +364,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(out) < len(pairs):
         names = [name for name, _ in pairs]
         twice = next(name for name in names if names.count(name) > 1)
-        raise ValueError(f"the key {twice!r:.60} is there twice in one object")
+        raise ValueError(f"the key {twice!r:.60} appears twice in one object")
     return out
 
 

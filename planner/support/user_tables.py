@@ -41,7 +41,7 @@ def parse(model: type[Model], data: Any, source: str, at: Sequence[str] = ()) ->
         at: Keys that lead to the table.
 
     Raises:
-        InputError: One line a key: source, key, value, what is allowed, nearest valid key.
+        InputError: One line per key: source, key, value, what is allowed, nearest valid key.
     """
     try:
         return model.model_validate(data)
@@ -86,7 +86,7 @@ _PHRASES = {
 def explain(
     model: type[BaseModel], data: Any, errors: Sequence[Any], at: Sequence[str] = ()
 ) -> list[str]:
-    """One line a key.
+    """One line per key.
 
     Args:
         model: What `data` was validated as.

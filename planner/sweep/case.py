@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import InputError, NoPlanError, SingularError, VerificationError
+from planner.machine.contact_load import contact_load
 from planner.machine.machine import Machine
 from planner.machine.replay import RECORD_S, replay
 from planner.methods.registry import Spec, find_method
@@ -28,6 +29,7 @@ from planner.solve import solve_and_check
 from planner.support.package import versions
 from planner.support.user_tables import parse
 from planner.sweep.points import canonical, digest
+from planner.systems.manipulator import Manipulator
 from planner.verification.verify import Check, verify
 
 if TYPE_CHECKING:
@@ -48,6 +50,11 @@ RESULTS: Mapping[str, str] = {
     "terminal_error_deg": "REAL",
     "E_median_deg": "REAL",
     "E_p95_deg": "REAL",
+    "end_median_deg": "REAL",
+    "end_p95_deg": "REAL",
+    "end_spread_deg": "REAL",
+    "contact_torque_nm": "REAL",
+    "contact_load": "REAL",
     "objective": "REAL",
     "iterations": "INTEGER",
     "solve_time_s": "REAL",
@@ -58,7 +65,20 @@ RESULTS: Mapping[str, str] = {
     "plan": "TEXT",
 }
 """What a case leaves, as columns of SQLite. For systems whose path coordinate is a length, travel
-and the first peak are in metres and metres per second."""
+and the first peak are in metres and metres per second.
+
+`end_median_deg` and `end_p95_deg` are of the largest error of an angle at the end, and
+`end_spread_deg` is the largest standard deviation over the machines of an angle there.
+`contact_torque_nm` is the largest torque at a friction contact, in the median over the machines,
+and `contact_load` that over what the contact transmits, on `CARRIED` % of them; see
+`planner.machine.contact_load`. Figures of the machine are there where plans are replayed."""
+
+CARRIED = 99
+"""Percent of the machines whose contacts are to hold: where a contact slips the motion is lost, and
+a few machines of a hundred that do so make most of the spread."""
+
+CONTACTS = 1000
+"""Machines of which that is taken; they take a few milliseconds, since nothing is simulated."""
 
 Row = dict[str, Any]
 """A value for each of `RESULTS`; None where there is none."""
@@ -185,14 +205,25 @@ def _run(request: Request) -> Row:
         row = _refusal(error)
     row |= _figures(plan, check)
     if request["samples"] and plan.executable:
-        # The instants of `compare`, on which the steps depend, so that both give the same numbers.
-        record = max(RECORD_S, plan.duration / 500)
-        runs = replay(plan, samples=request["samples"], seed=request["seed"], record_s=record)
-        if runs.angles:
-            median, high = np.percentile(runs.index_E_deg, [50, 95])
-            row |= {"E_median_deg": median, "E_p95_deg": high}
+        row |= _on_the_machine(plan, request["samples"], request["seed"])
     if request["keep_plan"] and plan.verified:
         row["plan"] = _text(plan)
+    return row
+
+
+def _on_the_machine(plan: Plan, samples: int, seed: int) -> Row:
+    row: Row = {}
+    # The instants of `compare`, on which the steps depend, so that both give the same numbers.
+    record = max(RECORD_S, plan.duration / 500)
+    runs = replay(plan, samples=samples, seed=seed, record_s=record)
+    if runs.angles:
+        row["E_median_deg"], row["E_p95_deg"] = np.percentile(runs.index_E_deg, [50, 95])
+        row["end_median_deg"], row["end_p95_deg"] = np.percentile(runs.terminal_E_deg, [50, 95])
+        row["end_spread_deg"] = np.max(np.std(runs.terminal_error_deg, axis=0))
+    if isinstance(plan.problem.system, Manipulator):
+        load = contact_load(plan, samples=CONTACTS, seed=seed)
+        row["contact_torque_nm"] = np.median(load.torque_nm)
+        row["contact_load"] = np.percentile(load.share, CARRIED)
     return row
 
 

@@ -28,16 +28,16 @@ from planner.sweep.sweep_file import ReplayTable, SweepFile
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """Many cases of one problem. Build it with `Sweep.load` or `Sweep.from_dict`.
+    """A sweep: many variants of one problem. Build it with `Sweep.load` or `Sweep.from_dict`.
 
     Attributes:
         name: Title, or the file's name.
         base: The problem whose keys vary.
-        methods: Each plans every point.
+        methods: The methods; each plans every point.
         keys: The dotted keys that vary, in the order of the description.
-        points: Values of the keys, one dictionary a point.
+        points: Values of the keys, one dictionary per point.
         replay: Replays on the emulated machine, if any.
-        plans: Whether plans are kept in the database.
+        plans: Whether plans are saved in the database.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Sweep:
         """Read a sweep file (TOML).
 
         Raises:
-            InputError: If the file is missing, not TOML, or describes what cannot be.
+            InputError: If the file is missing, not TOML, or has an invalid key or value.
         """
         return cls.from_dict(read_toml(path, "a sweep file"), str(path))
 
@@ -80,7 +80,8 @@ class Sweep:
         if isinstance(problem, Problem):
             given["problem"] = problem.to_dict()
         table = parse(SweepFile, _flattened(plain(given)), source)
-        base = _base(table, source, problem if isinstance(problem, Problem) else None)
+        known = problem if isinstance(problem, Problem) else None
+        base = base_problem(table.problem, table.changes, source, known)
         methods = parse_specs(base, table.methods)
         found = points(table, source)
         check_keys(base, table, found, [m.method for m in methods], source)
@@ -96,7 +97,7 @@ class Sweep:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """The tables of a sweep file that give this sweep back, the problem's tables included."""
+        """The tables of a sweep file that reproduces this sweep, including the problem."""
         data = {key: value for key, value in self._data.items() if key != "set"}
         return {**data, "problem": self.base.to_dict()}
 
@@ -116,18 +117,31 @@ def _flattened(data: dict[str, Any]) -> dict[str, Any]:
     return out
 
 
-def _base(table: SweepFile, source: str, given: Problem | None) -> Problem:
-    if given is not None:
-        return given.changed(table.changes)
-    if isinstance(table.problem, str):
-        path = os.path.normpath(Path(source).parent / table.problem)
+def base_problem(
+    problem: str | dict[str, Any], changes: Mapping[str, Any], source: str, known: Problem | None
+) -> Problem:
+    """The problem that a sweep or design file names.
+
+    Args:
+        problem: A problem file, relative to the file, or its tables.
+        changes: Dotted keys to change.
+        source: The file, or a name for messages.
+        known: The problem itself, where a caller has one.
+
+    Raises:
+        InputError: If there is no such file, or it says what cannot be.
+    """
+    if known is not None:
+        return known.changed(changes)
+    if isinstance(problem, str):
+        path = os.path.normpath(Path(source).parent / problem)
         if not os.path.exists(path):
             raise InputError(
-                f"{source}: 'problem' = {table.problem!r}: there is no file {path}; the name is"
-                " relative to the sweep file"
+                f"{source}: 'problem' = {problem!r}: there is no file {path}; the name is"
+                " relative to the file that says so"
             )
-        return load_problem(path, table.changes)
-    return Problem.from_dict(table.problem, f"{source} [problem]").changed(table.changes)
+        return load_problem(path, changes)
+    return Problem.from_dict(problem, f"{source} [problem]").changed(changes)
 
 
 def check_keys(
@@ -199,7 +213,8 @@ def _refuse_idle(keys: list[str], samples: int, methods: Sequence[str], source: 
         table, _, rest = key.partition(".")
         if table == "machine" and samples == 0:
             raise InputError(
-                f"{source}: '{key}' varies, but no plan meets a machine; add [replay] samples = 200"
+                f"{source}: '{key}' varies, but no plan is replayed on a machine; add [replay]"
+                " samples = 200"
             )
         method = rest.partition(".")[0]
         if table == "method" and method and method not in methods:

@@ -282,8 +282,8 @@ class ClusterPool:
     @property
     def _lost(self) -> str:
         return (
-            f"the Dask cluster at {self._address} has failed; finished cases are kept, and the same"
-            " command goes on with the rest"
+            f"the Dask cluster at {self._address} has failed; finished cases are saved, and the"
+            " same command runs the rest"
         )
 
     def close(self) -> None:

@@ -30,20 +30,19 @@ Record = dict[str, Any]
 
 
 def load_sweep(db: str | Path, which: int | None = None) -> pandas.DataFrame:
-    """The finished cases of a sweep, one row a point and method, in the sweep's order.
+    """The finished cases of a sweep, one row per point and method, in the sweep's order.
 
     Args:
         db: A database file of `planner sweep`.
-        which: Number of the sweep among those run into the file, from 0; the one started last
-            when left out.
+        which: Number of the sweep in the file, from 0; by default the one started last.
 
     Returns:
-        A frame with one column a varied key (named by the dotted key), then `method`, the results
-        (`planner.sweep.case.RESULTS`, with units in their names), `case` (the key for
+        A DataFrame with one column per varied key (named by the dotted key), then `method`, the
+        results (`planner.sweep.case.RESULTS`, with units in their names), `case` (the key for
         `load_case_plan`) and `finished_at`.
 
     Raises:
-        InputError: If pandas is not installed, or the file is missing or not a sweep's.
+        InputError: If pandas is not installed, or the file is missing or not a sweep database.
     """
     pandas = _pandas()
     columns, records = read(db, which)

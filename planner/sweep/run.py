@@ -66,24 +66,24 @@ def run_sweep(
     retry: Collection[str] = (),
     progress: Progress | None = None,
 ) -> Outcome:
-    """Run the cases of a sweep that a database file does not hold yet.
+    """Run those cases of a sweep that are not yet in a database file.
 
-    Each finished case is kept at once, so a run that ends early, however it ends, is continued by
-    the same call. What a case cannot do is its result: see the columns `status` and `why`.
+    Each finished case is saved at once. After an interruption of any kind the same call runs the
+    rest. A refusal is a result too: see the columns `status` and `why`.
 
     Args:
         sweep: A `Sweep`, a sweep file, or its tables.
-        db: The database file, made when missing; it may hold other sweeps.
-        workers: Processes of this computer, as many as it has cores when left out; 0 runs the
-            cases in this process.
+        db: The database file, created if missing; it may contain other sweeps.
+        workers: Number of processes on this computer, by default one per core; 0 runs the cases in
+            this process.
         cluster: Address of a Dask scheduler to use instead.
-        retry: Statuses whose cases are run again, for example ["bug"].
-        progress: Told how far it is.
+        retry: Cases with these statuses are run again, for example ["bug"].
+        progress: Called with the progress of the run.
 
     Raises:
-        InputError: If the sweep is wrong, the file cannot be used, or the cluster cannot; or other
-            processes would not know one of its methods, or its system.
-        KeyboardInterrupt: If interrupted; finished cases are kept.
+        InputError: If the sweep is wrong, the file or the cluster cannot be used, or a method or
+            system is not known in other processes.
+        KeyboardInterrupt: If interrupted; finished cases are saved.
     """
     if not isinstance(sweep, Sweep):
         sweep = Sweep.from_dict(sweep) if isinstance(sweep, Mapping) else Sweep.load(sweep)

@@ -113,6 +113,7 @@ class Database:
                         "INSERT INTO schema_version VALUES (?, ?)", (SCHEMA_VERSION, _FORMAT)
                     )
         self._refuse_foreign()
+        self._complete()
         # A commit survives the end of the process; to survive a power cut as well costs 10 ms each.
         self.db.execute("PRAGMA synchronous = NORMAL")
 
@@ -134,6 +135,18 @@ class Database:
                 f"{self.path} has schema version {found[0]}; this planner reads and writes version"
                 f" {SCHEMA_VERSION}; use the planner that made it, or name a new file"
             )
+
+    def _complete(self) -> None:
+        """Add the results that an older planner, which made the file, did not know."""
+        if not self._lacking():
+            return
+        with self.transaction():
+            for name in self._lacking():  # another process may have been faster
+                self.db.execute(f"ALTER TABLE cases ADD COLUMN {name} {RESULTS[name]}")
+
+    def _lacking(self) -> list[str]:
+        there = {row[1] for row in self.db.execute("PRAGMA table_info(cases)")}
+        return [name for name in RESULTS if name not in there]
 
     @contextmanager
     def transaction(self) -> Iterator[None]:

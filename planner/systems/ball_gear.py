@@ -29,14 +29,14 @@ class BallGear(TangentSystem):
 
     θ̇₁ = u₂,  θ̇ᵢ = kᵢ sinθᵢ₋₁ ∏_{j≤i−2} cosθⱼ u₁,  φ̇ₙ = k_g ∏_{j≤n−1} cosθⱼ u₁.
 
-    The ball at joint i turns joint i+1 by sinθᵢ and drives the next ball by cosθᵢ; φₙ is the angle
-    that the last ball would hand on. Along it θᵢ' = Kᵢ tanθᵢ₋₁ / ∏_{j=i}^{n−1} cosθⱼ: triangular,
+    The ball at joint i turns joint i+1 at the rate sinθᵢ and the next ball at the rate cosθᵢ; φₙ is
+    the output angle of the last ball. Over φₙ: θᵢ' = Kᵢ tanθᵢ₋₁ / ∏_{j=i}^{n−1} cosθⱼ: triangular,
     and one chart covers every |θ| < 90°, θ = 0 included.
 
     Args:
         K: The ratios Kᵢ = kᵢ/k_g for i = 2 … n (n − 1 positive numbers).
         k_g: Drive constant (dimensionless); it only scales u₁.
-        link_lengths: Lengths of the n links for drawing; 1 each when left out.
+        link_lengths: Lengths of the n links, for drawing and obstacles; by default 1 each.
 
     Raises:
         InputError: If a constant is not a positive finite number or the lengths do not match.

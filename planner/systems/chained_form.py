@@ -25,7 +25,7 @@ from planner.systems.triangular_system import TriangularSystem, expect_system
 class ChainedForm:
     """Coordinate and feedback transformation of one system; build it with `chained_form`.
 
-    All methods take the coordinate on the last axis and broadcast over the others.
+    In all methods the last axis is that of the coordinates; they broadcast over the others.
     """
 
     def __init__(self, system: TriangularSystem) -> None:

@@ -35,23 +35,23 @@ _INFINITE = 1e12
 
 @dataclass(frozen=True)
 class Controllability:
-    """What `controllability` finds at one configuration.
+    """Result of `controllability` at one configuration.
 
     Attributes:
         system: Kind of the system.
         q: The configuration, in the coordinates' units.
         size: Number N of coordinates.
         growth: Growth vector: dimension spanned by all brackets of length ≤ 1, 2, … at q.
-        degree: Degree of nonholonomy: the length at which that dimension reaches N; None if it
-            does not up to the depth examined.
+        degree: Degree of nonholonomy: the bracket length at which that dimension reaches N; None if
+            it does not within the examined depth.
         basis: Names of brackets that span, shortest first: N of them when `chow` holds.
         singular_values: Of the matrix of all brackets examined, largest first.
         tolerance: Share of the largest above which a singular value counts.
         involutive: Whether [g₁, g₂] stays in span{g₁, g₂} at q and around it (Frobenius).
-        chow: Whether the brackets span all N directions (Chow): if so, the system is locally
-            controllable at q; if not, that is not shown up to this depth.
-        neighbours: Growth vectors at seeded points around q, each once. The point is regular
-            when its own is the only one.
+        chow: Whether the brackets span all N directions (Chow). If so, the system is locally
+            controllable at q; if not, this is not decided at this depth.
+        neighbours: Different growth vectors at random points around q (fixed seed). The point is
+            regular if its own is the only one.
     """
 
     system: str
@@ -132,12 +132,12 @@ def controllability(
     Args:
         system: Any system.
         q: Configuration, shape (N,), in the coordinates' units.
-        depth: Greatest bracket length; when left out, as many as full rank needs, at most 2N − 3
-            (what the paper's manipulator needs with every θᵢ = 0).
+        depth: Greatest bracket length. By default as many as full rank needs, at most 2N − 3 (which
+            the paper's manipulator needs with every θᵢ = 0).
         tolerance: Share of the largest singular value above which one counts.
 
     Returns:
-        The findings; `str()` of them is a short report.
+        The result; `str()` of it is a short report.
 
     Raises:
         InputError: If q does not fit the system, the depth is not positive, or the kinematics are

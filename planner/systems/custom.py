@@ -30,24 +30,24 @@ _INPUTS = (Coordinate("u1", ""), Coordinate("u2", ""))
 class CustomSystem(TriangularSystem):
     """q̇₁ = γ(q) u₁,  q̇₂ = u₂,  q̇ᵢ = fᵢ(qᵢ₋₁, qᵢ, …, q_N) q̇₁  with fᵢ and γ from the user.
 
-    Each fᵢ must rise or fall strictly with qᵢ₋₁ on that coordinate's interval, or turn once; which
-    side of the turn the start lies on is the branch. The inverse chart solves one scalar equation a
-    link, by Newton's method kept safe by bisection. Unlike the other systems, this one computes its
-    numeric form from the symbolic one, so they do not check each other.
+    Each fᵢ must be strictly monotone in qᵢ₋₁ on that coordinate's interval, or have one extremum
+    there; the side of the extremum on which the start lies is the branch. The inverse chart solves
+    one scalar equation per link, by Newton's method safeguarded by bisection. Unlike in other
+    systems, the numeric form is computed from the symbolic one, so they do not check each other.
 
     Args:
-        name: What to call it.
+        name: Name of the system.
         coordinates: The N ≥ 3 coordinates in triangular order; names are Python identifiers.
         slopes: f₃ … f_N: a function from the CasADi vector q (N) to N−2 expressions, or N−2 texts
             in the coordinates' names ("tan(theta) / cos(phi)").
-        drive: γ likewise; 1 when left out.
-        intervals: Open interval of each coordinate q₂ … q_{N−1}, by name, in its unit. Angles (unit
-            "rad") have (−π/2, π/2) when left out.
+        drive: γ likewise; by default 1.
+        intervals: Open interval of each coordinate q₂ … q_{N−1}, by name, in its unit. The default
+            for angles (unit "rad") is (−π/2, π/2).
         inputs: Names and units of u₁ and u₂.
 
     Raises:
-        InputError: If names or counts do not fit, fᵢ reads an earlier coordinate than qᵢ₋₁ or not
-            that one, an interval is missing or empty, or fᵢ turns more than once in it.
+        InputError: If names or counts do not match, fᵢ depends on a coordinate before qᵢ₋₁ or not
+            on qᵢ₋₁, an interval is missing or empty, or fᵢ has more than one extremum in it.
     """
 
     kind: ClassVar[str] = "custom"
@@ -96,16 +96,6 @@ class CustomSystem(TriangularSystem):
     def drive_expr(self, q: Any) -> Any:
         """γ."""
         return self._parsed("drive", self._drive_text, q)
-
-    # -- numeric form --------------------------------------------------------------------------
-
-    def slopes(self, q: Array) -> Array:
-        """f₃ … f_N, shape (…, N−2), by CasADi."""
-        return self._slopes(q)
-
-    def drive(self, q: Array) -> Array:
-        """γ, shape (…,), by CasADi."""
-        return self._drive(q)[..., 0]
 
     # -- the chart -----------------------------------------------------------------------------
 
@@ -203,8 +193,7 @@ class CustomSystem(TriangularSystem):
     def _build(self) -> None:
         q = ca.SX.sym("q", self.size)
         slopes = [ca.SX(s) for s in self.slopes_expr(q)]
-        self._slopes = Pointwise("slopes", [q], ca.vertcat(*slopes))
-        self._drive = Pointwise("drive", [q], ca.SX(self.drive_expr(q)))
+        self.drive_expr(q)  # raises now where its text is wrong
         self._links = {
             i: Pointwise(f"link{i}", [q], ca.vertcat(f, ca.jacobian(f, q[i])))
             for i, f in enumerate(slopes, start=1)
@@ -292,8 +281,8 @@ def check_structure(system: str, coordinates: Sequence[Coordinate], slopes: Any,
         early = [names[j] for j in range(link) if reads[j]]
         if early:
             raise InputError(
-                f"{system}: the slope of {coordinate} reads {', '.join(early)}; in triangular form"
-                f" it may read {', '.join(names[link:])} only"
+                f"{system}: the slope of {coordinate} depends on {', '.join(early)}; in"
+                f" triangular form it may depend on {', '.join(names[link:])} only"
             )
         if not reads[link]:
             raise InputError(
@@ -323,6 +312,7 @@ def check_turns(
             signs = signs[(signs != 0) & np.isfinite(signs)]
             if sum(a != b for a, b in pairwise(signs)) > 1:
                 raise InputError(
-                    f"{system}: the slope of {coordinates[i + 1].name} turns more than once for"
-                    f" {coordinates[i].name} in ({low:g}, {high:g}); give a narrower interval"
+                    f"{system}: the slope of {coordinates[i + 1].name} has more than one"
+                    f" extremum for {coordinates[i].name} in ({low:g}, {high:g});"
+                    " give a narrower interval"
                 )

@@ -66,8 +66,8 @@ class Manipulator(TriangularSystem):
     Args:
         K: The ratios Kᵢ = kᵢ/k_g for i = 2 … n (n − 1 positive numbers). They alone shape the path.
         k_g: Drive constant (dimensionless); it only scales u₁.
-        link_lengths: Lengths of the n links for drawing; 1 each when left out.
-        k_g_rule: Where k_g came from, for reports.
+        link_lengths: Lengths of the n links, for drawing and obstacles; by default 1 each.
+        k_g_rule: How k_g was determined, for reports.
 
     Raises:
         InputError: If a constant is not a positive finite number or the lengths do not match.
@@ -290,3 +290,38 @@ class Manipulator(TriangularSystem):
             "k_g": self.k_g,
             "link_lengths": self.link_lengths.tolist(),
         }
+
+
+def gravity_torques(weights: Array, theta: Array) -> Array:
+    """Torque of gravity on each joint of an arm on an inclined plane.
+
+    From the potential Σ weightⱼ sin(θ₁ + … + θⱼ): the slope rises along y of the base.
+
+    Args:
+        weights: Torque of each link's weight about its own joint where the link lies across the
+            slope, with all that it carries, (n, …), N m.
+        theta: Joint angles, (n, …), rad.
+
+    Returns:
+        Torques, (n, …), positive where they raise the angle, N m.
+    """
+    turning = weights * np.cos(np.cumsum(theta, axis=0))
+    return np.asarray(-np.cumsum(turning[::-1], axis=0)[::-1])
+
+
+def stage_gears(system: Manipulator) -> tuple[tuple[Gear, ...], str]:
+    """Geometry of the stages 1 … n−1, given or inferred, and what was assumed; "" where given.
+
+    What is inferred moves the joints at the same rates: from kᵢ₊₁ = κᵢ ρ^i with κᵢ = λR/(ηr₃), one
+    ρ for all stages, and what is left of each kᵢ₊₁ in r₃.
+    """
+    if system.gear is not None:
+        return (system.gear,) * (system.n - 1), ""
+    K, n = system.K, system.n
+    rho = float(K[-1] / K[0]) ** (1 / (n - 2)) if n > 2 else 1.0
+    kappa = system.k_g * K / rho ** np.arange(1, n)
+    note = "inferred from K and k_g with λ = η = 1 and R = 1" + (" = r₁" if n == 2 else "")
+    turned = system.k_g / rho ** (n - 2)
+    if abs(turned - 1) > 1e-6:
+        note += f"; φ of the problem is {turned:.3g} times the angle of the last B (k_g is given)"
+    return tuple(Gear(rho, 1.0, 1 / k, 1.0, 1.0) for k in kappa.tolist()), note + "."

@@ -27,6 +27,7 @@ import numpy as np
 
 from planner.errors import InputError, expect
 from planner.support.arrays import Array
+from planner.support.compiled_calls import Pointwise
 
 
 @dataclass(frozen=True)
@@ -45,9 +46,10 @@ class Coordinate:
 class TriangularSystem(ABC):
     """A driftless two-input system in triangular form.
 
-    A subclass gives the functions fᵢ twice: as CasADi expressions, from which the chained form and
-    the optimal planners are derived, and as NumPy code, which only the verifier and the emulated
-    machine use. Neither calls the other, so each checks the other.
+    A subclass gives its `kind`, its coordinates and its functions fᵢ and γ as CasADi expressions,
+    from which the chained form and the optimal planners are derived. It should give `slopes` and
+    `drive` as NumPy code too, which only the verifier and the emulated machine use: then each form
+    checks the other. By default they are computed from the expressions.
 
     All array methods take the coordinate on the last axis and broadcast over the others.
     """
@@ -65,9 +67,10 @@ class TriangularSystem(ABC):
         """The N coordinates in triangular order."""
 
     @property
-    @abstractmethod
     def inputs(self) -> tuple[Coordinate, Coordinate]:
-        """The two inputs u₁, u₂ with their units."""
+        """The two inputs with their units; by default u1 and u2, rates of q₁ and q₂."""
+        first, second = (each.unit for each in self.coordinates[:2])
+        return Coordinate("u1", f"{first}/s"), Coordinate("u2", f"{second}/s")
 
     @cached_property
     def size(self) -> int:
@@ -76,7 +79,7 @@ class TriangularSystem(ABC):
 
     @property
     def limited(self) -> tuple[int, ...]:
-        """Indices of the coordinates that joint limits apply to (all but the path coordinate)."""
+        """Indices of the coordinates to which joint limits apply (by default all but the first)."""
         return tuple(range(1, self.size))
 
     # -- symbolic form -------------------------------------------------------------------------
@@ -85,9 +88,9 @@ class TriangularSystem(ABC):
     def slopes_expr(self, q: Any) -> list[Any]:
         """CasADi expressions of f₃ … f_N (a list of N−2) in the CasADi vector q (N)."""
 
-    @abstractmethod
     def drive_expr(self, q: Any) -> Any:
-        """CasADi expression of γ(q), with v₁ = γ(q) u₁."""
+        """CasADi expression of γ(q), with v₁ = γ(q) u₁; by default 1."""
+        return ca.SX(1)
 
     def rates_expr(self, q: Any, u: Any) -> list[Any]:
         """CasADi expressions of q̇ (a list of N) for inputs u (2)."""
@@ -96,13 +99,21 @@ class TriangularSystem(ABC):
 
     # -- numeric form --------------------------------------------------------------------------
 
-    @abstractmethod
     def slopes(self, q: Array) -> Array:
         """f₃ … f_N, shape (…, N−2), at q (…, N): the path form dqᵢ/dq₁."""
+        return self._pointwise[0](q)
 
-    @abstractmethod
     def drive(self, q: Array) -> Array:
         """γ(q), shape (…,), at q (…, N)."""
+        return self._pointwise[1](q)[..., 0]
+
+    @cached_property
+    def _pointwise(self) -> tuple[Pointwise, Pointwise]:
+        """The expressions of slopes and drive, evaluated at arrays."""
+        q = ca.SX.sym("q", self.size)
+        slopes = ca.vertcat(*(ca.SX(f) for f in self.slopes_expr(q)))
+        drive = ca.SX(self.drive_expr(q))
+        return Pointwise("slopes", [q], slopes), Pointwise("drive", [q], drive)
 
     def rates(self, q: Array, u: Array) -> Array:
         """q̇, shape (…, N), at q (…, N) under inputs u (…, 2)."""
@@ -114,7 +125,7 @@ class TriangularSystem(ABC):
 
     @abstractmethod
     def branch(self, q: Array) -> Array:
-        """Numbers (N,) that tell which of the chart's branches q lies on; 0 on a singularity."""
+        """Numbers (N,) that identify the chart's branch on which q lies; 0 on a singularity."""
 
     @abstractmethod
     def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
@@ -133,8 +144,8 @@ class TriangularSystem(ABC):
     def link_expr(self, i: int, slope: Any, q: list[Any], branch: Any) -> Any | None:
         """`link_from_slope` as a CasADi expression, NaN where no real solution exists.
 
-        Where every link has one the whole inverse is compiled into one function; None, the default,
-        leaves it to `link_from_slope`.
+        If every link has one, the whole inverse is compiled into one function. With the default,
+        None, `link_from_slope` is used.
         """
         return None
 
@@ -157,9 +168,18 @@ class TriangularSystem(ABC):
 
     # -- identity ------------------------------------------------------------------------------
 
-    @abstractmethod
     def to_dict(self) -> dict[str, Any]:
-        """The `[system]` table of a problem file that gives this system back."""
+        """The `[system]` table of a problem file that describes this system.
+
+        By default its kind and its public attributes: the constants that the constructor stored
+        under the names of its keys.
+        """
+        own = {
+            name: np.asarray(value).tolist() if isinstance(value, np.ndarray | tuple) else value
+            for name, value in vars(self).items()
+            if not name.startswith("_") and not hasattr(type(self), name)
+        }
+        return {"kind": self.kind, **own}
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, TriangularSystem) and self._text == other._text
@@ -173,7 +193,7 @@ class TriangularSystem(ABC):
 
 
 def expect_system(value: object) -> None:
-    """Refuse what is no system, such as a problem or a plan of one.
+    """Raise an error if the value is not a system (but, for example, a problem or a plan).
 
     Raises:
         InputError: If it is none; the message says how to get one.
@@ -186,11 +206,19 @@ SINGULAR = 1e-12
 
 
 class TangentSystem(TriangularSystem):
-    """A triangular system that gives its links as offset and gain of a tangent."""
+    """A triangular system in which every fᵢ₊₁ is offset + gain · tan qᵢ, as of wheeled vehicles."""
 
-    @abstractmethod
     def _link(self, i: int, q: Array) -> tuple[Array, Array]:
-        """Offset and gain, each of shape (…,), of fᵢ₊₁ at array index i; reads q after i only."""
+        """Offset and gain, each of shape (…,), of fᵢ₊₁ at array index i; reads q after i only.
+
+        By default read off the slopes at 0 and 45 degrees.
+        """
+        at = np.array(q, dtype=float)
+        at[..., :i] = 0.0
+        at[..., i] = 0.0
+        offset = self.slopes(at)[..., i - 1]
+        at[..., i] = np.pi / 4
+        return offset, self.slopes(at)[..., i - 1] - offset
 
     def branch(self, q: Array) -> Array:
         """For each link 2k + 1 when the angle is within 90° of k half turns, and 0 on the edge.
@@ -288,3 +316,14 @@ def arm_points(theta: Array, lengths: Array) -> Array:
     steps = lengths[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
     base = np.zeros((*steps.shape[:-2], 1, 2))
     return np.concatenate([base, np.cumsum(steps, axis=-2)], axis=-2)
+
+
+def arm_points_expr(theta: Sequence[Any], lengths: Array) -> list[tuple[Any, Any]]:
+    """The same as CasADi expressions: x and y of the base, the joints and the tip."""
+    out: list[tuple[Any, Any]] = [(0.0, 0.0)]
+    heading: Any = 0.0
+    for angle, length in zip(theta, lengths.tolist(), strict=True):
+        heading = heading + angle
+        x, y = out[-1]
+        out.append((x + length * ca.cos(heading), y + length * ca.sin(heading)))
+    return out

@@ -92,10 +92,11 @@ class Car(TangentSystem):
     using sinusoids", IEEE Transactions on Automatic Control 38(5), 1993). Along x:
     θ' = tanφ/(L cosθ), y' = tanθ.
 
-    Heading 90° is an edge of the chart only; steering 90° is a singularity of the car.
+    A heading of 90° is only an edge of the chart; a steering angle of 90° is a singularity of the
+    car.
 
     Args:
-        wheelbase_m: Distance L of the axles, m.
+        wheelbase_m: Distance L between the axles, m.
 
     Raises:
         InputError: If the wheelbase is not positive and finite.
@@ -180,7 +181,7 @@ class Car(TangentSystem):
 
 
 class Trailers(TangentSystem):
-    """A car that pulls n ≥ 1 trailers, each hitched at the middle of the axle before it.
+    """A car that pulls n ≥ 1 trailers, each hitched to the middle of the axle in front of it.
 
     State q = (x, φ, β₁, …, βₙ, θ, y): steering φ, hitch angles βₖ (heading of the vehicle before
     trailer k minus its own), and heading and position of the last trailer. With ℓ₀ the wheelbase,
@@ -194,7 +195,7 @@ class Trailers(TangentSystem):
     Args:
         trailer_lengths_m: From each hitch to the axle of the trailer behind it, first trailer
             first, m.
-        wheelbase_m: Distance of the car's axles, m.
+        wheelbase_m: Distance between the car's axles, m.
 
     Raises:
         InputError: If a length is not positive and finite, or there is no trailer.

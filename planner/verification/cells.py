@@ -21,6 +21,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.interpolate import BPoly
 
+from planner.support import deadline
 from planner.support.arrays import Array
 from planner.verification import affine_models
 from planner.verification.affine_models import INFLATE, POINTS, UNIT, Index, Model
@@ -217,6 +218,7 @@ def least(functions: list[Margin], cells: Cells, scales: Array) -> list[Least]:
         place[which[row]] = np.stack([cell[row], low[row] + size * (at[new] + 1) / 2], axis=1)
 
     for step in range(MOST_HALVINGS + 1):
+        deadline.check_stopped()
         slope = np.sum(c[:, 1::2], axis=1)
         keep(np.sum(c[:, ::2], axis=1) - np.abs(slope) + r, np.sign(-slope), np.arange(len(r)))
         bound = c[:, 0] - np.sum(np.abs(c[:, 1:]), axis=1) - r

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.plan.claims import Certificate, Claim, undecided
+from planner.plan.claims import Certificate, Claim
 from planner.plan.plan import Plan, expect_plan
 from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import ChainedTrajectory, StateTrajectory, Trajectory
@@ -40,8 +40,8 @@ def certify(plan: Plan) -> Certificate:
         plan: Any plan, verified or not.
 
     Returns:
-        One claim a requirement: proven with a guaranteed margin, violated with a time, or
-        undecided with the reason. Nothing is raised: what cannot be bounded is undecided.
+        One claim per requirement: proven with a guaranteed margin, violated with a time, or
+        undecided with the reason. It raises no errors: what cannot be bounded is undecided.
     """
     expect_plan(plan)
     began = time.perf_counter()
@@ -73,12 +73,10 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int]:
     wanted, unbounded = need.shaped(problem, motion, q=motion.q)
     claims += unbounded
     wanted = need.plain(problem, "q", motion.states) + wanted
-    try:
-        wanted += need.domain(problem, motion, in_chart)
-    except UnboundedError as error:
-        claims.append(undecided("chart domain", "", f"nothing bounds {error}", in_chart))
+    inside, unbounded = need.domain(problem, motion, in_chart)
+    claims += unbounded
     found = [
-        *need.decide(wanted, motion.cells),
+        *need.decide(wanted + inside, motion.cells),
         *requirements_proven.obstacles(problem, motion),
         *requirements_proven.waypoints(problem, motion, lambda t: _own_time(trajectory, t)),
     ]
@@ -205,7 +203,8 @@ def _on_clock(claims: list[Claim], trajectory: Trajectory) -> list[Claim]:
 def _outside(plan: Plan) -> list[Claim]:
     """A path that leaves the chart's domain: one sample outside proves it; the rest is unknown."""
     report = plan.domain
-    broken = Claim("chart domain", "violated", -np.inf, report.margin, report.time_s, "")
+    (part,) = plan.problem.chart.parts
+    broken = Claim(part.label, "violated", -np.inf, report.margin, report.time_s, part.unit)
     why = "the path leaves the chart's domain, where no real coordinates exist"
     rest = need.unknown(plan.problem, why, False)
     return [broken, *rest]

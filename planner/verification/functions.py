@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from planner.support import deadline
 from planner.verification import balls as f
 from planner.verification.affine_models import UNIT
 from planner.verification.balls import Ball
@@ -39,6 +40,7 @@ class Expression:
         self._ends = [-1] * self.size
         holds: dict[int, int] = {}  # the last step that wrote to each of CasADi's registers
         for k in range(function.n_instructions()):
+            deadline.check_stopped()
             operation, inputs = function.instruction_id(k), function.instruction_input(k)
             if operation not in _KNOWN:
                 raise UnboundedError(f"operation {operation} of the system's expressions")
@@ -78,6 +80,7 @@ class Expression:
         for k in self._needed[i]:
             if k in done:
                 continue
+            deadline.check_stopped()
             operation, read, number = self._steps[k]
             if operation == ca.OP_INPUT:
                 done[k] = given[read[0]][read[1]]

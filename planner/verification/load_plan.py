@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from planner.errors import InputError, VerificationError
-from planner.plan.plan import Plan, read_plan
+from planner.plan.plan import Plan
+from planner.plan.plan_file import read_plan
 from planner.verification.certify import certify
 from planner.verification.verify import verify
 
@@ -33,8 +34,8 @@ def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
     broken = _broken(said) if said.verified else ""
     if broken and strict:
         raise InputError(
-            f"{path} says that it holds a verified plan, and it does not: {broken}; it was changed"
-            " after it was made, so plan again"
+            f"{path} is marked as a verified plan, but the plan fails the verification:"
+            f" {broken}; the file was changed, so plan again"
         )
     if broken:
         status = VerificationError.status
@@ -53,7 +54,7 @@ def _broken(plan: Plan) -> str:
         try:
             check = verify(plan)
         except (ArithmeticError, ValueError) as error:
-            return f"its motion cannot be found: {error}"
+            return f"its motion cannot be computed: {error}"
     if check.ok:
         return ""
     more = len(check.violations) - 1

@@ -23,8 +23,10 @@ import numpy as np
 
 from planner.plan.claims import Claim, undecided
 from planner.problem.problem import Problem
+from planner.problem.requirements.chart import ChartDomain
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import At, Part, Requirement
+from planner.support import deadline
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
 from planner.verification import affine_models
@@ -118,7 +120,7 @@ def unsaid(problem: Problem, claims: list[Claim]) -> list[Claim]:
     said = {each.label for each in claims}
     return [
         undecided(part.label, part.unit, "no proof is written for this kind of requirement")
-        for required in problem.requirements
+        for required in (*problem.requirements, *problem.final)
         for part in required.parts
         if part.label not in said
     ]
@@ -173,19 +175,19 @@ def shaped(
     return wanted, claims
 
 
-def domain(problem: Problem, motion: Motion, required: bool) -> list[ToProve]:
-    """Every margin of the chart positive.
-
-    Raises:
-        UnboundedError: If the system has no expression of them.
-    """
-    margins = _margins(problem.system, tuple(problem.branch.tolist()))(motion.q)
-    wanted = [(1.0, value, 0.0) for value in motion.models(*margins)]
-    return [ToProve("chart domain", wanted, 1.0, "", required)]
+def domain(problem: Problem, motion: Motion, required: bool) -> tuple[list[ToProve], list[Claim]]:
+    """Every margin of the chart positive, or the claim that nothing bounds them."""
+    (part,) = problem.chart.parts
+    try:
+        margins = _margins(problem.system, problem.chart)(motion.q)
+    except UnboundedError as error:
+        return [], [undecided(part.label, part.unit, f"nothing bounds {error}", required)]
+    wanted = [(1.0, value, -part.low) for value in motion.models(*margins)]
+    return [ToProve(part.label, wanted, part.scale, part.unit, required)], []
 
 
 def goal(problem: Problem, motion: Motion) -> list[Claim]:
-    """The end of the true motion at the goal, within `verify`'s tolerance."""
+    """The end of the true motion at the goal, within `verify`'s tolerance; also its tip."""
     target = problem.target
     time, out = float(motion.cells.times(np.array([1.0]))[-1, 0]), []
     for i, c in enumerate(problem.system.coordinates):
@@ -195,6 +197,14 @@ def goal(problem: Problem, motion: Motion) -> list[Claim]:
         gap = abs(end - target[i])
         of = ToProve(f"goal {c.name}", [], GOAL_TOLERANCE, c.unit)
         out.append(claim(of, GOAL_TOLERANCE - gap - doubt, GOAL_TOLERANCE - gap + doubt, time))
+    for required in problem.final:
+        balls = _rows(problem.system, required)(motion.q)
+        for part, value in zip(required.parts, motion.models(*balls), strict=True):
+            end, doubt = (float(x[-1]) for x in value.at_end())
+            slack = GOAL_TOLERANCE * part.scale
+            margin = slack + min(end - part.low, part.high - end)
+            of = ToProve(part.label, [], slack, part.unit)
+            out.append(claim(of, margin - doubt, margin + doubt, time))
     return out
 
 
@@ -227,8 +237,9 @@ def interpolant(problem: Problem, motion: Motion, own: list[Model]) -> list[Clai
 
 def unknown(problem: Problem, why: str, in_chart: bool) -> list[Claim]:
     """All requirements, where nothing could be bounded."""
-    labels = [(part.label, part.unit) for each in problem.demands for part in each.parts]
-    labels += [(INTERPOLANT, ""), *[("chart domain", "")] * in_chart]
+    asked = [each for each in problem.demands if in_chart or not each.in_chart]
+    labels = [(part.label, part.unit) for each in asked for part in each.parts]
+    labels.append((INTERPOLANT, ""))
     free = {f"goal {problem.system.coordinates[0].name}"} if problem.travel is None else set()
     return [undecided(label, unit, why) for label, unit in labels if label not in free]
 
@@ -247,9 +258,9 @@ def _rows(system: TriangularSystem, required: Requirement) -> Expression:
 
 
 @lru_cache(maxsize=32)
-def _margins(system: TriangularSystem, branch: tuple[float, ...]) -> Expression:
+def _margins(system: TriangularSystem, chart: ChartDomain) -> Expression:
     q = ca.SX.sym("q", system.size)
-    margins = system.chart_margins_expr(q, np.array(branch))
+    margins = chart.rows(At(system, q))
     if not margins:
         raise UnboundedError(f"the chart margins of system '{system.kind}'")
     return Expression([q], ca.vertcat(*margins))
@@ -324,6 +335,7 @@ def _square(values: list[Model], length: float, cells: Cells) -> tuple[Model, Ce
     kept: list[tuple[Cells, list[Model]]] = []
     best = np.inf
     for step in range(HALVINGS + 1):
+        deadline.check_stopped()
         square, along, _ = values
         low, high = along.low, along.high
         best = np.fmin(best, np.fmin.reduce(square.high + _least_of(high, length)))

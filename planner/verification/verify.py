@@ -20,12 +20,14 @@ from planner.plan.plan import Plan, expect_plan
 from planner.plan.quadrature import Motion, greatest, integrate, jumps, slopes
 from planner.problem.problem import Problem
 from planner.problem.requirements.ends import Duration, Goal, Start
-from planner.problem.requirements.requirement import At
+from planner.problem.requirements.requirement import At, Requirement
+from planner.support import deadline
 from planner.support.arrays import Array
 from planner.support.tables import Column, html_table
 
 GOAL_TOLERANCE = 2e-5
-"""Largest error at the goal, in radians (0.0011 degrees) or metres."""
+"""Largest error at the goal, in radians (0.0011 degrees) or metres; of a tip that is asked for, in
+parts of the arm's reach: by so much an error of one joint moves the tip of the stretched arm."""
 
 ON_MACHINE_TOLERANCE = np.deg2rad(0.05)
 """The same for a compensated plan: half a step of the prototype's encoders. The nominal machine
@@ -44,18 +46,18 @@ may be missed by."""
 
 @dataclass(frozen=True)
 class Check:
-    """What `verify` finds.
+    """Result of `verify`.
 
     Attributes:
         ok: Whether the motion reaches the goal and keeps every limit.
-        terminal_error: Integrated end minus goal, shape (N,), in the coordinates' units; the path
-            coordinate's is zero when the travel is free.
+        terminal_error: Integrated end minus goal, shape (N,), in the coordinates' units; zero for
+            joints and a travel that the goal leaves free.
         terminal_error_deg: The same for the coordinates after the first that are angles, degrees.
-        margins: For each requirement, how far it is kept (negative: broken), in its own unit.
-        violations: The broken ones, worst first.
+        margins: Margin of each requirement (negative: broken), in its own unit.
+        violations: Broken requirements, the worst first.
         interpolant_error: Largest |plan.q(t) − integrated q(t)|, in the coordinates' units.
-        integration_error: The judge's estimate of its own error, in the coordinates' units; NaN
-            where nothing was integrated.
+        integration_error: Estimated error of the integration, in the coordinates' units; NaN if
+            nothing was integrated.
     """
 
     ok: bool
@@ -73,7 +75,7 @@ class Check:
         return "Check(broken: " + "; ".join(map(str, self.violations)) + ")"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: one row a requirement."""
+        """What a notebook shows: one row per requirement."""
         broken = {violation.label: str(violation) for violation in self.violations}
         columns: list[Column[tuple[str, float]]] = [
             Column("requirement", "", lambda r: r[0], left=True),
@@ -110,23 +112,20 @@ class _Finding:
 
 
 def verify(plan: Plan) -> Check:
-    """Judge a plan by integrating its input.
+    """Verify a plan by integrating its inputs with independent code.
 
     Args:
         plan: Any plan, verified or not.
 
     Returns:
-        The findings; `ok` is False for a plan that cannot be executed.
+        The result; `ok` is False for a plan that cannot be executed.
     """
     expect_plan(plan)
     if not _in_order(plan.t):
         return _not_judged(plan, Violation(_ORDER, None, np.nan, 0.0, "s", np.inf))
     if not plan.executable:
-        domain = plan.domain
-        label = f"chart domain ({domain.label})"
-        return _not_judged(
-            plan, Violation(label, domain.time_s, domain.margin, 0.0, "", -domain.margin)
-        )
+        (outside,) = (v for f in _in_chart(plan) if (v := f.violation()))
+        return _not_judged(plan, outside)
     problem = plan.problem
     to_resolve = [r for r in problem.requirements if r.smooth and not r.plain]
 
@@ -146,7 +145,8 @@ def verify(plan: Plan) -> Check:
             tolerance = ON_MACHINE_TOLERANCE
         error = _goal_error(plan, end)
         findings = [
-            *_motion(plan, motion, error, tolerance),
+            *_motion(plan, motion, end, error, tolerance),
+            *_in_chart(plan),
             *_limits(plan, motion),
             *_passes(plan.problem, motion, tolerance, plan.lead_s),
             *_with_corners(plan, motion),
@@ -183,12 +183,13 @@ def _angular(plan: Plan) -> list[int]:
 
 def _goal_error(plan: Plan, end: Array) -> Array:
     problem = plan.problem
-    goal = problem.goal.copy()
-    goal[0] = end[0] if problem.travel is None else problem.start[0] + problem.travel
-    return np.asarray(end - goal)
+    goal = problem.target
+    return np.asarray(end - np.where(np.isnan(goal), end, goal))
 
 
-def _motion(plan: Plan, motion: Motion, error: Array, tolerance: float) -> list[_Finding]:
+def _motion(
+    plan: Plan, motion: Motion, end: Array, error: Array, tolerance: float
+) -> list[_Finding]:
     """Start, goal, duration, the plan's own q(t), and whether the integral can be trusted."""
     out = []
     for demand in plan.problem.demands:
@@ -196,9 +197,17 @@ def _motion(plan: Plan, motion: Motion, error: Array, tolerance: float) -> list[
             (part,), worst = demand.parts, float(np.max(np.abs(plan.q(0.0) - plan.problem.start)))
             out.append(_Finding(part.label, worst, 0.0, 0.0, "", GOAL_TOLERANCE, GOAL_TOLERANCE))
         elif isinstance(demand, Goal):
-            for part, missed in zip(demand.parts, np.abs(error).tolist(), strict=True):
+            for part in demand.parts:
+                missed = abs(float(error[part.index]))
                 found = (part.label, missed, 0.0, plan.duration, part.unit, 1.0, tolerance)
                 out.append(_Finding(*found))
+        elif isinstance(demand, Requirement) and demand.final:
+            reached = demand.values(At.of(plan.problem.system, end))
+            for part, value in zip(demand.parts, map(float, reached), strict=True):
+                upper = value - part.high >= part.low - value
+                limit, slack = part.high if upper else part.low, tolerance * part.scale
+                of = (part.label, value, limit, plan.duration, part.unit, part.scale, slack, upper)
+                out.append(_Finding(*of))
         elif isinstance(demand, Duration):
             (part,) = demand.parts
             late = abs(plan.duration - plan.lead_s - plan.tail_s - demand.seconds)
@@ -214,6 +223,15 @@ def _motion(plan: Plan, motion: Motion, error: Array, tolerance: float) -> list[
     label = "integration error" + ("" if trusted else " (the motion cannot be trusted)")
     out.append(_Finding(label, motion.error, limit, None, "", limit, 0.0))
     return out
+
+
+def _in_chart(plan: Plan) -> Iterator[_Finding]:
+    """What only a plan in chained coordinates has to keep, whose edge is outside too."""
+    for demand in plan.problem.demands:
+        if demand.in_chart and not plan.trajectory.in_coordinates:
+            (part,), found = demand.parts, plan.domain
+            value, edge = found.margin, -np.finfo(float).tiny
+            yield _Finding(part.label, value, part.low, found.time_s, "", part.scale, edge, False)
 
 
 def _limits(plan: Plan, motion: Motion) -> list[_Finding]:
@@ -272,7 +290,7 @@ def _not_judged(plan: Plan, violation: Violation) -> Check:
         ok=False,
         terminal_error=unknown,
         terminal_error_deg=unknown[_angular(plan)],
-        margins={violation.label.split(" (")[0]: violation.value},
+        margins={violation.label: violation.value},
         violations=(violation,),
         interpolant_error=np.nan,
     )
@@ -318,6 +336,7 @@ def _least(motion: Motion, function: Callable[[Array], Array]) -> tuple[Array, A
     low, high = grid[np.maximum(sample - 1, 0)], grid[np.minimum(sample + 1, len(grid) - 1)]
     share, row = np.linspace(0.0, 1.0, 17)[:, None], np.arange(len(cell))
     for _ in range(_ROUNDS):
+        deadline.check_stopped()
         x = low + (high - low) * share
         found = function(motion.at(cell, x))[:, row, which]
         k = np.argmin(found, axis=0)

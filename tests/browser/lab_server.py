@@ -39,6 +39,7 @@ def lab_server(folder: Path) -> Iterator[str]:
     command = [sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root", "--ip=127.0.0.1"]
     command += ["--port=0", "--IdentityProvider.token=", f"--ServerApp.root_dir={folder}"]
     command += ["--LabApp.extension_manager=readonly", "--ServerApp.use_redirect_file=False"]
+    command += ["--LabApp.expose_app_in_browser=True"]  # window.jupyterapp
     with (home / "log").open("w") as log:
         server = subprocess.Popen(command, env=environment, stdout=log, stderr=log)
     try:

@@ -217,7 +217,7 @@ BAD = [
     ),
     Case(
         "passive joints part ways",
-        ("no one-way motion exists", "opposite directions", "Try:"),
+        ("no motion without reversal exists", "opposite directions", "Try:"),
         {"[30, 30, 30]": "[30, 0.5, 30]", END: ""},
         status=3,
     ),

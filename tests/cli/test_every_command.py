@@ -35,7 +35,9 @@ def test_quiet_and_verbose_exclude_each_other(command: str, run: Callable) -> No
     words = [command, *([PAPER] if command in ("plan", "compare") else []), "-q", "-v"]
     result = run(*words)
     assert result.status == 2
-    assert result.err == ("planner: --quiet and --verbose say opposite things; give one of them\n")
+    assert result.err == (
+        "planner: --quiet and --verbose contradict each other; give one of them\n"
+    )
 
 
 def test_quiet_says_only_the_result(run: Callable, tmp_path: Path) -> None:

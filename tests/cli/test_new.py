@@ -84,7 +84,7 @@ def test_what_is_there_is_kept_unless_forced(run: Callable, tmp_path: Path) -> N
     path.write_text("years of work")
     result = run("new", path)
     assert result.status == 2
-    assert "is there already; name another file, or replace it with --force" in result.err
+    assert "exists; name another file, or replace it with --force" in result.err
     assert path.read_text() == "years of work"
     assert run("new", path, "--force", "--json").json == {
         "written": str(path),
@@ -170,7 +170,7 @@ def test_the_margin_of_z2_is_not_set_but_explained() -> None:
     [
         (
             ["--system", "car", "--joints", "3"],
-            "a car has no joints to count; --joints is for",
+            "--joints is for manipulator, ball-gear; a car has no number of joints",
         ),
         (["--joints", "1"], "--joints 1: an arm here has 2 to 8 joints"),
         (["--joints", "9"], "--joints 9: an arm here has 2 to 8 joints"),

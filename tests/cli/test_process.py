@@ -118,7 +118,7 @@ def test_ctrl_c_while_a_motion_is_held(presses: int, tmp_path: Path) -> None:
     assert answer["status"] == "interrupted"
     if presses == 1:
         assert answer["verified"]
-        assert "planner: interrupted: this is the best plan found by then" in stderr
+        assert "planner: interrupted: this is the best plan found so far" in stderr
         assert json.loads(out.read_text())["status"] == "interrupted"
     else:
         assert "planner: interrupted, nothing written" in stderr

@@ -67,8 +67,8 @@ def test_a_compensated_plan_is_compared_on_the_path_it_compensates(
 def test_a_compensated_plan_that_goes_another_way_says_so() -> None:
     crossing = planner.load_problem(ROOT / "problems/crossing.toml")
     result = planner.compare(crossing, [COMPENSATED], samples=2)
-    assert "goes another way" in result.rows[0].note
-    assert "goes another way" in result.markdown()
+    assert "takes another path" in result.rows[0].note
+    assert "takes another path" in result.markdown()
 
 
 def test_it_is_compensated_for_the_machine_of_the_comparison(paper: planner.Problem) -> None:
@@ -184,7 +184,7 @@ def test_no_plan_at_all_gives_a_row_with_the_reason(paper: planner.Problem) -> N
     backwards = paper.changed({"goal.theta_deg": [30, 30, -30], "limits": {}})
     row = compare_function(backwards, ["polynomial:travel=middle"], samples=2).rows[0]
     assert row.plan is None
-    assert "no one-way motion exists" in row.why
+    assert "no motion without reversal exists" in row.why
     assert str(backwards.source) not in row.why
     assert "\n" not in row.why
 

@@ -291,6 +291,30 @@ def test_what_was_stopped_before_it_was_fine_enough_is_called_stopped() -> None:
     assert "no time to refine it" in str(outcome.error)
 
 
+def test_plans_are_compensated_for_the_machine_where_that_is_on() -> None:
+    shown = screen("paper", "collocation", samples=3, **{"goal.travel": "free"})
+    before = panel(shown, "joints")["series"][0]["y"][-1]
+    error = shown.errors()
+    shown.change([("compensation.on", True)])
+    assert shown.outcome.kind == "verified"
+    assert shown.outcome.plan is not None
+    assert shown.outcome.plan.compensation is not None
+    less = shown.errors()
+    assert error is not None
+    assert less is not None
+    assert max(less["series"][0]["y"]) < 0.5 * max(error["series"][0]["y"])
+    assert panel(shown, "joints")["series"][0]["y"][-1] == pytest.approx(before, abs=0.1)
+    assert '"compensation.on": True' in shown.texts()["code"].replace("'", '"')
+    shown.change([("compensation.on", False)])
+    assert shown.outcome.plan.compensation is None
+    assert "compensation.on" not in screen("ball-gear").controls
+
+
+def test_only_an_arm_of_friction_disks_has_a_mechanism_to_draw() -> None:
+    assert screen("ball-gear").picture()["system"] == ""
+    assert screen("ball-gear").mechanism()["mechanism"] == ""
+
+
 def test_reset_goes_back_to_the_problem() -> None:
     shown = screen("paper")
     shown.change([("goal.travel", 0.81)])

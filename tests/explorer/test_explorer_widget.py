@@ -98,6 +98,49 @@ def test_stop_ends_the_search(
     assert "the Stop button ended the method 'convex'" in messages[-1]["text"]
 
 
+def test_stop_ends_the_verification_and_the_path_stays(
+    sent: tuple[Any, list[Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Proofs that would go on for ever, and ask as those of many intervals do."""
+    widget, messages = sent
+    begun = threading.Event()
+
+    def endless(_: planner.Plan) -> None:
+        begun.set()
+        while True:
+            deadline.check_stopped()
+            time.sleep(0.001)
+
+    widget._asked(widget, {"ask": "change", "number": 1, "changes": [["goal.travel", 0.8286]]}, [])
+    done()
+    monkeypatch.setattr(sys.modules["planner.solve"], "certify", endless)
+    widget._asked(widget, {"ask": "change", "number": 2, "changes": [["goal.duration", 40.0]]}, [])
+    widget._asked(widget, {"ask": "judge", "number": 3}, [])
+    assert begun.wait(60)
+    began = time.monotonic()
+    widget._asked(widget, {"ask": "stop", "number": 3, "at_once": False}, [])
+    done()
+    assert time.monotonic() - began < 1.0
+    assert (messages[-1]["number"], messages[-1]["kind"]) == (3, "stopped")
+    assert "the Stop button ended the verification" in messages[-1]["text"]
+    assert widget._screen.outcome.plan is not None
+    with pytest.raises(planner.NoPlanError, match="ended the verification"):
+        _ = widget.plan
+
+
+def test_the_mechanism_is_drawn_for_the_constants_on_the_screen(
+    sent: tuple[Any, list[Any]],
+) -> None:
+    widget, messages = sent
+    widget._asked(widget, {"ask": "picture", "number": 1}, [])
+    widget._asked(widget, {"ask": "mechanism", "number": 2}, [])
+    widget._asked(widget, {"ask": "change", "number": 3, "changes": [["system.K:0", 0.9]]}, [])
+    done()
+    first, drawing, changed = messages
+    assert "<svg" in drawing["mechanism"]
+    assert drawing["drawn"] == first["system"] != changed["system"]
+
+
 def test_stop_ends_what_has_not_begun_and_nothing_else(sent: tuple[Any, list[Any]]) -> None:
     """Another explorer plans; this one's question waits, and its settings are not lost."""
     widget, messages = sent

@@ -30,10 +30,18 @@ SOFT: dict[str, Any] = {
 EVENTS: dict[str, dict[str, Any]] = {
     "smooth": SOFT,
     "creep": {**SOFT, "creep": 0.003, "creep_per_nm": 0.01},
+    "lateral creep": {**SOFT, "creep": 0.003, "lateral_creep": 0.05},
     "play": {**SOFT, "backlash_deg": 2.0},
     "coulomb": {**SOFT, "coulomb_friction_nm": 0.05, "base_friction_nm": 0.02},
     "slip": {**SOFT, "creep_per_nm": 0.01, "friction_capacity_nm": 0.05},
     "torque limit": {**SOFT, "torque_limit_nm": 0.1},
+    "inclined": {
+        **SOFT,
+        "backlash_deg": 2.0,
+        "coulomb_friction_nm": 0.02,
+        "incline_deg": 20.0,
+        "link_moment_kgm": 0.05,
+    },
     "all": {
         **SOFT,
         "backlash_deg": 2.0,
@@ -91,8 +99,9 @@ def swung(name: str, steps: int) -> tuple[Array, float]:
     The energy is what the motors put in and is neither stored nor lost, as part of the former.
     """
     plant = chain(3, **EVENTS[name])
+    before = plant.stored_J
     history = drive(plant, steps)
-    missing = plant.work_J - plant.lost_J - plant.stored_J
+    missing = plant.work_J - plant.lost_J - (plant.stored_J - before)
     assert plant.lost_J[0] > 0.1 * plant.work_J[0]
     return history, float(missing[0] / plant.work_J[0])
 

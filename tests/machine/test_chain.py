@@ -240,3 +240,14 @@ def test_samples_do_not_mix() -> None:
         alone = ran(Chain(system, draws.part(slice(i, i + 1)), q[:, i : i + 1]), 200)
         assert np.array_equal(together[:, i], alone[:, 0])
     assert len(set(together[3])) == 3
+
+
+@pytest.mark.parametrize("n", [2, 4])
+def test_lateral_creep_is_that_of_contacts_turned_by_their_joint(n: int) -> None:
+    """Each of a stage's three contacts loses it in proportion to the sine of that stage's joint."""
+    xi, lateral = 0.01, 0.05
+    ratios = first_rates(n, creep=xi, lateral_creep=lateral)
+    kept = 1 - xi - lateral * np.sin(start(n)[1:-1, 0])
+    through = np.cumprod(kept)
+    assert ratios[2:] == pytest.approx(through * kept**2, abs=1e-5)
+    assert ratios[0] == pytest.approx(through[-2] if n > 2 else 1.0, abs=1e-5)

@@ -37,6 +37,16 @@ PROTOTYPE: dict[str, dict[str, Any]] = {
     "rigid, slipping": {"shaft_stiffness_nm_per_rad": False, "friction_capacity_nm": 0.15},
     "no contacts": {"creep": False, "creep_per_nm": False, "friction_capacity_nm": False},
     "constant creep": {"creep_per_nm": False, "friction_capacity_nm": False},
+    "lateral creep": {"lateral_creep": 0.05},
+    "lateral creep alone": {
+        "creep": False,
+        "creep_per_nm": False,
+        "friction_capacity_nm": False,
+        "lateral_creep": 0.05,
+    },
+    "inclined": {"incline_deg": 15.0},
+    "inclined, rigid": {"incline_deg": 15.0, "shaft_stiffness_nm_per_rad": False},
+    "inclined, slipping": {"incline_deg": 3.0, "friction_capacity_nm": 0.2},
     "one dry joint": {"viscous_friction_nms_per_rad": [0.0, 0.05]},
     "no gearheads": {"gearhead_backlash_deg": [0.5, 0.0]},
 }

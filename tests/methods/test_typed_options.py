@@ -13,6 +13,7 @@ from typing import (
     get_origin,
     get_overloads,
     get_type_hints,
+    is_typeddict,
 )
 
 import pytest
@@ -53,7 +54,7 @@ def test_keys_and_types_are_those_of_the_table(name: str) -> None:
     assert not typed.__required_keys__
     fields = METHODS[name].options.model_fields
     wanted = {key: bare(field.annotation) for key, field in fields.items() if key not in OWN}
-    assert get_type_hints(typed) == wanted
+    assert get_type_hints(typed) == get_type_hints(typed_options.Call) | wanted
 
 
 def test_every_form_has_the_arguments_of_solve_and_one_takes_any_name() -> None:
@@ -61,9 +62,12 @@ def test_every_form_has_the_arguments_of_solve_and_one_takes_any_name() -> None:
     assert tuple(sorted(DECLARED)) == tuple(sorted(NAMES))
     assert len(forms) == len(NAMES) + 1
     assert get_type_hints(last)["method"] is str
+    hints = get_type_hints(solve)
+    call = get_type_hints(typed_options.Call)
+    assert call == {key: hints[key] for key in call}
     for form in forms:
-        assert inspect.signature(form).parameters.keys() == OWN
-    assert sum(isinstance(value, type) for value in vars(typed_options).values()) == len(NAMES)
+        assert inspect.signature(form).parameters.keys() | call.keys() == OWN
+    assert sum(map(is_typeddict, vars(typed_options).values())) == len(NAMES) + 1
     first = inspect.signature(forms[0]).parameters["method"]
     assert first.default is not inspect.Parameter.empty  # what is meant where no method is named
     assert "collocation" in str(first.annotation)

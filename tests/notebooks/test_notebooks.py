@@ -30,6 +30,7 @@ def test_the_notebooks_promised_are_there() -> None:
         "tuning-sensitivity",
         "own-mechanism",
         "sweeps",
+        "design",
     } <= set(NAMES)
 
 

@@ -3,13 +3,8 @@ import pytest
 from scipy.interpolate import BPoly
 
 import planner
-from planner.plan.trajectory import (
-    ChainedTrajectory,
-    StateTrajectory,
-    polynomial_range,
-    polynomial_roots,
-    trajectory_from_dict,
-)
+from planner.plan.curves import polynomial_range, polynomial_roots
+from planner.plan.trajectory import ChainedTrajectory, StateTrajectory, trajectory_from_dict
 
 
 @pytest.fixture(scope="module")

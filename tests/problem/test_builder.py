@@ -54,7 +54,7 @@ def test_constants_gear_travel_and_duration_are_those_given() -> None:
         ({"start_deg": 5}, "'start.theta_deg' = 5: must be a list"),
         ({"start_deg": [1]}, "'system.joints' = 1: must be at least 2"),
         ({"K": [0.5]}, "joints = 3 needs 2 values in K .K2 ... K3., not 1"),
-        ({"K": [0.5, 0.4]}, "K needs k_g beside it"),
+        ({"K": [0.5, 0.4]}, "K needs k_g too"),
         ({"K": [0.5, 0.4], "k_g": 1.0, "gear": {"r1": 1}}, "either K .with k_g. or gear|gear.R"),
         ({"joint_deg": 95}, "'limits.joint_deg' = 95: must be less than 90"),
         ({"duration": -1}, "'goal.duration' = -1: must be"),

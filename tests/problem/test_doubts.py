@@ -55,7 +55,7 @@ def test_a_goal_beyond_z2_zero_names_the_way_out() -> None:
         planner.Problem.from_dict(tables)
     text = str(refusal.value)
     assert "z2 at the goal is 0.196385, but" in text
-    assert "on the side of the start (negative);" in text
+    assert "with the sign at the start (negative);" in text
     assert text.endswith("leave out limits.z2_margin, so that z2 may change sign, or move the goal")
     del tables["limits"]["z2_margin"]
     assert planner.Problem.from_dict(tables).limits.z2_margin is None

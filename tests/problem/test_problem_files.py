@@ -103,7 +103,7 @@ def test_vehicle_travel_is_from_start_to_goal() -> None:
         ("custom", {"limits.q": {"hading": 1.0}}, "did you mean 'heading'"),
         ("custom", {"goal.q": {"x": 0.0}}, "goal.q has no coordinate 'x'"),
         ("custom", {"system.units": ["m"]}, "units has 1 entries for 4"),
-        ("custom", {"system.slopes": ["tan(heading)", "x"]}, "slope of area reads x"),
+        ("custom", {"system.slopes": ["tan(heading)", "x"]}, "slope of area depends on x"),
         ("custom", {"system.kind": "tractor"}, "allowed: manipulator"),
     ],
 )

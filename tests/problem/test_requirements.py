@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import FrozenInstanceError, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,11 @@ import numpy as np
 import pytest
 
 import planner
+from planner.errors import Violation
+from planner.problem.requirements.limits import JointLimit, Z2Margin
+from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import At, Part, Requirement
+from planner.systems.triangular_system import Coordinate
 
 ROOT = Path(__file__).parents[2]
 
@@ -148,3 +152,106 @@ def test_rows_and_values_are_on_the_same_side(
     np.testing.assert_array_equal(found <= high + 1e-12 * scale, values <= high + 1e-12 * scale)
     assert np.any(values < low)  # both sides were seen
     assert np.any(values >= low)
+
+
+# -- each kind by hand ---------------------------------------------------------------------------
+
+
+def _broken(demand: Any, value: float, k: int = 0) -> tuple[Any, Part, Violation]:
+    part = demand.parts[k]
+    return demand, part, Violation(part.label, None, value, part.low, part.unit, 1.0)
+
+
+def test_a_z2_margin_is_lowered_to_what_was_reached_or_left_out() -> None:
+    margin = Z2Margin(0.1, 1)
+    assert Z2Margin.eased([_broken(margin, 0.02)]) == "limits.z2_margin = 0.01998 or less"
+    for value in (0.0, -0.02):
+        assert Z2Margin.eased([_broken(margin, value)]).startswith("leave out limits.z2_margin")
+
+
+@pytest.mark.parametrize(
+    ("theta1", "side", "margin", "says"),
+    [
+        (30, 1, 0.2, None),
+        (-30, -1, 0.2, None),
+        (30, 1, 0.9, "at the goal is 0.57735, but limits.z2_margin = 0.9 requires at least that"
+         " distance from zero, with the sign at the start (positive); lower limits.z2_margin to"
+         " 0.572, or leave it out"),
+        (-30, -1, 0.9, "with the sign at the start (negative); lower limits.z2_margin to 0.572,"),
+        (-30, 1, 0.2, "(positive); leave out limits.z2_margin, so that z2 may change sign, or"),
+        (30, 0, 0.2, "leave out limits.z2_margin, so that z2 may change sign, or move the goal"),
+    ],
+)  # fmt: skip
+def test_z2_at_an_end(theta1: float, side: int, margin: float, says: str | None) -> None:
+    """The unicycle's z₂ is the tangent of its heading."""
+    q = np.array([np.nan, np.deg2rad(theta1), 0.3])
+    said = Z2Margin(margin, side).contradiction("goal", q, planner.Unicycle())
+    assert said is None if says is None else says in (said or "")
+    assert Z2Margin(margin, side).contradiction("waypoint 1", q, planner.Unicycle()) is None
+    at = At(planner.Unicycle(), q[:, None] * np.ones(3))
+    np.testing.assert_allclose(
+        Z2Margin(margin, side).values(at), [side * np.tan(q[1:2]) * np.ones(3)], rtol=1e-14
+    )
+
+
+def test_joint_limits_are_left_out_as_far_as_their_keys_allow() -> None:
+    """Angles up to a quarter turn lose their chart there; a heading turns as far as it likes."""
+    limit = JointLimit((Coordinate("hitch1", "rad"),), (0.5,))
+    limits = {"hitch_deg": [20], "heading_deg": 30, "joint_deg": None, "input": 0.5}
+    wide = {"limits.hitch_deg": 88.0, "limits.heading_deg": 360.0}
+    assert limit.without(limits) == (wide, "", "the limits on the joints")
+    more = {"joint_deg": 10, "steering_deg": 10, "q": {"a": 1.0}}
+    wide = {"limits.joint_deg": 88.0, "limits.steering_deg": 88.0, "limits.q": {}}
+    assert limit.without(more) == (wide, "", "the limits on the joints")
+    assert limit.without({"input": 0.5}) is None
+
+
+def test_a_waypoint_is_as_far_as_its_worst_coordinate() -> None:
+    point = Waypoint(2, np.array([np.nan, 1.0, np.nan, -2.0]), None, "rad")
+    q = np.array([[9.0, 1.5, 9.0, -2.25], [0.0, 1.0, 0.0, -2.0], [0.0, 0.5, 9.0, -1.25]])
+    np.testing.assert_array_equal(point.distance(q), [0.5, 0.0, 0.75])
+    (part,) = point.parts
+    assert (part.label, part.unit, part.high) == ("distance from waypoint 2", "rad", 0.0)
+
+
+def test_clearances_of_a_bent_arm() -> None:
+    """Links from (0, 0) to (1, 0), (1, 1) and, of no length, (1, 1); 3-4-5 triangles."""
+    arm = planner.Manipulator([0.9, 0.7], 1.0, [1.0, 1.0, 0.5])
+    disc = Obstacle(3, 3, 4.0, 5.0, 0.25)
+    points = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [1.0, 1.0]])
+    np.testing.assert_allclose(
+        disc.clearances(points), [np.sqrt(34) - 0.25, 4.75, 4.75], rtol=1e-15
+    )
+    beside = Obstacle(3, 3, 0.25, -2.0, 0.5)
+    np.testing.assert_allclose(
+        beside.clearances(points), [1.5, np.hypot(0.75, 2) - 0.5, np.hypot(0.75, 3) - 0.5]
+    )
+    q = np.array([0.3, 0.0, np.pi / 2, 0.0])  # the last link ends at (1, 1.5)
+    values = np.array(disc.values(At(arm, q[:, None])))[:, 0]
+    distances = np.array([np.sqrt(34), 5.0, np.hypot(3, 3.5)])
+    np.testing.assert_allclose(values, distances - 0.25, rtol=1e-14)
+    rows = [float(row) for row in disc.rows(At(arm, ca.DM(q)))]
+    np.testing.assert_allclose(rows, (distances**2 - 0.25**2) / 0.5, rtol=1e-13)
+
+
+def test_a_disc_out_of_reach_is_settled_and_one_in_reach_is_named_by_link() -> None:
+    arm = planner.Manipulator([0.9, 0.7], 1.0, [1.0, 1.0, 0.5])
+    assert Obstacle(1, 3, 3.0, 4.0, 1.0).settled(arm) == pytest.approx([1.5] * 3)
+    for radius in (2.5, 2.6):
+        assert Obstacle(1, 3, 3.0, 4.0, radius).settled(arm) is None
+    disc = Obstacle(2, 3, 1.0, 1.0, 0.2)
+    labels = [part.label for part in disc.parts]
+    assert labels == [f"clearance of link {k} from obstacle 2" for k in (1, 2, 3)]
+    said = disc.excluded("start", _broken(disc, -0.0625, 1)[2])
+    assert said == "at the start link 2 reaches 0.0625 m into obstacle 2; move one of them"
+    both = [_broken(Obstacle(n, 3, 1.0, 1.0, 0.2), -0.1) for n in (2, 1, 2)]
+    assert Obstacle.eased(both) == "leave out [[obstacles]] 1 and 2"
+
+
+@pytest.mark.parametrize("kind", [Obstacle(1, 3, 1.0, 1.0, 0.2), Z2Margin(0.1, 1)])
+def test_what_is_asked_does_not_change(kind: Any) -> None:
+    """They are keys of what is kept from one problem to the next."""
+    (name, *_) = vars(kind)
+    with pytest.raises(FrozenInstanceError):
+        setattr(kind, name, 2)
+    assert hash(kind) == hash(replace(kind))

@@ -16,7 +16,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.io import loadmat
 
 import planner
-from planner.plan.plan import plan_schema
+from planner.plan.plan_file import plan_schema
 from planner.plan.samples import load_samples, sample
 from planner.problem.tables.kinds import json_schema
 from planner.report.export import joint_trajectory
@@ -233,9 +233,9 @@ def test_ros_refuses_what_ends_moving_or_jumps(rest: planner.Plan, law: planner.
 
 def test_ros_refuses_what_fails_its_verification(rest: planner.Plan) -> None:
     elsewhere = rest.problem.changed({"goal.theta_deg": [31, 30, 30]})
-    with pytest.raises(planner.InputError, match="not fit for a robot: goal theta1"):
+    with pytest.raises(planner.InputError, match="cannot be sent to a robot: goal theta1"):
         joint_trajectory(replace(rest, problem=elsewhere))
-    with pytest.raises(planner.InputError, match="not fit for a robot"):
+    with pytest.raises(planner.InputError, match="cannot be sent to a robot"):
         joint_trajectory(outside())
 
 
@@ -258,7 +258,7 @@ def test_dataset_has_names_and_units(law: planner.Plan, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "format", "says"),
     [
-        ("x.dat", None, r"x\.dat tells no format"),
+        ("x.dat", None, r"x\.dat is not that of a format"),
         ("x.csv", "cvs", "did you mean 'csv'"),
         ("none/x.csv", None, "there is no folder"),
         ("", "csv", "it is a folder"),

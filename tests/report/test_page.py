@@ -68,7 +68,7 @@ def test_the_page_asks_for_nothing_from_outside(saved: Path, tmp_path: Path) -> 
     text = write_report(saved, tmp_path / "page.html").read_text()
     assert text.startswith("<!doctype html>")
     assert set(re.findall(r"https?://[^\"'`\s<)]*", text)) <= {"http://www.w3.org/2000/svg"}
-    assert not re.search(r"<(link|img|iframe|object|embed)\b|\bsrc=|@import|url\((?!#)", text)
+    assert not re.search(r"<(link|iframe|object|embed)\b|\bsrc=(?!.data:)|@import|url\((?!#)", text)
     assert "default-src 'none'" in text
     assert len(text) < 1_000_000
 
@@ -162,7 +162,7 @@ def test_compare_with_a_report(
     words = ["compare", str(PAPER), "--methods", "polynomial", "--samples", "2", "--report"]
     changes = ["--set", "goal.travel=0.82", "--set", "goal.duration=2.5", "--set", "limits={}"]
     assert main(words) == 2
-    assert "--report needs a folder to go into: --out FOLDER" in capsys.readouterr().err
+    assert "--report needs a folder: add --out FOLDER" in capsys.readouterr().err
     assert main([*words, *changes, "--out", str(tmp_path / "x")]) == 0
     assert (tmp_path / "x/report.html").exists()
     assert "report.html" in capsys.readouterr().err
@@ -174,3 +174,13 @@ def test_compare_with_a_report(
 )
 def test_names_on_the_page(name: str, shown: str) -> None:
     assert subscripted(name) == shown
+
+
+def test_the_page_of_an_arm_shows_its_mechanism(
+    copied: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = write_report(copied).read_text()
+    assert "Mechanism</h2>" in page
+    assert 'src="data:image/svg+xml;base64,' in page
+    monkeypatch.setattr("planner.report.page.page.mechanism_svg", lambda _: "")
+    assert "Mechanism</h2>" not in write_report(copied).read_text()

@@ -29,6 +29,15 @@ def rosenbrock(size: int, iterations: int) -> Ipopt:
     return Ipopt("long", {"x": x, "f": f}, {"print_time": False, "ipopt": {**quiet, **endless}})
 
 
+def test_a_time_limit_does_not_cut_a_verification_short_but_a_stop_does() -> None:
+    with limited(1e-9):
+        time.sleep(0.001)
+        deadline.check_stopped()
+        deadline.end(contextvars.copy_context(), "the Stop button")
+        with limited(None), pytest.raises(TimeUpError):
+            deadline.check_stopped()
+
+
 def test_of_two_limits_the_earlier_counts() -> None:
     assert deadline.remaining() == np.inf
     with limited(100.0):

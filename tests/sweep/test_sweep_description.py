@@ -93,7 +93,7 @@ SAMPLE = {"count": 4, "goal.travel": {"uniform": [0.8, 0.82]}}
         ({"methods": ["polynomial:point=1"]}, "did you mean 'points'"),
         (
             {"problem": "nowhere.toml"},
-            "there is no file nowhere.toml; the name is relative to the sweep",
+            "there is no file nowhere.toml; the name is relative to the file that",
         ),
         ({"problem": {}}, "missing key 'system.kind'"),
         ({"grid": {}}, "nothing varies"),

@@ -8,9 +8,11 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import planner
+from planner.machine.contact_load import contact_load
 from planner.sweep import case as case_module
 from planner.sweep import results as table_module
 from planner.sweep.case import case_at, cases, run_case
@@ -136,6 +138,13 @@ def test_a_solved_case_has_its_figures(unlimited: planner.Problem, db: Path) -> 
     assert record["terminal_error_deg"] < 1e-6
     assert record["E_median_deg"] == pytest.approx(row.E_median_deg, rel=1e-12)
     assert record["E_p95_deg"] == pytest.approx(row.E_p95_deg, rel=1e-12)
+    assert record["end_median_deg"] == pytest.approx(row.end_median_deg, rel=1e-12)
+    ends = row.replay.terminal_error_deg  # type: ignore[union-attr]
+    assert record["end_spread_deg"] == pytest.approx(np.max(np.std(ends, axis=0)), rel=1e-12)
+    assert record["end_p95_deg"] == pytest.approx(row.end_p95_deg, rel=1e-12)
+    load = contact_load(row.plan, samples=1000, seed=4)  # type: ignore[arg-type]
+    assert record["contact_torque_nm"] == pytest.approx(np.median(load.torque_nm))
+    assert record["contact_load"] == pytest.approx(np.percentile(load.share, 99))
     assert '"casadi"' in record["versions"]
     plan = load_case_plan(db, record["case"][:12])
     assert plan.verified

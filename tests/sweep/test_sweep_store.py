@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import planner
+from planner.sweep.results import read
 from planner.sweep.run import run_sweep
 from planner.sweep.store import Store
 
@@ -37,6 +38,17 @@ def test_another_schema_version_is_refused_with_the_way_out(tables: Tables, db: 
         run_sweep(tables, db, workers=0)
     with pytest.raises(planner.InputError, match=says):
         Store(db)
+
+
+def test_a_file_from_before_a_result_was_known_is_read_and_goes_on(
+    tables: Tables, db: Path
+) -> None:
+    execute(db, "ALTER TABLE cases DROP COLUMN contact_load")
+    assert [record["contact_load"] for record in read(db)[1]] == [None] * 10
+    execute(db, "ALTER TABLE cases DROP COLUMN contact_load")
+    more = {**tables, "grid": {"goal.duration": [0.01, 0.5]}}
+    outcome = run_sweep(more, db, workers=0)
+    assert (outcome.ran, outcome.kept) == (1, 1)
 
 
 def test_a_database_of_something_else_is_refused_and_left_alone(

@@ -87,9 +87,9 @@ def test_margin_of_a_slope_beyond_the_interval(value: float, failing: int) -> No
     ("changes", "says"),
     [
         ({"slopes": ["tan(theta)", "x"]}, "3 coordinates need 1 slopes, not 2"),
-        ({"slopes": ["x + theta"]}, "slope of y reads x; in triangular form"),
+        ({"slopes": ["x + theta"]}, "slope of y depends on x; in triangular form"),
         ({"slopes": ["2.0 * y"]}, "does not depend on theta"),
-        ({"slopes": ["sin(3*theta)"]}, "turns more than once"),
+        ({"slopes": ["sin(3*theta)"]}, "has more than one extremum"),
         ({"slopes": ["tan(thta)"]}, "'thta' in 'tan"),
         ({"slopes": ["tan(theta"]}, "is not an expression"),
         ({"slopes": lambda q: [ca.if_else(q[1] > 0, q[1], 0)]}, "cannot be written"),

@@ -1,6 +1,7 @@
 """Certificates of the planner's own plans, of every kind of trajectory."""
 
 import json
+from contextvars import copy_context
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,9 @@ import planner
 from planner.cli.app import main
 from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import ChainedTrajectory, StateTrajectory
-from planner.verification.certify import STANDSTILL
+from planner.support import deadline
+from planner.support.deadline import TimeUpError, limited
+from planner.verification.certify import STANDSTILL, certify
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -140,3 +143,12 @@ def test_the_command_shows_and_gives_it(capsys: pytest.CaptureFixture[str]) -> N
     given = json.loads(capsys.readouterr().out)["certificate"]
     assert given["ok"] is True
     assert {c["status"] for c in given["claims"]} == {"proven"}
+
+
+@pytest.mark.parametrize("judged", [planner.verify, certify])
+def test_a_stop_ends_it_and_a_time_limit_does_not(judged: Any, optimal: planner.Plan) -> None:
+    with limited(1e-9):
+        judged(optimal)
+        deadline.end(copy_context(), "the Stop button")
+        with pytest.raises(TimeUpError):
+            judged(optimal)

@@ -16,9 +16,10 @@ from scipy.interpolate import BPoly
 
 import planner
 from planner.plan import quadrature
+from planner.plan.curves import Pieces
 from planner.plan.measures import peak_inputs, peak_rates
 from planner.plan.retimed import RetimedTrajectory
-from planner.plan.trajectory import Pieces, StateTrajectory, Trajectory
+from planner.plan.trajectory import StateTrajectory, Trajectory
 
 Array = NDArray[np.float64]
 
@@ -58,7 +59,9 @@ MADE: dict[str, Callable[[planner.Problem], planner.Plan]] = {
                 "system.link_lengths": [1.0, 1.0, 1.0],
                 "obstacles": [{"centre_m": [0.0, 2.0], "radius_m": 0.2}],
             }
-        )
+        ),
+        intervals=20,
+        starts=1,
     ),
 }
 
@@ -291,7 +294,8 @@ def test_times_that_run_back_or_begin_late(paper: planner.Problem) -> None:
     plan = planner.solve(paper)
     path = plan.trajectory
     assert isinstance(path, StateTrajectory)
-    for x in (path.breaks[::-1].copy(), path.breaks + 1.0, -path.breaks):
+    endless = np.append(path.breaks[:-1], np.inf)
+    for x in (path.breaks[::-1].copy(), path.breaks + 1.0, -path.breaks, endless):
         curves = BPoly(path.q_curve.c, x), BPoly(path.u_curve.c, x)
         with pytest.raises(ValueError, match="must increase from 0"):
             StateTrajectory(path.system, *curves)

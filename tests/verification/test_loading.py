@@ -89,9 +89,7 @@ def test_coefficients_times_one_and_a_half(plan: planner.Plan, tmp_path: Path) -
     assert f"not verified, status verification_failed: {back.why}" in repr(back)
     again = planner.load_plan(back.save(tmp_path / "y.json"))
     assert (again.verified, again.status, again.why) == (False, back.status, back.why)
-    with pytest.raises(
-        planner.InputError, match=r"x\.json says that it holds a verified plan, and"
-    ):
+    with pytest.raises(planner.InputError, match=r"x\.json is marked as a verified plan, but"):
         planner.load_plan(path, strict=True)
 
 
@@ -226,13 +224,13 @@ def test_commands_refuse_it(
     words = [w.replace("{}", str(path)).replace("{out}", str(out)) for w in words]
     assert main(words) == 2
     told = capsys.readouterr()
-    assert "x.json says that it holds a verified plan, and it does not: " in told.err
+    assert "x.json is marked as a verified plan, but the plan fails the verification: " in told.err
     assert "allowed" in told.err
     assert [p.name for p in tmp_path.iterdir()] == ["x.json"]
     assert main([*words, "--json"]) == 2
     given = json.loads(capsys.readouterr().out)
     assert given["exit_status"] == 2
-    assert "it does not" in given["error"]
+    assert "fails the verification" in given["error"]
 
 
 # -- comparison folders --------------------------------------------------------------------------

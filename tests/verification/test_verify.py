@@ -83,6 +83,7 @@ def test_missed_goal(good: planner.Plan) -> None:
     check = _with(good, {"goal.theta_deg": goal.tolist()})
     assert [v.label for v in check.violations] == ["goal theta2"]
     assert check.terminal_error_deg[1] == pytest.approx(-0.01, rel=1e-4)
+    assert repr(check) == f"Check(broken: {check.violations[0]})"
 
 
 @pytest.mark.filterwarnings("ignore::planner.InputWarning")  # back to where it started, at 1 deg
@@ -158,3 +159,15 @@ def test_path_outside_the_chart_is_not_executable(unlimited: planner.Problem) ->
     assert not check.ok
     assert np.all(np.isnan(check.terminal_error_deg))
     assert check.margins["chart domain"] < 0
+    (violation,) = check.violations
+    asked = problem.asking(violation.label)
+    assert asked is not None
+    assert asked[0] == problem.chart
+
+
+def test_the_chart_is_asked_only_of_plans_in_it(paper: planner.Problem) -> None:
+    law, through = planner.solve(paper, "sinusoid"), planner.solve(paper, "collocation")
+    check = planner.verify(law)
+    assert check.ok
+    assert check.margins["chart domain"] == law.domain.margin
+    assert "chart domain" not in planner.verify(through).margins

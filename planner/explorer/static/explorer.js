@@ -34,7 +34,7 @@ class DragChart extends TimeChart {
 const SOON = 250; // ms; what takes longer is said to be under way, and can be stopped
 const LONG = 1000; // ms; after that new settings end what is under way, before they wait for it
 const PATIENCE = 10000; // ms; a search that is stopped has answered by then
-const DOING = { judge: "verifying", errors: "on the machines", texts: "writing" };
+const DOING = { judge: "verifying", errors: "on the machines", texts: "writing", mechanism: "drawing" };
 
 function render({ model, el }) {
   const root = make("div", { class: "px charts" });
@@ -45,7 +45,8 @@ function render({ model, el }) {
   const grid = make("div", { class: "px-grid" }), texts = make("div", { class: "px-texts" });
   const live = make("div", { class: "px-live", "aria-live": "polite" });
   head.append(verdict, stopper, facts);
-  main.append(head, words, grid, live, texts);
+  const mechanism = make("div", { class: "px-mechanism", tabindex: 0, hidden: "" });
+  main.append(head, words, mechanism, grid, live, texts);
   root.append(side, main);
   el.append(root);
 
@@ -61,6 +62,7 @@ function render({ model, el }) {
   };
   let panels = [];
   let stale = false;
+  let system = "", drawn = null; // the arm's constants: on the screen, in the mechanism's drawing
   let waiting = new Map(), busy = null, resting = 0, ticking = 0;
   let number = Math.floor(1e9 * Math.random()); // another view of the same widget counts elsewhere
 
@@ -74,7 +76,8 @@ function render({ model, el }) {
 
   const controlsPlace = make("div");
   const fill = makeControls(controlsPlace, (name, value) => set(name, value));
-  side.append(controlsPlace, buttons());
+  const row = buttons();
+  side.append(controlsPlace, row);
 
   function set(name, value) {
     if (!waiting.size) waiting.began = performance.now();
@@ -99,7 +102,7 @@ function render({ model, el }) {
     clearTimeout(resting);
     busy = { kind, number: ++number, began, stopped: 0 };
     root.dataset.open = 1;
-    if (kind !== "texts" && kind !== "judge" && kind !== "errors") old();
+    if (!(kind in DOING)) old();
     model.send({ ask: kind, number, ...more });
     clearInterval(ticking);
     ticking = setInterval(tick, 100);
@@ -126,14 +129,15 @@ function render({ model, el }) {
       const silent = busy.stopped && performance.now() - busy.stopped > PATIENCE ? ": the kernel is busy or gone" : "";
       verdict.textContent = `${doing}, ${Math.floor(ms / 1000)} s${silent}`;
     }
-    stopper.hidden = kind === "texts" || kind === "judge";
+    stopper.hidden = kind === "texts" || kind === "mechanism";
     if (plans && waiting.size && ms > LONG) stop(true); // its answer would belong to other settings
   }
 
   function stop(atOnce) {
-    if (!busy || busy.stopped) return;
-    busy.stopped = performance.now();
-    stopper.disabled = true;
+    if (!busy || stopper.disabled || (busy.stopped && !atOnce)) return;
+    busy.stopped ||= performance.now();
+    stopper.disabled = atOnce;
+    stopper.textContent = "Stop now"; // without refining the best plan found so far
     model.send({ ask: "stop", number: busy.number, at_once: atOnce });
   }
 
@@ -145,6 +149,7 @@ function render({ model, el }) {
     clearInterval(ticking);
     stopper.hidden = true;
     stopper.disabled = false;
+    stopper.textContent = "Stop";
     root.classList.remove("px-busy");
     if (reply.panels) {
       const kept = reply.error === undefined ? panels.filter((p) => p.id === "error") : [];
@@ -158,6 +163,12 @@ function render({ model, el }) {
       charts.get("error")?.host.classList.remove("px-past");
       if (reply.error) panels.push(reply.error);
     }
+    if (reply.system !== undefined) {
+      system = reply.system;
+      row.querySelector("[data-button=mechanism]").hidden = !system;
+      if (!system) mechanism.hidden = true;
+    }
+    if (reply.mechanism !== undefined) showMechanism(reply);
     if (reply.kind) say(reply);
     if (reply.code !== undefined) showTexts(reply);
     if (reply.panels || reply.error !== undefined) redraw();
@@ -176,7 +187,8 @@ function render({ model, el }) {
   function next(reply) {
     clearTimeout(resting);
     if (!reply.todo || !reply.todo.length) {
-      if (stale) ask("texts"); // the text that is open follows the picture
+      if (stale) ask("texts"); // what is open follows the picture
+      else if (!mechanism.hidden && system !== drawn) ask("mechanism");
       return;
     }
     const dragged = [...charts.values()].some((chart) => chart.held);
@@ -223,7 +235,7 @@ function render({ model, el }) {
 
   function buttons() {
     const row = make("div", { class: "px-buttons" });
-    for (const [name, kind] of [["Python code", "code"], ["Problem file", "file"], ["Reset", "reset"]]) {
+    for (const [name, kind] of [["Python code", "code"], ["Problem file", "file"], ["Mechanism", "mechanism"], ["Reset", "reset"]]) {
       const button = make("button", { text: name });
       button.type = "button";
       button.dataset.button = kind;
@@ -232,6 +244,11 @@ function render({ model, el }) {
           waiting.clear();
           if (busy && !(busy.kind in DOING)) stop(true);
           return whenFree(() => ask("reset"));
+        }
+        if (kind === "mechanism") {
+          mechanism.hidden = !mechanism.hidden;
+          if (!mechanism.hidden && system !== drawn) whenFree(() => ask("mechanism"));
+          return;
         }
         texts.dataset.wanted = kind;
         whenFree(() => ask("texts"));
@@ -247,6 +264,13 @@ function render({ model, el }) {
       clearTimeout(resting);
       act();
     }
+  }
+
+  function showMechanism(reply) {
+    drawn = reply.drawn;
+    const image = make("img", { alt: "the arm's mechanism, to scale" });
+    image.src = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(reply.mechanism)}`;
+    mechanism.replaceChildren(image);
   }
 
   function showTexts(reply) {
@@ -274,7 +298,7 @@ function render({ model, el }) {
 
   const listen = (reply) => answered(reply);
   model.on("msg:custom", listen);
-  stopper.onclick = () => stop(false);
+  stopper.onclick = () => stop(Boolean(busy?.stopped));
   ask("picture");
   return () => {
     clearTimeout(resting);

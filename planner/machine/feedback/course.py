@@ -147,6 +147,6 @@ def shift_of(system: TriangularSystem, machine: Machine) -> Array:
 
 
 def mean_of(machine: Machine, name: str, off: float = 0.0) -> Array:
-    """Mean of an effect, one number or one a motor or joint; `off` where there is none."""
+    """Mean of an effect, one number or one per motor or joint; `off` where there is none."""
     effect = machine.effects.get(name)
     return np.array([off] if effect is None else effect.value)

@@ -10,6 +10,7 @@ of one machine.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -24,12 +25,18 @@ from planner.plan.plan import Compensation, Plan
 from planner.problem.problem import Problem
 from planner.problem.tables.compensation import CompensationTable
 from planner.support.arrays import Array
+from planner.support.deadline import TimeUpError, limited
 from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem
 
 MOST_PLANS = 12
 """Plans after which the best is taken: two or three do where the drive keeps its direction, four to
 ten where it turns back."""
+
+LEAST_S, TIMES = 5.0, 20.0
+"""Seconds for all of them (replays do not count), at least and as a multiple of what the plan
+itself took: each starts next to the last. Where one must be searched for, the goal cannot be
+reached in the time."""
 
 AIMED_RAD = np.deg2rad(0.01)
 """Error on the nominal machine that is good enough: a hundredth of what spreads leave."""
@@ -60,19 +67,21 @@ def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Repl
     Raises:
         InputError: If the system is no arm with friction disks.
         NoPlanError: If the shifted goal breaks a limit, or by `replan`.
+        TimeUpError: If it takes too long.
     """
     problem, system = plan.problem, plan.problem.system
     if not compensable(system) or not isinstance(system, Manipulator):
         raise InputError(
-            f"{problem.source}: compensation is for arms driven through friction disks"
-            f" (system.kind = 'manipulator'); between the motors and the motion of a {system.kind}"
-            " there is nothing to allow for"
+            f"{problem.source}: compensation is for arms with friction disks (system.kind ="
+            f" 'manipulator'); a {system.kind} has no mechanism between motors and motion to"
+            " compensate"
         )
     moved = slice(0 if problem.travel is not None else 1, None)
-    target, made_from = problem.target[moved], Compensation(plan, machine.to_dict(), 0.0, 0.0)
+    wanted = _wanted(plan)
+    target, made_from = wanted[moved], Compensation(plan, machine.to_dict(), 0.0, 0.0)
     shift, inverse = np.zeros(len(target)), np.eye(len(target))
     tried: list[_Trial] = []
-    near = plan
+    near, left_s = plan, max(LEAST_S, TIMES * plan.solve_time_s)
     while True:
         commands = shaped(near, system, machine, options, plan)
         timed = replace(made_from, lead_s=commands.lead_s, tail_s=commands.tail_s)
@@ -87,7 +96,12 @@ def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Repl
         if np.linalg.norm(step) > FARTHEST * np.linalg.norm(missed):
             inverse, step = np.eye(len(target)), missed
         shift = shift - step
-        near = replan(_shifted(problem, shift, moved), near)
+        if left_s <= 0:
+            raise TimeUpError
+        began = time.perf_counter()
+        with limited(left_s, "the time for a plan next to one known"):
+            near = replan(_shifted(problem, wanted, shift, moved), near)
+        left_s -= time.perf_counter() - began
         if not near.executable:
             raise NoPlanError("that plan leaves the domain of the chained-form chart")
     best = min(tried, key=lambda trial: trial.worst)
@@ -134,11 +148,21 @@ def _updated(inverse: Array, before: _Trial, now: _Trial) -> Array:
     return np.asarray(inverse + np.outer(step - inverse @ change, along) / scale)
 
 
-def _shifted(problem: Problem, shift: Array, moved: slice) -> Problem:
-    """The problem with its goal shifted."""
-    goal = problem.target
+def _wanted(plan: Plan) -> Array:
+    """q(T), shape (N,): the goal, and where it leaves joints free what the plan chose."""
+    goal, free = plan.problem.target, list(plan.problem.free)
+    if free:
+        goal[free] = plan.trajectory.q(plan.duration)[free]
+    return goal
+
+
+def _shifted(problem: Problem, goal: Array, shift: Array, moved: slice) -> Problem:
+    """The problem with its goal shifted from there."""
+    goal = goal.copy()
     goal[moved] += shift
     keys: dict[str, Any] = {"goal.theta_deg": np.rad2deg(goal[1:]).tolist()}
+    if problem.free:
+        keys |= {"goal.tip_m": None, "goal.tip_angle_deg": None}
     if problem.travel is not None:
         keys |= problem.travel_change(float(goal[0] - problem.start[0]))
     try:

@@ -5,6 +5,9 @@ others follow a straight line. The guess does not obey the kinematics: the solve
 excursion matters where a straight line has no slope to follow, as at θ = 0, and where the path
 coordinate must turn back.
 
+A goal that leaves joints free is expected in several places in turn; where the motion ends is for
+the solver to say.
+
 Waypoints on the way: in which order and when they are passed, and guesses that pass them.
 
 A waypoint is an edge of the mesh at which some coordinates are fixed. One with a time has its place
@@ -28,6 +31,7 @@ from planner.methods.collocation.transcription.form import Mesh, through, unifor
 from planner.methods.collocation.transcription.transcription import Transcription
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.problem import Problem
+from planner.problem.reach import goal_reach
 from planner.problem.requirements.places import Waypoint
 from planner.support.arrays import Array
 
@@ -100,8 +104,9 @@ def likely_travel(problem: Problem) -> float:
     """Travel given, or the one that best fits the others' moves at the middle's slopes."""
     if problem.travel is not None:
         return problem.travel
-    moves = (problem.goal - problem.start)[2:]
-    middle = np.append(problem.start[0], (problem.start[1:] + problem.goal[1:]) / 2)
+    goal = problem.likely.goal
+    moves = (goal - problem.start)[2:]
+    middle = np.append(problem.start[0], (problem.start[1:] + goal[1:]) / 2)
     slopes = problem.system.slopes(middle)
     size = float(slopes @ slopes)
     return float(slopes @ moves) / size if size > 1e-12 else 0.0
@@ -120,7 +125,7 @@ def _states(problem: Problem, mesh: Mesh, seed: Seed, s: Array) -> Array:
 
 def through_waypoints(problem: Problem, knots: Array, travel: float, s: Array) -> Array:
     """Straight lines from start to goal by way of the waypoints, shape (S, N), at s (S,)."""
-    goal = problem.goal.copy()
+    goal = problem.likely.goal.copy()
     goal[0] = problem.start[0] + travel
     known = np.array([problem.start, *(w.q for w in problem.waypoints), goal])
     return np.stack([_filled(s, knots, column) for column in known.T], axis=-1)
@@ -132,8 +137,8 @@ def _filled(s: Array, knots: Array, values: Array) -> Array:
 
 
 def _duration(problem: Problem, rates: Array) -> float:
-    limit = np.where(np.isfinite(problem.limits.input), problem.limits.input, 1.0)
-    return 1.5 * float(np.max(np.mean(np.abs(rates), axis=0) / limit)) + 0.01
+    slowest = np.max(np.mean(np.abs(rates), axis=0) / problem.limits.input_scale)
+    return 1.5 * float(slowest) + 0.01
 
 
 def _away_from_zero(values: Array) -> Array:
@@ -183,6 +188,10 @@ def _sign(value: float) -> str:
 MOST_ORDERS = 6
 """Orders of waypoints without a time that are tried; the shortest by straight lines first."""
 
+MOST_BRANCHES = 4
+"""Ways to bend the elbows at a goal that leaves joints free that are tried, the nearest first: all
+that three joints have. The motion may leave its branch on the way to the best goal."""
+
 MOST_SORTED = 5040
 """Orders that are sorted: those of seven waypoints without a time, in about a second."""
 
@@ -191,23 +200,30 @@ LEAST_SHARE = 0.02
 
 
 def routes(problem: Problem) -> list[Problem]:
-    """The problem with its waypoints in each order worth trying, the shortest by straight lines
-    first; itself where there is no choice.
+    """The problem with its waypoints in each order worth trying and, where its goal leaves joints
+    free, each branch of the goal to expect; the shortest by straight lines first. None where no
+    goal is found; itself where there is no choice.
 
     Raises:
         InputError: If there are too many orders.
     """
-    if len(problem.waypoints) < 2:
-        return [problem]
+    expected = [problem]
+    if reach := goal_reach(problem):
+        expected = [problem.expecting(q) for q in reach.branches[:MOST_BRANCHES]]
     count = len(problem.waypoints)
+    if count < 2 or not expected:
+        return expected
     free = sum(w.time_s is None for w in problem.waypoints)
     if (ways := math.perm(count, free)) > MOST_SORTED:
         raise InputError(
-            f"{problem.source}: {count} waypoints, {free} of them without a time, may be passed in"
-            f" {ways:.3g} orders; at most {MOST_SORTED} are looked at, so give more of them a time"
+            f"{problem.source}: {count} waypoints, {free} of them without a time, can be passed"
+            f" in {ways:.3g} orders; at most {MOST_SORTED} are tried, so give more of them a"
+            " time"
         )
-    orders = sorted(_orders(problem), key=lambda order: _length(problem, order))
-    return [replace(problem, waypoints=order) for order in orders[:MOST_ORDERS]]
+    orders = sorted(_orders(problem), key=lambda order: _length(expected[0], order))[:MOST_ORDERS]
+    every = [(each, order) for each in expected for order in orders]
+    every.sort(key=lambda both: _length(*both))
+    return [replace(each, waypoints=order) for each, order in every[:MOST_ORDERS]]
 
 
 def mesh_through(problem: Problem, intervals: int) -> Mesh:
@@ -274,8 +290,7 @@ def _shared_out(job: Task, iterate: Iterate) -> Array:
     left, right = iterate.input_ends()
     weights = np.sqrt(job.objective.weights[1:3])
     if job.problem.duration is None or not np.any(weights):
-        limit = job.problem.limits.input
-        weights = np.where(np.isfinite(limit), 1 / limit, 1.0)
+        weights = 1 / job.problem.limits.input_scale
     speed = np.linalg.norm((left + right) / 2 * weights, axis=1) * job.mesh.widths
     needs = np.add.reduceat(speed, [0, *job.mesh.marks])
     needs = np.maximum(needs, LEAST_SHARE * np.sum(needs))

@@ -48,7 +48,7 @@ def believed(done: Polished, accuracy: float) -> bool:
 def ended_early(plan: Plan, span: Span) -> Plan:
     """The plan, which says that its search was cut short."""
     status = "interrupted" if span.ended_by else TimeLimitError.status
-    said = f"{span.why} ended the search; this is the best motion found by then"
+    said = f"{span.why} ended the search; this is the best motion found so far"
     return replace(plan, status=status, notes={**plan.notes, "ended_early": said})
 
 
@@ -59,7 +59,7 @@ def _refusal(
     if best.nearest is not None:
         last, broken = iterate_plan(problem, *best.nearest, options)
     came = "" if far is None else f" after {far.solves} solves (it was {far.doing})"
-    nearest = "; what came nearest to one breaks:" if broken else ""
+    nearest = "; the closest attempt breaks:" if broken else ""
     return TimeLimitError(
         f"{problem.source}: {span.why} ended the search before it had found a motion{came}"
         f"{nearest}",

@@ -17,7 +17,7 @@ from planner.methods.collocation.candidates import mesh_through, routes
 from planner.methods.collocation.early import ended_early, in_hand
 from planner.methods.collocation.pipeline import SEARCHED, Pipeline
 from planner.methods.collocation.refine import Polished, polish
-from planner.methods.collocation.refusals import NAME, refusal
+from planner.methods.collocation.refusals import NAME, no_goal, refusal
 from planner.methods.collocation.solvers.backends import Settings
 from planner.methods.collocation.solvers.solver import Solution
 from planner.methods.collocation.task import Task, task
@@ -53,11 +53,13 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
         return collocation_task(route, options, mesh, direct)
 
     ways = routes(problem.within_reach())
+    if not ways:
+        raise no_goal(problem)
     search = Pipeline(ways, options, make)
     limit = deadline.limited(options.time_limit_s)
     with (
         limit,
-        holding(ways, options.accuracy) as best,
+        holding([*ways, ways[0].likely], options.accuracy) as best,
         deadline.limited(None, holds=best.holds) as span,
     ):
         try:
@@ -153,11 +155,19 @@ def finished(
         notes={
             "start": start,
             **notes,
+            **chosen_goal(job.problem, solution.iterate),
             "largest_residual": solution.residual,
             "resimulated_end_error": done.error,
             **done.notes,
         },
     )
+
+
+def chosen_goal(problem: Problem, iterate: Iterate) -> dict[str, Any]:
+    """For a plan's notes: all joints at its end, in degrees, where the goal leaves some free."""
+    if not problem.free:
+        return {}
+    return {"goal_theta_deg": np.rad2deg(iterate.nodes[-1, 1 : problem.system.size]).tolist()}
 
 
 def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan) -> Plan:
@@ -191,8 +201,8 @@ def refuse_start(problem: Problem, warm: Plan) -> None:
     """Raise InputError for a plan that cannot be started from."""
     if warm.problem.system != problem.system:
         raise InputError(
-            f"{problem.source}: warm is a plan of another system ({warm.problem.source}); a start"
-            " must belong to the same one"
+            f"{problem.source}: warm is a plan of another system ({warm.problem.source}); it"
+            " must be of the same system"
         )
     if not warm.executable:
         raise InputError(

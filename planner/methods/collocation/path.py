@@ -74,7 +74,7 @@ def search(
     free = path_task(task)
     result, clear = Search([], None, []), 0
     for k, seed in enumerate(seeds):
-        progress.tell(f"looking for a path from the start '{seed.name}'")
+        progress.tell(f"searching a path from the first guess '{seed.name}'")
         start = guess(free.problem, task.made, task.mesh, seed)
         solution = free.solve(start)
         if solution.ok and clears(free, solution):

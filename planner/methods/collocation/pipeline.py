@@ -20,7 +20,7 @@ from planner.methods.collocation.between_nodes import clears
 from planner.methods.collocation.candidates import Seed, guess, rebalanced, seeds
 from planner.methods.collocation.long_arms.held import can_hold
 from planner.methods.collocation.long_arms.ladder import climbed
-from planner.methods.collocation.path import needed_duration, one_way, same_path, search
+from planner.methods.collocation.path import Found, needed_duration, one_way, same_path, search
 from planner.methods.collocation.refine import Polished, polish
 from planner.methods.collocation.solvers.solver import Solution
 from planner.methods.collocation.task import Task, stretched, transferred
@@ -125,17 +125,23 @@ class Pipeline:
         """
         every, few = _guesses(self.options), self.options.attempts
         if self.options.start in ("auto", "straight"):
-            yield self._straight()
-        yield self._along("guesses", every[:few])
+            found = self._straight()
+            answered = [each.task.problem for each in found]
+            left = [each for each in self.routes if not any(each is one for one in answered)]
+            yield found + self._along("guesses", every[:few], left if found else [])
+        yield self._along("guesses", every[:few], self.routes)
         if self._slow and self._free:
-            yield self._along("more guesses", every[few : (1 + MORE) * few])
+            yield self._along("more guesses", every[few : (1 + MORE) * few], self.routes)
         elif self._free:
             yield self._by_ladder()
         if self._slow:
             yield self._slowed_down()
 
     def _straight(self) -> list[Answer]:
-        """From the straight line at once, where the motion can be one way in a given time."""
+        """From the straight line at once, where the motion can be one way in a given time.
+
+        All routes or none; but of the branches of a goal that leaves joints free those that can.
+        """
         out = []
         for problem in self.routes:
             if self._free and not _one_way(problem):
@@ -145,19 +151,26 @@ class Pipeline:
             job, seed = self.make(problem, few, True), seeds("straight")[0]
             solution = job.solve(guess(job.problem, job.made, job.mesh, seed))
             if not solution.ok or (problem.duration is None and not one_way(solution.iterate)):
+                if problem.free:
+                    continue
                 return []
-            later = replace(job, settings=replace(job.settings, direct=False))
-            entry = {"start": seed.name, "status": solution.status}
+            later, name = replace(job, settings=replace(job.settings, direct=False)), seed.name
+            name += _towards(problem)
+            entry = {"start": name, "status": solution.status}
             self.log.append(entry | {"objective": solution.objective})
-            out.append(Answer(seed.name, "straight line", later, solution))
+            out.append(Answer(name, "straight line", later, solution))
         return [self._shared_out(answer) for answer in out]
 
-    def _along(self, stage: str, guesses: list[Seed]) -> list[Answer]:
-        """Motions along the paths that guesses lead to."""
-        out = []
-        for problem in self.routes:
+    def _along(self, stage: str, guesses: list[Seed], routes: list[Problem]) -> list[Answer]:
+        """Motions of these routes along the paths that guesses lead to.
+
+        Branches of one goal share the paths that are enough, and none is timed twice.
+        """
+        out, known = [], list[Found]()
+        for problem in routes:
             job = self.make(problem, SEARCHED, False)
             enough = self.options.starts if self.options.start in ("auto", "wander") else 1
+            enough = -(-enough // len(routes)) if problem.free else enough
             paths = search(job, guesses, enough, self._free and not problem.divided)
             log = paths.log
             progress.tell(f"timing {min(TIMED, len(paths.found))} paths")
@@ -165,10 +178,13 @@ class Pipeline:
             for path in paths.found[:TIMED]:
                 if spent > TIMED_INTERVALS:
                     break
+                if problem.free and any(same_path(path.solution.objective, one) for one in known):
+                    continue
+                known.append(path)
                 own, iterate = self._meshed(job, path.solution.iterate)
                 spent += len(own.mesh.widths)
                 outcome = timed(own, iterate)
-                answer = Answer(path.seed, stage, own, outcome.solution)
+                answer = Answer(path.seed + _towards(problem), stage, own, outcome.solution)
                 if outcome.solution.ok and clears(own, outcome.solution):
                     out.append(self._shared_out(answer))
                     self.pathless = False
@@ -182,12 +198,12 @@ class Pipeline:
             if self.pathless:
                 failed = [paths.last, *(path.solution for path in paths.found)]
                 self.last = next(((job, last) for last in failed if last), self.last)
-            self.log += log
+            self.log += [entry | {"start": entry["start"] + _towards(problem)} for entry in log]
         return out
 
     def _by_ladder(self) -> list[Answer]:
         """The motion along a path by way of shorter arms."""
-        job = self.make(self.routes[0], SEARCHED, False)
+        job = self.make(self.routes[0].likely, SEARCHED, False)
         found = climbed(job, self.options.accuracy) if can_hold(job) else None
         if found is None:
             return []
@@ -264,7 +280,17 @@ def _guesses(options: CollocationOptions) -> list[Seed]:
     return seeds(options.start, options.attempts)
 
 
+def _towards(problem: Problem) -> str:
+    """Of a goal that leaves joints free, which one the search expects, in words."""
+    if not problem.free:
+        return ""
+    angles = ", ".join(f"{angle:.3g}" for angle in np.rad2deg(problem.likely.goal[1:]))
+    return f" towards ({angles}) deg"
+
+
 def _one_way(problem: Problem) -> bool:
+    if problem.free:
+        return not problem.divided  # no window is known; whoever cannot soon says so
     window = travel_window(problem)
     if window is None or window.empty or problem.divided:
         return False

@@ -10,10 +10,18 @@ from planner.methods.collocation.pipeline import Pipeline
 from planner.methods.collocation.refine import Polished
 from planner.methods.collocation.solvers.solver import Solution
 from planner.methods.collocation.task import Task, stretched
-from planner.methods.refusal import Change, free_travel, in_other_time, lasting, on_other_paths
+from planner.methods.refusal import (
+    Change,
+    free_travel,
+    in_other_time,
+    lasting,
+    on_other_paths,
+    within_reach,
+)
 from planner.plan.plan import Plan
 from planner.problem.feasibility import why_too_short
 from planner.problem.problem import Problem
+from planner.problem.reach import goal_reach
 from planner.problem.tables.method_options import CollocationOptions
 from planner.verification.verify import verify
 
@@ -29,6 +37,24 @@ def refusal(problem: Problem, search: Pipeline) -> NoPlanError:
     if search.fastest is not None:
         return too_short(problem, search.fastest, search.options)
     return no_motion(problem, search)
+
+
+def no_goal(problem: Problem) -> NoPlanError:
+    """No place of the joints is found that meets a goal which leaves some free."""
+    reach, tip = goal_reach(problem), problem.tip
+    assert reach is not None
+    why = f"puts {tip}" if tip else "keeps all limits"
+    if tip and reach.blocked:
+        why += " and keeps all limits there"
+    elif tip:
+        angle = tip.place is None
+        off = f"{np.rad2deg(reach.missed):.3g} deg" if angle else f"{reach.missed:.3g} m"
+        why += f"; the nearest found is {off} off"
+    return NotConvergedError(
+        f"{problem.source}: no place of the joints within their limits was found that {why}",
+        changes=[*within_reach(problem, reach), *on_other_paths(problem)],
+        advice="another goal",
+    )
 
 
 def too_short(problem: Problem, fastest: Polished, options: CollocationOptions) -> NoPlanError:
@@ -68,8 +94,8 @@ def no_motion(problem: Problem, search: Pipeline) -> NoPlanError:
     starts = f"{count} start{'s' * (count != 1)}" if search.pathless else "the paths found"
     said = f" (it says {solution.status} after {solution.iterations} iterations)"
     return (InfeasibleError if proof else NotConvergedError)(
-        f"{problem.source}: {f'{proof}; and ' if proof else ''}the solver found no motion"
-        f" from {starts}{'' if solution.ok else said}",
+        f"{problem.source}: {f'{proof}; and ' if proof else ''}the solver found no motion from"
+        f" {starts}{'' if solution.ok else said}",
         plan=plan,
         violations=broken,
         changes=changes,

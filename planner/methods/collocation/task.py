@@ -114,8 +114,8 @@ def task(
     Whether the duration is an unknown of the form, and what it keeps, is for the problem to say.
     """
     held = held_by(problem)
-    kept = tuple(required.blank for required in held)
-    form = replace(form, free_duration=problem.duration is None, kept=kept)
+    kept, final = (tuple(each.blank for each in of) for of in (held, problem.final))
+    form = replace(form, free_duration=problem.duration is None, kept=kept, final=final)
     made, seconds = prepare(problem.system, form, settings)
     none = np.zeros((form.intervals, sum(len(required.parts) for required in held)))
     return Task(problem, objective, made, mesh, asked, settings, none, seconds)

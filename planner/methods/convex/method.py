@@ -51,13 +51,10 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
     without the domain is taken, if it stays inside; `plan.notes["optimality"]` says what is proven.
 
     Input limits concern the timing only: v₁ is constant where that keeps them, else the motion is
-    in proportion to the path's fastest one, which is taken where the duration is free. Limits of
-    joints that are not convex in the chart (θ₁ for n = 3, all for longer chains), obstacles and
-    waypoints play no part: `verify` refuses a path that breaks them. Limits of further kinds that
-    depend on the speed are kept by the timing; the others are refused before.
+    in proportion to the path's fastest one, which is taken where the duration is free. Which other
+    requirements play no part, so that `verify` may refuse the path: `planner.methods.keeping`.
 
     Raises:
-        NoPlanError: If there is such a limit.
         InfeasibleError: With `certificate`, if no path of the class meets travel, domain and z₂
             margin; or without, if no one-way motion at all meets travel and duration.
         NotConvergedError: If no path was found and that proves nothing, or the best one takes
@@ -66,12 +63,10 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
         InputError: If there are too few pieces, or the duration is free and an input has no limit.
     """
     began = time.perf_counter()
-    _refuse_unkept(problem)
     start, goal = chart_ends(problem, problem.travel or 1.0)
     _refuse_input(problem, options, 2 * len(start))
     travels = _travels(problem, options)
-    rated = bool(np.any(np.isfinite(problem.limits.input_rate)))
-    linear = options.input == "linear" or (options.input == "auto" and rated)
+    linear = options.input == "linear" or (options.input == "auto" and problem.reads("du"))
     frame = Frame(input_shape(options.pieces, int(linear)), start, goal, 1.0)
     band = band_of(problem, start, goal, options.edge)
     built = time.perf_counter()
@@ -94,30 +89,18 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
     )
 
 
-def _refuse_unkept(problem: Problem) -> None:
-    """Refuse limits of further kinds that no choice of a path or of its timing keeps."""
-    parts = [part for each in problem.further if not each.speed for part in each.parts]
-    if parts:
-        raise NoPlanError(
-            f"{problem.source}: the method '{NAME}' does not plan for"
-            f" {', '.join(part.label for part in parts)}",
-            changes=[BY_COLLOCATION],
-        )
-
-
 def _refuse_input(problem: Problem, options: ConvexOptions, fewest: int) -> None:
     if options.pieces < fewest:
         raise InputError(
             f"{problem.source}: method.convex.pieces = {options.pieces} is too few for"
             f" {fewest // 2} coordinates; use at least {fewest}"
         )
-    limits = problem.limits
-    for i in np.flatnonzero(np.isinf(limits.input) & np.isinf(limits.input_rate)):
+    for i in np.flatnonzero(problem.limits.unlimited):
         if problem.duration is None:
             raise InputError(
                 f"{problem.source}: goal.duration is free but [limits] holds no limit of input"
-                f" {problem.system.inputs[i].name}, so that no motion is the fastest; set one, or"
-                " a duration"
+                f" {problem.system.inputs[i].name}, so there is no fastest motion; set one, or a"
+                " duration"
             )
 
 
@@ -125,13 +108,13 @@ def _travels(problem: Problem, options: ConvexOptions) -> Array:
     """The travel, or those to scan, increasing."""
     window, travel = travel_window(problem), problem.travel
     if window is not None and window.empty:
-        raise _infeasible(problem, f"no one-way motion exists: {window.reason}", [])
+        raise _infeasible(problem, f"no motion without reversal exists: {window.reason}", [])
     if travel == 0:
-        why = f"{problem.travel_key} = 0, and a path of this method moves one way"
+        why = f"{problem.travel_key} = 0, but a path of this method cannot reverse"
         raise _infeasible(problem, why, [])
     words = "" if window is None else f"between {window.low:.6g} and {window.high:.6g} rad"
     if travel is not None and window is not None and travel not in window:
-        why = f"goal.travel = {travel:.6g} rad: one-way motions of any kind have travels {words}"
+        why = f"goal.travel = {travel:.6g} rad: motions without reversal have travels {words}"
         raise _infeasible(problem, why, free_travel(problem))
     if window is not None and problem.duration is not None:
         assert isinstance(problem.system, Manipulator)  # no other has a window
@@ -139,7 +122,7 @@ def _travels(problem: Problem, options: ConvexOptions) -> Array:
         shortest = min(abs(window.low), abs(window.high)) if travel is None else abs(travel)
         if shortest > top:
             why = (
-                f"a one-way motion must travel {shortest:.4g} rad, and |u1| <="
+                f"a motion without reversal needs a travel of {shortest:.4g} rad, but |u1| <="
                 f" {problem.limits.input[0]:.4g} rad/s allows at most {top:.4g} rad in"
                 f" {problem.duration:.4g} s"
             )
@@ -193,10 +176,9 @@ def _timed(problem: Problem, path: ChainedTrajectory) -> tuple[Trajectory, str]:
     if duration is not None and slowing(problem.requirements, path) <= 1:
         return path, "v1 constant"
     # An input without a limit goes no faster than with v1 constant.
-    unlimited = np.isinf(limits.input) & np.isinf(limits.input_rate)
-    limits = replace(limits, input=np.where(unlimited, peaks, limits.input))
-    asked = problem.requirements
-    fastest = fastest_motion(path, limits, asked, peaks > 1e-12)[0].slowed(1 + SLACK)
+    limits = replace(limits, input=np.where(limits.unlimited, peaks, limits.input))
+    moving = peaks > 1e-12
+    fastest = fastest_motion(path, limits, problem.requirements, moving)[0].slowed(1 + SLACK)
     if duration is None:
         return fastest, "as fast as the input limits allow"
     if fastest.duration > duration:
@@ -216,7 +198,7 @@ def _class_words(shape: Shape) -> str:
 def _notes(problem: Problem, band: Band, found: Found, best: Best) -> dict[str, Any]:
     where = f", at travel {best.frame.travel:.6g}"
     if problem.travel is None:
-        where = f", the best of {found.tried} travels tried (over travel it need not be convex)"
+        where = f", the best of {found.tried} travels tried (not a proof over all travels)"
     proof = "the optimum without the chart's domain stays inside it"
     return {
         "travels_tried": found.tried,
@@ -246,13 +228,13 @@ def _no_path(problem: Problem, shape: Shape, band: Band, found: Found) -> NoPlan
     """No path of the class was found inside the domain; with a certificate where there is one."""
     changes = [*free_travel(problem), BY_COLLOCATION]
     if not found.refusals:
-        why = f"no programme settled ({found.tried} tried), for {_class_words(shape)}"
+        why = f"no quadratic program converged ({found.tried} tried), for {_class_words(shape)}"
         ways: str | None = "other method.convex.pieces"
         if not band.complete:
             why = (
-                f"the best of all {_class_words(shape)} leaves the chart's domain at every travel"
-                f" tried ({found.tried}); for this system the domain is not convex, so the method"
-                " cannot keep to it"
+                f"the best of all {_class_words(shape)} leaves the chart's domain at every"
+                f" travel tried ({found.tried}); for this system the domain is not convex, so"
+                " the method cannot stay inside it"
             )
             ways = None
         return NotConvergedError(f"{problem.source}: {why}", advice=ways, changes=changes)
@@ -265,7 +247,7 @@ def _no_path(problem: Problem, shape: Shape, band: Band, found: Found) -> NoPlan
     )
     window = travel_window(problem)
     if window is not None:
-        proof += f"; one-way motions of any kind have travels between {window.low:.6g} and"
+        proof += f"; motions without reversal have travels between {window.low:.6g} and"
         proof += f" {window.high:.6g} rad"
     ways = "a smaller limits.z2_margin, or more method.convex.pieces"
     if problem.travel is None:

@@ -17,7 +17,12 @@ import numpy as np
 
 from planner.errors import InfeasibleError, InputError, NotConvergedError, Violation
 from planner.methods.collocation.early import believed
-from planner.methods.collocation.method import input_kind, plan_collocation, refuse_start
+from planner.methods.collocation.method import (
+    chosen_goal,
+    input_kind,
+    plan_collocation,
+    refuse_start,
+)
 from planner.methods.collocation.refine import polish
 from planner.methods.collocation.solvers.backends import Settings
 from planner.methods.collocation.solvers.solver import ACCEPTED_RESIDUAL, Solution
@@ -76,7 +81,6 @@ def plan_desensitised(
 
 def _planned(problem: Problem, options: DesensitisedOptions, near: Plan | None, span: Span) -> Plan:
     began = time.perf_counter()
-    refuse_waypoints(problem)
     if near is not None:
         refuse_start(problem, near)
     job = _task(problem.within_reach(), options)
@@ -187,7 +191,11 @@ def _plan(job: Task, solution: Solution, options: DesensitisedOptions) -> Plan:
         objective=solution.objective,
         objective_name=job.objective.name,
         iterations=solution.iterations,
-        notes={"spread": dict(moved.spread), **_sizes(job, solution)},
+        notes={
+            "spread": dict(moved.spread),
+            **chosen_goal(job.problem, solution.iterate),
+            **_sizes(job, solution),
+        },
     )
 
 
@@ -243,15 +251,6 @@ def _functions(required: Requirement, system: TriangularSystem) -> list[tuple[Pa
     return [(part, row, q) for part, row in pairs]
 
 
-def refuse_waypoints(problem: Problem) -> None:
-    """Raise NotConvergedError for a problem with waypoints, unknown to the programme."""
-    if problem.waypoints:
-        raise NotConvergedError(
-            f"{problem.source}: desensitised plans do not pass waypoints",
-            advice="the method 'collocation', which does; or leave out the waypoints",
-        )
-
-
 def refuse_no_room(job: Task) -> None:
     """Raise InfeasibleError where the start has no room to back off.
 
@@ -270,8 +269,9 @@ def refuse_no_room(job: Task) -> None:
             if needed > room:
                 name = required.called(part)
                 raise InfeasibleError(
-                    f"{problem.source}: method.desensitised.backoff = {moved.backoff:g} needs"
-                    f" {needed:.4g} of room to the limit on {name} and the start has {room:.4g}",
+                    f"{problem.source}: method.desensitised.backoff = {moved.backoff:g} needs a"
+                    f" distance of {needed:.4g} from the limit on {name}, but the start has"
+                    f" only {room:.4g}",
                     advice="method.desensitised.backoff ="
                     f" {moved.backoff * room / needed * 0.99:.3g} or less, or a wider limit on"
                     f" {name}",
@@ -282,7 +282,7 @@ def spreads(system: TriangularSystem, options: DesensitisedOptions) -> dict[str,
     """Standard deviation of each error by its name, in SI units; those without any are left out.
 
     Raises:
-        InputError: If a list does not have one number an input, joint or constant, or all are zero.
+        InputError: If a list does not have one number per input, joint or constant, or is all zero.
     """
     families: dict[str, list[Parameter]] = {}
     for parameter in parameters(system):
@@ -304,8 +304,8 @@ def spreads(system: TriangularSystem, options: DesensitisedOptions) -> dict[str,
         out |= _family(key, members, numbers, unit)
     if not out:
         raise InputError(
-            "method.desensitised: every spread is zero, so there is nothing to plan against; give"
-            " gain, start_deg, bias, delay_s, stretch or gear a value"
+            "method.desensitised: all standard deviations are zero, so there is no error to plan"
+            " for; set gain, start_deg, bias, delay_s, stretch or gear"
         )
     return out
 

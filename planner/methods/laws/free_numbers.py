@@ -86,8 +86,8 @@ def choose_travel(
     else:
         raise SingularError(
             f"{problem.source}: no travel between {travels[0]:.5g} and {travels[-1]:.5g}"
-            f" {problem.system.coordinates[0].unit} keeps this law inside the domain of the"
-            f" chained-form chart ({len(travels)} tried)",
+            f" {problem.system.coordinates[0].unit} keeps this method inside the domain of the"
+            " chained-form chart ({len(travels)} tried)",
             advice="other constraint points",
             changes=[BY_COLLOCATION],
         )
@@ -110,7 +110,7 @@ def candidate_travels(problem: Problem, count: int) -> Array:
         return np.concatenate([-half[::-1], half])
     if window.empty:
         raise InfeasibleError(
-            f"{problem.source}: no one-way motion exists: {window.reason}",
+            f"{problem.source}: no motion without reversal exists: {window.reason}",
             advice="goal.travel = 0 (two legs, out and back)",
             changes=[BY_COLLOCATION],
         )
@@ -212,7 +212,7 @@ def choose_offset(
         if offset == 0:
             unit = ends.problem.system.coordinates[0].unit
             raise InputError(
-                f"{ends.problem.source}: the two-leg rule needs an offset that is not zero; set"
+                f"{ends.problem.source}: a motion in two legs needs an offset that is not zero; set"
                 f' method.{name}.offset ({unit}) to another number or to "auto"'
             )
         return offset, {"offset": offset}

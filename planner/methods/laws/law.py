@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import InputError, SingularError
+from planner.errors import InputError, NoPlanError, SingularError
 from planner.methods.laws.legs import Leg, LegMotion
 from planner.methods.refusal import BY_COLLOCATION
 from planner.plan.measures import effort, slowing
@@ -84,7 +84,7 @@ def finish(
         method=name,
         options=options.model_dump(),
         trajectory=trajectory,
-        objective_name="effort: integral of u1^2 + u2^2 dt (not minimised by this law)",
+        objective_name="effort: integral of u1^2 + u2^2 dt (not minimised by this method)",
         solve_time_s=time.perf_counter() - began,
         notes=notes,
     )
@@ -119,38 +119,25 @@ def chart_ends(problem: Problem, travel: float) -> tuple[Array, Array]:
     """z(0) and z(T), shape (N,) each, of a problem that a chart method can take.
 
     Raises:
+        NoPlanError: If the goal leaves joints free: what they may be is no set that is simple in z.
         SingularError: If the start or goal lies on a singularity of the chart, or the goal lies on
             another branch than the start.
     """
+    if problem.free:
+        names = ", ".join(problem.system.coordinates[i].name for i in problem.free)
+        words = ", which finds them; then give all, its plan's end, as goal.theta_deg"
+        raise NoPlanError(
+            f"{problem.source}: methods in the chart need every joint at the goal, and [goal]"
+            f" leaves {names} free",
+            changes=[replace(BY_COLLOCATION, words=words)],
+        )
     goal = problem.goal.copy()
     goal[0] = problem.start[0] + travel
-    labels = problem.system.margin_labels
     for name, q in (("start", problem.start), ("goal", goal)):
-        margins = problem.system.chart_margins(q, problem.branch)
-        if np.min(margins) > 0:
-            continue
-        worst = int(np.argmin(margins))
-        reason = _edge(problem, name, q, *labels[worst], abs(float(margins[worst])) < 1e-15)
-        raise SingularError(f"{problem.source}: {reason}", changes=[BY_COLLOCATION])
+        if why := problem.chart.contradiction(name, q, problem.system):
+            raise SingularError(f"{problem.source}: {why}", changes=[BY_COLLOCATION])
     form = chained_form(problem.system)
     return form.z(problem.start), form.z(goal)
-
-
-def _edge(problem: Problem, name: str, q: Array, i: int, label: str, on_it: bool) -> str:
-    coordinate = problem.system.coordinates[i]
-    unit = "deg" if coordinate.unit == "rad" else coordinate.unit
-    start, here = (np.rad2deg(v[i]) if unit == "deg" else v[i] for v in (problem.start, q))
-    if problem.branch[i] == 0 or on_it:
-        return (
-            f"the {name} has {coordinate.name} = {here:.6g} {unit},"
-            " where the chained-form chart is singular"
-        )
-    if f"{coordinate.name} = 0" in label:
-        return f"{coordinate.name} changes sign on the way, which no path in the chart can do"
-    return (
-        f"{coordinate.name} goes from {start:.6g} to {here:.6g} {unit}, past an edge of the"
-        f" chained-form chart ({label}), which no path in the chart can do"
-    )
 
 
 def fit_duration(problem: Problem, trajectory: Trajectory) -> Trajectory:

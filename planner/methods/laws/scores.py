@@ -105,7 +105,7 @@ def score(
         at = np.asarray(made)[good]
         out[1, at] = _slack(problem, z[good], q, pieces)
         peaks = np.max(np.abs(u), axis=1)
-        out[2, at] = np.max(peaks / input_scale(problem), axis=-1)
+        out[2, at] = np.max(peaks / problem.limits.input_scale, axis=-1)
     return Scores(*out)
 
 
@@ -153,12 +153,6 @@ def _weights(degree: int, count: int) -> Array:
     x = _points(count)[:, None]
     i = np.arange(degree + 1)
     return np.asarray(comb(degree, i) * x**i * (1 - x) ** (degree - i))
-
-
-def input_scale(problem: Problem) -> Array:
-    """What peak inputs are measured by, shape (2,): their limits, or 1 where there is none."""
-    limit = problem.limits.input
-    return np.where(np.isfinite(limit), limit, 1.0)
 
 
 def end_margin(problem: Problem) -> float:

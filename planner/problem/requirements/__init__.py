@@ -1,1 +1,2 @@
-"""What a motion must keep: `requirement` (what each kind answers), `limits`, `places`, `ends`."""
+"""What a motion must keep: `requirement` (what each kind answers), `limits`, `places`, `ends`,
+`chart`."""

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from planner.problem.requirements.requirement import Demand, Part
-from planner.systems.triangular_system import Coordinate
+from planner.problem.requirements.requirement import At, Broken, Demand, Part, Requirement
+from planner.support.arrays import Array
+from planner.systems.triangular_system import Coordinate, arm_points_expr
 
 
 @dataclass(frozen=True)
@@ -26,15 +29,93 @@ class Goal(Demand):
 
     Attributes:
         named: The coordinates.
+        free: Indices of those that the goal leaves to the planner.
     """
 
     named: tuple[Coordinate, ...]
+    free: tuple[int, ...] = ()
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """One for each coordinate: its distance."""
-        named = enumerate(self.named)
-        return tuple(Part(f"goal {c.name}", c.unit, -np.inf, 0.0, 1.0, i) for i, c in named)
+        """One for each coordinate that is given: its distance."""
+        given = [(i, c) for i, c in enumerate(self.named) if i not in self.free]
+        return tuple(Part(f"goal {c.name}", c.unit, -np.inf, 0.0, 1.0, i) for i, c in given)
+
+
+@dataclass(frozen=True)
+class TipGoal(Requirement):
+    """The tip of an arm ends at a place, or its last link in a direction, or both.
+
+    Attributes:
+        asked: Which of "x", "y" (both or neither) and "angle", in this order.
+        at: Their values, in metres and radians. The angle is the sum of all joints' angles.
+        reach: Sum of the links' lengths, metres: what a miss is compared with, since an angle of
+            one joint moves the tip of the stretched arm by that times its reach.
+    """
+
+    asked: tuple[str, ...]
+    at: tuple[float, ...]
+    reach: float
+
+    reads, final = frozenset({"q"}), True
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """One for each: it lies neither below nor above."""
+        kinds = {"x": ("m", self.reach), "y": ("m", self.reach), "angle": ("rad", 1.0)}
+        return tuple(
+            Part(f"goal tip {name}", kinds[name][0], value, value, kinds[name][1])
+            for name, value in zip(self.asked, self.at, strict=True)
+        )
+
+    @property
+    def place(self) -> Array | None:
+        """Where the tip ends, shape (2,), metres; None where only its direction is asked for."""
+        return np.array(self.at[:2]) if "x" in self.asked else None
+
+    @property
+    def angle(self) -> float | None:
+        """The direction of the last link, radians; None where that is free."""
+        return self.at[-1] if "angle" in self.asked else None
+
+    def __str__(self) -> str:
+        words = []
+        if self.place is not None:
+            words.append(f"at ({self.at[0]:.4g}, {self.at[1]:.4g}) m")
+        if self.angle is not None:
+            words.append(f"at {np.rad2deg(self.angle):.4g} deg")
+        return "the tip " + ", ".join(words)
+
+    def rows(self, at: At) -> Sequence[Any]:
+        """What is asked of the tip, as expressions."""
+        system: Any = at.system
+        theta = [at.q[i] for i in range(1, system.size)]
+        x, y = arm_points_expr(theta, system.link_lengths)[-1]
+        every = {"x": x, "y": y, "angle": sum(theta)}
+        return [every[name] for name in self.asked]
+
+    def values(self, at: At) -> Sequence[Any]:
+        """The same by the arm's NumPy code."""
+        system: Any = at.system
+        theta = at.states[..., 1:]
+        tip = system.arm_points(theta)[..., -1, :]
+        every = {"x": tip[..., 0], "y": tip[..., 1], "angle": np.sum(theta, axis=-1)}
+        return [every[name] for name in self.asked]
+
+    @classmethod
+    def eased(cls, broken: Sequence[Broken]) -> str:
+        """The tip where the motion brings it."""
+        tip = broken[0][0]
+        assert isinstance(tip, TipGoal)
+        reached = {part.label: violation.value for _, part, violation in broken}
+        at = [reached.get(part.label, part.low) for part in tip.parts]
+        return " and ".join(tip_keys(tip.asked, at))
+
+
+def tip_keys(asked: Sequence[str], at: Sequence[float]) -> list[str]:
+    """The keys of a problem file that ask for a tip there."""
+    keys = [f"goal.tip_m = [{at[0]:.4g}, {at[1]:.4g}]"] if "x" in asked else []
+    return keys + [f"goal.tip_angle_deg = {np.rad2deg(at[-1]):.4g}"] * ("angle" in asked)
 
 
 @dataclass(frozen=True)

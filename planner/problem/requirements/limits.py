@@ -130,13 +130,13 @@ class Z2Margin(Requirement):
         if name not in ("start", "goal"):
             return None
         z2 = float(chained_form(system).z(np.append(np.nan_to_num(q[0]), q[1:]))[1])
-        if self.side and self.side * z2 >= self.margin:
-            return None
+        if np.isnan(z2) or (self.side and self.side * z2 >= self.margin):
+            return None  # not a number where the goal leaves joints free
         lower = f"lower limits.z2_margin to {0.99 * abs(z2):.3g}, or leave it out"
         out = f"leave out limits.z2_margin, so that z2 may change sign, or move the {name}"
         side = "" if name == "start" else f" ({'positive' if self.side > 0 else 'negative'})"
         return (
-            f"z2 at the {name} is {z2:.6g}, but limits.z2_margin = {self.margin:g} keeps it at"
-            f" least that far from zero on the side of the start{side};"
+            f"z2 at the {name} is {z2:.6g}, but limits.z2_margin = {self.margin:g} requires at"
+            f" least that distance from zero, with the sign at the start{side};"
             f" {lower if self.side * z2 > 0 else out}"
         )

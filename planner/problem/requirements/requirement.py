@@ -67,7 +67,13 @@ class Part:
 
 
 class Demand(ABC):
-    """Something that is asked of a motion: at an end, on its way, or (a `Requirement`) always."""
+    """Something that is asked of a motion: at an end, on its way, or (a `Requirement`) always.
+
+    Attributes:
+        in_chart: Whether it is asked only of a motion that is given in chained coordinates.
+    """
+
+    in_chart: ClassVar[bool] = False
 
     @property
     @abstractmethod
@@ -108,7 +114,7 @@ Broken = tuple[Demand, Part, Violation]
 
 @dataclass(frozen=True)
 class Requirement(Demand):
-    """Something that holds at all times.
+    """Something that holds at all times, or (where it says so) at the end alone.
 
     The fields of a kind are what one problem says of it. Strings and integers are its shape: they
     decide which parts and rows there are. Floats and tuples of them are its numbers.
@@ -120,6 +126,7 @@ class Requirement(Demand):
             and products 2. Where it is not 0, a motion slow enough keeps it.
         divides: Whether paths lie on different sides of it, so that there are many optima.
         smooth: Whether its values have derivatives everywhere; where not, its parts have no high.
+        final: Whether it holds at the end alone; then it reads "q" and is smooth.
         key: Its key in the `[limits]` table, for a kind that all systems know.
         table: Type and description of that key's value.
     """
@@ -129,6 +136,7 @@ class Requirement(Demand):
     speed: ClassVar[int] = 0
     divides: ClassVar[bool] = False
     smooth: ClassVar[bool] = True
+    final: ClassVar[bool] = False
     key: ClassVar[str] = ""
     table: ClassVar[tuple[Any, str] | None] = None
 

@@ -40,7 +40,9 @@ class ArmLimits(BaseLimits):
     )
     joint_deg: (
         Annotated[float, Field(gt=0, lt=90)] | list[Annotated[float, Field(gt=0, lt=90)]] | None
-    ) = Field(None, description="Largest |theta| in degrees, below 90: one number, or one a joint.")
+    ) = Field(
+        None, description="Largest |theta| in degrees, below 90: one number, or one per joint."
+    )
 
     def inputs(self) -> Array:
         """Largest |u|, shape (2,), rad/s."""
@@ -55,7 +57,7 @@ class LimitsTable(ArmLimits):
     """Limits every plan must keep at all times; each may be left out."""
 
     z2_margin: Annotated[float, Field(ge=0)] | None = Field(
-        None, description="Keep z2 at least this far from zero, on the side it starts on."
+        None, description="Least |z2|; z2 keeps the sign it has at the start."
     )
 
     def least_z2(self) -> float | None:
@@ -85,12 +87,43 @@ class JointStart(Table):
 
 
 class JointGoal(GoalTable):
-    """Where the arm ends."""
+    """Where the arm ends: its joints, its tip, or some of both."""
 
-    theta_deg: list[AngleDeg] = Field(description="Joint angles in degrees, each within (-90, 90).")
+    theta_deg: list[AngleDeg | Free] | None = Field(
+        None,
+        description="Joint angles in degrees, each within (-90, 90), or 'free' where the planner"
+        " chooses. Left out: all free, for a goal of the tip.",
+    )
+    tip_m: Annotated[list[float], Field(min_length=2, max_length=2)] | None = Field(
+        None,
+        description="Where the tip ends, [x, y] in metres from the base; needs system.link_lengths"
+        " and at least two free joints.",
+    )
+    tip_angle_deg: float | None = Field(
+        None,
+        description="Direction of the last link at the end in degrees: the sum of all joints'"
+        " angles. Needs a free joint more.",
+    )
     travel: Free | float = Field(
         "free", description="Change of the disk angle in radians, or 'free'."
     )
+
+    @model_validator(mode="after")
+    def _says_enough(self) -> JointGoal:
+        tip = [k for k in ("tip_m", "tip_angle_deg") if getattr(self, k) is not None]
+        if self.theta_deg is None and not tip:
+            raise ValueError("needs theta_deg, the joint angles; or, for the tip, tip_m")
+        if self.theta_deg is None:
+            return self
+        free, named = sum(a == "free" for a in self.theta_deg), " and ".join(tip)
+        if tip and not free:
+            raise ValueError(
+                f"theta_deg gives every joint, so that the tip is where it is; leave out {named},"
+                " or write 'free' in place of some angles"
+            )
+        if free == len(self.theta_deg) and not tip:
+            raise ValueError("leaves every joint free; give an angle in theta_deg, or tip_m")
+        return self
 
     @field_validator("travel")
     @classmethod
@@ -117,7 +150,7 @@ class ArmFile(ProblemFile):
     obstacles: list[ObstacleTable] = Field(
         default_factory=list,
         max_length=MOST_OBSTACLES,
-        description="Discs in the plane that the links must clear.",
+        description="Discs in the plane that the links must not touch.",
     )
 
     @model_validator(mode="after")
@@ -125,7 +158,7 @@ class ArmFile(ProblemFile):
         n = self.system.joints
         given: list[tuple[str, Sequence[float | str]]] = [
             ("start", self.start.theta_deg),
-            ("goal", self.goal.theta_deg),
+            ("goal", self._goal_deg),
             *((f"waypoints[{k}]", w.theta_deg) for k, w in enumerate(self.waypoints)),
         ]
         for name, angles in given:
@@ -136,15 +169,43 @@ class ArmFile(ProblemFile):
         limit = self.limits.joint_deg
         if isinstance(limit, list) and len(limit) != n:
             raise ValueError(f"limits.joint_deg has {len(limit)} values but system.joints = {n}")
+        tip, free = self.tip(), sum(a == "free" for a in self._goal_deg)
+        if len(tip) > free:
+            keys = ["goal.tip_m"] * ("x" in tip) + ["goal.tip_angle_deg"] * ("angle" in tip)
+            raise ValueError(
+                f"{' and '.join(keys)} ask{'s' * (len(keys) == 1)} for {len(tip)} numbers, which"
+                f" need as many free joints; goal.theta_deg leaves {free}"
+            )
+        if "x" in tip and self.system.link_lengths is None:
+            raise ValueError(
+                "goal.tip_m needs system.link_lengths, the lengths of the links in metres"
+            )
         return self
+
+    @property
+    def _goal_deg(self) -> list[float | Free]:
+        """Angles of all joints at the goal."""
+        own = self.goal.theta_deg
+        return ["free"] * self.system.joints if own is None else own
 
     def start_state(self) -> Array:
         """q(0), shape (n+1,), radians."""
         return np.array([self.start.phi_rad, *np.deg2rad(self.start.theta_deg)])
 
     def goal_state(self) -> Array:
-        """q(T), shape (n+1,), radians; NaN first, since `travel` speaks of that coordinate."""
-        return np.array([np.nan, *np.deg2rad(self.goal.theta_deg)])
+        """q(T), shape (n+1,), radians; NaN first, since `travel` speaks of that coordinate, and
+        where a joint is free."""
+        angles = [np.nan if isinstance(a, str) else a for a in self._goal_deg]
+        return np.array([np.nan, *np.deg2rad(angles)])
+
+    def tip(self) -> dict[str, float]:
+        """What the goal asks of the tip: "x" and "y" in metres, "angle" in radians."""
+        out = dict[str, float]()
+        if self.goal.tip_m is not None:
+            out |= dict(zip("xy", self.goal.tip_m, strict=True))
+        if self.goal.tip_angle_deg is not None:
+            out["angle"] = float(np.deg2rad(self.goal.tip_angle_deg))
+        return out
 
     def path_travel(self) -> float | None:
         """Change of the disk angle, radians, or None when free."""
@@ -223,14 +284,14 @@ class ManipulatorTable(Table):
     K: list[Ratio] | None = Field(
         None, description=f"K2 ... Kn, n-1 numbers, at most {MOST_RATIO:g}."
     )
-    gear: GearTable | None = Field(None, description="Gear geometry in place of K.")
+    gear: GearTable | None = Field(None, description="Gear geometry, instead of K.")
     k_g: Positive | None = Field(
-        None, description="Drive constant; needed with K, by rule with gear."
+        None, description="Drive constant; needed with K; with gear it follows from k_g_rule."
     )
     k_g_rule: Literal["chain", "printed"] = Field(
         "chain",
-        description="k_g with gear: rho^(n-2), what the chain of disks gives; or rho^2 as printed,"
-        " a misprint.",
+        description="k_g with gear: rho^(n-2), from the chain of disks; or rho^2 as printed in"
+        " the paper, a misprint.",
     )
     link_lengths: list[Positive] | None = Field(None, description="Link lengths for drawing.")
 
@@ -244,7 +305,7 @@ class ManipulatorTable(Table):
                 f" (K2 ... K{self.joints}), not {len(self.K)}"
             )
         if self.K is not None and self.k_g is None:
-            raise ValueError("K needs k_g beside it")
+            raise ValueError("K needs k_g too")
         if self.link_lengths is not None and len(self.link_lengths) != self.joints:
             raise ValueError(
                 f"link_lengths needs {self.joints} values, not {len(self.link_lengths)}"

@@ -1,4 +1,7 @@
-"""The tables of a problem file for `system.kind = "custom"`: the user's own triangular system."""
+"""Problem files whose start, goal and limits name coordinates, for systems of users' own classes.
+
+The tables of a problem file for `system.kind = "custom"`: the user's own system by expressions.
+"""
 
 from __future__ import annotations
 
@@ -23,13 +26,14 @@ class CustomTable(Table):
     """A system q1' = drive * u1, q2' = u2, qi' = slope_i * q1' by its expressions."""
 
     kind: Literal["custom"]
-    name: str = Field("custom system", description="What to call it.")
+    name: str = Field("custom system", description="Name of the system.")
     coordinates: Annotated[list[str], Field(min_length=3)] = Field(
         description="Names of the coordinates in triangular order."
     )
     units: list[str] = Field(description="Their units; 'rad' is shown in degrees.")
     slopes: list[str] = Field(
-        description="f3 ... fN as expressions of the coordinates; f_i reads q_(i-1) and later."
+        description="f3 ... fN as expressions of the coordinates; f_i may depend on q_(i-1) and"
+        " later ones."
     )
     drive: str = Field("1.0", description="Expression of gamma, with q1' = gamma u1.")
     intervals: dict[str, Pair] = Field(
@@ -84,7 +88,7 @@ class CustomLimits(BaseLimits):
         default_factory=dict, description="Largest |coordinate| by name, in its unit."
     )
     z2_margin: Annotated[float, Field(ge=0)] | None = Field(
-        None, description="Keep z2 at least this far from zero, on the side it starts on."
+        None, description="Least |z2|; z2 keeps the sign it has at the start."
     )
 
     def inputs(self) -> Array:
@@ -100,19 +104,24 @@ class CustomLimits(BaseLimits):
         return self.z2_margin
 
 
-class CustomFile(NamedFile):
-    """A problem file for the user's own system."""
+class OwnFile(NamedFile):
+    """A problem file for a system of your own class, with start, goal and limits by names.
 
-    summary: ClassVar[str] = "any triangular two-input system, given by its expressions"
+    A subclass gives `summary`, `example`, the table `system`, and `build_system`.
+    """
 
-    system: CustomTable
     start: CustomStart
     goal: CustomGoal
     limits: CustomLimits = Field(default_factory=CustomLimits)
 
+    @property
+    def names(self) -> list[str]:
+        """Names of the coordinates."""
+        return [c.name for c in self.build_system().coordinates]
+
     @model_validator(mode="after")
-    def _names(self) -> CustomFile:
-        every, tail = self.system.coordinates, self.system.coordinates[1:]
+    def _named(self) -> OwnFile:
+        every, tail = self.names, self.names[1:]
         wanted = {"start.q": (self.start.q, every), "goal.q": (self.goal.q, tail)}
         for key, (given, names) in {**wanted, "limits.q": (self.limits.q, tail)}.items():
             for name in given:
@@ -124,17 +133,13 @@ class CustomFile(NamedFile):
                 raise ValueError(f"{key} lacks {', '.join(missing)}")
         return self
 
-    def build_system(self) -> CustomSystem:
-        """The system described."""
-        return self.system.build()
-
     def start_state(self) -> Array:
         """q(0), shape (N,)."""
-        return np.array([self.start.q[name] for name in self.system.coordinates])
+        return np.array([self.start.q[name] for name in self.names])
 
     def goal_state(self) -> Array:
         """q(T), shape (N,); NaN first, since `travel` speaks of that coordinate."""
-        return np.array([np.nan, *(self.goal.q[name] for name in self.system.coordinates[1:])])
+        return np.array([np.nan, *(self.goal.q[name] for name in self.names[1:])])
 
     def path_travel(self) -> float | None:
         """Change of the first coordinate, or None when free."""
@@ -146,4 +151,21 @@ class CustomFile(NamedFile):
 
     def joint_limits(self) -> Array:
         """Largest |q|, shape (N,); infinite where there is none."""
-        return np.array([self.limits.q.get(name, np.inf) for name in self.system.coordinates])
+        return np.array([self.limits.q.get(name, np.inf) for name in self.names])
+
+
+class CustomFile(OwnFile):
+    """A problem file for the user's own system, given by expressions."""
+
+    summary: ClassVar[str] = "any triangular two-input system, given by its expressions"
+
+    system: CustomTable
+
+    @property
+    def names(self) -> list[str]:
+        """As in the table, before the system is built."""
+        return self.system.coordinates
+
+    def build_system(self) -> CustomSystem:
+        """The system described."""
+        return self.system.build()

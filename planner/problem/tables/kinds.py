@@ -52,20 +52,20 @@ def all_files() -> dict[str, type[ProblemFile]]:
 
 
 def register_system(kind: str, file: type[ProblemFile]) -> None:
-    """Let problem files say `system.kind = kind`.
+    """Register a kind of system, so that problem files can use `system.kind = kind`.
 
-    A process that is started later, as a worker of a sweep is, knows it only from a plugin: a
-    package whose entry point `planner.plugins` names a function that calls this.
+    Other processes, such as workers of a sweep, know it only from a plugin: a package whose entry
+    point `planner.plugins` names a function that calls this one.
 
     Args:
-        kind: What files write: letters, digits, - and _.
-        file: A `planner.problem.tables.problem_file.ProblemFile`, with `summary` (one line) and
-            `example` (the text that `planner new` begins a file with). Its tables `system`, `start`
-            and `goal` are `planner.support.user_tables.Table`s; `system` has a key `kind` of type
-            `Literal[kind]`, `goal` is a `GoalTable` and `limits` a `BaseLimits`.
+        kind: Name used in files: letters, digits, - and _.
+        file: A subclass of `planner.problem.tables.problem_file.ProblemFile`, with `summary` (one
+            line) and `example` (the first part of the file that `planner new` writes). Its tables
+            `system`, `start` and `goal` are `planner.support.user_tables.Table`s; `system` has a
+            key `kind` of type `Literal[kind]`, `goal` is a `GoalTable`, `limits` a `BaseLimits`.
 
     Raises:
-        InputError: If the kind is taken or not of that form, or `file` is not such a class.
+        InputError: If the kind is taken or invalid, or `file` is not such a class.
     """
     if not isinstance(kind, str) or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", kind):
         raise InputError(
@@ -82,20 +82,20 @@ def register_system(kind: str, file: type[ProblemFile]) -> None:
 
 
 def register_requirement(kind: type[Requirement]) -> None:
-    """Let every problem file say `limits.KEY` for a limit of a new kind.
+    """Register a kind of limit, so that every problem file can use `limits.KEY`.
 
-    Collocation and the desensitised plans keep it, retiming respects it where it depends on the
-    speed, and it is judged; it is proven where that can be done by its rows alone. A process that
-    is started later, as a worker of a sweep is, knows it only from a plugin: a package whose entry
-    point `planner.plugins` names a function that calls this.
+    Collocation and desensitised plans keep it, retiming respects it if it depends on the speed, and
+    `verify` checks it; `certify` proves it if its rows suffice. Other processes, such as workers of
+    a sweep, know it only from a plugin: a package whose entry point `planner.plugins` names a
+    function that calls this one.
 
     Args:
         kind: A frozen dataclass, subclass of `planner.problem.requirements.requirement.Requirement`
-            with `key` (what files write: a-z, 0-9 and _) and `table` (type and description of the
-            key's value).
+            with `key` (name of the key in files: a-z, 0-9 and _) and `table` (type and description
+            of the key's value).
 
     Raises:
-        InputError: If the key is taken or not of that form, or `kind` is not such a class.
+        InputError: If the key is taken or invalid, or `kind` is not such a class.
     """
     key, why = getattr(kind, "key", ""), next(_shortcomings(kind), None)
     if why is None and any(key in _limits_of(file).model_fields for file in FILES.values()):

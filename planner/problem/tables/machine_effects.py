@@ -22,7 +22,7 @@ Numbers = float | list[float]
 class Spread(Table):
     """A setting that differs from machine to machine."""
 
-    value: Numbers = Field(description="Mean: one number, or one a motor or joint.")
+    value: Numbers = Field(description="Mean: one number, or one per motor or joint.")
     spread: Numbers = Field(
         0.0, description="Standard deviation in the same unit (normal, truncated to the range)."
     )
@@ -161,22 +161,23 @@ class MachineTable(Table):
     """Overrides of a machine preset.
 
     Each effect is a number, a list (one for each motor or joint), `{ value = …, spread = … }` or
-    false, which switches it off. What is left out is as in the preset.
+    false, which switches it off. Others are as in the preset.
     """
 
-    preset: Literal["prototype", "ideal"] = Field("prototype", description="What to start from.")
+    preset: Literal["prototype", "ideal"] = Field("prototype", description="Preset to start from.")
     step_s: Annotated[float, Field(gt=0, le=0.01)] | None = Field(
         None, description="Largest simulation step in seconds."
     )
     fidelity: Literal["quasi-static", "dynamic"] | None = Field(
         None,
-        description="quasi-static: joints follow by balance of torques, without inertia; dynamic:"
-        " two masses a joint, motors with limited torque. Default: quasi-static.",
+        description="quasi-static: joint motion from the balance of torques, without inertia;"
+        " dynamic: two masses per joint and motors with limited torque. Default:"
+        " quasi-static.",
     )
 
     control_period_s: Annotated[
         Setting | None, Effect("s", "machine", low=0, high=1, positive=True, spreads=False)
-    ] = Field(None, description="Sample and hold: the command is read once in so many seconds.")
+    ] = Field(None, description="Sample and hold: period in seconds at which the command is read.")
     delay_s: Annotated[Setting | None, Effect("s", "machine", low=0, high=1)] = Field(
         None, description="Time from command to motor, seconds."
     )
@@ -238,6 +239,11 @@ class MachineTable(Table):
     creep_per_nm: Annotated[Setting | None, Effect("1/(N m)", "machine", low=0)] = Field(
         None, description="Rate lost at each contact for each N m it transmits (fraction per N m)."
     )
+    lateral_creep: Annotated[Setting | None, Effect("", "machine", low=0, high=1)] = Field(
+        None,
+        description="Rate lost at each contact on top of creep, times |sin| of the joint angle that"
+        " turns its rolling direction (fraction): a contact that is turned also slips sideways.",
+    )
     friction_capacity_nm: Annotated[
         Setting | None, Effect("N m", "machine", low=0, off=math.inf, positive=True)
     ] = Field(
@@ -256,24 +262,25 @@ class MachineTable(Table):
         None, description="Error of the gear constants K2 ... Kn (fraction)."
     )
     gearhead_backlash_deg: Annotated[Setting | None, Effect("deg", "motor", low=0, high=45)] = (
-        Field(None, description="Whole play of each motor's gearhead at its output, degrees.")
+        Field(None, description="Total backlash of each motor's gearhead at its output, degrees.")
     )
     backlash_deg: Annotated[Setting | None, Effect("deg", "passive", low=0, high=45)] = Field(
         None,
-        description="Whole play of the bevel gears and belt into each of joints 2 ... n, at the"
-        " joint, degrees.",
+        description="Total backlash of the bevel gears and belt of each of joints 2 ... n, at"
+        " the joint, degrees.",
     )
     initial_play: Annotated[Setting | None, Effect("", "passive", low=-1, high=1)] = Field(
         None,
-        description="Where in its play each of joints 2 ... n starts: 0 in the middle, 1 in contact"
-        " for a motion upwards, -1 for one downwards.",
+        description="Position in the backlash at the start, for each of joints 2 ... n: 0 in the"
+        " middle, 1 in contact for motion in positive direction, -1 in negative"
+        " direction.",
     )
     axis_inertia_kgm2: Annotated[
         Setting | None, Effect("kg m^2", "passive", low=0, dynamic=True)
     ] = Field(
         None,
-        description="Inertia of the gears and pulleys that drive joints 2 ... n, before their"
-        " play, at the joint, kg m^2 (dynamic).",
+        description="Inertia of the gears and pulleys that drive joints 2 ... n, on the motor"
+        " side of the backlash, at the joint, kg m^2 (dynamic).",
     )
     shaft_stiffness_nm_per_rad: Annotated[
         Setting | None, Effect("N m/rad", "passive", low=0, off=math.inf, positive=True)
@@ -293,12 +300,22 @@ class MachineTable(Table):
     )
     coulomb_friction_nm: Annotated[Setting | None, Effect("N m", "passive", low=0)] = Field(
         None,
-        description="Coulomb friction of joints 2 ... n, N m: loads the contacts, and winds up a"
-        " shaft that is not rigid.",
+        description="Coulomb friction of joints 2 ... n, N m; it loads the contacts and twists a"
+        " soft shaft.",
     )
     viscous_friction_nms_per_rad: Annotated[
         Setting | None, Effect("N m s/rad", "passive", low=0)
     ] = Field(None, description="Viscous friction of joints 2 ... n, N m s/rad; likewise.")
+    incline_deg: Annotated[Setting | None, Effect("deg", "machine", low=0, high=90)] = Field(
+        None,
+        description="Slope of the plane in which the arm moves, degrees: gravity pulls the links"
+        " towards -y of the base; 0 is level.",
+    )
+    link_moment_kgm: Annotated[Setting | None, Effect("kg m", "joint", low=0)] = Field(
+        None,
+        description="Mass of each link, with all that it carries, times the distance of its centre"
+        " of mass from its joint, kg m: what gravity acts on when the plane is inclined.",
+    )
     initial_angle_error_deg: Annotated[Setting | None, Effect("deg", "joint")] = Field(
         None, description="True minus assumed angle of each joint at the start, degrees."
     )

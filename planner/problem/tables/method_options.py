@@ -32,31 +32,44 @@ class DesensitisedOptions(Table):
         0.0, description="Weight of the response squared, averaged along the path (deg^2)."
     )
     effort: Annotated[float, Field(gt=0)] = Field(
-        0.005, description="Weight of the integral of u1^2 + u2^2: what the trade-off turns on."
+        0.005,
+        description="Weight of the integral of u1^2 + u2^2, which is traded against the response.",
     )
     time: Annotated[float, Field(gt=0)] = Field(
         0.01, description='Weight of the duration in s when goal.duration = "free".'
     )
     effort_limit: Annotated[float, Field(gt=0)] | None = Field(
-        None, description="Largest integral of u1^2 + u2^2 allowed; none when left out."
+        None, description="Largest allowed integral of u1^2 + u2^2; no limit when left out."
     )
-    gain: Sizes = Field(0.01, description="Spread of the input gains (fraction); one or two.")
-    bias: Sizes = Field(0.0, description="Spread of the input biases (rad/s); one or two.")
-    delay_s: Sizes = Field(0.0, description="Spread of the inputs' delays (s); one or two.")
+    gain: Sizes = Field(
+        0.01, description="Standard deviation of the input gains (fraction); one number or two."
+    )
+    bias: Sizes = Field(
+        0.0, description="Standard deviation of the input biases (rad/s); one number or two."
+    )
+    delay_s: Sizes = Field(
+        0.0, description="Standard deviation of the inputs' delays (s); one number or two."
+    )
     stretch: Sizes = Field(
-        0.0, description="Spread of the inputs' clock rates (fraction); one or two."
+        0.0,
+        description="Standard deviation of the inputs' clock rates (fraction); one number or two.",
     )
     start_deg: Sizes = Field(
-        0.5, description="Spread of the angles at the start (deg); one number, or one an angle."
+        0.5,
+        description="Standard deviation of the angles at the start (deg); one number, or"
+        " one per angle.",
     )
     start_m: Sizes = Field(
-        0.005, description="Spread of the lengths at the start (m), where a system has such."
+        0.005,
+        description="Standard deviation of the lengths at the start (m), for systems with lengths.",
     )
-    gear: Sizes = Field(0.0, description="Spread of K2 ... Kn (fraction); one number, or n-1.")
+    gear: Sizes = Field(
+        0.0, description="Standard deviation of K2 ... Kn (fraction); one number, or n-1."
+    )
     backoff: Annotated[float, Field(ge=0, le=6)] = Field(
         0.0,
-        description="Limits on joints and z2 are kept with a margin of so many standard deviations"
-        " of the errors above, everywhere along the path.",
+        description="Limits of joints and z2 are kept along the whole path with a margin of this"
+        " many standard deviations, caused by the errors above.",
     )
     reversal: bool = Field(
         False,
@@ -65,7 +78,7 @@ class DesensitisedOptions(Table):
         " knows nothing: true is for machines without.",
     )
     starts: Annotated[int, Field(ge=1, le=20)] = Field(
-        4, description="First guesses tried; the best plan is kept and its start named."
+        4, description="Number of first guesses; the best plan is returned."
     )
     intervals: Annotated[int, Field(ge=4, le=1000)] = Field(40, description="Mesh intervals.")
     input: Literal["auto", "constant", "linear"] = Field(
@@ -76,14 +89,14 @@ class DesensitisedOptions(Table):
     rest: bool = Field(False, description="Inputs zero at both ends.")
     accuracy: Annotated[float, Field(gt=0, lt=1e-2)] = Field(
         5e-6,
-        description="Largest difference at the end, in radians, between the plan's q(t) and the"
-        " motion its input really makes; the mesh is refined until it is kept.",
+        description="Largest allowed difference at the end, in radians, between the plan's q(t)"
+        " and the integral of its inputs; the mesh is refined until it is met.",
     )
     tolerance: Annotated[float, Field(gt=0, lt=1e-2)] = Field(1e-8, description="Solver tolerance.")
     max_iterations: Annotated[int, Field(ge=1)] = Field(
         200,
-        description="Solver iterations a start; a motion that keeps every limit counts even where"
-        " its optimality has not settled by then.",
+        description="Solver iterations per first guess. After that many, a motion that keeps"
+        " every limit is used even if it is not optimal yet.",
     )
 
 
@@ -94,7 +107,7 @@ MOST_POINTS = 20
 
 
 class LawOptions(Table):
-    """Options of every law of the chained form."""
+    """Options of every closed-form method."""
 
     criterion: Literal["peak", "margin"] = Field(
         "peak",
@@ -104,22 +117,24 @@ class LawOptions(Table):
     )
     allow_singular: bool = Field(
         False,
-        description="Return a path outside the chart's domain for study; it cannot be executed.",
+        description="Return a path outside the chart's domain, for study; it cannot be executed.",
     )
 
 
 class LegOptions(LawOptions):
-    """Options of laws with v1 constant on each leg."""
+    """Options of closed-form methods with constant v1 on each leg."""
 
     travel: Literal["auto", "middle"] = Field(
         "auto",
-        description="When goal.travel is free: the travel that is best by `criterion`, or the"
-        " middle of the widest range of travels that stay inside the chart's domain.",
+        description="If goal.travel is free: the best travel by `criterion` (auto), or the"
+        " middle of the widest range of travels inside the chart's domain"
+        " (middle).",
     )
     offset: float | Literal["auto", "mean"] = Field(
         "auto",
-        description="Travel of the first of two legs when z1(0) = z1(T), not zero. auto: chosen by"
-        " `criterion`; mean: the paper's rule, the mean of z(0), often a poor one.",
+        description="Travel of the first of two legs if z1(0) = z1(T); not zero. auto: chosen by"
+        " `criterion`; mean: the paper's rule, the mean of z(0), often a poor"
+        " choice.",
     )
 
     @field_validator("offset", mode="before")
@@ -129,23 +144,24 @@ class LegOptions(LawOptions):
 
 
 class PolynomialOptions(LegOptions):
-    """Options of the paper's polynomial law."""
+    """Options of the paper's polynomial method."""
 
     points: Annotated[list[Point], Field(max_length=MOST_POINTS)] | Literal["auto"] = Field(
         default_factory=list,
         description=f"Constraint points [time in s, z2], eq. (28), at most {MOST_POINTS}; or"
-        " 'auto': as many as help, at most two, chosen by `criterion` together with the travel"
-        " where that is free.",
+        " 'auto': up to two points, chosen by `criterion` together with a free"
+        " travel.",
     )
 
 
 class PiecewiseOptions(LegOptions):
-    """Options of the piecewise constant (multirate) law."""
+    """Options of the piecewise constant (multirate) method."""
 
     slots: Annotated[int, Field(ge=1, le=200)] | None = Field(
         None,
-        description="Slots of constant v2: at least N-1, the number taken when left out; with more"
-        " the least integral of v2^2 is taken. With two legs, slots of each leg.",
+        description="Number of intervals with constant v2, per leg; at least N-1, which is the"
+        " default. With more, the solution with the least integral of v2^2 is"
+        " used.",
     )
 
 
@@ -154,15 +170,16 @@ class SinusoidOptions(LawOptions):
 
     amplitude: float | Literal["auto"] = Field(
         "auto",
-        description="a1/omega in the unit of z1, not zero: z1 leaves its straight line by up to"
-        " twice this. 'auto': chosen by `criterion` together with the travel where that is free.",
+        description="a1/omega in the unit of z1, not zero: z1 deviates from its straight line by"
+        " up to twice this. 'auto': chosen by `criterion` together with a free"
+        " travel.",
     )
 
     @field_validator("amplitude")
     @classmethod
     def _moves(cls, amplitude: float | str) -> float | str:
         if amplitude == 0:
-            raise ValueError("is not zero: without it the law cannot reach z4 and beyond")
+            raise ValueError("is not zero: without it the method cannot reach z4 and beyond")
         return amplitude
 
 
@@ -171,14 +188,14 @@ class SinusoidStepsOptions(LawOptions):
 
     amplitude: float | list[float] | Literal["auto"] = Field(
         "auto",
-        description="alpha/omega in the unit of z1, not zero, one number or one a step: z1 swings"
-        " by twice this in each period. 'auto': one number chosen by `criterion` together with the"
-        " travel where that is free.",
+        description="alpha/omega in the unit of z1, not zero, one number or one per step: z1"
+        " oscillates by twice this in each period. 'auto': one number chosen by"
+        " `criterion` together with a free travel.",
     )
     shares: list[Annotated[float, Field(gt=0)]] | None = Field(
         None,
-        description="Parts of the duration given to the first leg and to each of the N-2 periods;"
-        " equal when left out. They change speeds, not the path.",
+        description="Shares of the duration for the first leg and each of the N-2 periods; equal"
+        " by default. They change speeds, not the path.",
     )
 
     @field_validator("amplitude")
@@ -194,12 +211,12 @@ class CollocationOptions(Table):
 
     intervals: Annotated[int, Field(ge=1, le=2000)] | Literal["auto"] = Field(
         "auto",
-        description="Mesh intervals to begin with. auto: 14 for a straight line's neighbourhood in"
-        " a given time with a linear input; else 40 for paths, and as many for a motion as its"
-        " length wants, at least 80 where the duration is free.",
+        description="Initial number of mesh intervals. auto: 14 for simple problems with a given"
+        " duration and linear inputs; otherwise 40 for paths, and for motions a"
+        " number by their length, at least 80 if the duration is free.",
     )
     degree: Annotated[int, Field(ge=1, le=5)] = Field(
-        3, description="Collocation points an interval."
+        3, description="Collocation points per interval."
     )
     scheme: Literal["radau", "legendre"] = Field(
         "legendre", description="Gauss-Legendre (order 2d) or Radau (order 2d-1) points."
@@ -212,13 +229,14 @@ class CollocationOptions(Table):
     rest: bool = Field(False, description="Inputs zero at both ends.")
     objective: Literal["auto", "effort", "smooth", "edge", "time", "mixed"] = Field(
         "auto",
-        description="What is made least. effort: the integral of u1^2 + u2^2, for a fixed duration."
-        " smooth: that of the squared input rates, likewise. edge: closeness to the edge of the"
-        " chart's domain, the mean over time of the sum over its margins of exp(-margin/0.05), with"
-        " 1 % of weight on the effort, likewise."
-        " time: the duration, with 1 % of weight on the effort relative to the input limits (which"
-        " must be given), so it comes within 2 % of the least. mixed: the duration and the others,"
-        " weighted. auto: effort if the duration is fixed; else time if both inputs are limited;"
+        description="Objective to minimise. For a fixed duration: effort, the integral of u1^2 +"
+        " u2^2; smooth, the integral of the squared input rates; edge, the"
+        " closeness to the edge of the chart's domain (mean over time of the sum"
+        " over its margins of exp(-margin/0.05), plus the effort with a weight of"
+        " 1 %). time: the duration, plus the effort relative to the input limits"
+        " (which are needed) with a weight of 1 %; the result is within 2 % of the"
+        " least duration. mixed: a weighted sum of duration and the others. auto:"
+        " effort if the duration is fixed; else time if both inputs are limited;"
         " else mixed.",
     )
     effort_weight: Annotated[float, Field(gt=0)] = Field(
@@ -232,45 +250,47 @@ class CollocationOptions(Table):
     )
     start: Literal["auto", "straight", "polynomial", "convex", "bump", "reverse", "wander"] = Field(
         "auto",
-        description="First guess. straight: a line; bump: the path coordinate goes out and back;"
-        " reverse: it leaves the line and returns late; wander: smooth random loops from fixed"
-        " seeds. auto: the line where one way suffices; else some of each, and the best kept."
-        " polynomial, convex: deprecated, the same as auto (those methods' plans led to no better"
+        description="First guess. straight: a straight line; bump: the first coordinate goes out"
+        " and back; reverse: it leaves the line and returns late; wander: smooth"
+        " random loops with fixed seeds. auto: the line if no reversal is needed;"
+        " else some of each kind, and the best result is used. polynomial, convex:"
+        " deprecated, the same as auto (plans of those methods gave no better"
         " motions).",
     )
     starts: Annotated[int, Field(ge=1)] = Field(
         10,
-        description="Paths found before the best is taken (start = 'auto' or 'wander'). With 'auto'"
-        " a path whose drive never turns back is enough by itself, and so is one that is found"
-        " three times.",
+        description="Number of paths to find before the best is used (start = 'auto' or"
+        " 'wander'). With 'auto' the search also ends with a path without"
+        " reversal, or when the same path is found three times.",
     )
     variations: Annotated[int, Field(ge=0)] = Field(
-        0, description="Deprecated: accepted, without effect. More `attempts` search further."
+        0, description="Deprecated, without effect. Use more `attempts` for a longer search."
     )
     attempts: Annotated[int, Field(ge=1)] = Field(
         16,
-        description="First guesses tried at most before giving up; with start = 'auto' three times"
-        " as many more where every motion found is too slow for the duration given.",
+        description="Largest number of first guesses; with start = 'auto' three times as many"
+        " more if all motions found are too slow for the given duration.",
     )
     accuracy: Annotated[float, Field(gt=0, lt=1e-2)] = Field(
         5e-6,
-        description="Largest difference at the end, in radians, between the plan's q(t) and the"
-        " motion its input really makes (ten times that on the way); the mesh is refined until it"
-        " is kept.",
+        description="Largest allowed difference at the end, in radians, between the plan's q(t)"
+        " and the integral of its inputs (ten times as much before the end); the"
+        " mesh is refined until it is met.",
     )
     refinements: Annotated[int, Field(ge=0, le=10)] = Field(
-        4, description="Times the mesh may be refined; 0 keeps the mesh as given."
+        4, description="Largest number of mesh refinements; 0 keeps the initial mesh."
     )
     solver: Literal["auto", "fatrop", "ipopt"] = Field(
         "auto",
-        description="Who solves the nonlinear programme. auto: Fatrop, which knows the stages,"
-        " next to the answer and near a straight line in a given time; IPOPT elsewhere and where"
-        " Fatrop fails.",
+        description="Solver of the nonlinear program. auto: Fatrop, which uses the stage"
+        " structure, close to a solution and for simple problems with a given"
+        " duration; IPOPT otherwise and where Fatrop fails.",
     )
     compile: bool = Field(
         False,
-        description="Compile the functions of one mesh interval with the C compiler (cc, gcc, clang"
-        " or $CC): a second or two the first time, kept in the user's cache folder.",
+        description="Compile the functions of one mesh interval with a C compiler (cc, gcc,"
+        " clang or $CC). This takes one or two seconds the first time; the result"
+        " is kept in the user's cache folder.",
     )
     tolerance: Annotated[float, Field(gt=0, lt=1e-2)] = Field(1e-9, description="Solver tolerance.")
     max_iterations: Annotated[int, Field(ge=1)] = Field(
@@ -278,9 +298,9 @@ class CollocationOptions(Table):
     )
     time_limit_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(
         None,
-        description="Seconds after which the best verified plan found so far is the answer, and"
-        " says so in its status, or a refusal that says how far the search came. No limit if left"
-        " out.",
+        description="Seconds for planning; no limit by default. Then the best verified plan"
+        " found so far is returned, with the status 'time_limit'; without one, a"
+        " refusal says how far the search got.",
     )
 
     @field_validator("start")
@@ -294,10 +314,13 @@ class ConvexOptions(Table):
 
     objective: Literal["smooth", "peak"] = Field(
         "smooth",
-        description="What is least: the integral of (dz2/dz1)^2 over |z1| (at one travel and"
-        " duration, and v1 constant, the same as that of v2^2); or the greatest |v2|, v1 constant.",
+        description="Objective to minimise: the integral of (dz2/dz1)^2 over |z1| (for constant"
+        " v1, travel and duration equivalent to that of v2^2), or the largest |v2|"
+        " with v1 constant.",
     )
-    pieces: Annotated[int, Field(ge=2, le=400)] = Field(60, description="Equal pieces of v2.")
+    pieces: Annotated[int, Field(ge=2, le=400)] = Field(
+        60, description="Number of equal pieces of v2."
+    )
     input: Literal["auto", "constant", "linear"] = Field(
         "auto",
         description="v2/v1 constant on each piece, or continuous and linear. auto: linear when"
@@ -305,29 +328,29 @@ class ConvexOptions(Table):
     )
     travel: Literal["auto", "middle"] = Field(
         "auto",
-        description="When goal.travel is free: the travel of the best objective, or the middle of"
-        " the range of travels that have a path.",
+        description="If goal.travel is free: the travel with the best objective (auto), or the"
+        " middle of the range of travels that have a path (middle).",
     )
     scan: Annotated[int, Field(ge=3, le=1000)] = Field(
-        25, description="Travels tried before the search is refined about the best."
+        25, description="Number of travels tried before the search is refined around the best."
     )
     edge: Annotated[float, Field(ge=0, lt=0.1)] = Field(
         1e-6,
-        description="Least distance from the chart's edge: sin^2 of theta1 for n = 2 and 3, every"
-        " margin elsewhere; half the distance of start or goal where that is less.",
+        description="Least distance from the edge of the chart: sin^2 of theta1 for n = 2 and 3,"
+        " otherwise every margin; at most half of the distance of start and goal.",
     )
     solver: Literal["auto", "osqp"] = Field(
         "auto",
-        description="Who solves the quadratic programmes: an active set, and OSQP where that is not"
-        " accurate (auto); or OSQP first.",
+        description="Solver of the quadratic programs: an active-set method, and OSQP where that"
+        " is not accurate (auto); or OSQP first.",
     )
     max_cuts: Annotated[int, Field(ge=1)] = Field(
-        100, description="Rounds of cutting planes allowed at one travel."
+        100, description="Largest number of rounds of cutting planes for one travel."
     )
 
 
 class MethodsTable(Table):
-    """One table a method."""
+    """One table per method."""
 
     polynomial: PolynomialOptions = Field(default_factory=PolynomialOptions)
     piecewise: PiecewiseOptions = Field(default_factory=PiecewiseOptions)

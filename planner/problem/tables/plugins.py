@@ -62,7 +62,7 @@ def _call(entry: EntryPoint, failures: list[str]) -> None:
         package = "a package" if entry.dist is None else f"{entry.dist.name} {entry.dist.version}"
         failures.append(
             f"plugin '{line(entry.name)}' of {line(package)} ({line(entry.value)}) failed:"
-            f" {type(error).__name__}: {line(str(error))}; mend or uninstall that package"
+            f" {type(error).__name__}: {line(str(error))}; fix or uninstall that package"
         )
 
 

@@ -23,7 +23,7 @@ from planner.systems.triangular_system import TriangularSystem
 
 
 class FeedbackTable(Table):
-    """Options of the receding-horizon tracker."""
+    """Options of the feedback by a receding-horizon tracker."""
 
     period_s: Annotated[float, Field(gt=0, le=1)] = Field(
         0.1, description="Time between two readings of the encoders, seconds."
@@ -35,47 +35,50 @@ class FeedbackTable(Table):
     )
     horizon_s: Annotated[float, Field(gt=0, le=60)] = Field(
         1.0,
-        description="How far ahead limits are looked at, seconds. The cost looks to the end.",
+        description="Horizon for limits, seconds. The cost covers the rest of the motion.",
     )
     overtime_s: Annotated[float, Field(ge=0, le=60)] = Field(
         0.3,
-        description="How long it goes on correcting after the plan's end, seconds; no longer than a"
-        " replay's settle time, or the rest is cut off.",
+        description="Time for corrections after the plan's end, seconds; a replay cuts it off at"
+        " its settle time.",
     )
     run_up: Literal["auto"] | bool = Field(
         "auto",
-        description="Whether the arm goes back and returns before the plan's start, so that play"
-        " and wind-up are taken up. auto: where the machine's passive joints have any, there are at"
-        " most two of them, and the plan's drive keeps one direction.",
+        description="Whether a preparatory motion before the plan takes up backlash and shaft"
+        " torsion: the arm goes back and returns to the start. auto: if the"
+        " machine has backlash or soft shafts, there are at most two passive"
+        " joints, and the plan's drive never reverses.",
     )
     path_error_deg: Annotated[float, Field(gt=0)] = Field(
         0.1,
-        description="Error on the way that weighs as much as one unit of correction, degrees (a"
-        " length in metres counts as an angle in radians).",
+        description="Error during the motion that weighs as much as one unit of correction,"
+        " degrees (a length in metres counts as an angle in radians).",
     )
     goal_error_deg: Annotated[float, Field(gt=0)] = Field(
         0.02,
-        description="The same at the end, degrees: the smaller, the further theta1 leaves its path"
-        " so that all joints arrive.",
+        description="The same at the end, degrees. A smaller value lets theta1 deviate further"
+        " from its path so that all joints reach the goal.",
     )
     correction: Annotated[float, Field(gt=0)] = Field(
-        0.2, description="Unit of correction, as a part of each input's limit (or of its peak)."
+        0.2, description="Unit of correction, as a fraction of each input's limit (or of its peak)."
     )
     correction_step: Annotated[float, Field(gt=0)] = Field(
         0.05,
-        description="Unit of its change from one period to the next, likewise: the smaller, the"
-        " less the joints' shafts are made to swing.",
+        description="Unit of its change from one period to the next, likewise. A smaller value"
+        " excites the joints' shafts less.",
     )
     least_speed: Annotated[float, Field(ge=0, le=1)] = Field(
         0.5,
-        description="Least speed along the path, as a part of the plan's: the drive neither stops"
-        " nor turns back on its way, since turning back costs all play.",
+        description="Least speed along the path, as a fraction of the plan's. It keeps the drive"
+        " from reversing, which would cross the whole backlash.",
     )
     take_up_play: bool = Field(
-        True, description="Whether commands that reverse a motor first cross its gearhead's play."
+        True,
+        description="Whether a command that reverses a motor first crosses the backlash of"
+        " its gearhead.",
     )
     max_iterations: Annotated[int, Field(ge=10)] = Field(
-        2000, description="Iterations after which a quadratic programme counts as late."
+        2000, description="Iterations after which a quadratic program counts as late."
     )
 
 
@@ -93,8 +96,8 @@ class WaypointTable(Table):
 
     time: Positive | None = Field(
         None,
-        description="When, in seconds; needs a fixed goal.duration. Left out: at any time and, with"
-        " others of that kind, in any order.",
+        description="Time in seconds; needs a fixed goal.duration. Without it: at any time, and"
+        " in any order with other waypoints without a time.",
     )
 
 
@@ -103,7 +106,7 @@ class NamedWaypoint(WaypointTable):
 
     q: dict[str, float] = Field(
         min_length=1,
-        description="Some coordinates by name, in their units (rad, m); the rest is free.",
+        description="Some coordinates by name, in their units (rad, m); the others are free.",
     )
 
 
@@ -126,7 +129,7 @@ class JointWaypoint(WaypointTable):
 
 
 class ObstacleTable(Table):
-    """A disc in the arm's plane that every link must clear; the arm's base is the origin."""
+    """A disc in the plane that no link may touch; the arm's base is the origin."""
 
     centre_m: Annotated[list[float], Field(min_length=2, max_length=2)] = Field(
         description="Its centre [x, y] in metres (in the unit of system.link_lengths, 1 each)."
@@ -149,15 +152,15 @@ class ProblemFile(Table):
     """A problem file; one subclass a system kind, which types the tables left open here.
 
     Attributes:
-        summary: What is steered, one line for listings.
-        example: The text `planner new` begins a file with: what is above the options of methods.
-            Empty where cli/heads/KIND.toml holds it.
+        summary: One line about the system, for listings.
+        example: First part of the file that `planner new` writes, above the options of methods.
+            Empty if it is in cli/heads/KIND.toml.
     """
 
     summary: ClassVar[str] = ""
     example: ClassVar[str] = ""
 
-    title: str = Field("", description="One line that says what the problem shows.")
+    title: str = Field("", description="One line about the problem.")
     system: Any
     start: Any
     goal: Any
@@ -178,7 +181,7 @@ class ProblemFile(Table):
 
     @abstractmethod
     def goal_state(self) -> Array:
-        """q(T), shape (N,), NaN for the path coordinate."""
+        """q(T), shape (N,), NaN for the path coordinate and where the goal leaves one free."""
 
     @abstractmethod
     def path_travel(self) -> float | None:
@@ -186,7 +189,7 @@ class ProblemFile(Table):
 
     @abstractmethod
     def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """The dotted key that sets this travel (None: free), and its value."""
+        """The dotted key that sets this travel (None: free), with its value."""
 
     @abstractmethod
     def joint_limits(self) -> Array:
@@ -199,6 +202,10 @@ class ProblemFile(Table):
         Raises:
             ValueError: If one names a coordinate that there is not.
         """
+
+    def tip(self) -> dict[str, float]:
+        """What the goal asks of an arm's tip, by name; only arms have one."""
+        return {}
 
     def discs(self) -> list[ObstacleTable]:
         """Obstacles; only arms have links that could touch them."""

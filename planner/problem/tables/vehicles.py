@@ -97,7 +97,7 @@ class CarTable(Table):
     """The car."""
 
     kind: Literal["car"]
-    wheelbase_m: Positive = Field(description="Distance of the axles in m.")
+    wheelbase_m: Positive = Field(description="Distance between the axles in m.")
 
 
 class CarStart(PoseStart):
@@ -155,7 +155,7 @@ class CarFile(VehicleFile):
         return np.array([np.inf, *angles, np.inf])
 
 
-_HITCH = "Hitch angles in degrees, first trailer first; all zero when left out."
+_HITCH = "Hitch angles in degrees, first trailer first; by default all zero."
 _HitchLimit = Annotated[float, Field(gt=0, le=180)]
 
 
@@ -163,7 +163,7 @@ class TrailersTable(Table):
     """The car and its trailers."""
 
     kind: Literal["trailers"]
-    wheelbase_m: Positive = Field(description="Distance of the car's axles in m.")
+    wheelbase_m: Positive = Field(description="Distance between the car's axles in m.")
     trailer_lengths_m: Annotated[list[Positive], Field(min_length=1, max_length=8)] = Field(
         description="From each hitch to the axle of the trailer behind it, in m, in order."
     )
@@ -185,14 +185,14 @@ class TrailersLimits(CarLimits):
     """Limits every plan must keep at all times; each may be left out."""
 
     hitch_deg: _HitchLimit | list[_HitchLimit] | None = Field(
-        None, description="Largest |hitch angle| in degrees: one number, or one a trailer."
+        None, description="Largest |hitch angle| in degrees: one number, or one per trailer."
     )
 
 
 class TrailersFile(VehicleFile):
     """A problem file for the car with trailers; x, y and heading are the last trailer's."""
 
-    summary: ClassVar[str] = "car with trailers, each hitched on the axle before it"
+    summary: ClassVar[str] = "car with trailers, each hitched to the axle in front of it"
 
     system: TrailersTable
     start: TrailersStart = Field(default_factory=TrailersStart)

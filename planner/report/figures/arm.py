@@ -20,13 +20,14 @@ COLOUR_MAP = "viridis"
 
 
 def plot_arm(plans: Plans, *, axes: Any = None, poses: int = 12) -> tuple[Figure, Any]:
-    """The arm at equal steps of time, coloured by time, and the path of its tip; one panel a plan.
+    """Draw the arm at equal time steps, coloured by time, and the path of its tip; one panel per
+    plan.
 
     Vehicles are drawn by their axles, other systems with coordinates x and y by that point.
 
     Args:
         plans: One plan, several, or several by label; those without real angles are left out.
-        axes: Axes to draw into, one an executable plan.
+        axes: Axes to draw into, one per executable plan.
         poses: Number of poses.
 
     Returns:
@@ -78,7 +79,7 @@ def body(problem: Problem, q: Array) -> Array:
 
 
 def draw_places(ax: Any, problem: Problem) -> None:
-    """Obstacles as discs, and waypoints as dotted poses where every joint is given."""
+    """Obstacles as discs, waypoints as dotted poses where every joint is given, the tip's goal."""
     from matplotlib.patches import Circle
 
     for disc in problem.obstacles:
@@ -91,11 +92,15 @@ def draw_places(ax: Any, problem: Problem) -> None:
             ax.plot(*points.T, "o:", color="black", linewidth=1, markersize=3, zorder=4)
             name = f"waypoint {point.number}"
             ax.annotate(name, points[-1], (6, 4), textcoords="offset points", fontsize=8, bbox=TAG)
+    if problem.tip is not None and problem.tip.place is not None:
+        ax.plot(*problem.tip.place, "x", color="black", markersize=9, zorder=6)
 
 
-def waypoint_tips(problem: Problem) -> Array:
-    """Where waypoints that fix the whole pose put the tip, shape (m, 2)."""
+def tips_to_pass(problem: Problem) -> Array:
+    """Where the tip is at waypoints that fix the whole pose, and is to end, shape (m, 2)."""
     tips = [body(problem, point.q)[-1] for point in problem.waypoints]
+    if problem.tip is not None and problem.tip.place is not None:
+        tips.append(problem.tip.place)
     return np.array([tip for tip in tips if np.all(np.isfinite(tip))]).reshape(-1, 2)
 
 

@@ -17,17 +17,18 @@ joint. Wheels turn against faces by θᵢ, so that each contact hands on cosθ�
 
 from __future__ import annotations
 
+import io
 import textwrap
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from planner.errors import expect
+from planner.report.figures.mechanism_layout import BENT, INCH, LETTERS, RIM, THICK, Layout, layout
 from planner.report.figures.style import COLOURS, TAG, heading
 from planner.support.arrays import Array
-from planner.systems.manipulator import Gear, Manipulator
+from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem
 
 if TYPE_CHECKING:
@@ -37,29 +38,14 @@ MOTOR_2, CHAIN, BRANCH = COLOURS[:3]
 CONTACT, LINK, INK, QUIET = "#B00020", "#9A9A9A", "#222222", "#666666"
 BANDS = ("#F3F3F3", "#FFFFFF")
 
-INCH = 1 / 1.3
-"""Of paper, in largest radii: labels of 9 points then stand clear of each other."""
-
-LETTERS = 62
-"""Of a line of the words beside the view from above, 5 inches wide."""
-
-RIM = 1.12
-"""Radius of a drawn disk over the distance of its contact: the contact lies inside the rim."""
-
-THICK = 0.07
-"""Of disks and wheels."""
-
-BENT = np.deg2rad(35.0)
-"""Angle of joint 1 in the view from above."""
-
 
 def plot_mechanism(system: TriangularSystem, *, axes: Any = None) -> tuple[Figure, Any]:
     """Draw the chain of friction disks, bevel gears and belts of a manipulator to scale.
 
-    All stages from the side, with the arm stretched out, and below them the first contact from
-    above with joint 1 bent, which shows where cosθ comes from. Links are not to scale. An arm that
-    is given by K and k_g has no geometry: one is inferred that moves the joints at the same rates,
-    with λ = η = R = 1, and the figure says so.
+    The upper part is a side view of all stages with the arm stretched out. The lower part shows the
+    first contact from above with joint 1 bent, which explains the factor cosθ. Link lengths are not
+    to scale. An arm given by K and k_g has no geometry; a geometry with the same joint rates and λ
+    = η = R = 1 is inferred, and the figure says so.
 
     Args:
         system: A `Manipulator`.
@@ -69,7 +55,7 @@ def plot_mechanism(system: TriangularSystem, *, axes: Any = None) -> tuple[Figur
         The figure and its axes.
 
     Raises:
-        InputError: If the system is another one.
+        InputError: If the system is not a `Manipulator`.
     """
     expect(Manipulator, system, "problem.system of an arm with friction disks is one")
     assert isinstance(system, Manipulator)
@@ -96,105 +82,17 @@ def plot_mechanism(system: TriangularSystem, *, axes: Any = None) -> tuple[Figur
     return axes.figure, axes
 
 
-@dataclass(frozen=True)
-class Layout:
-    """Where everything is. All lengths are over the largest radius of the geometry.
+def mechanism_svg(system: TriangularSystem) -> str:
+    """The drawing of `plot_mechanism` as one SVG picture; empty for other systems."""
+    if not isinstance(system, Manipulator):
+        return ""
+    import matplotlib as mpl  # slow to import
 
-    Attributes:
-        gears: Geometry of the stages 1 … n−1.
-        unit: The largest radius.
-        inferred: What was assumed; empty where the geometry was given.
-        joints: x of the joints' axes, shape (n,).
-    """
-
-    gears: tuple[Gear, ...]
-    unit: float
-    inferred: str
-    joints: Array
-
-    @property
-    def r1(self) -> float:
-        """Radius of the wheels B, and how high the shafts lie above P₁."""
-        return self.gears[0].r1
-
-    @property
-    def r2(self) -> float:
-        """Radius of the wheels B'. It cancels, and is not part of the geometry."""
-        return 0.6 * self.r1
-
-    @property
-    def p3(self) -> float:
-        """Height of the contact P₃. P₁ is at zero, P₂ on the other face of A."""
-        return -THICK - 2 * self.r2
-
-    @property
-    def belt(self) -> float:
-        """Height of the belts."""
-        return self.p3 - THICK - 0.42
-
-    @property
-    def link(self) -> float:
-        """Height of the links."""
-        return self.belt - 0.3
-
-    @property
-    def below(self) -> float:
-        """Where the view from above and the words begin."""
-        return self.link - 1.05
-
-    @property
-    def contact(self) -> Array:
-        """P₁ of joint 1 in the view from above."""
-        over = max(1.25 + 0.25 * INCH, (RIM + np.sin(BENT)) * self.gears[0].R)
-        return np.array([-0.2, self.below - 0.25 * INCH - over])
-
-    words = 2.7
-    """Where the words begin, right of disk and link in the view from above."""
-
-    left = -2.6
-
-    @property
-    def right(self) -> float:
-        """End of the picture."""
-        return max(float(self.joints[-1]) + 2.0, self.words + 5.2 * INCH)
-
-    @property
-    def top(self) -> float:
-        """The same."""
-        return 2 * self.r1 + 0.75
-
-    @property
-    def bottom(self) -> float:
-        """The same."""
-        lines = 17 + len(textwrap.wrap(self.inferred, LETTERS))
-        drawn = float(self.contact[1]) - max(self.r1, 0.6 * self.gears[0].R)
-        return min(drawn, self.below - 0.2 * lines * INCH) - 0.15 * INCH
-
-
-def layout(system: Manipulator) -> Layout:
-    """The geometry of a manipulator, given or inferred, and the places of its stages."""
-    given, inferred = _gears(system)
-    unit = max(max(g.r1, g.R, g.r3) for g in given)
-    gears = tuple(Gear(g.r1 / unit, g.R / unit, g.r3 / unit, g.lam, g.eta) for g in given)
-    spans = [(1 + RIM) * max(g.R, g.r3) + 1 for g in gears]
-    return Layout(gears, unit, inferred, np.concatenate([[0.0], np.cumsum(spans)]))
-
-
-def _gears(system: Manipulator) -> tuple[tuple[Gear, ...], str]:
-    """Geometry of each stage, and what was assumed of it.
-
-    From kᵢ₊₁ = κᵢ ρ^i with κᵢ = λR/(ηr₃): one ρ for all stages, what is left of each kᵢ₊₁ in r₃.
-    """
-    if system.gear is not None:
-        return (system.gear,) * (system.n - 1), ""
-    K, n = system.K, system.n
-    rho = float(K[-1] / K[0]) ** (1 / (n - 2)) if n > 2 else 1.0
-    kappa = system.k_g * K / rho ** np.arange(1, n)
-    note = "inferred from K and k_g with λ = η = 1 and R = 1" + (" = r₁" if n == 2 else "")
-    turned = system.k_g / rho ** (n - 2)
-    if abs(turned - 1) > 1e-6:
-        note += f"; φ of the problem is {turned:.3g} times the angle of the last B (k_g is given)"
-    return tuple(Gear(rho, 1.0, 1 / k, 1.0, 1.0) for k in kappa.tolist()), note + "."
+    figure, _ = plot_mechanism(system)
+    stream = io.StringIO()
+    with mpl.rc_context({"svg.hashsalt": "planner"}):  # so that the same system gives the same text
+        figure.savefig(stream, format="svg", metadata={"Date": None})
+    return stream.getvalue()
 
 
 class _Pen:
@@ -415,15 +313,15 @@ def _words(pen: _Pen, plan: Layout) -> None:
     ]
     lines += [
         ("", INK, "normal"),
-        ("orange: what motor 1 turns, handed on from disk to disk", CHAIN, "bold"),
-        ("green: the branch to the next joint, by a belt", BRANCH, "bold"),
+        ("orange: the drive of motor 1, transmitted from disk to disk", CHAIN, "bold"),
+        ("green: the branch to the next joint, through a belt", BRANCH, "bold"),
         ("blue: motor 2, which turns joint 1", MOTOR_2, "bold"),
         ("red: friction contacts", CONTACT, "bold"),
         ("", INK, "normal"),
         ("Drawn to scale from", INK, "bold"),
         (given + ("," if plan.inferred else "."), INK, "normal"),
         *((text, INK, "normal") for text in textwrap.wrap(plan.inferred, LETTERS)),
-        ("$r_2$ cancels: any will do. The links' lengths are not to scale.", INK, "normal"),
+        ("$r_2$ cancels out. The link lengths are not to scale.", INK, "normal"),
     ]
     for k, (text, colour, weight) in enumerate(lines):
         pen.say((plan.words, plan.below - 0.2 * k * INCH), text, colour, 9.5, weight=weight)

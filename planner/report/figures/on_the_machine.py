@@ -38,9 +38,10 @@ A_REPLAY = "planner.replay(plan) makes one; several are given by label"
 def plot_replays(
     replays: Replay | Mapping[str, Replay | None], *, axes: Any = None
 ) -> tuple[Figure, Any]:
-    """Angles on the machine and in the plan over time; one row a plan, one column an angle.
+    """Plot angles on the machine and in the plan over time; one row per plan, one column per angle.
 
-    The line is the sample with the median error index E; the shade holds 90 % of the samples.
+    The line is the sample with the median error index E; the shaded band contains 90 % of the
+    samples.
 
     Args:
         replays: One replay, or several by label; None for a plan that was not replayed.
@@ -102,10 +103,10 @@ REFUSED = " (refused)"
 
 
 def plot_efforts(comparison: Comparison, *, axes: Any = None) -> tuple[Figure, Any]:
-    """Effort of each plan against its error on the machines.
+    """Plot the effort of each plan against its error on the machines.
 
-    The dot is the median of E with its 95 % interval, the line reaches up to the 95th percentile.
-    Plans with feedback have hollow dots in their plan's colour, joined to those without.
+    The dot is the median of E with its 95 % confidence interval; the line extends to the 95th
+    percentile. Plans with feedback have hollow dots in the same colour, connected to those without.
 
     Args:
         comparison: What to draw; rows without replay are left out.
@@ -195,7 +196,7 @@ def _join(ax: Any, rows: list[Row], colour: dict[str, str]) -> None:
 def plot_errors(
     errors: Mapping[str, ArrayLike | None], *, refused: Collection[str] = (), axes: Any = None
 ) -> tuple[Figure, Any]:
-    """Share of machines with an error below each value; median and 95th percentile as dots.
+    """Plot the share of machines with an error below each value; dots: median, 95th percentile.
 
     Plans with feedback are dotted, in the colour of the plan without; refused ones are dashed.
 

@@ -48,10 +48,10 @@ FAR = 5.0
 
 
 def plot_inputs(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
-    """u₁ and u₂ over time with their limits as lines, all plans in each of two panels.
+    """Plot Plot u₁ and u₂ over time with their limits as lines, all plans in each of two panels.
 
-    Peaks far beyond the limits (or, where there are none, beyond most of the motion) are cut off
-    and named over the panel, so that the rest stays readable.
+    Peaks far beyond the limits (or, without limits, far beyond most of the motion) are cut off and
+    named above the panel, so that the rest stays readable.
 
     Args:
         plans: One plan, several, or several by label; those without real inputs are left out.
@@ -135,13 +135,13 @@ def _even(t: Array) -> Array:
 
 
 def plot_joints(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
-    """θ₁ … θₙ over time in degrees (lengths in metres), one panel a coordinate, all plans in each.
+    """Plot θ₁ … θₙ over time in degrees (lengths in metres); one panel per coordinate.
 
     Start and goal are dots; limits are drawn where the motion comes near them.
 
     Args:
         plans: One plan, several, or several by label; those without real angles are left out.
-        axes: Axes to draw into, one a coordinate after the first.
+        axes: Axes to draw into, one per coordinate after the first.
 
     Returns:
         The figure and its axes, shape (rows, columns).
@@ -199,11 +199,11 @@ EXIT = {"marker": "x", "color": "#B00020", "markersize": 8, "linestyle": "none"}
 
 
 def plot_z(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
-    """z₂ with its domain shaded, and z₃ … z_N, over time; one column a plan.
+    """Plot Plot z₂ with its domain shaded, and z₃ … z_N, over time; one column per plan.
 
     For the manipulator the shaded band is where a real θ₁ exists, given the later angles: for n = 3
-    and θ₂ > 0 it is −g(z₃) < z₂ < 0. Where the domain asks more than that (n > 3, and other
-    systems) a row with the least margin of the full domain is added, with the region < 0 shaded.
+    and θ₂ > 0 it is −g(z₃) < z₂ < 0. If the domain has further conditions (n > 3, and other
+    systems), a row with the least margin of the full domain is added; margins < 0 are shaded.
 
     Args:
         plans: One plan, several, or several by label; also plans that are not executable.

@@ -264,8 +264,8 @@ def plot_trade_off(curve: TradeOff, *, axes: Any = None) -> tuple[Figure, Any]:
 
 
 TELLING = 0.99
-"""The passive block tells what the knee buys where it is below this part of the first point's; less
-does not show on the curve, and the total tells it."""
+"""The passive block at the knee tells what was bought if it is below this part of the first
+point's: less does not show on the curve, and the total tells it."""
 
 
 def bought(curve: TradeOff) -> str:

@@ -1,4 +1,4 @@
-"""What all figures share: one colour a plan, names with units, grids of axes.
+"""What all figures share: one colour per plan, names with units, grids of axes.
 
 Figures are made with `matplotlib.figure.Figure` itself, never through pyplot, so that they need no
 display and leave no global state; a notebook shows the figure that a function returns.
@@ -117,7 +117,7 @@ def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
 
 
 def colours(labels: Sequence[str]) -> dict[str, str]:
-    """One colour a plan, by its place in the list; with feedback it keeps its colour."""
+    """One colour per plan, by its place in the list; with feedback it keeps its colour."""
     plans = list(dict.fromkeys(label.removesuffix(FEEDBACK) for label in labels))
     place = {label: plans.index(label.removesuffix(FEEDBACK)) for label in labels}
     return {label: COLOURS[k % len(COLOURS)] for label, k in place.items()}

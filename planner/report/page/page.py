@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import html
 import json
 from collections.abc import Mapping, Sequence
@@ -15,6 +16,7 @@ from planner.comparison.comparison import Comparison
 from planner.comparison.rows import CLOSED, Row
 from planner.errors import InputError
 from planner.report.charts.panels import CHARTS, STYLE, script, source
+from planner.report.figures.mechanism import mechanism_svg
 from planner.report.page.series import page_data
 from planner.report.page.words import answers, facts, places, question, subscripted, verdict
 from planner.report.saved import load_comparison, load_replays
@@ -72,6 +74,7 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], made: Mappin
         table=_table(comparison),
         differences=_differences(made.get("differences") or []),
         worst=_worst(made.get("rows") or []),
+        mechanism=_mechanism(comparison),
         samples=str(comparison.samples),
         closed=CLOSED if any(row.feedback for row in comparison.rows) else "",
         command=html.escape(made.get("command") or "made from Python"),
@@ -83,7 +86,29 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], made: Mappin
     )
 
 
-_PARTIAL = "<p><b>Partial: interrupted before all methods were done.</b></p>"
+def _mechanism(comparison: Comparison) -> str:
+    """The arm's mechanism as a section with one figure; nothing for other systems."""
+    drawing = mechanism_svg(comparison.problem.system)
+    if not drawing:
+        return ""
+    data = base64.b64encode(drawing.encode()).decode()
+    return Template(_MECHANISM).substitute(data=data)
+
+
+_MECHANISM = """<section id="mechanism" aria-labelledby="h-mechanism">
+<h2 id="h-mechanism">Mechanism</h2>
+<figure>
+<figcaption><b>The chain of friction disks, bevel gears and belts, to scale.</b> Motor 1 drives the
+chain; motor 2 turns joint 1. Each contact transmits the cosine of its joint's angle.</figcaption>
+<div class="scroll" role="region" aria-labelledby="h-mechanism" tabindex="0">
+<img class="mechanism" alt="Side view of the arm's mechanism, with one contact from above"
+src="data:image/svg+xml;base64,$data">
+</div>
+</figure>
+</section>"""
+
+
+_PARTIAL = "<p><b>Partial: interrupted before all methods were finished.</b></p>"
 
 
 def _answers(comparison: Comparison) -> str:

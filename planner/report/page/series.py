@@ -13,7 +13,7 @@ from planner.plan.measures import worst_margin
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.report.charts.panels import Panel, band, curve, near, over_time, rounded, unit_of
-from planner.report.figures.arm import body, drawable, waypoint_tips
+from planner.report.figures.arm import body, drawable, tips_to_pass
 from planner.report.figures.on_the_machine import logarithmic, spread
 from planner.report.figures.over_time import has_band, view
 from planner.report.figures.style import Curve, curves, shown, times
@@ -54,7 +54,7 @@ def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, A
     length = "link lengths" if hasattr(problem.system, "arm_points") else "m"
     space = {
         "discs": [[*disc.centre, disc.radius] for disc in problem.obstacles],
-        "tips": waypoint_tips(problem) if drawable(problem.system) else [],
+        "tips": tips_to_pass(problem) if drawable(problem.system) else [],
     }
     return dict(jsonable({"plans": plans, "figures": figures, "length": length, "space": space}))
 

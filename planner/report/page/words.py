@@ -43,14 +43,13 @@ def question(problem: Problem) -> str:
     arm = hasattr(problem.system, "arm_points")
     duration = "a free duration" if problem.duration is None else f"{problem.duration:g} s"
     if arm:
-        start, goal = (_angles(q[1:]) for q in (problem.start, problem.goal))
-        what = f"the arm from θ = {start} to {goal}"
+        what = f"the arm from θ = {_angles(problem.start[1:])} to {_arm_goal(problem)}"
     else:
         what = f"the {html.escape(problem.system.kind)} from {_places(problem, problem.start)}"
         what += f" to {_places(problem, problem.goal)}"
     return (
-        f"Which plan brings {what} in {duration} within its limits, at what effort, and how far"
-        " from its path does a real machine stray?"
+        f"Which plan moves {what} in {duration} within the limits, with what effort, and how far"
+        " does the emulated machine deviate from its path?"
     )
 
 
@@ -64,13 +63,13 @@ def verdict(comparison: Comparison) -> str:
     rows = [row for row in comparison.rows if not row.feedback]
     solved = [row for row in rows if row.solved]
     if not solved:
-        return "None of the methods gave a plan that keeps every limit."
+        return "None of the methods found a plan that keeps every limit."
     least = min(solved, key=lambda row: row.effort if np.isfinite(row.effort) else np.inf)
     name = f"<b>{html.escape(least.label)}</b>"
     if len(solved) == 1:
-        return f"Only {name} gave a plan that reaches the goal and keeps every limit."
+        return f"Only {name} found a plan that reaches the goal and keeps every limit."
     text = f"{len(solved)} of {len(rows)} plans reach the goal and keep every limit."
-    return f"{text} The least effort is that of {name}."
+    return f"{text} The plan of {name} has the least effort."
 
 
 def facts(comparison: Comparison) -> list[tuple[str, str]]:
@@ -153,8 +152,17 @@ def _plain(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
+def _arm_goal(problem: Problem) -> str:
+    """The joints' angles; or the tip, and those that are given."""
+    goal, tip = problem.goal[1:], "" if problem.tip is None else str(problem.tip)
+    if np.all(np.isnan(goal)):
+        return tip
+    return _angles(goal) + f" with {tip}" * bool(tip)
+
+
 def _angles(radians: Sequence[float] | np.ndarray) -> str:
-    return "(" + ", ".join(f"{x:.4g}" for x in np.rad2deg(radians)) + ")°"
+    words = ("free" if np.isnan(x) else f"{x:.4g}" for x in np.rad2deg(radians))
+    return "(" + ", ".join(words) + ")°"
 
 
 def _places(problem: Problem, q: np.ndarray) -> str:

@@ -51,7 +51,7 @@ def obstacle() -> planner.Problem:
 
 @pytest.fixture(scope="module")
 def around(obstacle: planner.Problem) -> planner.Plan:
-    return planner.solve(obstacle, "collocation")
+    return planner.solve(obstacle, "collocation", intervals=20, starts=1)
 
 
 def really(plan: planner.Plan, times: np.ndarray) -> np.ndarray:

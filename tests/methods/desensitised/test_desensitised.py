@@ -180,7 +180,7 @@ def test_obstacles_are_cleared() -> None:
 
 def test_waypoints_are_refused_with_the_way_out() -> None:
     problem = planner.load_problem(PROBLEMS / "waypoint.toml")
-    with pytest.raises(planner.NotConvergedError, match="do not pass waypoints"):
+    with pytest.raises(planner.NoPlanError, match="does not plan for distance from waypoint 1"):
         planner.solve(problem, "desensitised")
 
 

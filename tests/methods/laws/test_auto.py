@@ -82,7 +82,7 @@ def test_says_when_no_one_way_motion_exists(unlimited: planner.Problem) -> None:
     problem = unlimited.changed({"goal.theta_deg": [30.0, 30.0, 0.5]})
     for method in ("polynomial", "piecewise", "sinusoid", "sinusoid_steps"):
         options = {"points": "auto"} if method == "polynomial" else {}
-        with pytest.raises(planner.InfeasibleError, match="no one-way motion"):
+        with pytest.raises(planner.InfeasibleError, match="no motion without reversal"):
             planner.solve(problem, method, **options)
 
 

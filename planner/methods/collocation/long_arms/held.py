@@ -55,6 +55,10 @@ def held(job: Task, chain: Chain, accuracy: float) -> tuple[Task, Solution] | No
     """
     system = job.problem.system
     places = Ends.of(job.problem, 1 - DRAWN_IN)
+    if free := list(job.problem.free):  # the path's end is a goal, and stays it
+        goal = places.goal.copy()
+        goal[free] = chain.q[-1, free]
+        places = replace(places, goal=goal)
     for turn in TURNS:
         cut = finer(system, chain, list(system.limited), turn)
         whole, _ = closed(system, cut, places)
@@ -98,9 +102,7 @@ def follow(job: Task, chain: Chain, degree: int = 0) -> tuple[Task, Iterate]:
 
     With as many collocation points in each interval at least as `degree` says.
     """
-    limit = job.problem.limits.input
-    box = np.where(np.isfinite(limit), limit, 1.0)
-    seconds = np.max(np.abs(chain.u) / box, axis=1)
+    seconds = np.max(np.abs(chain.u) / job.problem.limits.input_scale, axis=1)
     kept = seconds > 1e-9 * np.sum(seconds)
     seconds = seconds[kept]
     nodes = np.vstack([chain.q[:-1][kept], chain.q[-1:]])

@@ -102,7 +102,12 @@ def bounds(
     _fix(lower, upper, problem, made, mesh, asked)
     reads = [required.reads for required in held for _ in required.parts]
     row_lower, row_upper = np.zeros((2, made.form.intervals, made.height))
+    ends = [part for required in problem.final for part in required.parts]
     for rows in made.labels:
+        if rows.kind == "final":
+            row_lower[:-1, rows.positions], row_upper[:-1, rows.positions] = -np.inf, np.inf
+            row_lower[-1, rows.positions] = ends[rows.index].low
+            row_upper[-1, rows.positions] = ends[rows.index].high
         if rows.kind != "kept":
             continue
         r, where = rows.index, rows.positions
@@ -114,7 +119,7 @@ def bounds(
         elif asked.timeless:
             amounts[:] = -np.inf
         row_lower[:, where], row_upper[:, where] = low[r] + amounts, high[r] - amounts
-    numbers = [number for required in held for number in required.given]
+    numbers = [number for required in (*held, *problem.final) for number in required.given]
     known = [] if made.form.free_duration else [problem.duration]
     parameters = np.concatenate([objective.weights, numbers, known, mesh.widths])
     return Bounds(lower, upper, row_lower.ravel(), row_upper.ravel(), parameters, mesh.widths)
@@ -147,6 +152,9 @@ def _limits(
                 points = places.points[..., places.lifted.index(k)]
                 within(points, (low[at], high[at]), inside[:, [r + at]])
         r += len(index)
+    if problem.free:
+        end, most = places.nodes[-1, list(problem.free)], problem.free_within
+        within(end, (-most, most))
     lower[places.durations[:1]] = SHORTEST_S
     if asked.way:
         turned = np.searchsorted(asked.turns, made.form.input_places(mesh))

@@ -107,10 +107,11 @@ class Form:
     Attributes:
         intervals: Number K of mesh intervals.
         scheme_kind: Family of collocation points.
-        degree: Collocation points an interval.
+        degree: Collocation points per interval.
         input: "constant" in each interval, or "linear" and continuous.
         free_duration: Whether the duration is an unknown; else it is a parameter.
         kept: What rows are for, without numbers, see `held_by`.
+        final: What rows at the end are for, likewise.
         edge: Whether closeness to the edge of the chart's domain is a term of the objective.
         inner: Whether what is kept holds at the collocation points too, not only at the mesh's
             edges.
@@ -125,6 +126,7 @@ class Form:
     free_duration: bool = True
     inner: bool = False
     kept: tuple[Requirement, ...] = ()
+    final: tuple[Requirement, ...] = ()
     edge: bool = False
     compiled: bool = False
     augmented: Augmented | None = None
@@ -135,7 +137,7 @@ class Form:
 
         The objective's weights, those of what is kept, the duration if it is known.
         """
-        own = sum(len(required.numbers) for required in self.kept)
+        own = sum(len(required.numbers) for required in (*self.kept, *self.final))
         return TERMS + own + (not self.free_duration)
 
     @property

@@ -26,7 +26,7 @@ from planner.problem.requirements.requirement import At
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
 
-RowKind = Literal["motion", "carried", "defect", "kept"]
+RowKind = Literal["motion", "carried", "defect", "kept", "final"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +36,9 @@ class Rows:
     Attributes:
         kind: Its family. motion: the next state is where this interval leads; carried: the
             duration and a linear input's corners are those of the next interval; defect: a lifted
-            coordinate obeys its rate at the collocation points; kept: a part of what is kept.
-        index: Coordinate or input it is about, or the part's place among all parts kept.
+            coordinate obeys its rate at the collocation points; kept: a part of what is kept;
+            final: a part of what holds at the end, asked for in the last interval alone.
+        index: Coordinate or input it is about, or the part's place among all parts of its family.
         tau: Where in the interval each row holds, shape (m,), in [0, 1].
         first: Position of its first row among the interval's rows.
     """
@@ -259,6 +260,13 @@ def _kept(
         ]
         for k in range(len(blank.parts)):
             rows.add("kept", part, np.array(places), [values[k] for values in found])
+            part += 1
+    part = 0
+    for blank in form.final:
+        last = first + len(blank.numbers)
+        required, first = blank.asking(ca.vertsplit(x.weights[first:last])), last
+        for row in required.rows(At(system, after[: system.size])):
+            rows.add("final", part, np.ones(1), [row])
             part += 1
 
 

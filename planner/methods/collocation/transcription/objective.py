@@ -105,8 +105,7 @@ def _mixed(options: CollocationOptions) -> Objective:
 
 def fastest(problem: Problem) -> Objective:
     """Least duration, with a small weight on the effort, which settles what time leaves open."""
-    limit = problem.limits.input
-    weights = TIME_REGULARISATION / np.where(np.isfinite(limit), limit, 1.0) ** 2
+    weights = TIME_REGULARISATION / problem.limits.input_scale**2
     return Objective(
         "time",
         f"time: duration + {weights[0]:.4g} x integral of u1^2 dt"

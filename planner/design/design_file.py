@@ -1,0 +1,388 @@
+"""A design file: which mechanisms, for which tasks, judged by what."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from planner.design.geometry import Design, design, gear_of
+from planner.errors import InputError
+from planner.machine.machine import Machine
+from planner.methods.registry import COMPENSATED, parse_specs
+from planner.problem.problem import Problem, with_changes
+from planner.problem.tables.arms import AngleDeg, GearTable, Joints
+from planner.support.arrays import Array, plain
+from planner.support.files import read_toml
+from planner.support.tables import line, number
+from planner.support.user_tables import Positive, Table, nearest, parse
+from planner.sweep.description import base_problem
+from planner.sweep.points import points, varied
+from planner.sweep.sweep_file import Range, SweepFile, Whole
+from planner.systems.manipulator import Gear, Manipulator, stage_gears
+
+MOST_TASKS = 1000
+Box = Annotated[list[AngleDeg], Field(min_length=2, max_length=2)]
+
+
+class VariablesTable(Table):
+    """What a design may change; the rest is as in `[gear]`."""
+
+    rho: Positive | None = Field(None, description="r1/(lambda R): gives r1.")
+    kappa: Positive | None = Field(None, description="lambda R/(eta r3): gives r3.")
+    r1: Positive | None = Field(None, description="Radius of disk B.")
+    R: Positive | None = Field(None, description="Axle of disk A to its driving contact.")
+    r3: Positive | None = Field(None, description="Axle of disk A' to the joint's contact.")
+    lam: Positive | None = Field(None, alias="lambda", description="Bevel and spur gear ratio.")
+    eta: Positive | None = Field(None, description="Timing belt ratio.")
+    joints: Joints | None = Field(None, description="Number of joints.")
+    link_lengths: list[Positive] | None = Field(
+        None, description="Distances of neighbouring joints and of the tip, in the radii's unit."
+    )
+
+    @model_validator(mode="after")
+    def _one_way(self) -> VariablesTable:
+        for ratio, radius in (("rho", "r1"), ("kappa", "r3")):
+            if getattr(self, ratio) is not None and getattr(self, radius) is not None:
+                raise ValueError(f"{ratio} gives {radius}; give one of the two")
+        return self
+
+
+VARIABLES = [field.alias or name for name, field in VariablesTable.model_fields.items()]
+
+
+class PairTable(Table):
+    """One task."""
+
+    start_deg: list[AngleDeg] = Field(description="Joint angles at the start, degrees.")
+    goal_deg: list[AngleDeg] = Field(description="Joint angles at the goal, degrees.")
+
+
+class TasksTable(Table):
+    """Pairs of start and goal, given or drawn."""
+
+    pairs: list[PairTable] = Field(
+        default_factory=list, max_length=MOST_TASKS, description="Given pairs."
+    )
+    count: Annotated[int, Field(ge=1, le=MOST_TASKS)] | None = Field(
+        None, description="Number of pairs to draw; more begin with the same."
+    )
+    seed: Whole = Field(0, description="Seed of the draws.")
+    start_deg: Box | None = Field(
+        None, description="[low, high]: where every joint starts, degrees, evenly."
+    )
+    goal_deg: Box | None = Field(None, description="[low, high]: where every joint ends, likewise.")
+
+    @model_validator(mode="after")
+    def _either(self) -> TasksTable:
+        drawn = self.count is not None
+        if drawn == bool(self.pairs):
+            raise ValueError("give either pairs, or count with start_deg and goal_deg")
+        for name in ("start_deg", "goal_deg"):
+            box = getattr(self, name)
+            if drawn != (box is not None):
+                raise ValueError(
+                    f"{name} = [low, high] is needed to draw {self.count} pairs"
+                    if drawn
+                    else f"{name} is for drawn pairs; leave it out or give count"
+                )
+            if box is not None and not box[0] < box[1]:
+                raise ValueError(f"{name} = {box}: the first must be the lower")
+        return self
+
+
+class MachinesTable(Table):
+    """Emulated machines that every plan meets."""
+
+    samples: Annotated[int, Field(ge=2, le=100_000)] = Field(50, description="Machines a plan.")
+    seed: Whole = Field(0, description="Seed of the machines, the same for every design.")
+
+
+class DesignFile(Table):
+    """A design file.
+
+    The designs are all combinations of the rows of `cases` and the values of `grid`. Lengths share
+    one unit.
+    """
+
+    title: str = Field("", description="One line that says what is asked.")
+    problem: str | dict[str, Any] = Field(
+        description="What all designs have: a problem file of an arm with friction disks, relative"
+        " to the design file, or its tables. Its duration, limits and machine hold for every task;"
+        " its start and goal are the task where [tasks] is left out."
+    )
+    changes: dict[str, Any] = Field(
+        default_factory=dict, alias="set", description="Dotted keys of the problem to change."
+    )
+    methods: Annotated[list[str], Field(min_length=1)] = Field(
+        default_factory=lambda: ["collocation", "polynomial"],
+        description="Methods. Figures are those of the first one's plans; of the others only the"
+        " number of tasks that they solve.",
+    )
+    compensated: bool = Field(
+        True, description="Whether the first method's plans are compensated for the machine too."
+    )
+    gear: GearTable | None = Field(
+        None,
+        description="The mechanism from which designs differ. The problem's when left out; of a"
+        " problem that gives K and k_g, one with lambda = eta = R = 1 that moves alike.",
+    )
+    present: bool = Field(True, description="Whether that mechanism itself is studied, too.")
+    cases: list[dict[str, Any]] = Field(
+        default_factory=list, description="Rows of design variables that go together."
+    )
+    grid: dict[str, Annotated[list[Any], Field(min_length=1)] | Range] = Field(
+        default_factory=dict,
+        description=f"Design variables ({', '.join(VARIABLES)}), each with a list of values or a"
+        " range.",
+    )
+    clearance: Annotated[float, Field(ge=0)] = Field(
+        0.0, description="Room that disks and wheels need beyond their radii."
+    )
+    contact_force_n: Positive | None = Field(
+        None,
+        description="Friction force mu N of one contact in N, with lengths in metres: a contact of"
+        " a design then transmits this times r1. Left out, machine.friction_capacity_nm holds for"
+        " every design, as if contacts of smaller disks were pressed harder.",
+    )
+    tasks: TasksTable | None = Field(None, description="What the arm is to do.")
+    replay: MachinesTable = Field(default_factory=MachinesTable)
+    front: Annotated[list[str], Field(min_length=1, max_length=6)] = Field(
+        default_factory=lambda: ["effort", "spread_deg"],
+        description="Figures that are traded: the Pareto front is of these, and so is the"
+        " recommendation.",
+    )
+
+
+def design_schema() -> dict[str, Any]:
+    """JSON Schema of a design file, for editors."""
+    return DesignFile.model_json_schema()
+
+
+Task = tuple[list[float], list[float]]
+"""Joint angles at the start and at the goal, degrees."""
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """A design file, read and checked.
+
+    Attributes:
+        title: What is asked.
+        source: The file, or a name for messages.
+        table: The file's tables.
+        base: The problem that all designs share.
+        designs: The mechanisms, those that cannot be built among them.
+        tasks: For each number of joints, the tasks.
+        methods: As written; the last is that which compensates, where that is asked for.
+    """
+
+    title: str
+    source: str
+    table: DesignFile
+    base: Problem
+    designs: tuple[Design, ...]
+    tasks: Mapping[int, tuple[Task, ...]]
+    methods: tuple[str, ...]
+
+    def changes(self, design: Design, task: Task) -> dict[str, Any]:
+        """Dotted keys of the problem that pose a task to a design."""
+        g = design.gear
+        links = design.link_lengths or (1.0,) * design.joints
+        out = {
+            "system.joints": design.joints,
+            "system.gear": {"r1": g.r1, "R": g.R, "r3": g.r3, "lambda": g.lam, "eta": g.eta},
+            "system.link_lengths": list(links),
+            "start.theta_deg": task[0],
+            "goal.theta_deg": task[1],
+        }
+        if self.table.contact_force_n is not None:
+            out["machine.friction_capacity_nm"] = _capacity(
+                self.base, self.table.contact_force_n * g.r1
+            )
+        return out
+
+    def posed(self, design: Design, task: Task) -> Problem:
+        """The problem of one task on one design.
+
+        Raises:
+            InputError: If the base problem cannot have it.
+        """
+        tables = {**self.base.to_dict(), "system": {"kind": Manipulator.kind}}
+        return Problem.from_dict(with_changes(tables, self.changes(design, task)), self.source)
+
+    def sweep(self) -> dict[str, Any]:
+        """The sweep that plans every task on every design that can be built, design by design."""
+        built = [each for each in self.designs if not each.refused]
+        rows = [(each, task) for each in built for task in self.tasks[each.joints]]
+        return {
+            "title": self.title,
+            "problem": self.posed(*rows[0]),
+            "methods": list(self.methods),
+            "cases": [self.changes(*row) for row in rows],
+            "replay": self.table.replay.model_dump(),
+        }
+
+
+def read_design(source: Mapping[str, Any] | str | Path) -> Asked:
+    """Read a design file, or its tables, and check what can be checked before anything is planned.
+
+    Raises:
+        InputError: If a key or value is wrong, nothing varies, a variable does not exist or has an
+            impossible value, or no design can be built.
+    """
+    named = "design" if isinstance(source, Mapping) else str(source)
+    data = dict(source if isinstance(source, Mapping) else read_toml(source, "a design file"))
+    problem = data.get("problem")
+    given = problem if isinstance(problem, Problem) else None
+    if given is not None:
+        data["problem"] = given.to_dict()
+    table = parse(DesignFile, plain(data), named)
+    base = base_problem(table.problem, table.changes, named, given)
+    if not isinstance(base.system, Manipulator):
+        raise InputError(
+            f"{named}: the mechanism of system.kind = '{base.system.kind}' is none of friction"
+            " disks; a design study is of a 'manipulator'"
+        )
+    if base.travel is not None:
+        raise InputError(
+            f"{named}: goal.travel = {base.travel:.4g} of the problem is for one mechanism; leave"
+            ' it free, as in set = { "goal.travel" = "free" }'
+        )
+    specs = parse_specs(base, table.methods)
+    if any(spec.compensated for spec in specs):
+        raise InputError(
+            f"{named}: name methods without '{COMPENSATED}'; compensated = true asks for it"
+        )
+    first, *options = specs[0].label.split(":", 1)
+    extra = [":".join([f"{first} {COMPENSATED}", *options])] if table.compensated else []
+    designs = _designs(table, base, named)
+    if all(each.refused for each in designs):
+        why = designs[0]
+        raise InputError(f"{named}: no design can be built; {why.name}: {why.refused}")
+    joints = sorted({each.joints for each in designs})
+    return Asked(
+        title=line(table.title) or line(Path(named).stem),
+        source=named,
+        table=table,
+        base=base,
+        designs=designs,
+        tasks={n: _tasks(table.tasks, base, n, named) for n in joints},
+        methods=(*(spec.label for spec in specs), *extra),
+    )
+
+
+def _designs(table: DesignFile, base: Problem, source: str) -> tuple[Design, ...]:
+    rows = SweepFile.model_construct(problem="", methods=[], cases=table.cases, grid=table.grid)
+    keys = varied(rows)
+    for key in keys:
+        if key not in VARIABLES:
+            raise InputError(
+                f"{source}: unknown design variable '{key}'; {nearest(key, VARIABLES)}"
+            )
+    if not keys:
+        raise InputError(
+            f"{source}: no design is asked for; give [grid] or [[cases]], as in [grid]"
+            " rho = [0.8, 1.0]"
+        )
+    gear, links, inferred = _present(table, base, source)
+    if inferred and table.contact_force_n is not None:
+        raise InputError(
+            f"{source}: contact_force_n needs radii in metres; give the table [gear] of the"
+            " mechanism"
+        )
+    system = base.system
+    assert isinstance(system, Manipulator)
+    out = []
+    for point in points(rows, source):
+        name = ", ".join(f"{key} = {_shown(value)}" for key, value in point.items())
+        parse(VariablesTable, point, f"{source}: design {name}")
+        n = point.get("joints", system.n)
+        own = point.get("link_lengths", links if n == system.n else None)
+        if own is not None and len(own) != n:
+            raise InputError(
+                f"{source}: design {name}: link_lengths has {len(own)} values for {n} joints"
+            )
+        out.append(design(name, point, gear_of(point, gear), _bends(base, n), own, table.clearance))
+    if table.present and not any(_same(each, gear, system.n) for each in out):
+        bends = _bends(base, system.n)
+        out.insert(0, design("as it is", {}, gear, bends, links, table.clearance))
+    return tuple(out)
+
+
+def _present(table: DesignFile, base: Problem, source: str) -> tuple[Gear, Any, bool]:
+    """The mechanism as it is: gear, links where they share its unit, and whether it is inferred."""
+    system = base.system
+    assert isinstance(system, Manipulator)
+    if table.gear is not None:
+        g = table.gear
+        return Gear(g.r1, g.R, g.r3, g.lam, g.eta), None, False
+    gears, _ = stage_gears(system)
+    radii = [g.r3 for g in gears]
+    if max(radii) > min(radii) * (1 + UNEVEN):
+        raise InputError(
+            f"{source}: the problem's K belong to stages of different radii; give the table [gear]"
+            " of the mechanism that designs are to differ from"
+        )
+    if system.gear is None:
+        return gears[0], None, True
+    links = base.to_dict()["system"].get("link_lengths")
+    return gears[0], links, False
+
+
+UNEVEN = 1e-4
+"""Ratios in problem files have six digits; stages that differ by more are meant to."""
+
+
+def _same(each: Design, gear: Gear, joints: int) -> bool:
+    own, other = (np.array([g.r1, g.R, g.r3, g.lam, g.eta]) for g in (each.gear, gear))
+    return each.joints == joints and bool(np.allclose(own, other, rtol=1e-9))
+
+
+def _bends(base: Problem, joints: int) -> Array:
+    """Largest |θ| of each joint, (n,), rad; infinite where there is no limit."""
+    own = base.limits.joint[1:]
+    return own if len(own) == joints else np.full(joints, float(np.max(own)))
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_shown, value)) + "]"
+    return number(float(value), 4) if isinstance(value, int | float) else str(value)
+
+
+def _tasks(table: TasksTable | None, base: Problem, joints: int, source: str) -> tuple[Task, ...]:
+    if table is None:
+        tables = base.to_dict()
+        given: Sequence[Task] = [(tables["start"]["theta_deg"], tables["goal"]["theta_deg"])]
+    elif table.count is not None:
+        assert table.start_deg is not None
+        assert table.goal_deg is not None
+        rng = np.random.default_rng([table.seed, joints])
+        given = []
+        for _ in range(table.count):
+            boxes = (table.start_deg, table.goal_deg)
+            ends = (rng.uniform(low, high, joints) for low, high in boxes)
+            start, goal = (np.round(end, 2).tolist() for end in ends)
+            given.append((start, goal))
+    else:
+        given = [(pair.start_deg, pair.goal_deg) for pair in table.pairs]
+    for k, task in enumerate(given):
+        for name, angles in zip(("start_deg", "goal_deg"), task, strict=True):
+            if len(angles) != joints:
+                raise InputError(
+                    f"{source}: task {k + 1}: {name} has {len(angles)} angles, and a design has"
+                    f" {joints} joints; draw tasks with count, or give each number its own study"
+                )
+    return tuple(given)
+
+
+def _capacity(base: Problem, torque: float) -> dict[str, float]:
+    """The contacts' capacity, with the relative spread of the problem's machine."""
+    known = Machine.from_table(base.machine).effects.get("friction_capacity_nm")
+    spread = known.spread[0] / known.value[0] if known is not None else 0.0
+    return {"value": torque, "spread": spread * torque}

@@ -1,0 +1,156 @@
+"""One design of the mechanism: its radii, ratios and links, and whether it can be built.
+
+The parts stand as `planner.report.plot_mechanism` draws them. At joint j the wheel Bⱼ of radius r₁
+stands on link j−1, upright over the contact P₁ on the axis of the joint. The disks Aⱼ and A'ⱼ lie
+on link j, their axles R and r₃ from that axis. All stages are at one height. With lⱼ the length of
+link j, βⱼ the largest bend of joint j and c the clearance, the mechanism can be built where
+
+    lⱼ > R, lⱼ > r₃               P₁, P₂ and P₃ can meet the disks: their axles stand on link j
+    lⱼ > r₁ sin βⱼ + c            wheels Bⱼ and Bⱼ₊₁ stand clear of each other
+    lⱼ > R (1 − cos βⱼ₊₁) + √(4 (R + c)² − R² sin² βⱼ₊₁)   so do disks Aⱼ and Aⱼ₊₁; with r₃: A'
+    R cos βⱼ > c                  the axle of Aⱼ stands clear of wheel Bⱼ
+
+The third is from the distance of the two axles, √((l − R)² + R² + 2R(l − R) cos β) > 2(R + c); the
+second and third are for the links between two stages, j ≤ n − 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from planner.support.arrays import Array
+from planner.support.tables import number
+from planner.systems.manipulator import Gear
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """One mechanism of a study.
+
+    Attributes:
+        name: The values that tell it from others, as text.
+        values: The design variables that vary, and their values; none of the mechanism as it is.
+        joints: Number of joints n.
+        gear: Radii and ratios of every stage.
+        link_lengths: Distances of neighbouring joints and of the tip, n of them, in the unit of the
+            radii; None where nothing is said of them, so that links are as long as is needed.
+        least_link: The longest that a link must be for the parts to clear each other, likewise.
+        refused: The inequality that rules it out, in words; empty where it can be built.
+    """
+
+    name: str
+    values: Mapping[str, Any]
+    joints: int
+    gear: Gear
+    link_lengths: tuple[float, ...] | None
+    least_link: float
+    refused: str
+
+    def __repr__(self) -> str:
+        g = self.gear
+        state = f"; cannot be built: {self.refused}" if self.refused else ""
+        return (
+            f"Design({self.name}: {self.joints} joints, rho {number(g.rho)}, kappa"
+            f" {number(kappa_of(g))}; r1 {number(g.r1)}, R {number(g.R)}, r3 {number(g.r3)},"
+            f" lambda {number(g.lam)}, eta {number(g.eta)}{state})"
+        )
+
+
+def kappa_of(gear: Gear) -> float:
+    """κ = λR/(ηr₃), how much a joint turns for a turn of the disk before it; k₂ = κρ."""
+    return gear.lam * gear.R / (gear.eta * gear.r3)
+
+
+def gear_of(values: Mapping[str, Any], base: Gear) -> Gear:
+    """The gear with some design variables changed.
+
+    `rho` gives r₁ = ρλR and `kappa` gives r₃ = λR/(ηκ): the disks A and the bought gears and belts
+    stay, wheel B and the radius of the last contact change.
+    """
+    lam, eta = values.get("lambda", base.lam), values.get("eta", base.eta)
+    R = values.get("R", base.R)
+    r1 = values["rho"] * lam * R if "rho" in values else values.get("r1", base.r1)
+    r3 = lam * R / (eta * values["kappa"]) if "kappa" in values else values.get("r3", base.r3)
+    return Gear(float(r1), float(R), float(r3), float(lam), float(eta))
+
+
+def design(
+    name: str,
+    values: Mapping[str, Any],
+    gear: Gear,
+    bends: Array,
+    link_lengths: Sequence[float] | None = None,
+    clearance: float = 0.0,
+) -> Design:
+    """A design, with the first inequality that rules it out.
+
+    Args:
+        name: What to call it.
+        values: The design variables that vary.
+        gear: Radii and ratios.
+        bends: Largest |θ| of joints 1 … n, (n,), rad; 90° where there is no limit.
+        link_lengths: Of n links, in the unit of the radii; None where nothing is said of them.
+        clearance: How much room parts need beyond their radii, likewise.
+    """
+    bends = np.minimum(bends, np.pi / 2)
+    needs = _needs(gear, bends, clearance)
+    refused = _hidden_axle(gear, bends, clearance)
+    if not refused and link_lengths is not None:
+        for link, least, what in needs:
+            if not link_lengths[link - 1] > least:
+                refused = (
+                    f"{what} = {number(least, 4)} does not hold: l{link} ="
+                    f" {number(float(link_lengths[link - 1]), 4)}"
+                )
+                break
+    return Design(
+        name=name,
+        values=dict(values),
+        joints=len(bends),
+        gear=gear,
+        link_lengths=None if link_lengths is None else tuple(map(float, link_lengths)),
+        least_link=max(least for _, least, _ in needs),
+        refused=refused,
+    )
+
+
+def _hidden_axle(gear: Gear, bends: Array, clearance: float) -> str:
+    """Why wheel B stands in the way of the axle of its disk A; empty where it does not."""
+    widest = float(np.max(bends[:-1]))
+    room, bent = gear.R * float(np.cos(widest)), f"{np.rad2deg(widest):.3g} deg"
+    if clearance and not room > clearance:
+        return (
+            f"wheel B and the axle of disk A collide where a joint bends by {bent}"
+            f" (limits.joint_deg): R cos {bent} > {number(clearance)} does not hold, it is"
+            f" {number(room)}"
+        )
+    return ""
+
+
+def _needs(gear: Gear, bends: Array, c: float) -> list[tuple[int, float, str]]:
+    """What each link needs: its number, its least length, and the inequality in words."""
+    out = []
+    stages = len(bends) - 1
+    plus = f" + {number(c)}" if c else ""
+    for j in range(1, stages + 1):
+        for radius, name, disk, point in ((gear.R, "R", "A", "P1"), (gear.r3, "r3", "A'", "P3")):
+            beyond = f"contact {point} of joint {j} cannot meet disk {disk}, whose axle would stand"
+            out.append((j, radius, f"{beyond} beyond link {j}: l{j} > {name}"))
+    for j in range(1, stages):
+        own, after = float(bends[j - 1]), float(bends[j])
+        shown = f"{np.rad2deg(own):.3g} deg"
+        wheels = f"wheels B of joints {j} and {j + 1} collide: l{j} > r1 sin {shown}{plus}"
+        out.append((j, gear.r1 * float(np.sin(own)) + c, wheels))
+        shown = f"{np.rad2deg(after):.3g} deg"
+        for radius, name, disk in ((gear.R, "R", "A"), (gear.r3, "r3", "A'")):
+            across = 4 * (radius + c) ** 2 - (radius * np.sin(after)) ** 2
+            least = radius * (1 - float(np.cos(after))) + float(np.sqrt(across))
+            rim = f"({name}{plus})" if c else name
+            formula = f"{name} (1 - cos b) + sqrt(4 {rim}^2 - ({name} sin b)^2)"
+            words = f"disks {disk} of joints {j} and {j + 1} collide, bent by b = {shown}"
+            out.append((j, least, f"{words}: l{j} > {formula}"))
+    return out

@@ -1,0 +1,226 @@
+"""The file of a plan (JSON): its tables, and how it is read back. `Plan.save` writes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, Literal, Union
+
+from pydantic import Field, field_validator
+
+from planner.errors import InputError
+from planner.plan.claims import Certificate, certificate_from_dict
+from planner.plan.plan import FORMAT, VERSION, Compensation, Plan
+from planner.plan.trajectory import trajectory_from_dict
+from planner.problem.problem import Problem
+from planner.support.files import read_json
+from planner.support.tables import line
+from planner.support.user_tables import Table, parse
+
+
+def read_plan(path: str | Path) -> Plan:
+    """What a file of `Plan.save` says, believed as it stands; `planner.load_plan` judges it.
+
+    Raises:
+        InputError: If the file is missing, is not a plan, or has a newer version.
+    """
+    return _plan(_read(path), path)
+
+
+def _plan(data: Mapping[str, Any], path: str | Path) -> Plan:
+    problem = Problem.from_dict(data["problem"], data["source"])
+    if made_from := data.get("compensation"):
+        parse(PlanFile, made_from["plan"], f"{path}, the plan that it compensates")
+        made_from = Compensation(
+            _plan(made_from["plan"], path),
+            made_from["machine"],
+            made_from["lead_s"],
+            made_from["tail_s"],
+        )
+    try:
+        return Plan(
+            problem=problem,
+            trajectory=trajectory_from_dict(problem.system, data["trajectory"]),
+            certificate=_certificate(data.get("certificate")),
+            why="" if data["verified"] else data.get("why", ""),
+            compensation=made_from,
+            **{key: _read_back(data[key]) for key in _COPIED},
+        )
+    except (KeyError, TypeError) as error:
+        raise InputError(f"{path} is not a complete plan file: {error!r}") from None
+    except ValueError as error:
+        raise InputError(f"{path} holds no trajectory of this problem: {error}") from None
+
+
+_COPIED = (
+    "method",
+    "options",
+    "status",
+    "objective",
+    "objective_name",
+    "solve_time_s",
+    "build_time_s",
+    "iterations",
+    "verified",
+    "notes",
+)
+
+
+def _certificate(data: Mapping[str, Any] | None) -> Certificate | None:
+    return None if data is None else certificate_from_dict(data)
+
+
+def _read_back(value: Any) -> Any:
+    """A number that is not defined is null in the file; nothing else is. Texts are for show."""
+    if isinstance(value, str):
+        return line(value)
+    return float("nan") if value is None else value
+
+
+def _read(path: str | Path) -> dict[str, Any]:
+    data = read_json(path, "`planner plan PROBLEM --out FILE` writes a plan file")
+    if data.get("format") != FORMAT:
+        raise InputError(f"{path} is not a plan file (its 'format' is not '{FORMAT}')")
+    if data.get("version") != VERSION:
+        raise InputError(f"{path} has version {data.get('version')}; this planner reads {VERSION}")
+    parse(PlanFile, data, str(path))
+    return data
+
+
+Number = float | None
+"""A number; null where it is not defined."""
+
+
+class CurveTable(Table):
+    """A piecewise polynomial in the Bernstein basis.
+
+    On [breaks[k], breaks[k+1]], with x from 0 to 1 in it, component i is the sum over a of
+    bernstein[a][k][i] C(d, a) x^a (1-x)^(d-a), where d is the degree; a scalar curve has no [i].
+    """
+
+    breaks: Annotated[list[float], Field(min_length=2)] = Field(description="K+1 increasing times.")
+
+    @field_validator("breaks")
+    @classmethod
+    def _increase(cls, breaks: list[float]) -> list[float]:
+        if not all(a < b < 1e15 for a, b in pairwise(breaks)):
+            raise ValueError("times must increase, and stay below 1e15 s")
+        return breaks
+
+    bernstein: list[list[Number | list[Number]]] = Field(
+        description="Coefficients: degree + 1 lists of K pieces, each a list of components."
+    )
+
+
+class ChainedTable(Table):
+    """A curve given in chained coordinates."""
+
+    kind: Literal["chained"]
+    branch: list[float] = Field(description="Signs (N) of the chart's branch.")
+    z: CurveTable = Field(description="z1 ... zN over time in s.")
+    v: CurveTable = Field(description="v1, v2 over time in s.")
+
+
+class StateTable(Table):
+    """A curve given in coordinates and inputs."""
+
+    kind: Literal["state"]
+    q: CurveTable = Field(description="q1 ... qN in rad or m over time in s.")
+    u: CurveTable = Field(description="u1, u2 in rad/s or m/s over time in s.")
+
+
+class RetimedTable(Table):
+    """A curve with another clock."""
+
+    kind: Literal["retimed"]
+    path: TrajectoryTable
+    length: CurveTable = Field(description="Length along the path over the path's own time.")
+    clock: CurveTable = Field(description="Length over time in s.")
+    stations: list[float] = Field(description="The path's own time at the breaks of the clock.")
+
+
+TrajectoryTable = Annotated[
+    Union[ChainedTable, StateTable, RetimedTable],  # noqa: UP007
+    Field(discriminator="kind"),
+]
+
+
+class ClaimTable(Table):
+    """One requirement over all time."""
+
+    label: str = Field(description="What is required, as in 'joint theta3'.")
+    status: Literal["proven", "undecided", "violated"]
+    guaranteed: Number = Field(description="The margin is nowhere less; null: nothing is known.")
+    attained: Number = Field(description="The margin is this small, or smaller, at time_s.")
+    time_s: Number = Field(description="When the margin is least, as far as known.")
+    unit: str = Field(description="Unit of the margin.")
+    required: bool = Field(description="Whether the problem asks for it.")
+    why: str = Field(description="What kept it from being decided.")
+    text: str = Field(description="The same in words.")
+
+
+class CertificateTable(Table):
+    """What is proven of the plan over whole intervals."""
+
+    ok: bool = Field(description="Whether everything required is proven.")
+    text: str = Field(description="The same in words.")
+    claims: list[ClaimTable]
+    motion_error: dict[str, Number] = Field(
+        description="Proven bound on |q(t) - true motion|, by coordinate; null: none."
+    )
+    cells: int = Field(description="Subintervals the proof rests on.")
+    seconds: float = Field(description="How long it took.")
+
+
+class PlanFile(Table):
+    """A plan as `Plan.save` writes it. Angles are in radians, times in seconds."""
+
+    format: Literal["planner-plan"]
+    version: Literal[1] = Field(description="Version of this form.")
+    problem: dict[str, Any] = Field(description="The tables of the problem file.")
+    source: str = Field(description="Where the problem came from.")
+    method: str = Field(description="Method that made it.")
+    options: dict[str, Any] = Field(description="The method's options, as used.")
+    status: str = Field(description="'solved', or what kept it from being a plan.")
+    objective: Number = Field(description="Value of the method's objective.")
+    objective_name: str = Field(description="What that objective is.")
+    solve_time_s: Number = Field(description="Time the method spent solving.")
+    build_time_s: Number = Field(description="Time it spent preparing.")
+    iterations: int = Field(description="Iterations of its solver, 0 for closed forms.")
+    verified: bool = Field(description="Whether the independent check passed.")
+    notes: dict[str, Any] = Field(description="Further facts of the method.")
+    certificate: CertificateTable | None = Field(
+        None, description="What is proven of it between the nodes; null: not examined."
+    )
+    why: str = Field("", description="What a plan that was read as verified breaks.")
+    trajectory: TrajectoryTable = Field(description="The curve itself.")
+    compensation: CompensationOfTable | None = Field(
+        None, description="Of a compensated plan what it was made from."
+    )
+
+
+class CompensationOfTable(Table):
+    """What a compensated plan was made from."""
+
+    plan: dict[str, Any] = Field(description="The plan as the kinematics say, as a plan file.")
+    machine: dict[str, Any] = Field(description="The [machine] table that is allowed for.")
+    lead_s: Annotated[float, Field(ge=0)] = Field(
+        description="How long the commands prepare before that plan starts."
+    )
+    tail_s: Annotated[float, Field(ge=0)] = Field(
+        description="How long they go on after that plan has ended."
+    )
+
+
+def plan_schema(problem: dict[str, Any]) -> dict[str, Any]:
+    """JSON Schema of a plan file.
+
+    Args:
+        problem: JSON Schema of a problem file.
+    """
+    schema = PlanFile.model_json_schema()
+    inner = dict(problem)
+    schema["$defs"] |= inner.pop("$defs", {})
+    schema["properties"]["problem"] = inner
+    return schema

@@ -1,0 +1,170 @@
+"""What the tables of a problem file ask of every plan, and where they contradict each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.problem.requirements.ends import TipGoal
+from planner.problem.requirements.places import Obstacle, Waypoint
+from planner.problem.requirements.requirement import Requirement
+from planner.problem.tables.kinds import REQUIREMENTS
+from planner.problem.tables.problem_file import ProblemFile
+from planner.support.arrays import Array
+from planner.systems.triangular_system import TriangularSystem
+
+
+def waypoints_of(tables: ProblemFile, system: TriangularSystem, source: str) -> list[Waypoint]:
+    """The waypoints of a problem file.
+
+    Raises:
+        InputError: If one names a coordinate that there is not.
+    """
+    try:
+        states = tables.waypoint_states([c.name for c in system.coordinates])
+    except ValueError as error:
+        raise InputError(f"{source}: {error}") from None
+    out = []
+    for k, (table, q) in enumerate(zip(tables.waypoints, states, strict=True), 1):
+        units = {c.unit for c, known in zip(system.coordinates, ~np.isnan(q), strict=True) if known}
+        out.append(Waypoint(k, q, table.time, units.pop() if len(units) == 1 else ""))
+    return out
+
+
+def obstacles_of(tables: ProblemFile, system: TriangularSystem) -> list[Obstacle]:
+    """The obstacles of a problem file."""
+    links = len(getattr(system, "link_lengths", ()))
+    discs = enumerate(tables.discs(), 1)
+    return [Obstacle(k, links, d.centre_m[0], d.centre_m[1], d.radius_m) for k, d in discs]
+
+
+SMALL_UNITS = {100.0: "centimetres", 1000.0: "millimetres"}
+"""In which a place ten times out of reach or more may have been meant."""
+
+
+def tip_of(
+    tables: ProblemFile, system: TriangularSystem, discs: Sequence[Obstacle], source: str
+) -> TipGoal | None:
+    """What the goal asks of the tip; None where it gives the joints.
+
+    Raises:
+        InputError: If no joints' angles at all, within 90 degrees, would do it.
+    """
+    asked = tables.tip()
+    if not asked:
+        return None
+    lengths = system.link_lengths  # type: ignore[attr-defined]
+    reach = float(np.sum(lengths))
+    tip = TipGoal(tuple(asked), tuple(asked.values()), reach)
+    turn = 90.0 * len(lengths)
+    if tip.angle is not None and abs(np.rad2deg(tip.angle)) >= turn:
+        raise InputError(
+            f"{source}: goal.tip_angle_deg = {np.rad2deg(tip.angle):.6g} is the sum of"
+            f" {len(lengths)} joints' angles, each within 90 degrees: it lies between -{turn:g} and"
+            f" {turn:g}"
+        )
+    if tip.place is None:
+        return tip
+    away, least = float(np.hypot(*tip.place)), float(2 * np.max(lengths) - reach)
+    where = f"{source}: goal.tip_m = [{tip.place[0]:g}, {tip.place[1]:g}]"
+    if away > reach:
+        nearest = tip.place * (reach / away)
+        small = SMALL_UNITS.items() if away > 10 * reach else ()
+        unit = next((unit for by, unit in small if away / by <= reach), "")
+        slip = f" (in {unit}? The key is in metres)" if unit else ""
+        raise InputError(
+            f"{where} is {away:.4g} m from the base{slip}, and the stretched arm is {reach:.4g} m"
+            f" long; the nearest place that it could reach is [{nearest[0]:.4g}, {nearest[1]:.4g}]"
+        )
+    if away < least:
+        raise InputError(
+            f"{where} is {away:.4g} m from the base, and the longest link keeps the tip at least"
+            f" {least:.4g} m away"
+        )
+    for disc in discs:
+        if (inside := disc.radius - float(np.hypot(*(tip.place - disc.centre)))) > 0:
+            raise InputError(
+                f"{where} lies {inside:.3g} m inside obstacle {disc.number}; move one of them"
+            )
+    return tip
+
+
+def further_of(tables: ProblemFile, system: TriangularSystem, source: str) -> list[Requirement]:
+    """The limits of kinds that all systems know.
+
+    Raises:
+        InputError: If one cannot be of this system, or its class contradicts itself.
+    """
+    out = []
+    for key, kind in REQUIREMENTS.items():
+        value = getattr(tables.limits, key, None)
+        if value is None:
+            continue
+        try:
+            required = kind.of(value, system)
+        except ValueError as error:
+            raise InputError(f"{source}: 'limits.{key}': {error}") from None
+        if why := required.fault(system):
+            raise InputError(f"{source}: 'limits.{key}': its class {kind.__name__} {why}")
+        out.append(required)
+    return out
+
+
+def contradiction(
+    states: Mapping[str, Array], requirements: Iterable[Requirement], system: TriangularSystem
+) -> str:
+    """Which of these states (N,), by name, no plan can pass through; empty if it can pass all."""
+    for name, q in states.items():
+        for required in requirements:
+            if why := required.contradiction(name, q, system):
+                return f"contradiction: {why}"
+    return ""
+
+
+APART_S = 1e-6
+"""Least time between two waypoints, relative to the duration."""
+
+
+def clash_of_times(waypoints: Sequence[Waypoint], duration: float | None) -> str:
+    """Why no plan can pass the waypoints at their times, in words; empty if one can."""
+    timed = sorted((p.time_s, p.number) for p in waypoints if p.time_s is not None)
+    if not timed:
+        return ""
+    if duration is None:
+        return (
+            f"waypoints[{timed[0][1] - 1}].time needs a fixed goal.duration;"
+            " set one or leave out the time"
+        )
+    before, after = [(0.0, 0), *timed], [*timed, (duration, 0)]
+    for (earlier, first), (later, second) in zip(before, after, strict=True):
+        if later - earlier > APART_S * duration:
+            continue
+        if first and second:
+            return (
+                f"waypoints {first} and {second} have the same time {later:g} s;"
+                " merge them or change a time"
+            )
+        number, time = (second, later) if second else (first, earlier)
+        return (
+            f"waypoints[{number - 1}].time = {time:g} s must lie inside the motion, between 0 and"
+            f" goal.duration = {duration:g} s"
+        )
+    return ""
+
+
+LOOKS_LIKE_RADIANS_DEG = 1.6
+"""Joints stay below 90 degrees, 1.57 rad; motions of less than 1.6 degrees are rare."""
+
+
+def likely_slip(system: TriangularSystem, start: Array, goal: Array) -> str:
+    """What can be used as it stands and looks like a slip, in words; empty if nothing does."""
+    angular = [i for i in system.limited if system.coordinates[i].unit == "rad"]
+    angles = np.abs([start[angular], goal[angular]])
+    if 0 < np.rad2deg(np.max(angles, initial=0)) < LOOKS_LIKE_RADIANS_DEG:  # not where one is free
+        return (
+            f"all angles of start and goal are below {LOOKS_LIKE_RADIANS_DEG} degrees; if they are"
+            " meant in radians, write them in degrees"
+        )
+    return ""

@@ -1,0 +1,198 @@
+"""Where the joints may be at a goal that leaves some of them free, and how far the tip reaches.
+
+The equations of the tip are solved from many places at once, by Newton's method with the least step
+that mends them (Levenberg and Marquardt), each joint inside its limits. A solution stands for its
+branch: all in which the same elbows bend the same way. What is not found may still be there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from planner.problem.problem import Problem, expect_problem
+from planner.problem.requirements.requirement import At
+from planner.support.arrays import Array
+
+SEEDS = 256
+"""Places to solve from: with three joints each branch is found from at least twenty of them."""
+
+STEPS, LONGEST_RAD = 60, 0.5
+"""Steps, ten times what most places take, and the largest of one in any joint."""
+
+SOLVED = 1e-10
+"""Error, rad or parts of the reach, that counts as none: a millionth of what the judge allows."""
+
+BETTERED = 4
+"""Of the places that miss the tip, those from which the nearest is looked for."""
+
+INSIDE = 0.02
+"""Share by which joints at the nearest place are moved towards the middle of their ranges, so that
+they keep off their limits and a rounded place is still within reach."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """What is found of a goal that leaves joints free.
+
+    Attributes:
+        branches: Coordinates q(T) (N,) that meet it, NaN for the path coordinate, one for each way
+            in which elbows may bend, the nearest to the start first.
+        blocked: How many more ways there are that break a limit or touch something.
+        tip: Where the tip comes nearest to what is asked, shape (3,): x, y in metres and its
+            direction in radians; what is asked where there is a branch.
+        missed: How far that is off: metres, or radians where only a direction is asked for (where
+            both are, they are added like the sides of a right angle, a radian as the arm's reach).
+        reach: Sum of the links' lengths, metres.
+    """
+
+    branches: tuple[Array, ...]
+    blocked: int
+    tip: Array
+    missed: float
+    reach: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready form."""
+        return {
+            "branches_theta_deg": [np.rad2deg(q[1:]).tolist() for q in self.branches],
+            "blocked_branches": self.blocked,
+            "nearest_tip_m": self.tip[:2].tolist(),
+            "nearest_tip_angle_deg": float(np.rad2deg(self.tip[2])),
+            "missed": self.missed,
+            "reach_m": self.reach,
+        }
+
+
+def goal_reach(problem: Problem) -> Reach | None:
+    """What configurations a goal may end in.
+
+    Returns:
+        What is found; None where the goal gives every joint.
+    """
+    expect_problem(problem)
+    if not problem.free:
+        return None
+    theta = _places(problem)
+    off = _off(problem, theta)
+    size = np.max(np.abs(off), axis=1, initial=0.0)
+    solved, arm = size < SOLVED, _arm(problem)
+    allowed = solved & _kept(problem, theta)
+    branches = _nearest(problem, theta[allowed])
+    best = theta[solved][0] if np.any(solved) else _closest(problem, theta)
+    reach = float(np.sum(arm.link_lengths))
+    tip = np.append(arm.arm_points(best)[-1], np.sum(best))
+    missed = float(np.linalg.norm(_off(problem, best[None])))
+    metres = 1.0 if problem.tip is None or problem.tip.place is None else reach
+    return Reach(
+        branches=tuple(np.append(np.nan, each) for each in branches),
+        blocked=len(_nearest(problem, theta[solved])) - len(branches),
+        tip=tip,
+        missed=0.0 if np.any(solved) else metres * missed,
+        reach=reach,
+    )
+
+
+def _arm(problem: Problem) -> Any:
+    return problem.system
+
+
+def _places(problem: Problem) -> Array:
+    """Joint angles (S, n) inside their limits that meet the goal, or come as near as they can."""
+    free = np.array(problem.free) - 1
+    most = problem.free_within
+    rng = np.random.default_rng(0)
+    theta = np.tile(problem.goal[1:], (SEEDS, 1))
+    theta[:, free] = rng.uniform(-most, most, (SEEDS, len(free)))
+    theta[0, free] = np.clip(problem.start[1:][free], -most, most)
+    left = np.arange(SEEDS)
+    for _ in range(STEPS):
+        left = left[np.max(np.abs(_off(problem, theta[left])), axis=1, initial=0.0) >= SOLVED]
+        if not len(left):
+            break
+        theta[np.ix_(left, free)] = _step(problem, theta[left], free, most)
+    return theta
+
+
+def _step(problem: Problem, theta: Array, free: Array, most: Array) -> Array:
+    """The free joints a step on; those that would leave their limits stay at them."""
+    off, slope = _off(problem, theta), _slopes(problem, theta)[:, :, free]
+    now = theta[:, free]
+    damping = (1e-14 + np.sum(off**2, axis=1))[:, None, None] * np.eye(off.shape[1])
+    for _ in range(len(free)):
+        push = np.linalg.solve(slope @ slope.transpose(0, 2, 1) + damping, off[:, :, None])
+        step = -(slope.transpose(0, 2, 1) @ push)[:, :, 0]
+        longest = np.max(np.abs(step), axis=1, keepdims=True)
+        step *= np.minimum(1.0, LONGEST_RAD / np.maximum(longest, LONGEST_RAD))
+        moved = np.clip(now + step, -most, most)
+        out = np.abs(now + step) > most
+        if not np.any(out & np.any(slope, axis=1)):
+            break
+        slope = np.where(out[:, None, :], 0.0, slope)
+    return moved
+
+
+def _off(problem: Problem, theta: Array) -> Array:
+    """What the tip (S, n) misses, shape (S, m): parts of the reach, radians."""
+    if problem.tip is None:
+        return np.zeros((len(theta), 0))
+    q = np.column_stack([np.zeros(len(theta)), theta])
+    found = np.stack(problem.tip.values(At.of(problem.system, q)), axis=1)
+    low, _, scale = problem.tip.sides
+    return np.asarray((found - low) / scale)
+
+
+def _slopes(problem: Problem, theta: Array) -> Array:
+    """∂/∂θ of the same, shape (S, m, n): joint j moves the tip across its distance from j."""
+    assert problem.tip is not None
+    points = _arm(problem).arm_points(theta)
+    arm = (points[:, -1:] - points[:, :-1]) / np.sum(_arm(problem).link_lengths)
+    every = {"x": -arm[..., 1], "y": arm[..., 0], "angle": np.ones_like(theta)}
+    return np.stack([every[name] for name in problem.tip.asked], axis=1)
+
+
+def _kept(problem: Problem, theta: Array) -> Array:
+    """Which places (S, n) keep what holds at all times, shape (S,)."""
+    q = np.column_stack([np.zeros(len(theta)), theta])
+    at, out = At.of(problem.system, q), np.ones(len(theta), dtype=bool)
+    for required in problem.requirements:
+        if required.reads == {"q"}:
+            low, high, scale = required.sides
+            values, slack = np.stack(required.values(at), axis=1), 1e-9 * scale
+            out &= np.all((values >= low - slack) & (values <= high + slack), axis=1)
+    return out
+
+
+def _nearest(problem: Problem, theta: Array) -> list[Array]:
+    """Of the places (S, n) of each branch that nearest to the start, the nearest branch first."""
+    away = np.linalg.norm(theta - problem.start[1:], axis=1)
+    found: dict[tuple[bool, ...], Array] = {}
+    for k in np.argsort(away, kind="stable"):
+        found.setdefault(tuple((theta[k, 1:] > 0).tolist()), theta[k])
+    return list(found.values())
+
+
+def _closest(problem: Problem, theta: Array) -> Array:
+    """Of places (S, n) that miss the tip the one that comes nearest, once it is bettered, (n,)."""
+    from scipy.optimize import least_squares  # slow to import, and seldom needed
+
+    free, most = np.array(problem.free) - 1, problem.free_within
+    first = np.argsort(np.linalg.norm(_off(problem, theta), axis=1))[:BETTERED]
+
+    def whole(angles: Array) -> Array:
+        out = theta[:1].copy()
+        out[0, free] = angles
+        return out
+
+    found = [
+        least_squares(
+            lambda x: _off(problem, whole(x))[0],
+            0.999 * theta[k, free],
+            lambda x: _slopes(problem, whole(x))[0][:, free],
+            (-most, most),
+        )
+        for k in first
+    ]
+    return np.asarray(whole((1 - INSIDE) * min(found, key=lambda f: f.cost).x)[0])

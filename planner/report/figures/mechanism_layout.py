@@ -1,0 +1,110 @@
+"""Where the parts of the mechanism stand on paper, and the geometry that K and k_g stand for."""
+
+from __future__ import annotations
+
+import textwrap
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.support.arrays import Array
+from planner.systems.manipulator import Gear, Manipulator, stage_gears
+
+INCH = 1 / 1.3
+"""Of paper, in largest radii: labels of 9 points then stand clear of each other."""
+
+LETTERS = 62
+"""Of a line of the words beside the view from above, 5 inches wide."""
+
+RIM = 1.12
+"""Radius of a drawn disk over the distance of its contact: the contact lies inside the rim."""
+
+THICK = 0.07
+"""Of disks and wheels."""
+
+BENT = np.deg2rad(35.0)
+"""Angle of joint 1 in the view from above."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where everything is. All lengths are over the largest radius of the geometry.
+
+    Attributes:
+        gears: Geometry of the stages 1 … n−1.
+        unit: The largest radius.
+        inferred: What was assumed; empty where the geometry was given.
+        joints: x of the joints' axes, shape (n,).
+    """
+
+    gears: tuple[Gear, ...]
+    unit: float
+    inferred: str
+    joints: Array
+
+    @property
+    def r1(self) -> float:
+        """Radius of the wheels B, and how high the shafts lie above P₁."""
+        return self.gears[0].r1
+
+    @property
+    def r2(self) -> float:
+        """Radius of the wheels B'. It cancels, and is not part of the geometry."""
+        return 0.6 * self.r1
+
+    @property
+    def p3(self) -> float:
+        """Height of the contact P₃. P₁ is at zero, P₂ on the other face of A."""
+        return -THICK - 2 * self.r2
+
+    @property
+    def belt(self) -> float:
+        """Height of the belts."""
+        return self.p3 - THICK - 0.42
+
+    @property
+    def link(self) -> float:
+        """Height of the links."""
+        return self.belt - 0.3
+
+    @property
+    def below(self) -> float:
+        """Where the view from above and the words begin."""
+        return self.link - 1.05
+
+    @property
+    def contact(self) -> Array:
+        """P₁ of joint 1 in the view from above."""
+        over = max(1.25 + 0.25 * INCH, (RIM + np.sin(BENT)) * self.gears[0].R)
+        return np.array([-0.2, self.below - 0.25 * INCH - over])
+
+    words = 2.7
+    """Where the words begin, right of disk and link in the view from above."""
+
+    left = -2.6
+
+    @property
+    def right(self) -> float:
+        """End of the picture."""
+        return max(float(self.joints[-1]) + 2.0, self.words + 5.2 * INCH)
+
+    @property
+    def top(self) -> float:
+        """The same."""
+        return 2 * self.r1 + 0.75
+
+    @property
+    def bottom(self) -> float:
+        """The same."""
+        lines = 17 + len(textwrap.wrap(self.inferred, LETTERS))
+        drawn = float(self.contact[1]) - max(self.r1, 0.6 * self.gears[0].R)
+        return min(drawn, self.below - 0.2 * lines * INCH) - 0.15 * INCH
+
+
+def layout(system: Manipulator) -> Layout:
+    """The geometry of a manipulator, given or inferred, and the places of its stages."""
+    given, inferred = stage_gears(system)
+    unit = max(max(g.r1, g.R, g.r3) for g in given)
+    gears = tuple(Gear(g.r1 / unit, g.R / unit, g.r3 / unit, g.lam, g.eta) for g in given)
+    spans = [(1 + RIM) * max(g.R, g.r3) + 1 for g in gears]
+    return Layout(gears, unit, inferred, np.concatenate([[0.0], np.cumsum(spans)]))

@@ -72,8 +72,7 @@ def compare(
         bool,
         typer.Option(
             "--feedback",
-            help="Replay plans with feedback too: each that is named and not compensated; without"
-            " --methods that of collocation.",
+            help="Replay plans with feedback too: each that is named; without --methods the last.",
         ),
     ] = False,
     budget: Annotated[

@@ -83,8 +83,8 @@ def compare(
             out.
         samples: Number of machines drawn, at least 1, or the numbers of those wanted.
         seed: Seed of the draws; the same seed gives the same machines.
-        feedback: Whether to replay every plan a second time with the tracker closing the loop, but
-            for compensated ones: it follows the plan that they compensate. By default the last one.
+        feedback: Whether to replay every plan a second time with the tracker closing the loop. When
+            no method is named the last one, which of arms is compensated.
         progress: Told what is being done; see `Progress`.
         time_limit_s: Seconds for planning by each of the methods; see `planner.solve`.
         threshold_deg: A difference of E below this matters to nobody, degrees: it is called neither
@@ -101,7 +101,7 @@ def compare(
     chosen = None if isinstance(samples, int) else tuple(numbers.tolist())
     if not threshold_deg >= 0:
         raise InputError(f"threshold_deg = {threshold_deg}: must be degrees, at least 0")
-    closed = [spec.label for spec in wanted if feedback and not spec.compensated]
+    closed = [spec.label for spec in wanted if feedback]
     closed = closed[-1:] if methods is None else closed
     run = _Run(problem, used, numbers.tolist(), seed, closed, methods == ALL, time_limit_s)
     try:
@@ -150,7 +150,7 @@ class _Run:
         closed = spec.label in self._closed_too
         half = 0.75 if closed else 1.0
         self.rows[-1] = self._replayed(row, part, 0.5, half)
-        if closed and self.rows[-1].replay is not None and row.plan.compensates is None:  # type: ignore[union-attr]
+        if closed and self.rows[-1].replay is not None:
             self.rows.append(self._closed(row, partial(self._replayed, part=part, begin=half)))
         part("done", 1.0)
         self.done += 1
@@ -169,7 +169,7 @@ class _Run:
         assert row.plan is not None
         label, hindered = row.label + FEEDBACK, hindrance(row.plan, self._machine)
         try:
-            return replayed(replace(row, label=label, feedback=True, note=hindered))
+            return replayed(replace(row, label=label, feedback=True, note=hindered or row.note))
         except UntrackableError as error:
             closed = replace(row, label=label, feedback=True, solved=False, why=error.why)
             return replace(closed, effort=np.nan, peak_u=(np.nan, np.nan))

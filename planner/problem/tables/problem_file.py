@@ -34,7 +34,7 @@ class FeedbackTable(Table):
         " rounded up to the machine's control period.",
     )
     horizon_s: Annotated[float, Field(gt=0, le=60)] = Field(
-        1.0,
+        2.0,
         description="How far ahead limits are looked at, seconds. The cost looks to the end.",
     )
     overtime_s: Annotated[float, Field(ge=0, le=60)] = Field(

@@ -35,7 +35,8 @@ class FeedbackTable(Table):
     )
     horizon_s: Annotated[float, Field(gt=0, le=60)] = Field(
         2.0,
-        description="How far ahead limits are looked at, seconds. The cost looks to the end.",
+        description="How far ahead limits are looked at, seconds. The cost looks to the end. With 1"
+        " s the run-up drives joints beyond the start, from where it must not turn back.",
     )
     overtime_s: Annotated[float, Field(ge=0, le=60)] = Field(
         0.3,
@@ -45,8 +46,9 @@ class FeedbackTable(Table):
     run_up: Literal["auto"] | bool = Field(
         "auto",
         description="Whether the arm goes back and returns before the plan's start, so that play"
-        " and wind-up are taken up. auto: where the machine's passive joints have any, there are at"
-        " most two of them, and the plan's drive keeps one direction.",
+        " and shaft torsion are taken up and known. auto: where the machine's passive joints have"
+        " any, there are at most two of them, and the plan's drive keeps one direction or the plan"
+        " is compensated. Without it a compensated plan prepares as it does in open loop.",
     )
     path_error_deg: Annotated[float, Field(gt=0)] = Field(
         0.1,

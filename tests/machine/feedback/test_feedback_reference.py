@@ -196,12 +196,10 @@ def test_why_play_cannot_be_taken_up_first(smooth: Plan, machine: Machine) -> No
     assert design(smooth, machine, FeedbackTable()).ref.timing.begin < -5.0
 
 
-def test_the_model_of_a_turn_is_that_of_the_play(machine: Machine) -> None:
+def test_the_model_of_a_turn_is_that_of_the_play(parked: Plan, machine: Machine) -> None:
     """At a turn of the drive a joint is pushed to 2w elsewhere, and by 2δw more where more is
     lost; what a machine loses beyond the push that follows changes nothing."""
-    problem = planner.load_problem(PROBLEMS / "parking.toml")
-    plan = planner.compensate(planner.solve(problem, "collocation"), machine)
-    ref = design(plan, machine, FeedbackTable()).ref
+    ref = design(parked, machine, FeedbackTable()).ref
     turns = np.flatnonzero(np.any(np.diff(ref.way, axis=0) != 0, axis=1))
     assert len(turns) >= 3
     for k in turns:

@@ -74,23 +74,22 @@ def test_the_prototype_as_it_is(paper: planner.Problem) -> None:
     assert np.percentile(closed.terminal_E_deg, 95) < 0.15  # twice the encoders' step would be 0.18
 
 
-def test_a_compensated_plan_that_turns_back_ends_five_times_closer() -> None:
-    """The path is the one that it predicts; lost motion is learnt before the start."""
-    machine = Machine.prototype(encoder_resolution_deg=0.02, step_s=0.005)
-    problem = planner.load_problem(PROBLEMS / "parking.toml")
-    plan = planner.compensate(planner.solve(problem, "collocation"), machine)
-    tracker = Tracker()
-    closed = replay(plan, machine, 10, seed=0, feedback=tracker, record_s=None)
-    opened = replay(plan, machine, 10, seed=0, record_s=None)
+def test_a_compensated_plan_that_turns_back_ends_five_times_closer(
+    parked: Plan, machine: Machine
+) -> None:
+    """Lost motion is learnt before the start, and a loose path leaves room to allow for it."""
+    tracker = Tracker(path_error_deg=1.0)
+    closed = replay(parked, machine, 5, seed=0, feedback=tracker, record_s=None)
+    opened = replay(parked, machine, 5, seed=0, record_s=None)
     assert np.median(closed.terminal_E_deg) < np.median(opened.terminal_E_deg) / 5
-    assert plan.lead_s - tracker.design(plan, machine).ref.timing.begin < 9.0
+    assert parked.lead_s - tracker.design(parked, machine).ref.timing.begin < 9.0
 
 
 def test_a_compensated_plan_is_followed_along_the_path_it_compensates(
     smooth: Plan, machine: Machine, closed: Replay
 ) -> None:
     better = planner.compensate(smooth, machine)
-    again = replay(better, machine, SAMPLES, seed=3, feedback=True, record_s=None)
+    again = replay(better, machine, SAMPLES // 2, seed=3, feedback=True, record_s=None)
     assert again.percentile(50) == pytest.approx(closed.percentile(50), abs=0.03)
     assert np.median(again.terminal_E_deg) == pytest.approx(
         np.median(closed.terminal_E_deg), abs=0.02

@@ -175,7 +175,6 @@ def test_what_needs_the_kinematics_says_so(better: Plan) -> None:
         planner.retime,
         planner.sensitivity,
         planner.indicators,
-        lambda plan: planner.replay(plan, feedback=True),
     ):
         with pytest.raises(planner.InputError, match=r"plan\.compensates"):
             use(better)

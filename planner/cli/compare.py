@@ -77,8 +77,7 @@ def compare(
         bool,
         typer.Option(
             "--feedback",
-            help="Also replay with feedback: every named plan that is not compensated; without"
-            " --methods, collocation only.",
+            help="Also replay with feedback: every named plan; without --methods the last one.",
         ),
     ] = False,
     budget: Annotated[

@@ -82,8 +82,8 @@ def compare(
         machine: The machine, or the name of a preset. By default the problem's `[machine]` table.
         samples: Number of random machines, at least 1, or a list of sample numbers.
         seed: Random seed; the same seed gives the same machines.
-        feedback: Whether to replay every plan that is not compensated a second time with feedback
-            by the tracker. With the default methods, only the plan of collocation.
+        feedback: Whether to replay every plan a second time with feedback by the tracker. With the
+            default methods only the last one, which is compensated for arms.
         progress: Called with what is being done and the share done, 0 … 1; see `Progress`.
         time_limit_s: Seconds for planning with each method; see `planner.solve`.
         threshold_deg: A difference of E below this is too small to matter, degrees. It is called
@@ -100,7 +100,7 @@ def compare(
     chosen = None if isinstance(samples, int) else tuple(numbers.tolist())
     if not threshold_deg >= 0:
         raise InputError(f"threshold_deg = {threshold_deg}: must be degrees, at least 0")
-    closed = [spec.label for spec in wanted if feedback and not spec.compensated]
+    closed = [spec.label for spec in wanted if feedback]
     closed = closed[-1:] if methods is None else closed
     run = _Run(problem, used, numbers.tolist(), seed, closed, methods == ALL, time_limit_s)
     try:
@@ -149,7 +149,7 @@ class _Run:
         closed = spec.label in self._closed_too
         half = 0.75 if closed else 1.0
         self.rows[-1] = self._replayed(row, part, 0.5, half)
-        if closed and self.rows[-1].replay is not None and row.plan.compensates is None:  # type: ignore[union-attr]
+        if closed and self.rows[-1].replay is not None:
             self.rows.append(self._closed(row, partial(self._replayed, part=part, begin=half)))
         part("done", 1.0)
         self.done += 1
@@ -168,7 +168,7 @@ class _Run:
         assert row.plan is not None
         label, hindered = row.label + FEEDBACK, hindrance(row.plan, self._machine)
         try:
-            return replayed(replace(row, label=label, feedback=True, note=hindered))
+            return replayed(replace(row, label=label, feedback=True, note=hindered or row.note))
         except UntrackableError as error:
             closed = replace(row, label=label, feedback=True, solved=False, why=error.why)
             return replace(closed, effort=np.nan, peak_u=(np.nan, np.nan))

@@ -14,7 +14,6 @@ import numpy as np
 from planner.comparison.rows import CLOSED, INTERVALS, Row, columns, verdict
 from planner.errors import InputError
 from planner.machine.machine import Machine
-from planner.methods.registry import COMPENSATED
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem, load_problem
 from planner.support.arrays import jsonable
@@ -202,9 +201,7 @@ def command(comparison: Comparison, out: str | None = None, *, report: bool = Fa
     words = ["planner", "compare", comparison.problem.source]
     named = dict.fromkeys(row.spec for row in comparison.rows)
     closed = {row.spec for row in comparison.rows if row.feedback}
-    by_default = closed and any(
-        spec not in closed and not spec.endswith(COMPENSATED) for spec in named
-    )
+    by_default = closed and len(named) > len(closed)
     if not by_default:  # of methods that are named feedback closes all that it can
         words += ["--methods", ",".join(named)]
     words += ["--feedback"] * bool(closed)

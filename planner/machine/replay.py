@@ -13,7 +13,7 @@ from planner.errors import InputError
 from planner.machine.closed_loop import Feedback, measured
 from planner.machine.machine import Draws, Machine, machine_for
 from planner.machine.simulate import Progress, simulate
-from planner.plan.plan import Plan, refuse_compensated, refuse_inexecutable
+from planner.plan.plan import Plan, refuse_inexecutable
 from planner.plan.samples import facts, imported
 from planner.support.arrays import Array
 
@@ -183,8 +183,8 @@ def replay(
         progress: Called with (steps done, steps in all).
 
     Raises:
-        InputError: If the plan has no real inputs, a compensated plan is to run with feedback, the
-            machine does not match the system, or an argument is out of range.
+        InputError: If the plan has no real inputs, the machine does not match the system, or an
+            argument is out of range.
     """
     refuse_inexecutable(plan)
     closing = _feedback(feedback, plan)
@@ -219,8 +219,6 @@ def replay(
 
 
 def _feedback(feedback: bool | Feedback, plan: Plan) -> Feedback | None:
-    if feedback is not False:
-        refuse_compensated(plan, "feedback")
     if feedback is True:
         from planner.machine.feedback.tracker import Tracker  # with OSQP, which only this needs
 

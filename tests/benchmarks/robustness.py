@@ -299,7 +299,7 @@ def least_possible(study: Study, samples: int) -> str:
         rows.append(Z[1:].copy())
         drift.append(e[1:].copy())
         k = first + j
-        Z, e = ref.A[k] @ Z, ref.A[k] @ e + ref.E[k]
+        Z, e = ref.A[k] @ Z, ref.A[k] @ e + ref.E[k][:, :2]
         Z[:, size + 2 * j : size + 2 * j + 2] += ref.B[k]
     Z, e = np.concatenate(rows), np.concatenate(drift)
     ones = np.ones((len(Z), 1))
@@ -312,6 +312,27 @@ def least_possible(study: Study, samples: int) -> str:
         found = linprog(cost, A, np.concatenate([-shift, shift]), bounds=(None, None))
         least.append(np.rad2deg(found.fun))
     return f"{np.percentile(least, 95):.2f}"
+
+
+TURNING = ("crossing", "parking", "paper-fig4", "four-joint")
+"""Problems whose plans of collocation turn the drive back on its way."""
+
+
+def turns(machine: Machine, samples: int) -> str:
+    """What closing the loop gains at the end of compensated plans that turn back."""
+    found = []
+    for name in TURNING:
+        problem = planner.load_problem(ROOT / f"problems/{name}.toml")
+        plan = planner.compensate(planner.solve(problem, "collocation"), machine)
+        ends = [
+            np.percentile(
+                replay(plan, machine, samples, SEED, closed, record_s=None).terminal_E_deg, [50, 95]
+            )
+            for closed in (False, True)
+        ]
+        opened, closed = (f"{end[0]:.2f} and {end[1]:.2f}" for end in ends)
+        found.append(f"{name} {closed} degrees, {opened} in open loop")
+    return "; ".join(found) + "."
 
 
 def step_times(study: Study) -> str:
@@ -340,6 +361,7 @@ def main() -> int:
         "GAIN": gain(rows),
         "LEAD": f"{-lead:.0f}",
         "FLAWED": table(study.flawed_rows(fewer)),
+        "TURNS": turns(study.fine, fewer),
         "FEWER": str(fewer),
         "SAMPLES": str(samples),
         "OBJECTIONS": objections(study, fewer),

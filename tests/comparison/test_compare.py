@@ -98,13 +98,15 @@ def test_small_differences_are_neither_better_nor_worse(compensated: planner.Com
         planner.compare(compensated.problem, [OPTIMAL], samples=1, threshold_deg=-1.0)
 
 
-def test_feedback_closes_the_last_plan_that_it_can_follow(
+def test_feedback_closes_the_last_plan_which_is_compensated(
     quick: planner.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     module = sys.modules["planner.machine.replay"]
     monkeypatch.setattr(module, "_feedback", lambda on, plan: _Held() if on else None)
     labels = [row.label for row in compare_function(quick, samples=1, feedback=True).rows]
-    assert [label for label in labels if "feedback" in label] == ["collocation + feedback"]
+    assert [label for label in labels if "feedback" in label] == [
+        "collocation compensated + feedback"
+    ]
 
 
 def test_polynomials_are_refused_with_the_reason_and_collocation_is_solved() -> None:

@@ -23,7 +23,7 @@ class RunUp:
     """A motion before the plan's start that ends where and as the plan begins.
 
     Attributes:
-        t: Increasing times (m+1,), s; the last is 0.
+        t: Increasing times (m+1,), s; the last is 0, where the motion starts.
         q: Coordinates then, (m+1, N).
         u: Inputs between them, (m, 2).
     """
@@ -33,42 +33,95 @@ class RunUp:
     u: Array
 
 
-@dataclass(frozen=True, eq=False)
 class Course:
-    """Coordinates and inputs to follow, at any time; the plan starts at 0.
+    """Coordinates to follow, and how far the motors should have turned, at any time.
+
+    Where the drive of a compensated plan turns back on its way that is the motion it predicts;
+    elsewhere the path of the plan that it compensates, since a tracker takes off the rest itself.
+
+    Args:
+        plan: The plan.
+        run_up: What comes before it, if anything.
+        shift: From each motor's command to its effect, (2,), s.
+        play: Whole play of each motor's gearhead, (2,), rad.
 
     Attributes:
         plan: The plan.
-        run_up: What comes before it, if anything.
+        predicted: Whether what it predicts is followed: lost motion is allowed for.
+        begin: When the course begins, s, in the plan's time; at most 0.
+        start: When the motion starts that errors are measured of, s.
+        end: When that ends, s.
     """
 
-    plan: Plan
-    run_up: RunUp | None = None
-
-    @property
-    def lead_s(self) -> float:
-        """How long before the plan it starts, s."""
-        return 0.0 if self.run_up is None else float(-self.run_up.t[0])
+    def __init__(self, plan: Plan, run_up: RunUp | None, shift: Array, play: Array) -> None:
+        self.plan, self._run_up = plan, run_up
+        self.start, self.end = plan.lead_s, plan.duration - plan.tail_s
+        self.begin = 0.0 if run_up is None else min(0.0, float(self.start + run_up.t[0]))
+        self.predicted = plan.compensates is not None and (run_up is None or turns_back(plan))
+        self._followed, self._late = plan, 0.0
+        if plan.compensates is not None and not self.predicted:
+            self._followed, self._late = plan.compensates, self.start
+        times, angles = turned(self._followed, DEFAULT_TICK_S)
+        times = times + self._late
+        angles = _geared(angles, play / 2) if self.predicted else angles
+        self._told: list[tuple[Array, Array]] = []
+        for i in range(2):
+            # A compensated plan's commands are early already.
+            when = times if self.predicted else times - shift[i]
+            own = when <= self.end - shift[i]
+            when, angle = when[own], angles[own, i]
+            if run_up is not None:
+                before = run_up.t + self.start - shift[i]
+                way = np.concatenate([[0.0], np.cumsum(run_up.u[:, i] * np.diff(run_up.t))])
+                first = np.interp(before[-1], when, angle)
+                later = when > before[-1]
+                when = np.concatenate([before, when[later]])
+                angle = np.concatenate([way, way[-1] + angle[later] - first])
+            self._told.append((when, angle))
 
     def q(self, t: Array) -> Array:
         """Coordinates (…, N) at times t (…); at rest before and after."""
-        out = self.plan.trajectory.q(t)
-        if self.run_up is None:
+        out = self._followed.trajectory.q(np.minimum(t, self.end) - self._late)
+        if self._run_up is None:
             return out
+        when = t - self.start
         before = np.stack(
-            [np.interp(t, self.run_up.t, column) for column in self.run_up.q.T], axis=-1
+            [np.interp(when, self._run_up.t, column) for column in self._run_up.q.T], axis=-1
         )
-        return np.where((t < 0)[..., None], before, out)
+        return np.where((when < 0)[..., None], before, out)
 
-    def u(self, t: Array) -> Array:
-        """Inputs (…, 2) at times t (…); zero before and after."""
-        out = self.plan.trajectory.u(t)
-        if self.run_up is None:
-            return out
-        index = np.searchsorted(self.run_up.t, t, side="right") - 1
-        on = (index >= 0) & (t < 0)
-        before = self.run_up.u[np.clip(index, 0, len(self.run_up.u) - 1)]
-        return np.where(on[..., None], before, out)
+    def told(self, t: Array) -> Array:
+        """Angles (…, 2) by which the motors should be told to have turned by times t (…)."""
+        return np.stack([np.interp(t, when, angle) for when, angle in self._told], axis=-1)
+
+
+def turns_back(plan: Plan) -> bool:
+    """Whether the drive turns back on its way, and so loses the play again."""
+    plan = plan.compensates or plan
+    drive = plan.u(np.linspace(0.0, plan.duration, 501))[:, 0]
+    least = -1e-6 * np.max(np.abs(drive))
+    return bool(np.min(drive) < least and np.max(drive) > -least)
+
+
+FINE = 16
+"""Parts of a tick over which a plan's inputs are summed up: they may jump inside one."""
+
+
+def turned(plan: Plan, tick: float) -> tuple[Array, Array]:
+    """Times and the angles (M, 2) by which the plan has turned the motors until then."""
+    count = FINE * int(np.ceil(plan.duration / tick))
+    times = np.unique(np.concatenate([plan.t, np.linspace(0.0, plan.duration, count + 1)]))
+    speeds = plan.u((times[:-1] + times[1:]) / 2)
+    angles = np.cumsum(speeds * np.diff(times)[:, None], axis=0)
+    return times, np.concatenate([np.zeros((1, 2)), angles])
+
+
+def _geared(angles: Array, half: Array) -> Array:
+    """What gearheads with play of ± `half` (2,) pass on of angles (M, 2); from its middle."""
+    out = np.zeros_like(angles)
+    for k in range(1, len(angles)):
+        out[k] = np.clip(out[k - 1], angles[k] - half, angles[k] + half)
+    return out
 
 
 DEFAULT_TICK_S = 0.01
@@ -80,7 +133,7 @@ class Timing:
     """When the tracker reads and commands, and when that acts.
 
     Attributes:
-        begin: Time of its first reading, s; 0 is the plan's start.
+        begin: Time of its first reading, s; 0 is where the plan's time begins.
         tick: How long a command is held, s.
         ticks: Ticks a period, M.
         latency: Ticks from a reading to the first command that follows from it.
@@ -106,9 +159,9 @@ class Timing:
 
 
 def timing(
-    options: FeedbackTable, system: TriangularSystem, machine: Machine, lead_s: float
+    options: FeedbackTable, system: TriangularSystem, machine: Machine, begin: float, start: float
 ) -> Timing:
-    """The clock for a machine, which starts `lead_s` before the plan.
+    """The clock for a machine: it begins at `begin` or before, whole periods before `start`.
 
     Raises:
         InputError: If the period is shorter than the machine's control period, or no longer than
@@ -129,7 +182,7 @@ def timing(
             f"feedback.latency_s = {options.latency_s:g}: must be at most the period,"
             f" feedback.period_s = {options.period_s:g}"
         )
-    begin = -options.period_s * int(np.ceil(lead_s / options.period_s - 1e-9))
+    begin = start - options.period_s * int(np.ceil((start - begin) / options.period_s - 1e-9))
     return Timing(begin, tick, ticks, latency, shift_of(system, machine))
 
 

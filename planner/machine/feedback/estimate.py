@@ -1,25 +1,34 @@
-"""What the encoders tell: the coordinates, and how much faster than planned each joint is driven.
+"""What the encoders tell: the coordinates, and of each passive joint what its drive loses.
 
-Two ideas. An angle is known to one step of its encoder, so the forecast is moved into the interval
-that a reading leaves, and not further (F. C. Schweppe, *Recursive state estimation: unknown but
-bounded errors and system inputs*, IEEE Transactions on Automatic Control 13, 1968): an angle in
-motion is known better than its encoder's resolution. And a passive joint that is in contact moves
-(1 + ε) times as far as forecast, ε being what gears and creep make of its ratio: a Kalman filter
-(B. D. O. Anderson, J. B. Moore, *Optimal Filtering*, 1979, section 3.1) with the states angle and ε
-finds it. A reading that does not fit says that the joint is in its play: ε is left as it is.
+A passive joint follows its axis a at the distance of its lost motion w (backlash and the twist of
+its shaft): θ = a − w while the axis pushes it up, θ = a + w while it pushes it down, and it rests
+in between. The axis moves (1 + ε) times as far as forecast, ε being what gears and creep make of
+its ratio. A Kalman filter (B. D. O. Anderson, J. B. Moore, *Optimal Filtering*, 1979, section 3.1)
+with the states a, w and ε finds all three: a joint that moves tells a ∓ w; one that rests although
+its axis should have reached it tells that more is lost. Once a joint has been pushed either way,
+its lost motion is known.
+
+An angle is known to one step of its encoder, so the estimate is moved into the interval that a
+reading leaves, and not further (F. C. Schweppe, *Recursive state estimation: unknown but bounded
+errors and system inputs*, IEEE Transactions on Automatic Control 13, 1968): an angle in motion is
+known better than its encoder's resolution.
 
 The nominal machine: what the commands that are already on their way will do.
 
 Commands act as if late by the known delay and lag; a motor that reverses first crosses the mean
-play of its gearhead. Everything else that the machine does to a motion is left to the feedback.
-Since the systems are driftless, what counts is how far each motor has been told to turn, not when.
+play of its gearhead, and an axis that of its joint. Everything else that the machine does to a
+motion is left to the feedback. Since the systems are driftless, what counts is how far each motor
+has been told to turn, not when.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.machine.feedback.course import mean_of
 from planner.machine.machine import Machine
 from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
@@ -28,70 +37,125 @@ from planner.systems.triangular_system import TriangularSystem
 RATE_SPREAD = 0.01
 """Standard deviation expected of ε."""
 
+LOST_SPREAD = 0.2
+"""Standard deviation expected of lost motion, and of where in it an axis starts, as a part of its
+mean: what 20 % each of backlash and friction and 10 % of stiffness make of it."""
+
 CORRELATED = 2.0
 """By how much the variance of rounding is taken larger: slow joints stay in one step for long."""
 
 UNMODELLED = float(np.deg2rad(0.003))
-"""Standard deviation of what moves a joint besides, rad a period."""
+"""Standard deviation of what moves an axis besides, rad a period."""
 
 EXACT = 1e-9
 """Standard deviation of a reading without resolution, in the coordinate's unit."""
+
+SETTLING = 0.04
+"""Part of the change of an axis's way from one period to the next by which a reading may be off:
+while servos settle they are not just late. Without it swings of θ₁ teach a wrong play of its
+gearhead (0.1 degrees), and E is 0.24 degrees instead of 0.21 (95 %)."""
 
 FITTING = 3.0
 """Standard deviations within which a reading fits."""
 
 
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Where S samples are.
+
+    Attributes:
+        q: Coordinates, (N, S).
+        axis: Angles of the joints' axes, (N−1, S), on the same scale; that of joint 1 is motor 2's.
+        side: Where in its gearhead's play motor 1 stands, (S,), rad.
+    """
+
+    q: Array
+    axis: Array
+    side: Array
+
+
 class Estimate:
-    """Coordinates of S samples.
+    """What is known of S samples.
 
     Args:
-        system: The system.
         q: Coordinates expected at the start, (N, S).
         resolution: Smallest step of each reading, (N, 1), in the coordinates' units; 0 is exact,
             infinite is not measured.
+        lost: Mean lost motion of each joint, (N−1, 1).
 
     Attributes:
-        q: The estimate, (N, S).
-        rate_error: ε of the passive coordinates, (N−2, S).
+        pose: The estimate.
+        lost: Lost motion of each joint, (N−1, S).
+        rate_error: ε of each joint, (N−1, S).
     """
 
-    def __init__(self, system: TriangularSystem, q: Array, resolution: Array) -> None:
-        self.q = q
-        shape = (system.size - 2, q.shape[1])
-        self.rate_error = np.zeros(shape)
+    def __init__(self, q: Array, resolution: Array, lost: Array) -> None:
+        joints, count = len(lost), q.shape[1]
+        self.pose = Pose(q, q[1:].copy(), np.zeros(count))
+        self.lost = np.repeat(lost, count, axis=1)
+        self.rate_error = np.zeros((joints, count))
         self._half = resolution / 2
-        self._noise = CORRELATED * resolution[2:] ** 2 / 12 + EXACT**2
-        self._var_q = np.repeat(self._noise, q.shape[1], axis=1)
-        self._cov, self._var_e = np.zeros(shape), np.full(shape, RATE_SPREAD**2)
-        self._fitted = np.zeros(shape, dtype=bool)
+        self._noise = CORRELATED * resolution[1:] ** 2 / 12 + EXACT**2
+        self._cov = np.zeros((3, 3, joints, count))
+        self._cov[0, 0] = self._noise + (LOST_SPREAD * lost) ** 2
+        self._cov[1, 1] = (LOST_SPREAD * lost) ** 2
+        self._cov[2, 2] = RATE_SPREAD**2
+        self._rigid = np.repeat(lost == 0, count, axis=1)
+        self._way = np.zeros((joints, count))
+        self._pushed = self._rigid.copy()
+        self._seen, self._moved = q[1:].copy(), np.zeros((joints, count))
+        self._settling = np.zeros((joints, count))
 
-    def predicted(self, q: Array) -> None:
-        """Take over a forecast (N, S) that knows nothing of ε."""
-        moved = q[2:] - self.q[2:]
-        self.q = q.copy()
-        self.q[2:] += self.rate_error * moved
-        self._var_q = self._var_q + moved * (2 * self._cov + moved * self._var_e) + UNMODELLED**2
-        self._cov = self._cov + moved * self._var_e
+    def predicted(self, pose: Pose) -> None:
+        """Take over a forecast from the estimate."""
+        moved = pose.axis - self.pose.axis
+        way = np.where(moved == 0, self._way, np.sign(moved))
+        self._settling = (SETTLING * (moved - self._moved)) ** 2
+        self._moved = moved
+        self._pushed &= self._rigid | (way == self._way)
+        self._way, self.pose = way, pose
+        step = moved / (1 + self.rate_error)
+        self._cov[0] += step * self._cov[2]
+        self._cov[:, 0] += step * self._cov[:, 2]
+        self._cov[0, 0] += UNMODELLED**2
 
     def read(self, measured: Array) -> None:
         """Take in a reading (N, S), NaN where it is lost."""
-        self._filter(measured[2:] - self.q[2:], np.isnan(measured[2:]))
-        inside = np.clip(self.q, measured - self._half, measured + self._half)
-        self.q = np.where(np.isnan(measured), self.q, inside)
+        seen, lost = measured[1:], np.isnan(measured[1:])
+        moved = self._way * (seen - self._seen) > self._half[1:] + EXACT
+        self._seen = np.where(lost, self._seen, seen)
+        self._pushed |= moved
+        surprise = np.where(lost, 0.0, seen - (self.pose.axis - self._way * self.lost))
+        late = ~self._pushed & (self._way * surprise < 0)
+        self._filter(surprise, self._pushed & ~lost, late)
+        axis, q = self.pose.axis, self.pose.q.copy()
+        q[1:] = np.where(self._pushed, axis - self._way * self.lost, q[1:])
+        inside = np.clip(q, measured - self._half, measured + self._half)
+        inside = np.where(np.isnan(measured), q, inside)
+        together = self._pushed | (self._way == 0)
+        axis = axis + np.where(together, inside[1:] - q[1:], 0.0)
+        self.pose = Pose(inside, axis, self.pose.side)
 
-    def _filter(self, surprise: Array, lost: NDArray[np.bool_]) -> None:
-        """Correct angle and ε by the difference (N−2, S) between reading and forecast."""
-        total = self._var_q + self._noise
-        fits = np.abs(surprise) <= FITTING * np.sqrt(total)
-        both = fits & self._fitted
-        gain_q, gain_e = self._var_q / total, self._cov / total
-        self.q[2:] += np.where(fits & ~lost, gain_q * surprise, 0.0)
-        self.rate_error = self.rate_error + np.where(both, gain_e * surprise, 0.0)
-        self._var_e = np.where(both, self._var_e - gain_e * self._cov, self._var_e)
-        self._cov = np.where(both, self._cov * (1 - gain_q), np.where(lost, self._cov, 0.0))
-        var_q = np.where(fits, self._var_q * (1 - gain_q), self._noise)
-        self._var_q = np.where(lost, self._var_q, var_q)
-        self._fitted = np.where(lost, self._fitted, fits)
+    def _filter(self, surprise: Array, pushed: NDArray[np.bool_], late: NDArray[np.bool_]) -> None:
+        """Correct axis, lost motion and ε by how far joints are from where they are pushed to.
+
+        A joint that should be pushed by now and rests, or is where no deviation expected takes it,
+        says where it is, not how well that is known.
+        """
+        row = np.stack([np.ones_like(self._way), -self._way, np.zeros_like(self._way)])
+        along = np.einsum("abjs,bjs->ajs", self._cov, row)
+        spread = np.einsum("ajs,ajs->js", along, row)
+        noise = self._noise + self._settling
+        fits = np.abs(surprise) <= FITTING * np.sqrt(spread + noise)
+        known = pushed & fits
+        gain = along / np.where(known, spread + noise, spread)
+        step = np.where(pushed | late, gain * surprise, 0.0)
+        step[1:] = np.where(pushed & ~fits, 0.0, step[1:])
+        step[0] = np.where(pushed & ~fits, surprise, step[0])
+        self.pose = Pose(self.pose.q, self.pose.axis + step[0], self.pose.side)
+        self.lost = np.maximum(self.lost + step[1], 0.0)
+        self.rate_error = self.rate_error + step[2]
+        self._cov -= np.where(known, gain[:, None] * along[None], 0.0)
 
 
 class History:
@@ -140,11 +204,19 @@ class History:
 
 
 def gearhead_play(system: TriangularSystem, machine: Machine) -> Array:
-    """Whole play of each motor's gearhead, shape (2, 1), rad; only the arm has gearheads."""
-    effect = machine.effects.get("gearhead_backlash_deg")
-    if effect is None or not isinstance(system, Manipulator):
-        return np.zeros((2, 1))
-    return np.asarray(np.deg2rad(np.broadcast_to(effect.value, 2))[:, None])
+    """Whole play of each motor's gearhead, (2,), rad; only the arm has gearheads."""
+    if not isinstance(system, Manipulator):
+        return np.zeros(2)
+    return np.deg2rad(np.broadcast_to(mean_of(machine, "gearhead_backlash_deg"), 2))
+
+
+def lost_motion(system: TriangularSystem, machine: Machine) -> Array:
+    """Mean angle that each passive axis turns before its joint follows, either way, (N−2,), rad."""
+    if not isinstance(system, Manipulator):
+        return np.zeros(system.size - 2)
+    play, friction = mean_of(machine, "backlash_deg"), mean_of(machine, "coulomb_friction_nm")
+    stiffness = mean_of(machine, "shaft_stiffness_nm_per_rad", np.inf)
+    return np.array(np.broadcast_to(np.deg2rad(play) / 2 + friction / stiffness, system.n - 1))
 
 
 class Forecast:
@@ -152,40 +224,46 @@ class Forecast:
 
     Args:
         system: The system.
-        play: Whole play of each motor, (2, 1), rad.
+        play: Whole play of motor 1, rad.
         tick: Longest step of integration, s.
     """
 
-    def __init__(self, system: TriangularSystem, play: Array, tick: float) -> None:
-        self._system, self._half, self._tick = system, play / 2, tick
+    def __init__(self, system: TriangularSystem, play: float, tick: float) -> None:
+        self._half, self._tick, self.rates = play / 2, tick, system.rates
 
-    def __call__(
-        self, q: Array, side: Array, done: Array, until: Array, history: History
-    ) -> tuple[Array, Array]:
+    def __call__(self, known: Estimate, done: Array, until: Array, history: History) -> Pose:
         """Where S samples will be.
 
         Args:
-            q: Coordinates when each motor has carried out what it was told until `done` (2,), s;
-                shape (N, S).
-            side: Where in its play each motor stands, (2, S), rad; ±half the play is in contact.
+            known: Where they are when each motor has carried out what it was told until `done`
+                (2,), s.
             done: Times since the first reading, (2,), s.
             until: Times until which the motors' commands are carried out, (2,), s.
             history: The commands.
-
-        Returns:
-            Coordinates and sides then.
         """
+        pose = known.pose
         count = max(1, int(np.ceil(np.max(until - done) / self._tick - 1e-9)))
         before = history.travel(done)
         for part in np.arange(1, count + 1) / count:
             after = history.travel(done + part * (until - done))
-            q, side = self._turn(q, side, after - before)
+            pose = self.turned(pose, after - before, known.lost, 1 + known.rate_error)
             before = after
-        return q, side
+        return pose
 
-    def _turn(self, q: Array, side: Array, travel: Array) -> tuple[Array, Array]:
-        moved = side + travel
+    def turned(self, pose: Pose, travel: Array, lost: Array, rate: Array) -> Pose:
+        """After both motors have turned by `travel` (2, S), rad.
+
+        Args:
+            pose: Before.
+            travel: Of the motors.
+            lost: Lost motion of each joint, (N−1, S).
+            rate: 1 + ε of each joint, (N−1, S).
+        """
+        moved = pose.side + travel[0]
         side = np.clip(moved, -self._half, self._half)
-        past = (moved - side).T
-        middle = q.T + self._system.rates(q.T, past) / 2
-        return q + self._system.rates(middle, past).T, side
+        past = np.stack([moved - side, travel[1]], axis=-1)
+        middle = pose.q.T + self.rates(pose.q.T, past) / 2
+        change = self.rates(middle, past).T
+        q, axis = pose.q + change, pose.axis + rate * change[1:]
+        q[1:] = np.clip(pose.q[1:], axis - lost, axis + lost)
+        return Pose(q, axis, side)

@@ -8,12 +8,16 @@ motion deviates from the course by δqₖ, and a period later by
     δqₖ₊₁ = Aₖ δqₖ + Bₖ vₖ₋₁→ₖ + Eₖ ε
 
 with v the correction, held over a period (or, where input rates are limited, going straight from
-the one before to the new one), and ε the relative errors of the passive coordinates' rates.
+the one before to the new one), and ε the relative errors of the passive coordinates' rates. A
+passive joint counts here as being where its axis a will push it to, a ∓ w with the lost motion w.
+So a drive that turns back moves it by 2w at once, and machines that lose δw more by 2δw more: E
+has columns for δw, and the regulator prepares for a turn once δw is known.
 
 The linear-quadratic regulator along the course: the tracker's law where no limit binds.
 
-The state is ξ = (δq, w, ε): deviation from the course, the correction of the period before, and the
-rates' relative errors, which stay as they are. The cost of a correction v over periods k … K−1 is
+The state is ξ = (δq, w, ε, δw): deviation from the course, the correction of the period before, and
+the rates' relative errors and the lost motion, which stay as they are. The cost of a correction v
+over periods k … K−1 is
 
     Σ (δqᵀ Q δq + vᵀ R v) τ + (v − w)ᵀ S (v − w)  +  δq_Kᵀ G δq_K
 
@@ -31,17 +35,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.machine.feedback.course import Course, Timing
+from planner.machine.feedback.estimate import Forecast
 from planner.problem.problem import Problem
 from planner.support.arrays import Array
 from planner.support.compiled_calls import Pointwise
 from planner.systems.chained_form import chained_form
 from planner.systems.triangular_system import TriangularSystem
 
+LEFT = float(np.deg2rad(0.05))
+"""How far from its joint an axis counts as having left it, rad."""
+
 RESTING = 1e-3
 """Part of the limit within which the drive counts as resting: less than its resolution."""
-
-FINE = 8
-"""Points at which the course's input is averaged over a tick."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,13 +59,22 @@ class Reference:
         rate: Largest |du/dt|, (2,); infinite where there is none.
         start: The course at the first reading, (N,).
         s: When each period's effect on the path begins, and the last one's ends, (K+1,), s.
-        q: The course then, (K+1, N).
+        begun: Whether that is after the start of the motion that counts, (K,).
+        rests: Periods before it in which the drive rests while θ₁ swings, (K,).
+        q: The course then, (K+1, N); of passive joints where their axes would push them to.
+        joints: Passive joints then, (K+1, N−2).
         feed: Its mean input in each tick, within the limit, (K, M, 2).
-        first: The same for the ticks before the first correction can act, (latency, 2).
+        last: Tick from the first reading on at whose start each motor is told to end, (2,).
+        first: Mean inputs of the ticks before the first correction can act, (latency, 2).
         A: ∂δqₖ₊₁/∂δqₖ, (K, N, N).
         before: ∂δqₖ₊₁/∂v of the period before, (K, N, 2); zero for held corrections.
         B: ∂δqₖ₊₁/∂v, (K, N, 2).
-        E: ∂δqₖ₊₁/∂ε, (K, N, N−2).
+        E: ∂δqₖ₊₁/∂(ε, δw), (K, N, 2(N−2)).
+        way: Which way each passive axis pushes its joint next, 1 or −1, (K+1, N−2).
+        more: How far it pushes it before it turns back, (K+1, N−2); negative where it never reaches
+            it: by how much not.
+        then: The same of the push that comes next, (K+1, N−2).
+        lost: Lost motion that the course allows for, (N−2, 1).
         low: Least correction, (K, 2).
         high: Greatest correction, (K, 2).
         rows: Unit rows (K, c, N): c distances in δqₖ₊₁ that have limits.
@@ -73,13 +87,21 @@ class Reference:
     rate: Array
     start: Array
     s: Array
+    begun: NDArray[np.bool_]
+    rests: NDArray[np.bool_]
     q: Array
+    joints: Array
     feed: Array
+    last: NDArray[np.int64]
     first: Array
     A: Array
     before: Array
     B: Array
     E: Array
+    way: Array
+    more: Array
+    then: Array
+    lost: Array
     low: Array
     high: Array
     rows: Array
@@ -88,70 +110,114 @@ class Reference:
 
 
 def reference(
-    course: Course, timing: Timing, limit: Array, count: int, least_speed: float
+    course: Course,
+    timing: Timing,
+    forecast: Forecast,
+    lost: Array,
+    limit: Array,
+    count: int,
+    least_speed: float,
 ) -> Reference:
     """Put a course on a clock.
 
     Args:
         course: What is followed.
         timing: The clock.
+        forecast: How the nominal machine moves.
+        lost: Lost motion of each passive joint that the course allows for, (N−2, 1).
         limit: Largest |u|, (2,).
         count: Number of periods K.
         least_speed: Least speed along the path, as a part of the course's.
     """
     problem = course.plan.problem
+    system, tick, ticks = problem.system, timing.tick, timing.ticks
     issued = timing.begin + timing.wait + timing.period * np.arange(count + 1, dtype=np.float64)
     s = issued + timing.shift[0]
-    tick, ticks = timing.tick, timing.ticks
-    told = issued[:-1, None] + tick * (np.arange(ticks) + 0.5)
-    feed = np.clip(_mean_input(course, told, timing), -limit, limit)
-    early = timing.begin + tick * (np.arange(timing.latency, dtype=float) + 0.5)
-    first = np.clip(_mean_input(course, early, timing), -limit, limit)
+    edges = timing.begin + tick * np.arange(timing.latency + count * ticks + 1, dtype=np.float64)
+    told = np.clip(np.diff(course.told(edges), axis=0) / tick, -limit, limit)
+    first, feed = told[: timing.latency], told[timing.latency :].reshape(count, ticks, 2)
     q = course.q(s)
     q[:, 1] = course.q(issued + timing.shift[1])[:, 1]
-    middle = told + timing.shift[0]
+    begin = course.q(np.array(timing.begin))
+    at_edges = _pushes(forecast, course.q(edges + timing.shift[0]), told * tick, lost)
+    way, gap, more, then = (value[timing.latency :: ticks] for value in at_edges)
+    joints = q[:, 2:].copy()
+    q[:, 2:] -= way * gap
+    middle = issued[:-1, None] + tick * (np.arange(ticks) + 0.5) + timing.shift[0]
     ramp = bool(np.any(np.isfinite(problem.limits.input_rate)))
-    A, before, B, E = _model(problem.system, course.q(middle), course.u(middle), tick, ramp)
-    low, high = _bounds(feed, limit, np.where(s[:-1] >= 0, least_speed, 0.0))
-    rests = _resting(s, feed)
+    A, before, B, E = _model(system, course.q(middle), feed, tick, ramp)
+    E = np.concatenate([E, np.zeros_like(E)], axis=2)
+    own = np.arange(2, system.size)
+    E[:, own, own + len(own) - 2] = way[:-1] - way[1:]
+    begun = s[:-1] >= course.start
+    low, high = _bounds(feed, limit, np.where(begun, least_speed, 0.0))
+    rests = (s[1:] <= course.start) & np.all(feed[:, :, 0] == 0, axis=1)
     high[rests, 0], low[rests, 0] = RESTING * limit[0], -RESTING * limit[0]
-    rows, floor, ceiling = _state_limits(problem, q[1:], s[1:])
-    rate, start = problem.limits.input_rate, course.q(np.array(timing.begin))
+    rows, floor, ceiling = _state_limits(problem, q[1:], s[1:] >= course.start)
     return Reference(
-        timing,
-        limit,
-        rate,
-        start,
-        s,
-        q,
-        feed,
-        first,
-        A,
-        before,
-        B,
-        E,
-        low,
-        high,
-        rows,
-        floor,
-        ceiling,
+        timing=timing,
+        limit=limit,
+        rate=problem.limits.input_rate,
+        start=begin,
+        s=s,
+        begun=begun,
+        rests=rests,
+        q=q,
+        joints=joints,
+        feed=feed,
+        last=np.ceil((course.end - timing.shift - timing.begin) / tick - 1e-6).astype(np.int64),
+        first=first,
+        A=A,
+        before=before,
+        B=B,
+        E=E,
+        way=way,
+        more=more,
+        then=then,
+        lost=lost,
+        low=low,
+        high=high,
+        rows=rows,
+        floor=floor,
+        ceiling=ceiling,
     )
 
 
-def resting(ref: Reference) -> NDArray[np.bool_]:
-    """Periods of the run-up in which the drive rests while θ₁ swings, (K,)."""
-    return _resting(ref.s, ref.feed)
+def _pushes(forecast: Forecast, q: Array, travel: Array, lost: Array) -> tuple[Array, ...]:
+    """Which way each axis pushes its joint next, how far off that is, and how far it pushes then.
 
+    Args:
+        forecast: How the nominal machine moves.
+        q: The course at the edges of ticks, (m+1, N).
+        travel: Of the motors in each tick, (m, 2), rad.
+        lost: Lost motion of each axis, (N−2, 1).
 
-def _resting(s: Array, feed: Array) -> NDArray[np.bool_]:
-    return np.asarray((s[1:] <= 0) & np.all(feed[:, :, 0] == 0, axis=1))
-
-
-def _mean_input(course: Course, told: Array, timing: Timing) -> Array:
-    """The course's mean input (…, 2) in the ticks around `told` (…), each motor's when it acts."""
-    part = told[..., None] + timing.tick * ((np.arange(FINE) + 0.5) / FINE - 0.5)
-    means = [course.u(part + timing.shift[i])[..., i].mean(axis=-1) for i in range(2)]
-    return np.stack(means, axis=-1)
+    Returns:
+        Way, gap, `more` and `then` of `Reference` at the edges, (m+1, N−2).
+    """
+    change = forecast.rates((q[:-1] + q[1:]) / 2, travel)[:, 2:]
+    place, pushed = np.zeros((len(q), change.shape[1])), np.zeros_like(change)
+    for k, step in enumerate(change):
+        place[k + 1] = np.clip(place[k] + step, -lost[:, 0], lost[:, 0])
+        pushed[k] = place[k] + step - place[k + 1]
+    pushed = np.where(lost[:, 0] > 0, pushed, change)
+    way, more, then = np.zeros_like(place), np.zeros_like(place), np.zeros_like(place)
+    for i in range(place.shape[1]):
+        moving = np.flatnonzero(pushed[:, i])
+        last = moving[-1] if len(moving) else -1
+        way[: last + 1, i] = np.sign(pushed[moving, i])[
+            np.searchsorted(moving, np.arange(last + 1))
+        ]
+        way[last + 1 :, i] = way[last, i] if last >= 0 else 1.0
+        off = lost[i, 0] - way[-1, i] * place[last + 1 :, i]
+        if last >= 0 and np.max(off) > LEFT:  # it leaves its joint and never pushes it again
+            way[last + 1 :, i] *= -1
+            more[-1, i] = np.max(off) - 2 * lost[i, 0]
+        for k in range(len(change) - 1, -1, -1):
+            same = way[k, i] == way[k + 1, i]
+            more[k, i] = abs(pushed[k, i]) + (more[k + 1, i] if same else 0.0)
+            then[k, i] = then[k + 1, i] if same else more[k + 1, i]
+    return way, lost[:, 0] - way * place, more, then
 
 
 @lru_cache(maxsize=32)
@@ -224,7 +290,9 @@ def _second(system: TriangularSystem) -> Pointwise:
     return Pointwise("second", [q], ca.vertcat(z2, ca.jacobian(z2, q).T))
 
 
-def _state_limits(problem: Problem, q: Array, s: Array) -> tuple[Array, Array, Array]:
+def _state_limits(
+    problem: Problem, q: Array, begun: NDArray[np.bool_]
+) -> tuple[Array, Array, Array]:
     """Unit rows (K, c, N) with least and greatest values (K, c) at the course's q (K, N).
 
     One row for each coordinate with a limit; one for z₂, along its gradient, where it has a margin
@@ -239,7 +307,7 @@ def _state_limits(problem: Problem, q: Array, s: Array) -> tuple[Array, Array, A
     out = _second(problem.system)(q)
     z2, gradient = problem.z2_sign * out[:, 0], problem.z2_sign * out[:, 1:]
     steep = np.maximum(np.linalg.norm(gradient, axis=1), 1e-9)
-    least = np.where(s >= 0, (limits.z2_margin - z2) / steep, -np.inf)
+    least = np.where(begun, (limits.z2_margin - z2) / steep, -np.inf)
     rows = np.concatenate([rows, (gradient / steep[:, None])[:, None]], axis=1)
     floor = np.concatenate([floor, least[:, None]], axis=1)
     ceiling = np.concatenate([ceiling, np.full((count, 1), np.inf)], axis=1)
@@ -254,7 +322,7 @@ class Weights:
         path: Diagonal of Q for each period's start, (K, N).
         goal: Diagonal of G, (N,).
         size: Diagonal of R for each period, (K, 2).
-        step: Diagonal of S, (2,).
+        step: Diagonal of S for each period, (K, 2).
     """
 
     path: Array
@@ -268,7 +336,7 @@ class Regulator:
     """The optimal law without limits, v = −gain ξ, and what deviating from it costs.
 
     Attributes:
-        F: ξₖ₊₁ = Fₖ ξₖ + Gₖ v, (K, n, n) with n = N + 2 + N − 2.
+        F: ξₖ₊₁ = Fₖ ξₖ + Gₖ v, (K, n, n) with n = N + 2 + 2(N − 2).
         G: The same, (K, n, 2).
         gain: (K, 2, n).
         root: (K, 2, 2): correcting by −gain ξ + root c costs |c|² more than the optimum.
@@ -286,12 +354,11 @@ def regulator(ref: Reference, weights: Weights) -> Regulator:
     F, G = _augmented(ref)
     n = F.shape[-1]
     move = slice(size, size + 2)
-    S = np.diag(weights.step)
     cost = np.zeros((n, n))
     cost[range(size), range(size)] = weights.goal
     gain, root = np.empty((count, 2, n)), np.empty((count, 2, 2))
     for k in range(count - 1, -1, -1):
-        R = np.diag(weights.size[k]) * ref.timing.period
+        R, S = np.diag(weights.size[k]) * ref.timing.period, np.diag(weights.step[k])
         curvature = R + S + G[k].T @ cost @ G[k]
         cross = G[k].T @ cost @ F[k]
         cross[:, move] -= S

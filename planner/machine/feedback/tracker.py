@@ -15,11 +15,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import expect
-from planner.machine.feedback.course import Course, timing
-from planner.machine.feedback.estimate import Estimate, Forecast, History, gearhead_play
+from planner.machine.feedback.course import Course, shift_of, timing
+from planner.machine.feedback.estimate import (
+    Estimate,
+    Forecast,
+    History,
+    Pose,
+    gearhead_play,
+    lost_motion,
+)
 from planner.machine.feedback.programme import Programme
-from planner.machine.feedback.reference import Reference, Weights, reference, regulator, resting
-from planner.machine.feedback.run_up import input_limit, input_scale, refuse_beyond, run_up
+from planner.machine.feedback.reference import Reference, Weights, reference, regulator
+from planner.machine.feedback.run_up import (
+    REST_S,
+    input_limit,
+    input_scale,
+    refuse_beyond,
+    run_up,
+)
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
 from planner.problem.tables.problem_file import FeedbackTable
@@ -34,8 +47,11 @@ class Tracker:
     Every 0.1 s it reads the joint encoders, predicts where the commands already on their way will
     take the arm, and corrects the plan's inputs so that a cost over the whole rest of the motion is
     least, within the limits on inputs, their rates, joints and z₂. What it knows of the machine are
-    its mean values: control period, delay, servo bandwidth, gearhead play, encoder resolution,
-    velocity limit.
+    its mean values: control period, delay, servo bandwidth, gearhead play, lost motion of the
+    joints, encoder resolution, velocity limit.
+
+    A plan is followed along its path. Of a compensated plan whose drive turns back on its way the
+    motion that it predicts is followed, to the same goal: the lost motion of each turn is in it.
 
     When a programme has no solution its state limits are widened to what the regulator, clipped to
     the input limits, makes of them; when OSQP is late, the corrections decided before go on as
@@ -80,8 +96,8 @@ class Tracker:
 AHEAD = 5
 """Periods in which a reversal must be worth crossing the play."""
 
-UNCERTAIN = 0.2
-"""How well the play of a gearhead is known: to this part of its mean."""
+UNCERTAIN = 0.1
+"""How well the play of a gearhead is known in the end: to this part of its mean."""
 
 
 class Control:
@@ -102,10 +118,9 @@ class Control:
         self._k = 0
         self._history = History(clock.tick, ref.first, count)
         self._answer = design.programme.none(count)
-        self._side = np.zeros((2, count))
-        self._forecast = Forecast(design.system, design.play, clock.tick)
+        self._forecast = design.forecast
         start = np.repeat(ref.start[:, None], count, axis=1)
-        self._estimate = Estimate(design.system, start, design.resolution)
+        self._estimate = Estimate(start, design.resolution, design.lost)
 
     def __call__(self, t: float, measured: Array) -> Array:
         """Commands of the ticks from t to the next reading, (M, 2, S), rad/s.
@@ -118,8 +133,7 @@ class Control:
         now, estimate = k * clock.period - clock.shift, self._estimate
         if k:
             before = now - clock.period
-            q, self._side = self._forecast(estimate.q, self._side, before, now, self._history)
-            estimate.predicted(q)
+            estimate.predicted(self._forecast(estimate, before, now, self._history))
         estimate.read(measured)
         if k < len(self._ref.feed):
             self._decide(k, now)
@@ -130,9 +144,8 @@ class Control:
         """Add the commands of one period, from when they can act."""
         clock, ref = self._clock, self._ref
         told = np.full(2, k * clock.period + clock.wait)
-        q, side = self._forecast(self._estimate.q, self._side, now, told, self._history)
-        w = self._answer.corrections[0]
-        state = np.concatenate([q - ref.q[k][:, None], w, self._estimate.rate_error])
+        pose = self._forecast(self._estimate, now, told, self._history)
+        w, state = self._answer.corrections[0], self._state(k, pose)
         self._answer = self._design.programme(k, state, self._answer)
         self.fallbacks += self._answer.fallback
         v = self._answer.corrections[0]
@@ -140,18 +153,37 @@ class Control:
         if self._design.ramp:
             share = (np.arange(clock.ticks)[:, None, None] + 0.5) / clock.ticks
             added = w + share * (v - w)
-        commands = self._limited(ref.feed[k][:, :, None] + added)
-        self._history.append(self._limited(commands + self._crossing(k, commands, side)))
+        commands = self._limited(k, ref.feed[k][:, :, None] + added)
+        self._history.append(self._limited(k, commands + self._crossing(k, commands, pose)))
 
-    def _crossing(self, k: int, commands: Array, side: Array) -> Array:
+    def _state(self, k: int, pose: Pose) -> Array:
+        """Deviation, last corrections, rate errors and lost motion, (n, S); see `Regulator`.
+
+        A joint ends where its axis pushes it to, or stays where it is if the axis does not reach
+        it: the course pushes it by `more`, or stays off by −`more`. More or less lost motion is
+        felt as far as it changes the push that comes `then`.
+        """
+        ref, known = self._ref, self._estimate
+        off, way = pose.q - ref.q[k][:, None], ref.way[k][:, None]
+        more, then = ref.more[k][:, None], ref.then[k][:, None]
+        stays = way * (pose.q[2:] - ref.joints[k][:, None]) - np.maximum(more, 0)
+        pushed = way * (pose.axis[1:] - ref.q[k][2:, None]) - known.lost[1:] + np.minimum(more, 0)
+        off[2:] = way * np.maximum(stays, pushed)
+        lost = known.lost[1:] - ref.lost - np.minimum(then, 0) / 2
+        lost = np.minimum(lost, np.maximum(then, 0) / 2)
+        return np.concatenate([off, self._answer.corrections[0], known.rate_error[1:], lost])
+
+    def _crossing(self, k: int, commands: Array, pose: Pose) -> Array:
         """What must be added to reverse a motor through its play, (M, 2, S).
 
         The crossing is spread over the period. It is not begun for less travel than the play is
         uncertain by: the motor stands until the next periods ask for more.
         """
-        clock, half = self._clock, self._design.play / 2
-        if not np.any(half):
+        clock, play = self._clock, self._design.play
+        if not np.any(play):
             return np.zeros_like(commands)
+        half = np.stack([np.full(len(pose.side), play[0] / 2), self._estimate.lost[0]])
+        side = np.stack([pose.side, pose.axis[0] - pose.q[1]])
         way = np.sign(commands.sum(axis=0))
         gap = np.where(way == 0, 0.0, half - way * side)
         feed = self._ref.feed[k : k + min(AHEAD, self._design.programme.horizon)].mean(axis=1)
@@ -161,23 +193,30 @@ class Control:
         stand = ~worth & (gap > half / 2)
         return np.where(stand, -commands, added)
 
-    def _limited(self, commands: Array) -> Array:
-        """Within the limits of speed and of its change from tick to tick."""
+    def _limited(self, k: int, commands: Array) -> Array:
+        """Within the limits of speed and of its change from tick to tick.
+
+        Where the course ends with a speed it may stop at once, as the plan does.
+        """
         limit, rate = self._ref.limit[:, None], self._ref.rate[:, None]
         commands = np.clip(commands, -limit, limit)
         if not np.any(np.isfinite(rate)):
             return commands
         most = rate * self._clock.tick
-        before = self._history.last
-        out = []
-        for u in commands:
+        before, out = self._history.last, []
+        for i, u in enumerate(commands, k * self._clock.ticks + self._clock.latency):
+            before = np.where(self._ref.last[:, None] == i, 0.0, before)
             before = np.clip(u, before - most, before + most)
             out.append(before)
         return np.stack(out)
 
 
-RUN_UP_ERROR_DEG = 5.0
-"""The error during the run-up that weighs as much as one unit of correction, degrees."""
+RUN_UP_ERROR_DEG, RUN_UP_STEP = 5.0, 0.05
+"""During the run-up: the error that weighs as much as one unit of correction, degrees; and what a
+change of corrections weighs, as a part of that on the way. Only the rest at its end counts, and
+that no more than any instant of the way: what is learnt of the ratios of joints 2 and 3 lets the
+tracker begin with small errors that the way takes off. Pinned to its start as to its goal, E and
+the end would be 0.26 and 0.09 degrees (95 %) instead of 0.24 and 0.07."""
 
 RESTING_WEIGHT = 1e4
 """Weight of a correction where the drive rests, as a part of that elsewhere."""
@@ -190,15 +229,18 @@ class Design:
     Attributes:
         ref: The course on the tracker's clock.
         programme: The control steps.
-        play: Whole play of each motor's gearhead, (2, 1), rad; zero when it is not crossed.
+        forecast: The nominal machine.
+        lost: Mean lost motion of each joint, (N−1, 1), rad.
+        play: Whole play of each motor's gearhead, (2,), rad; zero when it is not crossed.
         resolution: Of each reading, (N, 1).
     """
 
     ref: Reference
     programme: Programme
+    forecast: Forecast
+    lost: Array
     play: Array
     resolution: Array
-    system: TriangularSystem
 
     @property
     def ramp(self) -> bool:
@@ -215,20 +257,25 @@ def design(plan: Plan, machine: Machine, options: FeedbackTable) -> Design:
     """
     refuse_beyond(plan, machine)
     system = plan.problem.system
-    course = Course(plan, run_up(plan, machine, options))
-    clock = timing(options, system, machine, course.lead_s)
-    span = plan.duration + options.overtime_s - clock.wait - clock.shift[0] - clock.begin
+    shift, play = shift_of(system, machine), gearhead_play(system, machine) * options.take_up_play
+    before, lost = run_up(plan, machine, options), lost_motion(system, machine)[:, None]
+    course = Course(plan, before, shift, play)
+    clock = timing(options, system, machine, course.begin, course.start)
+    span = course.end + options.overtime_s - clock.wait - clock.shift[0] - clock.begin
     count = max(1, int(np.ceil(span / clock.period - 1e-9)))
-    ref = reference(course, clock, input_limit(plan, machine), count, options.least_speed)
+    forecast = Forecast(system, play[0], clock.tick)
+    allowed = lost if before is not None or course.predicted else 0 * lost
+    limit = input_limit(plan, machine)
+    ref = reference(course, clock, forecast, allowed, limit, count, options.least_speed)
     law = regulator(ref, _weights(plan, ref, input_scale(plan, machine), options))
     horizon = max(1, round(options.horizon_s / clock.period))
-    play = gearhead_play(system, machine) * options.take_up_play
     return Design(
         ref=ref,
         programme=Programme(ref, law, horizon, options.max_iterations),
+        forecast=forecast,
+        lost=np.concatenate([play[1:, None] / 2, lost]),
         play=play,
         resolution=_resolution(system, machine),
-        system=system,
     )
 
 
@@ -238,16 +285,16 @@ def _weights(plan: Plan, ref: Reference, scale: Array, options: FeedbackTable) -
     if plan.problem.system.coordinates[0].unit == "rad":
         tracked[0] = 0.0
     goal = tracked / np.deg2rad(options.goal_error_deg) ** 2
-    path = tracked / np.deg2rad(options.path_error_deg) ** 2
-    path = np.repeat(path[None], len(ref.feed), axis=0)
-    begun = ref.s[:-1] >= 0
-    path[~begun] = tracked / np.deg2rad(RUN_UP_ERROR_DEG) ** 2
-    if not begun[0]:
-        path[np.argmax(begun)] += goal / ref.timing.period
+    path = np.repeat(tracked[None] / np.deg2rad(options.path_error_deg) ** 2, len(ref.feed), axis=0)
+    start = int(np.argmax(ref.begun))
+    moving = max(0, start - round(REST_S / ref.timing.period))
+    path[:moving] = tracked / np.deg2rad(RUN_UP_ERROR_DEG) ** 2
     size, step = options.correction * scale, options.correction_step * scale
     sizes = np.repeat(1 / size[None] ** 2, len(ref.feed), axis=0)
-    sizes[resting(ref), 0] *= RESTING_WEIGHT
-    return Weights(path, goal, sizes, 1 / step**2)
+    sizes[ref.rests, 0] *= RESTING_WEIGHT
+    steps = np.repeat(1 / step[None] ** 2, len(ref.feed), axis=0)
+    steps[:start] *= RUN_UP_STEP
+    return Weights(path, goal, sizes, steps)
 
 
 def _resolution(system: TriangularSystem, machine: Machine) -> Array:

@@ -19,7 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.machine.feedback.run_up import first_motion, input_scale, lost_motion, turns_back
+from planner.machine.feedback.course import turns_back
+from planner.machine.feedback.estimate import lost_motion
+from planner.machine.feedback.run_up import first_motion, input_scale
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
 from planner.support.arrays import Array

@@ -20,7 +20,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.interpolate import BPoly
 
-from planner.machine.feedback.course import DEFAULT_TICK_S, mean_of, shift_of
+from planner.machine.feedback.course import DEFAULT_TICK_S, mean_of, shift_of, turned
 from planner.machine.feedback.estimate import gearhead_play
 from planner.machine.feedback.run_up import input_limit
 from planner.machine.feedforward.preparation import back, forward, take_up
@@ -31,9 +31,6 @@ from planner.problem.tables.compensation import CompensationTable
 from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem
-
-FINE = 16
-"""Parts of a tick over which the plan's inputs are summed up: its inputs may jump inside one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +91,7 @@ def shaped(
     ahead = shift_of(system, machine) if options.lag else np.zeros(2)
     if straight and not held:  # what goes straight comes half a tick before what is held
         ahead = ahead - tick / 2
-    times, angles = _turned(plan, tick)
+    times, angles = turned(plan, tick)
     angle = np.empty((len(t), 2))
     for i in range(2):
         angle[:, i] = np.interp(t + ahead[i], tick * np.arange(len(before)), before[:, i])
@@ -104,22 +101,13 @@ def shaped(
     if options.preparation == "jump":
         angle[:, 0] += take_up(wanted, system, machine, plan.q(0.0)[1]).drive
     if options.gearheads:
-        angle += _ahead_of_play(angle, gearhead_play(system, machine)[:, 0] / 2)
+        angle += _ahead_of_play(angle, gearhead_play(system, machine) / 2)
     grain = np.broadcast_to(mean_of(machine, "velocity_resolution_rad_s"), 2)
     u = np.stack(
         [_pursued(angle[:, i], limit[i], rate[i], grain[i], tick) for i in range(2)], axis=1
     )
     t[-1] = lead + plan.duration + tail
     return Commands(np.asarray(t), u, lead, tail, straight)
-
-
-def _turned(plan: Plan, tick: float) -> tuple[Array, Array]:
-    """Times and the angles (M, 2) by which the plan has turned the motors until then."""
-    count = FINE * int(np.ceil(plan.duration / tick))
-    times = np.unique(np.concatenate([plan.t, np.linspace(0.0, plan.duration, count + 1)]))
-    speeds = plan.u((times[:-1] + times[1:]) / 2)
-    angles = np.cumsum(speeds * np.diff(times)[:, None], axis=0)
-    return times, np.concatenate([np.zeros((1, 2)), angles])
 
 
 def _ahead_of_play(wanted: Array, half: Array) -> Array:

@@ -34,8 +34,9 @@ class FeedbackTable(Table):
         " rounded up to the machine's control period.",
     )
     horizon_s: Annotated[float, Field(gt=0, le=60)] = Field(
-        1.0,
-        description="Horizon for limits, seconds. The cost covers the rest of the motion.",
+        2.0,
+        description="Horizon for limits, seconds. The cost covers the rest of the motion. With 1 s"
+        " the preparatory motion drives joints beyond the start, from where it must not turn back.",
     )
     overtime_s: Annotated[float, Field(ge=0, le=60)] = Field(
         0.3,
@@ -44,10 +45,11 @@ class FeedbackTable(Table):
     )
     run_up: Literal["auto"] | bool = Field(
         "auto",
-        description="Whether a preparatory motion before the plan takes up backlash and shaft"
-        " torsion: the arm goes back and returns to the start. auto: if the"
-        " machine has backlash or soft shafts, there are at most two passive"
-        " joints, and the plan's drive never reverses.",
+        description="Whether a preparatory motion before the plan takes up and measures backlash"
+        " and shaft torsion: the arm goes back and returns to the start. auto: if the machine has"
+        " backlash or soft shafts, there are at most two passive joints, and the plan's drive"
+        " never reverses or the plan is compensated. Without it a compensated plan prepares as it"
+        " does in open loop.",
     )
     path_error_deg: Annotated[float, Field(gt=0)] = Field(
         0.1,

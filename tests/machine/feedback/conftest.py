@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 import planner
@@ -28,3 +30,10 @@ def machine() -> Machine:
 def plain(smooth: Plan, machine: Machine) -> Design:
     """Its tracker without a run-up."""
     return design(smooth, machine, FeedbackTable(run_up=False))
+
+
+@pytest.fixture(scope="session")
+def parked(machine: Machine) -> Plan:
+    """A compensated plan whose drive turns back three times."""
+    problem = planner.load_problem(Path(__file__).parents[3] / "problems/parking.toml")
+    return planner.compensate(planner.solve(problem, "collocation"), machine)

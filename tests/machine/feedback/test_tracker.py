@@ -74,6 +74,28 @@ def test_the_prototype_as_it_is(paper: planner.Problem) -> None:
     assert np.percentile(closed.terminal_E_deg, 95) < 0.15  # twice the encoders' step would be 0.18
 
 
+def test_a_compensated_plan_that_turns_back_ends_five_times_closer(
+    parked: Plan, machine: Machine
+) -> None:
+    """Lost motion is learnt before the start, and a loose path leaves room to allow for it."""
+    tracker = Tracker(path_error_deg=1.0)
+    closed = replay(parked, machine, 5, seed=0, feedback=tracker, record_s=None)
+    opened = replay(parked, machine, 5, seed=0, record_s=None)
+    assert np.median(closed.terminal_E_deg) < np.median(opened.terminal_E_deg) / 5
+    assert parked.lead_s - tracker.design(parked, machine).ref.timing.begin < 9.0
+
+
+def test_a_compensated_plan_is_followed_along_the_path_it_compensates(
+    smooth: Plan, machine: Machine, closed: Replay
+) -> None:
+    better = planner.compensate(smooth, machine)
+    again = replay(better, machine, SAMPLES // 2, seed=3, feedback=True, record_s=None)
+    assert again.percentile(50) == pytest.approx(closed.percentile(50), abs=0.03)
+    assert np.median(again.terminal_E_deg) == pytest.approx(
+        np.median(closed.terminal_E_deg), abs=0.02
+    )
+
+
 def test_the_weights_trade_the_way_for_the_end(
     smooth: Plan, machine: Machine, closed: Replay
 ) -> None:
@@ -114,7 +136,7 @@ def test_commands_keep_the_limits_of_speed_and_its_change(
     u = np.concatenate(tracker.commands)
     assert np.max(np.abs(u)) <= 0.25 + 1e-9
     assert np.max(np.abs(u[:, 0])) > 0.249  # the drive's limit is used to take up the play
-    rise = np.abs(np.diff(u[:1000], axis=0)) / 0.01  # while the plan runs, 10 s
+    rise = np.abs(np.diff(u[:997], axis=0)) / 0.01  # until the plan's end is commanded, in 10 s
     assert 1.9 < np.max(rise) <= 2.0 + 1e-9
     assert np.median(closed.terminal_E_deg) < 1.0
 

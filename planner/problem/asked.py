@@ -92,15 +92,31 @@ def tip_of(
     return tip
 
 
+def self_collision_of(
+    tables: ProblemFile, system: TriangularSystem, source: str
+) -> SelfCollision | None:
+    """The clearance of an arm's links from each other; None where it is not asked for.
+
+    Raises:
+        InputError: If no motion of this arm could keep it, or there is nothing to keep.
+    """
+    value = getattr(tables.limits, SelfCollision.key, None)
+    if value is None:
+        return None
+    try:
+        return SelfCollision.of(value, system)
+    except ValueError as error:
+        raise InputError(f"{source}: 'limits.{SelfCollision.key}': {error}") from None
+
+
 def further_of(tables: ProblemFile, system: TriangularSystem, source: str) -> list[Requirement]:
-    """The clearance of an arm's links, and limits of kinds that all systems know.
+    """The limits of kinds that all systems know.
 
     Raises:
         InputError: If one cannot be of this system, or its class contradicts itself.
     """
     out = []
-    kinds: dict[str, type[Requirement]] = {SelfCollision.key: SelfCollision, **REQUIREMENTS}
-    for key, kind in kinds.items():
+    for key, kind in REQUIREMENTS.items():
         value = getattr(tables.limits, key, None)
         if value is None:
             continue

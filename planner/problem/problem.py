@@ -20,6 +20,7 @@ from planner.problem.asked import (
     further_of,
     likely_slip,
     obstacles_of,
+    self_collision_of,
     tip_of,
     waypoints_of,
 )
@@ -28,6 +29,7 @@ from planner.problem.requirements.ends import Duration, Goal, Start, TipGoal
 from planner.problem.requirements.limits import InputLimit, JointLimit, RateLimit, Z2Margin
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import Demand, Part, Requirement
+from planner.problem.requirements.self_collision import SelfCollision
 from planner.problem.tables.compensation import CompensationTable
 from planner.problem.tables.kinds import parse_file
 from planner.problem.tables.machine_effects import MachineTable
@@ -99,8 +101,8 @@ class Problem:
         compensation: Whether and how plans are compensated for the machine.
         waypoints: Places that every plan passes through.
         obstacles: Discs that the links of an arm must not touch.
-        further: The clearance of an arm's links, and registered limits that any system may have,
-            see `planner.register_requirement`.
+        further: Registered limits that any system may have, see `planner.register_requirement`.
+        self_collision: How far the links of an arm stay from each other; None if they may cross.
         tip: Where an arm's tip ends, in place of joints' angles; None where it is not asked for.
         source: Where the problem came from, for messages.
     """
@@ -119,6 +121,7 @@ class Problem:
     waypoints: tuple[Waypoint, ...]
     obstacles: tuple[Obstacle, ...]
     further: tuple[Requirement, ...]
+    self_collision: SelfCollision | None
     tip: TipGoal | None
     source: str
     _data: Mapping[str, Any]
@@ -160,6 +163,7 @@ class Problem:
             waypoints=tuple(waypoints_of(tables, system, source)),
             obstacles=obstacles,
             further=tuple(further_of(tables, system, source)),
+            self_collision=self_collision_of(tables, system, source),
             tip=tip_of(tables, system, obstacles, source),
             source=source,
             _data=tables.model_dump(mode="json", by_alias=True, exclude_unset=True),
@@ -320,6 +324,8 @@ class Problem:
         ]
         if limits.z2_margin is not None:
             found.append(Z2Margin(limits.z2_margin, int(self.z2_sign)))
+        if self.self_collision is not None:
+            found.append(self.self_collision)
         found += [*self.further, *self.waypoints, *self.obstacles]
         return tuple(each for each in found if each.parts)
 

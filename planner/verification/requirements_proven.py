@@ -26,7 +26,6 @@ from planner.problem.problem import Problem
 from planner.problem.requirements.chart import ChartDomain
 from planner.problem.requirements.places import Waypoint
 from planner.problem.requirements.requirement import At, Part, Requirement
-from planner.problem.requirements.self_collision import SelfCollision
 from planner.support import deadline
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem, arm_points_expr
@@ -285,13 +284,13 @@ def links_apart(problem: Problem, motion: Motion) -> list[Claim]:
     While all are proven no two links cross that did not at the start, which the problem has
     excluded: by continuity an end of one would first touch the other.
     """
-    out = []
-    for required in problem.requirements:
-        if isinstance(required, SelfCollision):
-            points = _points(problem.system)(motion.q)
-            for part, (place, link) in zip(required.parts, required.near, strict=True):
-                centre, wanted = points[2 * place : 2 * place + 2], [(link - 1, part)]
-                out += _clear(problem, motion, centre, wanted, required.clearance)
+    required, out = problem.self_collision, list[Claim]()
+    if required is None:
+        return out
+    points = _points(problem.system)(motion.q)
+    for part, (place, link) in zip(required.parts, required.near, strict=True):
+        centre, wanted = points[2 * place : 2 * place + 2], [(link - 1, part)]
+        out += _clear(problem, motion, centre, wanted, required.clearance)
     return out
 
 

@@ -141,7 +141,8 @@ def kinds() -> list[tuple[planner.Problem, Requirement]]:
             "limits": {"self_clearance_m": 0.1},
         }
     )
-    return found + [(four, required) for required in four.further]
+    assert four.self_collision is not None
+    return [*found, (four, four.self_collision)]
 
 
 @pytest.mark.parametrize(("problem", "required"), kinds(), ids=lambda x: type(x).__name__)

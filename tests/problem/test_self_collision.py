@@ -31,6 +31,11 @@ def folding(clearance: float | None = 0.05, **more: Any) -> planner.Problem:
     )
 
 
+def clearance_of(problem: planner.Problem) -> SelfCollision:
+    assert problem.self_collision is not None
+    return problem.self_collision
+
+
 def by_search(a: Array, b: Array, c: Array, d: Array) -> float:
     """The distance of two segments, by a convex programme."""
 
@@ -114,7 +119,7 @@ def test_rows_have_the_slope_of_the_distance_at_contact() -> None:
 
 def test_a_file_says_it_and_no_more_is_asked_by_default() -> None:
     problem = folding(0.05)
-    (required,) = problem.further
+    required = problem.self_collision
     assert required == SelfCollision(4, 0.05)
     assert required in problem.requirements
     assert planner.Problem.from_dict(problem.to_dict()) == problem
@@ -205,7 +210,7 @@ def test_judge_and_proof_agree_with_dense_samples(folded: planner.Plan) -> None:
     for clearance, ok in ((least - 1e-4, True), (least + 1e-4, False)):
         plan = kept(folded, clearance)
         check, certificate = planner.verify(plan), planner.certify(plan)
-        labels = [part.label for part in plan.problem.further[0].parts]
+        labels = [part.label for part in clearance_of(plan.problem).parts]
         margins = {label: check.margins[label] for label in labels}
         assert min(margins.values()) == pytest.approx(least - clearance, abs=1e-8)
         assert all(v.label not in labels for v in check.violations) == ok
@@ -232,8 +237,8 @@ def test_a_shape_that_only_turns_keeps_its_distances() -> None:
     problem = folding(0.05)
     plan = swung(problem, 0.2, 2.0)
     check = planner.verify(plan)
-    start = [float(v) for v in problem.further[0].values(At.of(problem.system, problem.start))]
-    for part, value in zip(problem.further[0].parts, start, strict=True):
+    start = [float(v) for v in clearance_of(problem).values(At.of(problem.system, problem.start))]
+    for part, value in zip(clearance_of(problem).parts, start, strict=True):
         assert check.margins[part.label] == pytest.approx(value - 0.05, abs=1e-9)
         claim = planner.certify(plan)[part.label]
         assert claim.guaranteed == pytest.approx(value - 0.05, abs=1e-9)

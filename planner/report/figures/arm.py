@@ -10,7 +10,6 @@ import numpy as np
 from planner.errors import InputError
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
-from planner.problem.requirements.self_collision import SelfCollision
 from planner.report.figures.style import TAG, Curve, Plans, curves, grid, heading, times
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
@@ -135,16 +134,16 @@ def _draw(ax: Any, curve: Curve, scale: Any, poses: int) -> None:
 
 def _draw_closest(ax: Any, plan: Plan) -> None:
     """Where two links that are to keep apart are nearest to each other: the pose, and how near."""
-    for required in plan.problem.requirements:
-        if not isinstance(required, SelfCollision):
-            continue
-        poses = body(plan.problem, plan.q(times(plan)))
-        points = poses[int(np.argmin(np.min(required.distances(poses), axis=0)))]
-        one, other, away = required.closest(points)
-        ax.plot(*points.T, "-", color="crimson", linewidth=1, zorder=4)
-        ax.plot(*np.stack([one, other]).T, "-", color="crimson", linewidth=2.5, zorder=6)
-        words = f"links {away:.2g} m apart" if away > 0 else "links cross"
-        ax.annotate(words, one, (6, 6), textcoords="offset points", fontsize=8, bbox=TAG, zorder=6)
+    required = plan.problem.self_collision
+    if required is None:
+        return
+    poses = body(plan.problem, plan.q(times(plan)))
+    points = poses[int(np.argmin(np.min(required.distances(poses), axis=0)))]
+    one, other, away = required.closest(points)
+    ax.plot(*points.T, "-", color="crimson", linewidth=1, zorder=4)
+    ax.plot(*np.stack([one, other]).T, "-", color="crimson", linewidth=2.5, zorder=6)
+    words = f"links {away:.2g} m apart" if away > 0 else "links cross"
+    ax.annotate(words, one, (6, 6), textcoords="offset points", fontsize=8, bbox=TAG, zorder=6)
 
 
 def _time_scale(longest: float) -> Any:

@@ -12,7 +12,6 @@ from planner.comparison.comparison import Comparison
 from planner.comparison.rows import Row, effort_unit
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Part
-from planner.problem.requirements.self_collision import SelfCollision
 from planner.report.figures.style import shown
 from planner.support.tables import number
 
@@ -93,11 +92,10 @@ def facts(comparison: Comparison) -> list[tuple[str, str]]:
     out += _joint_limits(problem)
     if limits.z2_margin is not None:
         out.append(("Distance from z₂ = 0", f"at least {limits.z2_margin:g}"))
-    for each in problem.further:
-        if isinstance(each, SelfCollision):
-            out.append(("Links from each other", f"at least {each.clearance:g} m"))
-        else:
-            out += [_between(part) for part in each.parts]
+    if problem.self_collision is not None:
+        clearance = problem.self_collision.clearance
+        out.append(("Distance of links from each other", f"at least {clearance:g} m"))
+    out += [_between(part) for each in problem.further for part in each.parts]
     machines = f"{comparison.samples} drawn from “{comparison.machine.preset}”"
     return [*out, ("Machines", machines), ("Seed", str(comparison.seed))]
 

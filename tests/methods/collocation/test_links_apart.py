@@ -27,6 +27,11 @@ def crossing(problem: planner.Problem) -> planner.Plan:
     return planner.solve(problem.changed({"limits.self_clearance_m": None}), start="straight")
 
 
+def clearance_of(problem: planner.Problem) -> SelfCollision:
+    assert problem.self_collision is not None
+    return problem.self_collision
+
+
 def distances(plan: planner.Plan) -> Any:
     """Of each joint from each link, all along, shape (R, T)."""
     system: Any = plan.problem.system
@@ -55,7 +60,7 @@ def test_the_plan_keeps_clear_at_all_times_and_that_is_proven(
     assert plan.certificate is not None
     assert plan.certificate.ok
     check = planner.verify(plan)
-    parts = problem.further[0].parts
+    parts = clearance_of(problem).parts
     assert min(check.margins[part.label] for part in parts) == pytest.approx(least - 0.03, abs=1e-6)
     system: Any = problem.system
     np.testing.assert_allclose(system.arm_points(plan.q(40.0)[1:])[-1], [0.0, -0.04], atol=1e-6)

@@ -50,7 +50,7 @@ def write(docs: Path) -> None:
         _put(docs / "notebooks" / path.name, path.read_text(encoding="utf-8"))
     shutil.copytree(ROOT / "problems", docs / "problems", dirs_exist_ok=True)
     pictures = ["explorer/refused", "paper/mechanism", "compensation/compensation"]
-    for picture in [*pictures, "coverage/coverage"]:
+    for picture in [*pictures, "coverage/coverage", "design/design"]:
         name = picture.rpartition("/")[2].replace("refused", "explorer")
         shutil.copyfile(ROOT / "results" / f"{picture}.png", made / f"{name}.png")
 

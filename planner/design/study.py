@@ -67,6 +67,8 @@ def design_study(
         InputError: If the file is wrong, no design can be built, or the folder cannot be used.
         KeyboardInterrupt: If interrupted; finished cases are kept.
     """
+    tell = progress or (lambda _, __: None)
+    tell("reading", 0.0)
     asked = read_design(design)
     first, *others = asked.methods
     compensated = others.pop() if asked.table.compensated else None
@@ -79,6 +81,7 @@ def design_study(
     with place as made:
         db = Path(made) / CASES
         outcome = run_sweep(asked.sweep(), db, workers=workers, cluster=cluster, progress=progress)
+        tell("judging", 1.0)
         records = iter(read(db)[1])
     rows = []
     for each in asked.designs:

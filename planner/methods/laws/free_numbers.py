@@ -87,7 +87,7 @@ def choose_travel(
         raise SingularError(
             f"{problem.source}: no travel between {travels[0]:.5g} and {travels[-1]:.5g}"
             f" {problem.system.coordinates[0].unit} keeps this method inside the domain of the"
-            " chained-form chart ({len(travels)} tried)",
+            f" chained-form chart ({len(travels)} tried)",
             advice="other constraint points",
             changes=[BY_COLLOCATION],
         )

@@ -10,7 +10,7 @@ import numpy as np
 from planner.design.figures import LOAD, DesignRow, Figure
 from planner.design.result import DesignStudy
 from planner.errors import expect
-from planner.report.figures.style import COLOURS, TAG, grid, heading, plain
+from planner.report.figures.style import COLOURS, TAG, grid, heading, legend, plain
 from planner.support.tables import number
 
 if TYPE_CHECKING:
@@ -58,6 +58,7 @@ def plot_design(study: DesignStudy, *, axes: Any = None) -> tuple[Picture, Any]:
     taken = study.recommended
     said = "no design solves a task" if taken is None else f"take {taken.design.name}"
     heading(figure, f"{study.title}: {said}", ours=ours)
+    legend(figure, axes, axes[0, 0].get_legend_handles_labels()[0], ours=ours, abreast=5)
     return figure, axes
 
 
@@ -87,7 +88,7 @@ def _front(ax: Any, study: DesignStudy) -> None:
         axis.set_label_text(_titled(study, figure))
     for label, marker, colour, rows in (
         ("solves fewer tasks", "v", OTHER, fewer),
-        ("contacts slip (at the edge: beyond it)", "x", SLIPS, slipping),
+        ("contacts slip (at an edge: beyond it)", "x", SLIPS, slipping),
         ("", "o", COLOURS[0], holding),
     ):
         if rows:
@@ -113,7 +114,6 @@ def _front(ax: Any, study: DesignStudy) -> None:
         place = row[x.key], row[y.key]
         shift = {"textcoords": "offset points", "xytext": (5, 5), "bbox": TAG}
         ax.annotate(plain(words or row.design.name), place, fontsize=7, zorder=2, **shift)
-    ax.legend(fontsize=7)
 
 
 def _spread_out(front: Sequence[DesignRow]) -> list[DesignRow]:

@@ -220,7 +220,7 @@ def test_a_plan_next_to_one_known_comes_from_it(one_way: planner.Plan) -> None:
 def test_a_spread_that_does_not_fit(paper: planner.Problem) -> None:
     with pytest.raises(planner.InputError, match=r"start_deg has 2 values; give one number, or 3"):
         planner.solve(paper, "desensitised", start_deg=[0.5, 0.5])
-    with pytest.raises(planner.InputError, match="every spread is zero"):
+    with pytest.raises(planner.InputError, match="all standard deviations are zero"):
         planner.solve(paper, "desensitised", start_deg=0.0, gain=0.0)
 
 

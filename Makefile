@@ -8,6 +8,7 @@
 #   make coverage  which goals each method reaches, random pairs, to results/coverage (an hour)
 #   make mutants  whether the tests see wrong code in the judge, proofs, systems, machine (an hour)
 #   make robustness  the tracker on good and bad machines, to results/feedback (some minutes)
+#   make sensitivity  plans that mind errors less, to results/sensitivity (some minutes)
 #   make compensation  plans that know the hardware, to results/compensation (a minute)
 #   make report    pictures of the report's page (needs Chromium), to results/report
 #   make explorer  pictures of the explorer in a browser (needs Chromium), to results/explorer
@@ -26,7 +27,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
 .DEFAULT_GOAL := compare
-.PHONY: compare suite bench stress coverage mutants paper robustness compensation report explorer notebook docs test \
+.PHONY: compare suite bench stress coverage mutants paper robustness sensitivity compensation report explorer notebook docs test \
   installed check lint format clean
 
 compare: $(VENV)/.run
@@ -55,6 +56,9 @@ mutants: $(VENV)/.dev
 
 robustness: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/robustness.py
+
+sensitivity: $(VENV)/.run
+	@$(BIN)/python tests/benchmarks/sensitivity.py
 
 compensation: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/compensation.py

@@ -31,7 +31,8 @@ extensions = [
 exclude_patterns = ["problems"]
 html_theme = "furo"
 html_title = "planner"
-html_static_path: list[str] = []
+html_static_path = ["_static"]
+html_css_files = ["output.css"]
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"

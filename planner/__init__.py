@@ -17,7 +17,8 @@ if TYPE_CHECKING:  # a new public name goes here, into the table below and into 
     from planner.comparison.comparison import Comparison
     from planner.compensate import compensate
     from planner.design.geometry import Design
-    from planner.design.study import DesignStudy, design_study
+    from planner.design.result import DesignStudy
+    from planner.design.study import design_study
     from planner.errors import (
         InfeasibleError,
         InputError,
@@ -68,7 +69,8 @@ _HOMES = {
     "comparison.comparison": "Comparison",
     "compensate": "compensate",
     "design.geometry": "Design",
-    "design.study": "DesignStudy design_study",
+    "design.result": "DesignStudy",
+    "design.study": "design_study",
     "errors": "InfeasibleError InputError InputWarning NoPlanError NotConvergedError "
     "PlannerError SingularError TimeLimitError VerificationError "
     "Violation",

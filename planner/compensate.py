@@ -9,8 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from planner.machine.machine import Machine
-from planner.machine.replay import refuse_inexecutable
-from planner.plan.plan import Plan
+from planner.plan.plan import Plan, refuse_inexecutable
 from planner.problem.problem import Problem
 from planner.problem.tables.compensation import CompensationTable
 from planner.solve import compensated, solve

@@ -195,8 +195,8 @@ def test_other_arguments_are_told(plan: planner.Plan) -> None:
         (lambda: planner.Problem.from_dict([1]), "is not a Mapping; planner.load_problem"),  # type: ignore[arg-type]
         (lambda: planner.retime(plan, 0.3), r"give keys of \[limits\]"),  # type: ignore[arg-type]
         (lambda: planner.Tracker(3), r"as in planner.Tracker\(run_up=False\)"),  # type: ignore[arg-type]
-        (lambda: planner.compare(problem, 3), "give names, as in"),  # type: ignore[arg-type]
-        (lambda: planner.compare(problem, [3]), "give names, as in"),  # type: ignore[list-item]
+        (lambda: planner.compare(problem, 3), "give a list of names, for example"),  # type: ignore[arg-type]
+        (lambda: planner.compare(problem, [3]), "give a list of names, for example"),  # type: ignore[list-item]
         (lambda: planner.solve(problem, ["convex"]), "unknown method"),  # type: ignore[arg-type]
         (lambda: planner.solve(problem, warm=problem), NO_PLAN),
     ):

@@ -42,7 +42,7 @@ HANDED = {
         "planner.report.folders.figures",
         "planner.report.folders.save",
     },
-    "planner.design.study": {"planner.report.figures.design.plot_design"},
+    "planner.design.result": {"planner.report.figures.design.plot_design"},
     "planner.plan.plan": {"planner.plan.samples.to_frame", "planner.plan.samples.to_xarray"},
     "planner.robustness.budget": {"planner.report.figures.robustness.plot_budget"},
     "planner.robustness.trade_off": {"planner.report.figures.robustness.plot_trade_off"},

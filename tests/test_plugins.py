@@ -296,8 +296,8 @@ METHOD_REFUSALS: list[tuple[dict[str, Any], str]] = [
     ({"name": "two words"}, "method 'two words' cannot be registered: a name has letters"),
     ({"name": "a\x1b[31mb"}, r"method 'a\[31mb' cannot be registered"),
     ({"name": 3}, "method '3' cannot be registered"),
-    ({"name": "all"}, "method 'all' cannot be registered: the name has another meaning"),
-    ({"name": "model_dump"}, "the name has another meaning"),
+    ({"name": "all"}, "method 'all' cannot be registered: the name is reserved"),
+    ({"name": "model_dump"}, "the name is reserved"),
     ({"plan": "polynomial"}, "method 'mine' cannot be registered: plan = 'polynomial' is not a"),
     ({"replan": 3}, "replan = 3 is not a function"),
     ({"options": dict}, "options = <class 'dict'> is not a subclass of Table"),
@@ -501,7 +501,7 @@ def test_a_limit_on_the_way_is_kept_or_said_not_to_be_promised(
     assert least(planner.solve(fast, "polynomial")) < 0.45  # a law chooses its travel by it
     assert least(planner.solve(problem, "polynomial")) >= 0.45
     away = {"start.theta_deg": [28, 30, 30], "limits.folded": 0.52, "goal.theta_deg": [1, 9, 35]}
-    with pytest.raises(planner.InfeasibleError, match="room to the limit on second link's cosine"):
+    with pytest.raises(planner.InfeasibleError, match="from the limit on second link's cosine"):
         planner.solve(paper.changed(away), "desensitised", backoff=1.0)
     assert least(planner.solve(problem, "convex")) >= 0.45  # by luck: it promises nothing
     law = problem.with_travel(planner.solve(fast, "polynomial").travel)

@@ -155,7 +155,7 @@ def _warnings_told() -> Iterator[None]:
 
 
 def _nowhere() -> TextIO:
-    """A stream for what nobody reads."""
+    """A stream that discards its output."""
     return open(os.devnull, "w", encoding="utf-8")
 
 

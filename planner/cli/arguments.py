@@ -77,6 +77,13 @@ TimeLimit = Annotated[
         show_default=False,
     ),
 ]
+
+
+def out_option(metavar: str, help: str) -> Any:
+    """The option `--out`, which may be left out: a FILE or FOLDER, and what goes there."""
+    return typer.Option("--out", "-o", metavar=metavar, help=help, show_default=False)
+
+
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the random machines.")]
 
 

@@ -21,6 +21,7 @@ from planner.cli.arguments import (
     ProblemPath,
     Seed,
     TimeLimit,
+    out_option,
     parse_changes,
     read_problem,
 )
@@ -90,14 +91,7 @@ def compare(
     time_limit: TimeLimit = None,
     changes: Changes = None,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FOLDER",
-            help="Save table, figures, plans and data in this folder.",
-            show_default=False,
-        ),
+        Path | None, out_option("FOLDER", "Save table, figures, plans and data in this folder.")
     ] = None,
     report: Annotated[
         bool,
@@ -239,14 +233,7 @@ def budget(
     seed: Seed = 0,
     changes: Changes = None,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FOLDER",
-            help="Save tables, figures and data in this folder.",
-            show_default=False,
-        ),
+        Path | None, out_option("FOLDER", "Save tables, figures and data in this folder.")
     ] = None,
     as_json: Json = False,
 ) -> int:
@@ -320,7 +307,7 @@ def save(found: dict[str, Budget], out: Path, command: str | None) -> str:
 
 
 def print_budgets(found: dict[str, Budget]) -> None:
-    """One table a plan."""
+    """Print one table per plan."""
     for each in found.values():
         print_text(each.table(), "")
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from planner.cli.arguments import Json
+from planner.cli.arguments import Json, out_option
 from planner.cli.output import facts, note, print_json, print_text, progress_bar, say
 from planner.cli.sweep import Interrupted
 from planner.design.design_file import Asked, read_design
@@ -21,13 +21,10 @@ def design(
     ],
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FOLDER",
-            help="Folder for finished cases, table, picture and data, gone on from when it is"
+        out_option(
+            "FOLDER",
+            "Folder for finished cases, table, picture and data, gone on from when it is"
             " there; FILE's name without its ending in this folder when left out.",
-            show_default=False,
         ),
     ] = None,
     workers: Annotated[

@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from planner.cli.arguments import Json, PlanPath
+from planner.cli.arguments import Json, PlanPath, out_option
 from planner.cli.output import note, print_json, progress_bar, waiting
 from planner.plan.plan import Plan
 from planner.plan.samples import RATE_HZ
@@ -138,14 +138,7 @@ def report(
         ),
     ],
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FILE",
-            help="The page. Default: report.html in FOLDER.",
-            show_default=False,
-        ),
+        Path | None, out_option("FILE", "The page. Default: report.html in FOLDER.")
     ] = None,
     as_json: Json = False,
 ) -> int:

@@ -14,7 +14,7 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from planner.cli.arguments import Changes, Json, Seed, read_problem
+from planner.cli.arguments import Changes, Json, Seed, out_option, read_problem
 from planner.cli.output import note, print_json, print_text, progress_bar, waiting
 from planner.cli.plan import number
 from planner.cli.sweep import Interrupted
@@ -23,7 +23,7 @@ from planner.methods.desensitised.method import spreads
 from planner.methods.registry import find_method
 from planner.plan.plan import Plan
 from planner.problem.tables.method_options import DesensitisedOptions
-from planner.report.figures.robustness import apart, bought, entry_name
+from planner.report.figures.robustness import bought, entry_name
 from planner.report.folders import save_sensitivity
 from planner.robustness.machine_sensitivity import (
     MachineEntry,
@@ -83,13 +83,9 @@ def sensitivity(
     seed: Seed = 0,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FOLDER",
-            help="Save plans, figures and data in this folder; an interrupted curve continues"
-            " from it.",
-            show_default=False,
+        out_option(
+            "FOLDER",
+            "Save plans, figures and data in this folder; an interrupted curve continues from it.",
         ),
     ] = None,
     as_json: Json = False,
@@ -309,12 +305,12 @@ def _end(which: str, point: Point, key: str = "terminal_p95_deg") -> float | Non
 
 def _knee(curve: TradeOff) -> str:
     first, k = curve.points[0], curve.knee
-    now, then = apart(k.total_deg, first.total_deg)
     text = (
-        f"{curve.problem.name}: {bought(curve)}; total {now} instead of {then}, of it irreducible"
-        f" {number(k.floor_deg)}.\nThe knee lies farthest below the chord between the curve's ends."
-        " Errors are the largest joint error at the end: under the design errors alone, and on the"
-        " problem's machine, with the plan as it is and compensated for it."
+        f"{curve.problem.name}: {bought(curve)}; total {number(k.total_deg)} deg instead of"
+        f" {number(first.total_deg)}, of it irreducible {number(k.floor_deg)}.\n"
+        "The knee lies farthest below the chord between the curve's ends. Errors are the largest"
+        " joint error at the end: under the design errors alone, and on the problem's machine, with"
+        " the plan as it is and compensated for it."
     )
     refused = [(p.compensated or {}).get("refused") for p in curve.points]
     why = next((text for text in refused if text), None)

@@ -121,7 +121,10 @@ class Comparison:
             "seed": self.seed,
             "complete": self.complete,
             "rows": [self._row(row) for row in self.rows],
-            "differences": [_difference(d) for d in self.differences],
+            "differences": [
+                {**asdict(d), "significant": d.significant, "matters": d.matters}
+                for d in self.differences
+            ],
             "problem": self.problem.to_dict(),
             "machine": self.machine.to_dict(),
             "versions": versions(),
@@ -177,10 +180,6 @@ class Comparison:
         """
         saved: Path = handed_to("planner.report.folders.save")(self, folder, report=report)
         return saved
-
-
-def _difference(d: Difference) -> dict[str, Any]:
-    return {**asdict(d), "significant": d.significant, "matters": d.matters}
 
 
 def command(comparison: Comparison, out: str | None = None, *, report: bool = False) -> str | None:

@@ -98,7 +98,7 @@ class Row:
 
     @property
     def status(self) -> str | None:
-        """That of the plan."""
+        """Status of the plan."""
         return None if self.plan is None else self.plan.status
 
     @property
@@ -124,7 +124,7 @@ CLOSED = (
 
 
 def verdict(row: Row) -> str:
-    """Solved, or why not."""
+    """The verdict in words: solved, or why not."""
     word = "yes" if row.solved else "no"
     return f"{word}: {row.remark}" if row.remark or not row.solved else word
 

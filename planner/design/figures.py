@@ -89,8 +89,15 @@ def _largest(method: str, column: str) -> Callable[[Sequence[Outcome]], float]:
 
 
 def _width(window: TravelWindow) -> float:
-    """Of a travel window over its middle: the scale of φ does not matter; 0 if empty."""
-    return 0.0 if window.empty else (window.high - window.low) / abs(window.high + window.low) * 2
+    """Of a travel window over its middle: the scale of φ does not matter; 0 if empty.
+
+    One without an upper end (two joints) has 2, to which the ratio tends.
+    """
+    if window.empty:
+        return 0.0
+    if not np.isfinite(window.high - window.low):
+        return 2.0
+    return (window.high - window.low) / abs(window.high + window.low) * 2
 
 
 Judged = tuple[Figure, Callable[[Sequence[Outcome]], float]]
@@ -268,37 +275,35 @@ def reason(
     if taken is None:
         whys = [row.why for row in rows if row.why]
         most = f": {Counter(whys).most_common(1)[0][0]}" if whys else ""
-        return f"No design solves a task by {methods[0]}{most}."
-    row = rows[taken]
-    names = _listed([figure.title for figure in traded])
+        if not any(row.figures and row[solved] > 0 for row in rows):
+            return f"No design solves a task by {methods[0]}{most}."
+        names = _listed([figure.title for figure in traded])
+        half = f"No design solves half of the tasks by {methods[0]} or has {names} otherwise"
+        return f"{half}{most}."
+    row, count = rows[taken], len(kept)
     built = sum(bool(r.figures) for r in rows)
-    same = "the least" if len(traded) == 1 and traded[0].better < 0 else "the best"
-    said = [
-        f"Take {row.design.name}. It solves {row[solved] * tasks:.0f} of {tasks} tasks by"
-        f" {methods[0]}, as {len(kept)} of {built} designs do whose contacts hold"
-        if row.holds
-        else f"Take {row.design.name}, with harder pressed contacts. It solves"
-        f" {row[solved] * tasks:.0f} of {tasks} tasks by {methods[0]}, as {len(kept)} of {built}"
-        f" designs do; every one asks more of its contacts than they transmit",
-        f". Of these it has {same} {names}"
-        if len(traded) == 1
-        else f". Of these it loses least where one percent of each of {names} counts alike",
-        f": {_figures(row, traded)}. ",
-        f"Its contacts are loaded to {number(row[LOAD])} of what they transmit on {CARRIED} % of"
-        " the machines.",
-    ]
+    done = f"solves {row[solved] * tasks:.0f} of {tasks} tasks by {methods[0]}"
+    if row.holds:
+        said = [f"Take {row.design.name}. It {done}, as {count} of {built} designs do"]
+        said.append(" whose contacts hold.")
+    else:
+        said = [f"Take {row.design.name}, with harder pressed contacts. It {done}, as {count}"]
+        said.append(f" of {built} designs do; all ask more of their contacts than they transmit.")
+    names = _listed([figure.title for figure in traded])
+    if len(traded) == 1:
+        said.append(f" Of these it has the best {names}")
+    else:
+        said.append(f" Of these it loses least where one percent of each of {names} counts alike")
+    said.append(f": {_figures(row, traded)}. Its contacts are loaded to {number(row[LOAD])} of")
+    said.append(f" what they transmit on {CARRIED} % of the machines.")
     present = next((r for r in rows if not r.design.values and r.figures), None)
     if present is not None and present is not row:
         said.append(f" The mechanism as it is: {_figures(present, traded)}.")
-    return "".join(said) + _dearer(rows, taken, kept, traded, solved) + _chart(rows, row, tasks)
+    return "".join([*said, _dearer(rows, taken, kept, traded), _chart(row, tasks)])
 
 
 def _dearer(
-    rows: Sequence[DesignRow],
-    taken: int,
-    kept: Sequence[int],
-    traded: Sequence[Figure],
-    solved: str,
+    rows: Sequence[DesignRow], taken: int, kept: Sequence[int], traded: Sequence[Figure]
 ) -> str:
     """Why not those that are better in a figure and are no candidates."""
     out = []
@@ -320,7 +325,7 @@ def _dearer(
     return "".join(dict.fromkeys(out))
 
 
-def _chart(rows: Sequence[DesignRow], row: DesignRow, tasks: int) -> str:
+def _chart(row: DesignRow, tasks: int) -> str:
     """What it means for methods of the chart."""
     if row["one_way"] == 1:
         return ""

@@ -341,7 +341,7 @@ def option_controls(state: State, plan: Plan | None) -> list[Control]:
         whole = state.value(key, default)
         control = _control(name, key, whole, default, field.annotation, plan)
         if control is not None:
-            found.append(_explained(control, field.description or ""))
+            found.append(replace(control, help=field.description or ""))
     return found
 
 
@@ -372,7 +372,3 @@ def _noted(plan: Plan | None, name: str) -> float | None:
     """The value that the method chose by itself, from the notes of its plan."""
     noted = None if plan is None else plan.notes.get(name)
     return float(noted) if isinstance(noted, int | float) else None
-
-
-def _explained(control: Control, text: str) -> Control:
-    return replace(control, help=text)

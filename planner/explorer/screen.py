@@ -75,7 +75,7 @@ class Screen:
         self.plan_anew()
 
     def plan_anew(self) -> None:
-        """Plan what is set."""
+        """Plan with the current settings."""
         began = time.perf_counter()
         self.outcome = path(self.state)
         self._took_s = time.perf_counter() - began

@@ -47,7 +47,8 @@ class State:
         method: Name of the method.
         changes: Dotted keys of the problem file to values, in the order they were first made.
         samples: Machines that the plan is replayed on; 0 for none.
-        time_limit_s: Seconds for planning, where the problem's options set none; None for no limit.
+        time_limit_s: Seconds for planning, unless the problem's options set a limit; None for no
+            limit.
     """
 
     base: Problem
@@ -141,7 +142,7 @@ def value_at(data: Mapping[str, Any], dotted: str) -> Any:
 
 
 def code(state: State) -> str:
-    """Python that makes the plan on the screen anew."""
+    """Python code that makes the plan on the screen."""
     lines = ["import planner", "", *_problem(state)]
     lines += [f'plan = planner.solve(problem, "{state.method}")', "check = planner.verify(plan)"]
     if state.samples:

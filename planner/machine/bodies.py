@@ -133,7 +133,7 @@ class Masses:
     weights: Array
 
     def part(self, chosen: NDArray[np.intp]) -> Masses:
-        """Those of some samples."""
+        """The parameters of some samples."""
         return Masses(**{f.name: getattr(self, f.name)[:, chosen] for f in fields(self)})
 
 
@@ -233,7 +233,7 @@ class Stage:
     half_gap: Array
 
     def part(self, chosen: NDArray[np.intp]) -> Stage:
-        """The laws of some samples."""
+        """The equations of some samples."""
         values: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
         arrays = {k: v[:, chosen] for k, v in values.items() if isinstance(v, np.ndarray)}
         return Stage(**{**values, **arrays})

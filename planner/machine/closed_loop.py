@@ -51,7 +51,7 @@ class Controller(Protocol):
 
 
 class Feedback(Protocol):
-    """Makes controllers."""
+    """A feedback law: makes a controller for each replay."""
 
     def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> Controller:
         """A fresh controller of the samples `numbers` (S,), of which it knows the machine's kind.

@@ -1,8 +1,9 @@
 """What a plan asks of the friction contacts, beside what they can transmit.
 
 Every contact presses two wheels together with a force N, so that it transmits at most the torque
-μ N r, with r the radius of the disk B that drives it (`friction_capacity_nm`). While joints 2 … n
-move, each asks for its friction,
+μ N r, with r the radius of the disk B that drives it (`friction_capacity_nm`). Wheels hand on the
+force at their rims: pressed alike, P₁, P₂ and P₃ all hold up to that torque of disk B. While joints
+2 … n move, each asks for its friction,
 
     τᵢ = coulomb + viscous |θ̇ᵢ|,
 
@@ -11,8 +12,9 @@ feels it, by the virtual work of eq. (6), as
 
     P₂, P₃:  k₂ cos³θⱼ τⱼ₊₁        P₁:  that + (kⱼ₊₂/kⱼ₊₁) cosθⱼ · (P₁ of the next stage).
 
-This is the arithmetic by which the emulated machine slips (`planner.machine.disk_chain`). Inertia
-is left out: on the prototype, motions of some seconds ask for a hundredth of the friction.
+This is the arithmetic by which the emulated machine slips (`planner.machine.disk_chain`; paper,
+Fig. 2). Inertia is left out: on the prototype a motion of ten seconds asks for less than a
+hundredth of the friction.
 """
 
 from __future__ import annotations
@@ -24,8 +26,8 @@ import numpy as np
 from planner.errors import InputError
 from planner.machine.disk_chain import at_contacts, weights
 from planner.machine.machine import Machine, draw, machine_for
-from planner.machine.replay import refuse_inexecutable, sample_numbers
-from planner.plan.plan import Plan
+from planner.machine.replay import sample_numbers
+from planner.plan.plan import Plan, refuse_inexecutable
 from planner.support.arrays import Array
 from planner.support.one_variable import sample_times
 from planner.systems.manipulator import Manipulator, gravity_torques
@@ -68,10 +70,9 @@ def contact_load(
 
     Args:
         plan: An executable plan of an arm with friction disks.
-        machine: The machine, or the name of a preset; the problem's `[machine]` table when left
-            out.
+        machine: The machine, or the name of a preset. By default the problem's `[machine]` table.
         samples: Machines to draw, those that `replay` draws; 0: the nominal one alone.
-        seed: Seed of the draws.
+        seed: Random seed.
 
     Raises:
         InputError: If the plan has no real inputs, or is of another system.

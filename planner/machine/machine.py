@@ -50,7 +50,7 @@ class Quantity:
 
     @property
     def varies(self) -> bool:
-        """Whether samples differ in it."""
+        """Whether it differs between samples."""
         return any(s > 0 for s in self.spread)
 
     def to_setting(self) -> Any:
@@ -269,7 +269,7 @@ class Draws:
         return np.array([[EFFECTS[name].off]])
 
     def part(self, chosen: slice) -> Draws:
-        """A run of the samples."""
+        """The draws of a range of samples."""
         values = {name: value[:, chosen] for name, value in self.values.items()}
         return Draws(self.numbers[chosen], values)
 
@@ -302,7 +302,8 @@ def _values(
     count = EFFECTS[name].count(joints)
     if not quantity.varies:
         return at_quantiles(name, quantity, joints, np.full((count, len(numbers)), 0.5))
-    stream = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_key(name),)))
+    own = zlib.crc32(name.encode())
+    stream = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(own,)))
     uniform = stream.random((int(numbers.max()) + 1, count))[numbers].T
     return at_quantiles(name, quantity, joints, uniform)
 
@@ -331,10 +332,6 @@ def at_quantiles(name: str, quantity: Quantity, joints: int, uniform: Array) -> 
     mean = np.broadcast_to(np.array(quantity.value), len(uniform))
     spread = np.broadcast_to(np.array(quantity.spread), len(uniform))
     return _truncated_normal(uniform, mean[:, None], spread[:, None], effect)
-
-
-def _key(name: str) -> int:
-    return zlib.crc32(name.encode())
 
 
 def _truncated_normal(uniform: Array, mean: Array, spread: Array, effect: Effect) -> Array:

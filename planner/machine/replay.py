@@ -13,7 +13,7 @@ from planner.errors import InputError
 from planner.machine.closed_loop import Feedback, measured
 from planner.machine.machine import Draws, Machine, machine_for
 from planner.machine.simulate import Progress, simulate
-from planner.plan.plan import Plan, expect_plan, refuse_compensated
+from planner.plan.plan import Plan, refuse_compensated, refuse_inexecutable
 from planner.plan.samples import facts, imported
 from planner.support.arrays import Array
 
@@ -230,23 +230,6 @@ def _feedback(feedback: bool | Feedback, plan: Plan) -> Feedback | None:
     if not callable(getattr(feedback, "start", None)):
         raise InputError(f"feedback = {feedback!r}: must be True, False, or a planner.Tracker")
     return feedback
-
-
-def refuse_inexecutable(plan: Plan) -> None:
-    """Refuse a plan that has no real inputs.
-
-    Raises:
-        InputError: Naming when and where it leaves the chart's domain.
-    """
-    expect_plan(plan)
-    if plan.executable:
-        return
-    domain = plan.domain
-    times = ", ".join(f"{t:.4g}" for t in domain.singular_times_s[:8]) or f"{domain.time_s:.4g}"
-    raise InputError(
-        f"this {plan.method} plan cannot be replayed: it leaves the chart's domain, so that it has"
-        f" no real inputs (crossings at t = {times} s; {domain.label}: {domain.margin:.4g})"
-    )
 
 
 MOST_MACHINES = 1_000_000

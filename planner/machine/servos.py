@@ -183,7 +183,7 @@ def integrals(f: Array, h: float) -> list[Array]:
 
 
 def to_end(f: Array, h: float) -> Array:
-    """The last of `integrals` alone."""
+    """The integral to the end of the step only."""
     if len(f) == 2:
         return np.asarray((h / 2) * (f[0] + f[1]))
     return np.asarray((h / 6) * (f[0] + f[2]) + (4 * h / 6) * f[1])

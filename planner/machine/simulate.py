@@ -46,8 +46,8 @@ class Recording:
             plan's start, (S, N−1).
         saturated_s: Seconds each motor was asked for more than its limit of speed or torque,
             (S, 2).
-        effort: ∫ u₁² + u₂² dt of what a controller commanded, (S,); None in open loop.
-        fallbacks: How often a controller commanded something cruder than it should, (S,).
+        effort: ∫ u₁² + u₂² dt of the controller's commands, (S,); None in open loop.
+        fallbacks: Number of control steps in which the controller used a fallback command, (S,).
     """
 
     draws: Draws

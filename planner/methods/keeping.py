@@ -41,16 +41,24 @@ def desensitised(problem: Problem, demand: Demand, part: Part) -> Keeping:
     return "never" if isinstance(demand, Waypoint) else "kept"
 
 
+def in_chart(problem: Problem, demand: Demand) -> Keeping:
+    """Of a method in the chart, for what is asked of ends and ways: no limit.
+
+    It needs all of z at the goal: what joints that are free may be is no set that is simple in z.
+    """
+    if isinstance(demand, Waypoint):
+        return "judged"
+    return "never" if isinstance(demand, Goal | TipGoal) and problem.free else "kept"
+
+
 def convex(problem: Problem, demand: Demand, part: Part) -> Keeping:
     """The path keeps what is convex in the chart, its timing what depends on the speed.
 
     On a one-way path of the arm θ₂ … θₙ move one way, and so stay between start and goal. The
     limit of θ₁ is one of z₂ alone for two joints only.
     """
-    if problem.free and isinstance(demand, Goal | TipGoal):
-        return "never"
-    if not isinstance(demand, Requirement) or demand.speed:
-        return "judged" if isinstance(demand, Waypoint) else "kept"
+    if not isinstance(demand, Requirement) or demand.final or demand.speed:
+        return in_chart(problem, demand)
     system = problem.system
     if isinstance(demand, JointLimit) and isinstance(system, Manipulator):
         return "kept" if part.index > 1 or system.n == 2 else "judged"
@@ -69,10 +77,8 @@ def law(rates: Rates) -> Keeps:
     """
 
     def keeps(problem: Problem, demand: Demand, part: Part) -> Keeping:
-        if problem.free and isinstance(demand, Goal | TipGoal):
-            return "never"
-        if not isinstance(demand, Requirement):
-            return "judged" if isinstance(demand, Waypoint) else "kept"
+        if not isinstance(demand, Requirement) or demand.final:
+            return in_chart(problem, demand)
         slowed = demand.speed > 0 and problem.duration is None
         if "du" not in demand.reads:
             return "kept" if slowed else "judged"
@@ -119,22 +125,18 @@ def refuse_unkept(problem: Problem, name: str, keeps: Keeps) -> None:
     Raises:
         NoPlanError: If there is one.
     """
+    goals = [each for each in problem.demands if isinstance(each, Goal | TipGoal)]
+    if any(keeps(problem, each, part) == "never" for each in goals for part in each.parts):
+        names = ", ".join(problem.system.coordinates[i].name for i in problem.free)
+        words = ", which finds them; then give all, its plan's end, as goal.theta_deg"
+        raise NoPlanError(
+            f"{problem.source}: methods in the chart need every joint at the goal, and [goal]"
+            f" leaves {names} free",
+            changes=[replace(BY_COLLOCATION, words=words)],
+        )
     never = [label for label, answer in answers(problem, keeps).items() if answer == "never"]
-    if problem.free and any(label.startswith("goal ") for label in never):
-        raise joints_needed(problem)
     if never:
         raise NoPlanError(
             f"{problem.source}: the method '{name}' does not plan for {', '.join(never)}",
             changes=[BY_COLLOCATION],
         )
-
-
-def joints_needed(problem: Problem) -> NoPlanError:
-    """The refusal of a goal with free joints: those that meet it are no simple set in the chart."""
-    names = ", ".join(problem.system.coordinates[i].name for i in problem.free)
-    words = ", which finds them; then give all, its plan's end, as goal.theta_deg"
-    return NoPlanError(
-        f"{problem.source}: methods in the chart need every joint at the goal, and [goal] leaves"
-        f" {names} free",
-        changes=[replace(BY_COLLOCATION, words=words)],
-    )

@@ -44,7 +44,7 @@ BY_COLLOCATION = Change(method="collocation", words=", which plans in joint coor
 
 
 def lasting(seconds: float) -> Change:
-    """Another duration, rounded up."""
+    """The change to another duration, rounded up."""
     return Change({"goal.duration": float(least(seconds))}, f"goal.duration = {least(seconds)}")
 
 

@@ -173,9 +173,10 @@ def register_method(
             the method breaks it, "judged" where that is left to the judge, or "never": then the
             problem is refused before the method begins. When left out all is judged.
         replan: As `plan`, from a plan of a neighbouring problem.
-        refines: The method whose plan it starts from: where that finds none this finds none, so
-            that `check` does not try it.
-        finds_time: Whether it says itself that a duration is too short, and finds one that is not.
+        refines: The method whose plan it starts from, if any; `check` then does not try it by
+            itself.
+        finds_time: Whether it reports by itself that a duration is too short and finds a longer
+            one.
 
     Raises:
         InputError: If the name is taken or invalid, or an argument has the wrong type.
@@ -188,7 +189,7 @@ def register_method(
     if name in METHODS:
         raise InputError(f"method '{name}' exists already: {METHODS[name].summary}")
     if name == ALL or name.startswith("_") or hasattr(Table, name):
-        raise InputError(f"method '{name}' cannot be registered: the name has another meaning")
+        raise InputError(f"method '{name}' cannot be registered: the name is reserved")
     entry = Method(name, summary, options, plan, keeps, replan, refines, finds_time)
     if why := next(_faults(entry), None):
         raise InputError(f"method '{name}' cannot be registered: {why}")

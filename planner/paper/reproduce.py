@@ -244,7 +244,7 @@ FINDINGS: list[Column[Finding]] = [
 
 
 def page(findings: list[Finding], samples: int, seed: int) -> str:
-    """Markdown."""
+    """The page as Markdown text."""
     parts = [_HEAD.format(samples=samples, seed=seed), "## Numbers and claims\n"]
     parts.append(markdown_table(FINDINGS, findings) + "\n")
     parts.append("\n## Misprints\n")

@@ -267,6 +267,23 @@ def expect_plan(value: object) -> None:
     expect(Plan, value, how)
 
 
+def refuse_inexecutable(plan: Plan) -> None:
+    """Refuse a plan that has no real inputs.
+
+    Raises:
+        InputError: Naming when and where it leaves the chart's domain; or if it is no plan.
+    """
+    expect_plan(plan)
+    if plan.executable:
+        return
+    domain = plan.domain
+    times = ", ".join(f"{t:.4g}" for t in domain.singular_times_s[:8]) or f"{domain.time_s:.4g}"
+    raise InputError(
+        f"this {plan.method} plan leaves the chart's domain, so that it has no real inputs"
+        f" (crossings at t = {times} s; {domain.label}: {domain.margin:.4g})"
+    )
+
+
 def refuse_compensated(plan: Plan, what: str) -> None:
     """Refuse a compensated plan, whose inputs are those of a machine and not of the kinematics.
 

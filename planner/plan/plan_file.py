@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Union
 from pydantic import Field, field_validator
 
 from planner.errors import InputError
-from planner.plan.claims import Certificate, certificate_from_dict
+from planner.plan.claims import certificate_from_dict
 from planner.plan.plan import FORMAT, VERSION, Compensation, Plan
 from planner.plan.trajectory import trajectory_from_dict
 from planner.problem.problem import Problem
@@ -38,11 +38,12 @@ def _plan(data: Mapping[str, Any], path: str | Path) -> Plan:
             made_from["lead_s"],
             made_from["tail_s"],
         )
+    proven = data.get("certificate")
     try:
         return Plan(
             problem=problem,
             trajectory=trajectory_from_dict(problem.system, data["trajectory"]),
-            certificate=_certificate(data.get("certificate")),
+            certificate=None if proven is None else certificate_from_dict(proven),
             why="" if data["verified"] else data.get("why", ""),
             compensation=made_from,
             **{key: _read_back(data[key]) for key in _COPIED},
@@ -65,10 +66,6 @@ _COPIED = (
     "verified",
     "notes",
 )
-
-
-def _certificate(data: Mapping[str, Any] | None) -> Certificate | None:
-    return None if data is None else certificate_from_dict(data)
 
 
 def _read_back(value: Any) -> Any:

@@ -63,7 +63,7 @@ class RetimedTrajectory(Trajectory):
 
     @property
     def system(self) -> TriangularSystem:  # type: ignore[override]
-        """The path's."""
+        """The system of the path."""
         return self.path.system
 
     @property
@@ -79,7 +79,7 @@ class RetimedTrajectory(Trajectory):
 
     @property
     def in_coordinates(self) -> bool:
-        """As the path."""
+        """Whether the path is given in coordinates."""
         return self.path.in_coordinates
 
     @cached_property

@@ -299,7 +299,7 @@ class StateTrajectory(Trajectory):
 
     @property
     def in_coordinates(self) -> bool:
-        """True."""
+        """True: the curve is given in coordinates."""
         return True
 
 

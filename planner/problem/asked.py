@@ -153,7 +153,7 @@ def clash_of_times(waypoints: Sequence[Waypoint], duration: float | None) -> str
     if duration is None:
         return (
             f"waypoints[{timed[0][1] - 1}].time needs a fixed goal.duration;"
-            " give one or leave out the time"
+            " set one or leave out the time"
         )
     before, after = [(0.0, 0), *timed], [*timed, (duration, 0)]
     for (earlier, first), (later, second) in zip(before, after, strict=True):
@@ -162,7 +162,7 @@ def clash_of_times(waypoints: Sequence[Waypoint], duration: float | None) -> str
         if first and second:
             return (
                 f"waypoints {first} and {second} have the same time {later:g} s;"
-                " make them one or set them apart"
+                " merge them or change a time"
             )
         number, time = (second, later) if second else (first, earlier)
         return (

@@ -67,7 +67,7 @@ class End:
 
 
 def chart_ends_report(problem: Problem) -> tuple[End, End]:
-    """The start and the goal."""
+    """Start and goal in the chart."""
     return _end("start", problem, problem.start), _end("goal", problem, problem.target)
 
 
@@ -183,7 +183,7 @@ class TravelWindow:
             return f"TravelWindow(empty: {self.reason})"
         sure = "each of these" if self.exact else "no other"
         return (
-            f"TravelWindow({self.low:.4g} to {self.high:.4g} rad: {sure} possible while the disk"
+            f"TravelWindow({self.low:.4g} to {self.high:.4g} rad: {sure} is possible while the disk"
             " turns one way)"
         )
 

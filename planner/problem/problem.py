@@ -34,7 +34,7 @@ from planner.problem.tables.compensation import CompensationTable
 from planner.problem.tables.kinds import parse_file
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.method_options import MethodsTable
-from planner.problem.tables.problem_file import FeedbackTable, ProblemFile
+from planner.problem.tables.problem_file import FeedbackTable
 from planner.support.arrays import Array, hashable, plain
 from planner.support.files import read_toml
 from planner.support.tables import line
@@ -92,17 +92,17 @@ class Problem:
         start: q(0), shape (N,).
         goal: q(T), shape (N,); NaN for the path coordinate, of which `travel` speaks, and for
             joints that the goal leaves free.
-        travel: q₁(T) − q₁(0), or None when free.
-        duration: Seconds, or None when free.
-        limits: What every plan keeps.
+        travel: q₁(T) − q₁(0), or None if free.
+        duration: Seconds, or None if free.
+        limits: Limits that every plan keeps.
         methods: Options of each method.
-        machine: Changes to the emulated machine.
-        feedback: Options of the tracker that closes the loop.
-        compensation: Whether and how plans allow for the machine.
-        waypoints: Places every plan passes through.
-        obstacles: Discs that the links of an arm clear in every plan.
-        further: Limits of kinds that all systems know, see `planner.register_requirement`.
-        self_collision: How far an arm's links stay from each other; None where they may cross.
+        machine: The emulated machine: preset and changes.
+        feedback: Options of the tracker (feedback).
+        compensation: Whether and how plans are compensated for the machine.
+        waypoints: Places that every plan passes through.
+        obstacles: Discs that the links of an arm must not touch.
+        further: Registered limits that any system may have, see `planner.register_requirement`.
+        self_collision: Least distance between an arm's links; None if they may cross.
         tip: Where an arm's tip ends, in place of joints' angles; None where it is not asked for.
         source: Where the problem came from, for messages.
     """
@@ -166,7 +166,7 @@ class Problem:
             self_collision=self_collision_of(tables, system, source),
             tip=tip_of(tables, system, obstacles, source),
             source=source,
-            _data=_plain(tables),
+            _data=tables.model_dump(mode="json", by_alias=True, exclude_unset=True),
         )
         states = {"start": problem.start, "goal": problem.goal}
         states |= {f"waypoint {point.number}": point.q for point in problem.waypoints}
@@ -206,15 +206,15 @@ class Problem:
         argument corresponds to the key of the same name in a problem file and has the same range.
 
         Args:
-            start_deg: θ₁ … θₙ at the start, degrees; there are as many joints as angles.
+            start_deg: θ₁ … θₙ at the start, degrees; their number is that of the joints.
             goal_deg: θ₁ … θₙ at the goal, degrees, or "free"; all free when left out.
             tip_m: Where the tip ends, x and y in metres.
             tip_angle_deg: Direction of the last link at the end, degrees: the sum of all angles.
-            travel: Change of the disk angle φₙ₋₁, radians; None: free.
-            duration: Seconds; None: free.
-            K: K₂ … Kₙ, with k_g beside them.
+            travel: Change of the disk angle φₙ₋₁, radians; None if free.
+            duration: Seconds; None if free.
+            K: K₂ … Kₙ; needs k_g too.
             k_g: Drive constant.
-            gear: The gear's geometry, in place of K.
+            gear: Geometry of the gears, instead of K.
             link_lengths: Lengths of the links in metres, for tip, drawing and obstacles; 1 each
                 when left out, but for a goal of the tip.
             input_rad_s: Largest |u₁|, |u₂|, rad/s: one number for both, or two.
@@ -306,17 +306,18 @@ class Problem:
 
     @cached_property
     def demands(self) -> tuple[Demand, ...]:
-        """All that is asked of a plan, one object a kind that is set: ends, limits, places.
+        """All requirements of a plan, one object per kind: ends, limits, waypoints, obstacles.
 
         What is `in_chart` is asked only of plans in chained coordinates.
         """
         limits, system = self.limits, self.system
-        found: list[Demand] = [Start(), Goal(system.coordinates, self.free), self.chart]
+        found: list[Demand] = [Start(), Goal(system.coordinates, self.free)]
         if self.tip is not None:
             found.append(self.tip)
         if self.duration is not None:
             found.append(Duration(self.duration))
         found += [
+            self.chart,
             InputLimit(system.inputs, tuple(limits.input.tolist())),
             RateLimit(system.inputs, tuple(limits.input_rate.tolist())),
             JointLimit(system.coordinates, tuple(limits.joint.tolist())),
@@ -330,7 +331,7 @@ class Problem:
 
     @cached_property
     def requirements(self) -> tuple[Requirement, ...]:
-        """Those that hold at all times."""
+        """Those requirements that hold at all times."""
         return tuple(d for d in self.demands if isinstance(d, Requirement) and not d.final)
 
     @cached_property
@@ -457,7 +458,3 @@ def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, 
 
 def _given(keys: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in keys.items() if value is not None}
-
-
-def _plain(tables: ProblemFile) -> dict[str, Any]:
-    return tables.model_dump(mode="json", by_alias=True, exclude_unset=True)

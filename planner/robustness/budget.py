@@ -15,9 +15,9 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.machine.machine import Draws, Machine, draw, machine_for
-from planner.machine.replay import SETTLE_S, refuse_inexecutable, sample_numbers
+from planner.machine.replay import SETTLE_S, sample_numbers
 from planner.machine.simulate import simulate_draws
-from planner.plan.plan import Plan
+from planner.plan.plan import Plan, refuse_inexecutable
 from planner.problem.tables.machine_effects import EFFECTS
 from planner.robustness.sobol import Index, between_machines, check, on_or_off, per_sample, switched
 from planner.support.arrays import Array, jsonable
@@ -51,7 +51,7 @@ IDLE_DEG = 1e-6
 
 @dataclass(frozen=True)
 class Cost:
-    """What one effect costs; intervals are of 95 %.
+    """Contribution of one effect; intervals are 95 % intervals.
 
     Attributes:
         name: The effect.
@@ -74,19 +74,19 @@ class Cost:
 
 @dataclass(frozen=True, eq=False)
 class Budget:
-    """The error budget of one plan.
+    """The error budget of one plan: how much error each effect of the machine causes.
 
     Attributes:
         plan: The plan.
         machine: The distribution of machines.
-        samples: Machines for each median.
+        samples: Number of random machines for each median.
         base: Base samples of the Sobol indices.
         seed: Of all draws.
         E_deg: Median of E with all effects, degrees.
         E_interval_deg: Its 95 % interval.
         none_deg: E with no effect at all, degrees.
-        costs: Of the effects that matter, those that save most first.
-        idle: Effects that are on, can act in the machine's fidelity, and changed nothing on the
+        costs: The effects that matter, the largest first (by `saves_deg`).
+        idle: Effects that are on and can act in the machine's fidelity, but changed nothing on the
             first machines.
     """
 
@@ -147,7 +147,7 @@ def error_budget(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Budget:
-    """Find which effect of a machine costs a plan how much of its error E (eq. 29), open loop.
+    """Find how much each effect of a machine contributes to a plan's error E (eq. 29), open loop.
 
     Args:
         plan: An executable plan.
@@ -156,7 +156,7 @@ def error_budget(
         base: Base samples of the Sobol indices, a power of 2. They take (effects + 2) · base runs
             for effects as switches, and as many again for what differs between machines.
         seed: Seed of all draws.
-        progress: Told what is being done.
+        progress: Called with what is being done and the share done, 0 … 1.
 
     Raises:
         InputError: If the plan cannot be executed or has no angles, the machine has no effects or
@@ -167,9 +167,9 @@ def error_budget(
     count = len(sample_numbers(samples))
     check(base)
     if all(c.unit != "rad" for c in plan.problem.system.coordinates[1:]):
-        raise InputError("the error index E is of angles, and this system has none")
+        raise InputError("the error index E is defined for angles, and this system has none")
     if not used.effects:
-        raise InputError("this machine has no effects, so there is nothing to share out")
+        raise InputError("this machine has no effects, so there is no error to attribute")
     return _Run(plan, used, count, seed, base, progress or (lambda doing, share: None)).budget()
 
 
@@ -185,7 +185,7 @@ class _Run:
     tell: Progress
 
     def budget(self) -> Budget:
-        """All of it."""
+        """Compute the whole budget."""
         self.tell("looking for effects without influence", 0.0)
         on, static = self.machine.effects, self.machine.fidelity == "quasi-static"
         every = [k for k, e in EFFECTS.items() if k in on and not (static and e.dynamic)]

@@ -14,10 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import InputError
 from planner.machine.machine import Draws, Machine, draw, machine_for
 from planner.machine.simulate import simulate_draws
-from planner.plan.plan import Plan, expect_plan
+from planner.plan.plan import Plan, refuse_inexecutable
 from planner.problem.tables.machine_effects import EFFECTS, Effect
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
@@ -101,11 +100,11 @@ class MachineEntry:
 
 @dataclass(frozen=True, eq=False)
 class MachineSensitivity:
-    """Responses of one plan to the parameters of one machine.
+    """Response of one plan to each parameter of a machine.
 
     Attributes:
         plan: The plan.
-        machine: The machine; its nominal values are what is stepped from.
+        machine: The machine; steps start from its nominal values.
         angles: Names of the n angles.
         t: Recorded times, shape (R,), s; the last is after the servos have settled.
         nominal_error_deg: Error of each angle at the end on the nominal machine, shape (n,).
@@ -177,7 +176,7 @@ class _Step:
 
 
 def machine_sensitivity(plan: Plan, machine: Machine | str | None = None) -> MachineSensitivity:
-    """Paired differences of an executable plan's open-loop replay, one parameter at a time.
+    """Compute paired differences of open-loop replays of a plan, one machine parameter at a time.
 
     Args:
         plan: Any executable plan.
@@ -186,11 +185,7 @@ def machine_sensitivity(plan: Plan, machine: Machine | str | None = None) -> Mac
     Raises:
         InputError: If the plan cannot be executed or the machine does not match the system.
     """
-    expect_plan(plan)
-    if not plan.executable:
-        raise InputError(
-            f"the {plan.method} plan leaves the chart's domain, so it has no inputs to replay"
-        )
+    refuse_inexecutable(plan)
     used = machine_for(plan.problem.machine, machine)
     system = plan.problem.system
     steps, omitted = [], {}

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from planner.errors import InputError
-from planner.plan.plan import Plan, refuse_compensated
+from planner.plan.plan import Plan, refuse_compensated, refuse_inexecutable
 from planner.support.arrays import Array
 from planner.support.compiled_calls import Pointwise
 from planner.support.one_variable import maximum, sample_times
@@ -62,7 +62,7 @@ class Sensitivity:
     Attributes:
         plan: The plan.
         t: Times (m,), seconds.
-        along: S(t), shape (m, N, P): change of coordinate i for a unit of parameter j.
+        along: S(t), shape (m, N, P): change of coordinate i per unit of parameter j.
         parameters: Names of the P parameters, in order.
         units: Units of the parameters ("1" for relative errors).
     """
@@ -109,7 +109,8 @@ class Sensitivity:
         return self._rss(spread, np.ones_like(self.terminal, dtype=bool))
 
     def floor_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> float:
-        """The part of `total_deg` that no open-loop plan between the same ends can change."""
+        """The part of `total_deg` that is the same for all open-loop plans with this start and
+        goal."""
         return self._rss(spread, self.irreducible)
 
     def passive_block_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> float:
@@ -202,20 +203,17 @@ class Sensitivity:
 
 
 def sensitivity(plan: Plan, samples: int = 2000) -> Sensitivity:
-    """First-order sensitivity of an executable plan, along it and at its end.
+    """Compute first-order sensitivities of an executable plan, along the motion and at its end.
 
     Args:
         plan: Any executable plan.
-        samples: About how many integration steps to take; they crowd where inputs are steep.
+        samples: Approximate number of integration steps; they are denser where inputs change fast.
 
     Raises:
         InputError: If the plan cannot be executed.
     """
     refuse_compensated(plan, "sensitivity")
-    if not plan.executable:
-        raise InputError(
-            f"the {plan.method} plan leaves the chart's domain, so it has no inputs to perturb"
-        )
+    refuse_inexecutable(plan)
     system = plan.problem.system
     known = parameters(system)
     names, units = tuple(p.name for p in known), tuple(p.unit for p in known)
@@ -274,10 +272,10 @@ def _irreducible(system: TriangularSystem, names: tuple[str, ...]) -> NDArray[np
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Indicators:
-    """Our reading of the companion paper's indicators, for one plan.
+    """Indicators of the companion paper for one plan, in our interpretation.
 
     Attributes:
-        joints: Names of the n angles they speak of: every angle after the path coordinate.
+        joints: Names of the n angles: every angle after the first coordinate.
         control_precision_deg: Largest terminal error of a joint, in degrees, with the input held
             over `period_s`; smaller is better.
         period_s: The controller's period, in seconds.
@@ -307,7 +305,7 @@ class Indicators:
 
 
 def indicators(plan: Plan, period_s: float = 0.01) -> Indicators:
-    """The indicators of an executable plan.
+    """Compute the companion paper's indicators of an executable plan.
 
     Args:
         plan: Any executable plan.
@@ -318,8 +316,7 @@ def indicators(plan: Plan, period_s: float = 0.01) -> Indicators:
             no angles after its path coordinate.
     """
     refuse_compensated(plan, "indicators")
-    if not plan.executable:
-        raise InputError(f"the {plan.method} plan leaves the chart's domain and has no inputs")
+    refuse_inexecutable(plan)
     if not period_s > 0:
         raise InputError(f"period_s = {period_s!r} must be a positive number of seconds")
     coordinates = plan.problem.system.coordinates

@@ -44,7 +44,7 @@ SAME = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class TradeOff:
-    """A curve of the least response against what is spent on it.
+    """A curve of the least response against effort, duration or peak input.
 
     Attributes:
         problem: What its plans solve.
@@ -87,7 +87,7 @@ class TradeOff:
 
     @property
     def knee_index(self) -> int:
-        """Its index."""
+        """Index of the knee."""
         return knee(self.cost, self.response_deg) if len(self.points) > 1 else 0
 
     def to_dict(self) -> dict[str, Any]:
@@ -146,30 +146,30 @@ def trade_off(
     progress: Progress | None = None,
     **options: Any,
 ) -> TradeOff:
-    """Trace the curve of the least response to design errors against effort, duration or peak.
+    """Trace the least response to design errors against effort, duration or peak input.
 
     The limit is raised from point to point, and each plan starts from its neighbour's; a sweep back
     then starts each from the other side, since optima are local. With a folder every finished point
     is kept at once, and the same call goes on after an interruption.
 
     Args:
-        problem: What to solve.
-        kind: What is limited.
+        problem: The problem.
+        kind: The limited quantity: "effort", "duration" or "peak".
         points: Number of points, at least 3.
-        folder: Where to keep the points' plans.
+        folder: Folder in which the plans of the points are saved.
         machine: The machine to replay plans on, or the name of a preset; the problem's
             `[machine]` table when left out.
         samples: Machines to replay each plan on, as it is and compensated. 200 tell a 95th
             percentile of 2.5 degrees to about 0.15, as much as neighbours on the curve differ by,
             in a second a point; a thousand to 0.06.
         seed: Seed of the machines.
-        progress: Told how far it is.
+        progress: Called with the progress of the run.
         **options: Override the problem's `[method.desensitised]` table.
 
     Raises:
-        InputError: If an argument is wrong or the folder holds something else.
+        InputError: If an argument is wrong or the folder holds other files.
         NoPlanError: If the problem has no plan.
-        KeyboardInterrupt: If interrupted; finished points are kept in the folder.
+        KeyboardInterrupt: If interrupted; finished points are saved in the folder.
     """
     expect_problem(problem)
     if kind not in KINDS:

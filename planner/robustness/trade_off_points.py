@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -122,9 +122,17 @@ def replayed(plan: Plan, machine: Machine, samples: int, seed: int) -> dict[str,
     }
 
 
+AIMING = 1.1
+"""What a shifted goal may cost of the effort that a point is limited to: at the least effort there
+is no plan for any goal that lies farther."""
+
+
 def allowed_for(plan: Plan, machine: Machine, samples: int, seed: int) -> dict[str, Any]:
     """The same of the plan compensated for the machine, or {"refused": why}."""
     options = plan.problem.compensation.model_copy(update={"on": True})
+    limit = plan.options.get("effort_limit")
+    if limit is not None:
+        plan = replace(plan, options={**plan.options, "effort_limit": AIMING * limit})
     try:
         return replayed(compensated(plan, machine, options)[0], machine, samples, seed)
     except (InputError, NoPlanError) as error:  # another system, or no plan ends at the goal

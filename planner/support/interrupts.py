@@ -45,7 +45,7 @@ class Hearing:
         self.begin()
 
     def begin(self) -> None:
-        """Forget what was heard."""
+        """Forget earlier signals."""
         self.heard: list[int] = []
         self.over = False
         self.instead: Callable[[], bool] | None = None

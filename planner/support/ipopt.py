@@ -41,7 +41,7 @@ class Ipopt:
         return found
 
     def stats(self) -> dict[str, Any]:
-        """What it says of the last call."""
+        """Solver statistics of the last call."""
         stats: dict[str, Any] = self._solver.stats()
         return stats
 

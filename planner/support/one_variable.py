@@ -89,7 +89,8 @@ def zeros(function: Function, times: Array) -> list[float]:
     grid = np.unique(np.concatenate([times, extra]))
     values = _nan_negative(function(grid))
     inside = values > 0
-    return [_root(function, grid[k], grid[k + 1]) for k in _changes(inside)]
+    changes = np.flatnonzero(inside[1:] != inside[:-1])
+    return [_root(function, grid[k], grid[k + 1]) for k in changes]
 
 
 def _root(function: Function, a: float, b: float) -> float:
@@ -101,10 +102,6 @@ def _root(function: Function, a: float, b: float) -> float:
     if scalar(a) * scalar(b) > 0:  # an exact zero at one end counts as outside
         return float(b)
     return float(brentq(scalar, a, b, xtol=1e-13, rtol=1e-14, maxiter=MOST_STEPS))
-
-
-def _changes(inside: NDArray[np.bool_]) -> list[int]:
-    return [int(k) for k in np.flatnonzero(inside[1:] != inside[:-1])]
 
 
 def _nan_negative(values: Array) -> Array:

@@ -39,7 +39,7 @@ def short(value: Any) -> str:
 
 
 def digits(count: int) -> Callable[[float], str]:
-    """Numbers of so many digits."""
+    """A format for numbers with this many significant digits."""
     return lambda value: number(value, count)
 
 
@@ -80,7 +80,7 @@ class Column(Generic[R]):
         return f"{self.title} ({self.unit})" if self.unit else self.title
 
     def text(self, row: R) -> str:
-        """What is read of a row."""
+        """Text of a row's cell."""
         assert self.shown is not None
         return self.shown(self.value(row))
 

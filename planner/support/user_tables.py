@@ -152,7 +152,7 @@ def _typos(model: type[BaseModel], grouped: Mapping[Path, Any]) -> set[Path]:
 def _line(
     model: type[BaseModel], data: Any, path: Path, group: Sequence[Any], at: Sequence[str]
 ) -> str:
-    where, value = _dotted([*at, *path]), _shown(group[0]["input"])
+    where, value = _dotted([*at, *path]), brief(_limited.repr(group[0]["input"]))
     match group[0]["type"]:
         case "extra_forbidden":
             hint = _elsewhere(model, path) or nearest(str(path[-1]), _keys_at(model, path[:-1]))
@@ -181,10 +181,6 @@ def _dotted(parts: Sequence[Any]) -> str:
     for part in parts:
         out += f"[{part}]" if isinstance(part, int) else f".{brief(str(part))}"
     return out.lstrip(".")
-
-
-def _shown(value: Any) -> str:
-    return brief(_limited.repr(value))
 
 
 def _elsewhere(model: type[BaseModel], path: Path) -> str:

@@ -144,13 +144,11 @@ def _description(request: Request, spec: Spec) -> str:
     compensated = file.compensation.on
     own_keys = {"title", "method", "machine"} | (set() if compensated else {"compensation"})
     problem = file.model_dump(mode="json", by_alias=True, exclude=own_keys)
-    machine = _machine(file.machine) if samples or compensated else None
+    machine = None
+    if samples or compensated:
+        machine = _machine_of(file.machine.model_dump_json(exclude_unset=True))
     whole = {"problem": problem, "method": spec.method, "options": options, "machine": machine}
     return canonical({**whole, "samples": samples, "seed": seed if samples else None})
-
-
-def _machine(table: MachineTable) -> dict[str, Any]:
-    return _machine_of(table.model_dump_json(exclude_unset=True))
 
 
 @lru_cache(maxsize=256)

@@ -13,12 +13,12 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 
-from planner.errors import InputError
 from planner.support.arrays import Array
 from planner.systems.triangular_system import (
     Coordinate,
     TangentSystem,
     arm_points,
+    lengths_of_links,
     positive,
     product,
 )
@@ -50,14 +50,7 @@ class BallGear(TangentSystem):
         self.K = positive("K", K)
         self.k_g = float(positive("k_g", [k_g])[0])
         self.n = len(self.K) + 1
-        lengths = (
-            np.ones(self.n) if link_lengths is None else positive("link_lengths", link_lengths)
-        )
-        if len(lengths) != self.n:
-            raise InputError(
-                f"link_lengths has {len(lengths)} values for {self.n} joints; give {self.n}"
-            )
-        self.link_lengths = lengths
+        self.link_lengths = lengths_of_links(self.n, link_lengths)
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:

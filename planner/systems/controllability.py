@@ -159,6 +159,7 @@ def controllability(
             break
     growth, around = _growth(blocks, tolerance), _around(point)
     reached = [k for k, rank in enumerate(growth, start=1) if rank == system.size]
+    nearby = (_growth(_blocks(family, p, len(growth)), tolerance) for p in around)
     return Controllability(
         system=system.kind,
         q=tuple(point.tolist()),
@@ -170,7 +171,7 @@ def controllability(
         tolerance=tolerance,
         involutive=all(_growth(_blocks(family, p, 2), tolerance)[1] == 2 for p in [point, *around]),
         chow=bool(reached),
-        neighbours=_distinct(_growth(_blocks(family, p, len(growth)), tolerance) for p in around),
+        neighbours=tuple(dict.fromkeys(nearby)),
     )
 
 
@@ -224,10 +225,6 @@ def _blocks(family: Brackets, q: Array, depth: int) -> list[Array]:
 
 def _growth(blocks: Sequence[Array], tolerance: float) -> tuple[int, ...]:
     return tuple(_rank(blocks[: k + 1], tolerance) for k in range(len(blocks)))
-
-
-def _distinct(vectors: Any) -> tuple[tuple[int, ...], ...]:
-    return tuple(dict.fromkeys(vectors))
 
 
 def _vector(growth: Sequence[int]) -> str:

@@ -97,16 +97,6 @@ class CustomSystem(TriangularSystem):
         """γ."""
         return self._parsed("drive", self._drive_text, q)
 
-    # -- numeric form --------------------------------------------------------------------------
-
-    def slopes(self, q: Array) -> Array:
-        """f₃ … f_N, shape (…, N−2), by CasADi."""
-        return self._slopes(q)
-
-    def drive(self, q: Array) -> Array:
-        """γ, shape (…,), by CasADi."""
-        return self._drive(q)[..., 0]
-
     # -- the chart -----------------------------------------------------------------------------
 
     def branch(self, q: Array) -> Array:
@@ -148,7 +138,7 @@ class CustomSystem(TriangularSystem):
         return np.stack(out, axis=-1)
 
     def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
-        """The same."""
+        """The margins as CasADi expressions."""
         slopes, out = self.slopes_expr(q), []
         for i, (low, high) in self._intervals.items():
             derivative = ca.jacobian(slopes[i - 1], q)[0, i]
@@ -203,8 +193,7 @@ class CustomSystem(TriangularSystem):
     def _build(self) -> None:
         q = ca.SX.sym("q", self.size)
         slopes = [ca.SX(s) for s in self.slopes_expr(q)]
-        self._slopes = Pointwise("slopes", [q], ca.vertcat(*slopes))
-        self._drive = Pointwise("drive", [q], ca.SX(self.drive_expr(q)))
+        self.drive_expr(q)  # raises now where its text is wrong
         self._links = {
             i: Pointwise(f"link{i}", [q], ca.vertcat(f, ca.jacobian(f, q[i])))
             for i, f in enumerate(slopes, start=1)

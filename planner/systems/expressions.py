@@ -152,11 +152,8 @@ def write_expression(expression: Any, where: str = "expression") -> str:
         if node.is_symbolic():
             return str(node.name())
         if node.op() not in _WRITTEN:
-            raise InputError(f"{where}: {node} cannot be written in a file; use {_allowed()}")
+            allowed = f"+ - * / ** and {', '.join(FUNCTIONS)}"
+            raise InputError(f"{where}: {node} cannot be written in a file; use {allowed}")
         return _WRITTEN[node.op()].format(*(text(node.dep(k)) for k in range(node.n_dep())))
 
     return text(scalar)
-
-
-def _allowed() -> str:
-    return f"+ - * / ** and {', '.join(FUNCTIONS)}"

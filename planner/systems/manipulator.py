@@ -15,6 +15,7 @@ from planner.systems.triangular_system import (
     Coordinate,
     TriangularSystem,
     arm_points,
+    lengths_of_links,
     positive,
     product,
 )
@@ -87,14 +88,7 @@ class Manipulator(TriangularSystem):
         self.k_g_rule = k_g_rule
         self.gear: Gear | None = None  # known to `from_gear`; no rate depends on it
         self.n = len(self.K) + 1
-        lengths = (
-            np.ones(self.n) if link_lengths is None else positive("link_lengths", link_lengths)
-        )
-        if len(lengths) != self.n:
-            raise InputError(
-                f"link_lengths has {len(lengths)} values for {self.n} joints; give {self.n}"
-            )
-        self.link_lengths = lengths
+        self.link_lengths = lengths_of_links(self.n, link_lengths)
 
     @classmethod
     def from_gear(

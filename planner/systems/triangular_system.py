@@ -27,6 +27,7 @@ import numpy as np
 
 from planner.errors import InputError, expect
 from planner.support.arrays import Array
+from planner.support.compiled_calls import Pointwise
 
 
 @dataclass(frozen=True)
@@ -45,9 +46,10 @@ class Coordinate:
 class TriangularSystem(ABC):
     """A driftless two-input system in triangular form.
 
-    A subclass gives the functions fᵢ twice: as CasADi expressions, from which the chained form and
-    the optimal planners are derived, and as NumPy code, which only the verifier and the emulated
-    machine use. Neither calls the other, so each checks the other.
+    A subclass gives its `kind`, its coordinates and its functions fᵢ and γ as CasADi expressions,
+    from which the chained form and the optimal planners are derived. It should give `slopes` and
+    `drive` as NumPy code too, which only the verifier and the emulated machine use: then each form
+    checks the other. By default they are computed from the expressions.
 
     All array methods take the coordinate on the last axis and broadcast over the others.
     """
@@ -65,9 +67,10 @@ class TriangularSystem(ABC):
         """The N coordinates in triangular order."""
 
     @property
-    @abstractmethod
     def inputs(self) -> tuple[Coordinate, Coordinate]:
-        """The two inputs u₁, u₂ with their units."""
+        """The two inputs with their units; by default u1 and u2, rates of q₁ and q₂."""
+        first, second = (each.unit for each in self.coordinates[:2])
+        return Coordinate("u1", f"{first}/s"), Coordinate("u2", f"{second}/s")
 
     @cached_property
     def size(self) -> int:
@@ -85,9 +88,9 @@ class TriangularSystem(ABC):
     def slopes_expr(self, q: Any) -> list[Any]:
         """CasADi expressions of f₃ … f_N (a list of N−2) in the CasADi vector q (N)."""
 
-    @abstractmethod
     def drive_expr(self, q: Any) -> Any:
-        """CasADi expression of γ(q), with v₁ = γ(q) u₁."""
+        """CasADi expression of γ(q), with v₁ = γ(q) u₁; by default 1."""
+        return ca.SX(1)
 
     def rates_expr(self, q: Any, u: Any) -> list[Any]:
         """CasADi expressions of q̇ (a list of N) for inputs u (2)."""
@@ -96,13 +99,21 @@ class TriangularSystem(ABC):
 
     # -- numeric form --------------------------------------------------------------------------
 
-    @abstractmethod
     def slopes(self, q: Array) -> Array:
         """f₃ … f_N, shape (…, N−2), at q (…, N): the path form dqᵢ/dq₁."""
+        return self._pointwise[0](q)
 
-    @abstractmethod
     def drive(self, q: Array) -> Array:
         """γ(q), shape (…,), at q (…, N)."""
+        return self._pointwise[1](q)[..., 0]
+
+    @cached_property
+    def _pointwise(self) -> tuple[Pointwise, Pointwise]:
+        """The expressions of slopes and drive, evaluated at arrays."""
+        q = ca.SX.sym("q", self.size)
+        slopes = ca.vertcat(*(ca.SX(f) for f in self.slopes_expr(q)))
+        drive = ca.SX(self.drive_expr(q))
+        return Pointwise("slopes", [q], slopes), Pointwise("drive", [q], drive)
 
     def rates(self, q: Array, u: Array) -> Array:
         """q̇, shape (…, N), at q (…, N) under inputs u (…, 2)."""
@@ -157,9 +168,18 @@ class TriangularSystem(ABC):
 
     # -- identity ------------------------------------------------------------------------------
 
-    @abstractmethod
     def to_dict(self) -> dict[str, Any]:
-        """The `[system]` table of a problem file that describes this system."""
+        """The `[system]` table of a problem file that describes this system.
+
+        By default its kind and its public attributes: the constants that the constructor stored
+        under the names of its keys.
+        """
+        own = {
+            name: np.asarray(value).tolist() if isinstance(value, np.ndarray | tuple) else value
+            for name, value in vars(self).items()
+            if not name.startswith("_") and not hasattr(type(self), name)
+        }
+        return {"kind": self.kind, **own}
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, TriangularSystem) and self._text == other._text
@@ -186,11 +206,19 @@ SINGULAR = 1e-12
 
 
 class TangentSystem(TriangularSystem):
-    """A triangular system that gives its links as offset and gain of a tangent."""
+    """A triangular system in which every fᵢ₊₁ is offset + gain · tan qᵢ, as of wheeled vehicles."""
 
-    @abstractmethod
     def _link(self, i: int, q: Array) -> tuple[Array, Array]:
-        """Offset and gain, each of shape (…,), of fᵢ₊₁ at array index i; reads q after i only."""
+        """Offset and gain, each of shape (…,), of fᵢ₊₁ at array index i; reads q after i only.
+
+        By default read off the slopes at 0 and 45 degrees.
+        """
+        at = np.array(q, dtype=float)
+        at[..., :i] = 0.0
+        at[..., i] = 0.0
+        offset = self.slopes(at)[..., i - 1]
+        at[..., i] = np.pi / 4
+        return offset, self.slopes(at)[..., i - 1] - offset
 
     def branch(self, q: Array) -> Array:
         """For each link 2k + 1 when the angle is within 90° of k half turns, and 0 on the edge.
@@ -272,6 +300,20 @@ def product(factors: Sequence[Any]) -> Any:
     for factor in factors:
         out = out * factor
     return out
+
+
+def lengths_of_links(joints: int, given: Sequence[float] | None) -> Array:
+    """Those of a planar arm, shape (n,); 1 each where none are given.
+
+    Raises:
+        InputError: If there are more or fewer than joints, or one is not positive and finite.
+    """
+    lengths = np.ones(joints) if given is None else positive("link_lengths", given)
+    if len(lengths) != joints:
+        raise InputError(
+            f"link_lengths has {len(lengths)} values for {joints} joints; give {joints}"
+        )
+    return lengths
 
 
 def arm_points(theta: Array, lengths: Array) -> Array:

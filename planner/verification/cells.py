@@ -46,7 +46,7 @@ class Cells:
 
     @classmethod
     def of(cls, breaks: Array) -> Cells:
-        """Every piece, whole."""
+        """The whole pieces as cells."""
         count = len(breaks) - 1
         return cls(breaks, np.arange(count), np.zeros(count), np.ones(count))
 
@@ -85,7 +85,7 @@ class Cells:
 
 
 def joined(parts: Sequence[Cells]) -> Cells:
-    """All of several groups."""
+    """Several groups of cells as one."""
     columns = [np.concatenate([getattr(p, n) for p in parts]) for n in ("piece", "low", "high")]
     return Cells(parts[0].breaks, *columns)
 
@@ -104,7 +104,7 @@ def polynomials(curve: BPoly, cells: Cells, order: int = 0) -> list[Model]:
 
 
 def on(curve: BPoly, cells: Cells, order: int = 0) -> list[Ball]:
-    """The same as balls."""
+    """Piecewise polynomials on the cells as balls."""
     return polynomial_balls(*_restricted(curve, cells, order))
 
 

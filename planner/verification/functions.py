@@ -71,7 +71,7 @@ class Expression:
         return {i[1] for i in inputs if i[0] == argument}
 
     def __call__(self, *given: Sequence[Ball]) -> list[Ball]:
-        """One ball an entry of the value."""
+        """One ball per entry of the value."""
         done: dict[Any, Ball] = {}
         return [self.entry(i, given, done) for i in range(self.size)]
 

@@ -173,12 +173,9 @@ def _in_order(times: Array) -> bool:
     return bool(times[0] == 0 and np.isfinite(times[-1]) and np.all(np.diff(times) >= 0))
 
 
-def _unit(plan: Plan, i: int) -> str:
-    return plan.problem.system.coordinates[i].unit
-
-
 def _angular(plan: Plan) -> list[int]:
-    return [i for i in plan.problem.system.limited if _unit(plan, i) == "rad"]
+    system = plan.problem.system
+    return [i for i in system.limited if system.coordinates[i].unit == "rad"]
 
 
 def _goal_error(plan: Plan, end: Array) -> Array:

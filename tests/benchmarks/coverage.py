@@ -192,11 +192,11 @@ def main() -> int:
 
 HEAD = f"""# Which goals each method reaches
 
-Random pairs of start and goal, every joint drawn alike from the range named; inputs up to
+Random pairs of start and goal, every joint uniform in the given range; inputs up to
 {INPUT:g} rad/s, joints within {WIDE:g} degrees, {SECONDS[3]:g} s for three joints and
 {SECONDS[4]:g} s for four, travel free. The arm has the prototype's proportions. "Solved" are plans
-that are verified. Effort is beside collocation's where both solve, 1 is as good. Times are those of
-a busy computer: compare them with each other only. Made by
+that are verified. Effort is relative to that of collocation, where both have a plan. Times are
+those of a busy computer: compare them with each other only. Made by
 
     python tests/benchmarks/coverage.py
 

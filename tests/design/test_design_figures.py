@@ -78,13 +78,17 @@ def test_where_all_slip_the_least_loss_is_taken_and_told() -> None:
     assert kept == [0, 1]
     said = reason(rows, 0, kept, [EFFORT, SPREAD], ["a"], 4)
     assert said.startswith("Take x, with harder pressed contacts.")
-    assert "every one asks more of its contacts than they transmit" in said
+    assert "all ask more of their contacts than they transmit" in said
 
 
 def test_where_none_solves_a_task_it_says_so() -> None:
     rows = [row("x", np.nan, np.nan, solved=0.0)]
     assert able(rows, [EFFORT], "solved a") == []
     assert reason(rows, None, [], [EFFORT], ["a"], 4) == "No design solves a task by a."
+    few = [row("x", np.nan, np.nan, solved=0.25)]
+    assert able(few, [EFFORT], "solved a") == []
+    said = reason(few, None, [], [EFFORT], ["a"], 4)
+    assert said == "No design solves half of the tasks by a or has effort otherwise."
 
 
 def outcome(solved: bool, effort: float, window: TravelWindow) -> Outcome:
@@ -101,6 +105,9 @@ def test_an_unsolved_task_counts_as_worse_than_any() -> None:
     assert values["solved a"] == pytest.approx(2 / 3)
     assert values["one_way"] == pytest.approx(2 / 3)
     assert values["window"] == pytest.approx(0.2)
+    endless = [outcome(True, 1.0, TravelWindow(0.9, np.inf, True))]
+    values = {figure.key: value(endless) for figure, value in judged_by(["a"], None)}
+    assert values["window"] == 2.0
     worse = [tasks[0], tasks[2], tasks[2]]
     values = {figure.key: value(worse) for figure, value in judged_by(["a"], None)}
     assert np.isnan(values["effort"])

@@ -104,8 +104,8 @@ def test_it_is_a_frame_and_a_folder(study: planner.DesignStudy, tmp_path: Path) 
     assert data["designs"][0]["figures"]["effort"] == study.rows[0]["effort"]
     head, *lines = (place / "design.csv").read_text(encoding="utf-8").splitlines()
     assert len(lines) == 2
-    assert {"effort", "contact_load", "r3", "on_front"} <= set(head.split(","))
-    assert "| kappa = 1.5 \\*" in (place / "design.md").read_text().replace(" *", " \\*")
+    assert {"effort", "contact_load", "r3", "front"} <= set(head.split(","))
+    assert "| kappa = 1.5 | take |" in (place / "design.md").read_text(encoding="utf-8")
     (tmp_path / "file").touch()
     with pytest.raises(planner.InputError, match="is a file; name a folder"):
         study.save(tmp_path / "file")
@@ -144,6 +144,19 @@ def test_the_picture_has_bars_or_a_map(study: planner.DesignStudy) -> None:
         study.plot(axes=given[:2])
     with pytest.raises(planner.InputError, match="is not a DesignStudy"):
         plot_design(study.rows[0])  # type: ignore[arg-type]
+
+
+def test_rows_of_different_variables_are_bars_and_a_grid_is_a_map(
+    folder: Path, study: planner.DesignStudy
+) -> None:
+    several = [{"kappa": 1.5}, {"rho": 1.2, "kappa": 0.7}]
+    tables = {**STUDY, "grid": {}, "cases": several}
+    _, axes = planner.design_study(tables, folder, workers=0).plot()
+    assert axes[0, 1].get_xlabel() == ""
+    grid = {"rho": [1.0, 1.2], "kappa": [0.7, 1.5]}
+    _, axes = planner.design_study({**STUDY, "grid": grid}, folder, workers=0).plot()
+    assert (axes[0, 1].get_xlabel(), axes[0, 1].get_ylabel()) == ("rho", "kappa")
+    assert [t.get_text() for t in axes[0, 1].get_xticklabels()] == ["1", "1.2"]
 
 
 def test_what_cannot_be_built_is_named_and_not_planned(
@@ -230,7 +243,8 @@ def test_tasks_are_drawn_alike_for_every_design_and_more_begin_with_the_same() -
 
 
 def test_the_problems_own_task_and_mechanism_are_taken_where_nothing_else_is_said() -> None:
-    asked = read_design({key: v for key, v in STUDY.items() if key not in ("tasks", "present")})
+    kept = {key: v for key, v in STUDY.items() if key not in ("tasks", "present")}
+    asked = read_design({**kept, "problem": planner.Problem.from_dict(PROBLEM)})
     assert asked.tasks == {2: (([10, 10], [30, 30]),)}
     first = asked.designs[0]
     assert (first.name, first.values) == ("as it is", {})

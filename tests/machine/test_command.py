@@ -11,7 +11,15 @@ from handmade import draws_of, inputs
 from scipy.interpolate import BPoly
 
 from planner.errors import InputError
-from planner.machine.commands import Command, Tabulated, merged, refined, snapped, subdivided
+from planner.machine.commands import (
+    Command,
+    Continuous,
+    Tabulated,
+    merged,
+    refined,
+    snapped,
+    subdivided,
+)
 from planner.support.arrays import Array
 
 STOPS = np.array([0.0, 1.0, 1.5])
@@ -137,6 +145,18 @@ def test_tabulated_command_agrees_with_its_source() -> None:
     assert Tabulated(wave)(t) == pytest.approx(wave(t), abs=1e-7)  # type: ignore[arg-type]
 
 
+def test_nothing_is_asked_before_the_start_and_after_the_end() -> None:
+    """Whatever the plan's own u says there."""
+    ends = np.array([0.0, 1.0])
+    always = SimpleNamespace(t=ends, duration=1.0, u=lambda t: np.ones((*np.shape(t), 2)))
+    times = np.array([-2.0, -0.5, -1e-9, 0.0, 0.5, 1.0 - 1e-9, 1.0, 1.5])
+    on = np.array([[0, 0, 0, 1, 1, 1, 0, 0]] * 2).T
+    source = Continuous(always, 0.1)  # type: ignore[arg-type]
+    assert np.array_equal(source(times), on)
+    table = Tabulated(source)
+    assert np.array_equal(table(np.array([-2.0, -0.5, 0.5, 1.0 + 1e-9])), on[[0, 1, 4, 7]])
+
+
 # -- the grid ------------------------------------------------------------------------------
 
 
@@ -179,6 +199,8 @@ def test_refined_until_simpson_is_right_on_a_spike() -> None:
     simpson = h @ (spike(grid[:-1]) + 4 * spike(middle) + spike(grid[1:]))[:, 0] / 6
     assert abs(simpson - (np.sqrt(1 + scale) - np.sqrt(scale))) < 1e-9
     assert len(grid) < 2000
+    cubic = refined(lambda t: np.stack([t**3 - t, 2 - t**2], axis=-1), coarse)
+    assert np.array_equal(cubic, coarse), "Simpson's rule is exact for it"
     plain = (
         np.diff(coarse)
         @ (spike(coarse[:-1]) + 4 * spike((coarse[1:] + coarse[:-1]) / 2) + spike(coarse[1:]))[:, 0]

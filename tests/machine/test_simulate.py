@@ -11,14 +11,21 @@ from handmade import arm_problem, draws_of, inputs, plan_from
 from outside import integrate
 
 from planner.errors import InputError
-from planner.machine.machine import Machine
+from planner.machine.machine import Machine, draw
 from planner.machine.replay import replay
+from planner.machine.stepwise import REPORT_EVERY
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 
 JUMPS = inputs(
     ([0.3], [0.5, 0.1]), ([-0.2], [0.3]), ([0.1], [-0.4, 0.2]), breaks=[0.0, 0.5, 1.2, 2]
 )
+
+CAR = {
+    "system": {"kind": "car", "wheelbase_m": 1.0},
+    "start": {"heading_deg": 10, "steering_deg": 5},
+    "goal": {"heading_deg": 10, "steering_deg": 5, "x_m": "free", "y_m": 0.0, "duration": 2.0},
+}
 
 
 @pytest.fixture(scope="module")
@@ -40,12 +47,7 @@ def test_ideal_replay_is_the_plan(n: int) -> None:
 
 
 def test_ideal_replay_of_other_systems_goes_by_their_own_rates(jumping: Plan) -> None:
-    data = {
-        "system": {"kind": "car", "wheelbase_m": 1.0},
-        "start": {"heading_deg": 10, "steering_deg": 5},
-        "goal": {"heading_deg": 10, "steering_deg": 5, "x_m": "free", "y_m": 0.0, "duration": 2.0},
-    }
-    plan = plan_from(Problem.from_dict(data), JUMPS, pieces=100)
+    plan = plan_from(Problem.from_dict(CAR), JUMPS, pieces=100)
     run = replay(plan, Machine.ideal())
     assert run.q.shape[2] == 4
     assert np.max(np.abs(run.terminal_error)) < 1e-9
@@ -202,8 +204,21 @@ def test_samples_are_paired_between_plans_and_numbers(jumping: Plan) -> None:
         jumping.problem.changed({"goal.duration": 4.0}), "by hand", {}, jumping.trajectory.slowed(2)
     )
     paired = replay(slower, machine, samples=5, seed=2, record_s=None)
+    own = draw(machine, 3, many.numbers, 2).values  # for the arm's three joints
     for name, values in many.draws.values.items():
         assert np.array_equal(values, paired.draws.values[name]), name
+        assert np.array_equal(values, own[name]), name
+
+
+def test_how_far_it_is_is_told_in_steps_that_are_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[tuple[int, int]] = []
+    module = sys.modules["planner.machine.simulate"]
+    monkeypatch.setattr(module, "_share", lambda _, steps, done: told.append((done, steps)))
+    plan = plan_from(Problem.from_dict(CAR), JUMPS, pieces=100)
+    replay(plan, Machine.ideal(step_s=0.002), record_s=None, progress=lambda *_: None)
+    every, (steps,) = REPORT_EVERY, {steps for _, steps in told}
+    assert steps >= 1000
+    assert [done for done, _ in told] == list(range(every, steps + 1, every))
 
 
 def test_the_machine_must_fit_the_arm(jumping: Plan) -> None:

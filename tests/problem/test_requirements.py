@@ -185,10 +185,10 @@ def test_a_z2_margin_is_lowered_to_what_was_reached_or_left_out() -> None:
     [
         (30, 1, 0.2, None),
         (-30, -1, 0.2, None),
-        (30, 1, 0.9, "at the goal is 0.57735, but limits.z2_margin = 0.9 keeps it at least that far"
-         " from zero on the side of the start (positive); lower limits.z2_margin to 0.572, or leave"
-         " it out"),
-        (-30, -1, 0.9, "on the side of the start (negative); lower limits.z2_margin to 0.572,"),
+        (30, 1, 0.9, "at the goal is 0.57735, but limits.z2_margin = 0.9 requires at least that"
+         " distance from zero, with the sign at the start (positive); lower limits.z2_margin to"
+         " 0.572, or leave it out"),
+        (-30, -1, 0.9, "with the sign at the start (negative); lower limits.z2_margin to 0.572,"),
         (-30, 1, 0.2, "(positive); leave out limits.z2_margin, so that z2 may change sign, or"),
         (30, 0, 0.2, "leave out limits.z2_margin, so that z2 may change sign, or move the goal"),
     ],

@@ -292,6 +292,24 @@ def test_replays_show_the_sample_of_median_error() -> None:
 # -- common ----------------------------------------------------------------------------------------
 
 
+def test_preparations_lie_before_time_zero(paper: planner.Problem) -> None:
+    plan = planner.solve(paper)
+    better = planner.compensate(plan)
+    run = planner.replay(better, samples=3)
+    drawn = {"as it is": plan, "compensated": better}
+    for axes in (plot_joints(drawn)[1], plot_inputs(drawn)[1], plot_z(better)[1][:2]):
+        ax = axes.flat[-1]
+        begins = [float(line.get_xdata()[0]) for line in ax.lines if len(line.get_xdata()) > 2]
+        assert begins[-1] == pytest.approx(-better.lead_s)
+        assert "plan's start" in ax.get_xlabel() or axes.flat[0] is not ax
+    joints = plot_joints(drawn)[1].flat
+    dots = next(line for line in joints[2].lines if line.get_marker() == "o")
+    assert list(dots.get_xdata()) == pytest.approx([0.0, plan.duration + better.tail_s])
+    ax = plot_replays(run)[1].flat[0]
+    assert float(ax.lines[0].get_xdata()[0]) == pytest.approx(-better.lead_s)
+    assert plot_joints(plan)[1].flat[0].lines[0].get_xdata()[0] == 0.0
+
+
 def test_a_plan_keeps_its_colour_in_all_figures(plans: dict[str, planner.Plan]) -> None:
     mixed = {"outside": outside(), "missing": None, **plans}
     assert [c.colour for c in curves(mixed)] == [COLOURS[0], COLOURS[2], COLOURS[3]]

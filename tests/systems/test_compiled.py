@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 import pytest
 from every_system import NAMES, SYSTEMS
@@ -25,3 +26,20 @@ def test_same_as_step_by_step(name: str) -> None:
     )
     compiled = not name.startswith("custom")
     assert (form._inputs is not None) == compiled
+
+
+@pytest.mark.parametrize("name", ["manipulator-3", "trailers-2", "custom-manipulator-3"])
+def test_the_expressions_are_the_same_inverse_where_there_is_one(name: str) -> None:
+    system = SYSTEMS[name]
+    form, branch = chained_form(system), system.branch(np.full(system.size, 0.4))
+    q, v = np.linspace(0.2, 0.6, system.size), np.array([0.3, -0.7])
+    z, u = form.z(q), form.u(q, v)
+    found = (
+        form.q_expr(ca.DM(z), ca.DM(branch)),
+        form.inputs_expr(ca.DM(z), ca.DM(v), ca.DM(branch)),
+    )
+    if name.startswith("custom"):
+        assert found == (None, None)
+        return
+    for expression, value in zip(found, (q, u), strict=True):
+        np.testing.assert_allclose(np.array(expression).ravel(), value, rtol=1e-10)

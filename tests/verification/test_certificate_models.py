@@ -7,9 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import BPoly
 
-from planner.verification.balls import models, polynomial_balls
-from planner.verification.cells import Cells, least, polynomials
+from planner.systems.chained_form import chained_form
+from planner.systems.manipulator import Manipulator
+from planner.verification.affine_models import from_bernstein
+from planner.verification.balls import Ball, models, polynomial_balls
+from planner.verification.cells import Cells, derivative, least, polynomials
 from planner.verification.functions import Expression, UnboundedError
+from planner.verification.input_models import _feedback
 
 x = ca.SX.sym("x")
 
@@ -49,6 +53,27 @@ def test_polynomials_and_slopes_on_cells(seed: int) -> None:
             assert np.all(near <= slope.r + 1e-10)
 
 
+@pytest.mark.parametrize("degree", range(2, 15))
+@pytest.mark.parametrize("scale", [1.0, 1e6, 1e-6])
+def test_every_rounding_of_a_restriction_is_counted(degree: int, scale: float) -> None:
+    """Nothing that is sampled comes near the worst case, so the bounds are held to their count.
+
+    On part of a piece two subdivisions of as many levels as the degree round at least four times a
+    level, then a product with a matrix once a term. A derivative is wrong by `slip` before that.
+    """
+    rng = np.random.default_rng(degree)
+    curve = BPoly(scale * rng.uniform(0.5, 1.0, (degree + 1, 2, 1)), [0.0, 1.0, 2.5])
+    matrix = np.sum(np.abs(from_bernstein(degree + 1)))
+    whole = Cells.of(curve.x)
+    for cells, steps in ((whole, degree + 1), (whole.halved(), 9 * degree + 1)):
+        (found,) = polynomials(curve, cells)
+        size = np.max(np.abs(curve.c[:, cells.piece, 0]), axis=0)
+        assert np.all(found.r >= steps * matrix * 2.0**-53 * size)
+        assert np.all(found.r <= 1e-11 * scale)
+        (found,) = polynomials(curve, cells, 1)
+        assert np.all(found.r >= derivative(curve, 1)[1][cells.piece, 0])
+
+
 @given(st.integers(0, 10**6))
 def test_least_value_is_bracketed(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -74,3 +99,22 @@ def test_a_dip_between_all_samples_is_found() -> None:
     (found,) = least([(1.0, p, 0.0) for p in polynomials(curve, cells)], cells, np.ones(1))
     assert found.time_s == pytest.approx(centre, abs=1e-6)
     assert found.guaranteed <= -1e-3 + 1e-12
+
+
+def test_the_rate_of_a_feedback_is_its_derivative_along_the_motion() -> None:
+    """u of (z, v) and du/dt of (z, v, ż, v̇), by differences of the chart's NumPy code."""
+    arm = Manipulator([0.87, 0.71], 0.67)
+    form, rng = chained_form(arm), np.random.default_rng(2)
+    for _ in range(5):
+        q = rng.uniform(0.2, 0.9, 4)
+        branch, z = arm.branch(q), form.z(q)
+        v, dz, dv = (rng.normal(size=k) for k in (2, 4, 2))
+        u, rate = _feedback(arm, tuple(branch.tolist()))
+        balls = [[Ball.constant(float(value)) for value in x] for x in (z, v, dz, dv)]
+        np.testing.assert_allclose(
+            [ball.c[0, 0] for ball in u(*balls[:2])], form.inputs(z, v, branch), rtol=1e-12
+        )
+        h = 1e-6
+        ahead, back = (form.inputs(z + s * dz, v + s * dv, branch) for s in (h, -h))
+        found = [ball.c[0, 0] for ball in rate(*balls)]
+        np.testing.assert_allclose(found, (ahead - back) / (2 * h), rtol=1e-6, atol=1e-7)

@@ -230,7 +230,7 @@ def test_commands_refuse_it(
     assert main([*words, "--json"]) == 2
     given = json.loads(capsys.readouterr().out)
     assert given["exit_status"] == 2
-    assert "it does not" in given["error"]
+    assert "fails the verification" in given["error"]
 
 
 # -- comparison folders --------------------------------------------------------------------------

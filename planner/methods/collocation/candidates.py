@@ -78,14 +78,14 @@ def seeds(kind: str, count: int = 12) -> list[Seed]:
 @lru_cache(maxsize=1)
 def _known() -> dict[str, list[Seed]]:
     return {
-        "straight": [_straight()],
+        "straight": [Seed("straight", np.zeros_like, lambda s: 0.1 * np.sin(np.pi * s))],
         "bump": [_bump(a, b) for a, b in ((1.0, 0.8), (-1.0, -0.8), (-1.0, 0.8), (1.0, -0.8))],
         "reverse": [_reverse(a, b) for a, b in ((-0.7, 0.8), (0.7, -0.8), (0.7, 0.8))],
     }
 
 
 def guess(problem: Problem, made: Transcription, mesh: Mesh, seed: Seed) -> Iterate:
-    """The unknowns along a seed."""
+    """Initial values of the unknowns along a first guess."""
     s = np.linspace(0.0, 1.0, SAMPLES)
     q = _states(problem, mesh, seed, s)
     rates = np.gradient(q[:, :2], s, axis=0)
@@ -147,10 +147,6 @@ def _away_from_zero(values: Array) -> Array:
 
 def _interpolate(where: Array, s: Array, values: Array) -> Array:
     return np.stack([np.interp(where, s, column) for column in values.T], axis=-1)
-
-
-def _straight() -> Seed:
-    return Seed("straight", np.zeros_like, lambda s: 0.1 * np.sin(np.pi * s))
 
 
 def _bump(path: float, driven: float) -> Seed:

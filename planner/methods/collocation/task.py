@@ -57,7 +57,7 @@ class Task:
 
     @property
     def bounds(self) -> Bounds:
-        """The problem's numbers."""
+        """Bounds from the problem's numbers."""
         return bounds(self.problem, self.made, self.mesh, self.objective, self.asked, self.drawn)
 
     def solve(self, start: Iterate, near: bool = False) -> Solution:

@@ -39,11 +39,11 @@ class Touch:
     at: Array
 
     def only(self, keep: NDArray[np.bool_]) -> Touch:
-        """Those kept."""
+        """Only the cuts in the mask."""
         return Touch(self.tau[keep], self.at[keep])
 
     def plus(self, other: Touch) -> Touch:
-        """These, then the others."""
+        """These cuts followed by the others."""
         return Touch(np.append(self.tau, other.tau), np.append(self.at, other.at))
 
 

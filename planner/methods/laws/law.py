@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError, SingularError
-from planner.methods.keeping import joints_needed
 from planner.methods.laws.legs import Leg, LegMotion
 from planner.methods.refusal import BY_COLLOCATION
 from planner.plan.measures import effort, slowing
@@ -120,12 +119,9 @@ def chart_ends(problem: Problem, travel: float) -> tuple[Array, Array]:
     """z(0) and z(T), shape (N,) each, of a problem that a chart method can take.
 
     Raises:
-        NoPlanError: If the goal leaves joints free.
         SingularError: If the start or goal lies on a singularity of the chart, or the goal lies on
             another branch than the start.
     """
-    if problem.free:
-        raise joints_needed(problem)
     goal = problem.goal.copy()
     goal[0] = problem.start[0] + travel
     for name, q in (("start", problem.start), ("goal", goal)):

@@ -59,7 +59,7 @@ class ChartDomain(Demand):
                 " where the chained-form chart is singular"
             )
         if f"{coordinate.name} = 0" in label:
-            return f"{coordinate.name} changes sign on the way, which no path in the chart can do"
+            return f"{coordinate.name} changes sign, which no path in the chart can do"
         return (
             f"{coordinate.name} goes from {start:.6g} to {here:.6g} {unit}, past an edge of the"
             f" chained-form chart ({label}), which no path in the chart can do"

@@ -38,7 +38,7 @@ class _Symmetric(Requirement):
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
-        """One for each that is limited."""
+        """One part for each limited input or coordinate."""
         return tuple(
             Part(f"{self.words} {named.name}", self._unit(named), -most, most, most, i)
             for i, (named, most) in enumerate(zip(self.named, self.most, strict=True))
@@ -74,13 +74,13 @@ class JointLimit(_Symmetric):
         return self.named[part.index].name
 
     def excluded(self, name: str, v: Violation) -> str:
-        """The words of a contradiction."""
+        """A contradiction in words."""
         value, limit, unit = replace(v, limit=abs(v.limit)).shown(6)
         what = f"{name} {v.label.removeprefix(self.words + ' ')} = {value}{unit}"
         return f"{what} lies outside its limit of {limit}{unit}; move it or widen the limit"
 
     def without(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
-        """As wide as they may be."""
+        """The change that widens them as far as possible."""
         wide = {f"limits.{key}": most for key, most in WIDEST.items() if limits.get(key)}
         return (wide, "", "the limits on the joints") if wide else None
 
@@ -101,7 +101,7 @@ class Z2Margin(Requirement):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """One."""
+        """One part: the margin of z₂."""
         return (Part("z2 margin", "", self.margin, np.inf, max(self.margin, SMALLEST_Z2)),)
 
     @classmethod
@@ -113,7 +113,7 @@ class Z2Margin(Requirement):
         return "leave out limits.z2_margin, so that z2 may change sign"
 
     def without(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
-        """No margin."""
+        """The change that leaves the margin out."""
         return {"limits.z2_margin": None}, "leave out limits.z2_margin", "the z2 margin"
 
     def rows(self, at: At) -> Sequence[Any]:

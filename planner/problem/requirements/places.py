@@ -74,7 +74,7 @@ class Obstacle(Requirement):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """One a link."""
+        """One part per link."""
         words = f"from obstacle {self.number}"
         return tuple(
             Part(f"clearance of link {link} {words}", "m", 0.0, np.inf, self.radius)

@@ -192,7 +192,7 @@ class Requirement(Demand):
         return self.excluded(name, max(found, key=lambda v: v.scaled)) if found else None
 
     def excluded(self, name: str, v: Violation) -> str:
-        """The words of a contradiction."""
+        """A contradiction in words."""
         value, limit, unit = v.shown(6)
         change = f"change limits.{self.key}" if self.key else "widen the limit"
         return (

@@ -1,4 +1,7 @@
-"""The tables of a problem file for `system.kind = "custom"`: the user's own triangular system."""
+"""Problem files whose start, goal and limits name coordinates, for systems of users' own classes.
+
+The tables of a problem file for `system.kind = "custom"`: the user's own system by expressions.
+"""
 
 from __future__ import annotations
 
@@ -101,19 +104,24 @@ class CustomLimits(BaseLimits):
         return self.z2_margin
 
 
-class CustomFile(NamedFile):
-    """A problem file for the user's own system."""
+class OwnFile(NamedFile):
+    """A problem file for a system of your own class, with start, goal and limits by names.
 
-    summary: ClassVar[str] = "any triangular two-input system, given by its expressions"
+    A subclass gives `summary`, `example`, the table `system`, and `build_system`.
+    """
 
-    system: CustomTable
     start: CustomStart
     goal: CustomGoal
     limits: CustomLimits = Field(default_factory=CustomLimits)
 
+    @property
+    def names(self) -> list[str]:
+        """Names of the coordinates."""
+        return [c.name for c in self.build_system().coordinates]
+
     @model_validator(mode="after")
-    def _names(self) -> CustomFile:
-        every, tail = self.system.coordinates, self.system.coordinates[1:]
+    def _named(self) -> OwnFile:
+        every, tail = self.names, self.names[1:]
         wanted = {"start.q": (self.start.q, every), "goal.q": (self.goal.q, tail)}
         for key, (given, names) in {**wanted, "limits.q": (self.limits.q, tail)}.items():
             for name in given:
@@ -125,17 +133,13 @@ class CustomFile(NamedFile):
                 raise ValueError(f"{key} lacks {', '.join(missing)}")
         return self
 
-    def build_system(self) -> CustomSystem:
-        """The system described."""
-        return self.system.build()
-
     def start_state(self) -> Array:
         """q(0), shape (N,)."""
-        return np.array([self.start.q[name] for name in self.system.coordinates])
+        return np.array([self.start.q[name] for name in self.names])
 
     def goal_state(self) -> Array:
         """q(T), shape (N,); NaN first, since `travel` speaks of that coordinate."""
-        return np.array([np.nan, *(self.goal.q[name] for name in self.system.coordinates[1:])])
+        return np.array([np.nan, *(self.goal.q[name] for name in self.names[1:])])
 
     def path_travel(self) -> float | None:
         """Change of the first coordinate, or None when free."""
@@ -147,4 +151,21 @@ class CustomFile(NamedFile):
 
     def joint_limits(self) -> Array:
         """Largest |q|, shape (N,); infinite where there is none."""
-        return np.array([self.limits.q.get(name, np.inf) for name in self.system.coordinates])
+        return np.array([self.limits.q.get(name, np.inf) for name in self.names])
+
+
+class CustomFile(OwnFile):
+    """A problem file for the user's own system, given by expressions."""
+
+    summary: ClassVar[str] = "any triangular two-input system, given by its expressions"
+
+    system: CustomTable
+
+    @property
+    def names(self) -> list[str]:
+        """As in the table, before the system is built."""
+        return self.system.coordinates
+
+    def build_system(self) -> CustomSystem:
+        """The system described."""
+        return self.system.build()

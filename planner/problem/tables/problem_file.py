@@ -189,7 +189,7 @@ class ProblemFile(Table):
 
     @abstractmethod
     def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """The dotted key that sets this travel (None: free), and its value."""
+        """The dotted key that sets this travel (None: free), with its value."""
 
     @abstractmethod
     def joint_limits(self) -> Array:

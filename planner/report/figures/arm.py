@@ -46,7 +46,7 @@ def plot_arm(plans: Plans, *, axes: Any = None, poses: int = 12) -> tuple[Figure
     shape, size = arrangement(drawn)
     figure, axes = grid(*shape, axes, size=size, share=("all", "all"))
     scale = _time_scale(max(curve.plan.duration for curve in drawn))
-    arm = _is_arm(problem)
+    arm = hasattr(problem.system, "arm_points")
     for curve, ax in zip(drawn, axes.flat, strict=True):
         _draw(ax, curve, scale, poses)
         ax.set_title(curve.title, fontsize=10)
@@ -144,10 +144,6 @@ def _draw_closest(ax: Any, plan: Plan) -> None:
     ax.plot(*np.stack([one, other]).T, "-", color="crimson", linewidth=2.5, zorder=6)
     words = f"links {away:.2g} m apart" if away > 0 else "links cross"
     ax.annotate(words, one, (6, 6), textcoords="offset points", fontsize=8, bbox=TAG, zorder=6)
-
-
-def _is_arm(problem: Problem) -> bool:
-    return hasattr(problem.system, "arm_points")
 
 
 def _time_scale(longest: float) -> Any:

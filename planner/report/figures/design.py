@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.design.figures import LOAD, DesignRow, Figure
-from planner.design.study import DesignStudy
+from planner.design.result import DesignStudy
 from planner.errors import expect
 from planner.report.figures.style import COLOURS, TAG, grid, heading, plain
 from planner.support.tables import number
@@ -171,7 +171,9 @@ def _variables(study: DesignStudy) -> tuple[str, str] | None:
     """The two variables of a map; None where a map would show nothing."""
     rows = [row.design.values for row in study.rows if row.design.values]
     keys = list(rows[0]) if rows else []
-    if len(keys) != 2 or any(isinstance(values[k], list) for values in rows for k in keys):
+    if len(keys) != 2 or any(values.keys() != rows[0].keys() for values in rows):
+        return None
+    if any(isinstance(value, list) for values in rows for value in values.values()):
         return None
     across, up = (len({values[k] for values in rows}) for k in keys)
     return (keys[0], keys[1]) if min(across, up) > 1 and across * up <= 2 * len(rows) else None

@@ -90,12 +90,12 @@ class Layout:
 
     @property
     def top(self) -> float:
-        """The same."""
+        """Upper end of the picture."""
         return 2 * self.r1 + 0.75
 
     @property
     def bottom(self) -> float:
-        """The same."""
+        """Lower end of the picture."""
         lines = 17 + len(textwrap.wrap(self.inferred, LETTERS))
         drawn = float(self.contact[1]) - max(self.r1, 0.6 * self.gears[0].R)
         return min(drawn, self.below - 0.2 * lines * INCH) - 0.15 * INCH

@@ -17,7 +17,15 @@ from planner.comparison.comparison import Comparison
 from planner.comparison.rows import FEEDBACK, Row, effort_unit
 from planner.errors import InputError, expect
 from planner.machine.replay import Replay
-from planner.report.figures.style import Curve, axis_label, colours, grid, heading, legend
+from planner.report.figures.style import (
+    Curve,
+    axis_label,
+    colours,
+    grid,
+    heading,
+    legend,
+    time_label,
+)
 from planner.support.arrays import Array
 
 if TYPE_CHECKING:
@@ -63,7 +71,7 @@ def plot_replays(
         name = f"{label}{REFUSED * Curve(label, run.plan, '').refused}"
         axes[row, 0].set_title(name, fontsize=10, loc="left", color=colour[label])
     for ax in axes[-1]:
-        ax.set_xlabel("time (s)")
+        ax.set_xlabel(time_label(run.plan for run in runs.values()))
     text = f"Machine ({first.machine.preset}, {len(first.numbers)} samples) against plan"
     heading(figure, text, ours=ours)
     legend(figure, axes, axes[0, 0].get_legend_handles_labels()[0], ours=ours)
@@ -78,14 +86,15 @@ def median_sample(run: Replay) -> int:
 
 def _draw_replay(axes: Any, run: Replay, colour: str) -> None:
     plan = run.plan
-    planned, median = np.rad2deg(plan.trajectory.q(run.t)), median_sample(run)
+    t, median = run.t - plan.lead_s, median_sample(run)
+    planned = np.rad2deg(plan.trajectory.q(run.t))
     for ax, i in zip(axes, run.angles, strict=True):
         low, high = np.rad2deg(np.percentile(run.q[:, :, i], [5, 95], axis=0))
         style = {"color": colour, "linewidth": 0}
-        ax.fill_between(run.t, low, high, alpha=0.2, label="90 % of the machines", **style)
-        ax.plot(run.t, planned[:, i], "k--", linewidth=1.1, label="plan")
+        ax.fill_between(t, low, high, alpha=0.2, label="90 % of the machines", **style)
+        ax.plot(t, planned[:, i], "k--", linewidth=1.1, label="plan")
         actual = np.rad2deg(run.q[median, :, i])
-        ax.plot(run.t, actual, color=colour, linewidth=1.6, label="machine of median error")
+        ax.plot(t, actual, color=colour, linewidth=1.6, label="machine of median error")
         ax.set_ylabel(axis_label(plan.problem.system.coordinates[i]))
 
 

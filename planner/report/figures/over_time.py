@@ -29,6 +29,7 @@ from planner.report.figures.style import (
     line,
     shown,
     symbol,
+    time_label,
     times,
 )
 from planner.support.arrays import Array
@@ -47,7 +48,7 @@ FAR = 5.0
 
 
 def plot_inputs(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
-    """Plot u₁ and u₂ over time with their limits as lines, all plans in each of two panels.
+    """Plot Plot u₁ and u₂ over time with their limits as lines, all plans in each of two panels.
 
     Peaks far beyond the limits (or, without limits, far beyond most of the motion) are cut off and
     named above the panel, so that the rest stays readable.
@@ -68,12 +69,12 @@ def plot_inputs(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
     figure, axes = grid(1, 2, axes, size=(4.8, 3.4))
     samples = [(curve, times(curve.plan)) for curve in drawn]
     for i, (ax, coordinate) in enumerate(zip(axes.flat, problem.system.inputs, strict=True)):
-        values = [(curve, t, curve.plan.u(t)[:, i]) for curve, t in samples]
+        values = [(curve, t - curve.plan.lead_s, curve.plan.u(t)[:, i]) for curve, t in samples]
         for curve, t, u in values:
             ax.plot(t, u, color=curve.colour, linestyle=curve.dashes, linewidth=1.6)
         _frame(ax, values, float(problem.limits.input[i]))
         ax.set_ylabel(f"{symbol(coordinate.name)} ({coordinate.unit})")
-        ax.set_xlabel("time (s)")
+        ax.set_xlabel(time_label(curve.plan for curve in drawn))
     heading(figure, f"Inputs and limits: {problem.name}", ours=ours)
     legend(figure, axes, [line(curve) for curve in drawn], ours=ours)
     return figure, axes
@@ -159,8 +160,9 @@ def plot_joints(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
         q = curve.plan.q(t)
         for i, ax in enumerate(panels[:count], start=1):
             values = shown(q[:, i], problem.system.coordinates[i].unit)
-            ax.plot(t, values, color=curve.colour, linestyle=curve.dashes, linewidth=1.6)
-    longest = max(curve.plan.duration for curve in drawn)
+            own = t - curve.plan.lead_s
+            ax.plot(own, values, color=curve.colour, linestyle=curve.dashes, linewidth=1.6)
+    longest = max(curve.plan.duration - curve.plan.lead_s for curve in drawn)
     for i, ax in enumerate(panels[:count], start=1):
         unit = problem.system.coordinates[i].unit
         ends = shown(np.array([problem.start[i], problem.goal[i]]), unit)
@@ -171,7 +173,7 @@ def plot_joints(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
         ax.set_visible(False)
     for ax in panels[max(0, count - axes.shape[1]) : count]:  # those with nothing below
         ax.tick_params(labelbottom=True)
-        ax.set_xlabel("time (s)")
+        ax.set_xlabel(time_label(curve.plan for curve in drawn))
     what = "Joint angles" if hasattr(problem.system, "arm_points") else "Coordinates"
     heading(figure, f"{what}: {problem.name}", ours=ours)
     legend(figure, axes, [line(curve) for curve in drawn], ours=ours)
@@ -197,7 +199,7 @@ EXIT = {"marker": "x", "color": "#B00020", "markersize": 8, "linestyle": "none"}
 
 
 def plot_z(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
-    """Plot z₂ with its domain shaded, and z₃ … z_N, over time; one column per plan.
+    """Plot Plot z₂ with its domain shaded, and z₃ … z_N, over time; one column per plan.
 
     For the manipulator the shaded band is where a real θ₁ exists, given the later angles: for n = 3
     and θ₂ > 0 it is −g(z₃) < z₂ < 0. If the domain has further conditions (n > 3, and other
@@ -226,7 +228,7 @@ def plot_z(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
         for row, draw in enumerate(rows):
             draw(axes[row, column], curve, first=column == 0)
         axes[0, column].set_title(curve.title, fontsize=10)
-        axes[-1, column].set_xlabel("time (s)")
+        axes[-1, column].set_xlabel(time_label([curve.plan]))
     heading(figure, f"Chained coordinates and their domain: {problem.name}", ours=ours)
     legend(figure, axes, _entries(axes), ours=ours)
     return figure, axes
@@ -260,27 +262,36 @@ def has_band(system: TriangularSystem) -> bool:
 
 def _draw_z2(ax: Any, curve: Curve, first: bool) -> None:
     t = times(curve.plan)
+    own = t - curve.plan.lead_s
     if has_band(curve.plan.problem.system):
         low, high = z2_band(curve.plan, t)
         label = r"domain: a real $\theta_1$ exists"
-        ax.fill_between(t, low, high, color=DOMAIN, label=label, linewidth=0)
-        ax.plot(t, np.where(np.abs(low) > np.abs(high), low, high), color="#7FA8C4", linewidth=0.8)
+        ax.fill_between(own, low, high, color=DOMAIN, label=label, linewidth=0)
+        ax.plot(
+            own, np.where(np.abs(low) > np.abs(high), low, high), color="#7FA8C4", linewidth=0.8
+        )
     ax.axhline(0, color="#888888", linewidth=0.8)
     z2 = curve.plan.z(t)[:, 1]
-    ax.plot(t, z2, color=curve.colour, linestyle=curve.dashes, linewidth=1.8)
+    ax.plot(own, z2, color=curve.colour, linestyle=curve.dashes, linewidth=1.8)
     if not curve.plan.executable:
         out = np.array(curve.plan.domain.exits_s)
-        ax.plot(out, curve.plan.z(out)[:, 1], **EXIT, label="leaves or re-enters the domain")
+        ax.plot(
+            out - curve.plan.lead_s,
+            curve.plan.z(out)[:, 1],
+            **EXIT,
+            label="leaves or re-enters the domain",
+        )
     if first:
         ax.set_ylabel("$z_2$")
 
 
 def _draw_margin(ax: Any, curve: Curve, first: bool) -> None:
     t = times(curve.plan)
+    own = t - curve.plan.lead_s
     margin = worst_margin(curve.plan.trajectory.margins(t))
     low = min(-0.02, 1.1 * float(np.min(margin)))
     ax.axhspan(low, 0, color=OUTSIDE, label="outside the domain", linewidth=0)
-    ax.plot(t, margin, color=curve.colour, linestyle=curve.dashes, linewidth=1.8)
+    ax.plot(own, margin, color=curve.colour, linestyle=curve.dashes, linewidth=1.8)
     if first:
         ax.set_ylabel("least domain margin")
 
@@ -288,16 +299,19 @@ def _draw_margin(ax: Any, curve: Curve, first: bool) -> None:
 def _draw_rest(ax: Any, curve: Curve, first: bool) -> None:
     """z₃ … z_N, each thinner and fainter than the one before, named where it is largest."""
     t = times(curve.plan)
+    own = t - curve.plan.lead_s
     z = curve.plan.z(t)[:, 2:]
     for k, column in enumerate(z.T):
         fade = 1 - 0.4 * k / max(1, z.shape[1] - 1)
         width = 2.2 - 0.9 * k / max(1, z.shape[1] - 1)
-        ax.plot(t, column, color=curve.colour, linestyle=curve.dashes, linewidth=width, alpha=fade)
+        ax.plot(
+            own, column, color=curve.colour, linestyle=curve.dashes, linewidth=width, alpha=fade
+        )
         top = int(np.argmax(np.abs(column)))
         late = t[top] > t[-1] / 2
         ax.annotate(
             f"$z_{{{k + 3}}}$",
-            (t[top], column[top]),
+            (own[top], column[top]),
             (-3 if late else 3, 5),
             textcoords="offset points",
             ha="right" if late else "left",

@@ -334,10 +334,10 @@ def _machines(ax: Any, curve: TradeOff) -> None:
         label += f" ({none} of {len(found)} cannot be)" if none else ""
         ax.plot(cost, values, ".-", color=colour, label=label)
         ax.plot(cost[at], values[at], color=colour, **KNEE)
-    ax.set_ylim(bottom=0)
+    ax.set_ylim(0, 1.35 * ax.get_ylim()[1])  # room for the legend above every curve
     ax.set_xlabel(_across(curve))
     ax.set_ylabel("largest joint error at the end (deg, 95 %)")
-    ax.legend(fontsize=8)
+    ax.legend(fontsize=8, loc="upper right")
 
 
 def _paths(ax: Any, curve: TradeOff) -> None:

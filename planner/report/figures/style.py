@@ -128,6 +128,11 @@ def times(plan: Plan, count: int = 1500) -> Array:
     return sample_times(plan.t, max(count, 12 * (len(plan.t) - 1)))
 
 
+def time_label(plans: Iterable[Plan]) -> str:
+    """The label of a time axis, on which 0 is where the plan starts: preparations lie before it."""
+    return "time since the plan's start (s)" if any(p.lead_s for p in plans) else "time (s)"
+
+
 def grid(
     rows: int,
     columns: int,
@@ -196,7 +201,7 @@ def shown(values: Array, unit: str) -> Array:
 
 
 def line(curve: Curve) -> Any:
-    """A legend's entry for a curve."""
+    """A legend entry for a curve."""
     from matplotlib.lines import Line2D
 
     return Line2D(
@@ -216,7 +221,7 @@ def legend(
 
 
 def heading(figure: Figure, text: str, *, ours: bool) -> None:
-    """A title over a figure of ours."""
+    """Set a title above a figure that we made."""
     if ours:
         letters = int(11 * figure.get_figwidth())
         figure.suptitle(plain(textwrap.fill(text, letters)), fontsize=11)

@@ -108,7 +108,7 @@ src="data:image/svg+xml;base64,$data">
 </section>"""
 
 
-_PARTIAL = "<p><b>Partial: interrupted before all methods were done.</b></p>"
+_PARTIAL = "<p><b>Partial: interrupted before all methods were finished.</b></p>"
 
 
 def _answers(comparison: Comparison) -> str:

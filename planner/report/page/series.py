@@ -101,7 +101,10 @@ def _z(sampled: Sequence[Sampled]) -> dict[str, Any]:
     system = sampled[0][1].problem.system
     panels = []
     if has_band(system):
-        panels += [_z2(k, plan, t) for k, plan, t in sampled]
+        panels += [
+            over_time("z₂", "", [curve(k, plan.z(t)[:, 1])], **band(plan, t))
+            for k, plan, t in sampled
+        ]
     else:
         panels.append(_each("z₂", "", [(k, plan.z(t)[:, 1]) for k, plan, t in sampled]))
     if not has_band(system) or system.size > 4:
@@ -119,10 +122,6 @@ _BAND = (
     " follows it."
 )
 _MARGIN = "Where the least margin is below zero the path has left the domain of the chart."
-
-
-def _z2(k: int, plan: Plan, t: Array) -> Panel:
-    return over_time("z₂", "", [curve(k, plan.z(t)[:, 1])], **band(plan, t))
 
 
 def _joints(

@@ -44,7 +44,7 @@ class Solution:
         ok: Whether the solver finished and the residual is small enough.
         status: What the solver says of itself.
         iterations: How many it made.
-        seconds: How long it took.
+        seconds: Computing time, in seconds.
     """
 
     solver: SolverName | None

@@ -107,7 +107,7 @@ class Form:
     Attributes:
         intervals: Number K of mesh intervals.
         scheme_kind: Family of collocation points.
-        degree: Collocation points an interval.
+        degree: Collocation points per interval.
         input: "constant" in each interval, or "linear" and continuous.
         free_duration: Whether the duration is an unknown; else it is a parameter.
         kept: What rows are for, without numbers, see `held_by`.

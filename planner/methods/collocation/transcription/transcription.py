@@ -179,7 +179,7 @@ class Transcription:
     """A nonlinear programme with names; start, goal, limits, mesh and weights are numbers.
 
     Attributes:
-        system: What is steered.
+        system: The system.
         form: Its shape.
         layout: Where each unknown sits.
         labels: What the rows of one interval mean.

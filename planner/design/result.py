@@ -1,0 +1,295 @@
+"""What a study of designs found: a table, a picture, a folder."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.design.design_file import Asked
+from planner.design.figures import (
+    DesignRow,
+    Figure,
+)
+from planner.design.geometry import kappa_of
+from planner.errors import InputError
+from planner.plan.samples import imported
+from planner.support.arrays import jsonable
+from planner.support.files import named, write_bytes, write_text
+from planner.support.package import handed_to, versions
+from planner.support.tables import (
+    Column,
+    csv_table,
+    html_table,
+    markdown,
+    markdown_table,
+    number,
+    terminal_table,
+)
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure as Picture
+    from rich.table import Table
+
+FORMAT, VERSION = "planner-design", 1
+
+
+@dataclass(frozen=True, eq=False)
+class DesignStudy:
+    """Designs of the mechanism, and what they are worth for a set of tasks; see `design_study`.
+
+    Attributes:
+        asked: The design file, read.
+        rows: The designs in the order of the file; first the mechanism as it is, where asked for.
+        figures: What they are judged by.
+        front_by: Those that are traded.
+        recommended: The row to take; None where no design solves a task.
+        reason: Why that one, in sentences.
+        bugs: Cases that ended in a way this program never should.
+    """
+
+    asked: Asked
+    rows: tuple[DesignRow, ...]
+    figures: tuple[Figure, ...]
+    front_by: tuple[Figure, ...]
+    recommended: DesignRow | None
+    reason: str
+    bugs: int = 0
+
+    def __repr__(self) -> str:
+        taken = self.recommended
+        said = "no design solves a task" if taken is None else f"take {taken.design.name}"
+        tasks = f"{self.tasks} task{'s' if self.tasks > 1 else ''}"
+        return f"DesignStudy({self.asked.title!r}, {len(self.rows)} designs, {tasks}: {said})"
+
+    def __getitem__(self, name: str) -> DesignRow:
+        for row in self.rows:
+            if row.design.name == name:
+                return row
+        raise InputError(
+            f"no design '{name}'; there are: {'; '.join(r.design.name for r in self.rows)}"
+        )
+
+    @property
+    def title(self) -> str:
+        """What was asked."""
+        return self.asked.title
+
+    @property
+    def tasks(self) -> int:
+        """Number of tasks of each design."""
+        return len(next(iter(self.asked.tasks.values())))
+
+    @property
+    def front(self) -> tuple[DesignRow, ...]:
+        """The designs that no other beats in the figures traded.
+
+        Those alone are compared that may be recommended: they can be built, solve as many tasks as
+        any, and have contacts that hold.
+        """
+        return tuple(row for row in self.rows if row.on_front)
+
+    @property
+    def columns(self) -> list[Column[DesignRow]]:
+        """What tables show of a row."""
+        return _columns(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready: designs with geometry and figures, the front, the recommendation."""
+        data = {
+            "format": FORMAT,
+            "version": VERSION,
+            "title": self.title,
+            "source": self.asked.source,
+            "tasks": self.tasks,
+            "methods": self.asked.methods,
+            "front_by": [figure.key for figure in self.front_by],
+            "recommended": None if self.recommended is None else self.recommended.design.name,
+            "reason": self.reason,
+            "designs": [_row(row) for row in self.rows],
+            "study": self.asked.table.model_dump(mode="json", by_alias=True, exclude_unset=True),
+            "versions": versions(),
+        }
+        return dict(jsonable(data))
+
+    def to_frame(self) -> pandas.DataFrame:
+        """One row a design: the variables that vary, geometry, figures, `on_front`, `refused`.
+
+        Index: the design's name. Shares are 0 … 1.
+
+        Raises:
+            InputError: If pandas is not installed.
+        """
+        rows = [_flat(row) for row in self.rows]
+        frame = imported("pandas").DataFrame.from_records(rows)
+        frame.attrs = {"title": self.title, "tasks": self.tasks}
+        return frame.set_index("design")
+
+    def table(self) -> Table:
+        """For a terminal: `rich.print(study.table())`."""
+        narrow = {"design", "front", *(figure.title for figure in self.front_by), *TERMINAL}
+        narrow |= {f"solved, {method}" for method in self.asked.methods[:2]}
+        shown = [c for c in self.columns if c.title in narrow]
+        return terminal_table(
+            shown,
+            self.rows,
+            caption=self._explained,
+            ruled=True,
+            gap=1,
+            dim=lambda row: bool(row.design.refused),
+        )
+
+    def markdown(self) -> str:
+        """The table and the recommendation as Markdown text."""
+        refused = [
+            f"- {markdown(row.design.name)}: {markdown(row.design.refused)}"
+            for row in self.rows
+            if row.design.refused
+        ]
+        cannot = ["", "Cannot be built:", "", *refused] if refused else []
+        lines = [f"# {markdown(self.title)}", "", self.reason, ""]
+        built = [row for row in self.rows if not row.design.refused]
+        lines += [markdown_table(self.columns, built), *cannot, "", self._explained]
+        return "\n".join(lines) + "\n"
+
+    def _repr_html_(self) -> str:
+        """The table, as a notebook shows it."""
+        table = html_table(self.columns, self.rows, self.title)
+        return f"{table}<p>{escape(self.reason)}</p><p><small>{escape(self._explained)}</small></p>"
+
+    @property
+    def _explained(self) -> str:
+        replay = self.asked.table.replay
+        return (
+            f"{self.tasks} tasks; figures are of the plans by {self.asked.methods[0]}: effort,"
+            " chart margin, errors and spread in the median over the tasks, peaks and contacts the"
+            " largest. Contacts: torque over what they transmit, on 99 % of the machines. E:"
+            " largest joint error at any time, in the median; error at the end: of 95 % of them"
+            "; spread: largest standard deviation of a joint at the end"
+            f" ({replay.samples} machines, seed {replay.seed}). Least link: the length that the"
+            " parts need to clear each other. Front: no other design beats it in"
+            f" {' and '.join(figure.title for figure in self.front_by)}."
+        )
+
+    def plot(self, *, axes: Any = None) -> tuple[Picture, Any]:
+        """One picture for a designer; see `planner.report.plot_design`."""
+        drawn: tuple[Picture, Any] = handed_to("planner.report.figures.design.plot_design")(
+            self, axes=axes
+        )
+        return drawn
+
+    def save(self, folder: str | Path) -> Path:
+        """Write design.md, design.csv, design.json and design.png to a folder, made when missing.
+
+        Each file is written whole or not at all; those of an earlier study are replaced.
+
+        Raises:
+            InputError: If the folder or a file cannot be written.
+        """
+        place = folder_made(folder)
+        write_text(place / "design.md", self.markdown() + "\n![The study](design.png)\n")
+        write_text(place / "design.csv", csv_table(self.columns, self.rows))
+        text = json.dumps(self.to_dict(), indent=1, allow_nan=False, ensure_ascii=False)
+        write_text(place / "design.json", text + "\n")
+        write_bytes(place / "design.png", _png(self.plot()[0]))
+        return place
+
+
+TERMINAL = ("effort", "one-way", "contacts", "error at the end")
+"""Columns of a terminal, beside those of the figures traded."""
+
+GEAR = {"r1": "r1", "R": "R", "r3": "r3", "lam": "lambda", "eta": "eta"}
+"""Attributes of a gear, and their names in files."""
+
+
+def _of_gear(key: str, row: DesignRow) -> float:
+    return float(getattr(row.design.gear, key))
+
+
+def _columns(study: DesignStudy) -> list[Column[DesignRow]]:
+    def of(key: str) -> Callable[[DesignRow], float]:
+        return lambda row: row.figures.get(key, np.nan)
+
+    def counted(value: float) -> str:
+        return f"{value * study.tasks:.0f} of {study.tasks}" if np.isfinite(value) else "-"
+
+    def percent(value: float) -> str:
+        return f"{100 * value:.3g}" if np.isfinite(value) else "-"
+
+    out: list[Column[DesignRow]] = [
+        Column("design", "", lambda row: row.design.name, left=True),
+        Column("front", "", lambda row: _front(study, row)),
+        Column("rho", "", lambda row: row.design.gear.rho),
+        Column("kappa", "", lambda row: kappa_of(row.design.gear)),
+        *(Column(name, "", partial(_of_gear, key), shown=None) for key, name in GEAR.items()),
+        Column("joints", "", lambda row: row.design.joints, shown=None),
+    ]
+    solved = [f for f in study.figures if f.key.startswith("solved")]
+    for figure in [*solved, *(f for f in study.figures if f not in solved)]:
+        shown: Any = number
+        unit = figure.unit
+        if figure.key == "one_way" or figure in solved:
+            shown = counted
+        elif figure.key == "window":
+            shown, unit = percent, "%"
+        out.append(
+            Column(figure.title, unit, of(figure.key), shown, key=figure.key.replace(" ", "_"))
+        )
+    out.append(Column("refused", "", lambda row: row.design.refused, shown=None))
+    return out
+
+
+def _front(study: DesignStudy, row: DesignRow) -> str:
+    return "take" if row is study.recommended else "*" * row.on_front
+
+
+def _row(row: DesignRow) -> dict[str, Any]:
+    own = _flat(row)
+    figures = {key: own.pop(key) for key in row.figures}
+    return {**own, "values": dict(row.design.values), "figures": figures, "why": row.why}
+
+
+def _flat(row: DesignRow) -> dict[str, Any]:
+    each = row.design
+    return {
+        "design": each.name,
+        "joints": each.joints,
+        "rho": each.gear.rho,
+        "kappa": kappa_of(each.gear),
+        **{name: getattr(each.gear, key) for key, name in GEAR.items()},
+        "link_lengths": None if each.link_lengths is None else list(each.link_lengths),
+        **row.figures,
+        "on_front": row.on_front,
+        "refused": each.refused,
+    }
+
+
+def folder_made(folder: str | Path) -> Path:
+    """The folder, made when missing.
+
+    Raises:
+        InputError: If it is a file or cannot be made.
+    """
+    place = named(folder)
+    if place.exists() and not place.is_dir():
+        raise InputError(f"{place} is a file; name a folder")
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot write {place}: {error.strerror or error}") from None
+    return place
+
+
+def _png(figure: Picture) -> bytes:
+    from io import BytesIO
+
+    stream = BytesIO()
+    figure.savefig(stream, format="png", dpi=110)
+    return stream.getvalue()

@@ -102,7 +102,7 @@ class Problem:
         waypoints: Places that every plan passes through.
         obstacles: Discs that the links of an arm must not touch.
         further: Registered limits that any system may have, see `planner.register_requirement`.
-        self_collision: How far the links of an arm stay from each other; None if they may cross.
+        self_collision: Least distance between an arm's links; None if they may cross.
         tip: Where an arm's tip ends, in place of joints' angles; None where it is not asked for.
         source: Where the problem came from, for messages.
     """

@@ -212,3 +212,15 @@ def test_impossible_constants_are_named(build: object, names: str) -> None:
     assert callable(build)
     with pytest.raises(InputError, match=names):
         build()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_many_configurations_at_once_are_each_by_itself(name: str) -> None:
+    system, rng = SYSTEMS[name], np.random.default_rng(4)
+    q, u = rng.uniform(0.1, 1.2, (2, 3, system.size)), rng.normal(size=(2, 3, 2))
+    drive, slopes, rates = system.drive(q), system.slopes(q), system.rates(q, u)
+    assert drive.shape == (2, 3)
+    for at in np.ndindex(2, 3):
+        np.testing.assert_allclose(drive[at], system.drive(q[at]), rtol=1e-14)
+        np.testing.assert_allclose(slopes[at], system.slopes(q[at]), rtol=1e-14)
+        np.testing.assert_allclose(rates[at], system.rates(q[at], u[at]), rtol=1e-13)

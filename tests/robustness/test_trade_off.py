@@ -154,7 +154,7 @@ def test_the_machine_is_told_with_and_without_compensation(curve: TradeOff) -> N
 def test_a_system_that_cannot_be_compensated_says_so() -> None:
     problem = planner.load_problem(Path(__file__).parents[2] / "problems" / "unicycle.toml")
     plan = planner.solve(problem)
-    assert "arms driven through friction disks" in allowed_for(
+    assert "compensation is for arms with friction disks" in allowed_for(
         plan, planner.Machine.ideal(), 2, 0)["refused"]  # fmt: skip
 
 

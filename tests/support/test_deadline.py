@@ -73,7 +73,7 @@ def test_what_is_cut_short_is_known_outside() -> None:
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, np.nan, np.inf, True, "5"])
 def test_what_is_no_limit_is_refused(seconds: Any) -> None:
-    with pytest.raises(InputError, match="is no time limit"), limited(seconds):
+    with pytest.raises(InputError, match="is not a time limit"), limited(seconds):
         pass
 
 

@@ -116,5 +116,5 @@ def test_ctrl_c_keeps_what_is_done_and_says_how_to_go_on(
     assert process.returncode == 130
     assert 10 <= rows(db) < CASES
     assert json.loads(out)["status"] == "interrupted"
-    assert "finished cases are in sweep.sqlite; the same command goes on with the rest" in err
+    assert "finished cases are in sweep.sqlite; the same command runs the rest" in err
     assert "Traceback" not in err

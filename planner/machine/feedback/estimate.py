@@ -219,6 +219,23 @@ def lost_motion(system: TriangularSystem, machine: Machine) -> Array:
     return np.array(np.broadcast_to(np.deg2rad(play) / 2 + friction / stiffness, system.n - 1))
 
 
+def lost_spread(machine: Machine) -> Array:
+    """Standard deviation of an arm's lost motion, to first order, one for all joints or each."""
+    stiffness = mean_of(machine, "shaft_stiffness_nm_per_rad", np.inf)
+    twist = mean_of(machine, "coulomb_friction_nm") / stiffness
+    play, friction, soft = (
+        np.array(machine.effects[name].spread if name in machine.effects else (0.0,))
+        for name in ("backlash_deg", "coulomb_friction_nm", "shaft_stiffness_nm_per_rad")
+    )
+    return np.asarray(
+        np.sqrt(
+            (np.deg2rad(play) / 2) ** 2
+            + (friction / stiffness) ** 2
+            + (twist * soft / stiffness) ** 2
+        )
+    )
+
+
 class Forecast:
     """Predicts S samples.
 

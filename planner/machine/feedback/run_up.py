@@ -27,8 +27,14 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from planner.errors import InputError, UntrackableError
-from planner.machine.feedback.course import RunUp, turns_back
-from planner.machine.feedback.estimate import Forecast, Pose, gearhead_play, lost_motion
+from planner.machine.feedback.course import RunUp, mean_of, turns_back
+from planner.machine.feedback.estimate import (
+    Forecast,
+    Pose,
+    gearhead_play,
+    lost_motion,
+    lost_spread,
+)
 from planner.machine.machine import Machine
 from planner.plan.measures import beyond, peak_inputs
 from planner.plan.plan import Plan
@@ -57,8 +63,11 @@ LEGS = np.array(
 longer than it gains, below 60 joint 3 moves joint 2 too much (E 0.27 degrees instead of 0.23, 95 %;
 the paper's problem, where all takes 8 s)."""
 
-BEHIND_DEG, AT_LAST_DEG = 8.0, 4.0
-"""How far the last joint goes back, degrees: room for more play than the mean, and for learning.
+BEHIND_DEG, BEHIND_SPREADS, AT_LAST_DEG = 8.0, 10.0, 4.0
+"""How far the last joint goes back: degrees, for learning, and at least so many standard deviations
+of its lost motion w. Both joints lose 2w on the way back and forth; the difference of that between
+two joints has the deviation 2√2, so there is room for 3.5 of it. With half of it E is 2.1 degrees
+instead of 0.4 (95 %, spreads of twice the prototype's, whose own need 8 degrees).
 How far joint 2 is driven at last: as much as the tracker may leave out, should it arrive before."""
 
 APPROACH_DEG, APPROACH_S, REST_S = 1.5, 0.4, 0.2
@@ -66,6 +75,13 @@ APPROACH_DEG, APPROACH_S, REST_S = 1.5, 0.4, 0.2
 
 SWING, DRIVE = 0.95, 0.9
 """Speeds of both motors, as parts of their limits; the drive's rest is for corrections."""
+
+COAST_DEG, SLOWEST = 0.25, 0.2
+"""How far a joint with inertia may coast until friction stops it, degrees: it rests ahead of its
+axis by that, and the plan starts as far off. At full speed the prototype's coast by up to 4
+degrees, and E is 1.2 instead of 0.3 (50 %). But speeds stay at least this part of what they would
+be without inertia, lest preparation take more than five times as long.
+"""
 
 
 def run_up(plan: Plan, machine: Machine, options: FeedbackTable) -> RunUp | None:
@@ -88,10 +104,27 @@ def run_up(plan: Plan, machine: Machine, options: FeedbackTable) -> RunUp | None
             " by one; it is made for arms of two or three joints"
         )
     speed = np.array([DRIVE, SWING]) * input_scale(plan, machine)
+    speed = np.minimum(speed, np.maximum(_coasting(machine), SLOWEST * speed))
     play = gearhead_play(system, machine)
     forecast = Forecast(system, play[0], STEP_S)
     lost = np.concatenate([play[1:] / 2, lost])[:, None]
-    return _Approach(plan, forecast, lost, first, speed).solved()
+    behind = max(np.deg2rad(BEHIND_DEG), BEHIND_SPREADS * float(lost_spread(machine).max()))
+    return _Approach(plan, forecast, lost, first, speed, behind).solved()
+
+
+def _coasting(machine: Machine) -> Array:
+    """Speeds (2,), rad/s, at which joints coast by `COAST_DEG`; infinite without inertia.
+
+    A link that θ₁ swings goes on at its speed when it stops; one that its axis meets at the end of
+    its play leaves it at up to twice the axis's. Friction takes its energy, I v²/2.
+    """
+    if machine.fidelity != "dynamic":
+        return np.full(2, np.inf)
+    friction = float(np.min(mean_of(machine, "coulomb_friction_nm")))
+    inertia = float(np.max(mean_of(machine, "link_inertia_kgm2")))
+    with np.errstate(divide="ignore"):
+        speed = np.sqrt(np.divide(2 * friction * np.deg2rad(COAST_DEG), inertia))
+    return np.array([speed / 2, speed])
 
 
 def hindrance(plan: Plan, machine: Machine) -> str:
@@ -126,16 +159,23 @@ class _Approach:
         lost: Lost motion of each joint, (n, 1), rad.
         way: Signs of the plan's first inputs, (2,).
         speed: Of the drive and of swings of θ₁, (2,), rad/s.
+        behind: How far the last joint goes back, rad.
     """
 
     def __init__(
-        self, plan: Plan, forecast: Forecast, lost: Array, way: Array, speed: Array
+        self,
+        plan: Plan,
+        forecast: Forecast,
+        lost: Array,
+        way: Array,
+        speed: Array,
+        behind: float,
     ) -> None:
         self._forecast, self._lost = forecast, lost
         self._start, self._way, self._speed = plan.q(plan.lead_s), way, speed
         self._rate = plan.problem.limits.input_rate
         self._most = plan.problem.limits.joint[1] - np.deg2rad(APPROACH_DEG)
-        self._back = self._drive(34.0, -1, float(lost[-1, 0]) + np.deg2rad(BEHIND_DEG))
+        self._back = self._drive(34.0, -1, float(lost[-1, 0]) + behind)
 
     def solved(self) -> RunUp:
         """The run-up whose nominal motion ends at the plan's start."""

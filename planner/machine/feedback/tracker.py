@@ -48,7 +48,8 @@ class Tracker:
     take the arm, and corrects the plan's inputs so that a cost over the whole rest of the motion is
     least, within the limits on inputs, their rates, joints and z₂. What it knows of the machine are
     its mean values: control period, delay, servo bandwidth, gearhead play, lost motion of the
-    joints, encoder resolution, velocity limit.
+    joints, encoder resolution, velocity limit. The run-up also goes by the spread of lost
+    motion, and with dynamic fidelity by inertia.
 
     A plan is followed along its path. Of a compensated plan whose drive turns back on its way the
     motion that it predicts is followed, to the same goal: the lost motion of each turn is in it.

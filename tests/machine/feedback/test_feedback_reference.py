@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 import planner
 from planner.machine.feedback.estimate import Estimate, Forecast, History, Pose, lost_motion
 from planner.machine.feedback.reference import _direction
-from planner.machine.feedback.run_up import hindrance
+from planner.machine.feedback.run_up import hindrance, run_up
 from planner.machine.feedback.tracker import Design, design
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
@@ -210,3 +210,36 @@ def test_the_model_of_a_turn_is_that_of_the_play(parked: Plan, machine: Machine)
     pushing = np.abs(ref.q[:, 2:] - ref.joints) < 1e-9
     assert 0.4 < pushing.mean() < 0.95
     assert np.all(ref.more[~pushing] > -2 * ref.lost.max())
+
+
+def test_joints_with_inertia_coast_little_during_the_run_up(smooth: Plan) -> None:
+    """A swing leaves them at its speed, a drive at up to twice its own."""
+    rigid, swinging = (
+        run_up(smooth, Machine.prototype(fidelity=fidelity), FeedbackTable())
+        for fidelity in ("quasi-static", "dynamic")
+    )
+    assert rigid is not None
+    assert swinging is not None
+    speed = np.max(np.abs(swinging.u), axis=0) * [2, 1]
+    coasts = np.rad2deg(0.0316 * speed**2 / (2 * 0.187))
+    np.testing.assert_array_less(coasts, 0.25 + 1e-9)
+    assert np.rad2deg(0.0316 * np.max(rigid.u[:, 1]) ** 2 / (2 * 0.187)) > 0.5
+    slow = Machine.prototype(fidelity="dynamic", coulomb_friction_nm=0.0)
+    longest = run_up(smooth, slow, FeedbackTable())
+    assert longest is not None
+    assert -rigid.t[0] < -swinging.t[0] < -longest.t[0] < -5 * rigid.t[0]
+
+
+def test_the_run_up_goes_back_further_where_lost_motion_spreads_more(smooth: Plan) -> None:
+    def back(times: float) -> float:
+        spreads = {
+            "backlash_deg": {"value": 2.69, "spread": 0.538 * times},
+            "coulomb_friction_nm": {"value": 0.187, "spread": 0.0374 * times},
+            "shaft_stiffness_nm_per_rad": {"value": 3.22, "spread": 0.322 * times},
+        }
+        motion = run_up(smooth, Machine.prototype(**spreads), FeedbackTable())
+        assert motion is not None
+        return float(np.rad2deg(motion.q[0, 3] - motion.q[:, 3].min()))
+
+    assert back(0.0) == pytest.approx(back(1.0))
+    assert 7.0 < back(2.0) - back(1.0) < 8.5

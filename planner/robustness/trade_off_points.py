@@ -130,13 +130,16 @@ is no plan for any goal that lies farther."""
 def allowed_for(plan: Plan, machine: Machine, samples: int, seed: int) -> dict[str, Any]:
     """The same of the plan compensated for the machine, or {"refused": why}."""
     options = plan.problem.compensation.model_copy(update={"on": True})
-    limit = plan.options.get("effort_limit")
-    if limit is not None:
-        plan = replace(plan, options={**plan.options, "effort_limit": AIMING * limit})
-    try:
-        return replayed(compensated(plan, machine, options)[0], machine, samples, seed)
-    except (InputError, NoPlanError) as error:  # another system, or no plan ends at the goal
-        return {"refused": str(error).splitlines()[0]}
+    limit, refused = plan.options.get("effort_limit"), {"refused": ""}
+    for eased in (1.0,) if limit is None else (1.0, AIMING):
+        own = plan.options if limit is None else {**plan.options, "effort_limit": eased * limit}
+        try:
+            made, _ = compensated(replace(plan, options=own), machine, options)
+        except (InputError, NoPlanError) as error:  # another system, or no plan ends at the goal
+            refused = {"refused": str(error).splitlines()[0]}
+        else:
+            return replayed(made, machine, samples, seed)
+    return refused
 
 
 def errors_machine(problem: Problem, options: DesensitisedOptions) -> Machine:

@@ -86,12 +86,16 @@ def retime(
             problem=timed,
             trajectory=trajectory,
             objective=trajectory.duration,
-            objective_name="time: the least for this path, in seconds",
+            objective_name=SLOWED if "slowed_for_other_limits" in notes else LEAST,
             verified=False,
             certificate=None if factor > 1 else found,
             notes=notes,
         )
     )
+
+
+LEAST = "time: the least for this path, in seconds"
+SLOWED = "time: the least within input limits, slowed as a whole for other limits, in seconds"
 
 
 def _over(problem: Problem, certificate: Certificate) -> float:

@@ -160,7 +160,13 @@ def test_its_limit_slows_what_is_timed(problem_file: Path) -> None:
     plan = planner.solve(paper)
     retimed = planner.retime(plan, {"input_product": 0.005})
     assert product(retimed) == pytest.approx(0.005, rel=1e-3)
-    assert retimed.duration > 1.5 * planner.retime(plan).duration
+    fastest = planner.retime(plan)
+    assert retimed.duration > 1.5 * fastest.duration
+    # The clock knows limits of inputs and rates only, and the plan does not claim more.
+    assert fastest.objective_name == "time: the least for this path, in seconds"
+    assert "slowed as a whole for other limits" in retimed.objective_name
+    with pytest.raises(planner.NotConvergedError, match="input limits, slowed for other limits; g"):
+        planner.solve(paper.changed({KEY: 0.011}), "convex")
     for method in ("sinusoid", "convex"):
         problem = paper.changed({KEY: 0.01, "goal.duration": "free"})
         assert product(planner.solve(problem, method)) == pytest.approx(0.01, rel=1e-2)

@@ -248,7 +248,8 @@ def fastest_motion(
         intervals: Intervals of the programme, where rates are limited.
 
     Returns:
-        The motion, and what to note of it.
+        The motion, and what to note of it; `slowed_for_other_limits` is the factor where limits
+        of other kinds slow the whole, so that it is not the fastest timing under those.
 
     Raises:
         NotConvergedError: If the programme is not solved, or an input would jump where something
@@ -265,7 +266,14 @@ def fastest_motion(
             " is asked of their rates",
             advice="limits.input_rate_rad_s2, which the clock keeps without jumps",
         )
+    if factor > CLOCKED:
+        notes = {**notes, "slowed_for_other_limits": factor}
     return (trajectory.slowed(factor) if factor > 1 else trajectory), notes
+
+
+CLOCKED = 1.01
+"""What the clock knows is passed by less than this; where the whole is slowed by more, some other
+limit asks for it, and the timing is not the fastest of the path."""
 
 
 def _without_rates(path: Trajectory, limits: Limits, moving: Moving) -> RetimedTrajectory:

@@ -178,13 +178,15 @@ def _timed(problem: Problem, path: ChainedTrajectory) -> tuple[Trajectory, str]:
     # An input without a limit goes no faster than with v1 constant.
     limits = replace(limits, input=np.where(limits.unlimited, peaks, limits.input))
     moving = peaks > 1e-12
-    fastest = fastest_motion(path, limits, problem.requirements, moving)[0].slowed(1 + SLACK)
+    fastest, notes = fastest_motion(path, limits, problem.requirements, moving)
+    fastest = fastest.slowed(1 + SLACK)
+    other = ", slowed for other limits" if "slowed_for_other_limits" in notes else ""
     if duration is None:
-        return fastest, "as fast as the input limits allow"
+        return fastest, f"as fast as the input limits allow{other}"
     if fastest.duration > duration:
         raise NotConvergedError(
             f"{problem.source}: the best path takes {fastest.duration:.4g} s within the input"
-            f" limits; goal.duration is {duration:.4g} s",
+            f" limits{other}; goal.duration is {duration:.4g} s",
             changes=[lasting(fastest.duration), BY_COLLOCATION],
         )
     return fastest.slowed(duration / fastest.duration), "in proportion to the fastest motion"

@@ -70,7 +70,7 @@ def test_the_page_says_what_was_asked_and_what_came_out(opened: Callable, folder
     page = opened()
     text = page.locator("body").inner_text()
     assert "Which plan moves the arm from θ = (1, 1, 1)° to (30, 30, 30)° in 10 s" in text
-    assert "Only polynomial gave a plan that reaches the goal and keeps every limit." in text
+    assert "Only polynomial found a plan that reaches the goal and keeps every limit." in text
     assert "refused: input u2 reaches 83 rad/s, allowed 0.6" in text
     assert "5 drawn from “prototype”" in text
     command = page.locator("#command").text_content()

@@ -23,8 +23,8 @@ def design(
         Path | None,
         out_option(
             "FOLDER",
-            "Folder for finished cases, table, picture and data, gone on from when it is"
-            " there; FILE's name without its ending in this folder when left out.",
+            "Folder for finished cases, table, picture and data; an existing one is"
+            " continued. Default: FILE's name without its ending, in this folder.",
         ),
     ] = None,
     workers: Annotated[
@@ -33,7 +33,7 @@ def design(
             "--workers",
             "-j",
             min=1,
-            help="Processes; one a core when left out.",
+            help="Processes; default: one per core.",
             show_default=False,
         ),
     ] = None,
@@ -52,13 +52,13 @@ def design(
     ] = False,
     as_json: Json = False,
 ) -> int:
-    """Compare designs of the mechanism, and say which one to take.
+    """Compare designs of the mechanism, and recommend one.
 
     Plans every task on every design, replays the plans on emulated machines, and prints one table
-    with a recommendation and its reason. Designs that cannot be built are named with the inequality
-    that rules them out.
+    with a recommendation and its reason. For a design that cannot be built it prints the violated
+    inequality.
 
-    Each finished case is kept at once: however a run ends, the same command goes on with the rest.
+    Each finished case is saved at once: the same command continues an interrupted run.
     Ends with status 0, with 3 if no design solves a task, or 1 if a case met a bug.
 
     \b

@@ -1,4 +1,4 @@
-"""A design file: which mechanisms, for which tasks, judged by what."""
+"""A design file: mechanisms, tasks, and the figures that compare them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Box = Annotated[list[AngleDeg], Field(min_length=2, max_length=2)]
 
 
 class VariablesTable(Table):
-    """What a design may change; the rest is as in `[gear]`."""
+    """Design variables; all others are as in `[gear]`."""
 
     rho: Positive | None = Field(None, description="r1/(lambda R): gives r1.")
     kappa: Positive | None = Field(None, description="lambda R/(eta r3): gives r3.")
@@ -69,13 +69,13 @@ class TasksTable(Table):
         default_factory=list, max_length=MOST_TASKS, description="Given pairs."
     )
     count: Annotated[int, Field(ge=1, le=MOST_TASKS)] | None = Field(
-        None, description="Number of pairs to draw; more begin with the same."
+        None, description="Number of pairs to draw; a larger number starts with the same pairs."
     )
     seed: Whole = Field(0, description="Seed of the draws.")
     start_deg: Box | None = Field(
-        None, description="[low, high]: where every joint starts, degrees, evenly."
+        None, description="[low, high]: start of every joint, degrees, uniform."
     )
-    goal_deg: Box | None = Field(None, description="[low, high]: where every joint ends, likewise.")
+    goal_deg: Box | None = Field(None, description="[low, high]: goal of every joint, likewise.")
 
     @model_validator(mode="after")
     def _either(self) -> TasksTable:
@@ -96,9 +96,9 @@ class TasksTable(Table):
 
 
 class MachinesTable(Table):
-    """Emulated machines that every plan meets."""
+    """Emulated machines on which every plan is replayed."""
 
-    samples: Annotated[int, Field(ge=2, le=100_000)] = Field(50, description="Machines a plan.")
+    samples: Annotated[int, Field(ge=2, le=100_000)] = Field(50, description="Machines per plan.")
     seed: Whole = Field(0, description="Seed of the machines, the same for every design.")
 
 
@@ -109,9 +109,9 @@ class DesignFile(Table):
     one unit.
     """
 
-    title: str = Field("", description="One line that says what is asked.")
+    title: str = Field("", description="The question of the study, one line.")
     problem: str | dict[str, Any] = Field(
-        description="What all designs have: a problem file of an arm with friction disks, relative"
+        description="Common to all designs: a problem file of an arm with friction disks, relative"
         " to the design file, or its tables. Its duration, limits and machine hold for every task;"
         " its start and goal are the task where [tasks] is left out."
     )
@@ -120,18 +120,18 @@ class DesignFile(Table):
     )
     methods: Annotated[list[str], Field(min_length=1)] = Field(
         default_factory=lambda: ["collocation", "polynomial"],
-        description="Methods. Figures are those of the first one's plans; of the others only the"
-        " number of tasks that they solve.",
+        description="Methods. All figures are of the first method's plans; of the others only the"
+        " number of solved tasks counts.",
     )
     compensated: bool = Field(
         True, description="Whether the first method's plans are compensated for the machine too."
     )
     gear: GearTable | None = Field(
         None,
-        description="The mechanism from which designs differ. The problem's when left out; of a"
-        " problem that gives K and k_g, one with lambda = eta = R = 1 that moves alike.",
+        description="The base mechanism of all designs. The problem's when left out; for a problem"
+        " that gives K and k_g, one with lambda = eta = R = 1 and the same kinematics.",
     )
-    present: bool = Field(True, description="Whether that mechanism itself is studied, too.")
+    present: bool = Field(True, description="Whether the study includes the base mechanism itself.")
     cases: list[dict[str, Any]] = Field(
         default_factory=list, description="Rows of design variables that go together."
     )
@@ -141,7 +141,7 @@ class DesignFile(Table):
         " range.",
     )
     clearance: Annotated[float, Field(ge=0)] = Field(
-        0.0, description="Room that disks and wheels need beyond their radii."
+        0.0, description="Clearance that disks and wheels need beyond their radii."
     )
     contact_force_n: Positive | None = Field(
         None,
@@ -149,12 +149,11 @@ class DesignFile(Table):
         " a design then transmits this times r1. Left out, machine.friction_capacity_nm holds for"
         " every design, as if contacts of smaller disks were pressed harder.",
     )
-    tasks: TasksTable | None = Field(None, description="What the arm is to do.")
+    tasks: TasksTable | None = Field(None, description="The tasks of the arm.")
     replay: MachinesTable = Field(default_factory=MachinesTable)
     front: Annotated[list[str], Field(min_length=1, max_length=6)] = Field(
         default_factory=lambda: ["effort", "spread_deg"],
-        description="Figures that are traded: the Pareto front is of these, and so is the"
-        " recommendation.",
+        description="Figures to trade off: the Pareto front and the recommendation use these.",
     )
 
 
@@ -172,13 +171,13 @@ class Asked:
     """A design file, read and checked.
 
     Attributes:
-        title: What is asked.
+        title: The question of the study.
         source: The file, or a name for messages.
         table: The file's tables.
         base: The problem that all designs share.
-        designs: The mechanisms, those that cannot be built among them.
+        designs: The mechanisms, including those that cannot be built.
         tasks: For each number of joints, the tasks.
-        methods: As written; the last is that which compensates, where that is asked for.
+        methods: As written; with `compensated`, the last one compensates.
     """
 
     title: str
@@ -245,8 +244,8 @@ def read_design(source: Mapping[str, Any] | str | Path) -> Asked:
     base = base_problem(table.problem, table.changes, named, given)
     if not isinstance(base.system, Manipulator):
         raise InputError(
-            f"{named}: the mechanism of system.kind = '{base.system.kind}' is none of friction"
-            " disks; a design study is of a 'manipulator'"
+            f"{named}: the mechanism of system.kind = '{base.system.kind}' has no friction"
+            " disks; a design study needs a 'manipulator'"
         )
     if base.travel is not None:
         raise InputError(
@@ -286,7 +285,7 @@ def _designs(table: DesignFile, base: Problem, source: str) -> tuple[Design, ...
             )
     if not keys:
         raise InputError(
-            f"{source}: no design is asked for; give [grid] or [[cases]], as in [grid]"
+            f"{source}: the file names no design; give [grid] or [[cases]], as in [grid]"
             " rho = [0.8, 1.0]"
         )
     gear, links, inferred = _present(table, base, source)

@@ -1,4 +1,4 @@
-"""What a design is judged by, which designs no other beats, and which one to take.
+"""The figures that compare designs, the Pareto front, and the recommendation.
 
 Typical figures are medians over the tasks, where an unsolved task counts as worse than any; what
 the hardware must stand is the largest over the tasks.
@@ -28,7 +28,7 @@ Record = Mapping[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What became of one task on one design.
+    """The outcome of one task on one design.
 
     Attributes:
         window: Travels of one-way motions.
@@ -162,7 +162,7 @@ def _solved(method: str) -> Callable[[Sequence[Outcome]], float]:
 
 
 def chosen(front: Sequence[str], figures: Sequence[Figure], source: str) -> list[Figure]:
-    """The figures that are traded.
+    """The figures to trade off.
 
     Raises:
         InputError: If one is unknown or named twice.
@@ -206,7 +206,7 @@ class DesignRow:
 
     @property
     def holds(self) -> bool:
-        """Whether its contacts transmit what its plans ask, on `CARRIED` % of the machines."""
+        """Whether its contacts transmit the torque of its plans, on `CARRIED` % of the machines."""
         return not self.figures[LOAD] > 1
 
 
@@ -250,7 +250,7 @@ def able(rows: Sequence[DesignRow], traded: Sequence[Figure], solved: str) -> li
 
 
 def best(rows: Sequence[DesignRow], kept: Sequence[int], traded: Sequence[Figure]) -> int:
-    """The row that loses least, summed over the figures traded, against the best value of each.
+    """The row with the least sum of relative losses against the best value of each figure.
 
     One percent of one figure counts as one percent of another, so that nothing depends on how far
     the worst designs lie, and what hardly differs hardly counts. It lies on the front.
@@ -285,17 +285,19 @@ def reason(
     done = f"solves {row[solved] * tasks:.0f} of {tasks} tasks by {methods[0]}"
     if row.holds:
         said = [f"Take {row.design.name}. It {done}, as {count} of {built} designs do"]
-        said.append(" whose contacts hold.")
+        said.append(" whose contacts do not slip.")
     else:
-        said = [f"Take {row.design.name}, with harder pressed contacts. It {done}, as {count}"]
-        said.append(f" of {built} designs do; all ask more of their contacts than they transmit.")
+        said = [f"Take {row.design.name}, with larger contact forces. It {done}, as {count}"]
+        said.append(f" of {built} designs do; all load their contacts beyond capacity.")
     names = _listed([figure.title for figure in traded])
     if len(traded) == 1:
         said.append(f" Of these it has the best {names}")
     else:
-        said.append(f" Of these it loses least where one percent of each of {names} counts alike")
+        said.append(
+            f" Of these it has the least total loss, with equal weight for a percent of {names}"
+        )
     said.append(f": {_figures(row, traded)}. Its contacts are loaded to {number(row[LOAD])} of")
-    said.append(f" what they transmit on {CARRIED} % of the machines.")
+    said.append(f" their capacity on {CARRIED} % of the machines.")
     present = next((r for r in rows if not r.design.values and r.figures), None)
     if present is not None and present is not row:
         said.append(f" The mechanism as it is: {_figures(present, traded)}.")
@@ -331,8 +333,8 @@ def _chart(row: DesignRow, tasks: int) -> str:
         return ""
     lost = tasks - row["one_way"] * tasks
     return (
-        f" For {lost:.0f} of the {tasks} tasks no one-way motion exists with it, so that methods"
-        " whose disk never turns back cannot solve them."
+        f" For {lost:.0f} of the {tasks} tasks no one-way motion exists with it, so methods"
+        " whose disk never reverses cannot solve them."
     )
 
 

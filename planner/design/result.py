@@ -1,4 +1,4 @@
-"""What a study of designs found: a table, a picture, a folder."""
+"""The result of a design study: a table, a picture, a folder."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ FORMAT, VERSION = "planner-design", 1
 
 @dataclass(frozen=True, eq=False)
 class DesignStudy:
-    """Designs of the mechanism, and what they are worth for a set of tasks; see `design_study`.
+    """Designs of the mechanism, compared on a set of tasks; see `design_study`.
 
     Attributes:
         asked: The design file, read.
         rows: The designs in the order of the file; first the mechanism as it is, where asked for.
-        figures: What they are judged by.
+        figures: The figures that compare them.
         front_by: Those that are traded.
         recommended: The row to take; None where no design solves a task.
         reason: Why that one, in sentences.
@@ -79,7 +79,7 @@ class DesignStudy:
 
     @property
     def title(self) -> str:
-        """What was asked."""
+        """The question of the study."""
         return self.asked.title
 
     @property
@@ -89,7 +89,7 @@ class DesignStudy:
 
     @property
     def front(self) -> tuple[DesignRow, ...]:
-        """The designs that no other beats in the figures traded.
+        """The Pareto front: designs that no other beats in the figures to trade off.
 
         Those alone are compared that may be recommended: they can be built, solve as many tasks as
         any, and have contacts that hold.
@@ -170,7 +170,7 @@ class DesignStudy:
         return (
             f"{self.tasks} tasks; figures are of the plans by {self.asked.methods[0]}: effort,"
             " chart margin, errors and spread in the median over the tasks, peaks and contacts the"
-            " largest. Contacts: torque over what they transmit, on 99 % of the machines. E:"
+            " largest. Contacts: torque over capacity, on 99 % of the machines. E:"
             " largest joint error at any time, in the median; error at the end: of 95 % of them"
             "; spread: largest standard deviation of a joint at the end"
             f" ({replay.samples} machines, seed {replay.seed}). Least link: the length that the"

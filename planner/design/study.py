@@ -1,4 +1,4 @@
-"""A study of designs: every task planned on every mechanism, on the sweep engine, and judged."""
+"""A design study: plans every task on every mechanism, on the sweep engine, and compares them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from planner.sweep.results import read
 from planner.sweep.run import run_sweep
 
 Progress = Callable[[str, float], None]
-"""Told what is being done, and the share done, 0 … 1."""
+"""Called with the current step and the completed share, 0 … 1."""
 
 CASES = "cases.sqlite"
 """The database of finished cases in a study's folder."""
@@ -44,11 +44,11 @@ def design_study(
     cluster: str | None = None,
     progress: Progress | None = None,
 ) -> DesignStudy:
-    """Compare designs of the mechanism by what they are worth for a set of tasks.
+    """Compare designs of the mechanism on a set of tasks.
 
     Every task is planned on every design, verified, replayed on emulated machines and, where asked
-    for, compensated for them. Each finished case is kept in the folder at once, so that a study
-    that ends early, however it ends, is continued by the same call.
+    for, compensated for them. Each finished case is saved in the folder at once, so the same
+    call continues a study that ended early for any reason.
 
     Args:
         design: A design file (TOML), or its tables; `problem` may be a `Problem`. See
@@ -58,10 +58,10 @@ def design_study(
         workers: Processes of this computer, as many as it has cores when left out; 0 plans in this
             process.
         cluster: Address of a Dask scheduler to use instead.
-        progress: Told how far it is.
+        progress: Called with the current step and the completed share.
 
     Returns:
-        All designs, those that cannot be built with the inequality that rules them out.
+        All designs; those that cannot be built carry the inequality that they violate.
 
     Raises:
         InputError: If the file is wrong, no design can be built, or the folder cannot be used.
@@ -81,7 +81,7 @@ def design_study(
     with place as made:
         db = Path(made) / CASES
         outcome = run_sweep(asked.sweep(), db, workers=workers, cluster=cluster, progress=progress)
-        tell("judging", 1.0)
+        tell("comparing", 1.0)
         records = iter(read(db)[1])
     rows = []
     for each in asked.designs:
@@ -99,7 +99,7 @@ def design_study(
 
 
 def _windows(asked: Asked) -> dict[str, list[TravelWindow]]:
-    """Of every task on each design that can be built; what cannot be a problem is refused here."""
+    """Of every task on each design that can be built; raises for an impossible problem."""
     out: dict[str, list[TravelWindow]] = {}
     for each in asked.designs:
         if not each.refused:

@@ -1,19 +1,19 @@
-"""What a plan asks of the friction contacts, beside what they can transmit.
+"""Torques at the friction contacts along a plan, compared with what they can transmit.
 
 Every contact presses two wheels together with a force N, so that it transmits at most the torque
-μ N r, with r the radius of the disk B that drives it (`friction_capacity_nm`). Wheels hand on the
-force at their rims: pressed alike, P₁, P₂ and P₃ all hold up to that torque of disk B. While joints
-2 … n move, each asks for its friction,
+μ N r, with r the radius of the disk B that drives it (`friction_capacity_nm`). Wheels transmit
+the force at their rims: with equal contact force, P₁, P₂ and P₃ all hold up to that torque of
+disk B. While joints 2 … n move, the contacts must overcome the friction of each,
 
     τᵢ = coulomb + viscous |θ̇ᵢ|,
 
-and on an inclined plane for what gravity asks against its motion. Disk B of stage j (of joint j)
-feels it, by the virtual work of eq. (6), as
+and on an inclined plane also gravity where it opposes the motion. By the virtual work of eq. (6),
+this loads disk B of stage j (of joint j) with
 
     P₂, P₃:  k₂ cos³θⱼ τⱼ₊₁        P₁:  that + (kⱼ₊₂/kⱼ₊₁) cosθⱼ · (P₁ of the next stage).
 
-This is the arithmetic by which the emulated machine slips (`planner.machine.disk_chain`; paper,
-Fig. 2). Inertia is left out: on the prototype a motion of ten seconds asks for less than a
+The emulated machine uses the same formulas for slip (`planner.machine.disk_chain`; paper, Fig. 2).
+Inertia is neglected: on the prototype, in a motion of ten seconds, its torque is less than a
 hundredth of the friction.
 """
 
@@ -33,7 +33,7 @@ from planner.support.one_variable import sample_times
 from planner.systems.manipulator import Manipulator, gravity_torques
 
 INSTANTS = 100
-"""At least so many; the torque is smooth, and its maxima are flat."""
+"""Least number of sample times; the torque is smooth, and its maxima are flat."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,8 +1,8 @@
-"""Which requirements each method keeps, and which it leaves to the judge: known before it searches.
+"""Which requirements each method satisfies, and which only verification checks: known in advance.
 
-kept     no motion that the method finds breaks it
-judged   the method chooses its motion without it, or only compares a few motions by it
-never    no motion of the method keeps it, or the method does not begin where it is asked for
+kept     every motion that the method finds satisfies it
+judged   the method ignores it or uses it only to compare a few motions; verification checks it
+never    no motion of the method satisfies it, or the method does not start when it is required
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ from planner.systems.manipulator import Manipulator
 Keeping = Literal["kept", "judged", "never"]
 
 Keeps = Callable[[Problem, Demand, Part], Keeping]
-"""What a method answers for a part of what a problem demands."""
+"""A method's answer for one part of one demand of a problem."""
 
 
 def nothing(problem: Problem, demand: Demand, part: Part) -> Keeping:
-    """Of a method that promises nothing."""
+    """For a method that guarantees nothing."""
     return "judged"
 
 
 def collocation(problem: Problem, demand: Demand, part: Part) -> Keeping:
-    """Each demand is a row or a bound of the programme."""
+    """Every demand is a constraint or a bound of the nonlinear programme."""
     return "kept"
 
 
 def desensitised(problem: Problem, demand: Demand, part: Part) -> Keeping:
-    """As collocation; but the path is searched anew about another, which loses the waypoints."""
+    """As collocation, but the new search around an earlier path does not keep the waypoints."""
     return "never" if isinstance(demand, Waypoint) else "kept"
 
 
 def in_chart(problem: Problem, demand: Demand) -> Keeping:
-    """Of a method in the chart, for what is asked of ends and ways: no limit.
+    """For a method in the chart and a demand that is no limit: start, goal, waypoint, duration.
 
-    It needs all of z at the goal: what joints that are free may be is no set that is simple in z.
+    It needs all of z at the goal: the set of goals with free joints is not simple in z.
     """
     if isinstance(demand, Waypoint):
         return "judged"
@@ -52,10 +52,10 @@ def in_chart(problem: Problem, demand: Demand) -> Keeping:
 
 
 def convex(problem: Problem, demand: Demand, part: Part) -> Keeping:
-    """The path keeps what is convex in the chart, its timing what depends on the speed.
+    """The path satisfies what is convex in the chart, its timing what depends on the speed.
 
-    On a one-way path of the arm θ₂ … θₙ move one way, and so stay between start and goal. The
-    limit of θ₁ is one of z₂ alone for two joints only.
+    On a one-way path of the arm θ₂ … θₙ are monotonic, so they stay between start and goal. The
+    limit of θ₁ is a limit of z₂ alone only for two joints.
     """
     if not isinstance(demand, Requirement) or demand.final or demand.speed:
         return in_chart(problem, demand)
@@ -66,14 +66,14 @@ def convex(problem: Problem, demand: Demand, part: Part) -> Keeping:
 
 
 Rates = Callable[[float | None], tuple[Keeping, Keeping]]
-"""From the travel, or None where it is free, to whether u₁ and u₂ jump: "kept" where neither does,
-"never" where one always does."""
+"""From the travel (None where it is free) to one answer each for u₁ and u₂: "kept" where the input
+is continuous, "never" where it always jumps."""
 
 
 def law(rates: Rates) -> Keeps:
-    """A closed form reaches the goal within the chart, if that gives every joint.
+    """A closed form reaches the goal within the chart if the goal gives every joint.
 
-    Where the duration is free, it becomes so long that what depends on the speed is kept.
+    A free duration becomes long enough to satisfy every limit that depends on the speed.
     """
 
     def keeps(problem: Problem, demand: Demand, part: Part) -> Keeping:
@@ -90,37 +90,37 @@ def law(rates: Rates) -> Keeps:
 
 
 def smooth(travel: float | None) -> tuple[Keeping, Keeping]:
-    """Of sinusoids over one period."""
+    """For sinusoids over one period."""
     return "kept", "kept"
 
 
 def one_leg(travel: float | None) -> tuple[Keeping, Keeping]:
-    """Of v₁ constant and v₂ smooth. With travel zero v₁ changes its sign on the way."""
+    """For constant v₁ and smooth v₂. With travel zero v₁ changes its sign during the motion."""
     return ("never", "judged") if travel == 0 else ("kept", "kept")
 
 
 def slots(travel: float | None) -> tuple[Keeping, Keeping]:
-    """Of v₂ constant on each slot: it jumps between them, but for motions straight ahead."""
+    """For v₂ constant on each slot: it jumps between slots, except for straight motions."""
     return one_leg(travel)[0], "judged"
 
 
 def steps(travel: float | None) -> tuple[Keeping, Keeping]:
-    """Of v constant, then sinusoids: v₁ jumps from its constant to zero, v₂ between periods."""
+    """For constant v, then sinusoids: v₁ jumps from its constant to zero, v₂ between periods."""
     return "kept" if travel == 0 else "judged" if travel is None else "never", "judged"
 
 
 def answers(problem: Problem, keeps: Keeps) -> dict[str, Keeping]:
-    """What a method makes of each part of what a problem demands, by the part's label."""
+    """A method's answer for each part of each demand of a problem, by the part's label."""
     return {p.label: keeps(problem, each, p) for each in problem.demands for p in each.parts}
 
 
 def not_promised(problem: Problem, keeps: Keeps) -> tuple[str, ...]:
-    """Labels of what a method does not promise to keep."""
+    """Labels of the parts that a method does not guarantee."""
     return tuple(label for label, answer in answers(problem, keeps).items() if answer != "kept")
 
 
 def refuse_unkept(problem: Problem, name: str, keeps: Keeps) -> None:
-    """Refuse, before any search, a problem with a demand that a method never keeps.
+    """Refuse, before any search, a problem with a demand that a method never satisfies.
 
     Raises:
         NoPlanError: If there is one.

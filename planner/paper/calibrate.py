@@ -1,8 +1,7 @@
-"""The prototype preset, calibrated against what the paper says of its experiment.
+"""The prototype preset, calibrated against what the paper says about its experiment.
 
-The page that goes with a calibration.
-
-The calibrated prototype beside the paper's motion, and what is known of its parameters.
+Also the page and the figure of a calibration: the calibrated prototype on the paper's motion, and
+how well its parameters are known.
 """
 
 from __future__ import annotations
@@ -52,19 +51,19 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MACHINES = 500
-"""Samples whose median is compared with the paper."""
+"""Number of samples; their median is compared with the paper."""
 
 Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """What `calibrate` found.
+    """The result of `calibrate`.
 
     Attributes:
         plan: The plan that stands for the paper's experiment.
         fit: The most probable parameters.
-        data: What the paper's words, its curves and better records tell about them.
+        data: How well the paper's words, its curves and better records determine them.
         motions: The plan on the nominal machine, by fidelity.
         replays: The plan on machines with all spreads, by fidelity.
     """
@@ -105,10 +104,10 @@ def setting(name: str, value: float) -> Any:
 
 
 def calibrate(progress: Progress | None = None, seed: int = 0) -> Calibration:
-    """Fit the prototype to the paper, and find out what the paper cannot tell.
+    """Fit the prototype to the paper, and find out which parameters the paper does not determine.
 
     Args:
-        progress: Called with what is being done and the share done, 0 … 1.
+        progress: Called with the current step and the completed share, 0 … 1.
         seed: Of the machines with spreads.
     """
     say = progress or (lambda what, share: None)
@@ -116,7 +115,7 @@ def calibrate(progress: Progress | None = None, seed: int = 0) -> Calibration:
     plan = calibration_plan()
     say("fitting", 0.05)
     found = fit(plan)
-    say("finding out what can be told", 0.5)
+    say("identifiability", 0.5)
     data = identify(plan, found)
     say("replaying in both fidelities", 0.75)
     machine = nominal(found.parameters)
@@ -155,16 +154,17 @@ _HEAD = """# The prototype preset: calibrated, not measured
 
 The paper gives no data sheet of its prototype. It says that the error of theta3 reached 5 degrees
 (Fig. 9), that this was the largest of all joints (eq. 29), that the speed of the motors was
-controlled precisely (Fig. 10), and blames backlash of the bevel gears, the low stiffness of the
-long shaft, transmission parts of low resolution and a lack of drive torque. `Machine.prototype()`
-has the most probable parameters given that and the range of parts of each kind. Made by
+controlled precisely (Fig. 10). It names as causes the backlash of the bevel gears, the low
+stiffness of the long shaft, transmission parts of low resolution and a lack of drive torque.
+`Machine.prototype()` has the most probable parameters, given these statements and the ranges of
+typical parts. Made by
 
     planner calibrate --out results/calibration
 
-The experiment's travel and inputs are not printed; it is replaced by the paper's polynomial law at
-the travel of least peak input that stays inside the chart's domain.
+The paper does not print the travel and the inputs of its experiment. Instead we use its polynomial
+method, at the travel of least peak input that stays inside the chart's domain.
 
-![errors, motor speeds, and what is left of each range](calibration.png)
+![Errors, motor speeds, and the remaining share of each range](calibration.png)
 """
 
 
@@ -181,7 +181,7 @@ def page(
     Args:
         fit: The most probable parameters.
         settings: The preset's entries for them.
-        data: What can be told from what.
+        data: How well each set of data determines the parameters.
         motions: The nominal machine, by fidelity.
         medians: Median of the largest error of each angle over machines with spreads, deg.
         machines: How many.
@@ -189,7 +189,7 @@ def page(
     return "\n".join(
         [
             _HEAD,
-            "## What the paper says, and what the preset does\n",
+            "## The paper's statements and the preset\n",
             _statements(fit),
             "## The two fidelities\n",
             _fidelities(motions, medians, machines),
@@ -207,7 +207,7 @@ def _statements(fit: Fit) -> str:
     columns: list[Column[tuple[Statement, float]]] = [
         Column("statement", "", lambda r: r[0].text, left=True),
         Column("target", "", lambda r: r[0].wanted, left=True),
-        Column("taken as known to", "", lambda r: f"{r[0].tolerance:g} {r[0].unit}", left=True),
+        Column("standard deviation", "", lambda r: f"{r[0].tolerance:g} {r[0].unit}", left=True),
         Column("preset", "", lambda r: f"{r[1]:.2f} {r[0].unit}", left=True),
     ]
     return markdown_table(columns, zip(STATEMENTS, fit.found, strict=True)) + "\n"
@@ -227,7 +227,7 @@ def _fidelities(
             left=True,
         ),
         Column(
-            "motors off",
+            "motor deviation",
             "% of peak, rms",
             lambda f: _slashed(motions[f].statements[0, 2:]),
             left=True,
@@ -237,8 +237,9 @@ def _fidelities(
     apart = np.max(np.abs(still - moving), axis=0)
     text = f"theta1 / theta2 / theta3. The two differ by at most {_slashed(apart)} deg at any time."
     more = (
-        " Both joints are given equal parts, so that theta2 is off by as much as theta3. What takes"
-        " theta2 below the 5 degrees is less creep of the disks, which costs it more than theta3."
+        " Both joints have equal parts, so the error of theta2 is about that of theta3. The fit"
+        " brings theta2 below 5 degrees by less creep of the disks, which affects theta2 more than"
+        " theta3."
     )
     return markdown_table(columns, motions) + "\n\n" + text + more + "\n"
 
@@ -253,14 +254,14 @@ def _parameters(settings: Mapping[str, Any], data: Sequence[Data]) -> str:
         Column("source of the range", "", lambda r: r.source, left=True),
     ]
     text = (
-        "± is the spread from machine to machine. The columns after it tell which part of the range"
-        " is left once something is known: 1 means not identifiable from it.\n\n"
+        "± is the spread between machines. The columns after it give the share of the range that is"
+        " left when the data named there are known: 1 means not identifiable from these data.\n\n"
     )
     return text + markdown_table(columns, FITTED) + "\n"
 
 
 def left(data: Data, parameter: Range) -> float:
-    """Part of a parameter's range that is left, knowing some data; 1: it is not identifiable."""
+    """Share of a parameter's range that is left when the data are known; 1: unidentifiable."""
     return float(data.left[FITTED.index(parameter)])
 
 
@@ -272,12 +273,14 @@ def _preset(value: Any) -> str:
 
 def _identified(data: Sequence[Data]) -> str:
     text = (
-        "Singular values of the sensitivity of what is observed, in units of its error of reading,"
-        " to the parameters, in units of their ranges (dynamic fidelity). Along a direction with a"
-        " value above 1 the data say more than the range does; along the others nothing is known"
-        f" but the range. Curves read off a figure: {READ_DEG:g} deg, {READ_PERCENT:g} % of the"
-        f" peak; encoders: {ENCODER_DEG:g} deg, at {', '.join(f'{f:g}' for f in SPEEDS)} times the"
-        " duration. The bound on theta2 is left out: it tells a side, not a size.\n\n"
+        "Singular values of the sensitivity of the observations to the parameters (dynamic"
+        " fidelity). Observations are in units of their reading error, parameters in units of their"
+        " ranges."
+        " Along a direction with a value above 1 the data determine more than the range does; along"
+        f" the others only the range is known. Reading errors: curves in a figure {READ_DEG:g} deg"
+        f" and {READ_PERCENT:g} % of the peak; encoders {ENCODER_DEG:g} deg, at"
+        f" {', '.join(f'{f:g}' for f in SPEEDS)} times the duration. The bound on theta2 is left"
+        " out: an inequality gives no value.\n\n"
     )
     columns: list[Column[Data]] = [
         Column("data", "", lambda d: d.name, left=True),
@@ -289,7 +292,7 @@ def _identified(data: Sequence[Data]) -> str:
             lambda d: ", ".join(f"{s:.3g}" for s in d.singular[:8]),
             left=True,
         ),
-        Column("parameters left as they were", "> 0.9", _blind, left=True),
+        Column("parameters not identified", "> 0.9", _blind, left=True),
     ]
     table = markdown_table(columns, data) + "\n"
     said = data[0]
@@ -299,13 +302,14 @@ def _identified(data: Sequence[Data]) -> str:
         for k in range(3)
     ]
     return (
-        text + table + "\nWhat the paper's words fix is the first of these directions and nothing"
-        " else (parts of a unit vector of standardised logarithms):\n\n" + "\n".join(lines) + "\n\n"
-        "So one number cannot tell wind-up (friction over stiffness), play and creep apart: a"
-        " machine with more of one and less of another fits as well. Half of a joint's play goes"
-        " into its error, all of its wind-up does, and the range of the latter is the wider one:"
-        " hence the weights. Torque limits and the capacity of the contacts, the paper's 'lack of"
-        " drive torque', are not reached at the paper's speed, so that nothing is learnt of them.\n"
+        text + table + "\nThe paper's words determine only the first of these directions"
+        " (components of a unit vector of standardised logarithms):\n\n" + "\n".join(lines) + "\n\n"
+        "So one number cannot separate torsion (friction over stiffness), backlash and creep: a"
+        " machine with more of one and less of another fits equally well. The weights have two"
+        " reasons: half of a joint's backlash adds to its error, but all of its torsion; and"
+        " torsion has the wider range. The motion does not reach the torque limits and the capacity"
+        " of the contacts (the paper's 'lack of drive torque') at the paper's speed, so it gives no"
+        " information on them.\n"
     )
 
 
@@ -337,7 +341,7 @@ DASHES = {"quasi-static": "-", "dynamic": "--"}
 
 
 def picture(plan: Plan, motions: Mapping[str, Motion], data: Sequence[Data]) -> Figure:
-    """Errors of the joints, speeds of the motors, and the part of each range that is left."""
+    """Errors of the joints, speeds of the motors, and the remaining share of each range."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.5, 6.2), dpi=100, layout="constrained")

@@ -1,4 +1,4 @@
-"""The plans that the paper's section 4.3 is about, and the ones that stand in where it fails."""
+"""The plans of the paper's section 4.3, and valid plans to replace those that fail."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class Cases:
     Attributes:
         free: z without any constraint point (the paper's Fig. 4).
         point: z with the constraint point (its Fig. 5); not executable.
-        valid: The same law at the travel of least peak input inside the domain.
-        best: The motion of least effort, any travel.
+        valid: The same method at the travel of least peak input inside the domain.
+        best: The motion of least effort; its travel is free.
         replay: `valid` on samples of the emulated prototype.
     """
 

@@ -74,7 +74,7 @@ def differences(seen: Array) -> Array:
 
 
 def said(plan: Plan, points: list[dict[str, float]]) -> Array:
-    """What the paper's statements are about, (S, 4)."""
+    """The quantities in the paper's statements, (S, 4)."""
     machine = nominal(points[0])
     still = move(plan, machine, points).statements
     moving = move(plan, machine.with_(fidelity="dynamic"), points).statements
@@ -112,16 +112,16 @@ def rounded(value: float) -> float:
 
 
 READ_DEG, READ_PERCENT = 0.25, 1.0
-"""How well a curve can be read off the paper's figures: half a line's width."""
+"""Reading error of a curve in the paper's figures: half a line's width."""
 
 ENCODER_DEG, TACHO_PERCENT = 0.088, 0.1
-"""How well the prototype could record itself."""
+"""Resolution of the prototype's own encoders and tachometers."""
 
 EVERY = 5
 """A point is read off a curve every so many records, that is 0.05 s."""
 
 SPEEDS = (0.5, 1.0, 4.0)
-"""Durations, over that of the paper's motion, of the runs that would tell most."""
+"""Durations, over that of the paper's motion, of the runs that would give most information."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,14 +144,14 @@ class Data:
 
     @property
     def rank(self) -> int:
-        """Number of directions along which the data say more than the ranges."""
+        """Number of directions along which the data determine more than the ranges."""
         return int(np.sum(self.singular > 1))
 
 
 def identify(plan: Plan, fit: Fit) -> tuple[Data, ...]:
-    """What three sets of data tell: the paper's words, its curves, and what it might record.
+    """What three sets of data determine: the paper's words, its curves, and possible records.
 
-    Bounds are left out: they tell on which side of a number something is, not how large it is.
+    Bounds are left out: an inequality gives no value.
     """
     points = around(fit.x)
     machine = nominal(points[0], fidelity="dynamic")

@@ -42,8 +42,8 @@ class Finding:
     Attributes:
         where: Place in the paper.
         printed: What it says.
-        ours: What we find.
-        verdict: In a word.
+        ours: Our result.
+        verdict: One of `Verdict`.
     """
 
     where: str
@@ -53,7 +53,7 @@ class Finding:
 
 
 def findings(cases: Cases) -> list[Finding]:
-    """All of them, in the order of the paper."""
+    """All findings, in the order of the paper."""
     return [*_controllability(), *_boundary(), *_law(cases), *_domain(cases), *_machine(cases)]
 
 
@@ -75,8 +75,8 @@ def _controllability() -> list[Finding]:
         Finding(
             "(12)-(15)",
             "X_2 = d/dtheta_2 and Y_2 = (0, y_2) follow from the recursion",
-            f"at 20 deg the printed X_2 is off by {recursion.x_error[0]:.3g}: the recursion belongs"
-            " to a sine law",
+            f"at 20 deg the printed X_2 is wrong by {recursion.x_error[0]:.3g}: the recursion holds"
+            " for a sine law",
             "does not hold",
         ),
         Finding(
@@ -85,7 +85,7 @@ def _controllability() -> list[Finding]:
             f"the printed family's determinant is {recursion.determinant:.3g} at 20 deg, but"
             f" {zeros[0]:.3g} at theta1 = 0 and {zeros[1]:.3g} at theta2 = 0. Growth vector"
             f" {regular.growth} at 20 deg, {singular.growth} at theta1 = 0: the machine is"
-            " controllable at both, by longer brackets at the second",
+            " controllable at both; the second needs brackets of higher order",
             "does not hold",
         ),
     ]
@@ -100,7 +100,7 @@ def _boundary() -> list[Finding]:
         Finding(
             "4.3, z(0)", "(-0.0324, 0.7113, 0.0175)", f"{_triple(start)}; fixes K2 and K3", "agrees"
         ),
-        Finding("4.3, z2(T)", "-0.532", f"{goal[0]:.4f}: a digit is lost", "misprint"),
+        Finding("4.3, z2(T)", "-0.532", f"{goal[0]:.4f}: a digit is missing", "misprint"),
         Finding("4.3, z3(T), z4(T)", "0.4622, 0.5236", f"{goal[1]:.4f}, {goal[2]:.4f}", "agrees"),
     ]
 
@@ -113,7 +113,7 @@ def _law(cases: Cases) -> list[Finding]:
         Finding(
             "4.3, travel of phi2",
             "not given",
-            f"one-way motions exist for {window.low:.5f} to {window.high:.5f} rad only; the plain"
+            f"one-way motions exist only for {window.low:.5f} to {window.high:.5f} rad; the plain"
             f" cubic stays in the domain for {low:.4f} to {high:.4f}",
             "not printed",
         ),
@@ -126,7 +126,7 @@ def _law(cases: Cases) -> list[Finding]:
         Finding(
             "4.2, step 3",
             "z3(t) = z3(0) + z2(0) t + ...",
-            "each integration brings a factor b0 that is not printed; (27) has it",
+            "each integration adds a factor b0 that is not printed here; (27) has it",
             "misprint",
         ),
     ]
@@ -171,7 +171,7 @@ def _machine(cases: Cases) -> list[Finding]:
             "Fig. 9",
             "5 deg error of theta3",
             f"median {error[2]:.1f} deg on our emulated prototype, which was calibrated to it"
-            f" (planner calibrate); theta2, of which the paper says nothing: {error[1]:.1f} deg",
+            f" (planner calibrate); theta2, which the paper does not report: {error[1]:.1f} deg",
             "calibrated",
         )
     ]
@@ -192,21 +192,21 @@ AROUND_CROSSINGS: tuple[tuple[float, Points], ...] = (
     (0.7932, "auto"),
     (0.7925, "auto"),
 )
-"""Travels at which the plain cubic crosses z₂ = 0, and constraint points that lead around."""
+"""Travels at which the plain cubic crosses z₂ = 0, and constraint points that avoid it."""
 
 AROUND_MISSING_ANGLES: tuple[tuple[float, Points], ...] = (
     (0.85, [[0.5, -0.0946]]),
     (0.85, "auto"),
     (0.87, "auto"),
 )
-"""Travels at which it keeps z₂ < 0 but has no real θ₁ on the way, likewise."""
+"""Travels at which it keeps z₂ < 0 but has no real θ₁ in between, likewise."""
 
 
 def way_around(travel: float, points: Points) -> Plan:
-    """The paper's law through constraint points, passed by the judge.
+    """The paper's closed-form method with constraint points; a verified plan.
 
     Raises:
-        SingularError: If the path leaves the domain all the same.
+        SingularError: If the path still leaves the domain.
     """
     return solve(paper_problem(travel=travel), "polynomial", points=points)
 
@@ -241,10 +241,10 @@ def at_the_papers_point(travels: int = 301) -> Array:
 
 @dataclass(frozen=True)
 class Scan:
-    """What the value of the paper's point does where the plain cubic crosses z₂ = 0.
+    """Where the value of the paper's point helps, for travels whose plain cubic crosses z₂ = 0.
 
     Attributes:
-        tried: How many pairs of travel and time there are.
+        tried: Number of pairs of travel and time tried.
         inside: Travel (rad) and time (s) of those whose path lies inside the domain, shape (m, 2).
     """
 

@@ -1,4 +1,4 @@
-"""The paper's figures and numbers, regenerated from nothing.
+"""The paper's figures and numbers, recomputed.
 
 Our versions of the paper's figures.
 
@@ -231,7 +231,7 @@ FIGURES = (
 
 
 def _own(text: str) -> Markup:
-    """What is written here holds formulas, no foreign text."""
+    """Our own Markdown with formulas: only the table's separators are escaped."""
     return Markup(text.replace("|", "\\|"))
 
 

@@ -1,11 +1,11 @@
-"""What the paper says of its prototype, as numbers that a replay gives for any parameters.
+"""The paper's statements about its prototype, as numbers that a replay computes.
 
-What the parts of the paper's prototype can be, and why.
+Also the range of each parameter of the prototype, and its source.
 
-The paper gives no data sheet: two servo motors, friction disks, bevel gears, timing belts and long
-shafts on a bench (its Figs 2 and 3). So every parameter has the range of parts of that kind, taken
-as the central 95 % of a log-normal distribution. What the paper does say then moves them within
-these ranges (`planner.paper.fit`).
+The paper gives no data sheet, but it shows two servo motors, friction disks, bevel gears, timing
+belts and long shafts on a bench (its Figs 2 and 3). So the range of every parameter is that of
+typical parts, taken as the central 95 % of a log-normal distribution. `planner.paper.fit` then fits
+the parameters within these ranges to the paper's statements.
 """
 
 from __future__ import annotations
@@ -23,15 +23,16 @@ from planner.solve import solve
 from planner.support.arrays import Array
 
 STEP_S = 0.01
-"""Step of the replays: their error, some 0.0002 deg, is far below what can be read off a figure.
+"""Step of the replays: their error, some 0.0002 deg, is far below the reading error of a figure.
 
-The motion is recorded as often: what a motor is off its command where its gearhead turns over lasts
-less than 0.05 s, and seen at that distance its rms depended on when that was (0.26 to 0.38 %)."""
+The motion is recorded at the same step. Where a gearhead reverses, the motor deviates from its
+command for less than 0.05 s; recorded every 0.05 s, the rms depended on the time of the reversal
+(0.26 to 0.38 %)."""
 
 SETTLE_S = 0.5
 
 BEGUN_S = 0.5
-"""Before it, the first command's jump is a line in the figure that no one can read a gap off."""
+"""Earlier times do not count: in the figure the jump of the first command hides any deviation."""
 
 
 @dataclass(frozen=True)
@@ -39,11 +40,11 @@ class Statement:
     """One sentence of the paper.
 
     Attributes:
-        text: It.
+        text: The statement.
         target: Its number.
-        tolerance: How well it is known (standard deviation).
-        unit: Of both.
-        bound: Whether it says "at most": anything below the target agrees with it.
+        tolerance: Standard deviation of that number.
+        unit: Unit of both.
+        bound: Whether it says "at most"; then any value below the target agrees with it.
     """
 
     text: str
@@ -60,17 +61,21 @@ class Statement:
 
 STATEMENTS = (
     Statement("largest error of theta3 (Fig. 9: '5 degree error')", 5.0, 0.1, "deg"),
-    # No reading but an order: the tolerance is what the preset's three digits leave of it.
+    # An inequality, not a reading: the tolerance is the rounding of the preset to three digits.
     Statement(
         "largest error of theta2 (eq. 29: E is the largest of all joints)", 5.0, 0.01, "deg", True
     ),
-    Statement("motor 1 off its command, rms (Fig. 10: 'precisely controlled')", 0.0, 1.0, "%"),
-    Statement("motor 2 off its command, rms (Fig. 10: 'precisely controlled')", 0.0, 1.0, "%"),
+    Statement(
+        "motor 1: deviation from its command, rms (Fig. 10: 'precisely controlled')", 0.0, 1.0, "%"
+    ),
+    Statement(
+        "motor 2: deviation from its command, rms (Fig. 10: 'precisely controlled')", 0.0, 1.0, "%"
+    ),
 )
 
 
 def calibration_plan() -> Plan:
-    """The paper's polynomial law at the travel of least peak input inside the chart's domain."""
+    """The paper's polynomial method at the travel of least peak input inside the chart's domain."""
     return solve(paper_problem(), "polynomial")
 
 
@@ -82,7 +87,7 @@ class Motion:
         t: Recorded times, (R,), s.
         error: True minus planned angle, (S, R, n), deg.
         motors: Speed of the motors, (S, R, 2), as a percentage of each command's peak.
-        gap: That minus the command, likewise.
+        gap: The same minus the command.
         largest: Largest |error| over all steps, (S, n), deg.
     """
 
@@ -94,14 +99,14 @@ class Motion:
 
     @property
     def statements(self) -> Array:
-        """What the paper's statements are about, (S, 4)."""
+        """The quantities in the paper's statements, (S, 4)."""
         on = (self.t >= BEGUN_S) & (self.t < self.t[-1] - SETTLE_S - 1e-9)
         rms = np.sqrt(np.mean(self.gap[:, on] ** 2, axis=1))
         return np.column_stack([self.largest[:, [2, 1]], rms])
 
 
 def nominal(values: Mapping[str, float], **changes: object) -> Machine:
-    """The prototype with these parameters, no spread, and whatever else is changed."""
+    """The prototype with these parameters, no spread, and the given changes."""
     return Machine.prototype(step_s=STEP_S).nominal().with_(**{**values, **changes})
 
 
@@ -194,9 +199,7 @@ FITTED = (
         "G pi d^4/(32 L) of steel, 3 to 4 mm by 0.2 to 0.3 m (2.1 to 9.9), and a belt (10 to 30)",
     ),
     Range("shaft_damping_nms_per_rad", 0.005, 0.08, "1 to 10 % of critical: belt and bearings"),
-    Range(
-        "link_inertia_kgm2", 0.01, 0.1, "0.25 to 1.5 kg at 0.2 m: a link and the mechanism it bears"
-    ),
+    Range("link_inertia_kgm2", 0.01, 0.1, "0.25 to 1.5 kg at 0.2 m: a link with its mechanism"),
     Range("base_friction_nm", 0.05, 0.5, "bearings and seals under the weight of the arm"),
     Range("coulomb_friction_nm", 0.05, 0.5, "bearings, belt tension, disks of the next joint"),
     Range("viscous_friction_nms_per_rad", 0.01, 0.2, "grease: a tenth to all of it at 1 rad/s"),
@@ -205,19 +208,19 @@ FITTED = (
 
 FIXED: dict[str, str] = {
     "control_period_s": "a PC of 2010 commanding two drives over a bus",
-    "delay_s": "half a period; it shifts a motion and hardly changes it",
+    "delay_s": "half a period; it shifts the motion in time and hardly changes it",
     "velocity_resolution_rad_s": "one motor rpm behind 1:100",
     "input_gain_error": "drives with encoders hold 0.1 to 0.5 % of speed; mean 0, drawn",
-    "input_bias_rad_s": "drift of a command's zero, some 0.03 deg/s at the output; mean 0, drawn",
+    "input_bias_rad_s": "offset of the command, some 0.03 deg/s at the output; mean 0, drawn",
     "link_moment_kgm": "0.8 kg at 0.2 m, as the links' inertia; acts on an inclined plane only",
     "velocity_limit_rad_s": "3000 to 4000 rpm behind 1:100; the paper's motion needs a fifth",
     "acceleration_limit_rad_s2": "a tenth of a second to that speed",
     "gear_ratio_error": "radii of disks and contacts to 0.1 mm on 20 mm; mean 0, drawn",
-    "initial_play": "nobody knows where in its play a joint begins; mean 0, drawn",
+    "initial_play": "position of a joint within its backlash at the start, unknown; mean 0, drawn",
     "initial_angle_error_deg": "set by eye or against a stop before each run; mean 0, drawn",
-    "encoder_resolution_deg": "1024 lines, four edges a line; it acts on what is read, not on this",
+    "encoder_resolution_deg": "1024 lines, four edges each; affects the readings, not the motion",
 }
-"""What is not fitted, and why it is what it is: no statement of the paper depends on it."""
+"""Parameters not fitted, with sources: no statement of the paper depends on them."""
 
 SPREADS: dict[str, float] = {
     "friction_capacity_nm": 0.1,
@@ -226,4 +229,4 @@ SPREADS: dict[str, float] = {
     "shaft_stiffness_nm_per_rad": 0.1,
     "coulomb_friction_nm": 0.2,
 }
-"""From machine to machine, as a part of the value: tolerances of manufacture and assembly."""
+"""Spread between machines, as a share of the value: tolerances of manufacture and assembly."""

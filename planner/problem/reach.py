@@ -1,8 +1,8 @@
 """Where the joints may be at a goal that leaves some of them free, and how far the tip reaches.
 
-The equations of the tip are solved from many places at once, by Newton's method with the least step
-that mends them (Levenberg and Marquardt), each joint inside its limits. A solution stands for its
-branch: all in which the same elbows bend the same way. What is not found may still be there.
+The Levenberg-Marquardt method solves the equations of the tip from many starting points at once,
+with each joint inside its limits. A solution represents its branch: all solutions whose elbows bend
+in the same directions. The search is not exhaustive, so a branch that is not found may exist.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from planner.problem.requirements.requirement import At
 from planner.support.arrays import Array
 
 SEEDS = 256
-"""Places to solve from: with three joints each branch is found from at least twenty of them."""
+"""Starting points: with three joints at least twenty of them lead to each branch."""
 
 STEPS, LONGEST_RAD = 60, 0.5
-"""Steps, ten times what most places take, and the largest of one in any joint."""
+"""Iterations, ten times what most starting points need, and the largest step of a joint."""
 
 SOLVED = 1e-10
-"""Error, rad or parts of the reach, that counts as none: a millionth of what the judge allows."""
+"""Error, rad or shares of the reach, that counts as zero: 1e-6 of the tolerance of verification."""
 
 BETTERED = 4
-"""Of the places that miss the tip, those from which the nearest is looked for."""
+"""Number of failed points from which the nearest reachable one is searched."""
 
 INSIDE = 0.02
 """Share by which joints at the nearest place are moved towards the middle of their ranges, so that
@@ -35,16 +35,16 @@ they keep off their limits and a rounded place is still within reach."""
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """What is found of a goal that leaves joints free.
+    """Possible configurations at a goal that leaves joints free.
 
     Attributes:
-        branches: Coordinates q(T) (N,) that meet it, NaN for the path coordinate, one for each way
-            in which elbows may bend, the nearest to the start first.
-        blocked: How many more ways there are that break a limit or touch something.
-        tip: Where the tip comes nearest to what is asked, shape (3,): x, y in metres and its
-            direction in radians; what is asked where there is a branch.
-        missed: How far that is off: metres, or radians where only a direction is asked for (where
-            both are, they are added like the sides of a right angle, a radian as the arm's reach).
+        branches: Coordinates q(T) (N,) that meet it, NaN for the path coordinate, one for each
+            combination of elbow directions, the nearest to the start first.
+        blocked: Number of further branches, which violate a limit or touch something.
+        tip: The reachable tip pose nearest to the required one, shape (3,): x, y in metres and its
+            direction in radians; the required one where there is a branch.
+        missed: Its error: metres, or radians where only a direction is required (for both, the root
+            of the sum of squares, with one radian counted as the arm's reach).
         reach: Sum of the links' lengths, metres.
     """
 
@@ -67,10 +67,10 @@ class Reach:
 
 
 def goal_reach(problem: Problem) -> Reach | None:
-    """What configurations a goal may end in.
+    """The configurations in which a motion to the goal may end.
 
     Returns:
-        What is found; None where the goal gives every joint.
+        Them; None where the goal gives every joint.
     """
     expect_problem(problem)
     if not problem.free:
@@ -135,7 +135,7 @@ def _step(problem: Problem, theta: Array, free: Array, most: Array) -> Array:
 
 
 def _off(problem: Problem, theta: Array) -> Array:
-    """What the tip (S, n) misses, shape (S, m): parts of the reach, radians."""
+    """Error of the tip at angles (S, n), shape (S, m): shares of the reach, radians."""
     if problem.tip is None:
         return np.zeros((len(theta), 0))
     q = np.column_stack([np.zeros(len(theta)), theta])
@@ -154,7 +154,7 @@ def _slopes(problem: Problem, theta: Array) -> Array:
 
 
 def _kept(problem: Problem, theta: Array) -> Array:
-    """Which places (S, n) keep what holds at all times, shape (S,)."""
+    """Which configurations (S, n) satisfy the requirements at all times, shape (S,)."""
     q = np.column_stack([np.zeros(len(theta)), theta])
     at, out = At.of(problem.system, q), np.ones(len(theta), dtype=bool)
     for required in problem.requirements:

@@ -1,4 +1,4 @@
-"""What plans that mind errors less are worth: to first order, and on the emulated machine.
+"""Benefit of plans that are less sensitive to errors: to first order, and on the emulated machine.
 
 python tests/benchmarks/sensitivity.py [--samples 1000]      # writes results/sensitivity
 """
@@ -27,13 +27,13 @@ from planner.support.files import folder, refuse_unwritable_folder
 
 ROOT = Path(__file__).parents[2]
 SEED = 2026
-"""Nothing was chosen with this seed."""
+"""No constant was chosen with this seed."""
 
 POINTS, MACHINES = 12, 200
-"""Of the trade-off curve; see `planner.trade_off` for why so few machines do."""
+"""Of the trade-off curve; see `planner.trade_off` for why so few machines suffice."""
 
 PATIENCE_S = 60.0
-"""For a compensation: what the tables say must not depend on what else the computer does."""
+"""For a compensation: the tables must not depend on the load of the computer."""
 
 LIMIT = "limits.input_rad_s=[0.6, 0.6]"
 WAYS: dict[str, tuple[str, dict[str, Any]]] = {
@@ -46,7 +46,7 @@ OTHERS = ("crossing", "parking", "four-joint", "paper-fig4")
 
 @dataclass(frozen=True)
 class Found:
-    """A plan, and the errors on the machines as it is and compensated.
+    """A plan, and its errors on the machines without and with compensation.
 
     Attributes:
         plan: The plan.
@@ -59,7 +59,7 @@ class Found:
     compensated: Array | None
 
     def cells(self) -> list[str]:
-        """Turns of the drive, sums of the response, then errors, each as it is and compensated."""
+        """Turns of the drive, sums of the response, errors without and with compensation."""
         found = planner.sensitivity(self.plan)
         sums = found.passive_block_deg(), found.total_deg(), found.floor_deg()
         out = [str(len(turns(self.plan.trajectory))), *(f"{value:.3f}" for value in sums)]
@@ -80,7 +80,7 @@ def replayed(plan: Plan, samples: int) -> Array:
 
 
 def tried(problem: Problem, way: str, samples: int) -> Found:
-    """A plan by one of the ways, on the machines."""
+    """A plan by one of the `WAYS`, replayed on the machines."""
     method, options = WAYS[way]
     plan = planner.solve(problem, method, **options)
     try:

@@ -306,7 +306,7 @@ def _stages(cases: Sequence[Record]) -> str:
         [*name, *(sum(r.stage == stage for r in group) for stage in stages)]
         for name, group in _grouped(cases, lambda c: (c.group, "given" if c.share else c.kind))
     ]
-    return "## Who decides\n\n" + _table("|".join(["system", "kind", *stages]), rows)
+    return "## Which stage decides\n\n" + _table("|".join(["system", "kind", *stages]), rows)
 
 
 def _families(cases: Sequence[Record]) -> str:

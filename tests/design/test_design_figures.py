@@ -77,8 +77,8 @@ def test_where_all_slip_the_least_loss_is_taken_and_told() -> None:
     kept = able(rows, [EFFORT, SPREAD], "solved a")
     assert kept == [0, 1]
     said = reason(rows, 0, kept, [EFFORT, SPREAD], ["a"], 4)
-    assert said.startswith("Take x, with harder pressed contacts.")
-    assert "all ask more of their contacts than they transmit" in said
+    assert said.startswith("Take x, with larger contact forces.")
+    assert "all load their contacts beyond capacity" in said
 
 
 def test_where_none_solves_a_task_it_says_so() -> None:

@@ -198,7 +198,7 @@ BOX = {"start_deg": [5, 15], "goal_deg": [20, 45]}
     ("tables", "says"),
     [
         (changed(grid={"kapa": [1.0]}), "unknown design variable 'kapa'; did you mean 'kappa'"),
-        (changed(grid={}), "no design is asked for; give"),
+        (changed(grid={}), "the file names no design; give"),
         (changed(grid={"r1": [1.0, -2.0]}), r"design r1 = -2: 'r1' = -2.0: must be greater than 0"),
         (changed(grid={"rho": []}), r"'grid.rho' = \[\]: must be a list of at least 1"),
         (changed(grid={"rho": [1.0], "r1": [1.0]}), "rho gives r1; give one of the two"),
@@ -215,7 +215,7 @@ BOX = {"start_deg": [5, 15], "goal_deg": [20, 45]}
         (changed(tasks={"pairs": TASKS, **BOX}), "start_deg is for drawn pairs"),
         (changed(contact_force_n=10.0), "contact_force_n needs radii in metres; give the table"),
         (changed(problem="nowhere.toml"), "there is no file nowhere.toml"),
-        (changed(problem="problems/unicycle.toml"), "a design study is of a 'manipulator'"),
+        (changed(problem="problems/unicycle.toml"), "a design study needs a 'manipulator'"),
         (changed(set={"goal.travel": 0.5}), "goal.travel = 0.5 of the problem is for one"),
         (changed(replay={"samples": 0}), "'replay.samples' = 0: must be at least 2"),
         (changed(grid={"kappa": [1, 1]}), "has the value 1 twice"),

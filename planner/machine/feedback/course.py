@@ -1,6 +1,6 @@
-"""What the tracker follows: a plan, and a run-up before it where there is one.
+"""The reference motion of the tracker: a plan, after a preparatory motion if there is one.
 
-The tracker's clock.
+Also the tracker's clock.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from planner.systems.triangular_system import TriangularSystem
 
 @dataclass(frozen=True, eq=False)
 class RunUp:
-    """A motion before the plan's start that ends where and as the plan begins.
+    """A preparatory motion; it ends with the plan's first coordinates and inputs.
 
     Attributes:
         t: Increasing times (m+1,), s; the last is 0, where the motion starts.
@@ -36,21 +36,21 @@ class RunUp:
 class Course:
     """Coordinates to follow, and how far the motors should have turned, at any time.
 
-    Where the drive of a compensated plan turns back on its way that is the motion it predicts;
-    elsewhere the path of the plan that it compensates, since a tracker takes off the rest itself.
+    For a compensated plan whose drive reverses, this is the predicted motion. For other compensated
+    plans it is the path of the original plan, since the tracker removes the remaining errors.
 
     Args:
         plan: The plan.
-        run_up: What comes before it, if anything.
+        run_up: Its preparatory motion, if any.
         shift: From each motor's command to its effect, (2,), s.
-        play: Whole play of each motor's gearhead, (2,), rad.
+        play: Full backlash of each motor's gearhead, (2,), rad.
 
     Attributes:
         plan: The plan.
-        predicted: Whether what it predicts is followed: lost motion is allowed for.
+        predicted: Whether the course is the predicted motion, which includes lost motion.
         begin: When the course begins, s, in the plan's time; at most 0.
-        start: When the motion starts that errors are measured of, s.
-        end: When that ends, s.
+        start: When the motion starts whose errors are measured, s.
+        end: When that motion ends, s.
     """
 
     def __init__(self, plan: Plan, run_up: RunUp | None, shift: Array, play: Array) -> None:
@@ -96,7 +96,7 @@ class Course:
 
 
 def turns_back(plan: Plan) -> bool:
-    """Whether the drive turns back on its way, and so loses the play again."""
+    """Whether the drive reverses during the motion, and so crosses its backlash again."""
     plan = plan.compensates or plan
     drive = plan.u(np.linspace(0.0, plan.duration, 501))[:, 0]
     least = -1e-6 * np.max(np.abs(drive))

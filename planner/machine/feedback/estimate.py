@@ -1,24 +1,22 @@
-"""What the encoders tell: the coordinates, and of each passive joint what its drive loses.
+"""State estimation from the encoders: the coordinates, and the lost motion of each passive joint.
 
 A passive joint follows its axis a at the distance of its lost motion w (backlash and the twist of
 its shaft): θ = a − w while the axis pushes it up, θ = a + w while it pushes it down, and it rests
-in between. The axis moves (1 + ε) times as far as forecast, ε being what gears and creep make of
-its ratio. A Kalman filter (B. D. O. Anderson, J. B. Moore, *Optimal Filtering*, 1979, section 3.1)
-with the states a, w and ε finds all three: a joint that moves tells a ∓ w; one that rests although
-its axis should have reached it tells that more is lost. Once a joint has been pushed either way,
-its lost motion is known.
+in between. The axis moves (1 + ε) times as far as forecast; ε is the error of its ratio, caused by
+gears and creep. A Kalman filter (B. D. O. Anderson, J. B. Moore, *Optimal Filtering*, 1979, section
+3.1) with the states a, w and ε estimates all three: a moving joint gives a ∓ w; a joint that rests
+although its axis should have reached it shows a larger lost motion. After a joint has been pushed
+in both directions, its lost motion is known.
 
 An angle is known to one step of its encoder, so the estimate is moved into the interval that a
 reading leaves, and not further (F. C. Schweppe, *Recursive state estimation: unknown but bounded
 errors and system inputs*, IEEE Transactions on Automatic Control 13, 1968): an angle in motion is
 known better than its encoder's resolution.
 
-The nominal machine: what the commands that are already on their way will do.
-
-Commands act as if late by the known delay and lag; a motor that reverses first crosses the mean
-play of its gearhead, and an axis that of its joint. Everything else that the machine does to a
-motion is left to the feedback. Since the systems are driftless, what counts is how far each motor
-has been told to turn, not when.
+The module also predicts the effect of commands already sent, on the nominal machine. Commands act
+after the known delay and lag; a motor that reverses first crosses the mean backlash of its
+gearhead, and an axis that of its joint. Feedback corrects all other effects of the machine. Since
+the systems are driftless, only the commanded angle of each motor matters, not its timing.
 """
 
 from __future__ import annotations

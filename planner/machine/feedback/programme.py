@@ -1,6 +1,6 @@
 """The quadratic programme of one control step.
 
-Unknown is the deviation c from the regulator over the next H periods, vⱼ = −gainⱼ ξⱼ + rootⱼ cⱼ
+The unknown is the deviation c from the regulator over the next H periods, vⱼ = −gainⱼ ξⱼ + rootⱼ cⱼ
 (the "closed-loop paradigm": J. A. Rossiter, B. Kouvaritakis, M. J. Rice, *A numerically robust
 state-space approach to stable-predictive control strategies*, Automatica 34, 1998). The whole cost
 to the end of the course is then a constant plus |c|²:
@@ -8,10 +8,8 @@ to the end of the course is then a constant plus |c|²:
     min ½ |c|²   subject to   low − M ξ ≤ T c ≤ high − M ξ
 
 with rows for corrections, for their changes where input rates are limited, and for state limits.
-Where c = 0 keeps all limits it is the answer; otherwise OSQP finds it. Rows of states come in only
-where the answer without them breaks one: where it does not, it is the answer with them too.
-
-OSQP for programmes of one form: min ½ |c|² subject to low ≤ T c ≤ high.
+If c = 0 satisfies all limits, it is the solution; otherwise OSQP computes it. Rows of states are
+added only if the solution without them violates one; otherwise it is the solution with them too.
 """
 
 from __future__ import annotations

@@ -9,11 +9,11 @@ motion deviates from the course by δqₖ, and a period later by
 
 with v the correction, held over a period (or, where input rates are limited, going straight from
 the one before to the new one), and ε the relative errors of the passive coordinates' rates. A
-passive joint counts here as being where its axis a will push it to, a ∓ w with the lost motion w.
-So a drive that turns back moves it by 2w at once, and machines that lose δw more by 2δw more: E
-has columns for δw, and the regulator prepares for a turn once δw is known.
+passive joint is represented by the position to which its axis a will push it, a ∓ w with the lost
+motion w. So a reversal of the drive moves it by 2w at once, and by 2δw more on a machine with δw
+more lost motion: E has columns for δw, and the regulator prepares for a reversal once δw is known.
 
-The linear-quadratic regulator along the course: the tracker's law where no limit binds.
+Also the linear-quadratic regulator along the course: the tracker's law where no limit is active.
 
 The state is ξ = (δq, w, ε, δw): deviation from the course, the correction of the period before, and
 the rates' relative errors and the lost motion, which stay as they are. The cost of a correction v
@@ -22,7 +22,7 @@ over periods k … K−1 is
     Σ (δqᵀ Q δq + vᵀ R v) τ + (v − w)ᵀ S (v − w)  +  δq_Kᵀ G δq_K
 
 (H. Kwakernaak, R. Sivan, *Linear Optimal Control Systems*, 1972, section 6.4). Errors of the path
-coordinate cost nothing where it is the disk's angle: nobody sees it, and play shifts it.
+coordinate cost nothing where it is the disk's angle: no sensor measures it, and backlash shifts it.
 """
 
 from __future__ import annotations

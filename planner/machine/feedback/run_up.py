@@ -1,24 +1,25 @@
-"""Taking up play before the start, as a machinist approaches a mark from one side.
+"""The preparatory motion of feedback: it takes up backlash and shaft torsion before the start.
 
-A joint behind play and a soft shaft rests until its axis has used them up, some degrees later. The
-run-up goes back and returns, so that at the start every joint stands at the plan's start, on the
-side from which the plan drives it on, and its lost motion and ratio are known. With θ₁ between 0
-and 90 degrees the axes of joints 2 and 3 turn as K₂ cos²θ₁ to K₃ cos³θ₂; so one drive brings both
-home, in three stages that follow each other while θ₁ swings (`LEGS`):
+A joint behind backlash and a soft shaft rests until its axis has taken them up, some degrees later.
+The preparatory motion (run-up) moves back and returns. Every joint then stands at the plan's start,
+its backlash is taken up in the direction of the plan, and its lost motion and ratio are known. With
+θ₁ between 0 and 90 degrees the axes of joints 2 and 3 turn as K₂ cos²θ₁ to K₃ cos³θ₂; so one drive
+brings both to their start, in three stages that follow each other while θ₁ swings (`LEGS`):
 
     back, at a middle θ₁                joint 3 goes further back than joint 2
     forward, at a small θ₁              joint 2 comes closer, joint 3 still lags
     forward, at a large θ₁              joint 3 comes closer, joint 2 hardly moves
-    forward, as θ₁ goes to its start    both arrive; how much each still lacks is known by now
+    forward, as θ₁ goes to its start    both arrive; the remaining distances are known by now
 
-How far each stage drives is solved for with the machine's mean play; the rest is the tracker's.
+The angle of each stage is computed with the machine's mean backlash; the tracker corrects the rest.
 
-It has to go back: a joint that stands ahead of its start (0.2 degrees at random) is put right only
-by a drive through its whole play, and without going back the two joints cannot be brought into
-contact one by one, since their play and where in it they start differ by more than θ₁ evens out.
-Even if both were known the best of all motions forward would begin 0.7 degrees off (95 %).
+It has to move back: only a drive through the full backlash corrects a joint that stands ahead of
+its start (0.2 degrees at random). Without moving back the two joints cannot be brought into contact
+one by one, since their backlash and their positions in it differ by more than θ₁ can compensate.
+Even if both were known, the best motion that only goes forward would start with an error of
+0.7 degrees (95 %).
 
-What the tracker may command.
+Also the limits on the tracker's commands.
 """
 
 from __future__ import annotations
@@ -100,8 +101,8 @@ def run_up(plan: Plan, machine: Machine, options: FeedbackTable) -> RunUp | None
         return None
     if system.n > 3:
         raise InputError(
-            f"feedback.run_up = true: one drive cannot bring {system.n - 1} passive joints home one"
-            " by one; it is made for arms of two or three joints"
+            f"feedback.run_up = true: one drive cannot bring {system.n - 1} passive joints to their"
+            " start one by one; the run-up works for arms of two or three joints"
         )
     speed = np.array([DRIVE, SWING]) * input_scale(plan, machine)
     speed = np.minimum(speed, np.maximum(_coasting(machine), SLOWEST * speed))

@@ -1,8 +1,7 @@
 """Feedback for replays: `planner.replay(plan, machine, feedback=True)`.
 
-The controller of some samples: read, estimate, predict, optimise, command.
-
-What all samples of a replay share: reference, regulator, programmes.
+`Control` controls some samples: read, estimate, predict, optimise, command. `Design` holds what all
+samples of a replay share: reference, regulator, programmes.
 """
 
 from __future__ import annotations
@@ -46,17 +45,17 @@ class Tracker:
 
     Every 0.1 s it reads the joint encoders, predicts where the commands already on their way will
     take the arm, and corrects the plan's inputs so that a cost over the whole rest of the motion is
-    least, within the limits on inputs, their rates, joints and z₂. What it knows of the machine are
-    its mean values: control period, delay, servo bandwidth, gearhead play, lost motion of the
-    joints, encoder resolution, velocity limit. The run-up also goes by the spread of lost
-    motion, and with dynamic fidelity by inertia.
+    least, within the limits on inputs, their rates, joints and z₂. It knows only mean values of
+    the machine: control period, delay, servo bandwidth, gearhead backlash, lost motion of the
+    joints, encoder resolution, velocity limit. The preparatory motion also uses the spread of lost
+    motion and, with dynamic fidelity, the inertia.
 
-    A plan is followed along its path. Of a compensated plan whose drive turns back on its way the
-    motion that it predicts is followed, to the same goal: the lost motion of each turn is in it.
+    The tracker follows the path of the plan. For a compensated plan whose drive reverses, it
+    follows the predicted motion to the same goal, which includes the lost motion of each reversal.
 
-    When a programme has no solution its state limits are widened to what the regulator, clipped to
-    the input limits, makes of them; when OSQP is late, the corrections decided before go on as
-    planned. Both are counted in `Replay.fallbacks`.
+    When a programme has no solution, its state limits are widened to the motion of the regulator,
+    clipped to the input limits; when OSQP is late, the earlier corrections continue as planned.
+    `Replay.fallbacks` counts both.
 
     Args:
         options: The `[feedback]` table; defaults when left out.

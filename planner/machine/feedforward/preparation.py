@@ -9,8 +9,9 @@ motion is therefore
     θ₁ to that angle, the drive forward through the lost motion, θ₁ back to its start
 
 and no passive joint has moved when the plan begins: each then follows its axis at once. The drive
-goes the way in which the plan first drives it far. What the joints' play is at the start stays
-unknown; going back and forth would not tell it, and would cost the spread of the backlash twice.
+moves in the direction of the plan's first long drive motion. The positions of the joints in their
+backlash at the start stay unknown; moving back and forth would not reveal them, and would add the
+spread of the backlash twice.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ def take_up(
     """The drive at whose end the first joint is about to move.
 
     Args:
-        plan: Where it starts, and which way its drive goes first.
+        plan: Gives the start, and the direction in which the drive moves first.
         system: Its arm.
         machine: Mean backlash, friction and stiffness.
         theta1: Angle of joint 1, rad; the one that serves all axes best when left out.
@@ -86,7 +87,7 @@ def take_up(
 def _way(plan: Plan, least: float) -> float:
     """Sign of the first turn of motor 1 by at least so much, rad.
 
-    No joint follows a shorter one the other way once its lost motion is taken up.
+    No joint follows a shorter turn in the other direction once its lost motion is taken up.
     """
     t = np.linspace(0.0, plan.duration, 2001)
     turned = np.cumsum(plan.u((t[:-1] + t[1:]) / 2)[:, 0]) * (t[1] - t[0])
@@ -135,7 +136,7 @@ def back(plan: Plan, system: Manipulator, machine: Machine, tick: float) -> Arra
 
 
 def _move(plan: Plan, machine: Machine, motor: int, angle: float, tick: float) -> Array:
-    """A motor's way by an angle from rest to rest, at the ends of ticks, (m, 2), rad: a cubic,
+    """A motor's motion by an angle from rest to rest, at the ends of ticks, (m, 2), rad: a cubic,
     whose speed has its peak at 3/2 and whose acceleration at 6 of what it is in the mean."""
     speed, rate = input_scale(plan, machine)[motor], plan.problem.limits.input_rate[motor]
     seconds = max(1.5 * abs(angle) / speed, np.sqrt(6 * abs(angle) / rate))

@@ -1,4 +1,4 @@
-"""The chart's domain, which only motions given in chained coordinates have to keep."""
+"""The chart's domain, in which motions given in chained coordinates must stay."""
 
 from __future__ import annotations
 

@@ -49,8 +49,8 @@ class TipGoal(Requirement):
     Attributes:
         asked: Which of "x", "y" (both or neither) and "angle", in this order.
         at: Their values, in metres and radians. The angle is the sum of all joints' angles.
-        reach: Sum of the links' lengths, metres: what a miss is compared with, since an angle of
-            one joint moves the tip of the stretched arm by that times its reach.
+        reach: Sum of the links' lengths, metres. It scales position errors, since turning the first
+            joint of the stretched arm moves its tip by the angle times this reach.
     """
 
     asked: tuple[str, ...]
@@ -70,7 +70,7 @@ class TipGoal(Requirement):
 
     @property
     def place(self) -> Array | None:
-        """Where the tip ends, shape (2,), metres; None where only its direction is asked for."""
+        """Where the tip ends, shape (2,), metres; None where only its direction is required."""
         return np.array(self.at[:2]) if "x" in self.asked else None
 
     @property
@@ -87,7 +87,7 @@ class TipGoal(Requirement):
         return "the tip " + ", ".join(words)
 
     def rows(self, at: At) -> Sequence[Any]:
-        """What is asked of the tip, as expressions."""
+        """The required quantities of the tip, as expressions."""
         system: Any = at.system
         theta = [at.q[i] for i in range(1, system.size)]
         x, y = arm_points_expr(theta, system.link_lengths)[-1]
@@ -104,7 +104,7 @@ class TipGoal(Requirement):
 
     @classmethod
     def eased(cls, broken: Sequence[Broken]) -> str:
-        """The tip where the motion brings it."""
+        """The tip pose that the motion reaches."""
         tip = broken[0][0]
         assert isinstance(tip, TipGoal)
         reached = {part.label: violation.value for _, part, violation in broken}
@@ -113,17 +113,17 @@ class TipGoal(Requirement):
 
 
 def tip_keys(asked: Sequence[str], at: Sequence[float]) -> list[str]:
-    """The keys of a problem file that ask for a tip there."""
+    """The keys of a problem file that require this tip pose."""
     keys = [f"goal.tip_m = [{at[0]:.4g}, {at[1]:.4g}]"] if "x" in asked else []
     return keys + [f"goal.tip_angle_deg = {np.rad2deg(at[-1]):.4g}"] * ("angle" in asked)
 
 
 @dataclass(frozen=True)
 class Duration(Demand):
-    """The motion takes as long as is asked for.
+    """The motion takes the required time.
 
     Attributes:
-        seconds: How long.
+        seconds: Required duration, s.
     """
 
     seconds: float

@@ -19,7 +19,7 @@ SMALLEST_Z2 = 1e-3
 """Scale of a z₂ margin that is smaller: an excess is compared with z₂ itself, which is near 1."""
 
 WIDEST = {"joint_deg": 88.0, "steering_deg": 88.0, "hitch_deg": 88.0, "heading_deg": 360.0, "q": {}}
-"""Keys of [limits] that limit coordinates, with what limits them least."""
+"""Keys of [limits] that limit coordinates, with their widest values."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class _Symmetric(Requirement):
     """|value| ≤ most for some inputs or coordinates.
 
     Attributes:
-        words: What stands before a name in its label.
+        words: Prefix of its labels.
         named: All of them, with names and units.
         most: Their limits; infinite where there is none.
     """
@@ -126,7 +126,7 @@ class Z2Margin(Requirement):
         return [self.side * z2]
 
     def contradiction(self, name: str, q: Array, system: TriangularSystem) -> str | None:
-        """z₂ too near zero, or on neither side at the start; a waypoint is not looked at."""
+        """z₂ too near zero, or zero at the start; waypoints are not checked."""
         if name not in ("start", "goal"):
             return None
         z2 = float(chained_form(system).z(np.append(np.nan_to_num(q[0]), q[1:]))[1])

@@ -17,7 +17,7 @@ from planner.systems.triangular_system import TriangularSystem
 
 @dataclass(frozen=True, eq=False)
 class Waypoint(Demand):
-    """A place on the way.
+    """A place that the motion passes through.
 
     Attributes:
         number: From 1, in the order of the problem file.

@@ -1,4 +1,4 @@
-"""What a motion must keep: one class a kind, asked by whoever has to do with it."""
+"""What a motion must satisfy: one class per kind, used by planners and verification."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from planner.systems.triangular_system import TriangularSystem
 
 @dataclass(frozen=True, eq=False)
 class At:
-    """Where a requirement is asked for: at symbols, or at many states at once.
+    """Where a requirement is evaluated: at symbols, or at many states at once.
 
     Attributes:
-        system: What moves.
+        system: The system.
         q: Coordinates: a CasADi vector (N), or an array (N, …).
         u: Inputs: a CasADi vector (2), or an array (2, …).
         du: Their rates, likewise.
-        z: Chained coordinates, an array (N, …), for who has them at hand.
+        z: Chained coordinates, an array (N, …), if the caller has them already.
     """
 
     system: TriangularSystem
@@ -67,10 +67,10 @@ class Part:
 
 
 class Demand(ABC):
-    """Something that is asked of a motion: at an end, on its way, or (a `Requirement`) always.
+    """A condition on a motion: at an end, at a waypoint, or (a `Requirement`) at all times.
 
     Attributes:
-        in_chart: Whether it is asked only of a motion that is given in chained coordinates.
+        in_chart: Whether it applies only to a motion that is given in chained coordinates.
     """
 
     in_chart: ClassVar[bool] = False
@@ -81,12 +81,12 @@ class Demand(ABC):
         """Its parts, R of them."""
 
     def called(self, part: Part) -> str:
-        """What to call a part where it is clear that a limit is spoken of."""
+        """Name of a part where the context says that it is a limit."""
         return part.label
 
     @classmethod
     def eased(cls, broken: Sequence[Broken]) -> str:
-        """What the problem file would have to say for all of these to be kept, in words."""
+        """The change of the problem file that would satisfy all of these, in words."""
         peaks = []
         for demand, part, v in broken:
             above = v.limit == part.high
@@ -96,34 +96,34 @@ class Demand(ABC):
         return f"wider limits: {', '.join(peaks)}"
 
     def without(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
-        """The change of the problem file that leaves it out.
+        """The change of the problem file that removes it.
 
         Args:
-            limits: What the file's `[limits]` say.
+            limits: The file's `[limits]` table.
 
         Returns:
-            Dotted keys to values; how to say so, or "" for the keys themselves; and what it is that
-            is left out. None where it cannot be.
+            Dotted keys to values; the advice in words, or "" for the keys themselves; and the name
+            of what is removed. None where it cannot be removed.
         """
         return None
 
 
 Broken = tuple[Demand, Part, Violation]
-"""A part that is broken, whose it is, and how."""
+"""A demand, its violated part, and the violation."""
 
 
 @dataclass(frozen=True)
 class Requirement(Demand):
-    """Something that holds at all times, or (where it says so) at the end alone.
+    """A condition that holds at all times, or (with `final`) only at the end.
 
-    The fields of a kind are what one problem says of it. Strings and integers are its shape: they
-    decide which parts and rows there are. Floats and tuples of them are its numbers.
+    The fields of a class hold the data of one problem. Strings and integers define its structure,
+    that is its parts and rows. Floats and tuples of them are its numbers.
 
     Attributes:
         reads: What its rows depend on, of "q", "u" and "du".
         numbers: Names of the floats that the rows read; all others are bounds only.
         speed: Power of the speed with which its values grow: coordinates 0, inputs 1, their rates
-            and products 2. Where it is not 0, a motion slow enough keeps it.
+            and products 2. Where it is not 0, a slow enough motion satisfies it.
         divides: Whether paths lie on different sides of it, so that there are many optima.
         smooth: Whether its values have derivatives everywhere; where not, its parts have no high.
         final: Whether it holds at the end alone; then it reads "q" and is smooth.
@@ -142,32 +142,31 @@ class Requirement(Demand):
 
     @classmethod
     def of(cls, value: Any, system: TriangularSystem) -> Self:
-        """From what the problem file says under its key.
+        """From the value of its key in the problem file.
 
         Raises:
-            ValueError: If that cannot be; the message goes on from "limits.KEY".
+            ValueError: If the value is impossible; the message continues after "limits.KEY".
         """
         return cls(value)  # type: ignore[call-arg]
 
     def rows(self, at: At) -> Sequence[Any]:
         """R expressions that lie between low and high, with derivatives.
 
-        A kind that does not say is about inputs, rates or coordinates as they are: those of the
-        parts' indices.
+        By default the inputs, rates or coordinates themselves, by the parts' indices.
         """
         (name,) = self.reads
         read = getattr(at, name)
         return [read[part.index] for part in self.parts]
 
     def values(self, at: At) -> Sequence[Any]:
-        """The same for the judge: R arrays of the shape of `at.q[0]`.
+        """The same for verification: R arrays of the shape of `at.q[0]`.
 
-        A kind whose rows stand in for something else, or are CasADi's alone, writes its own.
+        A class whose rows are a substitute, or need CasADi, overrides this.
         """
         return self.rows(at)
 
     def without(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
-        """Leave out its key; what depends on the speed is not the path's."""
+        """Remove its key; a limit that depends on the speed is not one of the path."""
         if self.speed or not self.key:
             return None
         what = f"the limit on {self.parts[0].label}"
@@ -177,9 +176,9 @@ class Requirement(Demand):
         """Why no motion may pass through q (N,), NaN where free, in words; None where one may.
 
         Args:
-            name: What is there: "start", "goal" or a waypoint.
+            name: Name of the place: "start", "goal" or a waypoint.
             q: Coordinates.
-            system: What moves.
+            system: The system.
         """
         if self.reads != {"q"}:
             return None
@@ -200,7 +199,7 @@ class Requirement(Demand):
         )
 
     def settled(self, system: TriangularSystem) -> Sequence[float] | None:
-        """Its least values where no motion can break it; None where one may."""
+        """Its least values where no motion can violate it; None where one may."""
         return None
 
     @cached_property
@@ -223,7 +222,7 @@ class Requirement(Demand):
 
     @cached_property
     def blank(self) -> Self:
-        """The same without numbers: what an expression for all of its kind is made from."""
+        """The same without numbers: one expression serves all that differ only in them."""
         own = {f.name: _without(getattr(self, f.name)) for f in fields(self)}
         return replace(self, **{name: value for name, value in own.items() if value is not None})
 
@@ -254,7 +253,7 @@ class Requirement(Demand):
 
 
 def _without(value: Any) -> Any:
-    """Zero in place of a number, but for the infinite ones, which say that there is no limit."""
+    """Zero in place of a number; infinity stays, since it means that there is no limit."""
     if isinstance(value, float):
         return value if np.isinf(value) else 0.0
     if isinstance(value, tuple) and all(isinstance(v, float) for v in value):

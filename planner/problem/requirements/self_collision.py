@@ -1,9 +1,9 @@
 """Links of an arm that keep clear of each other.
 
-Of two links that do not cross, the places nearest to each other include an end of one of them. So
-links stay apart by c > 0 as long as the ends of each stay that far from the other: before they
-could cross an end would have to touch. What is kept are therefore distances of joints (and the tip)
-from links, as from obstacles that move along. Neighbours share a joint and are not looked at.
+If two links do not cross, their closest points include an end of one of them. So links keep a
+distance c > 0 as long as the ends of each keep that distance from the other: before the links could
+cross, an end would have to touch. The requirement therefore limits the distances of joints (and the
+tip) from links, as from moving obstacles. Neighbours share a joint and are not checked.
 """
 
 from __future__ import annotations

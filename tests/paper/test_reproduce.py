@@ -96,7 +96,7 @@ def test_the_findings_are_those_of_the_plans(made: Reproduction) -> None:
     assert "0 at theta1 = 0 and 0 at theta2 = 0" in texts
     assert texts.count("at pi/4, an inferred travel") == 3
     error = np.median(made.cases.replay.largest_error_deg, axis=0)
-    assert f"theta2, of which the paper says nothing: {error[1]:.1f} deg" in texts
+    assert f"theta2, which the paper does not report: {error[1]:.1f} deg" in texts
 
 
 def test_the_papers_own_point_leads_around_at_no_travel() -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from planner.cli.arguments import Json, out_option
+from planner.cli.arguments import Cluster, Json, Workers, out_option
 from planner.cli.output import facts, note, print_json, print_text, progress_bar, say
 from planner.cli.sweep import Interrupted
 from planner.design.design_file import Asked, read_design
@@ -27,25 +27,8 @@ def design(
             " continued. Default: FILE's name without its ending, in this folder.",
         ),
     ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            "--workers",
-            "-j",
-            min=1,
-            help="Processes; default: one per core.",
-            show_default=False,
-        ),
-    ] = None,
-    cluster: Annotated[
-        str | None,
-        typer.Option(
-            "--cluster",
-            metavar="ADDRESS",
-            help="Run on the Dask cluster of this scheduler, as in tcp://host:8786.",
-            show_default=False,
-        ),
-    ] = None,
+    workers: Workers = None,
+    cluster: Cluster = None,
     dry_run: Annotated[
         bool,
         typer.Option("--dry-run", help="Check the file and count designs and cases; plan none."),

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from planner.cli.arguments import Json
+from planner.cli.arguments import Cluster, Json, Workers
 from planner.cli.output import facts, note, print_json, print_text, progress_bar, say
 from planner.errors import PlannerError
 from planner.support.interrupts import Terminated, hearing
@@ -39,25 +39,8 @@ def sweep(
             show_default=False,
         ),
     ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            "--workers",
-            "-j",
-            min=1,
-            help="Number of processes. Default: one per core.",
-            show_default=False,
-        ),
-    ] = None,
-    cluster: Annotated[
-        str | None,
-        typer.Option(
-            "--cluster",
-            metavar="ADDRESS",
-            help="Run on the Dask cluster of this scheduler, for example tcp://host:8786.",
-            show_default=False,
-        ),
-    ] = None,
+    workers: Workers = None,
+    cluster: Cluster = None,
     retry: Annotated[
         list[str] | None,
         typer.Option(

@@ -225,7 +225,7 @@ def _columns(study: DesignStudy) -> list[Column[DesignRow]]:
 
     out: list[Column[DesignRow]] = [
         Column("design", "", lambda row: row.design.name, left=True),
-        Column("front", "", lambda row: _front(study, row)),
+        Column("front", "", lambda row: "take" if row is study.recommended else "*" * row.on_front),
         Column("rho", "", lambda row: row.design.gear.rho),
         Column("kappa", "", lambda row: kappa_of(row.design.gear)),
         *(Column(name, "", partial(_of_gear, key), shown=None) for key, name in GEAR.items()),
@@ -244,10 +244,6 @@ def _columns(study: DesignStudy) -> list[Column[DesignRow]]:
         )
     out.append(Column("refused", "", lambda row: row.design.refused, shown=None))
     return out
-
-
-def _front(study: DesignStudy, row: DesignRow) -> str:
-    return "take" if row is study.recommended else "*" * row.on_front
 
 
 def _row(row: DesignRow) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from planner.machine.bodies import Place
 from planner.machine.commands import Orders, Steps, lengths
-from planner.machine.disk_chain import Chain, weights
+from planner.machine.disk_chain import CHANGING, Chain, weights
 from planner.machine.machine import Draws
 from planner.machine.march import GAMMA, begin
 from planner.support.arrays import Array
@@ -44,8 +44,6 @@ SLOW = (
     " once: 30 times; 1000: 3 times); install a C compiler, then this package again"
 )
 """Process time on the paper's plan, its machine, one thread."""
-
-CONTACTS = ("creep", "creep_per_nm", "friction_capacity_nm", "lateral_creep")
 
 MOST_PASSIVE = 16
 """Passive joints that `dynamic.c` has room for."""
@@ -215,7 +213,7 @@ def _parameters(system: Manipulator, draws: Draws) -> dict[str, Array]:
         "damping": draws["servo_damping"],
         "half": np.deg2rad(draws["gearhead_backlash_deg"]) / 2,
     }
-    contacts = {name: draws[name] for name in CONTACTS}
+    contacts = {name: draws[name] for name in ("creep", *CHANGING)}
     half_gap = np.deg2rad(draws["backlash_deg"]) / 2
     stiffness, coulomb = draws["shaft_stiffness_nm_per_rad"], draws["coulomb_friction_nm"]
     joints = {
@@ -249,7 +247,7 @@ def _flags(draws: Draws, own: dict[str, Array]) -> dict[str, int]:
         "soft": soft,
         "damped": not soft and own["viscous"].any(),
         "creeping": draws.on("creep"),
-        "loaded": any(draws.on(name) for name in CONTACTS[1:]),
+        "loaded": any(draws.on(name) for name in CHANGING),
         "inclined": own["weights"].any(),
     }
     return {name: int(flags[name]) for name in flags}

@@ -194,6 +194,10 @@ def at_contacts(k: Array, torques: Array, cosines: Array) -> Array:
     return out
 
 
+CHANGING = ("creep_per_nm", "friction_capacity_nm", "lateral_creep")
+"""Effects by which what a contact passes on changes along the motion."""
+
+
 class Contacts:
     """The friction contacts of S manipulators.
 
@@ -208,9 +212,7 @@ class Contacts:
         self._creep_per_nm = draws["creep_per_nm"]
         self._capacity = draws["friction_capacity_nm"]
         self._lateral = draws["lateral_creep"] if draws.on("lateral_creep") else None
-        self._loaded = any(
-            draws.on(name) for name in ("friction_capacity_nm", "creep_per_nm", "lateral_creep")
-        )
+        self._loaded = any(draws.on(name) for name in CHANGING)
         kept = np.repeat(1 - self._creep, len(k), axis=0)
         self._unloaded = Passed(kept, kept**2, 1.0) if draws.on("creep") else None
 

@@ -165,7 +165,7 @@ def _motion(plan: Plan, machine: Machine, draws: Draws, orders: Orders, times: A
     """Samples at the start: compiled where there is a kernel for them."""
     system = plan.problem.system
     if isinstance(system, Manipulator) and machine.fidelity == "quasi-static":
-        refuse_sliding(system, draws, plan.q(np.linspace(0.0, plan.duration, LOOKED_AT)))
+        refuse_sliding(plan, system, draws)
     start, rows = _start(plan, draws), np.searchsorted(orders.t, times)
     desired = plan.wanted(orders.t)[:, 1:, None]
     desired[orders.t < times[0]] = np.nan  # no deviation is counted before the plan's start
@@ -175,13 +175,13 @@ def _motion(plan: Plan, machine: Machine, draws: Draws, orders: Orders, times: A
     return Stepwise(plan, machine, draws, orders, desired, rows, start)
 
 
-def refuse_sliding(system: Manipulator, draws: Draws, q: Array) -> None:
+def refuse_sliding(plan: Plan, system: Manipulator, draws: Draws) -> None:
     """Refuse gravity that friction cannot hold, which takes masses to compute.
 
     Args:
-        system: The manipulator.
+        plan: The plan.
+        system: Its manipulator.
         draws: The machines, quasi-static.
-        q: The plan's coordinates at R instants, (R, N).
 
     Raises:
         InputError: If the weight of some link asks more of a contact at rest than it passes.
@@ -189,6 +189,7 @@ def refuse_sliding(system: Manipulator, draws: Draws, q: Array) -> None:
     most = weights(draws, system.n)
     if most is None:
         return
+    q = plan.q(np.linspace(0.0, plan.duration, LOOKED_AT))
     k = system.k_g * system.K[:, None]
     heaviest = most.max(axis=1, keepdims=True)
     loads = np.abs(gravity_torques(heaviest, q[:, 1:].T))

@@ -16,17 +16,16 @@ from pydantic import BaseModel
 
 import planner
 from planner.cli.app import app, main
-from planner.design.design_file import (
+from planner.problem.tables.kinds import FILES
+from planner.problem.tables.machine_effects import EFFECTS, MachineTable
+from planner.problem.tables.problem_file import CompensationTable, FeedbackTable
+from planner.sweep.design.design_file import (
     DesignFile,
     MachinesTable,
     PairTable,
     TasksTable,
     VariablesTable,
 )
-from planner.problem.tables.compensation import CompensationTable
-from planner.problem.tables.kinds import FILES
-from planner.problem.tables.machine_effects import EFFECTS, MachineTable
-from planner.problem.tables.problem_file import FeedbackTable
 from planner.sweep.sweep_file import SweepFile
 
 ROOT = Path(__file__).parents[1]

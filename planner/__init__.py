@@ -16,9 +16,6 @@ if TYPE_CHECKING:  # a new public name goes here, into the table below and into 
     from planner.comparison.compare import compare
     from planner.comparison.comparison import Comparison
     from planner.compensate import compensate
-    from planner.design.geometry import Design
-    from planner.design.result import DesignStudy
-    from planner.design.study import design_study
     from planner.errors import (
         InfeasibleError,
         InputError,
@@ -50,6 +47,9 @@ if TYPE_CHECKING:  # a new public name goes here, into the table below and into 
     from planner.robustness.trade_off import TradeOff, trade_off
     from planner.solve import solve
     from planner.sweep.description import Sweep
+    from planner.sweep.design.geometry import Design
+    from planner.sweep.design.result import DesignStudy
+    from planner.sweep.design.study import design_study
     from planner.sweep.results import load_sweep
     from planner.sweep.run import run_sweep
     from planner.systems.ball_gear import BallGear
@@ -68,9 +68,9 @@ _HOMES = {
     "comparison.compare": "compare",
     "comparison.comparison": "Comparison",
     "compensate": "compensate",
-    "design.geometry": "Design",
-    "design.result": "DesignStudy",
-    "design.study": "design_study",
+    "sweep.design.geometry": "Design",
+    "sweep.design.result": "DesignStudy",
+    "sweep.design.study": "design_study",
     "errors": "InfeasibleError InputError InputWarning NoPlanError NotConvergedError "
     "PlannerError SingularError TimeLimitError VerificationError "
     "Violation",

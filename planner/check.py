@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError, NoPlanError
-from planner.methods.advice import tried
 from planner.methods.keeping import not_promised
-from planner.methods.refusal import Change, in_other_time, on_other_paths, within_reach
+from planner.methods.refusal import Change, in_other_time, on_other_paths, tried, within_reach
 from planner.methods.registry import METHODS, find_method
 from planner.plan.measures import DomainReport
 from planner.plan.plan import Plan

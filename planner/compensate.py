@@ -11,7 +11,7 @@ from typing import Any
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.problem.problem import Problem
-from planner.problem.tables.compensation import CompensationTable
+from planner.problem.tables.problem_file import CompensationTable
 from planner.solve import compensated, solve
 from planner.support.user_tables import parse
 

@@ -14,16 +14,15 @@ import numpy as np
 
 from planner.errors import InputError, NoPlanError, TimeLimitError, VerificationError
 from planner.methods import typed_options
-from planner.methods.advice import advise, asked_instead
 from planner.methods.keeping import not_promised, refuse_unkept
-from planner.methods.refusal import BY_COLLOCATION, Change, lasting
+from planner.methods.refusal import BY_COLLOCATION, Change, advise, asked_instead, lasting
 from planner.methods.registry import METHODS, Method, find_method, merged_options
 from planner.plan.plan import Plan, expect_plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
 from planner.problem.requirements.ends import Goal, TipGoal
 from planner.problem.requirements.requirement import Requirement
-from planner.problem.tables.compensation import CompensationTable
+from planner.problem.tables.problem_file import CompensationTable
 from planner.support.deadline import MORE_TIME, TimeUpError, checked, limited
 from planner.support.progress import Listener, listening, now, tell
 from planner.verification.certify import certify
@@ -131,7 +130,7 @@ def solve(
         TimeLimitError: If the time limit ended without a plan; it says how far the search got.
         NoPlanError: If no plan is found, or the one found breaks a requirement; the subclass says
             which. The error carries the last iterate and its violations. Before it is raised,
-            changes of the problem are tried (`planner.methods.advice`), within the time limit and
+            changes of the problem are tried (`planner.methods.refusal`), within the time limit and
             in at most a few times the duration of the failed search.
     """
     return solve_and_check(

@@ -26,7 +26,7 @@ from planner.explorer.state import State
 from planner.methods.refusal import on_other_paths
 from planner.methods.registry import METHODS
 from planner.problem.requirements.requirement import At, Part, Requirement
-from planner.problem.tables import plugins
+from planner.problem.tables import kinds as plugins
 from planner.problem.tables.kinds import FILES, REQUIREMENTS, json_schema
 from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.vehicles import UnicycleFile

@@ -1,6 +1,7 @@
 """The command `planner`: `app` starts it, each other file holds the commands of one subject.
 
 Commands: `start` (new, methods, systems, schema), `plan` (plan, check), `compare` (compare,
-budget), `sensitivity`, `sweep`, `design`, `files` (export, animate, report), `paper`. They share:
-`arguments` (options), `output` (what is printed). What `planner new` writes: heads/KIND.toml.
+budget), `sensitivity`, `sweep` (sweep, design), `files` (export, animate, report), `paper`. They
+share: `arguments` (options), `output` (what is printed). What `planner new` writes:
+heads/KIND.toml.
 """

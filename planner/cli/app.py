@@ -18,7 +18,6 @@ from typing import Annotated, Any, TextIO
 import typer
 
 from planner.cli.compare import budget, compare
-from planner.cli.design import design
 from planner.cli.files import animate, export, report
 from planner.cli.output import (
     INTERRUPTED,
@@ -33,7 +32,7 @@ from planner.cli.paper import calibrate, reproduce
 from planner.cli.plan import check, plan
 from planner.cli.sensitivity import sensitivity
 from planner.cli.start import methods, new, schema, systems
-from planner.cli.sweep import sweep
+from planner.cli.sweep import design, sweep
 from planner.errors import InputWarning, PlannerError
 from planner.support.files import written
 from planner.support.interrupts import Terminated, hear_signals, hearing

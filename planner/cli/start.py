@@ -25,19 +25,18 @@ from pydantic import BaseModel
 
 from planner.cli.arguments import Json
 from planner.cli.output import note, print_json, print_text
-from planner.design.design_file import design_schema
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.methods.registry import all_methods
 from planner.plan.plan_file import plan_schema
 from planner.problem.tables.arms import MOST_JOINTS, ArmFile
-from planner.problem.tables.compensation import CompensationTable
 from planner.problem.tables.kinds import all_files, json_schema
 from planner.problem.tables.machine_effects import MachineTable
-from planner.problem.tables.problem_file import FeedbackTable, ProblemFile
+from planner.problem.tables.problem_file import CompensationTable, FeedbackTable, ProblemFile
 from planner.support.files import refuse_unwritable, toml, write_text
 from planner.support.tables import Column, terminal_table
 from planner.support.user_tables import nearest
+from planner.sweep.design.design_file import design_schema
 from planner.sweep.sweep_file import sweep_schema
 from planner.systems.manipulator import prototype_ratios
 

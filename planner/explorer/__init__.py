@@ -1,5 +1,5 @@
 """Sliders in a notebook, and a picture that follows them.
 
-In this order: `explore`, `widget`, `worker`, `state`, `control`, `task_controls`, `controls`,
-`screen`, `outcome`, `picture`.
+In this order: `explore`, `widget`, `worker`, `state`, `control`, `controls`, `screen`, `outcome`,
+`picture`.
 """

@@ -15,7 +15,7 @@ import numpy as np
 
 from planner.comparison.rows import effort_unit
 from planner.errors import InputError
-from planner.explorer.control import Control
+from planner.explorer.control import Control, task_controls
 from planner.explorer.controls import (
     limit_controls,
     machine_controls,
@@ -25,7 +25,6 @@ from planner.explorer.controls import (
 from planner.explorer.outcome import Outcome, errors, judge, path
 from planner.explorer.picture import error_panel, picture
 from planner.explorer.state import State, code, problem_file
-from planner.explorer.task_controls import task_controls
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.report.figures.mechanism import mechanism_svg

@@ -16,7 +16,7 @@ from planner.errors import InputError
 from planner.methods import keeping
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
-from planner.problem.tables.kinds import add_method_table
+from planner.problem.tables.kinds import add_method_table, load_plugins, remember
 from planner.problem.tables.method_options import (
     CollocationOptions,
     ConvexOptions,
@@ -26,7 +26,6 @@ from planner.problem.tables.method_options import (
     SinusoidOptions,
     SinusoidStepsOptions,
 )
-from planner.problem.tables.plugins import load_plugins, remember
 from planner.support.arrays import plain
 from planner.support.files import parse_toml
 from planner.support.tables import brief, line

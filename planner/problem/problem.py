@@ -24,17 +24,21 @@ from planner.problem.asked import (
     tip_of,
     waypoints_of,
 )
-from planner.problem.requirements.chart import ChartDomain
 from planner.problem.requirements.ends import Duration, Goal, Start, TipGoal
-from planner.problem.requirements.limits import InputLimit, JointLimit, RateLimit, Z2Margin
+from planner.problem.requirements.limits import (
+    ChartDomain,
+    InputLimit,
+    JointLimit,
+    RateLimit,
+    Z2Margin,
+)
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import Demand, Part, Requirement
 from planner.problem.requirements.self_collision import SelfCollision
-from planner.problem.tables.compensation import CompensationTable
 from planner.problem.tables.kinds import parse_file
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.method_options import MethodsTable
-from planner.problem.tables.problem_file import FeedbackTable
+from planner.problem.tables.problem_file import CompensationTable, FeedbackTable
 from planner.support.arrays import Array, hashable, plain
 from planner.support.files import read_toml
 from planner.support.tables import line

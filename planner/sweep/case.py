@@ -28,13 +28,13 @@ from planner.problem.tables.machine_effects import MachineTable
 from planner.solve import solve_and_check
 from planner.support.package import versions
 from planner.support.user_tables import parse
-from planner.sweep.points import canonical, digest
+from planner.sweep.sweep_file import canonical, digest
 from planner.systems.manipulator import Manipulator
 from planner.verification.verify import Check, verify
 
 if TYPE_CHECKING:
     from planner.sweep.description import Sweep
-    from planner.sweep.points import Point
+    from planner.sweep.sweep_file import Point
 
 RESULTS: Mapping[str, str] = {
     "status": "TEXT NOT NULL",

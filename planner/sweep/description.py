@@ -22,8 +22,7 @@ from planner.support.arrays import plain
 from planner.support.files import read_toml
 from planner.support.tables import line
 from planner.support.user_tables import parse
-from planner.sweep.points import Point, flat, points, varied
-from planner.sweep.sweep_file import ReplayTable, SweepFile
+from planner.sweep.sweep_file import Point, ReplayTable, SweepFile, flat, points, varied
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from planner.errors import InputError
-from planner.problem.tables.plugins import unknown_elsewhere
+from planner.problem.tables.kinds import unknown_elsewhere
 from planner.support.interrupts import Terminated, undisturbed
 from planner.sweep.case import Case, Row, case_at, cases
 from planner.sweep.description import Sweep

@@ -23,7 +23,7 @@ from planner.errors import InputError
 from planner.support.files import named, parse_json, refuse_unwritable
 from planner.sweep.case import RESULTS, Case, Row
 from planner.sweep.description import Sweep
-from planner.sweep.points import canonical, digest
+from planner.sweep.sweep_file import canonical, digest
 
 SCHEMA_VERSION = 1
 WAIT_S = 30.0

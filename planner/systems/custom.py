@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.support.arrays import Array
 from planner.support.compiled_calls import Pointwise
+from planner.support.one_variable import Solution, solve
 from planner.systems.expressions import FUNCTIONS, parse_expression, write_expression
-from planner.systems.monotone import Solution, solve
 from planner.systems.triangular_system import Coordinate, TriangularSystem
 
 Slopes = Callable[[Any], Sequence[Any]] | Sequence[str]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.machine.feedforward.prediction import predicted
+from planner.machine.feedforward.aim import predicted
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
 from planner.plan.quadrature import POINTS, Cells, Motion

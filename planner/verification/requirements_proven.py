@@ -23,7 +23,7 @@ import numpy as np
 
 from planner.plan.claims import Claim, undecided
 from planner.problem.problem import Problem
-from planner.problem.requirements.chart import ChartDomain
+from planner.problem.requirements.limits import ChartDomain
 from planner.problem.requirements.places import Waypoint
 from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.support import deadline

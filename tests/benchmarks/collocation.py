@@ -38,8 +38,7 @@ from planner.methods.collocation.pipeline import DIRECT
 from planner.methods.collocation.solvers.backends import Settings
 from planner.methods.collocation.task import task
 from planner.methods.collocation.transcription.bounds import Asked
-from planner.methods.collocation.transcription.form import Form, uniform
-from planner.methods.collocation.transcription.objective import objective
+from planner.methods.collocation.transcription.form import Form, objective, uniform
 from planner.methods.convex.method import plan_convex
 from planner.problem.tables.method_options import CollocationOptions, ConvexOptions
 from planner.systems.chained_form import chained_form

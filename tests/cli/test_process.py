@@ -33,14 +33,14 @@ sys.exit(planner.cli.app.main(sys.argv[1:]))
 SLOW_END = """
 import sys, time
 import planner.cli.app
-from planner.methods.collocation import early as collocation_early
+from planner.methods.collocation import method as collocation_method
 
 def slowly(*arguments):
     print("refining what is held", file=sys.stderr, flush=True)
     time.sleep({seconds})
     return polished(*arguments)
 
-polished, collocation_early.polish = collocation_early.polish, slowly
+polished, collocation_method.polish = collocation_method.polish, slowly
 sys.exit(planner.cli.app.main(sys.argv[1:]))
 """
 

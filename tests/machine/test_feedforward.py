@@ -11,10 +11,9 @@ from hypothesis import strategies as st
 
 import planner
 from planner.machine.feedforward.aim import aimed
-from planner.machine.feedforward.preparation import take_up
-from planner.machine.feedforward.shaping import Commands, shaped
+from planner.machine.feedforward.shaping import Commands, shaped, take_up
 from planner.plan.plan import Plan
-from planner.problem.tables.compensation import CompensationTable
+from planner.problem.tables.problem_file import CompensationTable
 from tests.machine.handmade import K, arm_problem, inputs, plan_from
 
 NONE: dict[str, Any] = {

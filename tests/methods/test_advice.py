@@ -9,9 +9,8 @@ import pytest
 
 import planner
 from planner.errors import NoPlanError, NotConvergedError, TimeLimitError
-from planner.methods import advice
-from planner.methods.advice import advise
-from planner.methods.refusal import BY_COLLOCATION, Change, in_other_time, on_other_paths
+from planner.methods import refusal as refusals
+from planner.methods.refusal import BY_COLLOCATION, Change, advise, in_other_time, on_other_paths
 from planner.methods.registry import METHODS
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
@@ -85,7 +84,7 @@ def test_tries_take_a_few_times_as_long_as_the_refusal(paper: Problem) -> None:
 
     error = refusal()
     advise(error, paper, attempt, 100.0)
-    assert all(seconds <= advice.TIMES * 100 * advice.PART for seconds in left)
+    assert all(seconds <= refusals.TIMES * 100 * refusals.PART for seconds in left)
     assert len(left) == len(CHANGES)
     assert "not tried for lack of time: limits.joint_deg = 80.0" in str(error.advice)
     assert "larger time limit" not in str(error.advice)

@@ -17,8 +17,8 @@ from planner.methods.laws.law import Ends, finish, summary, trajectory_of
 from planner.methods.laws.legs import Leg, LegMotion, steer
 from planner.plan.trajectory import ChainedTrajectory
 from planner.problem.requirements.requirement import At, Part, Requirement
-from planner.problem.tables.limits import bound_deg
 from planner.problem.tables.method_options import LegOptions
+from planner.problem.tables.problem_file import bound_deg
 from planner.problem.tables.vehicles import CarGoal, CarLimits, CarStart, VehicleFile
 from planner.support.arrays import Array
 from planner.support.user_tables import Positive, Table

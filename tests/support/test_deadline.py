@@ -14,10 +14,9 @@ import pytest
 
 from planner.errors import InputError
 from planner.support import deadline
-from planner.support.compiled_calls import within
+from planner.support.compiled_calls import Ipopt, within
 from planner.support.deadline import TimeUpError, limited, share
 from planner.support.interrupts import heed_interrupts
-from planner.support.ipopt import Ipopt
 
 
 def rosenbrock(size: int, iterations: int) -> Ipopt:

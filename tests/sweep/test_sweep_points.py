@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from planner.sweep.points import points
-from planner.sweep.sweep_file import SweepFile
+from planner.sweep.sweep_file import SweepFile, points
 
 KEYS = {
     "limits.a": {"uniform": [2.0, 3.0]},

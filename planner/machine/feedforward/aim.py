@@ -6,6 +6,8 @@ which begins with F' = 1: the end moves with the goal. Taking F itself off the g
 is the same with F' = 1 throughout, and goes astray where a shifted goal makes the drive turn back
 elsewhere (problems/paper-fig4.toml). Each value of F takes one plan next to the last and one replay
 of one machine.
+
+On the nominal machine every spread is off and every systematic effect on.
 """
 
 from __future__ import annotations
@@ -18,12 +20,13 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError, NoPlanError
-from planner.machine.feedforward.prediction import commanded
-from planner.machine.feedforward.shaping import shaped
+from planner.machine.feedforward.shaping import Commands, shaped
 from planner.machine.machine import Machine
+from planner.machine.replay import SETTLE_S
+from planner.machine.simulate import simulate
 from planner.plan.plan import Compensation, Plan
 from planner.problem.problem import Problem
-from planner.problem.tables.compensation import CompensationTable
+from planner.problem.tables.problem_file import CompensationTable
 from planner.support.arrays import Array
 from planner.support.deadline import TimeUpError, limited
 from planner.systems.manipulator import Manipulator
@@ -171,3 +174,57 @@ def _shifted(problem: Problem, goal: Array, shift: Array, moved: slice) -> Probl
         angles = ", ".join(f"{angle:.4g}" for angle in keys["goal.theta_deg"])
         why = str(error).splitlines()[0].removeprefix(f"{problem.source}: ")
         raise NoPlanError(f"that goal would be ({angles}) deg; {why}") from None
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """A motion of the nominal machine.
+
+    Attributes:
+        q: Coordinates at the plan's own times `plan.t`, shape (K+1, N).
+        end: Coordinates once the servos have settled, shape (N,). The path coordinate counts from
+            where it is when the plan starts: what the preparation turns it by is lost motion.
+        deviation: Largest |q − what is wanted| over time of those after the first, (N−1,).
+    """
+
+    q: Array
+    end: Array
+    deviation: Array
+
+
+def predicted(plan: Plan, machine: Machine) -> Prediction:
+    """What the nominal machine makes of a plan's inputs.
+
+    Args:
+        plan: A compensated plan; only the start of its motion and its inputs are read.
+        machine: The machine; its spreads count for nothing.
+    """
+    first = np.zeros(1, dtype=np.int64)
+    tick = float(plan.t[1] - plan.t[0])
+    run = simulate(plan, machine.nominal(), first, 0, settle_s=SETTLE_S, record_s=tick)
+    q, end = run.q[0, : len(plan.t)], run.q[0, -1].copy()
+    end[0] -= q[round(plan.lead_s / tick), 0] - q[0, 0]
+    return Prediction(q, end, run.deviation[0])
+
+
+def commanded(
+    near: Plan, compensation: Compensation, commands: Commands
+) -> tuple[Plan, Prediction]:
+    """The compensated plan with these commands, and its prediction; not verified.
+
+    Args:
+        near: The plan that the commands were shaped from.
+        compensation: The plan whose motion is wanted, and the machine that is allowed for.
+        commands: What the motors are told.
+    """
+    system, wanted = near.problem.system, compensation.plan
+    still = np.repeat(near.q(0.0)[None], len(commands.t), axis=0)
+    out = replace(
+        wanted,
+        trajectory=commands.along(system, still),
+        verified=False,
+        certificate=None,
+        compensation=compensation,
+    )
+    found = predicted(out, Machine.from_table(compensation.machine))
+    return replace(out, trajectory=commands.along(system, found.q)), found

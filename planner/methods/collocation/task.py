@@ -14,8 +14,7 @@ from planner.methods.collocation.long_arms.bridges import Chain
 from planner.methods.collocation.solvers.backends import Settings
 from planner.methods.collocation.solvers.solver import Solution, judged, prepare, solve
 from planner.methods.collocation.transcription.bounds import Asked, Bounds, bounds
-from planner.methods.collocation.transcription.form import Form, Mesh, held_by
-from planner.methods.collocation.transcription.objective import Objective
+from planner.methods.collocation.transcription.form import Form, Mesh, Objective, held_by
 from planner.methods.collocation.transcription.transcription import Transcription
 from planner.methods.collocation.transcription.unknowns import (
     STEPS,

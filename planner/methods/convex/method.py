@@ -12,10 +12,9 @@ from scipy.interpolate import BPoly
 
 from planner.errors import InfeasibleError, InputError, NoPlanError, NotConvergedError
 from planner.methods.convex.band import Band, band_of
-from planner.methods.convex.global_optimum import Above, Best, Impossible, Touch, cut
+from planner.methods.convex.global_optimum import Above, Best, Found, Impossible, Touch, cut, search
 from planner.methods.convex.paths import Frame, Shape, input_shape
 from planner.methods.convex.programme import Programme, StalledError
-from planner.methods.convex.search import Found, search
 from planner.methods.laws.free_numbers import candidate_travels
 from planner.methods.laws.law import chart_ends
 from planner.methods.refusal import BY_COLLOCATION, Change, free_travel, lasting

@@ -1,1 +1,1 @@
-"""Plans that answer little to errors of inputs, start and constants: `method`, `starts`."""
+"""Plans that answer little to errors of inputs, start and constants (`method`)."""

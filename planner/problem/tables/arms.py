@@ -13,15 +13,18 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from planner.problem.tables.limits import BaseLimits, PerInput, bound, bound_deg
 from planner.problem.tables.problem_file import (
     MOST_OBSTACLES,
     MOST_WAYPOINTS,
+    BaseLimits,
     Free,
     GoalTable,
     JointWaypoint,
     ObstacleTable,
+    PerInput,
     ProblemFile,
+    bound,
+    bound_deg,
 )
 from planner.support.arrays import Array
 from planner.support.user_tables import Positive, Table

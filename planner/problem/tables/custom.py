@@ -10,8 +10,14 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from planner.problem.tables.limits import BaseLimits, PerInput, bound
-from planner.problem.tables.problem_file import Free, GoalTable, NamedFile
+from planner.problem.tables.problem_file import (
+    BaseLimits,
+    Free,
+    GoalTable,
+    NamedFile,
+    PerInput,
+    bound,
+)
 from planner.support.arrays import Array
 from planner.support.tables import line
 from planner.support.user_tables import Positive, Table, nearest

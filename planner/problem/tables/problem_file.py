@@ -1,25 +1,97 @@
 """The problem file: the tables all systems share, and the hooks each system fills in.
 
-The `[feedback]` table: the tracker that closes the loop.
-
-The `[[waypoints]]` and `[[obstacles]]` of a problem file.
+Shared are `[feedback]` (the tracker that closes the loop), `[compensation]` (which errors of the
+machine are compensated), `[[waypoints]]`, `[[obstacles]]`, and what every kind's `[limits]` says;
+the limits of arms are in `arms`, and so on.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import AfterValidator, Field, field_validator
 
-from planner.problem.tables.compensation import CompensationTable
-from planner.problem.tables.limits import BaseLimits
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.method_options import MethodsTable
 from planner.support.arrays import Array
-from planner.support.user_tables import Table, nearest
+from planner.support.user_tables import Positive, Table, nearest
 from planner.systems.triangular_system import TriangularSystem
+
+
+class CompensationTable(Table):
+    """Options of compensated plans."""
+
+    on: bool = Field(
+        False,
+        description="Whether plans are compensated for the problem's nominal machine (without"
+        " spreads): their inputs are the motor commands, their motion is the one"
+        " predicted on that machine.",
+    )
+    aim: bool = Field(
+        True,
+        description="Whether to plan for a shifted goal, so that the predicted motion ends at"
+        " the real goal.",
+    )
+    preparation: Literal["forward", "jump", False] = Field(
+        "forward",
+        description="How backlash and shaft torsion of the joints are taken up. forward: by a"
+        " preparatory motion of some seconds, without reversal of the drive. jump:"
+        " at the start of the plan, at the limit of input 1. false: not at all.",
+    )
+    back_off: bool = Field(
+        True,
+        description="Whether the drive turns back after the plan's end, as far as no joint of"
+        " the nominal machine follows. On machines with less lost motion than the"
+        " mean, joints that overshot come back. It takes about a second. Not used"
+        " if goal.travel is given or if the drive reverses during the plan.",
+    )
+    lag: bool = Field(
+        True,
+        description="Whether commands are sent earlier by the lag of hold, delay, servo and"
+        " friction.",
+    )
+    gearheads: bool = Field(
+        True,
+        description="Whether a motor that reverses crosses the backlash of its gearhead at once.",
+    )
+
+
+def _two(value: float | list[float] | None) -> float | list[float] | None:
+    if isinstance(value, list) and len(value) != 2:
+        raise ValueError(f"has {len(value)} values; give one, or one for each of the 2 inputs")
+    return value
+
+
+PerInput = Annotated[Positive | list[Positive] | None, AfterValidator(_two)]
+
+
+def bound(value: float | Sequence[float] | None, size: int) -> Array:
+    """Limits as an array (size,); infinite where there is none."""
+    return np.broadcast_to(np.asarray(np.inf if value is None else value, dtype=float), size)
+
+
+def bound_deg(value: float | Sequence[float] | None, size: int) -> Array:
+    """Limits given in degrees as an array (size,) in radians; infinite where there is none."""
+    return np.deg2rad(bound(value, size))
+
+
+class BaseLimits(Table):
+    """What every kind's limits answer."""
+
+    @abstractmethod
+    def inputs(self) -> Array:
+        """Largest |u|, shape (2,), in the inputs' units; infinite where there is none."""
+
+    @abstractmethod
+    def input_rates(self) -> Array:
+        """Largest |du/dt|, shape (2,); infinite where there is none."""
+
+    def least_z2(self) -> float | None:
+        """Least |z₂| on the side of the start; None when z₂ is free."""
+        return None
 
 
 class FeedbackTable(Table):
@@ -84,7 +156,6 @@ class FeedbackTable(Table):
     )
 
 
-Positive = Annotated[float, Field(gt=0)]
 AngleDeg = Annotated[float, Field(gt=-90, lt=90)]
 
 

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.design.figures import LOAD, DesignRow, Figure
-from planner.design.result import DesignStudy
 from planner.errors import expect
 from planner.report.figures.style import COLOURS, TAG, grid, heading, legend, plain
 from planner.support.tables import number
+from planner.sweep.design.figures import LOAD, DesignRow, Figure
+from planner.sweep.design.result import DesignStudy
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.methods.convex.global_optimum import NO_TOUCH, Above, Best, Impossible, Touch
+from planner.methods.convex.global_optimum import NO_TOUCH, Above, Best, Impossible, Touch, search
 from planner.methods.convex.paths import Frame, input_shape
 from planner.methods.convex.programme import Farkas, Optimum, StalledError
-from planner.methods.convex.search import search
 
 FRAME = Frame(input_shape(8, 0), np.zeros(4), np.ones(4), 1.0)
 NOTHING = np.zeros(0)

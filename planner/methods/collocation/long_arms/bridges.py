@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from planner.problem.problem import Problem
 from planner.support.arrays import Array
-from planner.support.ipopt import Ipopt
+from planner.support.compiled_calls import Ipopt
 from planner.systems.triangular_system import TriangularSystem
 
 Index = NDArray[np.int64]

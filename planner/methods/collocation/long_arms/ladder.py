@@ -26,11 +26,10 @@ from planner.methods.collocation.candidates import seeds
 from planner.methods.collocation.long_arms.bridges import Chain, Ends, Index, closed
 from planner.methods.collocation.long_arms.bridges import ends_of as ends_of
 from planner.methods.collocation.long_arms.held import can_hold, chain_of, follow, held
-from planner.methods.collocation.path import path_task, search
+from planner.methods.collocation.path import Timed, hasty, path_task, search, timed
 from planner.methods.collocation.solvers.backends import RUNGS, way
 from planner.methods.collocation.solvers.solver import ACCEPTED_RESIDUAL
 from planner.methods.collocation.task import Task, offer_chain, stretched, task
-from planner.methods.collocation.timing import Timed, hasty, timed
 from planner.methods.collocation.transcription.bounds import Asked
 from planner.methods.collocation.transcription.form import Form
 from planner.methods.collocation.transcription.unknowns import Iterate

@@ -17,8 +17,7 @@ from planner.methods.collocation.transcription.bounds import Bounds
 from planner.methods.collocation.transcription.form import TERMS
 from planner.methods.collocation.transcription.transcription import Program, Transcription
 from planner.support.arrays import Array
-from planner.support.compiled_calls import within
-from planner.support.ipopt import Ipopt
+from planner.support.compiled_calls import Ipopt, within
 
 SolverName = Literal["fatrop", "ipopt"]
 

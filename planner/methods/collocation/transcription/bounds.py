@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.methods.collocation.transcription.form import Mesh, held_by
-from planner.methods.collocation.transcription.objective import Objective
+from planner.methods.collocation.transcription.form import Mesh, Objective, held_by
 from planner.methods.collocation.transcription.transcription import Transcription
 from planner.methods.collocation.transcription.unknowns import Index
 from planner.problem.problem import Problem

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planner import Gear, Manipulator
-from planner.design.geometry import design, gear_of, kappa_of
+from planner.sweep.design.geometry import design, gear_of, kappa_of
 
 BASE = Gear(r1=30.0, R=36.0, r3=25.0, lam=1.3, eta=1.4)
 BENDS = np.deg2rad([70.0, 80.0, 60.0])

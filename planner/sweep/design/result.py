@@ -12,12 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.design.design_file import Asked
-from planner.design.figures import (
-    DesignRow,
-    Figure,
-)
-from planner.design.geometry import kappa_of
 from planner.errors import InputError
 from planner.plan.samples import imported
 from planner.support.arrays import jsonable
@@ -32,6 +26,12 @@ from planner.support.tables import (
     number,
     terminal_table,
 )
+from planner.sweep.design.design_file import Asked
+from planner.sweep.design.figures import (
+    DesignRow,
+    Figure,
+)
+from planner.sweep.design.geometry import kappa_of
 
 if TYPE_CHECKING:
     import pandas

@@ -10,7 +10,6 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, model_validator
 
-from planner.design.geometry import Design, design, gear_of
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.methods.registry import COMPENSATED, parse_specs
@@ -21,8 +20,8 @@ from planner.support.files import read_toml
 from planner.support.tables import line, number
 from planner.support.user_tables import Positive, Table, nearest, parse
 from planner.sweep.description import base_problem
-from planner.sweep.points import points, varied
-from planner.sweep.sweep_file import Range, SweepFile, Whole
+from planner.sweep.design.geometry import Design, design, gear_of
+from planner.sweep.sweep_file import Range, SweepFile, Whole, points, varied
 from planner.systems.manipulator import Gear, Manipulator, stage_gears
 
 MOST_TASKS = 1000

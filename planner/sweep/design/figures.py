@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.design.geometry import Design
 from planner.errors import InputError
 from planner.problem.feasibility import TravelWindow
 from planner.support.arrays import Array
 from planner.support.tables import number
 from planner.support.user_tables import nearest
 from planner.sweep.case import CARRIED
+from planner.sweep.design.geometry import Design
 
 Record = Mapping[str, Any]
 """A case of the sweep: see `planner.sweep.case.RESULTS`."""

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from planner.design.design_file import Asked, read_design
-from planner.design.figures import (
+from planner.problem.feasibility import TravelWindow, travel_window
+from planner.sweep.design.design_file import Asked, read_design
+from planner.sweep.design.figures import (
     DesignRow,
     Figure,
     Outcome,
@@ -24,8 +25,7 @@ from planner.design.figures import (
     pareto,
     reason,
 )
-from planner.design.result import DesignStudy, folder_made
-from planner.problem.feasibility import TravelWindow, travel_window
+from planner.sweep.design.result import DesignStudy, folder_made
 from planner.sweep.results import read
 from planner.sweep.run import run_sweep
 
@@ -52,7 +52,7 @@ def design_study(
 
     Args:
         design: A design file (TOML), or its tables; `problem` may be a `Problem`. See
-            `planner.design.design_file.DesignFile` for the keys.
+            `planner.sweep.design.design_file.DesignFile` for the keys.
         folder: Where finished cases are kept; nowhere when left out. `DesignStudy.save` writes
             the results.
         workers: Processes of this computer, as many as it has cores when left out; 0 plans in this

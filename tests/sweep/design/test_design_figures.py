@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from planner import Gear
-from planner.design.figures import (
+from planner.problem.feasibility import TravelWindow
+from planner.sweep.case import RESULTS
+from planner.sweep.design.figures import (
     LOAD,
     DesignRow,
     Figure,
@@ -19,9 +21,7 @@ from planner.design.figures import (
     pareto,
     reason,
 )
-from planner.design.geometry import design
-from planner.problem.feasibility import TravelWindow
-from planner.sweep.case import RESULTS
+from planner.sweep.design.geometry import design
 
 EFFORT, SPREAD = Figure("effort", "effort", "rad^2/s"), Figure("spread_deg", "spread", "deg")
 GEAR = Gear(1.0, 1.0, 1.0, 1.0, 1.0)

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import planner
-from planner.design import study as study_module
-from planner.design.design_file import read_design
 from planner.machine.contact_load import contact_load
 from planner.report import plot_design
+from planner.sweep.design import study as study_module
+from planner.sweep.design.design_file import read_design
 
 Tables = dict[str, Any]
 TASKS = [

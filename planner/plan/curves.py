@@ -1,11 +1,12 @@
 """Piecewise polynomials in the Bernstein basis (`scipy.interpolate.BPoly`).
 
-Their values, roots and range, and how a file holds them.
+Their values, roots and range, how a file holds them, and parts of their pieces.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from math import comb
 from typing import Any
@@ -17,7 +18,75 @@ from scipy.interpolate import BPoly, PPoly
 from planner.support.arrays import Array
 
 Pieces = NDArray[np.int_]
-"""Numbers of pieces, from 0."""
+"""Numbers of pieces, or of cells, from 0."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Parts of the pieces of a trajectory, as fractions of a piece that floats hold exactly.
+
+    Attributes:
+        breaks: Times between the pieces, shape (K+1,), seconds.
+        piece: The piece each cell belongs to, shape (C,).
+        low: Where it begins, as a fraction of its piece, shape (C,).
+        size: Its width as a fraction of its piece, shape (C,).
+    """
+
+    breaks: Array
+    piece: Pieces
+    low: Array
+    size: Array
+
+    @classmethod
+    def of(cls, breaks: Array) -> Cells:
+        """The pieces themselves, but for those that take no time."""
+        piece = np.flatnonzero(np.diff(breaks) > 0)
+        return cls(breaks, piece, np.zeros(len(piece)), np.ones(len(piece)))
+
+    @property
+    def width(self) -> Array:
+        """Seconds, shape (C,), to a rounding."""
+        return np.asarray(np.diff(self.breaks)[self.piece] * self.size)
+
+    def fractions(self, share: Array) -> Array:
+        """Shares (M,) of each cell as fractions of its piece, shape (M, C)."""
+        return np.asarray(self.low + self.size * share[:, None])
+
+    def time(self, cell: Pieces, x: Array) -> Array:
+        """Seconds at x in [−1, 1] of cells."""
+        begins = self.breaks[self.piece] + np.diff(self.breaks)[self.piece] * self.low
+        return np.asarray(begins[cell] + self.width[cell] * (x + 1) / 2)
+
+    def times(self, x: Array) -> Array:
+        """Seconds (C, M) at places x (M,) in [−1, 1] of each cell, or at one of each (C, 1)."""
+        return self.time(np.arange(len(self.piece))[:, None], x)
+
+    def only(self, which: NDArray[Any]) -> Cells:
+        """Some of the cells, by index or mask."""
+        return Cells(self.breaks, self.piece[which], self.low[which], self.size[which])
+
+    def split(self, parts: NDArray[np.int_] | int = 4) -> tuple[Cells, Pieces]:
+        """Each in so many equal parts (a power of two), and which cell each came from.
+
+        Near a singularity parting in four takes half as many steps as halving.
+        """
+        origin = np.repeat(np.arange(len(self.piece)), parts)
+        first = np.searchsorted(origin, origin)
+        size = (self.size / parts)[origin]
+        low = self.low[origin] + size * (np.arange(len(origin)) - first)
+        return Cells(self.breaks, self.piece[origin], low, size), origin
+
+    def halved(self) -> Cells:
+        """The left halves of all, then the right halves."""
+        size = self.size / 2
+        low = np.append(self.low, self.low + size)
+        return Cells(self.breaks, np.tile(self.piece, 2), low, np.tile(size, 2))
+
+
+def joined(parts: Sequence[Cells]) -> Cells:
+    """Several groups of cells as one."""
+    columns = [np.concatenate([getattr(p, n) for p in parts]) for n in ("piece", "low", "size")]
+    return Cells(parts[0].breaks, *columns)
 
 
 def expect_curve(name: str, curve: BPoly, values: tuple[int, ...]) -> None:

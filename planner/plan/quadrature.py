@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from planner.plan.curves import Pieces, product
+from planner.plan.curves import Cells, Pieces, joined, product
 from planner.plan.trajectory import Trajectory
 from planner.support import deadline
 from planner.support.arrays import Array
@@ -56,53 +56,6 @@ Values = Callable[[Array, Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
-class Cells:
-    """Parts of the pieces of a trajectory, in order of time.
-
-    Attributes:
-        breaks: Times between the pieces, shape (K+1,).
-        piece: The piece each cell belongs to, shape (C,).
-        low: Where it begins, as a fraction of its piece, shape (C,).
-        size: Its width as a fraction of its piece, shape (C,).
-    """
-
-    breaks: Array
-    piece: Pieces
-    low: Array
-    size: Array
-
-    @classmethod
-    def of(cls, breaks: Array) -> Cells:
-        """The pieces themselves, but for those that take no time."""
-        piece = np.flatnonzero(np.diff(breaks) > 0)
-        return cls(breaks, piece, np.zeros(len(piece)), np.ones(len(piece)))
-
-    @property
-    def width(self) -> Array:
-        """Seconds, shape (C,)."""
-        return np.asarray(np.diff(self.breaks)[self.piece] * self.size)
-
-    def fractions(self, points: int) -> Array:
-        """The points as fractions of their pieces, shape (points, C)."""
-        return np.asarray(self.low + self.size * _points(points)[:, None])
-
-    def time(self, cell: Pieces, x: Array) -> Array:
-        """Seconds at x in [−1, 1] of cells."""
-        begins = self.breaks[self.piece] + np.diff(self.breaks)[self.piece] * self.low
-        return np.asarray(begins[cell] + self.width[cell] * (x + 1) / 2)
-
-    def only(self, which: NDArray[np.bool_] | Pieces) -> Cells:
-        """Some of the cells."""
-        return Cells(self.breaks, self.piece[which], self.low[which], self.size[which])
-
-    def split(self) -> Cells:
-        """Four for each, next to one another; near a singularity half as many steps as halving."""
-        size = np.repeat(self.size / 4, 4)
-        low = np.repeat(self.low, 4) + size * np.tile(np.arange(4), len(self.piece))
-        return Cells(self.breaks, np.repeat(self.piece, 4), low, size)
-
-
-@dataclass(frozen=True, eq=False)
 class Reading:
     """A trajectory's own q (16, C, N) and u (16, C, 2) on cells fine enough for both."""
 
@@ -123,7 +76,7 @@ def read(trajectory: Trajectory, *values: Values, start: Cells | None = None) ->
     held, most = 0, MOST_CELLS + len(open_.piece)
     for step in range(SPLITS + 1):
         deadline.check_stopped()
-        q, u = trajectory.inside(open_.piece, open_.fractions(POINTS))
+        q, u = trajectory.inside(open_.piece, open_.fractions(points(POINTS)))
         tail = tails(np.concatenate([f(q, u) for f in wanted], axis=-1))
         rough = (tail > RESOLVED) & ((tail > NOISE) | (tail < 0.2 * before))
         held += int(np.sum(~rough))
@@ -132,16 +85,10 @@ def read(trajectory: Trajectory, *values: Values, start: Cells | None = None) ->
             break
         kept.append(Reading(open_.only(~rough), q[:, ~rough], u[:, ~rough]))
         before = np.repeat(tail[rough], 4)
-        open_ = open_.only(rough).split()
+        open_ = open_.only(rough).split()[0]
     if len(kept) == 1:
         return kept[0]
-    cells = Cells(
-        open_.breaks,
-        *(
-            np.concatenate([getattr(k.cells, name) for k in kept])
-            for name in ("piece", "low", "size")
-        ),
-    )
+    cells = joined([k.cells for k in kept])
     order = np.lexsort((cells.low, cells.piece))
     q, u = (np.concatenate([getattr(k, name) for k in kept], axis=1)[:, order] for name in "qu")
     return Reading(cells.only(order), q, u)
@@ -189,7 +136,7 @@ class Motion:
 
     def samples(self) -> tuple[Array, Array]:
         """Points x (33,) in [−1, 1] and q (33, C, N) there in every cell."""
-        return 2 * _points(SAMPLES) - 1, apply(_resampling(SAMPLES), self.q)
+        return 2 * points(SAMPLES) - 1, apply(_resampling(SAMPLES), self.q)
 
     def at(self, cell: Pieces, x: Array) -> Array:
         """q (…, R, N) at x (…, R) in [−1, 1] of cells (R,)."""
@@ -221,7 +168,7 @@ def integrate(
         motion = _integrated(trajectory, start, reading)
         if not motion.error > tolerance or len(reading.cells.piece) > MOST_CELLS:
             break  # good enough, or not a number, or noise: splitting would not help
-        cells = reading.cells.split()
+        cells = reading.cells.split()[0]
     return motion
 
 
@@ -232,7 +179,7 @@ def _integrated(trajectory: Trajectory, start: Array, reading: Reading) -> Motio
     rates = system.rates(q, u)
     tail = np.sum(width * np.max(np.abs(apply(_to_series()[-3:], rates)), axis=0), axis=0)
     # the same integral at other points, through the interpolated motion
-    claimed, control = trajectory.inside(cells.piece, cells.fractions(CONTROL_POINTS))
+    claimed, control = trajectory.inside(cells.piece, cells.fractions(points(CONTROL_POINTS)))
     between = again = apply(_resampling(CONTROL_POINTS), q)
     for _ in range(2):  # so that an error of one coordinate reaches those that read it
         again = _integral(start, width, system.rates(again, control))
@@ -240,7 +187,7 @@ def _integrated(trajectory: Trajectory, start: Array, reading: Reading) -> Motio
     gaps = [np.max(np.abs(a - b), axis=-1) for a, b in ((reading.q, q), (claimed, between))]
     k = int(np.argmax([np.max(g) for g in gaps]))
     point, cell = np.unravel_index(np.argmax(gaps[k]), gaps[k].shape)
-    x = 2 * _points(len(gaps[k]))[point] - 1
+    x = 2 * points(len(gaps[k]))[point] - 1
     gap = float(gaps[k][point, cell]), float(cells.time(np.array(cell), x))
     return Motion(cells, q, u, float(error), gap)
 
@@ -300,7 +247,7 @@ def greatest(cells: Cells, values: Array) -> tuple[Array, Array]:
     NaN where a function is not finite.
     """
     which = np.arange(values.shape[-1])
-    grid = 2 * _points(SAMPLES) - 1
+    grid = 2 * points(SAMPLES) - 1
     samples = apply(_resampling(SAMPLES), values)
     tops = np.max(samples, axis=0)
     few = np.argsort(-tops, axis=0, kind="stable")[:3]
@@ -345,7 +292,7 @@ def slopes(cells: Cells, values: Array) -> Array:
     size = np.abs(series)
     above = size > 10 * np.max(size[-3:], axis=0)
     shape = np.logical_or.accumulate(above[::-1])[::-1]
-    slope = apply(_at_points() @ _derivative(), np.where(shape, series, 0.0))
+    slope = apply(_atpoints() @ _derivative(), np.where(shape, series, 0.0))
     return np.asarray(np.where(np.isnan(values), np.nan, slope) * (2 / cells.width[:, None]))
 
 
@@ -364,7 +311,7 @@ def _evaluated(series: Array, x: Array) -> Array:
 
 
 @lru_cache(maxsize=8)
-def _points(count: int) -> Array:
+def points(count: int) -> Array:
     """Chebyshev–Lobatto points on [0, 1]."""
     return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.arange(count) / (count - 1)))
 
@@ -372,20 +319,20 @@ def _points(count: int) -> Array:
 @lru_cache(maxsize=8)
 def _to_series(count: int = POINTS) -> Array:
     """Values at the points → Chebyshev coefficients."""
-    return np.asarray(np.linalg.inv(chebyshev.chebvander(2 * _points(count) - 1, count - 1)))
+    return np.asarray(np.linalg.inv(chebyshev.chebvander(2 * points(count) - 1, count - 1)))
 
 
 @lru_cache(maxsize=8)
 def _resampling(count: int) -> Array:
     """Values at the 16 points → values at `count` points."""
-    return np.asarray(chebyshev.chebvander(2 * _points(count) - 1, POINTS - 1) @ _to_series())
+    return np.asarray(chebyshev.chebvander(2 * points(count) - 1, POINTS - 1) @ _to_series())
 
 
 @lru_cache(maxsize=8)
 def _integration(count: int) -> Array:
     """Values → values of the integral from the beginning, for a cell of width 1."""
     integrals = chebyshev.chebint(np.eye(count), lbnd=-1) / 2
-    return np.asarray(chebyshev.chebval(2 * _points(count) - 1, integrals).T @ _to_series(count))
+    return np.asarray(chebyshev.chebval(2 * points(count) - 1, integrals).T @ _to_series(count))
 
 
 @lru_cache(maxsize=1)
@@ -395,6 +342,6 @@ def _derivative() -> Array:
 
 
 @lru_cache(maxsize=1)
-def _at_points() -> Array:
+def _atpoints() -> Array:
     """Series → values at the 16 points."""
-    return np.asarray(chebyshev.chebvander(2 * _points(POINTS) - 1, POINTS - 1))
+    return np.asarray(chebyshev.chebvander(2 * points(POINTS) - 1, POINTS - 1))

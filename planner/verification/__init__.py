@@ -1,6 +1,6 @@
 """The independent judge, and proofs over whole intervals.
 
-In this order: `verify` (is every requirement kept?), `on_the_machine`, `summary`, `load_plan`; then
+In this order: `verify` (is every requirement kept?), `summary`, `load_plan`; then
 the certificate: `certify`, `requirements_proven`, `cells`, `enclosure`, `input_models`,
 `functions`, `balls`, `affine_models`.
 """

@@ -21,73 +21,12 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.interpolate import BPoly
 
+from planner.plan.curves import Cells
 from planner.support import deadline
 from planner.support.arrays import Array
 from planner.verification import affine_models
 from planner.verification.affine_models import INFLATE, POINTS, UNIT, Index, Model
 from planner.verification.balls import Ball, polynomial_balls
-
-
-@dataclass(frozen=True, eq=False)
-class Cells:
-    """Parts [low, high] of pieces, as fractions of the piece that floats hold exactly.
-
-    Attributes:
-        breaks: Times between the pieces, shape (P+1,), seconds.
-        piece: Piece numbers, shape (C,).
-        low: Shape (C,).
-        high: Shape (C,).
-    """
-
-    breaks: Array
-    piece: Index
-    low: Array
-    high: Array
-
-    @classmethod
-    def of(cls, breaks: Array) -> Cells:
-        """The whole pieces as cells."""
-        count = len(breaks) - 1
-        return cls(breaks, np.arange(count), np.zeros(count), np.ones(count))
-
-    @property
-    def width(self) -> Array:
-        """Seconds, shape (C,), to a rounding."""
-        return np.asarray(np.diff(self.breaks)[self.piece] * (self.high - self.low))
-
-    def times(self, tau: Array) -> Array:
-        """Times (C, M) at places tau (M,) in [−1, 1] of each cell, or at one of each (C, 1)."""
-        whole = np.diff(self.breaks)[self.piece, None]
-        fraction = self.low[:, None] + (self.high - self.low)[:, None] * (tau + 1) / 2
-        return np.asarray(self.breaks[self.piece, None] + whole * fraction)
-
-    def only(self, which: Index) -> Cells:
-        """Some of them, by index or mask."""
-        return Cells(self.breaks, self.piece[which], self.low[which], self.high[which])
-
-    def halved(self) -> Cells:
-        """The left halves of all, then the right halves."""
-        middle = (self.low + self.high) / 2
-        low, high = np.append(self.low, middle), np.append(middle, self.high)
-        return Cells(self.breaks, np.tile(self.piece, 2), low, high)
-
-    def split(self, parts: Index) -> tuple[Cells, Index]:
-        """Each in so many equal parts (a power of two), and which cell each came from."""
-        origin = np.repeat(np.arange(len(parts)), parts)
-        place = np.arange(len(origin)) - np.repeat(np.cumsum(parts) - parts, parts)
-        share = ((self.high - self.low) / parts)[origin]
-        low = self.low[origin] + share * place
-        return Cells(self.breaks, self.piece[origin], low, low + share), origin
-
-    def joints(self) -> Index:
-        """Indices k of cells (but the last) after which another piece begins."""
-        return np.asarray(np.flatnonzero(np.diff(self.piece)))
-
-
-def joined(parts: Sequence[Cells]) -> Cells:
-    """Several groups of cells as one."""
-    columns = [np.concatenate([getattr(p, n) for p in parts]) for n in ("piece", "low", "high")]
-    return Cells(parts[0].breaks, *columns)
 
 
 def joined_models(parts: Sequence[Model]) -> Model:
@@ -136,9 +75,9 @@ def _restricted(curve: BPoly, cells: Cells, order: int) -> tuple[Array, Array]:
     slips = slip.T[:, cells.piece]
     if degree == 0:
         return c, slips
-    whole = np.all((cells.low == 0) & (cells.high == 1))
+    whole = np.all(cells.size == 1)
     if not whole:
-        c = _part(c, cells.low, cells.high)
+        c = _part(c, cells.low, cells.low + cells.size)
     matrix = affine_models.from_bernstein(degree + 1)
     steps = degree + 4 + (0 if whole else 8 * degree)
     return c @ matrix.T, steps * np.sum(np.abs(matrix)) * UNIT * size + slips * INFLATE

@@ -23,6 +23,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from planner.plan.curves import Cells
 from planner.plan.trajectory import Trajectory
 from planner.support.arrays import Array
 from planner.support.compiled_calls import Pointwise
@@ -30,7 +31,6 @@ from planner.systems.triangular_system import TriangularSystem
 from planner.verification import affine_models
 from planner.verification.affine_models import INFLATE, UNIT, Model
 from planner.verification.balls import POINTS, RADIUS, SQUARE, Ball, models, polynomial_balls
-from planner.verification.cells import Cells
 from planner.verification.functions import Expression
 
 TUBES = (1e-6, 1e-3)

@@ -22,6 +22,7 @@ import casadi as ca
 import numpy as np
 from scipy.interpolate import BPoly
 
+from planner.plan.curves import Cells
 from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import ChainedTrajectory, StateTrajectory, Trajectory
 from planner.support.arrays import Array
@@ -30,7 +31,7 @@ from planner.systems.triangular_system import TriangularSystem
 from planner.verification import affine_models
 from planner.verification.affine_models import INFLATE, UNIT, Index
 from planner.verification.balls import Ball, polynomial_balls, reciprocal
-from planner.verification.cells import Cells, derivative, on
+from planner.verification.cells import derivative, on
 from planner.verification.enclosure import Motion, enclose
 from planner.verification.functions import Expression, UnboundedError
 
@@ -164,7 +165,7 @@ def resolve(source: Source, start: Array | None = None) -> Motion:
     """
     cells = Cells.of(source.trajectory.breaks)
     if len(cells.piece) < FEWEST_CELLS:
-        cells, _ = cells.split(np.full(len(cells.piece), 4))
+        cells, _ = cells.split()
     u, before = source.inputs(cells), np.full(len(cells.piece), np.inf)
     for _ in range(source.halvings):
         bad, rough = _unsettled(u, before)

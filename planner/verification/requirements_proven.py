@@ -22,6 +22,7 @@ import casadi as ca
 import numpy as np
 
 from planner.plan.claims import Claim, undecided
+from planner.plan.curves import Cells, joined
 from planner.problem.problem import Problem
 from planner.problem.requirements.limits import ChartDomain
 from planner.problem.requirements.places import Waypoint
@@ -32,7 +33,7 @@ from planner.systems.triangular_system import TriangularSystem, arm_points_expr
 from planner.verification import affine_models
 from planner.verification.affine_models import UNIT, Model
 from planner.verification.balls import Ball
-from planner.verification.cells import Cells, Margin, halved, joined, joined_models, least
+from planner.verification.cells import Margin, halved, joined_models, least
 from planner.verification.enclosure import Motion
 from planner.verification.functions import Expression, UnboundedError
 from planner.verification.verify import GOAL_TOLERANCE, INTERPOLANT_TOLERANCE
@@ -129,7 +130,7 @@ def unsaid(problem: Problem, claims: list[Claim]) -> list[Claim]:
 def jumps(problem: Problem, u: list[Model], cells: Cells) -> dict[str, Claim]:
     """Claims that replace those of the rates where an input jumps, or may jump, at a break."""
     out = {}
-    at = cells.joints()
+    at = np.flatnonzero(np.diff(cells.piece))  # cells after which another piece begins
     rates = [each for each in problem.requirements if each.plain and "du" in each.reads]
     parts = [part for each in rates for part in each.parts]
     for part in parts if len(at) else []:

@@ -1,6 +1,5 @@
 """The independent judge, and proofs over whole intervals.
 
-In this order: `verify` (is every requirement kept?), `summary`, `load_plan`; then
-the certificate: `certify`, `requirements_proven`, `cells`, `enclosure`, `input_models`,
-`functions`, `balls`, `affine_models`.
+In this order: `verify` (is every requirement kept?), `summary`, `load_plan`; then the certificate:
+`certify`, `places_proven`, `input_models`, `enclosure`, `functions`, `balls`, `models`.
 """

@@ -33,14 +33,22 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from planner.support.arrays import Array
-from planner.verification import affine_models
-from planner.verification.affine_models import INFLATE, UNIT, Index, Model
+from planner.verification.models import (
+    INFLATE,
+    LEBESGUE,
+    POINTS,
+    SUMS,
+    UNIT,
+    Index,
+    Model,
+    evaluation,
+    interpolation,
+)
 
 RHO = np.array([1.0, 1.6, 2.25, 3.15, 4.4, 6.2, 8.7, 12.2, 17.0])
 """Of the segment and of the ellipses. On 1.6 cells too wide for the others still have a bound; on
 17 what is left over is rounding (17⁻¹⁵ = 4e-19)."""
 
-POINTS = affine_models.POINTS
 _REAL = np.arange(POINTS + len(RHO)) <= POINTS
 """Columns on which f is real: the points and the segment."""
 
@@ -275,7 +283,7 @@ def polynomial_balls(c: Array, r: Array) -> list[Ball]:
     size, most = np.abs(c), _most(width)
     slip = (width + 6) * UNIT * np.sum(size, axis=2) + r
     centre, slope, radius = np.zeros((3, *r.shape, len(RADIUS)))
-    centre[..., :POINTS] = c @ affine_models.evaluation(width).T
+    centre[..., :POINTS] = c @ evaluation(width).T
     centre[..., POINTS:] = c[..., :1]
     if width > 1:
         slope[..., POINTS:] = c[..., 1:2]
@@ -302,9 +310,9 @@ def models(balls: Sequence[Ball], cells: int) -> list[Model]:
         c[i], b[i], r[i] = _parts(ball)
     v, line = c[:, :, :POINTS], r[:, :, POINTS]
     left_over = np.fmin.reduce(r[:, :, POINTS + 1 :] * CUT[1:], axis=2)
-    wrong = affine_models.LEBESGUE * np.max(r[:, :, :POINTS], axis=2)
-    rest = left_over + wrong + 28 * UNIT * affine_models.SUMS * np.max(np.abs(v), axis=2)
-    out = v @ affine_models.interpolation().T
+    wrong = LEBESGUE * np.max(r[:, :, :POINTS], axis=2)
+    rest = left_over + wrong + 28 * UNIT * SUMS * np.max(np.abs(v), axis=2)
+    out = v @ interpolation().T
     rough = ~(rest <= line)
     out[rough] = 0.0
     out[rough, 0], out[rough, 1] = c[rough, POINTS], b[rough, POINTS]

@@ -13,14 +13,12 @@ from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import ChainedTrajectory, StateTrajectory, Trajectory
 from planner.support.arrays import Array
 from planner.support.one_variable import sample_times
-from planner.verification import affine_models, requirements_proven
+from planner.verification import requirements_proven
 from planner.verification import requirements_proven as need
-from planner.verification.affine_models import Model
-from planner.verification.balls import POINTS
-from planner.verification.cells import least, on, polynomials, refined
 from planner.verification.enclosure import Motion, strayed
-from planner.verification.functions import UnboundedError
+from planner.verification.functions import UnboundedError, on, polynomials, refined
 from planner.verification.input_models import Source, inverse_of, resolve, source_of
+from planner.verification.models import POINTS, Model, evaluation, least
 
 STANDSTILL = "the inputs of a retimed path are quotients of zeros where the path stands still"
 
@@ -125,7 +123,7 @@ def _left_out(trajectory: Trajectory, motion: Motion) -> Array:
     """
     assert isinstance(trajectory, RetimedTrajectory)
     (rate,) = polynomials(trajectory.length, motion.cells, 1)
-    pace, out = rate.c @ affine_models.evaluation(rate.c.shape[1]).T, []
+    pace, out = rate.c @ evaluation(rate.c.shape[1]).T, []
     mean = trajectory.length.c[-1, -1] / trajectory.length.x[-1]
     for ball, model in zip(motion.u, motion.models(*motion.u), strict=True):
         size = np.abs(ball.c[:, :POINTS])

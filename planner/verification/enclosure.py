@@ -28,10 +28,18 @@ from planner.plan.trajectory import Trajectory
 from planner.support.arrays import Array
 from planner.support.compiled_calls import Pointwise
 from planner.systems.triangular_system import TriangularSystem
-from planner.verification import affine_models
-from planner.verification.affine_models import INFLATE, UNIT, Model
-from planner.verification.balls import POINTS, RADIUS, SQUARE, Ball, models, polynomial_balls
+from planner.verification.balls import RADIUS, SQUARE, Ball, models, polynomial_balls
 from planner.verification.functions import Expression
+from planner.verification.models import (
+    INFLATE,
+    POINTS,
+    REACHES,
+    UNIT,
+    Model,
+    integration,
+    interpolation,
+    nodes,
+)
 
 TUBES = (1e-6, 1e-3)
 """Radii of the tube tried, in the coordinates' units."""
@@ -90,7 +98,7 @@ def enclose(path: Trajectory, cells: Cells, u: list[Ball], start: Array) -> Moti
             q |= {i: integral(f, width, start[i]) for i, f in zip(block, found, strict=True)}
         else:
             if near is None:
-                guess = path.q(cells.times(affine_models.nodes()))
+                guess = path.q(cells.times(nodes()))
                 near = _reference(system, cells, guess, u, start)
             tubed, found = _tube(system, block, cells, (q, u), near, start)
             q |= tubed
@@ -107,9 +115,9 @@ def integral(f: Ball, width: Array, start: float) -> Ball:
     units of one, at most 400 units of the greatest value in all, the width's own included.
     """
     half, v = width / 2, f.c[:, :POINTS]
-    steps = v @ affine_models.integration().T * half[:, None]
+    steps = v @ integration().T * half[:, None]
     most = np.max(np.abs(v), axis=1)
-    wrong = half * (affine_models.REACHES * f.points_wrong + 2 * f.left_over + 400 * UNIT * most)
+    wrong = half * (REACHES * f.points_wrong + 2 * f.left_over + 400 * UNIT * most)
     left = start + np.append(0.0, np.cumsum(steps[:, -1])[:-1])
     slips = wrong + 2 * UNIT * (np.abs(left) + np.abs(steps[:, -1]))
     doubt = wrong + 4 * UNIT * np.abs(left)
@@ -173,7 +181,7 @@ def _tube(
 ) -> tuple[dict[int, Ball], list[Ball]]:
     """Balls of a block's coordinates, and of their rates at the reference."""
     (known, u), width = given, cells.width
-    c = guess.transpose(2, 0, 1)[block] @ affine_models.interpolation().T
+    c = guess.transpose(2, 0, 1)[block] @ interpolation().T
     p = {i: Model(own, 0 * width) for i, own in zip(block, c, strict=True)}
     core = dict(zip(block, polynomial_balls(c, 0 * c[:, :, 0]), strict=True))
     found = _rates(system, block, cells, known | core, u)
@@ -341,15 +349,15 @@ def _swept(
 ) -> Array:
     """One sweep; `flow` (C, N, N) is how a change at a cell's left end grows across it."""
     rates = system.rates(values, inputs) * (width[:, None, None] / 2)
-    steps = np.einsum("mk,ckn->cmn", affine_models.integration(), rates)
+    steps = np.einsum("mk,ckn->cmn", integration(), rates)
     signs = np.where(np.arange(POINTS) % 2 == 0, 1.0, -1.0)
-    before = np.einsum("k,ckn->cn", signs @ affine_models.interpolation(), values)
+    before = np.einsum("k,ckn->cn", signs @ interpolation(), values)
     at, now = np.empty_like(before), start
     for k in range(len(values)):
         at[k] = now
         now = now + steps[k, -1] + flow[k] @ (now - before[k])
     change = np.einsum("cij,cj->ci", flow, at - before)
-    share = (affine_models.nodes() + 1) / 2
+    share = (nodes() + 1) / 2
     return np.asarray(at[:, None] + steps[:, :POINTS] + share[:, None] * change[:, None])
 
 

@@ -28,12 +28,18 @@ from planner.plan.trajectory import ChainedTrajectory, StateTrajectory, Trajecto
 from planner.support.arrays import Array
 from planner.systems.chained_form import chained_form
 from planner.systems.triangular_system import TriangularSystem
-from planner.verification import affine_models
-from planner.verification.affine_models import INFLATE, UNIT, Index
 from planner.verification.balls import Ball, polynomial_balls, reciprocal
-from planner.verification.cells import derivative, on
 from planner.verification.enclosure import Motion, enclose
-from planner.verification.functions import Expression, UnboundedError
+from planner.verification.functions import Expression, UnboundedError, derivative, on
+from planner.verification.models import (
+    INFLATE,
+    UNIT,
+    Index,
+    from_bernstein,
+    interpolation,
+    nodes,
+    slopes,
+)
 
 FINE = 1e-10
 """Remainder of inputs and rates, relative to their size or one, below which a cell is kept."""
@@ -207,7 +213,7 @@ class Clocked:
 def clocked(trajectory: RetimedTrajectory, cells: Cells) -> Clocked:
     """σ and its derivatives on cells of the clock's pieces."""
     length, clock = trajectory.length, trajectory.clock
-    own = trajectory.place(cells.times(affine_models.nodes())) @ affine_models.interpolation().T
+    own = trajectory.place(cells.times(nodes())) @ interpolation().T
     (guess,) = polynomial_balls(own[None], np.zeros((1, len(own))))
 
     def along(order: int, sigma: Ball) -> Ball:
@@ -242,7 +248,7 @@ def at(
     left, width = curve.x[piece, None], np.diff(curve.x)[piece, None]
     x = (sigma + Ball(-left, 0 * left, 0 * left)).scaled(2 / width) - 1.0
     x = x.widened(4 * UNIT * x.size)
-    matrix = affine_models.from_bernstein(len(b))
+    matrix = from_bernstein(len(b))
     grown = (len(b) + 4) * np.sum(np.abs(matrix)) * UNIT
     slips = (slip + grown * np.max(np.abs(b), axis=0))[piece]
     return _composite(b.transpose(2, 1, 0)[:, piece] @ matrix.T, slips.T[..., None], x)
@@ -257,7 +263,7 @@ def _composite(c: Array, slip: Array, x: Ball) -> list[Ball]:
     """
     width, last = c.shape[2], np.zeros(c.shape)
     last[..., -1] = 1.0
-    slope, bend = c @ affine_models.slopes(width, 1).T, c @ affine_models.slopes(width, 2).T
+    slope, bend = c @ slopes(width, 1).T, c @ slopes(width, 2).T
     far = (np.maximum(np.abs(x.c), 1.0) + x.reach) * INFLATE
     size, steepest, bent, top = _clenshaw(np.abs(np.stack([c, slope, bend, last])), far)
     value, steep = _clenshaw(np.stack([c, slope]), x.c)

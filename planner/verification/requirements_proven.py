@@ -30,12 +30,19 @@ from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.support import deadline
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem, arm_points_expr
-from planner.verification import affine_models
-from planner.verification.affine_models import UNIT, Model
 from planner.verification.balls import Ball
-from planner.verification.cells import Margin, halved, joined_models, least
 from planner.verification.enclosure import Motion
 from planner.verification.functions import Expression, UnboundedError
+from planner.verification.models import (
+    POINTS,
+    UNIT,
+    Margin,
+    Model,
+    halved,
+    joined_models,
+    least,
+    nodes,
+)
 from planner.verification.verify import GOAL_TOLERANCE, INTERPOLANT_TOLERANCE
 
 JUMP = 1e-7
@@ -408,8 +415,8 @@ def _clearance(square: float, by: float) -> float:
 
 def _nearest(motion: Motion, point: Waypoint) -> tuple[float, bool]:
     """A time at which the motion is near a waypoint, and whether it provably is nowhere near."""
-    places = np.array([-1.0, *affine_models.nodes(), 1.0])
-    basis = np.polynomial.chebyshev.chebvander(places, affine_models.POINTS - 1)
+    places = np.array([-1.0, *nodes(), 1.0])
+    basis = np.polynomial.chebyshev.chebvander(places, POINTS - 1)
     q = np.stack([p.c @ basis[:, : p.c.shape[1]].T for p in motion.states], axis=-1)
     cell, place = np.unravel_index(np.argmin(point.distance(q)), q.shape[:2])
     time = float(motion.cells.times(places)[cell, place])

@@ -64,13 +64,12 @@ GROUPS = {
         [
             f"verification/{name}.py"
             for name in [
-                "affine_models",
                 "balls",
-                "cells",
                 "certify",
                 "enclosure",
                 "functions",
                 "input_models",
+                "models",
                 "requirements_proven",
             ]
         ],

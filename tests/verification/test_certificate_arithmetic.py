@@ -14,13 +14,13 @@ import pytest
 from scipy.interpolate import BPoly
 
 from planner.plan.curves import Cells
-from planner.verification import affine_models as series
 from planner.verification import balls
+from planner.verification import models as series
 from planner.verification.balls import POINTS, RADIUS, RHO, Ball, models, polynomial_balls
-from planner.verification.cells import halved, on
 from planner.verification.enclosure import integral
-from planner.verification.functions import _KNOWN, Expression
+from planner.verification.functions import _KNOWN, Expression, on
 from planner.verification.input_models import _composite
+from planner.verification.models import halved
 
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")  # as `certify`
 mp = mpmath.mp.clone()

@@ -10,11 +10,10 @@ from scipy.interpolate import BPoly
 from planner.plan.curves import Cells
 from planner.systems.chained_form import chained_form
 from planner.systems.manipulator import Manipulator
-from planner.verification.affine_models import from_bernstein
 from planner.verification.balls import Ball, models, polynomial_balls
-from planner.verification.cells import derivative, least, polynomials
-from planner.verification.functions import Expression, UnboundedError
+from planner.verification.functions import Expression, UnboundedError, derivative, polynomials
 from planner.verification.input_models import _feedback
+from planner.verification.models import from_bernstein, least
 
 x = ca.SX.sym("x")
 

@@ -15,7 +15,7 @@ with w the path's inputs at σ. Where the path stands still (length' = 0) nothin
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import casadi as ca
@@ -29,14 +29,25 @@ from planner.support.arrays import Array
 from planner.systems.chained_form import chained_form
 from planner.systems.triangular_system import TriangularSystem
 from planner.verification.balls import Ball, polynomial_balls, reciprocal
-from planner.verification.enclosure import Motion, enclose
-from planner.verification.functions import Expression, UnboundedError, derivative, on
+from planner.verification.enclosure import Motion, enclose, strayed
+from planner.verification.functions import (
+    Expression,
+    UnboundedError,
+    derivative,
+    on,
+    polynomials,
+    refined,
+)
 from planner.verification.models import (
     INFLATE,
+    POINTS,
     UNIT,
     Index,
+    Model,
+    evaluation,
     from_bernstein,
     interpolation,
+    least,
     nodes,
     slopes,
 )
@@ -52,6 +63,74 @@ COARSE = 1e-4
 """Remainder above which a cell is divided in four at once."""
 
 MOST_CELLS = 1500
+
+REFINING = 1e-13
+"""What rounding does to a path's inputs written on more pieces, relative to them."""
+
+
+def enclosed(trajectory: Trajectory, start: Array) -> tuple[Source, Motion, list[Model]]:
+    """The true motion under a trajectory's inputs.
+
+    Of a retimed trajectory that along its path, in the path's own time: no state depends on the
+    timing.
+
+    Returns:
+        The inputs, the motion, and the trajectory's own coordinates.
+
+    Raises:
+        UnboundedError: If nothing bounds a trajectory of this kind or of this system.
+    """
+    path = _path(trajectory)
+    source = source_of(path)
+    motion = resolve(source, start)
+    if path is not trajectory:
+        motion = strayed(path.system, motion, _left_out(trajectory, motion))
+    if isinstance(path, StateTrajectory):
+        return source, motion, polynomials(path.q_curve, motion.cells)
+    assert isinstance(path, ChainedTrajectory)
+    state = _inverse_of(path.system, tuple(path.branch.tolist()))
+    return source, motion, motion.models(*state(on(path.z_curve, motion.cells)))
+
+
+def _path(trajectory: Trajectory) -> Trajectory:
+    """What moves: no state depends on its timing. A retimed path comes on the length's pieces."""
+    if type(trajectory) is not RetimedTrajectory:
+        return trajectory
+    path, breaks = trajectory.path, trajectory.length.x
+    if type(path) is StateTrajectory:
+        return replace(
+            path, q_curve=refined(path.q_curve, breaks), u_curve=refined(path.u_curve, breaks)
+        )
+    if type(path) is ChainedTrajectory:
+        return replace(
+            path, z_curve=refined(path.z_curve, breaks), v_curve=refined(path.v_curve, breaks)
+        )
+    twice = isinstance(path, RetimedTrajectory)
+    raise UnboundedError("a path that is retimed twice" if twice else f"kind '{path.kind}'")
+
+
+def _left_out(trajectory: Trajectory, motion: Motion) -> Array:
+    """How much of the path's inputs a retimed motion may leave out, shape (2,).
+
+    The clock runs along the length, and so skips any stretch of the path over which the length does
+    not grow. With |u| ≤ M length' + η everywhere, the inputs skipped add up to at most η times the
+    stretch; M may be anything, and η is what the choice of M leaves over.
+    """
+    assert isinstance(trajectory, RetimedTrajectory)
+    (rate,) = polynomials(trajectory.length, motion.cells, 1)
+    pace, out = rate.c @ evaluation(rate.c.shape[1]).T, []
+    mean = trajectory.length.c[-1, -1] / trajectory.length.x[-1]
+    for ball, model in zip(motion.u, motion.models(*motion.u), strict=True):
+        size = np.abs(ball.c[:, :POINTS])
+        steep = float(np.max(size / pace, where=pace > 1e-3 * mean, initial=0.0))
+        bound = rate.scaled(np.full(len(pace), 2 * steep))
+        scale = np.full(2, max(float(np.mean(size)), 1e-12))
+        both = [(1.0, bound + model, 0.0), (1.0, bound - model, 0.0)]
+        found = least(both, motion.cells, scale)
+        left = np.max([0.0, *(-x.guaranteed for x in found)])  # not a number stays one
+        eta = float(left) + REFINING * float(np.max(size))
+        out.append(eta if eta >= 0 else np.inf)
+    return np.array(out)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +235,7 @@ def _feedback(system: TriangularSystem, branch: tuple[float, ...]) -> tuple[Expr
 
 
 @lru_cache(maxsize=32)
-def inverse_of(system: TriangularSystem, branch: tuple[float, ...]) -> Expression:
+def _inverse_of(system: TriangularSystem, branch: tuple[float, ...]) -> Expression:
     """q of z on one branch, for systems whose `source_of` exists."""
     z = ca.SX.sym("z", system.size)
     return Expression([z], chained_form(system).q_expr(z, ca.DM(branch)))

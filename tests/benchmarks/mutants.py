@@ -70,7 +70,7 @@ GROUPS = {
                 "functions",
                 "input_models",
                 "models",
-                "requirements_proven",
+                "places_proven",
             ]
         ],
         "tests/verification/test_certificate_arithmetic.py"

@@ -70,6 +70,32 @@ def test_a_retimed_plan_is_proven(optimal: planner.Plan, method: str) -> None:
     assert min(certificate["input u1"].guaranteed, certificate["input u2"].guaranteed) < 1e-6
 
 
+def test_times_of_a_retimed_plan_are_its_own_and_not_those_of_the_path(
+    optimal: planner.Plan,
+) -> None:
+    fast = planner.retime(optimal)
+    assert fast.duration < 0.9 * optimal.duration
+    certificate = planner.certify(fast)
+    for label in ("goal theta1", "goal theta3"):
+        assert certificate[label].time_s == pytest.approx(fast.duration, rel=1e-12)
+    claim = certificate["chart domain"]
+    assert claim.time_s is not None
+    least = fast.problem.system.chart_margins(fast.q(claim.time_s), fast.problem.branch).min()
+    assert least == pytest.approx(claim.attained, abs=1e-8)
+
+
+def test_a_certificate_lists_requirements_in_the_order_of_the_problem(
+    optimal: planner.Plan,
+) -> None:
+    own = {part.label: part.unit for each in optimal.problem.demands for part in each.parts}
+    certificate = planner.certify(optimal)
+    labels = [claim.label for claim in certificate.claims[:-1]]
+    assert labels == [label for label in own if label in labels]
+    assert {
+        claim.unit for claim in certificate.claims if claim.unit != own.get(claim.label, "")
+    } == set()
+
+
 def test_a_retimed_plan_too_fast_is_not_proven(optimal: planner.Plan) -> None:
     fast = planner.retime(optimal)
     free = fast.problem.changed({"goal.duration": "free"})

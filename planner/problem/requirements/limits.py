@@ -26,6 +26,7 @@ class ChartDomain(Demand):
 
     start: tuple[float, ...]
     in_chart: ClassVar[bool] = True
+    reads: ClassVar[frozenset[str]] = frozenset({"q"})
 
     @property
     def parts(self) -> tuple[Part, ...]:

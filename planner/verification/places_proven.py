@@ -1,0 +1,168 @@
+"""How near the true motion comes to places: links of an arm to points, coordinates to waypoints.
+
+A link from P in direction e of length l has from a place C the squared distance
+
+    |P − C|² + m(a),   a = (P − C)·e,   m(a) = min over t in [0, l] of 2at + t²
+
+where m is 0 for a ≥ 0, −a² for −l ≤ a ≤ 0, and linear below. On a cell within one of these ranges
+the distance is a model. On one across two of them m, being concave, is replaced by its chord, and
+such cells are halved until the chord is as good as m.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from typing import Any, cast
+
+import casadi as ca
+import numpy as np
+
+from planner.plan.curves import Cells, joined
+from planner.plan.retimed import RetimedTrajectory
+from planner.plan.trajectory import Trajectory
+from planner.problem.requirements.places import Waypoint
+from planner.support import deadline
+from planner.support.arrays import Array
+from planner.systems.triangular_system import TriangularSystem, arm_points_expr
+from planner.verification.balls import Ball
+from planner.verification.enclosure import Motion
+from planner.verification.functions import Expression
+from planner.verification.models import (
+    POINTS,
+    UNIT,
+    Least,
+    Model,
+    halved,
+    joined_models,
+    least,
+    nodes,
+)
+
+HALVINGS = 10
+
+
+def clearances(
+    system: TriangularSystem, motion: Motion, centre: Sequence[Ball], links: list[int], by: float
+) -> Iterator[Least]:
+    """How far some links (from 0) are from a place, beyond a distance, in metres."""
+    balls = _links(system)(motion.q, centre)
+    lengths = system.link_lengths  # type: ignore[attr-defined]
+    values = motion.models(*(balls[3 * link + k] for link in links for k in range(3)))
+    for k, link in enumerate(links):
+        square, cells = _square(values[3 * k : 3 * k + 3], float(lengths[link]), motion.cells)
+        (found,) = least([(1.0, square, 0.0)], cells, np.array([by**2]))
+        low, high = (
+            float(np.sqrt(max(x, 0.0)) - by) if np.isfinite(x) else x
+            for x in (found.guaranteed, found.attained)
+        )
+        yield Least(low, high, found.time_s)
+
+
+def joints(system: TriangularSystem, motion: Motion) -> list[Ball]:
+    """x and y of the base, the joints and the tip."""
+    return _points(system)(motion.q)
+
+
+@lru_cache(maxsize=32)
+def _links(system: TriangularSystem) -> Expression:
+    """|P − C|², a and a² of each link, of (q, C)."""
+    arm: Any = system
+    q, centre = ca.SX.sym("q", system.size), ca.SX.sym("C", 2)
+    offset, heading, out = -centre, ca.SX(0), []
+    for i, length in enumerate(arm.link_lengths, 1):
+        heading = heading + q[i]
+        direction = ca.vertcat(ca.cos(heading), ca.sin(heading))
+        along = ca.dot(offset, direction)
+        out += [ca.sumsqr(offset), along, along**2]
+        offset = offset + length * direction
+    return Expression([q, centre], ca.vertcat(*out))
+
+
+@lru_cache(maxsize=32)
+def _points(system: TriangularSystem) -> Expression:
+    """x and y of the base, the joints and the tip, of q."""
+    q, arm = ca.SX.sym("q", system.size), cast("Any", system)
+    points = arm_points_expr([q[i] for i in range(1, system.size)], arm.link_lengths)
+    return Expression([q], ca.vertcat(*(x for point in points for x in point)))
+
+
+def _square(values: list[Model], length: float, cells: Cells) -> tuple[Model, Cells]:
+    """A model that is nowhere above the squared distance, close to it where it may be least, and
+    its cells."""
+    kept: list[tuple[Cells, list[Model]]] = []
+    best = np.inf
+    for step in range(HALVINGS + 1):
+        deadline.check_stopped()
+        square, along, _ = values
+        low, high = along.low, along.high
+        best = np.fmin(best, np.fmin.reduce(square.high + _least_of(high, length)))
+        far = square.low + _least_of(low, length) > best
+        one = (low >= 0) | (high <= -length) | ((high <= 0) & (low >= -length))
+        settled = one | far | (step == HALVINGS) | ~np.isfinite(along.r)
+        kept.append((cells.only(settled), [x.only(settled) for x in values]))
+        if np.all(settled):
+            break
+        values = [Model(*halved(x.c[~settled], x.r[~settled])) for x in values]
+        cells = cells.only(~settled).halved()
+    square, along, twice = (joined_models([m[k] for _, m in kept]) for k in range(3))
+    return _lower(square, along, twice, length), joined([c for c, _ in kept])
+
+
+def _lower(square: Model, along: Model, twice: Model, length: float) -> Model:
+    """|P − C|² + m(a), or with the chord of m on cells across two of its ranges."""
+    low, high = np.clip(along.low, -1e6, 1e6), np.clip(along.high, -1e6, 1e6)
+    behind, beyond, beside = low >= 0, high <= -length, (high <= 0) & (low >= -length)
+    at_low, at_high = _least_of(low, length), _least_of(high, length)
+    slope = np.divide(at_high - at_low, high - low, out=np.zeros_like(low), where=high > low)
+    slope = np.where(behind | beside, 0.0, np.where(beyond, 2 * length, slope))
+    level = np.where(behind | beside, 0.0, np.where(beyond, length**2, at_low - slope * low))
+    doubt = 16 * UNIT * (np.abs(slope * low) + np.abs(level) + np.abs(at_low) + np.abs(at_high))
+    straight = along.scaled(slope) + Model(level[:, None], doubt)
+    return square + straight + twice.scaled(np.where(beside, -1.0, 0.0))
+
+
+def _least_of(a: Array, length: float) -> Array:
+    t = np.clip(-a, 0.0, length)
+    return np.asarray(2 * a * t + t**2)
+
+
+def nearest(motion: Motion, point: Waypoint, tolerance: float) -> tuple[float, bool]:
+    """A time at which the motion is near a waypoint, and whether it provably is nowhere near."""
+    places = np.array([-1.0, *nodes(), 1.0])
+    basis = np.polynomial.chebyshev.chebvander(places, POINTS - 1)
+    q = np.stack([p.c @ basis[:, : p.c.shape[1]].T for p in motion.states], axis=-1)
+    cell, place = np.unravel_index(np.argmin(point.distance(q)), q.shape[:2])
+    time = float(motion.cells.times(places)[cell, place])
+    fixed = np.flatnonzero(~np.isnan(point.q))
+    states = [motion.states[i] - float(point.q[i]) for i in fixed]
+    away = np.max([np.maximum(s.low, -s.high) for s in states], axis=0)
+    return time, bool(np.all(away > tolerance))
+
+
+def distance(motion: Motion, point: Waypoint, time: float, slip: float) -> tuple[float, float]:
+    """Bounds of the distance at a time that is known to within `slip`."""
+    ends = motion.cells.times(np.array([-1.0, 1.0]))
+    k = int(np.clip(np.searchsorted(ends[:, 0], time, side="right") - 1, 0, len(ends) - 1))
+    tau = 2 * (time - ends[k, 0]) / (ends[k, 1] - ends[k, 0]) - 1
+    low, high = 0.0, 0.0
+    for i in np.flatnonzero(~np.isnan(point.q)):
+        c = motion.states[i].c[k]
+        value = abs(np.polynomial.chebyshev.chebval(tau, c) - point.q[i])
+        doubt = float(motion.states[i].r[k]) + 1e-14 * len(c) ** 2 * float(np.sum(np.abs(c)))
+        steepest = float(np.arange(len(c)) ** 2 @ np.abs(c))  # |Tₖ'| ≤ k²
+        doubt += 2 * slip / (ends[k, 1] - ends[k, 0]) * steepest
+        low, high = max(low, value - doubt), max(high, value + doubt)
+    return low, high
+
+
+def own_time(trajectory: Trajectory, time_s: float) -> tuple[float, float]:
+    """The path's own time at a time of the plan, and how far off it may be; infinite beyond it."""
+    if not 0 <= time_s <= trajectory.duration:
+        return time_s, np.inf
+    if not isinstance(trajectory, RetimedTrajectory):
+        return time_s, 0.0
+    length, s, own = trajectory.length, trajectory.clock(time_s), float(trajectory.place(time_s))
+    off = 1e-9 * length.x[-1]
+    low, high = max(own - off, 0.0), min(own + off, length.x[-1])
+    return own, off if length(low) <= s <= length(high) else np.inf

@@ -36,8 +36,9 @@ if TYPE_CHECKING:  # a new public name goes here, into the table below and into 
     from planner.plan.claims import Certificate, Claim
     from planner.plan.plan import Plan
     from planner.plan.samples import Samples, load_samples
+    from planner.problem.asked import Limits
     from planner.problem.feasibility import TravelWindow, travel_window
-    from planner.problem.problem import Limits, Problem, load_problem
+    from planner.problem.problem import Problem, load_problem
     from planner.problem.tables.kinds import register_requirement, register_system
     from planner.report.export import export
     from planner.retime import retime
@@ -83,7 +84,8 @@ _HOMES = {
     "plan.plan": "Plan",
     "plan.samples": "Samples load_samples",
     "problem.feasibility": "TravelWindow travel_window",
-    "problem.problem": "Limits Problem load_problem",
+    "problem.asked": "Limits",
+    "problem.problem": "Problem load_problem",
     "problem.tables.kinds": "register_requirement register_system",
     "report.export": "export",
     "retime": "retime",

@@ -1,12 +1,15 @@
-"""What the tables of a problem file ask of every plan, and where they contradict each other."""
+"""The tables of a problem file: changed by keys, what they ask of every plan, contradictions."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from planner.errors import InputError
+from planner.errors import InputError, expect
 from planner.problem.requirements.ends import TipGoal
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import Requirement
@@ -15,6 +18,59 @@ from planner.problem.tables.kinds import REQUIREMENTS
 from planner.problem.tables.problem_file import ProblemFile
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
+
+
+def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """`data` itself, a problem file's tables, with dotted keys set in it.
+
+    Raises:
+        InputError: If a key leads through what is not a table.
+    """
+    expect(
+        Mapping, changes, 'changes must be dotted keys and values, for example {"goal.travel": 0.8}'
+    )
+    for dotted, value in changes.items():
+        table = data
+        *parents, key = dotted.split(".")
+        for parent in parents:
+            table = table.setdefault(parent, {})
+            if not isinstance(table, dict):
+                raise InputError(f"cannot set '{dotted}': '{parent}' is not a table")
+        table[key] = value
+    return data
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """Limits that a plan keeps at all times; infinite (or None) where there is no limit.
+
+    Attributes:
+        input: Largest |u|, shape (2,), in the inputs' units (rad/s).
+        input_rate: Largest |du/dt|, shape (2,) (rad/s²).
+        joint: Largest |q|, shape (N,), in the coordinates' units (rad).
+        z2_margin: Least |z₂|; z₂ keeps the sign it has at the start. None: no limit of z₂.
+    """
+
+    input: Array
+    input_rate: Array
+    joint: Array
+    z2_margin: float | None
+
+    @property
+    def input_scale(self) -> Array:
+        """What inputs are measured by, shape (2,): their limits, or 1 where there is none."""
+        return np.where(np.isfinite(self.input), self.input, 1.0)
+
+    @property
+    def unlimited(self) -> NDArray[np.bool_]:
+        """Which inputs have no limit, and nor have their rates, shape (2,)."""
+        return np.isinf(self.input) & np.isinf(self.input_rate)
+
+
+def limits_of(tables: ProblemFile) -> Limits:
+    """The bare numbers of a problem file."""
+    given = tables.limits
+    return Limits(given.inputs(), given.input_rates(), tables.joint_limits(), given.least_z2())
 
 
 def waypoints_of(tables: ProblemFile, system: TriangularSystem, source: str) -> list[Waypoint]:

@@ -11,18 +11,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from planner.errors import InputError, InputWarning, expect, made_by
 from planner.problem.asked import (
+    Limits,
     clash_of_times,
     contradiction,
     further_of,
     likely_slip,
+    limits_of,
     obstacles_of,
     self_collision_of,
     tip_of,
     waypoints_of,
+    with_changes,
 )
 from planner.problem.requirements.ends import Duration, Goal, Start, TipGoal
 from planner.problem.requirements.limits import (
@@ -51,34 +54,6 @@ from planner.systems.manipulator import (
     prototype_ratios,
 )
 from planner.systems.triangular_system import TriangularSystem
-
-
-@dataclass(frozen=True, eq=False)
-class Limits:
-    """Limits that a plan keeps at all times; infinite (or None) where there is no limit.
-
-    Attributes:
-        input: Largest |u|, shape (2,), in the inputs' units (rad/s).
-        input_rate: Largest |du/dt|, shape (2,) (rad/s²).
-        joint: Largest |q|, shape (N,), in the coordinates' units (rad).
-        z2_margin: Least |z₂|; z₂ keeps the sign it has at the start. None: no limit of z₂.
-    """
-
-    input: Array
-    input_rate: Array
-    joint: Array
-    z2_margin: float | None
-
-    @property
-    def input_scale(self) -> Array:
-        """What inputs are measured by, shape (2,): their limits, or 1 where there is none."""
-        return np.where(np.isfinite(self.input), self.input, 1.0)
-
-    @property
-    def unlimited(self) -> NDArray[np.bool_]:
-        """Which inputs have no limit, and nor have their rates, shape (2,)."""
-        return np.isinf(self.input) & np.isinf(self.input_rate)
-
 
 FREE_WITHIN = np.deg2rad(88.0)
 """Largest |θ| at the goal of a joint that it leaves free, where no limit says less: as wide as
@@ -154,12 +129,7 @@ class Problem:
             goal=tables.goal_state(),
             travel=tables.path_travel(),
             duration=None if tables.goal.duration == "free" else float(tables.goal.duration),
-            limits=Limits(
-                input=tables.limits.inputs(),
-                input_rate=tables.limits.input_rates(),
-                joint=tables.joint_limits(),
-                z2_margin=tables.limits.least_z2(),
-            ),
+            limits=limits_of(tables),
             methods=tables.method,
             machine=tables.machine,
             feedback=tables.feedback,
@@ -238,25 +208,27 @@ class Problem:
             K, k_g = prototype_ratios(joints), PROTOTYPE_K_G if k_g is None else k_g
         if isinstance(gear, Gear):
             gear = {"lambda" if key == "lam" else key: v for key, v in vars(gear).items()}
-        system = {"K": K, "k_g": k_g, "gear": gear, "link_lengths": link_lengths}
-        limits = {
-            "input_rad_s": input_rad_s,
-            "input_rate_rad_s2": input_rate_rad_s2,
-            "joint_deg": joint_deg,
-            "z2_margin": z2_margin,
-            "self_clearance_m": self_clearance_m,
-        }
-        tables = {
+        keys = {
             "title": title,
-            "system": {"kind": Manipulator.kind, "joints": joints, **_given(system)},
-            "start": {"theta_deg": angles},
-            "goal": {
-                **_given({"theta_deg": goal_deg, "tip_m": tip_m, "tip_angle_deg": tip_angle_deg}),
-                "travel": "free" if travel is None else travel,
-                "duration": "free" if duration is None else duration,
-            },
-            "limits": _given(limits),
+            "system.kind": Manipulator.kind,
+            "system.joints": joints,
+            "system.K": K,
+            "system.k_g": k_g,
+            "system.gear": gear,
+            "system.link_lengths": link_lengths,
+            "start.theta_deg": angles,
+            "goal.theta_deg": goal_deg,
+            "goal.tip_m": tip_m,
+            "goal.tip_angle_deg": tip_angle_deg,
+            "goal.travel": "free" if travel is None else travel,
+            "goal.duration": "free" if duration is None else duration,
+            "limits.input_rad_s": input_rad_s,
+            "limits.input_rate_rad_s2": input_rate_rad_s2,
+            "limits.joint_deg": joint_deg,
+            "limits.z2_margin": z2_margin,
+            "limits.self_clearance_m": self_clearance_m,
         }
+        tables = with_changes({"limits": {}}, {k: v for k, v in keys.items() if v is not None})
         return cls.from_dict(with_changes(tables, changes or {}), line(title) or "manipulator")
 
     def __repr__(self) -> str:
@@ -438,27 +410,3 @@ def load_problem(path: str | Path, changes: Mapping[str, Any] | None = None) -> 
     if not data:
         raise InputError(f"{path} is empty; a problem needs [system], [start] and [goal]")
     return Problem.from_dict(with_changes(data, changes or {}), str(path))
-
-
-def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """`data` itself, a problem file's tables, with dotted keys set in it.
-
-    Raises:
-        InputError: If a key leads through what is not a table.
-    """
-    expect(
-        Mapping, changes, 'changes must be dotted keys and values, for example {"goal.travel": 0.8}'
-    )
-    for dotted, value in changes.items():
-        table = data
-        *parents, key = dotted.split(".")
-        for parent in parents:
-            table = table.setdefault(parent, {})
-            if not isinstance(table, dict):
-                raise InputError(f"cannot set '{dotted}': '{parent}' is not a table")
-        table[key] = value
-    return data
-
-
-def _given(keys: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in keys.items() if value is not None}

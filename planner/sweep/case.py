@@ -22,7 +22,8 @@ from planner.machine.replay import RECORD_S, replay
 from planner.methods.registry import Spec, find_method
 from planner.plan.measures import effort, peak_inputs
 from planner.plan.plan import Plan
-from planner.problem.problem import Problem, with_changes
+from planner.problem.asked import with_changes
+from planner.problem.problem import Problem
 from planner.problem.tables.kinds import parse_file
 from planner.problem.tables.machine_effects import MachineTable
 from planner.solve import solve_and_check

@@ -16,7 +16,8 @@ from pydantic import BaseModel, ValidationError
 
 from planner.errors import InputError
 from planner.methods.registry import Spec, parse_specs
-from planner.problem.problem import Problem, load_problem, with_changes
+from planner.problem.asked import with_changes
+from planner.problem.problem import Problem, load_problem
 from planner.problem.tables.kinds import FILES, parse_file
 from planner.support.arrays import plain
 from planner.support.files import read_toml

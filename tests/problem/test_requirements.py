@@ -84,21 +84,22 @@ def test_the_certificate_proves_it_or_says_that_nothing_does(paper: planner.Prob
     least = float(np.min(plan.u(np.linspace(0.0, plan.duration, 20001))[:, 0]))
     problem = planner.load_problem(plan.problem.source)
     shaped = InputProduct(-1.0, 1.0)
-    problem.__dict__["requirements"] = (*problem.requirements, Faster(least - 1e-3))
-    certificate = planner.certify(planner.Plan(problem, plan.method, {}, plan.trajectory))
+
+    def certified(*further: Requirement) -> planner.Certificate:
+        asked = replace(problem, further=further)
+        return planner.certify(planner.Plan(asked, plan.method, {}, plan.trajectory))
+
+    certificate = certified(Faster(least - 1e-3))
     assert certificate["least u1"].status == "proven"
     assert certificate["least u1"].guaranteed == pytest.approx(1e-3, abs=1e-6)
-    problem.__dict__["requirements"] = (Faster(least + 1e-3),)
-    certificate = planner.certify(planner.Plan(problem, plan.method, {}, plan.trajectory))
+    certificate = certified(Faster(least + 1e-3))
     assert certificate["least u1"].status == "violated"
-    problem.__dict__["requirements"] = (shaped,)
-    certificate = planner.certify(planner.Plan(problem, plan.method, {}, plan.trajectory))
+    certificate = certified(shaped)
     assert certificate["product of the inputs"].status == "proven"
     u = plan.u(np.linspace(0.0, plan.duration, 20001))
     margin = 1.0 - float(np.max(np.abs(u[:, 0] * u[:, 1])))
     assert certificate["product of the inputs"].guaranteed == pytest.approx(margin, abs=1e-6)
-    problem.__dict__["requirements"] = (Cornered(-1.0),)
-    certificate = planner.certify(planner.Plan(problem, plan.method, {}, plan.trajectory))
+    certificate = certified(Cornered(-1.0))
     assert certificate["least angle"].status == "undecided"
     assert "no proof is written" in certificate["least angle"].why
     assert not certificate.ok

@@ -13,7 +13,8 @@ from pydantic import Field, model_validator
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.methods.registry import COMPENSATED, parse_specs
-from planner.problem.problem import Problem, with_changes
+from planner.problem.asked import with_changes
+from planner.problem.problem import Problem
 from planner.problem.tables.arms import AngleDeg, GearTable, Joints
 from planner.support.arrays import Array, plain
 from planner.support.files import read_toml

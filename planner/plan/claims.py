@@ -120,7 +120,15 @@ class Certificate:
         return {
             "ok": self.ok,
             "text": str(self),
-            "claims": [_claim_to_dict(c) for c in self.claims],
+            "claims": [
+                {
+                    **asdict(c),
+                    "guaranteed": _finite(c.guaranteed),
+                    "attained": _finite(c.attained),
+                    "text": str(c),
+                }
+                for c in self.claims
+            ],
             "motion_error": {name: _finite(e) for name, e in self.motion_error.items()},
             "cells": self.cells,
             "seconds": self.seconds,
@@ -132,11 +140,6 @@ def certificate_from_dict(data: Mapping[str, Any]) -> Certificate:
     errors = {n: np.inf if e is None else e for n, e in data["motion_error"].items()}
     claims = tuple(_claim_from_dict(c) for c in data["claims"])
     return Certificate(claims, errors, data["cells"], data["seconds"])
-
-
-def _claim_to_dict(claim: Claim) -> dict[str, Any]:
-    numbers = {"guaranteed": _finite(claim.guaranteed), "attained": _finite(claim.attained)}
-    return {**asdict(claim), **numbers, "text": str(claim)}
 
 
 def _claim_from_dict(data: Mapping[str, Any]) -> Claim:

@@ -188,7 +188,9 @@ def _solve(stretch: Stretch, top: Array, rate: Array) -> Array:
         if np.all(np.isfinite(rate[:, i]))
     ]
     solver = ca.nlpsol("timing", "ipopt", {"x": x, "f": time, "g": ca.vertcat(*rows)}, _QUIET)
-    guess = 0.1 * np.minimum(ceiling[free], _safe(stretch, rate))
+    steepest = np.max(np.abs(stretch.dw), axis=1) / rate
+    safe = float(1 / max(np.max(steepest), 1e-6))  # a constant b that keeps the rates
+    guess = 0.1 * np.minimum(ceiling[free], safe)
     result = solver(x0=guess, lbx=0.0, ubx=ceiling[free], lbg=-1.0, ubg=1.0)
     if not solver.stats()["success"]:
         raise NotConvergedError(
@@ -209,12 +211,6 @@ _QUIET: dict[str, Any] = {
     "ipopt.mu_strategy": "adaptive",
     "ipopt.max_iter": 500,
 }
-
-
-def _safe(stretch: Stretch, rate: Array) -> float:
-    """A constant b that keeps the rates."""
-    steepest = np.max(np.abs(stretch.dw), axis=1) / rate
-    return float(1 / max(np.max(steepest), 1e-6))
 
 
 def _clock(nodes: Array, b: Array) -> BPoly:

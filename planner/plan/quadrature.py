@@ -292,7 +292,7 @@ def slopes(cells: Cells, values: Array) -> Array:
     size = np.abs(series)
     above = size > 10 * np.max(size[-3:], axis=0)
     shape = np.logical_or.accumulate(above[::-1])[::-1]
-    slope = apply(_atpoints() @ _derivative(), np.where(shape, series, 0.0))
+    slope = apply(_slopes_at_points(), np.where(shape, series, 0.0))
     return np.asarray(np.where(np.isnan(values), np.nan, slope) * (2 / cells.width[:, None]))
 
 
@@ -342,6 +342,6 @@ def _derivative() -> Array:
 
 
 @lru_cache(maxsize=1)
-def _atpoints() -> Array:
-    """Series → values at the 16 points."""
-    return np.asarray(chebyshev.chebvander(2 * points(POINTS) - 1, POINTS - 1))
+def _slopes_at_points() -> Array:
+    """Series → its derivative by x at the 16 points."""
+    return np.asarray(chebyshev.chebvander(2 * points(POINTS) - 1, POINTS - 1) @ _derivative())

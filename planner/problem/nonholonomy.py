@@ -55,6 +55,11 @@ class Family:
     divides_by_zero: tuple[int, ...]
     determinant: float
 
+    @property
+    def holds(self) -> tuple[bool, ...]:
+        """Of each step, whether it gives what (14) and (15) claim."""
+        return tuple(max(e) < 1e-9 for e in zip(self.x_error, self.y_error, strict=True))
+
 
 @dataclass(frozen=True)
 class PaperRecursion:
@@ -62,11 +67,6 @@ class PaperRecursion:
 
     printed: Family
     corrected: Family
-
-    @property
-    def printed_holds(self) -> tuple[bool, ...]:
-        """Of each step i = 1 … n−1 as printed, whether it gives what (14) and (15) claim."""
-        return tuple(_holds(x, y) for x, y in zip(*_errors(self.printed), strict=True))
 
     def __str__(self) -> str:
         lines = ["as printed, (12) and (13) with the fields of eq. (6):"]
@@ -165,23 +165,16 @@ def _remaining(first: Array, point: Array, i: int) -> Array:
     return out
 
 
-def _errors(family: Family) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    return family.x_error, family.y_error
-
-
-def _holds(x_error: float, y_error: float) -> bool:
-    return max(x_error, y_error) < 1e-9
-
-
 def _steps(family: Family) -> list[str]:
     out = []
-    for i, (x, y) in enumerate(zip(*_errors(family), strict=True), start=1):
+    found = zip(family.x_error, family.y_error, family.holds, strict=True)
+    for i, (x, y, good) in enumerate(found, start=1):
         if i in family.divides_by_zero:
             out.append(f"  step {i}: divides by zero")
         elif np.isnan(x):
             out.append(f"  step {i}: not reached")
         else:
-            holds = "holds" if _holds(x, y) else "does not hold"
+            holds = "holds" if good else "does not hold"
             out.append(f"  step {i}: {holds} (X off by {x:.3g}, Y off by {y:.3g})")
     return out
 
@@ -233,7 +226,7 @@ class Nonholonomy:
         """Where the recursion fails, in one line."""
         if self.recursion is None:
             return ""
-        failing = [str(i) for i, holds in enumerate(self.recursion.printed_holds, 1) if not holds]
+        failing = [str(i) for i, holds in enumerate(self.recursion.printed.holds, 1) if not holds]
         zeros = [str(i) for i in self.recursion.corrected.divides_by_zero]
         text = f"as printed fails at step {', '.join(failing)}" if failing else "as printed holds"
         corrected = (
@@ -266,14 +259,10 @@ def nonholonomy(problem: Problem) -> Nonholonomy:
 
 
 def _place(system: TriangularSystem, name: str, q: Array) -> Place:
+    """As deep as full rank needs, unless that could be very deep."""
+    flat = int(np.sum(np.abs(q[1:-1]) < 1e-12))
+    depth = DEEPEST if system.size - 1 + flat > DEEPEST else None
     try:
-        return Place(name, controllability(system, q, _depth(system, q)))
+        return Place(name, controllability(system, q, depth))
     except InputError:
         return Place(name, None)
-
-
-def _depth(system: TriangularSystem, q: Array) -> int | None:
-    """As deep as full rank needs, unless that could be very deep."""
-    angles = q[1:-1]
-    flat = int(np.sum(np.abs(angles) < 1e-12))
-    return DEEPEST if system.size - 1 + flat > DEEPEST else None

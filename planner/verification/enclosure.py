@@ -93,7 +93,7 @@ def enclose(path: Trajectory, cells: Cells, u: list[Ball], start: Array) -> Moti
     done: dict[object, Ball] = {}
     near, every = None, []
     for block in blocks(system):
-        if not _circular(system, block):
+        if not any(set(block) & rates.reads(i, 0) for i in block):
             found = [whole(rates.entry(i, (q, u), done), cells) for i in block]
             q |= {i: integral(f, width, start[i]) for i, f in zip(block, found, strict=True)}
         else:
@@ -162,10 +162,6 @@ def blocks(system: TriangularSystem) -> list[list[int]]:
         reach = reach @ reach
     groups = {tuple(np.flatnonzero(reach[i] & reach[:, i]).tolist()) for i in range(size)}
     return [list(g) for g in sorted(groups, key=lambda g: (int(np.sum(reach[g[0]])), g))]
-
-
-def _circular(system: TriangularSystem, block: list[int]) -> bool:
-    return any(set(block) & rates_of(system).reads(i, 0) for i in block)
 
 
 # -- coordinates that read themselves ----------------------------------------------------------

@@ -11,7 +11,7 @@ How a motion stands to waypoints and obstacles, over all time; the judge's own g
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from planner.plan.plan import Plan, expect_plan
 from planner.plan.quadrature import POINTS, Motion, greatest, integrate, jumps, points, slopes
 from planner.problem.problem import Problem
 from planner.problem.requirements.ends import Duration, Goal, Start
-from planner.problem.requirements.requirement import At, Requirement
+from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.support import deadline
 from planner.support.arrays import Array
 from planner.support.tables import Column, html_table
@@ -92,12 +92,10 @@ class Check:
 
 @dataclass(frozen=True)
 class _Finding:
-    label: str
+    part: Part
     value: float
     limit: float
     time_s: float | None
-    unit: str
-    scale: float
     tolerance: float
     upper: bool = True
 
@@ -108,8 +106,8 @@ class _Finding:
     def violation(self) -> Violation | None:
         if self.margin >= -self.tolerance:  # NaN must not pass
             return None
-        scaled = -self.margin / self.scale
-        return Violation(self.label, self.time_s, self.value, self.limit, self.unit, scaled)
+        part, scaled = self.part, -self.margin / self.part.scale
+        return Violation(part.label, self.time_s, self.value, self.limit, part.unit, scaled)
 
 
 def verify(plan: Plan) -> Check:
@@ -122,7 +120,7 @@ def verify(plan: Plan) -> Check:
         The result; `ok` is False for a plan that cannot be executed.
     """
     expect_plan(plan)
-    if not _in_order(plan.t):
+    if not (plan.t[0] == 0 and np.isfinite(plan.t[-1]) and np.all(np.diff(plan.t) >= 0)):
         return _not_judged(plan, Violation(_ORDER, None, np.nan, 0.0, "s", np.inf))
     if not plan.executable:
         (outside,) = (v for f in _in_chart(plan) if (v := f.violation()))
@@ -142,7 +140,8 @@ def verify(plan: Plan) -> Check:
         else:
             motion, end = _on_machine(plan)
             tolerance = ON_MACHINE_TOLERANCE
-        error = _goal_error(plan, end)
+        goal = problem.target
+        error = np.asarray(end - np.where(np.isnan(goal), end, goal))
         findings = [
             *_motion(plan, motion, end, error, tolerance),
             *_in_chart(plan),
@@ -158,7 +157,7 @@ def verify(plan: Plan) -> Check:
         ok=not broken,
         terminal_error=error,
         terminal_error_deg=np.rad2deg(error[_angular(plan)]),
-        margins={f.label: f.margin for f in findings},
+        margins={f.part.label: f.margin for f in findings},
         violations=tuple(broken),
         interpolant_error=motion.gap[0],
         integration_error=motion.error,
@@ -166,10 +165,6 @@ def verify(plan: Plan) -> Check:
 
 
 _ORDER = "times of the plan, which begin at 0 and increase,"
-
-
-def _in_order(times: Array) -> bool:
-    return bool(times[0] == 0 and np.isfinite(times[-1]) and np.all(np.diff(times) >= 0))
 
 
 def _on_machine(plan: Plan) -> tuple[Motion, Array]:
@@ -197,12 +192,6 @@ def _angular(plan: Plan) -> list[int]:
     return [i for i in system.limited if system.coordinates[i].unit == "rad"]
 
 
-def _goal_error(plan: Plan, end: Array) -> Array:
-    problem = plan.problem
-    goal = problem.target
-    return np.asarray(end - np.where(np.isnan(goal), end, goal))
-
-
 def _motion(
     plan: Plan, motion: Motion, end: Array, error: Array, tolerance: float
 ) -> list[_Finding]:
@@ -211,33 +200,31 @@ def _motion(
     for demand in plan.problem.demands:
         if isinstance(demand, Start):
             (part,), worst = demand.parts, float(np.max(np.abs(plan.q(0.0) - plan.problem.start)))
-            out.append(_Finding(part.label, worst, 0.0, 0.0, "", GOAL_TOLERANCE, GOAL_TOLERANCE))
+            part = replace(part, scale=GOAL_TOLERANCE)
+            out.append(_Finding(part, worst, 0.0, 0.0, GOAL_TOLERANCE))
         elif isinstance(demand, Goal):
             for part in demand.parts:
                 missed = abs(float(error[part.index]))
-                found = (part.label, missed, 0.0, plan.duration, part.unit, 1.0, tolerance)
-                out.append(_Finding(*found))
+                out.append(_Finding(part, missed, 0.0, plan.duration, tolerance))
         elif isinstance(demand, Requirement) and demand.final:
             reached = demand.values(At.of(plan.problem.system, end))
             for part, value in zip(demand.parts, map(float, reached), strict=True):
                 upper = value - part.high >= part.low - value
                 limit, slack = part.high if upper else part.low, tolerance * part.scale
-                of = (part.label, value, limit, plan.duration, part.unit, part.scale, slack, upper)
-                out.append(_Finding(*of))
+                out.append(_Finding(part, value, limit, plan.duration, slack, upper))
         elif isinstance(demand, Duration):
             (part,) = demand.parts
             late = abs(plan.duration - plan.lead_s - plan.tail_s - demand.seconds)
-            out.append(_Finding(part.label, late, 0.0, None, "s", part.scale, 1e-9 * part.scale))
-    gap, when = motion.gap
-    label = "plan's q(t) against its integrated input"
-    if plan.compensation is not None:
-        label = "plan's q(t) against the nominal machine's motion"
-        return [*out, _Finding(label, gap, 0.0, when, "", 1.0, INTERPOLANT_TOLERANCE)]
-    out.append(_Finding(label, gap, 0.0, when, "", 1.0, INTERPOLANT_TOLERANCE))
-    limit = INTEGRATION_TOLERANCE
-    trusted = motion.error <= limit
-    label = "integration error" + ("" if trusted else " (the motion cannot be trusted)")
-    out.append(_Finding(label, motion.error, limit, None, "", limit, 0.0))
+            out.append(_Finding(part, late, 0.0, None, 1e-9 * part.scale))
+    compensated, (gap, when) = plan.compensation is not None, motion.gap
+    other = "the nominal machine's motion" if compensated else "its integrated input"
+    part = Part(f"plan's q(t) against {other}", "", -np.inf, 0.0, 1.0)
+    out.append(_Finding(part, gap, 0.0, when, INTERPOLANT_TOLERANCE))
+    if not compensated:
+        limit = INTEGRATION_TOLERANCE
+        doubt = "" if motion.error <= limit else " (the motion cannot be trusted)"
+        part = Part(f"integration error{doubt}", "", -np.inf, limit, limit)
+        out.append(_Finding(part, motion.error, limit, None, 0.0))
     return out
 
 
@@ -247,7 +234,7 @@ def _in_chart(plan: Plan) -> Iterator[_Finding]:
         if demand.in_chart and not plan.trajectory.in_coordinates:
             (part,), found = demand.parts, plan.domain
             value, edge = found.margin, -np.finfo(float).tiny
-            yield _Finding(part.label, value, part.low, found.time_s, "", part.scale, edge, False)
+            yield _Finding(part, value, part.low, found.time_s, edge, False)
 
 
 def _limits(plan: Plan, motion: Motion) -> list[_Finding]:
@@ -273,8 +260,7 @@ def _limits(plan: Plan, motion: Motion) -> list[_Finding]:
             value = np.inf
         limit = part.high if upper else part.low
         time_s = when[below] if "q" in required.reads else None
-        slack = LIMIT_TOLERANCE * part.scale
-        out.append(_Finding(part.label, value, limit, time_s, part.unit, part.scale, slack, upper))
+        out.append(_Finding(part, value, limit, time_s, LIMIT_TOLERANCE * part.scale, upper))
     return out
 
 
@@ -293,9 +279,7 @@ def _with_corners(plan: Plan, motion: Motion) -> list[_Finding]:
             )
         for part, value, when in zip(parts, values.tolist(), times.tolist(), strict=True):
             slack = LIMIT_TOLERANCE * part.scale
-            out.append(
-                _Finding(part.label, value, part.low, when, part.unit, part.scale, slack, False)
-            )
+            out.append(_Finding(part, value, part.low, when, slack, upper=False))
     return out
 
 
@@ -335,7 +319,7 @@ def _passes(
             when = lead_s + point.time_s
             value = float(point.distance(motion.at_time(when)))
         (part,) = point.parts
-        yield _Finding(part.label, value, 0.0, when, part.unit, part.scale, tolerance)
+        yield _Finding(part, value, 0.0, when, tolerance)
 
 
 def _least(motion: Motion, function: Callable[[Array], Array]) -> tuple[Array, Array]:

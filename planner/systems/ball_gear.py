@@ -8,6 +8,7 @@ manipulator", IEEE Transactions on Robotics and Automation 17(1), 2001.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import prod
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -20,7 +21,6 @@ from planner.systems.triangular_system import (
     arm_points,
     lengths_of_links,
     positive,
-    product,
 )
 
 
@@ -68,13 +68,13 @@ class BallGear(TangentSystem):
     def slopes_expr(self, q: Any) -> list[Any]:
         """θᵢ' = dθᵢ/dφₙ for i = 2 … n."""
         return [
-            self.K[i - 2] * ca.tan(q[i - 1]) / product([ca.cos(q[j]) for j in range(i, self.n)])
+            self.K[i - 2] * ca.tan(q[i - 1]) / prod([ca.cos(q[j]) for j in range(i, self.n)])
             for i in range(2, self.n + 1)
         ]
 
     def drive_expr(self, q: Any) -> Any:
         """γ = k_g ∏_{j≤n−1} cosθⱼ."""
-        return self.k_g * product([ca.cos(q[j]) for j in range(1, self.n)])
+        return self.k_g * prod([ca.cos(q[j]) for j in range(1, self.n)])
 
     def rates_expr(self, q: Any, u: Any) -> list[Any]:
         """The gears' own equations, regular at every angle."""
@@ -82,7 +82,7 @@ class BallGear(TangentSystem):
             self.k_g
             * self.K[i - 2]
             * ca.sin(q[i - 1])
-            * product([ca.cos(q[j]) for j in range(1, i - 1)])
+            * prod([ca.cos(q[j]) for j in range(1, i - 1)])
             * u[0]
             for i in range(2, self.n + 1)
         ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import prod
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -17,7 +18,6 @@ from planner.systems.triangular_system import (
     arm_points,
     lengths_of_links,
     positive,
-    product,
 )
 
 
@@ -160,19 +160,19 @@ class Manipulator(TriangularSystem):
         out = []
         for i in range(2, self.n):
             later = [ca.cos(theta[j]) for j in range(i, self.n - 1)]
-            out.append(self.K[i - 2] * ca.cos(theta[i - 1]) ** 2 / product(later))
+            out.append(self.K[i - 2] * ca.cos(theta[i - 1]) ** 2 / prod(later))
         out.append(self.K[self.n - 2] * ca.cos(theta[self.n - 1]) ** 3)
         return out
 
     def drive_expr(self, q: Any) -> Any:
         """γ = k_g ∏_{j≤n−2} cosθⱼ."""
-        return self.k_g * product([ca.cos(q[j]) for j in range(1, self.n - 1)])
+        return self.k_g * prod([ca.cos(q[j]) for j in range(1, self.n - 1)])
 
     def rates_expr(self, q: Any, u: Any) -> list[Any]:
         """Eq. (6) itself: no quotient of cosines, so nothing cancels near 90°."""
         c = [ca.cos(q[j]) for j in range(self.n + 1)]
         passive = [
-            self.k_g * self.K[i - 2] * c[i - 1] ** 3 * product(c[1 : i - 1]) * u[0]
+            self.k_g * self.K[i - 2] * c[i - 1] ** 3 * prod(c[1 : i - 1]) * u[0]
             for i in range(2, self.n + 1)
         ]
         return [self.drive_expr(q) * u[0], u[1], *passive]
@@ -240,7 +240,7 @@ class Manipulator(TriangularSystem):
     def link_expr(self, i: int, slope: Any, q: list[Any], branch: Any) -> Any:
         """The same."""
         ratio = slope / self.K[i - 1]
-        w = ratio * product([ca.cos(q[j]) for j in range(i + 1, self.n - 1)])
+        w = ratio * prod([ca.cos(q[j]) for j in range(i + 1, self.n - 1)])
         if i == self.n - 1:
             w = ca.sign(ratio) * ca.fabs(ratio) ** (2 / 3)
         return branch[i] * ca.atan2(ca.sqrt(1 - w), ca.sqrt(w))

@@ -11,7 +11,7 @@ Triangular systems whose every link is a tangent: cars, trailers, the ball-gear 
 The inverse is qᵢ = arctan((fᵢ₊₁ − offset)/gain), which exists for every slope: the chart covers all
 chained coordinates and its only edge is qᵢ = ±90°, where the path coordinate stands still.
 
-Small helpers the systems share: constants that must be positive, products, a planar arm.
+Small helpers the systems share: constants that must be positive, a planar arm.
 """
 
 from __future__ import annotations
@@ -292,14 +292,6 @@ def positive(name: str, values: Sequence[float]) -> Array:
     if array.ndim != 1 or array.size == 0 or not np.all(np.isfinite(array) & (array > 0)):
         raise InputError(f"{name} = {list(np.ravel(values))} must be positive finite numbers")
     return array
-
-
-def product(factors: Sequence[Any]) -> Any:
-    """Product of numbers, arrays or CasADi expressions; 1 when there is none."""
-    out: Any = 1.0
-    for factor in factors:
-        out = out * factor
-    return out
 
 
 def lengths_of_links(joints: int, given: Sequence[float] | None) -> Array:

@@ -13,13 +13,14 @@ and motion planning: the car with n trailers", ECC 1993).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import prod
 from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
 
 from planner.support.arrays import Array
-from planner.systems.triangular_system import Coordinate, TangentSystem, positive, product
+from planner.systems.triangular_system import Coordinate, TangentSystem, positive
 
 
 class Unicycle(TangentSystem):
@@ -78,10 +79,6 @@ class Unicycle(TangentSystem):
     def _link(self, i: int, q: Array) -> tuple[Array, Array]:
         ones = np.ones_like(q[..., -1])
         return 0 * ones, ones
-
-    def to_dict(self) -> dict[str, Any]:
-        """The `[system]` table."""
-        return {"kind": self.kind}
 
 
 class Car(TangentSystem):
@@ -173,12 +170,6 @@ class Car(TangentSystem):
         ones = np.ones_like(q[..., -1])
         return 0 * ones, ones if i == 2 else 1 / (self.wheelbase_m * np.cos(q[..., 2]))
 
-    # -- identity ------------------------------------------------------------------------------
-
-    def to_dict(self) -> dict[str, Any]:
-        """The `[system]` table."""
-        return {"kind": self.kind, "wheelbase_m": self.wheelbase_m}
-
 
 class Trailers(TangentSystem):
     """A car that pulls n ≥ 1 trailers, each hitched to the middle of the axle in front of it.
@@ -234,7 +225,7 @@ class Trailers(TangentSystem):
     # -- symbolic form -------------------------------------------------------------------------
 
     def _P(self, k: int, q: Any) -> Any:
-        return product([ca.cos(q[j]) for j in range(k + 2, self.n + 3)])
+        return prod([ca.cos(q[j]) for j in range(k + 2, self.n + 3)])
 
     def slopes_expr(self, q: Any) -> list[Any]:
         """βₖ' for k = 1 … n, then θ' and y'."""
@@ -250,11 +241,11 @@ class Trailers(TangentSystem):
         """Each speed as a product of the hitch cosines before it; regular but for φ = 90°."""
         c = [ca.cos(q[k + 1]) for k in range(1, self.n + 1)]
         pulled = [
-            product(c[: k - 1]) * ca.sin(q[k + 1]) / self._lengths[k] * u[0]
+            prod(c[: k - 1]) * ca.sin(q[k + 1]) / self._lengths[k] * u[0]
             for k in range(1, self.n + 1)
         ]
         turn = [ca.tan(q[1]) / self.wheelbase_m * u[0], *pulled]
-        last, heading = product(c) * u[0], q[self.n + 2]
+        last, heading = prod(c) * u[0], q[self.n + 2]
         hitches = [turn[k - 1] - turn[k] for k in range(1, self.n + 1)]
         return [ca.cos(heading) * last, u[1], *hitches, turn[-1], ca.sin(heading) * last]
 

@@ -27,7 +27,7 @@ from planner.problem.requirements.self_collision import SelfCollision
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
 from planner.verification.balls import Ball
-from planner.verification.enclosure import Motion
+from planner.verification.enclosure import Enclosure
 from planner.verification.functions import Expression, UnboundedError
 from planner.verification.input_models import Source, enclosed, resolve, source_of
 from planner.verification.models import Margin, Model, least
@@ -132,7 +132,7 @@ class Known:
         why: Why something on it is not bounded.
     """
 
-    motion: Motion
+    motion: Enclosure
     source: Source
     reads: frozenset[str] = frozenset({"q", "u", "du"})
     retimed: RetimedTrajectory | None = None

@@ -53,7 +53,7 @@ TRIES = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class Enclosure:
     """Where the true motion is.
 
     Attributes:
@@ -78,7 +78,7 @@ class Motion:
         return models(values, len(self.cells.piece))
 
 
-def enclose(path: Trajectory, cells: Cells, u: list[Ball], start: Array) -> Motion:
+def enclose(path: Trajectory, cells: Cells, u: list[Ball], start: Array) -> Enclosure:
     """Enclose the motion from a start under given inputs.
 
     Args:
@@ -103,7 +103,7 @@ def enclose(path: Trajectory, cells: Cells, u: list[Ball], start: Array) -> Moti
             tubed, found = _tube(system, block, cells, (q, u), near, start)
             q |= tubed
         every += found
-    return Motion(cells, [q[i] for i in range(system.size)], u, every)
+    return Enclosure(cells, [q[i] for i in range(system.size)], u, every)
 
 
 def integral(f: Ball, width: Array, start: float) -> Ball:
@@ -228,7 +228,7 @@ def _growth(
     return size, diagonal
 
 
-def strayed(system: TriangularSystem, motion: Motion, off: Array) -> Motion:
+def strayed(system: TriangularSystem, motion: Enclosure, off: Array) -> Enclosure:
     """The motion under inputs that differ from the motion's own by no more than `off` (2,), anyhow.
 
     With s the difference and J from the widened coordinates, the distance δ obeys, block by block,
@@ -256,7 +256,7 @@ def strayed(system: TriangularSystem, motion: Motion, off: Array) -> Motion:
     inside = np.logical_and.accumulate(np.all(far < most, axis=0))
     far = np.where(inside, far, np.inf)
     q = [ball.widened(by[:, None]) for ball, by in zip(motion.q, far, strict=True)]
-    return Motion(cells, q, motion.u, motion.rates)
+    return Enclosure(cells, q, motion.u, motion.rates)
 
 
 def _transported(mu: Array, norm: Array, error: Array, width: Array) -> Array:

@@ -14,7 +14,7 @@ with w the path's inputs at σ. Where the path stands still (length' = 0) nothin
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -29,7 +29,7 @@ from planner.support.arrays import Array
 from planner.systems.chained_form import chained_form
 from planner.systems.triangular_system import TriangularSystem
 from planner.verification.balls import Ball, polynomial_balls, reciprocal
-from planner.verification.enclosure import Motion, enclose, strayed
+from planner.verification.enclosure import Enclosure, enclose, strayed
 from planner.verification.functions import (
     Expression,
     UnboundedError,
@@ -68,7 +68,7 @@ REFINING = 1e-13
 """What rounding does to a path's inputs written on more pieces, relative to them."""
 
 
-def enclosed(trajectory: Trajectory, start: Array) -> tuple[Source, Motion, list[Model]]:
+def enclosed(trajectory: Trajectory, start: Array) -> tuple[Source, Enclosure, list[Model]]:
     """The true motion under a trajectory's inputs.
 
     Of a retimed trajectory that along its path, in the path's own time: no state depends on the
@@ -97,19 +97,12 @@ def _path(trajectory: Trajectory) -> Trajectory:
     if type(trajectory) is not RetimedTrajectory:
         return trajectory
     path, breaks = trajectory.path, trajectory.length.x
-    if type(path) is StateTrajectory:
-        return replace(
-            path, q_curve=refined(path.q_curve, breaks), u_curve=refined(path.u_curve, breaks)
-        )
-    if type(path) is ChainedTrajectory:
-        return replace(
-            path, z_curve=refined(path.z_curve, breaks), v_curve=refined(path.v_curve, breaks)
-        )
-    twice = isinstance(path, RetimedTrajectory)
-    raise UnboundedError("a path that is retimed twice" if twice else f"kind '{path.kind}'")
+    _law(path)  # whose curves are known
+    names = ("q_curve", "u_curve") if type(path) is StateTrajectory else ("z_curve", "v_curve")
+    return replace(path, **{name: refined(getattr(path, name), breaks) for name in names})  # type: ignore[type-var]
 
 
-def _left_out(trajectory: Trajectory, motion: Motion) -> Array:
+def _left_out(trajectory: Trajectory, motion: Enclosure) -> Array:
     """How much of the path's inputs a retimed motion may leave out, shape (2,).
 
     The clock runs along the length, and so skips any stretch of the path over which the length does
@@ -152,73 +145,59 @@ class Source:
 
 
 def source_of(trajectory: Trajectory) -> Source:
-    """The inputs of a trajectory of states or of chained coordinates.
+    """The inputs of a trajectory of states or of chained coordinates, or of such a path retimed.
 
     Raises:
         UnboundedError: If the trajectory is of another kind, or its chart has no expression.
     """
-    if type(trajectory) is StateTrajectory:  # a subclass may evaluate in its own way
-        curve = trajectory.u_curve
-        return Source(trajectory, lambda c: on(curve, c), lambda c: on(curve, c, 1))
-    if type(trajectory) is ChainedTrajectory:
-        return _chained(trajectory)
     if type(trajectory) is RetimedTrajectory:
         return _retimed(trajectory)
-    raise UnboundedError(f"trajectories of kind '{trajectory.kind}'")
+    curves, inputs, slopes = _law(trajectory)
 
-
-def _chained(path: ChainedTrajectory) -> Source:
-    inputs, rates = _feedback_of(path)
-    z, v = path.z_curve, path.v_curve
-
-    def curves(cells: Cells) -> list[list[Ball]]:
-        return [on(z, cells), on(v, cells)]
+    def read(cells: Cells, order: int) -> list[list[Ball]]:
+        return [on(curve, cells, order) for curve in curves]
 
     return Source(
-        path,
-        lambda cells: inputs(*curves(cells)),
-        lambda cells: rates(*curves(cells), on(z, cells, 1), on(v, cells, 1)),
+        trajectory,
+        lambda cells: inputs(*read(cells, 0)),
+        lambda cells: slopes(*read(cells, 0), *read(cells, 1)),
     )
 
 
 def _retimed(trajectory: RetimedTrajectory) -> Source:
-    path = trajectory.path
+    curves, inputs, slopes = _law(trajectory.path)
 
-    def inputs(cells: Cells, sigma: Ball) -> list[Ball]:
-        if isinstance(path, StateTrajectory):
-            return at(path.u_curve, 0, trajectory, cells, sigma)
-        return _feedback_of(path)[0](*_curves(path, (0,), trajectory, cells, sigma))
-
-    def bends(cells: Cells, sigma: Ball) -> list[Ball]:
-        if isinstance(path, StateTrajectory):
-            return at(path.u_curve, 1, trajectory, cells, sigma)
-        return _feedback_of(path)[1](*_curves(path, (0, 1), trajectory, cells, sigma))
+    def read(cells: Cells, sigma: Ball, order: int) -> list[list[Ball]]:
+        return [at(curve, order, trajectory, cells, sigma) for curve in curves]
 
     def paced(cells: Cells) -> list[Ball]:
-        own = clocked(trajectory, cells)
-        return [u * own.pace for u in inputs(cells, own.sigma)]
+        sigma, pace, _ = clocked(trajectory, cells)
+        return [u * pace for u in inputs(*read(cells, sigma, 0))]
 
     def rated(cells: Cells) -> list[Ball]:
-        own = clocked(trajectory, cells)
-        pairs = zip(inputs(cells, own.sigma), bends(cells, own.sigma), strict=True)
-        return [du * own.pace * own.pace + u * own.bend for u, du in pairs]
+        sigma, pace, bend = clocked(trajectory, cells)
+        own = read(cells, sigma, 0)
+        pairs = zip(inputs(*own), slopes(*own, *read(cells, sigma, 1)), strict=True)
+        return [du * pace * pace + u * bend for u, du in pairs]
 
-    if isinstance(path, RetimedTrajectory):
-        raise UnboundedError("a path that is retimed twice")
     return Source(trajectory, paced, rated, halvings=8)
 
 
-def _feedback_of(path: Trajectory) -> tuple[Expression, Expression]:
-    assert isinstance(path, ChainedTrajectory)
-    return _feedback(path.system, tuple(path.branch.tolist()))
+Law = Callable[..., list[Ball]]
 
 
-def _curves(
-    path: Trajectory, orders: Sequence[int], by: RetimedTrajectory, cells: Cells, sigma: Ball
-) -> list[list[Ball]]:
-    """z and v, then their derivatives if asked for, at balls of the path's own time."""
-    assert isinstance(path, ChainedTrajectory)
-    return [at(c, k, by, cells, sigma) for k in orders for c in (path.z_curve, path.v_curve)]
+def _law(path: Trajectory) -> tuple[list[BPoly], Law, Law]:
+    """Curves of a path; its inputs from their balls, and the inputs' slopes from these and theirs.
+
+    A subclass may evaluate in its own way, of which nothing is known.
+    """
+    if type(path) is StateTrajectory:
+        return [path.u_curve], lambda u: u, lambda _, du: du
+    if type(path) is ChainedTrajectory:
+        return [path.z_curve, path.v_curve], *_feedback(path.system, tuple(path.branch.tolist()))
+    twice = isinstance(path, RetimedTrajectory)
+    words = "a path that is retimed twice" if twice else f"trajectories of kind '{path.kind}'"
+    raise UnboundedError(words)
 
 
 @lru_cache(maxsize=32)
@@ -241,7 +220,7 @@ def _inverse_of(system: TriangularSystem, branch: tuple[float, ...]) -> Expressi
     return Expression([z], chained_form(system).q_expr(z, ca.DM(branch)))
 
 
-def resolve(source: Source, start: Array | None = None) -> Motion:
+def resolve(source: Source, start: Array | None = None) -> Enclosure:
     """Inputs on cells where they are known to rounding, or as fine as may be.
 
     Args:
@@ -254,7 +233,7 @@ def resolve(source: Source, start: Array | None = None) -> Motion:
     u, before = source.inputs(cells), np.full(len(cells.piece), np.inf)
     for _ in range(source.halvings):
         bad, rough = _unsettled(u, before)
-        motion = Motion(cells, [], u)
+        motion = Enclosure(cells, [], u)
         if start is not None and not np.any(bad):
             motion = enclose(source.trajectory, cells, u, start)
             bad, rough = _unsettled(motion.rates, before)
@@ -274,23 +253,8 @@ def _unsettled(balls: list[Ball], before: Array) -> tuple[Index, Array]:
     return ~fine, rough
 
 
-@dataclass(frozen=True, eq=False)
-class Clocked:
-    """A retimed path's own time on cells of time.
-
-    Attributes:
-        sigma: Ball of σ(t), seconds of the path.
-        pace: Ball of dσ/dt.
-        bend: Ball of d²σ/dt².
-    """
-
-    sigma: Ball
-    pace: Ball
-    bend: Ball
-
-
-def clocked(trajectory: RetimedTrajectory, cells: Cells) -> Clocked:
-    """σ and its derivatives on cells of the clock's pieces."""
+def clocked(trajectory: RetimedTrajectory, cells: Cells) -> tuple[Ball, Ball, Ball]:
+    """A retimed path's own time σ, dσ/dt and d²σ/dt² on cells of the clock's pieces."""
     length, clock = trajectory.length, trajectory.clock
     own = trajectory.place(cells.times(nodes())) @ interpolation().T
     (guess,) = polynomial_balls(own[None], np.zeros((1, len(own))))
@@ -310,7 +274,7 @@ def clocked(trajectory: RetimedTrajectory, cells: Cells) -> Clocked:
     sigma = guess.widened(np.where(proven, error, np.inf))
     over = reciprocal(steep.widened(np.where(proven, 0.0, np.inf)))
     pace = speed * over
-    return Clocked(sigma, pace, (gain - along(2, sigma) * pace * pace) * over)
+    return sigma, pace, (gain - along(2, sigma) * pace * pace) * over
 
 
 def at(

@@ -26,7 +26,7 @@ from planner.support import deadline
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem, arm_points_expr
 from planner.verification.balls import Ball
-from planner.verification.enclosure import Motion
+from planner.verification.enclosure import Enclosure
 from planner.verification.functions import Expression
 from planner.verification.models import (
     POINTS,
@@ -43,7 +43,7 @@ HALVINGS = 10
 
 
 def clearances(
-    system: TriangularSystem, motion: Motion, centre: Sequence[Ball], links: list[int], by: float
+    system: TriangularSystem, motion: Enclosure, centre: Sequence[Ball], links: list[int], by: float
 ) -> Iterator[Least]:
     """How far some links (from 0) are from a place, beyond a distance, in metres."""
     balls = _links(system)(motion.q, centre)
@@ -59,7 +59,7 @@ def clearances(
         yield Least(low, high, found.time_s)
 
 
-def joints(system: TriangularSystem, motion: Motion) -> list[Ball]:
+def joints(system: TriangularSystem, motion: Enclosure) -> list[Ball]:
     """x and y of the base, the joints and the tip."""
     return _points(system)(motion.q)
 
@@ -127,7 +127,7 @@ def _least_of(a: Array, length: float) -> Array:
     return np.asarray(2 * a * t + t**2)
 
 
-def nearest(motion: Motion, point: Waypoint, tolerance: float) -> tuple[float, bool]:
+def nearest(motion: Enclosure, point: Waypoint, tolerance: float) -> tuple[float, bool]:
     """A time at which the motion is near a waypoint, and whether it provably is nowhere near."""
     places = np.array([-1.0, *nodes(), 1.0])
     basis = np.polynomial.chebyshev.chebvander(places, POINTS - 1)
@@ -140,7 +140,7 @@ def nearest(motion: Motion, point: Waypoint, tolerance: float) -> tuple[float, b
     return time, bool(np.all(away > tolerance))
 
 
-def distance(motion: Motion, point: Waypoint, time: float, slip: float) -> tuple[float, float]:
+def distance(motion: Enclosure, point: Waypoint, time: float, slip: float) -> tuple[float, float]:
     """Bounds of the distance at a time that is known to within `slip`."""
     ends = motion.cells.times(np.array([-1.0, 1.0]))
     k = int(np.clip(np.searchsorted(ends[:, 0], time, side="right") - 1, 0, len(ends) - 1))

@@ -43,8 +43,8 @@ EQUAL = 1e-9
 DURATION_TOLERANCE = 1e-9
 """Error of a given duration, relative to it; as in `verify`."""
 
-INTERPOLANT = "plan's q(t) against its integrated input"
-"""What `verify` calls the distance of the plan's own q(t) from the motion."""
+OWN = Part("plan's q(t) against its integrated input", "", -np.inf, 0.0, 1.0)
+"""The distance of the plan's own q(t) from the motion, as `verify` calls it."""
 
 UNBOUNDED = "no bound on the motion or its inputs is known on all of it"
 
@@ -102,19 +102,18 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int]:
     most = np.array([float(np.max(gap.size)) for gap in gaps])
     ends = [np.abs(end) - slip for end, slip in (gap.at_end() for gap in gaps)]
     reached = max(float(np.max(np.nan_to_num(end, nan=-np.inf))) for end in ends)
-    tolerance, part = INTERPOLANT_TOLERANCE, Part(INTERPOLANT, "", -np.inf, 0.0, 1.0)
-    bounds = tolerance - max(most.tolist()), tolerance - max(reached, 0.0)
-    claims.append(path.claim(part, tolerance, *bounds, np.nan))
+    low, high = (INTERPOLANT_TOLERANCE - x for x in (max(most.tolist()), max(reached, 0.0)))
+    claims.append(path.claim(OWN, INTERPOLANT_TOLERANCE, low, high, np.nan))
     return claims, most, len(motion.cells.piece)
 
 
 def _unknown(problem: Problem, why: str, in_chart: bool) -> list[Claim]:
     """All requirements, where nothing could be bounded."""
     asked = [each for each in problem.demands if in_chart or not each.in_chart]
-    labels = [(part.label, part.unit) for each in asked for part in each.parts]
-    labels.append((INTERPOLANT, ""))
-    free = {f"goal {problem.system.coordinates[0].name}"} if problem.travel is None else set()
-    return [undecided(label, unit, why) for label, unit in labels if label not in free]
+    parts = [(each, part) for each in asked for part in each.parts]
+    free = np.isnan(problem.target)
+    known = [p for each, p in parts if not (isinstance(each, Goal) and free[p.index])]
+    return [undecided(p.label, p.unit, why) for p in [*known, OWN]]
 
 
 # -- what is known, and verdicts -----------------------------------------------------------------

@@ -188,9 +188,7 @@ def _tube(
     for most in TUBES:
         wide = {i: ball.widened(np.array([[most]])) for i, ball in core.items()}
         size, high = _growth(system, cells, known | wide, u, block)
-        off = size[block][:, block].copy()
-        off[range(len(block)), range(len(block))] = high[block]
-        mu, norm = np.max(np.sum(off, axis=1), axis=0), np.max(np.sum(size[block], axis=1), axis=0)
+        mu, norm = _logarithmic_norm(size, high, block), np.max(np.sum(size[block], axis=1), axis=0)
         radius = _transported(mu, norm, error, width) + error
         if np.all(radius * (1 + 1e-12) < most):
             break
@@ -247,16 +245,21 @@ def strayed(system: TriangularSystem, motion: Enclosure, off: Array) -> Enclosur
         far = np.zeros_like(push)
         for block in blocks(system):
             force = push[block] + np.einsum("ijc,jc->ic", size[block], far)
-            own = size[block][:, block].copy()
-            own[range(len(block)), range(len(block))] = high[block]
-            mu, forced = np.max(np.sum(own, axis=1), axis=0), np.max(force, axis=0)
-            far[block] = _transported(mu, np.ones_like(mu), forced, cells.width)
+            mu = _logarithmic_norm(size, high, block)
+            far[block] = _transported(mu, np.ones_like(mu), np.max(force, axis=0), cells.width)
         if np.all(far < most):
             break
     inside = np.logical_and.accumulate(np.all(far < most, axis=0))
     far = np.where(inside, far, np.inf)
     q = [ball.widened(by[:, None]) for ball, by in zip(motion.q, far, strict=True)]
     return Enclosure(cells, q, motion.u, motion.rates)
+
+
+def _logarithmic_norm(size: Array, high: Array, block: list[int]) -> Array:
+    """μ of a block (C,), from |J| (N, N, C) and J's diagonal from above (N, C)."""
+    off = size[block][:, block].copy()
+    off[range(len(block)), range(len(block))] = high[block]
+    return np.asarray(np.max(np.sum(off, axis=1), axis=0))
 
 
 def _transported(mu: Array, norm: Array, error: Array, width: Array) -> Array:

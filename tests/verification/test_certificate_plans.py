@@ -2,7 +2,7 @@
 
 import json
 from contextvars import copy_context
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,8 @@ import planner
 from planner.cli.app import main
 from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import ChainedTrajectory, StateTrajectory
+from planner.problem.requirements.ends import TipGoal
+from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.support import deadline
 from planner.support.deadline import TimeUpError, limited
 from planner.verification.certify import STANDSTILL, certify
@@ -82,6 +84,38 @@ def test_times_of_a_retimed_plan_are_its_own_and_not_those_of_the_path(
     assert claim.time_s is not None
     least = fast.problem.system.chart_margins(fast.q(claim.time_s), fast.problem.branch).min()
     assert least == pytest.approx(claim.attained, abs=1e-8)
+
+
+def test_a_goal_of_the_tip_is_proven_at_the_end_alone(optimal: planner.Plan) -> None:
+    arm: Any = optimal.problem.system
+    x, y = arm.arm_points(optimal.q(optimal.duration)[1:])[-1]
+    for off, status in ((0.0, "proven"), (1e-3, "violated")):
+        tip = TipGoal(("x", "y"), (x + off, y), 3.0)
+        certificate = planner.certify(replace(optimal, problem=replace(optimal.problem, tip=tip)))
+        assert certificate["goal tip x"].status == status
+        assert certificate["goal tip y"].status == "proven"
+        assert certificate["goal tip y"].time_s == optimal.duration
+
+
+@dataclass(frozen=True)
+class _Turning(Requirement):
+    """(du₁/dt)² ≤ 1, of which no proof is written."""
+
+    reads = frozenset({"du"})
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return (Part("square of a rate", "", -np.inf, 1.0, 1.0),)
+
+    def rows(self, at: At) -> list[Any]:
+        return [at.du[0] ** 2]
+
+
+def test_a_function_of_the_rates_is_undecided_and_says_why(optimal: planner.Plan) -> None:
+    asked = replace(optimal.problem, further=(_Turning(),))
+    claim = planner.certify(replace(optimal, problem=asked))["square of a rate"]
+    assert claim.status == "undecided"
+    assert "no proof is written" in claim.why
 
 
 def test_a_certificate_lists_requirements_in_the_order_of_the_problem(

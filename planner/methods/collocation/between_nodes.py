@@ -7,8 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from planner.methods.collocation.solvers.solver import Solution
-from planner.methods.collocation.task import Task
+from planner.methods.collocation.task import Solution, Task
 from planner.methods.collocation.transcription.form import (
     Kind,
     bernstein_values,

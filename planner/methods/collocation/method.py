@@ -19,9 +19,8 @@ from planner.methods.collocation.candidates import mesh_through, routes
 from planner.methods.collocation.pipeline import SEARCHED, Answer, Best, Pipeline, holding
 from planner.methods.collocation.refine import Polished, polish
 from planner.methods.collocation.refusals import NAME, iterate_plan, no_goal, refusal
-from planner.methods.collocation.solvers.backends import Settings
-from planner.methods.collocation.solvers.solver import Solution
-from planner.methods.collocation.task import Task, task
+from planner.methods.collocation.solvers import Settings
+from planner.methods.collocation.task import Solution, Task, task
 from planner.methods.collocation.transcription.bounds import Asked
 from planner.methods.collocation.transcription.form import Form, InputKind, Mesh, objective
 from planner.methods.collocation.transcription.unknowns import Iterate

@@ -19,9 +19,8 @@ import numpy as np
 
 from planner.methods.collocation.between_nodes import clears
 from planner.methods.collocation.candidates import Seed, guess
-from planner.methods.collocation.solvers.backends import way
-from planner.methods.collocation.solvers.solver import Solution
-from planner.methods.collocation.task import Task, offer, stretched
+from planner.methods.collocation.solvers import way
+from planner.methods.collocation.task import Solution, Task, offer, stretched
 from planner.methods.collocation.transcription.form import Mesh, fastest, shortest_path
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.problem import Problem

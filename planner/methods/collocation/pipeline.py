@@ -40,8 +40,7 @@ from planner.methods.collocation.path import (
     timed,
 )
 from planner.methods.collocation.refine import Polished, polish
-from planner.methods.collocation.solvers.solver import Solution
-from planner.methods.collocation.task import Task, stretched, told, transferred
+from planner.methods.collocation.task import Solution, Task, stretched, told, transferred
 from planner.methods.collocation.transcription.form import Mesh, uniform
 from planner.problem.feasibility import travel_window
 from planner.problem.problem import Problem

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from planner.methods.collocation.between_nodes import INTERPOLANT, Look, excess, look
-from planner.methods.collocation.solvers.solver import Solution
-from planner.methods.collocation.task import Task, transferred
+from planner.methods.collocation.task import Solution, Task, transferred
 from planner.methods.collocation.transcription.bounds import everywhere
 from planner.methods.collocation.transcription.form import Mesh, held_by
 from planner.support import progress

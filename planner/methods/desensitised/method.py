@@ -30,9 +30,8 @@ from planner.methods.collocation.method import (
     refuse_start,
 )
 from planner.methods.collocation.refine import polish
-from planner.methods.collocation.solvers.backends import Settings
-from planner.methods.collocation.solvers.solver import ACCEPTED_RESIDUAL, Solution
-from planner.methods.collocation.task import Task, driven, task
+from planner.methods.collocation.solvers import Settings
+from planner.methods.collocation.task import ACCEPTED_RESIDUAL, Solution, Task, driven, task
 from planner.methods.collocation.transcription.augmented import Augmented, backs_off
 from planner.methods.collocation.transcription.bounds import Asked
 from planner.methods.collocation.transcription.form import Form, Objective, uniform

@@ -22,8 +22,7 @@ from planner.methods.collocation.long_arms.ladder import climbed
 from planner.methods.collocation.method import collocation_task
 from planner.methods.collocation.pipeline import Answer, Pipeline
 from planner.methods.collocation.refine import Polished
-from planner.methods.collocation.solvers.solver import Solution
-from planner.methods.collocation.task import Task
+from planner.methods.collocation.task import Solution, Task
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.tables.method_options import CollocationOptions
 from planner.systems.triangular_system import TriangularSystem

@@ -20,8 +20,7 @@ from planner.methods.collocation.long_arms.bridges import (
     finer,
 )
 from planner.methods.collocation.path import needed_duration
-from planner.methods.collocation.solvers.solver import Solution
-from planner.methods.collocation.task import Task, can_jump, stretched, task
+from planner.methods.collocation.task import Solution, Task, can_jump, stretched, task
 from planner.methods.collocation.transcription.form import Mesh
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.support.arrays import Array

@@ -204,7 +204,7 @@ def routes(problem: Problem) -> list[Problem]:
         InputError: If there are too many orders.
     """
     expected = [problem]
-    if reach := goal_reach(problem):
+    if problem.free and (reach := goal_reach(problem)):
         expected = [problem.expecting(q) for q in reach.branches[:MOST_BRANCHES]]
     count = len(problem.waypoints)
     if count < 2 or not expected:

@@ -216,9 +216,7 @@ def _next_to(
 ) -> tuple[Task, Solution] | None:
     job = _prepared(problem, options, warm)
     start = _resampled(job, warm)
-    solution = job.solve(start, near=True)
-    if not solution.ok:
-        solution = job.solve(start)
+    solution = job.solve_near(start)
     return (job, solution) if solution.ok else None
 
 
@@ -274,7 +272,7 @@ def in_hand(
 def believed(done: Polished, accuracy: float) -> bool:
     """Whether a motion is the true one to this accuracy, and keeps its limits between the nodes."""
     seen = look(done.task, done.solution)
-    return seen.error.fine(accuracy) and not excess(done.task, seen).any()
+    return seen.fine(accuracy) and not excess(done.task, seen.iterate, seen.curves).any()
 
 
 def ended_early(plan: Plan, span: Span) -> Plan:

@@ -121,15 +121,15 @@ class Pipeline:
         Args:
             holds: Whether anything is held by now; with nothing held there is nothing to refine.
         """
-        stages = self._stages()
+        stages, options = self._stages(), self.options
         while True:
             with deadline.share(once=holds):
                 motions = next(stages, None)
             if motions is None:
                 return None
             for answer in sorted(motions, key=lambda each: each.solution.objective):
-                done = self._polished(answer)
-                if done.error <= RESOLVED or not self._free or self.options.refinements == 0:
+                done = polish(answer.task, answer.solution, options.accuracy, options.refinements)
+                if done.error <= RESOLVED or not self._free or options.refinements == 0:
                     return answer, done
                 self.last = answer.task, answer.solution
 
@@ -238,7 +238,8 @@ class Pipeline:
         fastest = min(self._slow, key=lambda each: each.solution.iterate.duration)
         job, wanted = fastest.task, self.routes[0].duration
         assert wanted is not None
-        done = self._polished(replace(fastest, task=hasty(job)))
+        options = self.options
+        done = polish(hasty(job), fastest.solution, options.accuracy, options.refinements)
         if done.error > RESOLVED:
             return []
         self.fastest = done
@@ -284,10 +285,6 @@ class Pipeline:
                 break
             answer = replace(answer, task=moved[0], solution=solution)
         return answer
-
-    def _polished(self, answer: Answer) -> Polished:
-        options = self.options
-        return polish(answer.task, answer.solution, options.accuracy, options.refinements)
 
 
 def _guesses(options: CollocationOptions) -> list[Seed]:

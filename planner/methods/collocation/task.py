@@ -115,6 +115,11 @@ class Task:
         offer(self, found)
         return found
 
+    def solve_near(self, start: Iterate) -> Solution:
+        """Solve from a start near the answer, or else from it as from any other."""
+        found = self.solve(start, near=True)
+        return found if found.ok else self.solve(start)
+
     def judged(self, iterate: Iterate) -> Solution:
         """An iterate that no solver has touched; ok if it keeps the task's rows and bounds."""
         data = self.bounds

@@ -70,7 +70,7 @@ def held(job: Task, chain: Chain, accuracy: float) -> tuple[Task, Solution] | No
         if wanted is None:
             return None
         solution = own.judged(stretched(path, wanted))
-        if solution.ok and look(own, solution).error.fine(accuracy):
+        if solution.ok and look(own, solution).fine(accuracy):
             return own, solution
     return None
 

@@ -40,18 +40,13 @@ class Rows:
             final: a part of what holds at the end, asked for in the last interval alone.
         index: Coordinate or input it is about, or the part's place among all parts of its family.
         tau: Where in the interval each row holds, shape (m,), in [0, 1].
-        first: Position of its first row among the interval's rows.
+        positions: Of the rows among those of the interval.
     """
 
     kind: RowKind
     index: int
     tau: Array
-    first: int
-
-    @property
-    def positions(self) -> slice:
-        """Positions among the interval's rows."""
-        return slice(self.first, self.first + len(self.tau))
+    positions: slice
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +121,8 @@ class _RowList:
         self.labels: list[Rows] = []
 
     def add(self, kind: RowKind, index: int, tau: Array, expressions: list[Any]) -> None:
-        self.labels.append(Rows(kind, index, tau, len(self.expressions)))
+        first = len(self.expressions)
+        self.labels.append(Rows(kind, index, tau, slice(first, first + len(tau))))
         self.expressions += expressions
 
 

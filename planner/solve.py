@@ -163,12 +163,12 @@ def solve_and_check(
     def attempt(change: Change) -> Plan:
         changed = problem.changed(change.keys)
         given = {} if change.defaults else options
-        return _planned(changed, entry, merged_options(changed, entry, given), None)[0]
+        return judged(_made(changed, entry, merged_options(changed, entry, given), None))[0]
 
     with limited(getattr(own, "time_limit_s", time_limit_s)) as span, listening(progress):
         began = time.monotonic()
         try:
-            plan, check = _planned(problem, entry, own, warm)
+            plan, check = judged(_made(problem, entry, own, warm))
         except TimeUpError:
             far = now()
             doing = "" if far is None else f" after {far.solves} solves (it was {far.doing})"
@@ -189,20 +189,18 @@ def solve_and_check(
         return compensated(plan, None, problem.compensation)
 
 
-def _planned(
-    problem: Problem, entry: Method, options: Any, warm: Plan | None
-) -> tuple[Plan, Check]:
-    """What the method makes of a problem, unless it can be refused beforehand, and verified."""
+def _made(problem: Problem, entry: Method, options: Any, warm: Plan | None) -> Plan:
+    """What a method makes of a problem, unless it can be refused beforehand."""
     if not entry.finds_time:
         refuse_too_short(problem)
     refuse_unkept(problem, entry.name, entry.keeps)
     if warm is None:
-        return judged(entry.plan(problem, options))
+        return entry.plan(problem, options)
     if entry.replan is None:
         able = ", ".join(f"'{m.name}'" for m in METHODS.values() if m.replan)
         raise InputError(f"method '{entry.name}' cannot start from a plan; warm is for {able}")
     expect_plan(warm)
-    return judged(entry.replan(problem, options, warm.compensates or warm))
+    return entry.replan(problem, options, warm.compensates or warm)
 
 
 def judged(plan: Plan) -> tuple[Plan, Check]:

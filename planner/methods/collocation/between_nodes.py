@@ -11,7 +11,6 @@ from planner.methods.collocation.task import Solution, Task
 from planner.methods.collocation.transcription.form import (
     Kind,
     bernstein_values,
-    held_by,
     scheme,
 )
 from planner.methods.collocation.transcription.unknowns import STEPS, Iterate
@@ -76,9 +75,9 @@ def clears(task: Task, solution: Solution) -> bool:
 
     What reaches less than half its radius into a disc can be drawn out of it.
     """
-    if not task.problem.divided:
+    held = [required for required in task.held if required.divides]
+    if not held:
         return True
-    held = [required for required in task.problem.requirements if required.divides]
     scale = np.array([part.scale for required in held for part in required.parts])
     iterate = solution.iterate
     deep = excess(task, iterate, task.motion(iterate).states[None], held)
@@ -97,7 +96,7 @@ def excess(
         held: What is kept, all of it when left out.
     """
     system, at = task.problem.system, At.of(task.problem.system, curves)
-    held = held_by(task.problem) if held is None else held
+    held = task.held if held is None else held
     if any(required.reads != {"q"} for required in held):
         (left, right), tau = iterate.input_ends(), np.arange(STEPS + 1)[:, None] / STEPS
         u = left[:, None] + tau * (right - left)[:, None]

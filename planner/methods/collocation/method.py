@@ -16,11 +16,11 @@ import numpy as np
 from planner.errors import InputError, TimeLimitError, Violation
 from planner.methods.collocation.between_nodes import excess, look
 from planner.methods.collocation.candidates import mesh_through, routes
-from planner.methods.collocation.pipeline import SEARCHED, Answer, Best, Pipeline, holding
+from planner.methods.collocation.pipeline import SEARCHED, Answer, Best, Pipeline
 from planner.methods.collocation.refine import Polished, polish
 from planner.methods.collocation.refusals import NAME, iterate_plan, no_goal, refusal
 from planner.methods.collocation.solvers import Settings
-from planner.methods.collocation.task import Solution, Task, task
+from planner.methods.collocation.task import Solution, Task, task, told
 from planner.methods.collocation.transcription.bounds import Asked
 from planner.methods.collocation.transcription.form import Form, InputKind, Mesh, objective
 from planner.methods.collocation.transcription.unknowns import Iterate
@@ -48,18 +48,14 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
         NotConvergedError: If no motion is found, or none as short as the duration.
     """
     began = time.perf_counter()
-
-    def make(route: Problem, mesh: Mesh | int, direct: bool) -> Task:
-        return collocation_task(route, options, mesh, direct)
-
     ways = routes(problem.within_reach())
     if not ways:
         raise no_goal(problem)
-    search = Pipeline(ways, options, make)
-    limit = deadline.limited(options.time_limit_s)
+    search = Pipeline(ways, options, collocation_task)
+    best = Best([*ways, ways[0].likely], options.accuracy)
     with (
-        limit,
-        holding([*ways, ways[0].likely], options.accuracy) as best,
+        deadline.limited(options.time_limit_s),
+        told(best),
         deadline.limited(None, holds=best.holds) as span,
     ):
         try:

@@ -12,7 +12,7 @@ from planner.methods.collocation.between_nodes import INTERPOLANT, Look, excess,
 from planner.methods.collocation.long_arms.held import can_hold, chain_of, held
 from planner.methods.collocation.task import Solution, Task, transferred
 from planner.methods.collocation.transcription.bounds import everywhere
-from planner.methods.collocation.transcription.form import Mesh, held_by
+from planner.methods.collocation.transcription.form import Mesh
 from planner.support import progress
 from planner.support.deadline import TimeUpError, share
 
@@ -113,7 +113,7 @@ def polish(task: Task, solution: Solution, accuracy: float, refinements: int) ->
             task, solution = _held(task, solution, accuracy) or (task, solution)
         meshes.append(len(task.mesh.widths))
         seen = look(task, solution)
-    parts = [part for required in held_by(task.problem) for part in required.parts]
+    parts = [part for required in task.held for part in required.parts]
     most = zip(parts, task.drawn.max(axis=0).tolist(), strict=True)
     drawn = {"rounds": rounds, **{part.label: amount for part, amount in most if amount}}
     inner = task.made.form.inner

@@ -31,6 +31,7 @@ from planner.methods.collocation.transcription.unknowns import (
 )
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.problem import Problem
+from planner.problem.requirements.requirement import Requirement
 from planner.support import deadline, progress
 from planner.support.arrays import Array
 
@@ -68,6 +69,7 @@ class Task:
 
     Attributes:
         problem: Start, goal and limits.
+        held: What of it may be broken between the nodes.
         objective: What is made least.
         made: The transcription.
         mesh: Its mesh.
@@ -78,6 +80,7 @@ class Task:
     """
 
     problem: Problem
+    held: list[Requirement]
     objective: Objective
     made: Transcription
     mesh: Mesh
@@ -89,7 +92,8 @@ class Task:
     @property
     def bounds(self) -> Bounds:
         """Bounds from the problem's numbers."""
-        return bounds(self.problem, self.made, self.mesh, self.objective, self.asked, self.drawn)
+        given = self.mesh, self.objective, self.asked, self.drawn
+        return bounds(self.problem, self.held, self.made, *given)
 
     def solve(self, start: Iterate, near: bool = False) -> Solution:
         """Solve from a start, which may be near the answer.
@@ -180,7 +184,7 @@ def task(
     backend(made, wanted)
     seconds = time.perf_counter() - began if new else 0.0
     none = np.zeros((form.intervals, sum(len(required.parts) for required in held)))
-    return Task(problem, objective, made, mesh, asked, settings, none, seconds)
+    return Task(problem, held, objective, made, mesh, asked, settings, none, seconds)
 
 
 def _checked(made: Transcription, data: Bounds, answer: Answer, accepted: float) -> Solution:

@@ -180,6 +180,7 @@ class Transcription:
 
     Attributes:
         system: The system.
+        moved: What moves: the system, or more.
         form: Its shape.
         layout: Where each unknown sits.
         labels: What the rows of one interval mean.
@@ -189,17 +190,13 @@ class Transcription:
     """
 
     system: TriangularSystem
+    moved: Moved
     form: Form
     layout: Layout
     labels: tuple[Rows, ...]
     height: int
     program: Program
     solvers: dict[Any, Any] = field(default_factory=dict)
-
-    @property
-    def moved(self) -> Moved:
-        """What moves: the system, or more."""
-        return self.form.augmented or self.system
 
     def start(self, problem: Problem) -> Array:
         """All that moves, at the start: what is not of the system begins at zero."""
@@ -241,6 +238,7 @@ def transcription(system: TriangularSystem, form: Form) -> Transcription:
         functions = compiled(functions)
     return Transcription(
         system=system,
+        moved=moved,
         form=form,
         layout=places,
         labels=symbols.labels,

@@ -103,10 +103,14 @@ def made_by(how: str) -> Callable[[Class], Class]:
         @wraps(fill)
         def checked(*given: Any, **by_name: Any) -> None:
             try:
-                signature.bind(*given, **by_name)
-            except TypeError as error:
-                raise InputError(f"planner.{cls.__name__}(...): {error}; {how} makes one") from None
-            fill(*given, **by_name)
+                fill(*given, **by_name)
+            except TypeError:
+                try:
+                    signature.bind(*given, **by_name)
+                except TypeError as error:
+                    name = cls.__name__
+                    raise InputError(f"planner.{name}(...): {error}; {how} makes one") from None
+                raise
 
         setattr(cls, "__init__", checked)  # noqa: B010
         return cls

@@ -152,11 +152,102 @@ def solve_and_check(
 
     Without `advice` the changes that a refusal names are not tried.
     """
-    plan, check = _planned(problem, method, warm, time_limit_s, progress, advice, options)
+    expect_problem(problem)
+    entry = find_method(method)
+    if time_limit_s is not None:
+        time_limit_s = checked(time_limit_s)
+        if "time_limit_s" in entry.options.model_fields:
+            options["time_limit_s"] = time_limit_s
+    own = merged_options(problem, entry, options)
+
+    def attempt(change: Change) -> Plan:
+        changed = problem.changed(change.keys)
+        given = {} if change.defaults else options
+        return judged(_made(changed, entry, merged_options(changed, entry, given), None))[0]
+
+    with limited(getattr(own, "time_limit_s", time_limit_s)) as span, listening(progress):
+        began = time.monotonic()
+        try:
+            plan, check = judged(_made(problem, entry, own, warm))
+        except TimeUpError:
+            far = now()
+            doing = "" if far is None else f" after {far.solves} solves (it was {far.doing})"
+            raise TimeLimitError(
+                f"{problem.source}: {span.why} ended the method '{method}' before it had a"
+                f" plan{doing}",
+                advice=MORE_TIME,
+            ) from None
+        except NoPlanError as error:
+            seconds = time.monotonic() - began
+            found = advise(error, problem, attempt, seconds) if advice else None
+            if found is None:
+                raise
+            plan, check = judged(replace(found, problem=problem))
     if not problem.compensation.on or plan.status == "singular":
         return plan, check
     with limited(time_limit_s), listening(progress):
         return compensated(plan, None, problem.compensation)
+
+
+def _made(problem: Problem, entry: Method, options: Any, warm: Plan | None) -> Plan:
+    """What a method makes of a problem, unless it can be refused beforehand."""
+    if not entry.finds_time:
+        refuse_too_short(problem)
+    refuse_unkept(problem, entry.name, entry.keeps)
+    if warm is None:
+        return entry.plan(problem, options)
+    if entry.replan is None:
+        able = ", ".join(f"'{m.name}'" for m in METHODS.values() if m.replan)
+        raise InputError(f"method '{entry.name}' cannot start from a plan; warm is for {able}")
+    expect_plan(warm)
+    return entry.replan(problem, options, warm.compensates or warm)
+
+
+def judged(plan: Plan) -> tuple[Plan, Check]:
+    """A plan that a method has made, verified, with what the verification found.
+
+    Raises:
+        TimeLimitError: If it breaks a requirement, and there was no time to refine it.
+        VerificationError: If it breaks a requirement otherwise.
+    """
+    tell("verifying")
+    check = verify(plan)
+    if plan.status == "singular":
+        return plan, check
+    if check.ok:
+        return replace(plan, verified=True, certificate=certify(plan)), check
+    if why := plan.notes.get("ended_early"):
+        raise TimeLimitError(
+            f"{plan.problem.source}: {why}, and there was no time to refine it: it breaks",
+            plan=replace(plan, status=TimeLimitError.status),
+            violations=check.violations,
+            advice=MORE_TIME,
+        )
+    others = not_promised(plan.problem, find_method(plan.method).keeps)
+    said = ""
+    if left := sum(v.label in others for v in check.violations):
+        part = "" if left == len(check.violations) else f"{left} of "
+        said = f", {part}which this method does not promise to keep"
+    changes, otherwise = _ways(plan, check)
+    raise _broken(plan, check, said, otherwise, changes)
+
+
+def _ways(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
+    """Changes to try, and what else may help."""
+    found = [plan.problem.asking(v.label) for v in check.violations]
+    broken = [asked[0] for asked in found if asked]
+    speeds = [each.speed if isinstance(each, Requirement) else 0 for each in broken]
+    if len(broken) == len(found) and all(speeds) and plan.trajectory.kind == "chained":
+        sizes = (v.value / v.limit for v in check.violations)
+        factor = max(size ** (1 / speed) for size, speed in zip(sizes, speeds, strict=True))
+        if factor < float("inf"):
+            slower = lasting(plan.duration * factor * 1.0001)
+            return [slower, BY_COLLOCATION], None
+    if len(broken) < len(found) or any(isinstance(each, Goal | TipGoal) for each in broken):
+        return [], "a finer mesh: more method.collocation.intervals or a higher degree"
+    other = [BY_COLLOCATION] if plan.method != BY_COLLOCATION.method else []
+    instead = asked_instead(plan, [v for v in check.violations if np.isfinite(v.value)])
+    return other, f"{instead or 'wider limits'}, or another {plan.problem.travel_key}"
 
 
 def compensated(
@@ -187,122 +278,27 @@ def compensated(
             return entry.plan(shifted, own)
         return entry.replan(shifted, own, near)
 
-    advice = MORE_ROOM + (FORWARD if options.preparation != "forward" else "") + WITHOUT
+    forward = (
+        "compensation.preparation = 'forward'; or " if options.preparation != "forward" else ""
+    )
+    advice = f"more time (goal.duration); or {forward}no compensation (compensation.on = false)"
+    no_aim = (
+        f"{problem.source}: the plan cannot be compensated: the shifted goal, for which the"
+        " nominal machine would end at the goal, has no plan: "
+    )
     tell("compensating")
     try:
         made = aimed(plan, used, options, replan)
     except TimeUpError:
-        raise TimeLimitError(_not_aimed(problem, "it takes too long"), advice=advice) from None
+        raise TimeLimitError(no_aim + "it takes too long", advice=advice) from None
     except NoPlanError as error:
         why = error.reason.removeprefix(f"{problem.source}: ")
-        raise NoPlanError(
-            _not_aimed(problem, why), violations=error.violations, advice=advice
-        ) from error
+        raise NoPlanError(no_aim + why, violations=error.violations, advice=advice) from error
     check = verify(made)
     made = replace(made, solve_time_s=plan.solve_time_s + time.perf_counter() - began)
     if check.ok:
         return replace(made, verified=True), check
     raise _broken(made, check, " on the nominal machine", advice)
-
-
-MORE_ROOM = "more time (goal.duration); or "
-FORWARD = "compensation.preparation = 'forward'; or "
-WITHOUT = "no compensation (compensation.on = false)"
-
-
-def _not_aimed(problem: Problem, why: str) -> str:
-    return (
-        f"{problem.source}: the plan cannot be compensated: the shifted goal, for which the"
-        f" nominal machine would end at the goal, has no plan: {why}"
-    )
-
-
-def _planned(
-    problem: Problem,
-    method: str,
-    warm: Plan | None,
-    time_limit_s: float | None,
-    progress: Listener | None,
-    advice: bool,
-    options: dict[str, Any],
-) -> tuple[Plan, Check]:
-    """The plan as the kinematics say, judged, with what the verification found."""
-    expect_problem(problem)
-    entry = find_method(method)
-    time_limit_s = None if time_limit_s is None else checked(time_limit_s)
-    if time_limit_s is not None and "time_limit_s" in entry.options.model_fields:
-        options = {**options, "time_limit_s": time_limit_s}
-    own = merged_options(problem, entry, options)
-    with limited(getattr(own, "time_limit_s", time_limit_s)) as span, listening(progress):
-
-        def attempt(change: Change) -> Plan:
-            changed = problem.changed(change.keys)
-            given = {} if change.defaults else options
-            return _solved(changed, entry, merged_options(changed, entry, given), None)[0]
-
-        began = time.monotonic()
-        try:
-            return _solved(problem, entry, own, warm)
-        except TimeUpError:
-            far = now()
-            doing = "" if far is None else f" after {far.solves} solves (it was {far.doing})"
-            raise TimeLimitError(
-                f"{problem.source}: {span.why} ended the method '{method}' before it had a"
-                f" plan{doing}",
-                advice=MORE_TIME,
-            ) from None
-        except NoPlanError as error:
-            seconds = time.monotonic() - began
-            found = advise(error, problem, attempt, seconds) if advice else None
-            if found is None:
-                raise
-            return judged(replace(found, problem=problem))
-
-
-def _solved(problem: Problem, entry: Method, options: Any, warm: Plan | None) -> tuple[Plan, Check]:
-    if not entry.finds_time:
-        refuse_too_short(problem)
-    refuse_unkept(problem, entry.name, entry.keeps)
-    if warm is None:
-        return judged(entry.plan(problem, options))
-    if entry.replan is None:
-        able = ", ".join(f"'{m.name}'" for m in METHODS.values() if m.replan)
-        raise InputError(f"method '{entry.name}' cannot start from a plan; warm is for {able}")
-    expect_plan(warm)
-    return judged(entry.replan(problem, options, warm.compensates or warm))
-
-
-def judged(plan: Plan) -> tuple[Plan, Check]:
-    """A plan that a method has made, verified, with what the verification found.
-
-    Raises:
-        TimeLimitError: If it breaks a requirement, and there was no time to refine it.
-        VerificationError: If it breaks a requirement otherwise.
-    """
-    tell("verifying")
-    check = verify(plan)
-    if plan.status == "singular":
-        return plan, check
-    if not check.ok:
-        raise _refusal(plan, check)
-    return replace(plan, verified=True, certificate=certify(plan)), check
-
-
-def _refusal(plan: Plan, check: Check) -> NoPlanError:
-    if why := plan.notes.get("ended_early"):
-        return TimeLimitError(
-            f"{plan.problem.source}: {why}, and there was no time to refine it: it breaks",
-            plan=replace(plan, status=TimeLimitError.status),
-            violations=check.violations,
-            advice=MORE_TIME,
-        )
-    others = not_promised(plan.problem, find_method(plan.method).keeps)
-    said = ""
-    if left := sum(v.label in others for v in check.violations):
-        part = "" if left == len(check.violations) else f"{left} of "
-        said = f", {part}which this method does not promise to keep"
-    changes, otherwise = _ways(plan, check)
-    return _broken(plan, check, said, otherwise, changes)
 
 
 def _broken(
@@ -320,21 +316,3 @@ def _broken(
     )
     error.check = check
     return error
-
-
-def _ways(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
-    """Changes to try, and what else may help."""
-    found = [plan.problem.asking(v.label) for v in check.violations]
-    broken = [asked[0] for asked in found if asked]
-    speeds = [each.speed if isinstance(each, Requirement) else 0 for each in broken]
-    if len(broken) == len(found) and all(speeds) and plan.trajectory.kind == "chained":
-        sizes = (v.value / v.limit for v in check.violations)
-        factor = max(size ** (1 / speed) for size, speed in zip(sizes, speeds, strict=True))
-        if factor < float("inf"):
-            slower = lasting(plan.duration * factor * 1.0001)
-            return [slower, BY_COLLOCATION], None
-    if len(broken) < len(found) or any(isinstance(each, Goal | TipGoal) for each in broken):
-        return [], "a finer mesh: more method.collocation.intervals or a higher degree"
-    other = [BY_COLLOCATION] if plan.method != BY_COLLOCATION.method else []
-    instead = asked_instead(plan, [v for v in check.violations if np.isfinite(v.value)])
-    return other, f"{instead or 'wider limits'}, or another {plan.problem.travel_key}"

@@ -33,6 +33,19 @@ from planner.support.user_tables import Table, nearest, parse
 
 
 @dataclass(frozen=True)
+class Later:
+    """Where a function is, whose module (and with it, say, OSQP) is imported when it is wanted."""
+
+    module: str
+    name: str
+
+    def __call__(self) -> Callable[..., Plan]:
+        """The function."""
+        found: Callable[..., Plan] = getattr(import_module(self.module), self.name)
+        return found
+
+
+@dataclass(frozen=True)
 class Method:
     """An entry of the registry.
 
@@ -40,9 +53,9 @@ class Method:
         name: As users write it; also the name of its `[method.*]` table.
         summary: One line for listings.
         options: The table of its options.
-        plan: From problem and options to a plan that is not verified yet.
+        made_by: What makes its plans, or where that is.
         keeps: What it says before it searches: which parts of what is asked it keeps.
-        replan: The same as `plan` from a plan of a neighbouring problem, or None.
+        remade_by: The same from a plan of a neighbouring problem, or None.
         refines: The method whose plan it starts from, or None. Where that finds none this finds
             none, so that `check` does not try it.
         finds_time: Whether it reports a too short duration by itself and finds a longer one.
@@ -51,21 +64,21 @@ class Method:
     name: str
     summary: str
     options: type[Any]
-    plan: Callable[[Problem, Any], Plan]
+    made_by: Callable[[Problem, Any], Plan] | Later
     keeps: keeping.Keeps = keeping.nothing
-    replan: Callable[[Problem, Any, Plan], Plan] | None = None
+    remade_by: Callable[[Problem, Any, Plan], Plan] | Later | None = None
     refines: str | None = None
     finds_time: bool = False
 
+    @property
+    def plan(self) -> Callable[[Problem, Any], Plan]:
+        """From problem and options to a plan that is not verified yet."""
+        return self.made_by() if isinstance(self.made_by, Later) else self.made_by
 
-def _later(module: str, name: str) -> Callable[..., Plan]:
-    """A method's function, whose module (and with it, say, OSQP) is imported when it is called."""
-
-    def call(*arguments: Any) -> Plan:
-        plan: Plan = getattr(import_module(f"{__package__}.{module}"), name)(*arguments)
-        return plan
-
-    return call
+    @property
+    def replan(self) -> Callable[[Problem, Any, Plan], Plan] | None:
+        """The same as `plan` from a plan of a neighbouring problem, or None."""
+        return self.remade_by() if isinstance(self.remade_by, Later) else self.remade_by
 
 
 _ALL = (
@@ -73,53 +86,53 @@ _ALL = (
         "polynomial",
         "the paper's method: v1 constant, v2 polynomial, with constraint points",
         PolynomialOptions,
-        _later("laws.polynomial", "plan_polynomial"),
+        Later("planner.methods.laws.polynomial", "plan_polynomial"),
         keeping.law(keeping.one_leg),
     ),
     Method(
         "piecewise",
         "multirate: v1 constant, v2 piecewise constant",
         PiecewiseOptions,
-        _later("laws.piecewise", "plan_piecewise"),
+        Later("planner.methods.laws.piecewise", "plan_piecewise"),
         keeping.law(keeping.slots),
     ),
     Method(
         "sinusoid",
         "one period of v1 = a0 + a1 sin wt, v2 = sum of bj cos jwt",
         SinusoidOptions,
-        _later("laws.sinusoids", "plan_sinusoid"),
+        Later("planner.methods.laws.sinusoids", "plan_sinusoid"),
         keeping.law(keeping.smooth),
     ),
     Method(
         "sinusoid_steps",
         "z1 and z2 first, then one further coordinate in each period of sinusoids",
         SinusoidStepsOptions,
-        _later("laws.sinusoids", "plan_sinusoid_steps"),
+        Later("planner.methods.laws.sinusoids", "plan_sinusoid_steps"),
         keeping.law(keeping.steps),
     ),
     Method(
         "collocation",
         "optimal plans in joint coordinates within all limits, by direct collocation",
         CollocationOptions,
-        _later("collocation.method", "plan_collocation"),
+        Later("planner.methods.collocation.method", "plan_collocation"),
         keeping.collocation,
-        _later("collocation.method", "replan_collocation"),
+        Later("planner.methods.collocation.method", "replan_collocation"),
         finds_time=True,
     ),
     Method(
         "convex",
         "globally optimal path in the chart with its gap, or a certificate that none exists",
         ConvexOptions,
-        _later("convex.method", "plan_convex"),
+        Later("planner.methods.convex.method", "plan_convex"),
         keeping.convex,
     ),
     Method(
         "desensitised",
         "least response to errors of inputs, start and constants, traded against effort",
         DesensitisedOptions,
-        _later("desensitised.method", "plan_desensitised"),
+        Later("planner.methods.desensitised.method", "plan_desensitised"),
         keeping.desensitised,
-        _later("desensitised.method", "plan_desensitised"),
+        Later("planner.methods.desensitised.method", "plan_desensitised"),
         refines="collocation",
         finds_time=True,
     ),
@@ -217,19 +230,21 @@ def find_method(name: str) -> Method:
     """The registry's entry of that name.
 
     Raises:
-        InputError: If there is none; names the nearest. If a plugin fails.
+        InputError: If there is none; names the nearest. If it is looked for among plugins, and one
+            fails.
     """
-    methods = all_methods()
-    if not isinstance(name, str) or name not in methods:
+    if not isinstance(name, str) or (name not in METHODS and name not in all_methods()):
         raise InputError(
-            f"unknown method '{brief(str(name))}'; {nearest(str(name), list(methods))}"
+            f"unknown method '{brief(str(name))}'; {nearest(str(name), list(METHODS))}"
         )
-    return methods[name]
+    return METHODS[name]
 
 
 def merged_options(problem: Problem, method: Method, options: dict[str, Any]) -> Any:
     """The method's option table: the problem's, overridden by keywords."""
     table = getattr(problem.methods, method.name, None)  # None: read before it was registered
+    if table is not None and not options:
+        return table
     own = {} if table is None else table.model_dump(exclude_unset=True)
     return parse(method.options, {**own, **plain(options)}, f"options of method '{method.name}'")
 

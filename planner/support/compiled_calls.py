@@ -34,10 +34,10 @@ class Call(threading.local):
 
     def __call__(self, *arguments: Array) -> Array:
         """All nonzeros, shape (n,); those of matrices by columns, as CasADi stores them."""
-        out, buffer = np.empty(self._size), self._buffer
-        held = [np.ascontiguousarray(a, dtype=float) for a in arguments]
-        for i, array in enumerate(held):
-            buffer.set_arg(i, array.reshape(-1).data)
+        out, buffer, held = np.empty(self._size), self._buffer, []
+        for i, given in enumerate(arguments):
+            held.append(np.ascontiguousarray(given, dtype=float).reshape(-1))
+            buffer.set_arg(i, held[i].data)
         buffer.set_res(0, out.data)
         self._evaluate()
         return out
@@ -69,24 +69,20 @@ class Pointwise:
         lead = arguments[0].shape[:-1]
         count = math.prod(lead)
         rows, columns = self.shape
-        out = self._values(count, [a.reshape(-1, a.shape[-1]) for a in arguments])
-        out = out.reshape(count, columns, rows)
-        if columns == 1:
-            return out.reshape(*lead, rows)
-        return np.ascontiguousarray(out.swapaxes(-1, -2)).reshape(*lead, rows, columns)
-
-    def _values(self, count: int, points: Sequence[Array]) -> Array:
-        """By maps over powers of two: any count is a sum of few, and a map takes long to make."""
-        done, parts = 0, []
+        points = [a.reshape(count, a.shape[-1]) for a in arguments]
+        done, parts = 0, [np.empty(0)]
+        # any count is a sum of few powers of two, and a map takes long to make
         for power in range(count.bit_length() - 1, -1, -1):
             if count & 2**power:
                 if power not in self._mapped:
                     self._mapped[power] = Call(self.function.map(2**power))
-                parts.append(self._mapped[power](*(p[done : done + 2**power] for p in points)))
+                parts.append(self._mapped[power](*[p[done : done + 2**power] for p in points]))
                 done += 2**power
-        if len(parts) == 1:
-            return parts[0]
-        return np.concatenate(parts) if parts else np.empty(0)
+        out = parts[1] if len(parts) == 2 else np.concatenate(parts)
+        out = out.reshape(count, columns, rows)
+        if columns == 1:
+            return out.reshape(*lead, rows)
+        return np.ascontiguousarray(out.swapaxes(-1, -2)).reshape(*lead, rows, columns)
 
 
 Value = TypeVar("Value")

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from contextvars import Context, ContextVar
 from dataclasses import dataclass
 
@@ -87,10 +87,9 @@ class Span:
 _span: ContextVar[Span | None] = ContextVar("span", default=None)
 
 
-@contextmanager
 def limited(
     seconds: float | None, words: str = "", holds: Callable[[], bool] | None = None
-) -> Iterator[Span]:
+) -> AbstractContextManager[Span]:
     """Nothing in the block takes longer; None adds no limit to those around.
 
     Args:
@@ -101,19 +100,17 @@ def limited(
     Raises:
         InputError: If the seconds are no such number.
     """
-    if seconds is not None:
-        seconds = checked(seconds)
-        words = words or f"the time limit of {seconds:g} s"
     now = time.monotonic()
-    end = math.inf if seconds is None else now + seconds
-    with _opened(Span(_span.get(), now, end, words if seconds is not None else "", holds)) as span:
-        yield span
+    if seconds is None:
+        return _opened(Span(_span.get(), now, math.inf, holds=holds))
+    seconds = checked(seconds)
+    words = words or f"the time limit of {seconds:g} s"
+    return _opened(Span(_span.get(), now, now + seconds, words, holds))
 
 
-@contextmanager
 def share(
     part: float = SEARCH, words: str = "", once: Callable[[], bool] | None = None
-) -> Iterator[Span]:
+) -> AbstractContextManager[Span]:
     """The block takes no more than this share of the time that remains.
 
     Args:
@@ -122,14 +119,26 @@ def share(
         once: Given where the share counts only once this is true.
     """
     now = time.monotonic()
-    with _opened(Span(_span.get(), now, now + part * remaining(), words, once=once)) as span:
+    return _opened(Span(_span.get(), now, now + part * remaining(), words, once=once))
+
+
+@contextmanager
+def _opened(span: Span) -> Iterator[Span]:
+    token = _span.set(span)
+    try:
         yield span
+    finally:
+        _span.reset(token)
 
 
 def remaining() -> float:
     """Seconds left, infinite without a limit; not below zero."""
-    ends = (s.end for s in _spans() if s.once is None or s.once())
-    return max(0.0, min(ends, default=math.inf) - time.monotonic())
+    span, end = _span.get(), math.inf
+    while span is not None:
+        if span.end < end and (span.once is None or span.once()):
+            end = span.end
+        span = span.outer
+    return max(0.0, end - time.monotonic())
 
 
 def check() -> None:
@@ -148,8 +157,11 @@ def check_stopped() -> None:
     Raises:
         TimeUpError: If `end` was called.
     """
-    if any(span.stopped for span in _spans()):
-        raise time_up()
+    span = _span.get()
+    while span is not None:
+        if span.stopped:
+            raise time_up()
+        span = span.outer
 
 
 def time_up() -> TimeUpError:
@@ -197,15 +209,6 @@ def checked(seconds: float) -> float:
             f"time_limit_s = {seconds!r:.40} is not a time limit; give seconds above 0"
         )
     return float(seconds)
-
-
-@contextmanager
-def _opened(span: Span) -> Iterator[Span]:
-    token = _span.set(span)
-    try:
-        yield span
-    finally:
-        _span.reset(token)
 
 
 def _spans(context: Context | None = None) -> Iterator[Span]:

@@ -167,20 +167,15 @@ def folder(path: str | Path) -> Iterator[Path]:
             if staging is not None:
                 shutil.rmtree(staging, ignore_errors=True)
             if not target.exists():
-                _remove_empty(made)
+                with suppress(OSError):
+                    for folder in made:  # innermost first, as far as they are there and empty
+                        folder.rmdir()
 
 
 _STAGING = ".planner."
 """How the names of what is not complete begin; not with the target's own, which may be too long."""
 
 _MARKER = ".planner"
-
-
-def _remove_empty(folders: list[Path]) -> None:
-    """Remove the folders, innermost first, as far as they are there and empty."""
-    with suppress(OSError):
-        for path in folders:
-            path.rmdir()
 
 
 def _swap(staging: Path, target: Path) -> None:

@@ -70,23 +70,21 @@ def listening(listener: Listener | None) -> Iterator[None]:
 def tell(doing: str) -> None:
     """Say what is done now."""
     logger.info("%s", doing)
-    for run in _runs():
-        run.doing = doing
-    _heard()
+    _note(doing=doing)
 
 
 def found(best: str) -> None:
     """Say that there is a motion better than all before."""
     logger.info("best so far %s", best)
-    for run in _runs():
-        run.best = best
-    _heard()
+    _note(best=best)
 
 
 def solved() -> None:
     """Count one call of a solver."""
-    for run in _runs():
+    run = _run.get()
+    while run is not None:
         run.solves += 1
+        run = run.outer
 
 
 def now() -> Progress | None:
@@ -95,14 +93,11 @@ def now() -> Progress | None:
     return None if run is None else run.now
 
 
-def _heard() -> None:
-    for run in _runs():
-        if run.listener is not None:
-            run.listener(run.now)
-
-
-def _runs() -> Iterator[_Run]:
+def _note(doing: str = "", best: str = "") -> None:
+    """Put down what is new in all runs around, and let their listeners hear."""
     run = _run.get()
     while run is not None:
-        yield run
+        run.doing, run.best = doing or run.doing, best or run.best
+        if run.listener is not None:
+            run.listener(run.now)
         run = run.outer

@@ -88,12 +88,16 @@ def differences(
     Returns:
         One entry a pair, in the order of the labels.
     """
-    pairs = list(combinations(errors, 2))
-    found = [_p_value(errors[a] - errors[b]) for a, b in pairs]
-    return tuple(
-        _difference(a, b, errors[a] - errors[b], p, corrected, threshold_deg)
-        for (a, b), p, corrected in zip(pairs, found, holm(found), strict=True)
-    )
+    from scipy.stats import wilcoxon  # slow to import
+
+    gaps = {(a, b): errors[a] - errors[b] for a, b in combinations(errors, 2)}
+    found = [float(wilcoxon(gap).pvalue) if np.any(gap) else 1.0 for gap in gaps.values()]
+    out = []
+    for (pair, gap), p, corrected in zip(gaps.items(), found, holm(found), strict=True):
+        better = float(np.mean(gap < 0) + np.mean(gap == 0) / 2)
+        median, interval = float(np.median(gap)), percentile_interval(gap, 50)
+        out.append(Difference(*pair, median, interval, better, p, corrected, threshold_deg))
+    return tuple(out)
 
 
 def holm(p_values: list[float]) -> list[float]:
@@ -104,17 +108,3 @@ def holm(p_values: list[float]) -> list[float]:
     corrected = np.empty_like(p)
     corrected[order] = np.maximum.accumulate(steps)
     return [float(value) for value in corrected]
-
-
-def _difference(
-    first: str, second: str, gaps: Array, p: float, corrected: float, threshold_deg: float
-) -> Difference:
-    better = np.mean(gaps < 0) + np.mean(gaps == 0) / 2
-    median, interval = float(np.median(gaps)), percentile_interval(gaps, 50)
-    return Difference(first, second, median, interval, float(better), p, corrected, threshold_deg)
-
-
-def _p_value(gaps: Array) -> float:
-    from scipy.stats import wilcoxon  # slow to import
-
-    return 1.0 if not np.any(gaps) else float(wilcoxon(gaps).pvalue)

@@ -35,7 +35,7 @@ from scipy.stats import linregress
 import planner
 from planner.methods.collocation.method import plan_collocation, replan_collocation
 from planner.methods.collocation.pipeline import DIRECT
-from planner.methods.collocation.solvers.backends import Settings
+from planner.methods.collocation.solvers import Settings
 from planner.methods.collocation.task import task
 from planner.methods.collocation.transcription.bounds import Asked
 from planner.methods.collocation.transcription.form import Form, objective, uniform

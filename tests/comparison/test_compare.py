@@ -199,7 +199,7 @@ def test_an_unfinished_iterate_is_not_kept_as_a_plan(
     def give_up(problem: planner.Problem, options: object) -> planner.Plan:
         raise planner.NotConvergedError("stopped after 3 iterations", plan=iterate)
 
-    monkeypatch.setitem(METHODS, "polynomial", replace(METHODS["polynomial"], plan=give_up))
+    monkeypatch.setitem(METHODS, "polynomial", replace(METHODS["polynomial"], made_by=give_up))
     row = compare_function(unlimited, ["polynomial"], samples=2).rows[0]
     assert (row.plan, row.replay, row.why) == (None, None, "stopped after 3 iterations")
 
@@ -306,7 +306,7 @@ def instead(methods: Mapping[str, Any], monkeypatch: pytest.MonkeyPatch) -> None
     for name in list(METHODS):
         monkeypatch.delitem(METHODS, name)
     for name, plan in methods.items():
-        monkeypatch.setitem(METHODS, name, replace(like, name=name, plan=plan))
+        monkeypatch.setitem(METHODS, name, replace(like, name=name, made_by=plan))
 
 
 def test_all_means_every_method_and_one_that_does_not_fit_stops_none(
@@ -447,6 +447,6 @@ def test_a_reason_that_ends_in_a_list_stops_before_it(
     def refuse(problem: planner.Problem, options: object) -> planner.Plan:
         raise planner.NotConvergedError("it takes 10.98 s. In 10 s it breaks:\n  - input u1")
 
-    monkeypatch.setitem(METHODS, "polynomial", replace(METHODS["polynomial"], plan=refuse))
+    monkeypatch.setitem(METHODS, "polynomial", replace(METHODS["polynomial"], made_by=refuse))
     row = compare_function(unlimited, ["polynomial"], samples=2).rows[0]
     assert row.why == "it takes 10.98 s"

@@ -7,12 +7,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from planner.methods.collocation.solvers.solver import Solution
-from planner.methods.collocation.task import Task
+from planner.methods.collocation.task import Solution, Task
 from planner.methods.collocation.transcription.form import (
     Kind,
     bernstein_values,
-    held_by,
     scheme,
 )
 from planner.methods.collocation.transcription.unknowns import STEPS, Iterate
@@ -37,16 +35,21 @@ class Look:
     """Samples between the nodes, at the same times.
 
     Attributes:
-        plan: Of the iterate's own interpolant, shape (K, M, N).
-        motion: Of the motion its input really makes, shape (K, M, N).
-        error: How far they differ.
         iterate: What is sampled.
+        curves: Of the iterate's own interpolant, and of the motion its input really makes, shape
+            (2, K, M, N).
+        end_error: How far they differ at the end, the largest over coordinates.
+        largest_error: The same at any time.
     """
 
-    plan: Array
-    motion: Array
-    error: MeshError
     iterate: Iterate
+    curves: Array
+    end_error: float
+    largest_error: float
+
+    def fine(self, accuracy: float) -> bool:
+        """Whether the mesh needs no refinement."""
+        return self.end_error <= accuracy and self.largest_error <= INTERPOLANT * accuracy
 
 
 def look(task: Task, solution: Solution) -> Look:
@@ -54,10 +57,10 @@ def look(task: Task, solution: Solution) -> Look:
     iterate, form = solution.iterate, task.made.form
     values = np.concatenate([iterate.nodes[:-1, None], iterate.points], axis=1)
     values = values[..., : task.problem.system.size]
-    plan = np.asarray(_basis(form.scheme_kind, form.degree) @ values)
-    motion = task.motion(iterate).states
-    gap = np.abs(motion - plan)
-    return Look(plan, motion, MeshError(float(gap[-1, -1].max()), float(gap.max())), iterate)
+    plan = _basis(form.scheme_kind, form.degree) @ values
+    curves = np.stack([plan, task.motion(iterate).states])
+    gap = np.abs(curves[1] - curves[0])
+    return Look(iterate, curves, float(gap[-1, -1].max()), float(gap.max()))
 
 
 @lru_cache(maxsize=16)
@@ -67,42 +70,41 @@ def _basis(kind: Kind, degree: int) -> Array:
     return np.asarray(bernstein_values(degree, tau) @ scheme(kind, degree).bernstein)
 
 
-@dataclass(frozen=True, eq=False)
-class MeshError:
-    """Difference of the true motion and the interpolant, the largest over coordinates.
+def clears(task: Task, solution: Solution) -> bool:
+    """Whether no link passes through a disc between two places at which it must clear it.
 
-    Attributes:
-        end: At the end of the motion.
-        largest: At any time.
+    What reaches less than half its radius into a disc can be drawn out of it.
     """
+    held = [required for required in task.held if required.divides]
+    if not held:
+        return True
+    scale = np.array([part.scale for required in held for part in required.parts])
+    iterate = solution.iterate
+    deep = excess(task, iterate, task.motion(iterate).states[None], held)
+    return bool(np.all(deep < scale / 2))
 
-    end: float
-    largest: float
 
-    def fine(self, accuracy: float) -> bool:
-        """Whether no refinement is needed."""
-        return self.end <= accuracy and self.largest <= INTERPOLANT * accuracy
-
-
-def excess(task: Task, seen: Look) -> Array:
+def excess(
+    task: Task, iterate: Iterate, curves: Array, held: list[Requirement] | None = None
+) -> Array:
     """By how much each interval breaks each part of what is kept, plus a little, shape (K, R).
 
-    The plan's q(t) and the motion its input really makes are both held to the limits.
+    Args:
+        task: What is asked.
+        iterate: Whose inputs they are.
+        curves: Samples (C, K, M, N) of curves that are all held to the limits.
+        held: What is kept, all of it when left out.
     """
-    return _broken(task, held_by(task.problem), np.stack([seen.plan, seen.motion]), seen.iterate)
-
-
-def _broken(task: Task, held: list[Requirement], q: Array, iterate: Iterate) -> Array:
-    """The same for samples q (C, K, M, N) of curves."""
-    at = At.of(task.problem.system, q)
+    system, at = task.problem.system, At.of(task.problem.system, curves)
+    held = task.held if held is None else held
     if any(required.reads != {"q"} for required in held):
         (left, right), tau = iterate.input_ends(), np.arange(STEPS + 1)[:, None] / STEPS
         u = left[:, None] + tau * (right - left)[:, None]
         slope = (right - left) / (task.mesh.widths[:, None] * iterate.duration)
         du = np.broadcast_to(slope[:, None], u.shape)
-        alike = (np.broadcast_to(each, (*q.shape[:-1], 2)) for each in (u, du))
-        at = At.of(task.problem.system, q, *alike)
-    out = [np.zeros((q.shape[1], 0))]
+        alike = (np.broadcast_to(each, (*curves.shape[:-1], 2)) for each in (u, du))
+        at = At.of(system, curves, *alike)
+    out = [np.zeros((curves.shape[1], 0))]
     for required in held:
         (low, high, scale), values = required.sides, np.stack(required.values(at), axis=-1)
         if (low == -high).all():
@@ -150,17 +152,3 @@ def _uneven(bend: Array) -> Array:
     none = np.zeros_like(bend[:, :1])
     left, right = (np.concatenate(both, axis=1) for both in ([none, steps], [steps, none]))
     return np.asarray(np.maximum(left, right))
-
-
-def clears(task: Task, solution: Solution) -> bool:
-    """Whether no link passes through a disc between two places at which it must clear it.
-
-    What reaches less than half its radius into a disc can be drawn out of it.
-    """
-    held = [required for required in held_by(task.problem) if required.divides]
-    if not held:
-        return True
-    scale = np.array([part.scale for required in held for part in required.parts])
-    iterate = solution.iterate
-    deep = _broken(task, held, task.motion(iterate).states[None], iterate)
-    return bool(np.all(deep < scale / 2))

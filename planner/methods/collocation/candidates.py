@@ -8,8 +8,6 @@ coordinate must turn back.
 A goal that leaves joints free is expected in several places in turn; where the motion ends is for
 the solver to say.
 
-Waypoints on the way: in which order and when they are passed, and guesses that pass them.
-
 A waypoint is an edge of the mesh at which some coordinates are fixed. One with a time has its place
 in the mesh; the others are first placed by distance. The systems are driftless, so how long each
 part of the way may take is settled afterwards: least effort moves at the same speed everywhere, and
@@ -89,7 +87,8 @@ def guess(problem: Problem, made: Transcription, mesh: Mesh, seed: Seed) -> Iter
     s = np.linspace(0.0, 1.0, SAMPLES)
     q = _states(problem, mesh, seed, s)
     rates = np.gradient(q[:, :2], s, axis=0)
-    rates[:, 0] /= _away_from_zero(problem.system.drive(q))
+    drive = problem.system.drive(q)
+    rates[:, 0] /= np.where(np.abs(drive) < 0.05, 0.05, drive)
     duration = problem.duration or _duration(problem, rates)
     where = made.form.input_places(mesh)
     return Iterate(
@@ -128,21 +127,14 @@ def through_waypoints(problem: Problem, knots: Array, travel: float, s: Array) -
     goal = problem.likely.goal.copy()
     goal[0] = problem.start[0] + travel
     known = np.array([problem.start, *(w.q for w in problem.waypoints), goal])
-    return np.stack([_filled(s, knots, column) for column in known.T], axis=-1)
-
-
-def _filled(s: Array, knots: Array, values: Array) -> Array:
-    known = ~np.isnan(values)
-    return np.interp(s, knots[known], values[known])
+    there = ~np.isnan(known)
+    lines = zip(there.T, known.T, strict=True)
+    return np.stack([np.interp(s, knots[at], values[at]) for at, values in lines], axis=-1)
 
 
 def _duration(problem: Problem, rates: Array) -> float:
     slowest = np.max(np.mean(np.abs(rates), axis=0) / problem.limits.input_scale)
     return 1.5 * float(slowest) + 0.01
-
-
-def _away_from_zero(values: Array) -> Array:
-    return np.where(np.abs(values) < 0.05, 0.05, values)
 
 
 def _interpolate(where: Array, s: Array, values: Array) -> Array:
@@ -223,10 +215,16 @@ def routes(problem: Problem) -> list[Problem]:
 
 
 def mesh_through(problem: Problem, intervals: int) -> Mesh:
-    """About as many intervals, even between the waypoints, with an edge at each in their order."""
+    """About as many intervals, even between the waypoints, with an edge at each in their order.
+
+    Each is passed at its time, or in proportion to distance between those that have one.
+    """
     if not problem.waypoints:
         return uniform(intervals)
-    return through(intervals, _fractions(problem, problem.waypoints))
+    passed, total = problem.waypoints, problem.duration or 1.0
+    fixed = [0.0, *(np.nan if w.time_s is None else w.time_s / total for w in passed), 1.0]
+    knots = _between(np.array(fixed), _steps(problem, passed) + 1e-3)
+    return through(intervals, list(knots[1:-1]))
 
 
 def rebalanced(job: Task, iterate: Iterate) -> tuple[Task, Iterate] | None:
@@ -265,13 +263,6 @@ def _steps(problem: Problem, order: tuple[Waypoint, ...]) -> Array:
     places = np.linspace(0.0, 1.0, len(order) + 2)
     q = through_waypoints(replace(problem, waypoints=order), places, 0.0, places)
     return np.asarray(np.linalg.norm(np.diff(q[:, 1:], axis=0), axis=1))
-
-
-def _fractions(problem: Problem, order: tuple[Waypoint, ...]) -> list[float]:
-    """When each is passed: its time, or in proportion to distance between those that have one."""
-    total = problem.duration or 1.0
-    fixed = [0.0, *(np.nan if w.time_s is None else w.time_s / total for w in order), 1.0]
-    return list(_between(np.array(fixed), _steps(problem, order) + 1e-3)[1:-1])
 
 
 def _between(knots: Array, needs: Array) -> Array:

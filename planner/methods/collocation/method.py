@@ -16,12 +16,11 @@ import numpy as np
 from planner.errors import InputError, TimeLimitError, Violation
 from planner.methods.collocation.between_nodes import excess, look
 from planner.methods.collocation.candidates import mesh_through, routes
-from planner.methods.collocation.pipeline import SEARCHED, Answer, Best, Pipeline, holding
+from planner.methods.collocation.pipeline import SEARCHED, Answer, Best, Pipeline
 from planner.methods.collocation.refine import Polished, polish
 from planner.methods.collocation.refusals import NAME, iterate_plan, no_goal, refusal
-from planner.methods.collocation.solvers.backends import Settings
-from planner.methods.collocation.solvers.solver import Solution
-from planner.methods.collocation.task import Task, task
+from planner.methods.collocation.solvers import Settings
+from planner.methods.collocation.task import Solution, Task, task, told
 from planner.methods.collocation.transcription.bounds import Asked
 from planner.methods.collocation.transcription.form import Form, InputKind, Mesh, objective
 from planner.methods.collocation.transcription.unknowns import Iterate
@@ -49,31 +48,111 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
         NotConvergedError: If no motion is found, or none as short as the duration.
     """
     began = time.perf_counter()
-
-    def make(route: Problem, mesh: Mesh | int, direct: bool) -> Task:
-        return collocation_task(route, options, mesh, direct)
-
     ways = routes(problem.within_reach())
     if not ways:
         raise no_goal(problem)
-    search = Pipeline(ways, options, make)
-    limit = deadline.limited(options.time_limit_s)
+    search = Pipeline(ways, options, collocation_task)
+    best = Best([*ways, ways[0].likely], options.accuracy)
     with (
-        limit,
-        holding([*ways, ways[0].likely], options.accuracy) as best,
+        deadline.limited(options.time_limit_s),
+        told(best),
         deadline.limited(None, holds=best.holds) as span,
     ):
         try:
             found = search.run(best.holds)
         except deadline.TimeUpError:
-            found = in_hand(best, span, problem, options)
+            found = _in_hand(best, span, problem, options)
         if found is None:
             raise refusal(problem, search)
         answer, done = found
         notes = {"stage": answer.stage, "tried": search.log}
-        plan = finished(done, answer.start, notes, best.iterations, options, began)
-        plan = replace(plan, problem=problem)
-        return ended_early(plan, span) if span.reached else plan
+        made = _plan(problem, done, answer.start, notes, best.iterations, options, began)
+        return _cut_short(made, span) if span.reached else made
+
+
+def _in_hand(
+    best: Best, span: Span, problem: Problem, options: CollocationOptions
+) -> tuple[Answer, Polished]:
+    """Where time is up: the best motion found so far, refined in the rest of the time.
+
+    Raises:
+        TimeLimitError: If there is none.
+    """
+    with suppress(TimeUpError):
+        best.keep()
+    both = []
+    for motion in (best.kept, best.motion):
+        if motion is not None:
+            done = polish(*motion, options.accuracy, options.refinements)
+            both.append((Answer("the best found by then", "time limit", *motion), done))
+    if both:
+        accuracy = options.accuracy
+        return min(both, key=lambda b: (not believed(b[1], accuracy), b[1].solution.objective))
+    far, last, broken = progress.now(), None, list[Violation]()
+    if best.nearest is not None:
+        last, broken = iterate_plan(problem, *best.nearest, options)
+    came = "" if far is None else f" after {far.solves} solves (it was {far.doing})"
+    nearest = "; the closest attempt breaks:" if broken else ""
+    raise TimeLimitError(
+        f"{problem.source}: {span.why} ended the search before it had found a motion{came}"
+        f"{nearest}",
+        plan=last,
+        violations=broken,
+        advice=MORE_TIME,
+    )
+
+
+def believed(done: Polished, accuracy: float) -> bool:
+    """Whether a motion is the true one to this accuracy, and keeps its limits between the nodes."""
+    seen = look(done.task, done.solution)
+    return seen.fine(accuracy) and not excess(done.task, seen.iterate, seen.curves).any()
+
+
+def _plan(
+    problem: Problem,
+    done: Polished,
+    start: str,
+    notes: dict[str, Any],
+    iterations: int,
+    options: CollocationOptions,
+    began: float,
+) -> Plan:
+    """The plan of a motion refined, with how it was come by; `began` by the clock of `time`."""
+    job, solution = done.task, done.solution
+    wall = time.perf_counter() - began
+    return Plan(
+        problem=problem,
+        method=NAME,
+        options=options.model_dump(),
+        trajectory=job.curve(solution.iterate),
+        objective=solution.objective,
+        objective_name=job.objective.name,
+        solve_time_s=wall - job.build_time_s,
+        build_time_s=job.build_time_s,
+        iterations=iterations,
+        notes={
+            "start": start,
+            **notes,
+            **chosen_goal(job.problem, solution.iterate),
+            "largest_residual": solution.residual,
+            "resimulated_end_error": done.error,
+            **done.notes,
+        },
+    )
+
+
+def _cut_short(plan: Plan, span: Span) -> Plan:
+    """The plan, which says that its search was cut short."""
+    status = "interrupted" if span.ended_by else TimeLimitError.status
+    said = f"{span.why} ended the search; this is the best motion found so far"
+    return replace(plan, status=status, notes={**plan.notes, "ended_early": said})
+
+
+def chosen_goal(problem: Problem, iterate: Iterate) -> dict[str, Any]:
+    """For a plan's notes: all joints at its end, in degrees, where the goal leaves some free."""
+    if not problem.free:
+        return {}
+    return {"goal_theta_deg": np.rad2deg(iterate.nodes[-1, 1 : problem.system.size]).tolist()}
 
 
 def collocation_task(
@@ -132,45 +211,6 @@ def input_kind(
     return options.input
 
 
-def finished(
-    done: Polished,
-    start: str,
-    notes: dict[str, Any],
-    iterations: int,
-    options: CollocationOptions,
-    began: float,
-) -> Plan:
-    """The plan of a motion refined, with how it was come by; `began` by the clock of `time`."""
-    job, solution = done.task, done.solution
-    wall = time.perf_counter() - began
-    return Plan(
-        problem=job.problem,
-        method=NAME,
-        options=options.model_dump(),
-        trajectory=job.curve(solution.iterate),
-        objective=solution.objective,
-        objective_name=job.objective.name,
-        solve_time_s=wall - job.build_time_s,
-        build_time_s=job.build_time_s,
-        iterations=iterations,
-        notes={
-            "start": start,
-            **notes,
-            **chosen_goal(job.problem, solution.iterate),
-            "largest_residual": solution.residual,
-            "resimulated_end_error": done.error,
-            **done.notes,
-        },
-    )
-
-
-def chosen_goal(problem: Problem, iterate: Iterate) -> dict[str, Any]:
-    """For a plan's notes: all joints at its end, in degrees, where the goal leaves some free."""
-    if not problem.free:
-        return {}
-    return {"goal_theta_deg": np.rad2deg(iterate.nodes[-1, 1 : problem.system.size]).tolist()}
-
-
 def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan) -> Plan:
     """As `plan_collocation`, from a plan of another problem of the same system.
 
@@ -193,9 +233,8 @@ def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan
         log = [{"start": "warm", "status": solution.status, "objective": solution.objective}]
         notes = {"stage": "warm start", "tried": log}
         iterations = solution.iterations + done.iterations
-        plan = finished(done, "warm", notes, iterations, options, began)
-        plan = replace(plan, problem=problem)
-        return ended_early(plan, span) if span.reached else plan
+        made = _plan(problem, done, "warm", notes, iterations, options, began)
+        return _cut_short(made, span) if span.reached else made
 
 
 def refuse_start(problem: Problem, warm: Plan) -> None:
@@ -215,21 +254,13 @@ def refuse_start(problem: Problem, warm: Plan) -> None:
 def _next_to(
     problem: Problem, options: CollocationOptions, warm: Plan
 ) -> tuple[Task, Solution] | None:
-    job = _prepared(problem, options, warm)
-    start = _resampled(job, warm)
-    solution = job.solve(start, near=True)
-    if not solution.ok:
-        solution = job.solve(start)
-    return (job, solution) if solution.ok else None
-
-
-def _prepared(problem: Problem, options: CollocationOptions, warm: Plan) -> Task:
-    """On the plan's own mesh where it has one and the problem or options ask for no other."""
     own = warm.method == NAME and options.intervals == "auto" and not problem.waypoints
-    if not own:
-        return collocation_task(problem, options, SEARCHED)
-    job = collocation_task(problem, options, Mesh(warm.t / warm.duration))
-    return job.inside() if warm.notes.get("limits_inside", False) else job
+    mesh = Mesh(warm.t / warm.duration) if own else SEARCHED
+    job = collocation_task(problem, options, mesh)
+    if own and warm.notes.get("limits_inside", False):
+        job = job.inside()
+    solution = job.solve_near(_resampled(job, warm))
+    return (job, solution) if solution.ok else None
 
 
 def _resampled(job: Task, warm: Plan) -> Iterate:
@@ -248,55 +279,4 @@ def _resampled(job: Task, warm: Plan) -> Iterate:
         nodes=nodes,
         points=points.reshape(*inside.shape, -1),
         inputs=warm.u(job.made.form.input_places(mesh) * T) * (T / duration),
-    )
-
-
-def in_hand(
-    best: Best, span: Span, problem: Problem, options: CollocationOptions
-) -> tuple[Answer, Polished]:
-    """The best motion found so far, refined in the rest of the time.
-
-    Raises:
-        TimeLimitError: If there is none.
-    """
-    with suppress(TimeUpError):
-        best.keep()
-    found = [motion for motion in (best.kept, best.motion) if motion is not None]
-    if not found:
-        raise _refusal(best, span, problem, options)
-    answers = [Answer("the best found by then", "time limit", *motion) for motion in found]
-    both = [
-        (answer, polish(answer.task, answer.solution, options.accuracy, options.refinements))
-        for answer in answers
-    ]
-    return min(both, key=lambda b: (not believed(b[1], options.accuracy), b[1].solution.objective))
-
-
-def believed(done: Polished, accuracy: float) -> bool:
-    """Whether a motion is the true one to this accuracy, and keeps its limits between the nodes."""
-    seen = look(done.task, done.solution)
-    return seen.error.fine(accuracy) and not excess(done.task, seen).any()
-
-
-def ended_early(plan: Plan, span: Span) -> Plan:
-    """The plan, which says that its search was cut short."""
-    status = "interrupted" if span.ended_by else TimeLimitError.status
-    said = f"{span.why} ended the search; this is the best motion found so far"
-    return replace(plan, status=status, notes={**plan.notes, "ended_early": said})
-
-
-def _refusal(
-    best: Best, span: Span, problem: Problem, options: CollocationOptions
-) -> TimeLimitError:
-    far, last, broken = progress.now(), None, list[Violation]()
-    if best.nearest is not None:
-        last, broken = iterate_plan(problem, *best.nearest, options)
-    came = "" if far is None else f" after {far.solves} solves (it was {far.doing})"
-    nearest = "; the closest attempt breaks:" if broken else ""
-    return TimeLimitError(
-        f"{problem.source}: {span.why} ended the search before it had found a motion{came}"
-        f"{nearest}",
-        plan=last,
-        violations=broken,
-        advice=MORE_TIME,
     )

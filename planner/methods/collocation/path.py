@@ -1,12 +1,9 @@
 """First the path, then its timing.
 
-The path comes from several seeds, without limits on speed; the shortest is kept.
-
 The systems are driftless, so what a path looks like and how fast it is run are two questions. The
-first alone is smooth and has no bound on inputs to run into; the second then starts from a motion
-that is feasible after stretching.
-
-Timing goes from the path to the motion asked for: objective, duration, limits on inputs.
+first alone is smooth and has no bound on inputs to run into: paths come from several seeds, and the
+shortest are kept. The second, with the objective, the duration and the limits on inputs, then
+starts from a motion that is feasible after stretching.
 """
 
 from __future__ import annotations
@@ -19,9 +16,8 @@ import numpy as np
 
 from planner.methods.collocation.between_nodes import clears
 from planner.methods.collocation.candidates import Seed, guess
-from planner.methods.collocation.solvers.backends import way
-from planner.methods.collocation.solvers.solver import Solution
-from planner.methods.collocation.task import Task, offer, stretched
+from planner.methods.collocation.solvers import way
+from planner.methods.collocation.task import Solution, Task, offer, stretched
 from planner.methods.collocation.transcription.form import Mesh, fastest, shortest_path
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.problem import Problem
@@ -74,31 +70,34 @@ def search(
     Two thirds of the seeds in a row found infeasible end the search too. A path whose links pass
     through a disc between two nodes may come clear once it is timed, but counts half.
     """
-    free = path_task(task)
-    result, clear = Search([], None, []), 0
-    for k, seed in enumerate(seeds):
+    free, clear = path_task(task), 0
+    found, last, log = list[Found](), None, list[dict[str, Any]]()
+    for count, seed in enumerate(seeds, 1):
         progress.tell(f"searching a path from the first guess '{seed.name}'")
-        start = guess(free.problem, task.made, task.mesh, seed)
-        solution = free.solve(start)
+        solution = free.solve(guess(free.problem, task.made, task.mesh, seed))
+        effort = solution.objective if solution.ok else None
+        entry = {"start": seed.name, "status": solution.status, "path_effort": effort}
+        log.append({**entry, "iterations": solution.iterations})
+        if solution.ok:
+            found.append(Found(seed.name, solution))
+        else:
+            last = solution
         if solution.ok and clears(free, solution):
             clear += 1
-            _offered(task, solution.iterate)
-        result = _with(result, seed, solution)
-        hopeless = 3 * (k + 1) >= 2 * len(seeds) and all(
-            entry["status"] == INFEASIBLE for entry in result.log
-        )
-        found = simple and solution.ok and (one_way(solution.iterate) or _again(result))
-        if hopeless or found or clear >= enough or len(result.found) >= 2 * enough:
+            needed = needed_duration(task.problem, task.mesh, solution.iterate)
+            wanted = task.problem.duration
+            if wanted is None or needed <= wanted:  # a motion, if there is no time for a better one
+                duration = wanted or needed or solution.iterate.duration
+                offer(task, task.judged(stretched(solution.iterate, duration)))
+        hopeless = 3 * count >= 2 * len(seeds) and all(e["status"] == INFEASIBLE for e in log)
+        plain = simple and solution.ok and (one_way(solution.iterate) or _again(found))
+        if hopeless or plain or clear >= enough or len(found) >= 2 * enough:
             break
-    return replace(result, found=_distinct(result.found))
-
-
-def _again(result: Search) -> bool:
-    """Whether the shortest path comes back."""
-    if len(result.found) < AMONG:
-        return False
-    shortest = min(path.solution.objective for path in result.found)
-    return sum(same_path(shortest, path) for path in result.found) >= OFTEN
+    distinct: list[Found] = []
+    for path in sorted(found, key=lambda path: path.solution.objective):
+        if not distinct or not same_path(path.solution.objective, distinct[-1]):
+            distinct.append(path)
+    return Search(distinct, last, log)
 
 
 def path_task(task: Task) -> Task:
@@ -108,45 +107,12 @@ def path_task(task: Task) -> Task:
     return replace(task, problem=unhurried, asked=asked, objective=shortest_path(task.objective))
 
 
-def needed_duration(problem: Problem, mesh: Mesh, iterate: Iterate) -> float:
-    """Seconds this path takes, all of it stretched alike, within what a slower motion keeps."""
-    u = np.stack(iterate.input_ends())
-    slope = (u[1] - u[0]) / (mesh.widths[:, None] * iterate.duration)
-    q = np.stack([iterate.nodes[:-1], iterate.nodes[1:]])[..., : problem.system.size]
-    at, factors = At.of(problem.system, q, u, np.stack([slope, slope])), [0.0]
-    for required in problem.requirements:
-        if required.speed:
-            values = np.stack([np.ravel(value) for value in required.values(at)])
-            factors += required.slower(values.min(axis=1), values.max(axis=1)).tolist()
-    return iterate.duration * float(np.max(factors))
-
-
-def _offered(task: Task, path: Iterate) -> None:
-    """Offer the path at one pace as a motion, in case there is no time for a better one."""
-    needed, wanted = needed_duration(task.problem, task.mesh, path), task.problem.duration
-    if wanted is None or needed <= wanted:
-        offer(task, task.judged(stretched(path, wanted or needed or path.duration)))
-
-
-def one_way(iterate: Iterate) -> bool:
-    """Whether the drive never turns back."""
-    drive = iterate.inputs[:, 0]
-    slack = STANDSTILL * np.max(np.abs(drive))
-    return bool(np.all(drive >= -slack) or np.all(drive <= slack))
-
-
-def _with(result: Search, seed: Seed, solution: Solution) -> Search:
-    entry = {
-        "start": seed.name,
-        "status": solution.status,
-        "path_effort": solution.objective if solution.ok else None,
-        "iterations": solution.iterations,
-    }
-    return Search(
-        found=[*result.found, Found(seed.name, solution)] if solution.ok else result.found,
-        last=result.last if solution.ok else solution,
-        log=[*result.log, entry],
-    )
+def _again(found: Sequence[Found]) -> bool:
+    """Whether the shortest path comes back."""
+    if len(found) < AMONG:
+        return False
+    shortest = min(path.solution.objective for path in found)
+    return sum(same_path(shortest, path) for path in found) >= OFTEN
 
 
 def same_path(effort: float, path: Found) -> bool:
@@ -154,13 +120,11 @@ def same_path(effort: float, path: Found) -> bool:
     return abs(effort - path.solution.objective) <= 1e-6 * path.solution.objective
 
 
-def _distinct(found: Sequence[Found]) -> list[Found]:
-    """Shortest first, without repetitions of the same path."""
-    kept: list[Found] = []
-    for candidate in sorted(found, key=lambda f: f.solution.objective):
-        if not kept or not same_path(candidate.solution.objective, kept[-1]):
-            kept.append(candidate)
-    return kept
+def one_way(iterate: Iterate) -> bool:
+    """Whether the drive never turns back."""
+    drive = iterate.inputs[:, 0]
+    slack = STANDSTILL * np.max(np.abs(drive))
+    return bool(np.all(drive >= -slack) or np.all(drive <= slack))
 
 
 HASTE = 0.97
@@ -177,7 +141,7 @@ class Timed:
     """
 
     solution: Solution
-    quick: Solution | None
+    quick: Solution | None = None
 
 
 def timed(task: Task, path: Iterate) -> Timed:
@@ -189,27 +153,18 @@ def timed(task: Task, path: Iterate) -> Timed:
     needed = needed_duration(task.problem, task.mesh, path)
     wanted = task.problem.duration
     if wanted is None:
-        return _single(task.solve(stretched(path, 1.1 * needed) if needed > 0 else path))
+        return Timed(task.solve(stretched(path, 1.1 * needed) if needed > 0 else path))
     if needed <= wanted:
-        return _leisurely(task, stretched(path, wanted))
+        motion = stretched(path, wanted)
+        # The path of least effort is that of any duration. Among discs, where there are many such
+        # paths, a start from farther off may find a shorter one.
+        near = task.objective.kind == "effort" and not task.problem.divided
+        return Timed(task.solve_near(motion) if near else task.solve(motion))
     quick = hasty(task).solve(stretched(path, 1.1 * needed))
     if not quick.ok or quick.iterate.duration * HASTE > wanted:
         return Timed(replace(quick, ok=False), quick)
     solution = task.solve(stretched(quick.iterate, wanted))
     return Timed(solution, quick)
-
-
-def _leisurely(task: Task, motion: Iterate) -> Timed:
-    """From a motion within the limits: the path of least effort is that of any duration.
-
-    Among discs, where there are many such paths, a start from farther off may find a shorter one.
-    """
-    found = task.objective.kind == "effort" and not task.problem.divided
-    near = task.solve(motion, near=found)
-    if near.ok:
-        return _single(near)
-    last = task.solve(motion)
-    return Timed(last, None)
 
 
 def hasty(task: Task) -> Task:
@@ -218,5 +173,14 @@ def hasty(task: Task) -> Task:
     return task.asking(free, fastest(free))
 
 
-def _single(solution: Solution) -> Timed:
-    return Timed(solution, None)
+def needed_duration(problem: Problem, mesh: Mesh, iterate: Iterate) -> float:
+    """Seconds this path takes, all of it stretched alike, within what a slower motion keeps."""
+    u = np.stack(iterate.input_ends())
+    slope = (u[1] - u[0]) / (mesh.widths[:, None] * iterate.duration)
+    q = np.stack([iterate.nodes[:-1], iterate.nodes[1:]])[..., : problem.system.size]
+    at, factors = At.of(problem.system, q, u, np.stack([slope, slope])), [0.0]
+    for required in problem.requirements:
+        if required.speed:
+            values = np.stack([np.ravel(value) for value in required.values(at)])
+            factors += required.slower(values.min(axis=1), values.max(axis=1)).tolist()
+    return iterate.duration * float(np.max(factors))

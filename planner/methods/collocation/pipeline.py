@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -40,8 +39,7 @@ from planner.methods.collocation.path import (
     timed,
 )
 from planner.methods.collocation.refine import Polished, polish
-from planner.methods.collocation.solvers.solver import Solution
-from planner.methods.collocation.task import Task, stretched, told, transferred
+from planner.methods.collocation.task import Solution, Task, stretched, transferred
 from planner.methods.collocation.transcription.form import Mesh, uniform
 from planner.problem.feasibility import travel_window
 from planner.problem.problem import Problem
@@ -68,9 +66,9 @@ SHARINGS = 6
 RESOLVED = 1e-4
 """Difference at the end, rad, between a motion and its interpolant up to which it is believed."""
 
-Tasks = Callable[[Problem, Mesh | int, bool], Task]
-"""From a problem, a mesh or about how many intervals, and whether a straight line is to lead to the
-answer soon or not at all, to the task."""
+Tasks = Callable[[Problem, CollocationOptions, Mesh | int, bool], Task]
+"""From a problem, options, a mesh or about how many intervals, and whether a straight line is to
+lead to the answer soon or not at all, to the task."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,15 +120,15 @@ class Pipeline:
         Args:
             holds: Whether anything is held by now; with nothing held there is nothing to refine.
         """
-        stages = self._stages()
+        stages, options = self._stages(), self.options
         while True:
             with deadline.share(once=holds):
                 motions = next(stages, None)
             if motions is None:
                 return None
             for answer in sorted(motions, key=lambda each: each.solution.objective):
-                done = self._polished(answer)
-                if done.error <= RESOLVED or not self._free or self.options.refinements == 0:
+                done = polish(answer.task, answer.solution, options.accuracy, options.refinements)
+                if done.error <= RESOLVED or not self._free or options.refinements == 0:
                     return answer, done
                 self.last = answer.task, answer.solution
 
@@ -165,7 +163,7 @@ class Pipeline:
                 return []
             plain = problem.duration is not None and self.options.input != "constant"
             few = DIRECT if plain else SEARCHED
-            job, seed = self.make(problem, few, True), seeds("straight")[0]
+            job, seed = self.make(problem, self.options, few, True), seeds("straight")[0]
             solution = job.solve(guess(job.problem, job.made, job.mesh, seed))
             if not solution.ok or (problem.duration is None and not one_way(solution.iterate)):
                 if problem.free:
@@ -185,7 +183,7 @@ class Pipeline:
         """
         out, known = [], list[Found]()
         for problem in routes:
-            job = self.make(problem, SEARCHED, False)
+            job = self.make(problem, self.options, SEARCHED, False)
             enough = self.options.starts if self.options.start in ("auto", "wander") else 1
             enough = -(-enough // len(routes)) if problem.free else enough
             paths = search(job, guesses, enough, self._free and not problem.divided)
@@ -220,7 +218,7 @@ class Pipeline:
 
     def _by_ladder(self) -> list[Answer]:
         """The motion along a path by way of shorter arms."""
-        job = self.make(self.routes[0].likely, SEARCHED, False)
+        job = self.make(self.routes[0].likely, self.options, SEARCHED, False)
         found = climbed(job, self.options.accuracy) if can_hold(job) else None
         if found is None:
             return []
@@ -239,7 +237,8 @@ class Pipeline:
         fastest = min(self._slow, key=lambda each: each.solution.iterate.duration)
         job, wanted = fastest.task, self.routes[0].duration
         assert wanted is not None
-        done = self._polished(replace(fastest, task=hasty(job)))
+        options = self.options
+        done = polish(hasty(job), fastest.solution, options.accuracy, options.refinements)
         if done.error > RESOLVED:
             return []
         self.fastest = done
@@ -285,10 +284,6 @@ class Pipeline:
                 break
             answer = replace(answer, task=moved[0], solution=solution)
         return answer
-
-    def _polished(self, answer: Answer) -> Polished:
-        options = self.options
-        return polish(answer.task, answer.solution, options.accuracy, options.refinements)
 
 
 def _guesses(options: CollocationOptions) -> list[Seed]:
@@ -372,11 +367,3 @@ class Best:
 
     def _asked(self, task: Task) -> bool:
         return any(task.problem is problem for problem in self._problems)
-
-
-@contextmanager
-def holding(problems: Sequence[Problem], accuracy: float) -> Iterator[Best]:
-    """Keep the best motion of these problems, which differ in the order of waypoints only."""
-    best = Best(problems, accuracy)
-    with told(best):
-        yield best

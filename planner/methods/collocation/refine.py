@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from planner.methods.collocation.between_nodes import INTERPOLANT, Look, excess, look
-from planner.methods.collocation.solvers.solver import Solution
-from planner.methods.collocation.task import Task, transferred
+from planner.methods.collocation.long_arms.held import can_hold, chain_of, held
+from planner.methods.collocation.task import Solution, Task, transferred
 from planner.methods.collocation.transcription.bounds import everywhere
-from planner.methods.collocation.transcription.form import Mesh, held_by
+from planner.methods.collocation.transcription.form import Mesh
 from planner.support import progress
 from planner.support.deadline import TimeUpError, share
 
@@ -19,7 +20,7 @@ EVENNESS = 0.35
 """Least density of a refined mesh, relative to its greatest."""
 
 LARGEST_MESH = 2000
-TIGHTENING_ROUNDS = 6
+TIGHTENING_TRIES = 6
 
 REFINING = 0.6
 """Share of the time that is left which refining may take; then what there is by then is held."""
@@ -52,68 +53,78 @@ def polish(task: Task, solution: Solution, accuracy: float, refinements: int) ->
     """Refine the mesh until the re-simulated end is accurate, then draw limits in where needed.
 
     Limits drawn in move the motion, which may want a finer mesh then; so both are gone through
-    until neither has anything to do, or the refinements are used up. Where time is up, what is
-    refined by then is made a motion as `planner.methods.collocation.long_arms.held` does.
+    until neither has anything to do, or the refinements are used up.
+
+    Limits are kept between the edges by solving again with them at the collocation points too, then
+    with limits drawn in by what is still broken, at first little elsewhere, then everywhere alike.
+    A motion may give way by less than that, so that what is broken is drawn in twice in the second
+    round, thrice in the third.
+
+    Where time is up, what is refined by then is made a motion as
+    `planner.methods.collocation.long_arms.held` does.
     """
-    iterations, rounds, left = 0, 0, refinements
+    iterations, rounds, left, built = 0, 0, refinements, task.build_time_s
     meshes = [len(task.mesh.widths)]
     seen = look(task, solution)
     try:
         with share(REFINING):
             while True:
-                while left > 0 and not seen.error.fine(accuracy):
+                while left > 0 and not seen.fine(accuracy):
                     progress.tell("refining the mesh")
-                    finer = task.on(_finer(task, seen, accuracy))
-                    start = transferred(task, solution.iterate, finer)
-                    better = finer.solve(start, near=True)
+                    own = task.on(_finer(task, seen, accuracy))
+                    better = own.solve(transferred(task, solution.iterate, own), near=True)
                     iterations += better.iterations
-                    task = replace(task, build_time_s=task.build_time_s + finer.build_time_s)
+                    built += own.build_time_s
                     left -= 1
                     if not better.ok:
                         left = 0
                         break
-                    task, solution = replace(finer, build_time_s=task.build_time_s), better
+                    task, solution, seen = own, better, look(own, better)
                     meshes.append(len(task.mesh.widths))
-                    seen = look(task, solution)
-                coarse = refinements > 0 and not seen.error.fine(accuracy)
+                coarse = refinements > 0 and not seen.fine(accuracy)
                 if coarse and (kept := _held(task, solution, accuracy)):
                     left = 0
-                    task, solution = replace(kept[0], build_time_s=task.build_time_s), kept[1]
+                    (task, solution), seen = kept, look(*kept)
                     meshes.append(len(task.mesh.widths))
-                    seen = look(task, solution)
-                task, solution, seen, more, rounds = _draw_in(task, solution, seen)
-                iterations += more
-                if left == 0 or seen.error.fine(accuracy):
+                rounds = tries = 0
+                while (
+                    tries < TIGHTENING_TRIES
+                    and (over := excess(task, seen.iterate, seen.curves)).any()
+                ):
+                    progress.tell("keeping limits between the nodes")
+                    tries += 1
+                    if not task.made.form.inner:
+                        own = task.inside()
+                        built += own.build_time_s
+                    else:
+                        rounds += 1
+                        more = everywhere(over, ELSEWHERE if rounds == 1 else 1.0, times=rounds)
+                        own = replace(task, drawn=task.drawn + more)
+                    better = own.solve_near(solution.iterate)
+                    iterations += better.iterations
+                    task = own
+                    if not better.ok:
+                        break
+                    solution, seen = better, look(task, better)
+                if left == 0 or seen.fine(accuracy):
                     break
     except TimeUpError:
-        task, solution = _held_in_time(task, solution, accuracy)
+        with suppress(TimeUpError):
+            task, solution = _held(task, solution, accuracy) or (task, solution)
         meshes.append(len(task.mesh.widths))
         seen = look(task, solution)
-    parts = [part for required in held_by(task.problem) for part in required.parts]
+    parts = [part for required in task.held for part in required.parts]
     most = zip(parts, task.drawn.max(axis=0).tolist(), strict=True)
     drawn = {"rounds": rounds, **{part.label: amount for part, amount in most if amount}}
     inner = task.made.form.inner
     notes = {"intervals": meshes, "limits_inside": inner, "limits_drawn_in": drawn}
-    return Polished(task, solution, seen.error.end, notes, iterations)
+    task = replace(task, build_time_s=built)
+    return Polished(task, solution, seen.end_error, notes, iterations)
 
 
 def _held(task: Task, solution: Solution, accuracy: float) -> tuple[Task, Solution] | None:
     """The path as it is, where no solver gets from it to the best of a finer mesh."""
-    from planner.methods.collocation.long_arms.held import (  # slow to import, and seldom needed
-        can_hold,
-        chain_of,
-        held,
-    )
-
     return held(task, chain_of(task, solution), accuracy) if can_hold(task) else None
-
-
-def _held_in_time(task: Task, solution: Solution, accuracy: float) -> tuple[Task, Solution]:
-    """The same in the rest of the time; as it was where that is not enough."""
-    try:
-        return _held(task, solution, accuracy) or (task, solution)
-    except TimeUpError:
-        return task, solution
 
 
 def _finer(task: Task, seen: Look, accuracy: float) -> Mesh:
@@ -126,9 +137,9 @@ def _finer(task: Task, seen: Look, accuracy: float) -> Mesh:
     interval is much wider than another.
     """
     d, widths = task.made.form.degree, task.mesh.widths
-    own = np.abs(task.motion_apart(seen.iterate) - seen.plan).max(axis=2)
+    own = np.abs(task.motion_apart(seen.iterate) - seen.curves[0]).max(axis=2)
     nodes = own[:, -1]
-    growth = max(np.sqrt(len(widths)), seen.error.end / max(np.max(nodes), 1e-16))
+    growth = max(np.sqrt(len(widths)), seen.end_error / max(np.max(nodes), 1e-16))
     at_nodes = (nodes * growth / accuracy) ** (1 / (2 * d - 1))
     inside = (own.max(axis=1) / (INTERPOLANT * accuracy)) ** (1 / (d + 1))
     density = np.maximum(at_nodes, inside) / widths
@@ -139,34 +150,3 @@ def _finer(task: Task, seen: Look, accuracy: float) -> Mesh:
     edges = np.interp(np.linspace(0, covered[-1], count + 1), covered, task.mesh.edges)
     edges[0], edges[-1] = 0.0, 1.0
     return task.mesh.snapped(edges)
-
-
-def _draw_in(task: Task, solution: Solution, seen: Look) -> tuple[Task, Solution, Look, int, int]:
-    """Keep limits between the edges: solve again with them at the collocation points too, then
-    with limits drawn in by what is still broken, at first little elsewhere, then everywhere alike.
-
-    A motion may give way by less than that, so that what is broken is drawn in twice in the second
-    round, thrice in the third. Iterations of the solver and rounds are counted.
-    """
-    iterations, rounds = 0, 0
-    for _ in range(TIGHTENING_ROUNDS):
-        over = excess(task, seen)
-        if not over.any():
-            break
-        progress.tell("keeping limits between the nodes")
-        if not task.made.form.inner:
-            built = task.build_time_s
-            task = task.inside()
-            task = replace(task, build_time_s=built + task.build_time_s)
-        else:
-            rounds += 1
-            more = everywhere(over, ELSEWHERE if rounds == 1 else 1.0, times=rounds)
-            task = replace(task, drawn=task.drawn + more)
-        better = task.solve(solution.iterate, near=True)
-        if not better.ok:
-            better = task.solve(solution.iterate)
-        iterations += better.iterations
-        if not better.ok:
-            break
-        solution, seen = better, look(task, better)
-    return task, solution, seen, iterations, rounds

@@ -8,8 +8,7 @@ from planner.errors import InfeasibleError, NoPlanError, NotConvergedError, Viol
 from planner.methods.collocation.path import needed_duration
 from planner.methods.collocation.pipeline import Pipeline
 from planner.methods.collocation.refine import Polished
-from planner.methods.collocation.solvers.solver import Solution
-from planner.methods.collocation.task import Task, stretched
+from planner.methods.collocation.task import Solution, Task, stretched
 from planner.methods.refusal import (
     Change,
     free_travel,

@@ -1,7 +1,12 @@
-"""One problem on one transcription, ready to be solved from any start."""
+"""One problem on one transcription, ready to be solved from any start.
+
+What a solver says of itself is checked: rows are evaluated anew. And whoever searches hears of all
+that is found on the way, wherever it is.
+"""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -11,11 +16,10 @@ from typing import Protocol
 import numpy as np
 
 from planner.methods.collocation.long_arms.bridges import Chain
-from planner.methods.collocation.solvers.backends import Settings
-from planner.methods.collocation.solvers.solver import Solution, judged, prepare, solve
+from planner.methods.collocation.solvers import Answer, Settings, backend, names
 from planner.methods.collocation.transcription.bounds import Asked, Bounds, bounds
 from planner.methods.collocation.transcription.form import Form, Mesh, Objective, held_by
-from planner.methods.collocation.transcription.transcription import Transcription
+from planner.methods.collocation.transcription.transcription import Transcription, transcription
 from planner.methods.collocation.transcription.unknowns import (
     STEPS,
     Iterate,
@@ -27,7 +31,36 @@ from planner.methods.collocation.transcription.unknowns import (
 )
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.problem import Problem
+from planner.problem.requirements.requirement import Requirement
+from planner.support import deadline, progress
 from planner.support.arrays import Array
+
+ACCEPTED_RESIDUAL = 1e-7
+"""Largest excess of a row over its bounds, in its own unit, that counts as solved."""
+
+FEASIBLE = 1e-5
+"""Residual up to which one solver's last iterate is a better start for the other than the first."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Where the solver stopped.
+
+    Attributes:
+        iterate: The unknowns by name.
+        objective: Value of the objective.
+        residual: Largest excess of a row or unknown over its bounds, evaluated anew.
+        ok: Whether the solver finished and the residual is small enough.
+        status: What the solver says of itself.
+        iterations: How many it made.
+    """
+
+    iterate: Iterate
+    objective: float
+    residual: float
+    ok: bool
+    status: str
+    iterations: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +69,7 @@ class Task:
 
     Attributes:
         problem: Start, goal and limits.
+        held: What of it may be broken between the nodes.
         objective: What is made least.
         made: The transcription.
         mesh: Its mesh.
@@ -46,6 +80,7 @@ class Task:
     """
 
     problem: Problem
+    held: list[Requirement]
     objective: Objective
     made: Transcription
     mesh: Mesh
@@ -57,17 +92,44 @@ class Task:
     @property
     def bounds(self) -> Bounds:
         """Bounds from the problem's numbers."""
-        return bounds(self.problem, self.made, self.mesh, self.objective, self.asked, self.drawn)
+        given = self.mesh, self.objective, self.asked, self.drawn
+        return bounds(self.problem, self.held, self.made, *given)
 
     def solve(self, start: Iterate, near: bool = False) -> Solution:
-        """Solve from a start, which may be near the answer."""
-        found = solve(self.made, self.bounds, start, replace(self.settings, near=near))
+        """Solve from a start, which may be near the answer.
+
+        The other solver tries where the first fails and both are allowed.
+        """
+        made, data, settings = self.made, self.bounds, replace(self.settings, near=near)
+        iterations, found = 0, None
+        for name in names(made, settings):
+            if found is not None and found.residual <= FEASIBLE:
+                start, settings = found.iterate, replace(settings, near=True)
+            deadline.check()
+            progress.solved()
+            call = backend(made, replace(settings, solver=name))
+            packed = made.layout.pack(start, data.widths).clip(data.lower, data.upper)
+            answer = call(packed, data)
+            answer = replace(answer, vector=answer.vector.clip(data.lower, data.upper))
+            iterations += answer.iterations
+            found = replace(_checked(made, data, answer, ACCEPTED_RESIDUAL), iterations=iterations)
+            if found.ok:
+                break
+        assert found is not None
         offer(self, found)
         return found
 
+    def solve_near(self, start: Iterate) -> Solution:
+        """Solve from a start near the answer, or else from it as from any other."""
+        found = self.solve(start, near=True)
+        return found if found.ok else self.solve(start)
+
     def judged(self, iterate: Iterate) -> Solution:
-        """An iterate as it is, by the task's rows."""
-        return judged(self.made, self.bounds, iterate)
+        """An iterate that no solver has touched; ok if it keeps the task's rows and bounds."""
+        data = self.bounds
+        vector = self.made.layout.pack(iterate, data.widths)
+        answer = Answer(vector, True, "a motion, not the best", 0)
+        return _checked(self.made, data, answer, FEASIBLE)
 
     def curve(self, iterate: Iterate) -> StateTrajectory:
         """The motion an iterate describes."""
@@ -108,16 +170,33 @@ def task(
     asked: Asked,
     settings: Settings,
 ) -> Task:
-    """Prepare a task: the transcription is made now unless it was made before.
+    """Prepare a task: transcription and solver are made now unless they were made before.
 
     Whether the duration is an unknown of the form, and what it keeps, is for the problem to say.
     """
     held = held_by(problem)
     kept, final = (tuple(each.blank for each in of) for of in (held, problem.final))
     form = replace(form, free_duration=problem.duration is None, kept=kept, final=final)
-    made, seconds = prepare(problem.system, form, settings)
+    built, began = transcription.cache_info().misses, time.perf_counter()
+    made = transcription(problem.system, form)
+    wanted = replace(settings, solver=names(made, settings)[0])
+    new = transcription.cache_info().misses > built or wanted not in made.solvers
+    backend(made, wanted)
+    seconds = time.perf_counter() - began if new else 0.0
     none = np.zeros((form.intervals, sum(len(required.parts) for required in held)))
-    return Task(problem, objective, made, mesh, asked, settings, none, seconds)
+    return Task(problem, held, objective, made, mesh, asked, settings, none, seconds)
+
+
+def _checked(made: Transcription, data: Bounds, answer: Answer, accepted: float) -> Solution:
+    """An answer, whose word is not taken for it."""
+    objective, rows, iterate = made.outcome(answer.vector, data.parameters)
+    values = np.concatenate([rows, answer.vector])
+    lower = np.concatenate([data.row_lower, data.lower])
+    upper = np.concatenate([data.row_upper, data.upper])
+    over = np.maximum(np.maximum(lower - values, values - upper), 0.0)
+    residual = float(np.where(np.isnan(values), np.inf, over).max())
+    ok = answer.finished and residual <= accepted
+    return Solution(iterate, objective, residual, ok, answer.status, answer.iterations)
 
 
 class Listener(Protocol):

@@ -1,14 +1,9 @@
 """Plans that errors of inputs, start and constants disturb least, against their effort.
 
-What is refused before the search, and what an iterate breaks after it, in words.
-
-The errors a plan is designed against: which, and how large.
-
-The first guesses: an easy plan's inputs, with excursions that let the first input turn back.
-
-The response has local optima by the number of reversals of the path coordinate. The guess obeys the
-kinematics, because the response along it must be that of a motion: inputs are chosen, states and
-response follow by integration.
+In this order: the plan; the collocation problem with its errors, which and how large; the first
+guesses, an easy plan's inputs with excursions that let the first input turn back, since the
+response has local optima by the number of reversals of the path coordinate; and the refusals:
+before the search, and after it what an iterate breaks, in words.
 """
 
 from __future__ import annotations
@@ -30,9 +25,8 @@ from planner.methods.collocation.method import (
     refuse_start,
 )
 from planner.methods.collocation.refine import polish
-from planner.methods.collocation.solvers.backends import Settings
-from planner.methods.collocation.solvers.solver import ACCEPTED_RESIDUAL, Solution
-from planner.methods.collocation.task import Task, driven, task
+from planner.methods.collocation.solvers import Settings
+from planner.methods.collocation.task import ACCEPTED_RESIDUAL, Solution, Task, driven, task
 from planner.methods.collocation.transcription.augmented import Augmented, backs_off
 from planner.methods.collocation.transcription.bounds import Asked
 from planner.methods.collocation.transcription.form import Form, Objective, uniform
@@ -44,7 +38,7 @@ from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions
 from planner.support.arrays import Array
-from planner.support.deadline import Span, TimeUpError, limited, share
+from planner.support.deadline import TimeUpError, limited, share
 from planner.systems.linearised import Parameter, parameters
 from planner.systems.triangular_system import TriangularSystem
 from planner.verification.verify import verify
@@ -81,41 +75,37 @@ def plan_desensitised(
         InfeasibleError: If the start has no room to back off.
         NotConvergedError: If no motion is found.
     """
-    with limited(None, holds=lambda: False) as span:  # the plan of least effort is no answer
-        return _planned(problem, options, near, span)
-
-
-def _planned(problem: Problem, options: DesensitisedOptions, near: Plan | None, span: Span) -> Plan:
     began = time.perf_counter()
-    if near is not None:
-        refuse_start(problem, near)
-    job = _task(problem.within_reach(), options)
-    refuse_no_room(job)
-    if near is None:
-        plain = CollocationOptions(rest=options.rest, intervals=options.intervals)
-        with share(EASY):
-            easy = plan_collocation(problem, plain)
-    else:
-        easy = near
-    if not options.reversal:
-        turned = turns(easy.trajectory)
-        first = easy.q(turned[0] if len(turned) else easy.duration)[0] - easy.q(0.0)[0]
-        shares = tuple(turned / easy.duration)
-        way = 1.0 if first >= 0 else -1.0
-        job = replace(job, asked=replace(job.asked, way=way, turns=shares))
-    start, solution, log = _searched(job, options, easy, near is not None)
-    done = polish(job, solution, options.accuracy, REFINEMENTS)
-    if span.reached and not believed(done, options.accuracy):
-        raise TimeUpError
-    plan = _plan(done.task, done.solution, options)
-    return replace(
-        plan,
-        problem=problem,
-        solve_time_s=time.perf_counter() - began - done.task.build_time_s,
-        build_time_s=done.task.build_time_s,
-        iterations=sum(entry["iterations"] for entry in log) + done.iterations,
-        notes={"start": start, "tried": log, **plan.notes, **done.notes},
-    )
+    with limited(None, holds=lambda: False) as span:  # the plan of least effort is no answer
+        if near is not None:
+            refuse_start(problem, near)
+        job = _task(problem.within_reach(), options)
+        _refuse_no_room(job)
+        if near is None:
+            plain = CollocationOptions(rest=options.rest, intervals=options.intervals)
+            with share(EASY):
+                easy = plan_collocation(problem, plain)
+        else:
+            easy = near
+        if not options.reversal:
+            turned = turns(easy.trajectory)
+            first = easy.q(turned[0] if len(turned) else easy.duration)[0] - easy.q(0.0)[0]
+            way = 1.0 if first >= 0 else -1.0
+            shares = tuple(turned / easy.duration)
+            job = replace(job, asked=replace(job.asked, way=way, turns=shares))
+        start, solution, log = _searched(job, options, easy, near is not None)
+        done = polish(job, solution, options.accuracy, REFINEMENTS)
+        if span.reached and not believed(done, options.accuracy):
+            raise TimeUpError
+        plan = _plan(done.task, done.solution, options)
+        return replace(
+            plan,
+            problem=problem,
+            solve_time_s=time.perf_counter() - began - done.task.build_time_s,
+            build_time_s=done.task.build_time_s,
+            iterations=sum(entry["iterations"] for entry in log) + done.iterations,
+            notes={"start": start, "tried": log, **plan.notes, **done.notes},
+        )
 
 
 def _task(problem: Problem, options: DesensitisedOptions) -> Task:
@@ -138,11 +128,7 @@ def _task(problem: Problem, options: DesensitisedOptions) -> Task:
     )
     asked = Asked(options.rest, effort=options.effort_limit or np.inf)
     settings = Settings(options.tolerance, options.max_iterations)
-    goal = _objective(options, options.time if problem.duration is None else 0.0)
-    return task(problem, goal, form, uniform(options.intervals), asked, settings)
-
-
-def _objective(options: DesensitisedOptions, time_weight: float) -> Objective:
+    time_weight = options.time if problem.duration is None else 0.0
     terms = [
         (options.passive, "passive block^2"),
         (options.terminal, "terminal response^2"),
@@ -152,7 +138,54 @@ def _objective(options: DesensitisedOptions, time_weight: float) -> Objective:
     ]
     name = " + ".join(f"{weight:g} x {term}" for weight, term in terms if weight)
     weights = np.array([time_weight, options.effort, options.effort, 0.0, 0.0, 0.0])
-    return Objective(NAME, f"{NAME}: {name} (deg^2)", weights)
+    goal = Objective(NAME, f"{NAME}: {name} (deg^2)", weights)
+    return task(problem, goal, form, uniform(options.intervals), asked, settings)
+
+
+def spreads(system: TriangularSystem, options: DesensitisedOptions) -> dict[str, float]:
+    """Standard deviation of each error by its name, in SI units; those without any are left out.
+
+    Raises:
+        InputError: If a list does not have one number per input, joint or constant, or is all zero.
+    """
+    families: dict[str, list[Parameter]] = {}
+    for parameter in parameters(system):
+        families.setdefault(parameter.family, []).append(parameter)
+    starts = families["start"][1:]
+    angles = [p for p in starts if p.unit == "rad"]
+    lengths = [p for p in starts if p.unit != "rad"]
+    given = [
+        ("gain", families["gain"], options.gain, 1.0),
+        ("bias", families["bias"], options.bias, 1.0),
+        ("delay_s", families["delay"], options.delay_s, 1.0),
+        ("stretch", families["stretch"], options.stretch, 1.0),
+        ("start_deg", angles, options.start_deg, np.pi / 180),
+        ("start_m", lengths, options.start_m, 1.0),
+        ("gear", families.get("gear", []), options.gear, 1.0),
+    ]
+    out: dict[str, float] = {}
+    for key, members, numbers, unit in given:
+        out |= _family(key, members, numbers, unit)
+    if not out:
+        raise InputError(
+            "method.desensitised: all standard deviations are zero, so there is no error to plan"
+            " for; set gain, start_deg, bias, delay_s, stretch or gear"
+        )
+    return out
+
+
+def _family(
+    key: str, members: Sequence[Parameter], numbers: float | list[float], unit: float
+) -> Mapping[str, float]:
+    values = numbers if isinstance(numbers, list) else [numbers] * len(members)
+    if len(values) != len(members):
+        names = ", ".join(p.name for p in members) or "no parameter of this system"
+        raise InputError(
+            f"method.desensitised.{key} has {len(values)} values; give one number, or"
+            f" {len(members)} for {names}"
+        )
+    named = zip(members, values, strict=True)
+    return {p.name: float(value) * unit for p, value in named if value > 0}
 
 
 def _searched(
@@ -175,6 +208,73 @@ def _searched(
         raise _not_converged(job, last, options, len(log))
     name, solution = min(found, key=lambda each: each[1].objective)
     return name, solution, log
+
+
+Excursion = Callable[[Array], Array]
+AMPLITUDE = (0.6, 0.5)
+"""Of the excursions of q₁ and q₂, in their units (rad)."""
+
+SLOWEST_DRIVE = 0.05
+"""Least drive by which an excursion of q₁ is turned into u₁."""
+
+UNHURRIED = 3.0
+"""A free duration is guessed so many times longer than that of the easy plan, a fast one."""
+
+
+@dataclass(frozen=True)
+class Seed:
+    """A named pair of excursions over s in [0, 1] from an easy plan's q₁ and q₂."""
+
+    name: str
+    path: Excursion
+    driven: Excursion
+
+
+def seeds(reversal: bool) -> list[Seed]:
+    """Seeds in the order in which they are tried; without reversal only q₂ makes excursions."""
+
+    def zero(s: Array) -> Array:
+        return np.zeros_like(s)
+
+    def wave(size: float, count: int) -> Excursion:
+        return lambda s: size * np.sin(count * np.pi * s)
+
+    out = [Seed("least effort", zero, zero)]
+    shapes = [("out and back", 1), ("twice", 2), ("thrice", 3)]
+    for name, count in shapes:
+        for a, b in ((1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (-1.0, -1.0)):
+            if not reversal and a < 0:
+                continue
+            sign = _sign(b) if not reversal else f"{_sign(a)}{_sign(b)}"
+            path = wave(a * AMPLITUDE[0], count) if reversal else zero
+            out.append(Seed(f"{name} {sign}", path, wave(b * AMPLITUDE[1], count)))
+    order = [0, *range(1, len(out), 4), *range(2, len(out), 4)] if reversal else range(len(out))
+    first = [out[k] for k in order]
+    return [*first, *(seed for seed in out if seed not in first)]
+
+
+def _sign(value: float) -> str:
+    return "+" if value > 0 else "-"
+
+
+def guess(job: Task, easy: Trajectory, seed: Seed) -> Iterate:
+    """The unknowns along a seed, for a task with or without a fixed duration.
+
+    They obey the kinematics, because the response along them must be that of a motion: inputs are
+    chosen, states and response follow by integration.
+    """
+    duration = job.problem.duration or UNHURRIED * easy.duration
+    s = job.made.form.input_places(job.mesh)
+    u = easy.u(s * easy.duration) * easy.duration
+    fine = np.linspace(0.0, 1.0, 2001)
+    swing = np.stack(
+        [np.interp(s, fine, np.gradient(part(fine), fine)) for part in (seed.path, seed.driven)],
+        axis=-1,
+    )
+    drive = easy.system.drive(easy.q(s * easy.duration))
+    swing[:, 0] /= np.where(np.abs(drive) < SLOWEST_DRIVE, SLOWEST_DRIVE, drive)
+    limit = job.problem.limits.input
+    return driven(job, duration, np.clip((u + swing) / duration, -limit, limit))
 
 
 def _sizes(job: Task, solution: Solution) -> dict[str, Any]:
@@ -203,6 +303,33 @@ def _plan(job: Task, solution: Solution, options: DesensitisedOptions) -> Plan:
             **_sizes(job, solution),
         },
     )
+
+
+def _refuse_no_room(job: Task) -> None:
+    """Raise InfeasibleError where the start has no room to back off.
+
+    There the spread is the design's own, so that no path helps.
+    """
+    problem, moved = job.problem, job.made.form.augmented
+    if moved is None or not moved.backoff:
+        return
+    W = moved.response(job.made.start(problem))
+    for required in filter(backs_off, problem.requirements):
+        for part, row, q in _functions(required, problem.system):
+            there = ca.Function("there", [q], [row, ca.jacobian(row, q)])
+            value, slope = (np.asarray(found, dtype=float) for found in there(problem.start))
+            room = min(part.high - float(value.item()), float(value.item()) - part.low)
+            needed = moved.backoff * float(np.linalg.norm(slope @ W))
+            if needed > room:
+                name = required.called(part)
+                raise InfeasibleError(
+                    f"{problem.source}: method.desensitised.backoff = {moved.backoff:g} needs a"
+                    f" distance of {needed:.4g} from the limit on {name}, but the start has"
+                    f" only {room:.4g}",
+                    advice="method.desensitised.backoff ="
+                    f" {moved.backoff * room / needed * 0.99:.3g} or less, or a wider limit on"
+                    f" {name}",
+                )
 
 
 def _not_converged(
@@ -255,139 +382,3 @@ def _functions(required: Requirement, system: TriangularSystem) -> list[tuple[Pa
     q = ca.SX.sym("q", system.size)
     pairs = zip(required.parts, required.rows(At(system, q)), strict=True)
     return [(part, row, q) for part, row in pairs]
-
-
-def refuse_no_room(job: Task) -> None:
-    """Raise InfeasibleError where the start has no room to back off.
-
-    There the spread is the design's own, so that no path helps.
-    """
-    problem, moved = job.problem, job.made.form.augmented
-    if moved is None or not moved.backoff:
-        return
-    W = moved.response(job.made.start(problem))
-    for required in filter(backs_off, problem.requirements):
-        for part, row, q in _functions(required, problem.system):
-            there = ca.Function("there", [q], [row, ca.jacobian(row, q)])
-            value, slope = (np.asarray(found, dtype=float) for found in there(problem.start))
-            room = min(part.high - float(value.item()), float(value.item()) - part.low)
-            needed = moved.backoff * float(np.linalg.norm(slope @ W))
-            if needed > room:
-                name = required.called(part)
-                raise InfeasibleError(
-                    f"{problem.source}: method.desensitised.backoff = {moved.backoff:g} needs a"
-                    f" distance of {needed:.4g} from the limit on {name}, but the start has"
-                    f" only {room:.4g}",
-                    advice="method.desensitised.backoff ="
-                    f" {moved.backoff * room / needed * 0.99:.3g} or less, or a wider limit on"
-                    f" {name}",
-                )
-
-
-def spreads(system: TriangularSystem, options: DesensitisedOptions) -> dict[str, float]:
-    """Standard deviation of each error by its name, in SI units; those without any are left out.
-
-    Raises:
-        InputError: If a list does not have one number per input, joint or constant, or is all zero.
-    """
-    families: dict[str, list[Parameter]] = {}
-    for parameter in parameters(system):
-        families.setdefault(parameter.family, []).append(parameter)
-    starts = families["start"][1:]
-    angles = [p for p in starts if p.unit == "rad"]
-    lengths = [p for p in starts if p.unit != "rad"]
-    given = [
-        ("gain", families["gain"], options.gain, 1.0),
-        ("bias", families["bias"], options.bias, 1.0),
-        ("delay_s", families["delay"], options.delay_s, 1.0),
-        ("stretch", families["stretch"], options.stretch, 1.0),
-        ("start_deg", angles, options.start_deg, np.pi / 180),
-        ("start_m", lengths, options.start_m, 1.0),
-        ("gear", families.get("gear", []), options.gear, 1.0),
-    ]
-    out: dict[str, float] = {}
-    for key, members, numbers, unit in given:
-        out |= _family(key, members, numbers, unit)
-    if not out:
-        raise InputError(
-            "method.desensitised: all standard deviations are zero, so there is no error to plan"
-            " for; set gain, start_deg, bias, delay_s, stretch or gear"
-        )
-    return out
-
-
-def _family(
-    key: str, members: Sequence[Parameter], numbers: float | list[float], unit: float
-) -> Mapping[str, float]:
-    values = numbers if isinstance(numbers, list) else [numbers] * len(members)
-    if len(values) != len(members):
-        names = ", ".join(p.name for p in members) or "no parameter of this system"
-        raise InputError(
-            f"method.desensitised.{key} has {len(values)} values; give one number, or"
-            f" {len(members)} for {names}"
-        )
-    named = zip(members, values, strict=True)
-    return {p.name: float(value) * unit for p, value in named if value > 0}
-
-
-Excursion = Callable[[Array], Array]
-AMPLITUDE = (0.6, 0.5)
-"""Of the excursions of q₁ and q₂, in their units (rad)."""
-
-SLOWEST_DRIVE = 0.05
-"""Least drive by which an excursion of q₁ is turned into u₁."""
-
-UNHURRIED = 3.0
-"""A free duration is guessed so many times longer than that of the easy plan, a fast one."""
-
-
-@dataclass(frozen=True)
-class Seed:
-    """A named pair of excursions over s in [0, 1] from an easy plan's q₁ and q₂."""
-
-    name: str
-    path: Excursion
-    driven: Excursion
-
-
-def seeds(reversal: bool) -> list[Seed]:
-    """Seeds in the order in which they are tried; without reversal only q₂ makes excursions."""
-
-    def zero(s: Array) -> Array:
-        return np.zeros_like(s)
-
-    def wave(size: float, count: int) -> Excursion:
-        return lambda s: size * np.sin(count * np.pi * s)
-
-    out = [Seed("least effort", zero, zero)]
-    shapes = [("out and back", 1), ("twice", 2), ("thrice", 3)]
-    for name, count in shapes:
-        for a, b in ((1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (-1.0, -1.0)):
-            if not reversal and a < 0:
-                continue
-            sign = _sign(b) if not reversal else f"{_sign(a)}{_sign(b)}"
-            path = wave(a * AMPLITUDE[0], count) if reversal else zero
-            out.append(Seed(f"{name} {sign}", path, wave(b * AMPLITUDE[1], count)))
-    order = [0, *range(1, len(out), 4), *range(2, len(out), 4)] if reversal else range(len(out))
-    first = [out[k] for k in order]
-    return [*first, *(seed for seed in out if seed not in first)]
-
-
-def guess(job: Task, easy: Trajectory, seed: Seed) -> Iterate:
-    """The unknowns along a seed, for a task with or without a fixed duration."""
-    duration = job.problem.duration or UNHURRIED * easy.duration
-    s = job.made.form.input_places(job.mesh)
-    u = easy.u(s * easy.duration) * easy.duration
-    fine = np.linspace(0.0, 1.0, 2001)
-    swing = np.stack(
-        [np.interp(s, fine, np.gradient(part(fine), fine)) for part in (seed.path, seed.driven)],
-        axis=-1,
-    )
-    drive = easy.system.drive(easy.q(s * easy.duration))
-    swing[:, 0] /= np.where(np.abs(drive) < SLOWEST_DRIVE, SLOWEST_DRIVE, drive)
-    limit = job.problem.limits.input
-    return driven(job, duration, np.clip((u + swing) / duration, -limit, limit))
-
-
-def _sign(value: float) -> str:
-    return "+" if value > 0 else "-"

@@ -18,12 +18,10 @@ from planner.methods.collocation.long_arms import ladder
 from planner.methods.collocation.long_arms.bridges import Chain, Ends
 from planner.methods.collocation.long_arms.bridges import ends_of as ends
 from planner.methods.collocation.long_arms.held import can_hold, held
-from planner.methods.collocation.long_arms.ladder import climbed
+from planner.methods.collocation.long_arms.ladder import Climbed, climbed
 from planner.methods.collocation.method import collocation_task
-from planner.methods.collocation.pipeline import Answer, Pipeline
-from planner.methods.collocation.refine import Polished
-from planner.methods.collocation.solvers.solver import Solution
-from planner.methods.collocation.task import Task
+from planner.methods.collocation.refine import Polished, polish
+from planner.methods.collocation.task import Solution, Task
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.tables.method_options import CollocationOptions
 from planner.systems.triangular_system import TriangularSystem
@@ -72,13 +70,18 @@ def test_a_plan_grows_from_a_shorter_arm_where_guesses_fail() -> None:
 def test_a_motion_that_turns_out_to_be_none_gives_way_to_a_path(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    inner = Pipeline._polished
+    climbs: list[Task] = []
 
-    def doubted(self: Pipeline, answer: Answer) -> Polished:
-        done = inner(self, answer)
-        return replace(done, error=1.0) if answer.stage == "guesses" else done
+    def climbing(job: Task, accuracy: float) -> Climbed | None:
+        climbs.append(job)
+        return climbed(job, accuracy)
 
-    monkeypatch.setattr(Pipeline, "_polished", doubted)
+    def doubted(*given: Any) -> Polished:
+        done = polish(*given)
+        return done if climbs else replace(done, error=1.0)
+
+    monkeypatch.setattr(pipeline, "climbed", climbing)
+    monkeypatch.setattr(pipeline, "polish", doubted)
     plan = planner.solve(PROBLEM, "collocation", attempts=4)
     assert plan.notes["start"] == "lifted from 2 joints"
     assert plan.notes["tried"][0]["objective"] is not None
@@ -99,7 +102,7 @@ def test_a_kept_path_errs_less_than_its_own_steps_show(chain: Chain) -> None:
         span = times[k], times[k + 1]
         q = solve_ivp(lambda _, y, u=u: PROBLEM.system.rates(y, u), span, q, **fine).y[:, -1]
     true = np.max(np.abs(q - solution.iterate.nodes[-1]))
-    assert true < look(own, solution).error.end < 5e-6
+    assert true < look(own, solution).end_error < 5e-6
 
 
 @pytest.mark.usefixtures("no_guesses")

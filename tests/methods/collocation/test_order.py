@@ -117,7 +117,8 @@ def test_rows_agree_with_numpy(name: str, kind: Kind, input_kind: Any) -> None:
 def some_iterate(form: Form, size: int, rng: np.random.Generator) -> Iterate:
     K, d = form.intervals, form.degree
     nodes, points = rng.normal(size=(K + 1, size)), rng.normal(size=(K, d, size))
-    return Iterate(3.7, 0.3 * nodes, 0.3 * points, rng.normal(size=(form.input_nodes, 2)))
+    inputs = rng.normal(size=(K + (form.input == "linear"), 2))
+    return Iterate(3.7, 0.3 * nodes, 0.3 * points, inputs)
 
 
 RESPONSE: dict[str, Any] = {"passive": 2.0, "terminal": 1.0, "path": 0.5, "backoff": 2.0}

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 import planner
-from planner.methods.collocation.solvers import solver
-from planner.methods.collocation.solvers.backends import SolverName
+from planner.methods.collocation import task
+from planner.methods.collocation.solvers import Settings
 
 
 def _problem(start: list[float], goal: list[float]) -> planner.Problem:
@@ -47,13 +47,13 @@ def test_a_search_among_random_starts_does_not_end_early() -> None:
 
 def test_a_search_leaves_fatrop_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[str] = []
-    solve = solver._solve
+    backend = task.backend
 
-    def noted(name: SolverName, *others: Any) -> solver.Solution:
-        asked.append(name)
-        return solve(name, *others)
+    def noted(made: Any, settings: Settings) -> Any:
+        asked.append(settings.solver)
+        return backend(made, settings)
 
-    monkeypatch.setattr(solver, "_solve", noted)
+    monkeypatch.setattr(task, "backend", noted)
     planner.solve(TURNS, "collocation", starts=2)
     assert "ipopt" in asked
     assert "fatrop" not in asked

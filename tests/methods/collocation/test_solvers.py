@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import planner
+from planner.methods.collocation import task as module
 from planner.methods.collocation.method import plan_collocation
-from planner.methods.collocation.solvers import solver as module
-from planner.methods.collocation.solvers.backends import SHORT, WAYS, Answer, Settings, names, way
+from planner.methods.collocation.solvers import SHORT, WAYS, Answer, Settings, names, way
 from planner.methods.collocation.transcription.form import Form
 from planner.methods.collocation.transcription.transcription import transcription
 from planner.problem.problem import Problem
@@ -83,9 +83,9 @@ def test_far_from_the_answer_fatrop_is_not_asked() -> None:
 
 def test_solvers_live_as_long_as_their_transcription(paper: Problem) -> None:
     made = transcription(paper.system, Form(5, input="linear", free_duration=False))
-    first = module.solver(made, Settings(solver="ipopt"))
-    assert module.solver(made, Settings(solver="ipopt")) is first
-    assert module.solver(made, Settings(solver="ipopt", near=True)) is not first
+    first = module.backend(made, Settings(solver="ipopt"))
+    assert module.backend(made, Settings(solver="ipopt")) is first
+    assert module.backend(made, Settings(solver="ipopt", near=True)) is not first
     kept = weakref.ref(first)
     transcription.cache_clear()
     del made, first

@@ -10,8 +10,8 @@ import time
 import pytest
 
 import planner
+from planner.methods.collocation import solvers
 from planner.methods.collocation.method import plan_collocation
-from planner.methods.collocation.solvers import backends
 from planner.problem.tables.method_options import CollocationOptions
 from planner.support.compiled_calls import within
 
@@ -56,9 +56,9 @@ def test_where_fatrop_does_not_return_ipopt_answers_and_later_answers_are_the_sa
     before = plan_collocation(paper, CollocationOptions())
     stuck = threading.Event()
     with monkeypatch.context() as patched:
-        patched.setattr(backends, "PATIENCE_S", 0.1)
-        patched.setattr(backends, "PATIENCE_EACH_S", 0.0)
-        patched.setattr(backends._Fatrop, "_answer", lambda *_: _busy(stuck))
+        patched.setattr(solvers, "PATIENCE_S", 0.1)
+        patched.setattr(solvers, "PATIENCE_EACH_S", 0.0)
+        patched.setattr(solvers._Fatrop, "_answer", lambda *_: _busy(stuck))
         plan = plan_collocation(paper.changed({"goal.duration": 11.0}), CollocationOptions())
         assert planner.verify(plan).ok
         assert plan.notes["tried"][0]["start"] == "straight"

@@ -169,15 +169,13 @@ class _Nearest:
         excess = float(np.max(np.abs(np.asarray(found["g"]).ravel() - gap.ravel())))
         if not excess <= RESIDUAL:
             return None, made
-        q, u = self._unpack(np.asarray(found["x"]).ravel())
-        return Chain(q, u, gap), made
+        vector, size = np.asarray(found["x"]).ravel(), self._size
+        body = vector[:-size].reshape(self._count, size + 2)
+        q = np.vstack([body[:, :size], vector[-size:]])
+        return Chain(q, body[:, size:], gap), made
 
     def _pack(self, q: Array, u: Array) -> Array:
         return np.concatenate([np.concatenate([q[:-1], u], axis=1).ravel(), q[-1]])
-
-    def _unpack(self, vector: Array) -> tuple[Array, Array]:
-        body = vector[: -self._size].reshape(self._count, self._size + 2)
-        return np.vstack([body[:, : self._size], vector[-self._size :]]), body[:, self._size :]
 
     def _bounds(self, ends: Ends) -> tuple[Array, Array]:
         upper = np.repeat(ends.limit[None], self._count + 1, axis=0)

@@ -20,8 +20,7 @@ from planner.methods.collocation.long_arms.bridges import (
     finer,
 )
 from planner.methods.collocation.path import needed_duration
-from planner.methods.collocation.solvers.solver import Solution
-from planner.methods.collocation.task import Task, can_jump, stretched, task
+from planner.methods.collocation.task import Solution, Task, can_jump, stretched, task
 from planner.methods.collocation.transcription.form import Mesh
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.support.arrays import Array
@@ -71,7 +70,7 @@ def held(job: Task, chain: Chain, accuracy: float) -> tuple[Task, Solution] | No
         if wanted is None:
             return None
         solution = own.judged(stretched(path, wanted))
-        if solution.ok and look(own, solution).error.fine(accuracy):
+        if solution.ok and look(own, solution).fine(accuracy):
             return own, solution
     return None
 

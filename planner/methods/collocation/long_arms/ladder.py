@@ -27,9 +27,8 @@ from planner.methods.collocation.long_arms.bridges import Chain, Ends, Index, cl
 from planner.methods.collocation.long_arms.bridges import ends_of as ends_of
 from planner.methods.collocation.long_arms.held import can_hold, chain_of, follow, held
 from planner.methods.collocation.path import Timed, hasty, path_task, search, timed
-from planner.methods.collocation.solvers.backends import RUNGS, way
-from planner.methods.collocation.solvers.solver import ACCEPTED_RESIDUAL
-from planner.methods.collocation.task import Task, offer_chain, stretched, task
+from planner.methods.collocation.solvers import RUNGS, way
+from planner.methods.collocation.task import ACCEPTED_RESIDUAL, Task, offer_chain, stretched, task
 from planner.methods.collocation.transcription.bounds import Asked
 from planner.methods.collocation.transcription.form import Form
 from planner.methods.collocation.transcription.unknowns import Iterate

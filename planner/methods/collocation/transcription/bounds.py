@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.methods.collocation.transcription.form import Mesh, Objective, held_by
+from planner.methods.collocation.transcription.form import Mesh, Objective
 from planner.methods.collocation.transcription.transcription import Transcription
 from planner.methods.collocation.transcription.unknowns import Index
 from planner.problem.problem import Problem
+from planner.problem.requirements.requirement import Requirement
 from planner.support.arrays import Array
 
 SHORTEST_S = 1e-3
@@ -76,6 +77,7 @@ class Bounds:
 
 def bounds(
     problem: Problem,
+    held: list[Requirement],
     made: Transcription,
     mesh: Mesh,
     objective: Objective,
@@ -86,6 +88,7 @@ def bounds(
 
     Args:
         problem: What is solved.
+        held: What of it is kept, see `held_by`.
         made: The transcription.
         mesh: Its mesh.
         objective: What is made least.
@@ -93,7 +96,6 @@ def bounds(
         drawn: By how much each part of what is kept is drawn in, shape (K, R), so that it holds
             between the nodes.
     """
-    held = held_by(problem)
     low, high = (np.concatenate([[], *(each.sides[k] for each in held)]) for k in (0, 1))
     most = MOST_DRAWN_IN * (high - low) / 2
     inside, edges = np.minimum(drawn, most), np.minimum(_at_nodes(drawn), most)
@@ -118,7 +120,9 @@ def bounds(
         elif asked.timeless:
             amounts[:] = -np.inf
         row_lower[:, where], row_upper[:, where] = low[r] + amounts, high[r] - amounts
-    numbers = [number for required in (*held, *problem.final) for number in required.given]
+    numbers: list[float] = []
+    for required in (*held, *problem.final):
+        numbers += required.given
     known = [] if made.form.free_duration else [problem.duration]
     parameters = np.concatenate([objective.weights, numbers, known, mesh.widths])
     return Bounds(lower, upper, row_lower.ravel(), row_upper.ravel(), parameters, mesh.widths)

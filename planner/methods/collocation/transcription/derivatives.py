@@ -66,10 +66,6 @@ class IntervalFunctions:
         names = ("cost", "rows", "gradient", "jacobian", "hessian", "points")
         return {name: getattr(self, name) for name in names}
 
-    def replaced(self, functions: dict[str, Any]) -> IntervalFunctions:
-        """With other functions of those names."""
-        return replace(self, **functions)
-
 
 def interval_functions(stage: Stage) -> IntervalFunctions:
     """Differentiate one interval."""
@@ -82,6 +78,8 @@ def interval_functions(stage: Stage) -> IntervalFunctions:
     identity = ca.DM.eye(stage.state.numel())
     beside = ca.DM(identity.size1(), stage.control.numel())
     jacobian = ca.vertcat(ca.horzcat(identity, beside), chain.jacobian(rows))
+    (row, column), own = _pattern(jacobian), stage.state.numel()
+    leading = np.where(row < own, row - stage.height, row - own), column
     return IntervalFunctions(
         cost=_function(chain, "cost", inputs, [stage.cost]),
         rows=_function(chain, "rows", inputs, [rows]),
@@ -89,7 +87,7 @@ def interval_functions(stage: Stage) -> IntervalFunctions:
         jacobian=_function(chain, "jacobian", inputs, [rows, jacobian.nz[:]]),
         hessian=_function(chain, "hessian", [*inputs, scale, duals], [gradient, hessian.nz[:]]),
         points=_function(chain, "points", inputs, [ca.vec(stage.points)]),
-        jacobian_pattern=_leading(_pattern(jacobian), stage),
+        jacobian_pattern=leading,
         hessian_pattern=_pattern(hessian),
     )
 
@@ -97,12 +95,6 @@ def interval_functions(stage: Stage) -> IntervalFunctions:
 def _function(chain: Chain, name: str, inputs: list[Any], outputs: list[Any]) -> Any:
     outputs = ca.cse([ca.densify(out) for out in chain.closed(outputs)])
     return ca.Function(f"interval_{name}", inputs, outputs)
-
-
-def _leading(pattern: Pattern, stage: Stage) -> Pattern:
-    row, column = pattern
-    size = stage.state.numel()
-    return np.where(row < size, row - stage.height, row - size), column
 
 
 def _pattern(matrix: Any) -> Pattern:
@@ -172,9 +164,10 @@ def compiled(functions: IntervalFunctions) -> IntervalFunctions:
         InputError: If there is no C compiler, it refuses the code, or the folder is not writable.
     """
     path = _library(_source(functions))
-    return functions.replaced(
-        {name: ca.external(f.name(), str(path)) for name, f in functions.named().items()}
-    )
+    own: dict[str, Any] = {
+        name: ca.external(f.name(), str(path)) for name, f in functions.named().items()
+    }
+    return replace(functions, **own)
 
 
 def cache_folder() -> Path:

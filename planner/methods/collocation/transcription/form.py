@@ -1,15 +1,12 @@
-"""What distinguishes one transcription from another: all else is data.
+"""What distinguishes one transcription from another, all else being data: scheme, form, mesh.
 
-Collocation schemes: points, differentiation, quadrature, end point and Bernstein form.
+And what is made least: weighted sums of duration, effort, smoothness and closeness to edges.
 
-On one interval, scaled to [0, 1], a coordinate is the polynomial of degree d through its value at 0
-and at the d collocation points. Everything else is linear in those d + 1 values.
+A scheme has points, differentiation, quadrature, end point and Bernstein form. On one interval,
+scaled to [0, 1], a coordinate is the polynomial of degree d through its value at 0 and at the d
+collocation points. Everything else is linear in those d + 1 values.
 
 Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.5.
-
-Meshes: how scaled time [0, 1] is cut into intervals.
-
-Objectives: weighted sums of duration, effort, smoothness and closeness to edges.
 """
 
 from __future__ import annotations
@@ -148,11 +145,6 @@ class Form:
     def scheme(self) -> Scheme:
         """The weights."""
         return scheme(self.scheme_kind, self.degree)
-
-    @property
-    def input_nodes(self) -> int:
-        """Number of input values over time: K constants, or K + 1 corners."""
-        return self.intervals + (self.input == "linear")
 
     def input_places(self, mesh: Mesh) -> Array:
         """Fractions of the duration at which `Iterate.inputs` are sampled from a curve.

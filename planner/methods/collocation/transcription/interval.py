@@ -2,14 +2,11 @@
 
 All intervals are alike, so the whole problem is this one, repeated (see `transcription`).
 
-Closeness to the edge of the chart's domain, as a term of the objective.
-
-Which collocation values are unknowns, and which follow from the others.
-
-A collocation method is implicit, but where no coordinate's rate depends on that coordinate, not
-even by way of others, its equations are solved one coordinate after the other: the manipulator's
-θ₁ from the input, θ₂ from θ₁, and so on. Coordinates on a circle of dependencies are cut out of it:
-their values at the collocation points stay unknowns.
+Which collocation values are unknowns, and which follow from the others: a collocation method is
+implicit, but where no coordinate's rate depends on that coordinate, not even by way of others, its
+equations are solved one coordinate after the other: the manipulator's θ₁ from the input, θ₂ from
+θ₁, and so on. Coordinates on a circle of dependencies are cut out of it: their values at the
+collocation points stay unknowns.
 """
 
 from __future__ import annotations
@@ -40,18 +37,13 @@ class Rows:
             final: a part of what holds at the end, asked for in the last interval alone.
         index: Coordinate or input it is about, or the part's place among all parts of its family.
         tau: Where in the interval each row holds, shape (m,), in [0, 1].
-        first: Position of its first row among the interval's rows.
+        positions: Of the rows among those of the interval.
     """
 
     kind: RowKind
     index: int
     tau: Array
-    first: int
-
-    @property
-    def positions(self) -> slice:
-        """Positions among the interval's rows."""
-        return slice(self.first, self.first + len(self.tau))
+    positions: slice
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +118,8 @@ class _RowList:
         self.labels: list[Rows] = []
 
     def add(self, kind: RowKind, index: int, tau: Array, expressions: list[Any]) -> None:
-        self.labels.append(Rows(kind, index, tau, len(self.expressions)))
+        first = len(self.expressions)
+        self.labels.append(Rows(kind, index, tau, slice(first, first + len(tau))))
         self.expressions += expressions
 
 
@@ -281,42 +274,35 @@ def _backed_off(form: Form, moved: Augmented, places: list[Any], rows: _RowList)
         part += len(blank.parts)
 
 
+NEAR = 0.05
+"""Margin (sin squared of an angle, for the manipulator) at which closeness has fallen to 1/e."""
+
+
 def _cost(system: TriangularSystem, form: Form, x: _Symbols, points: list[Any]) -> Any:
-    """The interval's share of the objective; `Form` and `Objective` say which terms there are."""
-    rate = ca.dot(x.weights[1:3], _mean_square(x, form))
+    """The interval's share of the objective; `Form` and `Objective` say which terms there are.
+
+    Closeness to the edges of the chart's domain is Σ exp(−|margin|/NEAR) over its margins: a smooth
+    least margin. It grows towards an edge from either side, so that it needs no branch and is
+    defined where a motion leaves the chart, too.
+    """
+    square = x.u_left**2  # its mean over the interval, exact for either kind of input
+    if form.input == "linear":
+        square = (x.u_left**2 + x.u_left * x.u_right + x.u_right**2) / 3
+    rate = ca.dot(x.weights[1:3], square)
     if form.input == "linear":
         slope = (x.u_right - x.u_left) / x.seconds
         rate += ca.dot(x.weights[3:5], slope**2)
     cost = x.width * x.T * (x.weights[0] + rate)
     if form.edge:
-        nearness = [edge_cost(system, x.weights[5], q) for q in points]
+        ones = np.ones(system.size)
+        margins = [system.chart_margins_expr(q, ones) for q in points]
+        nearness = [sum(ca.exp(-ca.fabs(m) / NEAR) for m in each) for each in margins]
         means = zip(form.scheme.quadrature, nearness, strict=True)
-        cost += x.width * sum(w * each for w, each in means)
+        cost += x.width * sum(w * (x.weights[5] * each) for w, each in means)
     if form.augmented:
         way = zip(form.scheme.quadrature, map(form.augmented.path_cost_expr, points), strict=True)
         cost += x.width * sum(w * each for w, each in way)
     return cost
-
-
-def _mean_square(x: _Symbols, form: Form) -> Any:
-    """Mean of each input's square over the interval, exact for the kind of input."""
-    if form.input == "constant":
-        return x.u_left**2
-    return (x.u_left**2 + x.u_left * x.u_right + x.u_right**2) / 3
-
-
-NEAR = 0.05
-"""Margin (sin squared of an angle, for the manipulator) at which closeness has fallen to 1/e."""
-
-
-def edge_cost(system: TriangularSystem, weight: Any, q: Any) -> Any:
-    """weight × Σ exp(−|margin|/NEAR) over the chart's margins at q: a smooth least margin.
-
-    It grows towards an edge from either side, so that it needs no branch and is defined where a
-    motion leaves the chart, too.
-    """
-    margins = system.chart_margins_expr(q, np.ones(system.size))
-    return weight * sum(ca.exp(-ca.fabs(margin) / NEAR) for margin in margins)
 
 
 @dataclass(frozen=True)

@@ -90,7 +90,10 @@ class _Assembly:
     def program(self) -> Program:
         f = ca.sum2(*self._mapped(self.functions.cost)) + self.end
         g = self._rows(*self._mapped(self.functions.rows))
-        gradient, names = self._gradient(), ["x", "p"]
+        (columns,), names = self._mapped(self.functions.gradient), ["x", "p"]
+        gradient = ca.vertcat(ca.vec(columns), ca.MX.zeros(self.ny)) + self.slope
+        (points,) = self._mapped(self.functions.points)
+        outcome = ca.vertcat(f, g, ca.vec(points))
         return Program(
             problem={"x": self.x, "p": self.p, "f": f, "g": g},
             f=ca.Function("nlp_f", self._xp, [f], names, ["f"]),
@@ -102,16 +105,12 @@ class _Assembly:
             jacobian=self._jacobian(),
             hessian=self._hessian(),
             triangle=self._triangle(),
-            outcome=Call(ca.Function("outcome", self._xp, [self._outcome(f, g)])),
+            outcome=Call(ca.Function("outcome", self._xp, [outcome])),
         )
 
     @property
     def _xp(self) -> list[Any]:
         return [self.x, self.p]
-
-    def _outcome(self, f: Any, g: Any) -> Any:
-        (points,) = self._mapped(self.functions.points)
-        return ca.vertcat(f, g, ca.vec(points))
 
     def _mapped(self, function: Any, *more: Any) -> list[Any]:
         out = function.map(self.K)(self.columns, self.parameters, *more)
@@ -121,10 +120,6 @@ class _Assembly:
         """The interval's own rows begin with minus the state it leads to; the state is added."""
         following = ca.horzcat(self.columns[: self.ny, 1:], self.last)
         return ca.vec(ca.vertcat(rows[: self.ny, :] + following, rows[self.ny :, :]))
-
-    def _gradient(self) -> Any:
-        (columns,) = self._mapped(self.functions.gradient)
-        return ca.vertcat(ca.vec(columns), ca.MX.zeros(self.ny)) + self.slope
 
     def _jacobian(self) -> Any:
         """A state's column begins with the row of the interval before, which the first lacks."""
@@ -180,6 +175,7 @@ class Transcription:
 
     Attributes:
         system: The system.
+        moved: What moves: the system, or more.
         form: Its shape.
         layout: Where each unknown sits.
         labels: What the rows of one interval mean.
@@ -189,17 +185,13 @@ class Transcription:
     """
 
     system: TriangularSystem
+    moved: Moved
     form: Form
     layout: Layout
     labels: tuple[Rows, ...]
     height: int
     program: Program
     solvers: dict[Any, Any] = field(default_factory=dict)
-
-    @property
-    def moved(self) -> Moved:
-        """What moves: the system, or more."""
-        return self.form.augmented or self.system
 
     def start(self, problem: Problem) -> Array:
         """All that moves, at the start: what is not of the system begins at zero."""
@@ -241,6 +233,7 @@ def transcription(system: TriangularSystem, form: Form) -> Transcription:
         functions = compiled(functions)
     return Transcription(
         system=system,
+        moved=moved,
         form=form,
         layout=places,
         labels=symbols.labels,

@@ -166,8 +166,12 @@ Backend = Callable[[Array, Bounds], Answer]
 
 
 def backend(made: Transcription, settings: Settings) -> Backend:
-    """The solver that the settings name, for a transcription."""
-    return _Fatrop(made, settings) if settings.solver == "fatrop" else _Ipopt(made, settings)
+    """The solver that the settings name, made once for each transcription and settings."""
+    if settings not in made.solvers:
+        kind = _Fatrop if settings.solver == "fatrop" else _Ipopt
+        made.solvers[settings] = kind(made, settings)
+    found: Backend = made.solvers[settings]
+    return found
 
 
 class _Ipopt:

@@ -1,1 +1,0 @@
-"""Who solves the programme, and with what patience: `backends`, then `solver`."""

@@ -128,9 +128,10 @@ class Pipeline:
                 return None
             for answer in sorted(motions, key=lambda each: each.solution.objective):
                 done = polish(answer.task, answer.solution, options.accuracy, options.refinements)
-                if done.error <= RESOLVED or not self._free or options.refinements == 0:
+                good = done.error <= RESOLVED and done.inside
+                if good or not self._free or options.refinements == 0:
                     return answer, done
-                self.last = answer.task, answer.solution
+                self.last = done.task, done.solution
 
     def _stages(self) -> Iterator[list[Answer]]:
         """The motions of one stage after the other; each is gone through only if it is asked for.

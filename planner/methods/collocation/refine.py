@@ -22,6 +22,9 @@ EVENNESS = 0.35
 LARGEST_MESH = 2000
 TIGHTENING_TRIES = 6
 
+SEEN = 1e-6
+"""Excess over a limit, relative to its scale, that `verify` reports."""
+
 REFINING = 0.6
 """Share of the time that is left which refining may take; then what there is by then is held."""
 
@@ -38,6 +41,7 @@ class Polished:
         task: With its final mesh and limits drawn in.
         solution: The answer.
         error: Largest difference at the end between true motion and interpolant, over coordinates.
+        inside: Whether limits are kept between the nodes too, as exactly as `verify` asks.
         notes: JSON-ready.
         iterations: Iterations of the solver.
     """
@@ -45,6 +49,7 @@ class Polished:
     task: Task
     solution: Solution
     error: float
+    inside: bool
     notes: dict[str, Any]
     iterations: int
 
@@ -114,12 +119,14 @@ def polish(task: Task, solution: Solution, accuracy: float, refinements: int) ->
         meshes.append(len(task.mesh.widths))
         seen = look(task, solution)
     parts = [part for required in task.held for part in required.parts]
+    over = excess(task, seen.iterate, seen.curves)
+    inside = bool((over <= SEEN * np.array([part.scale for part in parts])).all())
     most = zip(parts, task.drawn.max(axis=0).tolist(), strict=True)
     drawn = {"rounds": rounds, **{part.label: amount for part, amount in most if amount}}
     inner = task.made.form.inner
     notes = {"intervals": meshes, "limits_inside": inner, "limits_drawn_in": drawn}
     task = replace(task, build_time_s=built)
-    return Polished(task, solution, seen.end_error, notes, iterations)
+    return Polished(task, solution, seen.end_error, inside, notes, iterations)
 
 
 def _held(task: Task, solution: Solution, accuracy: float) -> tuple[Task, Solution] | None:

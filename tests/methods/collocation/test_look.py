@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
+import planner
+from planner.methods.collocation import pipeline, refine
 from planner.methods.collocation.between_nodes import _over, peaks
+from planner.methods.collocation.refine import Polished
 
 TAU = np.linspace(0, 1, 13)
 
@@ -40,3 +46,37 @@ def test_a_cubic_s_peak_is_bounded_closely() -> None:
         cubic = np.polynomial.Polynomial(rng.uniform(-1, 1, 4))
         bound, true = peaks(cubic(TAU)[None])[0], np.max(cubic(fine))
         assert true - 1e-7 <= bound <= true + 1e-3
+
+
+def test_a_motion_that_leaves_its_limits_between_the_nodes_is_no_answer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where limits cannot be drawn in, the search goes on to the next best motion."""
+    problem = planner.load_problem("problems/crossing.toml")
+    first = planner.solve(problem, "collocation")
+    seen = list[float]()
+
+    def polish(*given: Any) -> Polished:
+        done = refine.polish(*given)
+        seen.append(done.solution.objective)
+        return replace(done, inside=len(seen) > 1)
+
+    monkeypatch.setattr(pipeline, "polish", polish)
+    plan = planner.solve(problem, "collocation")
+    assert len(seen) == 2
+    assert plan.objective >= first.objective
+    assert plan.notes["start"] != first.notes["start"]
+
+
+@pytest.mark.campaign
+def test_limits_that_cannot_be_drawn_in_on_the_shortest_path() -> None:
+    """A case of `make stress` (n3 zero x1.02 87), refused before: theta3 reached 81 of 80 deg."""
+    problem = planner.Problem.manipulator(
+        start_deg=[18.425, 51.833, 22.374],
+        goal_deg=[-26.461, -26.487, 56.379],
+        travel=0.0,
+        duration=34.2264,
+        input_limit=0.5,
+        joint_limit_deg=80.0,
+    )
+    assert planner.solve(problem, "collocation").verified

@@ -22,7 +22,8 @@
 #   make clean     remove what make has made
 
 PYTHON ?= python3
-PYTEST_FLAGS ?= -n 2 --dist worksteal
+# A file stays in one worker, which makes its fixtures once; the longest come first by their names.
+PYTEST_FLAGS ?= -n 2 --dist loadfile --no-loadscope-reorder
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check

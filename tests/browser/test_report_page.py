@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from planner.comparison.comparison import Comparison
 from planner.comparison.rows import Row
 from planner.report import folders as report_folder
 from planner.report.figures.arm import body
+from planner.report.page import page as page_module
 from planner.report.page.page import write_report
 
 SOLVED = "polynomial"
@@ -26,9 +28,10 @@ JOINTS = "#fig-joints .panel"
 
 @pytest.fixture(scope="module", autouse=True)
 def _without_pictures() -> Iterator[None]:
-    """The folder's own figures are not looked at here, and take long."""
+    """The folder's own figures are not looked at here; an arm's mechanism is drawn once."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(report_folder, "_write_figures", lambda *_: None)
+        patch.setattr(page_module, "mechanism_svg", cache(page_module.mechanism_svg))
         yield
 
 
@@ -288,17 +291,22 @@ CROWD = {
 }
 
 
-@pytest.mark.parametrize("width", [360, 1100])
-def test_names_of_points_meet_neither_points_nor_each_other(
-    width: int, opened: Callable, tmp_path: Path
-) -> None:
+@pytest.fixture(scope="module")
+def crowded(tmp_path_factory: pytest.TempPathFactory, _without_pictures: None) -> Path:
     comparison = quick_comparison()
     rows = tuple(
         replace(comparison[SOLVED], label=label, effort=effort, E_median_deg=E, E_p95_deg=1.2 * E)
         for label, (effort, E) in CROWD.items()
     )
-    place = replace(comparison, rows=rows).save(tmp_path / "crowd", report=True)
-    page = opened(place / "report.html", width=width, height=800)
+    target = tmp_path_factory.mktemp("out") / "crowd"
+    return replace(comparison, rows=rows).save(target, report=True) / "report.html"
+
+
+@pytest.mark.parametrize("width", [360, 1100])
+def test_names_of_points_meet_neither_points_nor_each_other(
+    width: int, opened: Callable, crowded: Path
+) -> None:
+    page = opened(crowded, width=width, height=800)
     drawn = page.locator("#fig-trade svg")
     names = [name.bounding_box() for name in drawn.locator("text.name").all()]
     dots = [dot.bounding_box() for dot in drawn.locator("circle").all()]

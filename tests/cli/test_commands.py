@@ -14,7 +14,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import jsonschema
 import numpy as np
 import pytest
 
@@ -158,6 +157,8 @@ def test_listings(run: Callable) -> None:
 
 
 def test_schema_accepts_every_shipped_problem_and_no_misspelt_key(run: Callable) -> None:
+    import jsonschema  # slow
+
     schema = run("schema").json
     validator = jsonschema.Draft202012Validator(schema)
     paths = sorted(PROBLEMS.glob("*.toml"))

@@ -126,7 +126,7 @@ def test_ctrl_c_while_a_motion_is_held(presses: int, tmp_path: Path) -> None:
 
 
 def test_a_job_in_the_background_of_a_script_leaves_ctrl_c_alone() -> None:
-    script = LONG_JOB.format(command="plan", name="analyse").replace("sleep(60)", "sleep(1)")
+    script = LONG_JOB.format(command="plan", name="analyse").replace("sleep(60)", "sleep(0.3)")
     script = f"import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)\n{script}"
     with started([sys.executable, "-c", script, "check", str(PROBLEMS / "paper.toml")]) as job:
         assert job.stderr is not None

@@ -3,7 +3,6 @@
 import json
 from pathlib import Path
 
-import jsonschema
 import numpy as np
 import pytest
 
@@ -34,6 +33,8 @@ def test_every_kind_has_a_shipped_problem() -> None:
 
 
 def test_schema_accepts_every_shipped_problem_and_refuses_typos() -> None:
+    import jsonschema  # slow
+
     schema = json_schema()
     validator = jsonschema.Draft202012Validator(schema)
     for kind in SHIPPED:

@@ -7,7 +7,6 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-import jsonschema
 import numpy as np
 import pytest
 
@@ -28,6 +27,8 @@ def tip(*place: float, **more: Any) -> planner.Problem:
 
 
 def test_a_file_its_problem_and_back() -> None:
+    import jsonschema  # slow
+
     problem = planner.load_problem(ROOT / "problems/tip.toml")
     assert problem.free == (1, 2, 3)
     assert np.all(np.isnan(problem.goal))

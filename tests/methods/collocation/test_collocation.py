@@ -318,7 +318,7 @@ def test_shipped_problems(name: str) -> None:
         assert abs(found.travel) < 1e-9
 
 
-@pytest.mark.parametrize("joints", [2, 3, 4])
+@pytest.mark.parametrize("joints", [2, 3, pytest.param(4, marks=pytest.mark.campaign)])
 def test_random_pairs(joints: int) -> None:
     rng = np.random.default_rng(joints)
     start, goal = rng.uniform(-60, 60, (2, joints))

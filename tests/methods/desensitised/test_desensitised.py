@@ -154,7 +154,12 @@ def test_input_rates_rest_and_a_free_duration(paper: planner.Problem) -> None:
 
 @pytest.mark.parametrize(
     ("name", "intervals"),
-    [("crossing", 16), ("parking", 24), ("four-joint", 16), ("ball-gear", 16)],
+    [
+        pytest.param("crossing", 16, marks=pytest.mark.campaign),
+        pytest.param("parking", 24, marks=pytest.mark.campaign),
+        ("four-joint", 16),
+        ("ball-gear", 16),
+    ],
 )
 def test_other_problems(name: str, intervals: int) -> None:
     problem = planner.load_problem(PROBLEMS / f"{name}.toml")
@@ -184,7 +189,7 @@ def test_waypoints_are_refused_with_the_way_out() -> None:
         planner.solve(problem, "desensitised")
 
 
-@pytest.mark.parametrize("input", ["constant", "linear"])
+@pytest.mark.parametrize("input", ["constant", pytest.param("linear", marks=pytest.mark.campaign)])
 def test_the_drive_turns_back_only_where_the_plan_of_least_effort_does(input: str) -> None:
     problem = planner.load_problem(PROBLEMS / "crossing.toml")
     easy = planner.solve(problem, "collocation")

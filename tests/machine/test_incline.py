@@ -10,7 +10,8 @@ from driven import INERTIA, chain, drive, swung
 from handmade import arm_problem, draws_of, inputs, plan_from
 
 from planner.errors import InputError
-from planner.machine.disk_chain import GRAVITY_M_S2, Chain
+from planner.machine.contact_load import GRAVITY_M_S2
+from planner.machine.disk_chain import Chain
 from planner.machine.machine import Machine
 from planner.machine.replay import replay
 from planner.support.arrays import Array

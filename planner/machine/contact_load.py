@@ -30,9 +30,6 @@ from planner.support.arrays import Array
 from planner.support.one_variable import sample_times
 from planner.systems.manipulator import Manipulator, gravity_torques
 
-LOOKED_AT = 200
-"""Instants of a plan at which gravity is set against friction; an arm turns little between them."""
-
 INSTANTS = 100
 """Least number of sample times; the torque is smooth, and its maxima are flat."""
 
@@ -139,22 +136,17 @@ def refuse_sliding(plan: Plan, system: Manipulator, draws: Draws) -> None:
     Raises:
         InputError: If the weight of some link asks more of a contact at rest than it passes.
     """
-    most = weights(draws, system.n)
-    if most is None:
+    if weights(draws, system.n) is None:
         return
-    q = plan.q(np.linspace(0.0, plan.duration, LOOKED_AT))
-    k = system.k_g * system.K[:, None]
-    heaviest = most.max(axis=1, keepdims=True)
-    loads = np.abs(gravity_torques(heaviest, q[:, 1:].T))
-    held = np.max(np.broadcast_to(draws["coulomb_friction_nm"], (system.n - 1, draws.count)))
-    asked = at_contacts(k, np.maximum(loads[1:] - held, 0.0), np.cos(q[:, 1:-1].T)).max()
-    capacity = np.min(draws["friction_capacity_nm"])
-    if asked >= capacity:
+    q = plan.q(np.linspace(0.0, plan.duration, INSTANTS))
+    found = _largest(system, draws, q, np.zeros_like(q))
+    worst = np.argmax(found.share)
+    if found.share[worst] >= 1:
         raise InputError(
-            f"machine: on this slope gravity asks {asked:.3g} N m of a friction contact that passes"
-            f" {capacity:.3g} N m, so the arm slides by itself; lessen machine.incline_deg or"
-            ' link_moment_kgm, raise friction_capacity_nm, or set fidelity = "dynamic", which'
-            " computes how it slides"
+            f"machine: on this slope gravity asks {found.torque_nm[worst]:.3g} N m of a friction"
+            f" contact that passes {found.capacity_nm[worst]:.3g} N m, so the arm slides by itself;"
+            " lessen machine.incline_deg or link_moment_kgm, raise friction_capacity_nm, or set"
+            ' fidelity = "dynamic", which computes how it slides'
         )
 
 

@@ -154,6 +154,10 @@ class Machine:
         """The same machine with all spreads zero, so that all samples are equal."""
         return self.with_(**{name: _plain(q.value) for name, q in self.effects.items()})
 
+    def mean(self, name: str) -> Array:
+        """Mean of an effect, one number or one per motor or joint; its neutral value when off."""
+        return np.array(self.effects[name].value if name in self.effects else [EFFECTS[name].off])
+
     # -- looking -------------------------------------------------------------------------------
 
     def to_dict(self) -> dict[str, Any]:

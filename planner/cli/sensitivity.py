@@ -11,7 +11,6 @@ from io import BytesIO
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 from rich.table import Table
 
@@ -32,7 +31,7 @@ from planner.methods.desensitised.method import spreads
 from planner.methods.registry import find_method
 from planner.plan.plan import Plan
 from planner.problem.tables.method_options import DesensitisedOptions
-from planner.report.figures.robustness import bought, entry_name
+from planner.report.figures.robustness import bought, entry_name, size_of
 from planner.report.folders import save_sensitivity
 from planner.robustness.machine_sensitivity import (
     MachineEntry,
@@ -153,19 +152,13 @@ def _matrix(found: Sensitivity, spread: dict[str, float]) -> Table:
 
     columns: list[Column[int]] = [
         Column("error", "", lambda p: found.parameters[p], left=True),
-        Column("size", "", lambda p: _size(float(sizes[p]), found.units[p])),
+        Column("size", "", lambda p: size_of(float(sizes[p]), found.units[p])),
     ]
     angles = [
         Column(coordinates[i].name, "deg", partial(cell, k)) for k, i in enumerate(found.angles)
     ]
     loud = [p for p in range(len(sizes)) if any(angle.text(p) for angle in angles)]
     return terminal_table([*columns, *angles], loud)
-
-
-def _size(value: float, unit: str) -> str:
-    if unit == "1":
-        return f"{100 * value:.3g} %"
-    return f"{np.rad2deg(value):.3g} deg" if unit == "rad" else f"{value:.3g} {unit}"
 
 
 def _sums(found: Sensitivity, spread: dict[str, float]) -> str:
@@ -188,9 +181,7 @@ def _on_machine(found: MachineSensitivity) -> Table:
     columns += [
         Column(name, "deg", partial(_contribution, k)) for k, name in enumerate(found.angles)
     ]
-    loud = [e for e in found.entries if not e.silent]
-    loud = sorted(loud, key=lambda e: -float(np.max(np.abs(e.contribution))))
-    return terminal_table(columns, loud[:SHOWN])
+    return terminal_table(columns, found.loudest[:SHOWN])
 
 
 def _contribution(angle: int, entry: MachineEntry) -> str:

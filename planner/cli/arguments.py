@@ -1,4 +1,8 @@
-"""Options that commands share, and what becomes of them."""
+"""Arguments and options that commands share, and what becomes of them.
+
+An option of one command stands in this command's own signature. One of several commands is a name
+here; where its help differs from command to command, a function that takes the help.
+"""
 
 from __future__ import annotations
 
@@ -21,6 +25,14 @@ PlanPath = Annotated[
     Path,
     typer.Argument(
         metavar="PLAN", help="A plan file (JSON) of `planner plan --out`.", show_default=False
+    ),
+]
+PlanOrProblemPath = Annotated[
+    Path,
+    typer.Argument(
+        metavar="PROBLEM|PLAN",
+        help="A problem file (TOML), or a plan file (JSON) of `planner plan --out`.",
+        show_default=False,
     ),
 ]
 Changes = Annotated[
@@ -99,8 +111,28 @@ TimeLimit = Annotated[
 
 
 def out_option(metavar: str, help: str) -> Any:
-    """The option `--out`, which may be left out: a FILE or FOLDER, and what goes there."""
-    return typer.Option("--out", "-o", metavar=metavar, help=help, show_default=False)
+    """The option `--out`: a FILE or FOLDER, and what goes there."""
+    return typer.Option("--out", "-o", metavar=metavar, help=help)
+
+
+def method_option(help: str) -> Any:
+    """The option `--method`: one method, and what it is for."""
+    return typer.Option(
+        "--method",
+        "-m",
+        help=help,
+        autocompletion=lambda: [(name, m.summary) for name, m in all_methods().items()],
+    )
+
+
+def samples_option(help: str) -> Any:
+    """The option `--samples`: how many random machines, and what for."""
+    return typer.Option("--samples", "-n", min=1, help=help)
+
+
+def dry_run_option(help: str) -> Any:
+    """The option `--dry-run` of commands that run many cases."""
+    return typer.Option("--dry-run", help=help)
 
 
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the random machines.")]
@@ -122,6 +154,11 @@ def read_problem(path: Path, changes: list[str] | None) -> Problem:
         guilty = [key for key in parsed if _mentions(str(error), key)]
         note = f"\n(from --set: {', '.join(guilty)})" if guilty else ""
         raise InputError(f"{error}{note}") from None
+
+
+def is_plan(path: Path) -> bool:
+    """Whether a file is a plan by its name; otherwise it is a problem file."""
+    return path.suffix.lower() == ".json"
 
 
 def parse_changes(pairs: list[str]) -> dict[str, Any]:

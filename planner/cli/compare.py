@@ -18,16 +18,20 @@ from planner.cli.arguments import (
     Changes,
     Json,
     PlannedMethods,
+    PlanOrProblemPath,
     ProblemPath,
     Seed,
     TimeLimit,
+    is_plan,
     out_option,
     parse_changes,
     read_problem,
+    samples_option,
 )
 from planner.cli.output import (
     INTERRUPTED,
     Told,
+    finish,
     interrupted,
     note,
     print_json,
@@ -44,6 +48,7 @@ from planner.comparison.rows import Row
 from planner.errors import InputError, NoPlanError
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
+from planner.report.folders import save_budget
 from planner.robustness.budget import Budget, error_budget
 from planner.robustness.sobol import refuse_without_salib
 from planner.support.files import refuse_unwritable_folder
@@ -56,10 +61,7 @@ def compare(
     problem: ProblemPath,
     methods: PlannedMethods = None,
     samples: Annotated[
-        int,
-        typer.Option(
-            "--samples", "-n", min=1, help="Number of random machines to replay each plan on."
-        ),
+        int, samples_option("Number of random machines to replay each plan on.")
     ] = 1000,
     seed: Seed = 0,
     sample: Annotated[
@@ -139,28 +141,21 @@ def compare(
     shares: dict[str, Budget] = {}
     complete = found.complete and not interrupted() and (not budget or _fill(shares, found))
     if not as_json:
-        print_budgets(shares)
+        for share in shares.values():
+            print_text(share.table(), "")
     # After Ctrl-C `waiting` would end the command before what is done is written.
     with waiting("drawing figures") if out and complete else nullcontext():
-        written = None if out is None else _save(found, shares, out, report)
-    status = _status(found) if complete else Told(INTERRUPTED)
+        written = None if out is None else str(found.save(out, report=report))
+        if out is not None and shares:
+            save_budget(shares, out / "budget")
+    solved = any(row.solved for row in found.rows)
+    status = (0 if solved else NoPlanError.exit_status) if complete else Told(INTERRUPTED)
     if as_json:
         extra: dict[str, Any] = {"complete": complete, "exit_status": status, "written": written}
         if budget:
             extra["budgets"] = {label: each.to_dict() for label, each in shares.items()}
         print_json({"file": task.source, **found.to_dict(), **extra})
-    if not complete:
-        where = "is shown" if written is None else f"is written to {written}"
-        say(f"interrupted: partial result; what is done {where}", "red")
-    elif written is not None:
-        look = f"open {out}/report.html" if report else f"pictures in {out}/figures"
-        note(f"written to {written}; {look}")
-    if status == NoPlanError.exit_status:
-        sets = [word for change in changes or [] for word in ("--set", change)]
-        asked = shlex.join(["planner", "check", task.source, *sets])
-        tried = any("(tried)" in advice for advice in found.advice.values())
-        help_ = f"what would help stands after 'Try', more by: {asked}"
-        note(f"no method has a plan; {help_ if tried else f'what would help: {asked}'}")
+    _say_the_rest(found, complete, written, report, changes or [])
     return status
 
 
@@ -174,15 +169,22 @@ def _refuse_in_time(out: Path | None, budget: bool, report: bool) -> None:
         refuse_unwritable_folder(out)
 
 
-def _save(found: Comparison, shares: dict[str, Budget], out: Path, report: bool) -> str:
-    written = str(found.save(out, report=report))
-    if shares:
-        save(shares, out / "budget", None)
-    return written
-
-
-def _status(found: Comparison) -> int:
-    return 0 if any(row.solved for row in found.rows) else NoPlanError.exit_status
+def _say_the_rest(
+    found: Comparison, complete: bool, written: str | None, report: bool, changes: list[str]
+) -> None:
+    """Where the results are, whether all are there, and what would help where no method has one."""
+    if not complete:
+        where = "is shown" if written is None else f"is written to {written}"
+        say(f"interrupted: partial result; what is done {where}", "red")
+    elif written is not None:
+        look = f"open {written}/report.html" if report else f"pictures in {written}/figures"
+        note(f"written to {written}; {look}")
+    if complete and not any(row.solved for row in found.rows):
+        sets = [word for change in changes for word in ("--set", change)]
+        asked = shlex.join(["planner", "check", found.problem.source, *sets])
+        tried = any("(tried)" in advice for advice in found.advice.values())
+        help_ = f"what would help stands after 'Try', more by: {asked}"
+        note(f"no method has a plan; {help_ if tried else f'what would help: {asked}'}")
 
 
 def _fill(shares: dict[str, Budget], found: Comparison) -> bool:
@@ -213,19 +215,9 @@ Progress = Callable[[str, float], None]
 
 
 def budget(
-    subject: Annotated[
-        Path,
-        typer.Argument(
-            metavar="PROBLEM|PLAN",
-            help="A problem file (TOML), or a plan file (JSON).",
-            show_default=False,
-        ),
-    ],
+    subject: PlanOrProblemPath,
     methods: PlannedMethods = None,
-    samples: Annotated[
-        int,
-        typer.Option("--samples", "-n", min=1, help="Number of random machines for each median."),
-    ] = 200,
+    samples: Annotated[int, samples_option("Number of random machines for each median.")] = 200,
     base: Annotated[
         int, typer.Option("--base", min=2, help="Base samples of the Sobol indices, a power of 2.")
     ] = 256,
@@ -251,22 +243,20 @@ def budget(
         refuse_unwritable_folder(out)
     with progress_bar() as progress:
         plans = _plans(subject, methods, changes, partial(_part, progress, 0.0, 0.3))
-        machine = _machine(next(iter(plans.values())), changes)
+        problem = next(iter(plans.values())).problem.changed(parse_changes(changes or []))
+        machine = Machine.from_table(problem.machine)
         told = partial(_part, progress, 0.3, 1.0)
         found = dict(budgets(plans, machine, samples, base, seed, told))
-    words = ["planner", "budget", str(subject), *(["--methods", methods] if methods else [])]
-    words += ["--samples", str(samples), "--base", str(base), "--seed", str(seed)]
-    for change in changes or []:
-        words += ["--set", change]
-    written = None if out is None else save(found, out, shlex.join([*words, "--out", str(out)]))
-    if as_json:
-        data = {label: each.to_dict() for label, each in found.items()}
-        print_json({"file": str(subject), "exit_status": 0, "written": written, "budgets": data})
-    else:
-        print_budgets(found)
-    if written is not None:
-        note(f"written to {written}")
-    return 0
+    written = None
+    if out is not None:
+        words = ["planner", "budget", str(subject), *(["--methods", methods] if methods else [])]
+        words += ["--samples", str(samples), "--base", str(base), "--seed", str(seed)]
+        for change in changes or []:
+            words += ["--set", change]
+        written = str(save_budget(found, out, shlex.join([*words, "--out", str(out)])))
+    data = {label: each.to_dict() for label, each in found.items()}
+    tables = [part for each in found.values() for part in (each.table(), "")]
+    return finish(as_json, {"file": str(subject), "written": written, "budgets": data}, *tables)
 
 
 def budgets(
@@ -298,23 +288,10 @@ def executable(rows: Sequence[Row]) -> dict[str, Plan]:
     }
 
 
-def save(found: dict[str, Budget], out: Path, command: str | None) -> str:
-    """Write the budgets to a folder; returns its name."""
-    from planner.report.folders import save_budget as write
-
-    return str(write(found, out, command))
-
-
-def print_budgets(found: dict[str, Budget]) -> None:
-    """Print one table per plan."""
-    for each in found.values():
-        print_text(each.table(), "")
-
-
 def _plans(
     subject: Path, methods: str | None, changes: list[str] | None, progress: Progress
 ) -> dict[str, Plan]:
-    if subject.suffix == ".json":
+    if is_plan(subject):
         if methods is not None:
             raise InputError(f"{subject} is a plan; --methods is for problem files")
         plan = load_plan(subject, strict=True)
@@ -331,10 +308,6 @@ def _plans(
     if not found:
         raise NoPlanError("no method has a plan that can be executed, so there is no error budget")
     return found
-
-
-def _machine(plan: Plan, changes: list[str] | None) -> Machine:
-    return Machine.from_table(plan.problem.changed(parse_changes(changes or [])).machine)
 
 
 def _part(progress: Progress, begin: float, end: float, doing: str, share: float) -> None:

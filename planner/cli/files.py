@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 
 from planner.cli.arguments import Json, PlanPath, out_option
-from planner.cli.output import note, print_json, progress_bar, waiting
+from planner.cli.output import finish, progress_bar, waiting
 from planner.plan.plan import Plan
 from planner.plan.samples import RATE_HZ
 from planner.report.export import FORMATS, find_format
@@ -28,7 +28,7 @@ from planner.verification.load_plan import load_plan
 
 def export(
     plan: PlanPath,
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="The file to write.")],
+    out: Annotated[Path, out_option("FILE", "The file to write.")],
     format: Annotated[
         str | None,
         typer.Option(
@@ -69,13 +69,9 @@ def export(
     refuse_unwritable(out)
     names = None if joints is None else joints.split(",")
     with waiting(f"writing {name}"):
-        written = str(
-            write(load_plan(plan, strict=True), out, name, rate_hz=rate, joint_names=names)
-        )
-    if as_json:
-        print_json({"plan": str(plan), "format": name, "written": written, "exit_status": 0})
-    note(f"written to {written}")
-    return 0
+        found = load_plan(plan, strict=True)
+        written = str(write(found, out, name, rate_hz=rate, joint_names=names))
+    return finish(as_json, {"plan": str(plan), "format": name, "written": written})
 
 
 def animate(
@@ -83,9 +79,7 @@ def animate(
         list[Path],
         typer.Argument(metavar="PLAN", help="Plan files (JSON) of `planner plan --out`."),
     ],
-    out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="FILE", help="The film: FILE.gif or FILE.mp4.")
-    ],
+    out: Annotated[Path, out_option("FILE", "The film: FILE.gif or FILE.mp4.")],
     fps: Annotated[int, typer.Option("--fps", help="Frames per second, 1 to 60.")] = 25,
     speed: Annotated[
         float, typer.Option("--speed", help="Speed: seconds of motion per second of the film.")
@@ -111,10 +105,7 @@ def animate(
             speed=speed,
             progress=lambda done, total: tell("drawing frames", done / total),
         )
-    if as_json:
-        print_json({"plans": [str(p) for p in plans], "written": str(written), "exit_status": 0})
-    note(f"written to {written}")
-    return 0
+    return finish(as_json, {"plans": [str(p) for p in plans], "written": str(written)})
 
 
 def _labelled(paths: Sequence[Path]) -> dict[str, Plan]:
@@ -156,7 +147,5 @@ def report(
     """
     with waiting("writing the page"):
         written = str(write_report(folder, out))
-    if as_json:
-        print_json({"folder": str(folder), "written": written, "exit_status": 0})
-    note(f"written to {written}; open it in a browser")
-    return 0
+    data = {"folder": str(folder), "written": written}
+    return finish(as_json, data, where="written to {}; open it in a browser")

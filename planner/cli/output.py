@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from operator import itemgetter
 from typing import Annotated, Any, get_type_hints
 
+import numpy as np
 import typer
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
@@ -26,10 +27,10 @@ from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
-from planner.errors import InputError
+from planner.errors import InputError, PlannerError
 from planner.support import deadline
 from planner.support.arrays import jsonable
-from planner.support.interrupts import hearing
+from planner.support.interrupts import Terminated, hearing
 from planner.support.package import versions
 from planner.support.progress import Progress, listening
 from planner.support.tables import Column, clean, terminal_table
@@ -107,6 +108,37 @@ def say(text: str, style: str = "") -> None:
 def facts(rows: Sequence[tuple[str, str]]) -> Table:
     """A two-column table without headers."""
     return terminal_table([Column("", "", itemgetter(k), left=True) for k in (0, 1)], rows)
+
+
+def number(value: float | None) -> str:
+    """Four significant digits; a dash where undefined."""
+    return "-" if value is None or np.isnan(value) else f"{value:.4g}"
+
+
+def finish(
+    as_json: bool,
+    data: Mapping[str, Any],
+    *parts: str | Table,
+    status: int = 0,
+    where: str = "written to {}",
+) -> int:
+    """End a command: print its result, say where it is written, return the exit status.
+
+    Args:
+        as_json: Whether the result is one JSON object.
+        data: This object; `exit_status` is added. Its key `written` is where the result was
+            written, or None.
+        parts: Lines and tables that are printed otherwise.
+        status: The exit status.
+        where: The words around `written`, for people.
+    """
+    if as_json:
+        print_json({**data, "exit_status": status})
+    elif parts:
+        print_text(*parts)
+    if data.get("written") is not None:
+        note(where.format(data["written"]))
+    return status
 
 
 class Waiting:
@@ -220,6 +252,28 @@ def _lines(line: Callable[[], str]) -> Iterator[None]:
     finally:
         done.set()
         teller.join()
+
+
+class Interrupted(PlannerError):  # noqa: N818 (not an error)
+    """Ctrl-C or SIGTERM, after which the same command goes on."""
+
+    def __init__(self, kept: str) -> None:
+        self.exit_status = hearing.status
+        self.status = "interrupted" if self.exit_status == INTERRUPTED else "terminated"
+        super().__init__(f"{self.status}; {kept}; the same command runs the rest")
+
+
+@contextmanager
+def resumable(kept: str) -> Iterator[None]:
+    """Run a job that keeps what is finished; `kept` says where.
+
+    Raises:
+        Interrupted: After Ctrl-C or SIGTERM.
+    """
+    try:
+        yield
+    except (KeyboardInterrupt, Terminated):
+        raise Interrupted(kept) from None
 
 
 def interrupted() -> bool:

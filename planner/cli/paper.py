@@ -10,12 +10,10 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from planner.cli.arguments import Json
-from planner.cli.output import note, print_json, print_text, progress_bar
-from planner.paper.calibrate import Calibration, left, write
+from planner.cli.arguments import Json, Seed, out_option, samples_option
+from planner.cli.output import finish, progress_bar
 from planner.paper.calibrate import calibrate as run_calibration
+from planner.paper.calibrate import left, write
 from planner.paper.reproduce import reproduce as run_reproduction
 from planner.paper.statements import FITTED, STATEMENTS, Range
 from planner.support.files import refuse_unwritable_folder
@@ -23,15 +21,11 @@ from planner.support.tables import Column, terminal_table
 
 
 def reproduce(
-    out: Annotated[
-        Path,
-        typer.Option("--out", "-o", metavar="FOLDER", help="Folder for the figures and the page."),
-    ] = Path("results/paper"),
-    samples: Annotated[
-        int,
-        typer.Option("--samples", "-n", min=1, help="Number of random machines for Figs 9 and 10."),
-    ] = 200,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the machines.")] = 0,
+    out: Annotated[Path, out_option("FOLDER", "Folder for the figures and the page.")] = Path(
+        "results/paper"
+    ),
+    samples: Annotated[int, samples_option("Number of random machines for Figs 9 and 10.")] = 200,
+    seed: Seed = 0,
     as_json: Json = False,
 ) -> int:
     """Regenerate the paper's figures and check its printed numbers.
@@ -42,27 +36,20 @@ def reproduce(
     """
     with progress_bar() as progress:
         made = run_reproduction(out, samples, seed, progress)
-    if as_json:
-        rows = [vars(f) for f in made.findings]
-        print_json({"written": str(made.path), "seed": seed, "samples": samples, "findings": rows})
-        return 0
     columns = [
         Column(head, "", attrgetter(head), left=True)
         for head in ("where", "printed", "ours", "verdict")
     ]
-    print_text(terminal_table(columns, made.findings))
-    note(f"written to {made.path}")
-    return 0
+    rows = [vars(f) for f in made.findings]
+    data = {"written": str(made.path), "seed": seed, "samples": samples, "findings": rows}
+    return finish(as_json, data, terminal_table(columns, made.findings))
 
 
 def calibrate(
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", "-o", metavar="FOLDER", help="Also save a page and a figure in this folder."
-        ),
+        Path | None, out_option("FOLDER", "Also save a page and a figure in this folder.")
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the machines.")] = 0,
+    seed: Seed = 0,
     as_json: Json = False,
 ) -> int:
     """Fit the emulated prototype to the paper's experiment.
@@ -80,16 +67,6 @@ def calibrate(
         if out is not None:
             progress("writing", 0.95)
             write(found, out)
-    if as_json:
-        print_json({**found.to_dict(), "written": str(out) if out else None})
-        return 0
-    _show(found)
-    if out is not None:
-        note(f"written to {out}")
-    return 0
-
-
-def _show(found: Calibration) -> None:
     columns: list[Column[Range]] = [
         Column("parameter", "", lambda r: r.name, left=True),
         Column("low", "", lambda r: r.low, "{:g}".format),
@@ -97,9 +74,15 @@ def _show(found: Calibration) -> None:
         Column("preset", "", lambda r: found.fit.parameters[r.name], "{:g}".format),
         *(Column(d.name, "", partial(left, d), "{:.2f}".format) for d in found.data),
     ]
-    print_text(terminal_table(columns, FITTED))
-    for s, value in zip(STATEMENTS, found.fit.found, strict=True):
-        print_text(f"{s.text}: {value:.2f} {s.unit} (target {s.wanted})")
-    print_text(
-        "last columns: share of the range that remains, given that statement; 1 = not identifiable"
+    met = [
+        f"{s.text}: {value:.2f} {s.unit} (target {s.wanted})"
+        for s, value in zip(STATEMENTS, found.fit.found, strict=True)
+    ]
+    data = {**found.to_dict(), "written": None if out is None else str(out)}
+    return finish(
+        as_json,
+        data,
+        terminal_table(columns, FITTED),
+        *met,
+        "last columns: share of the range that remains, given that statement; 1 = not identifiable",
     )

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import typer
 from rich.table import Table
 
 from planner.check import Analysis
@@ -23,6 +22,8 @@ from planner.cli.arguments import (
     MethodNames,
     ProblemPath,
     TimeLimit,
+    method_option,
+    out_option,
     parse_methods,
     read_problem,
 )
@@ -32,17 +33,16 @@ from planner.cli.output import (
     ended_with_the_best,
     ends_with_the_best,
     facts,
+    finish,
     interrupted,
-    note,
-    print_json,
-    print_text,
+    number,
     say,
     waiting,
 )
 from planner.errors import NoPlanError
-from planner.methods.registry import all_methods, find_method
+from planner.methods.registry import find_method
 from planner.plan.plan import Plan
-from planner.problem.feasibility import End, TravelWindow
+from planner.problem.feasibility import End
 from planner.problem.problem import Problem
 from planner.solve import solve_and_check
 from planner.support.files import refuse_unwritable
@@ -55,20 +55,11 @@ from planner.verification.summary import plan_summary, refusal_summary
 def plan(
     problem: ProblemPath,
     method: Annotated[
-        str,
-        typer.Option(
-            "--method",
-            "-m",
-            help="The method; `planner methods` lists them.",
-            autocompletion=lambda: [(name, m.summary) for name, m in all_methods().items()],
-        ),
+        str, method_option("The method; `planner methods` lists them.")
     ] = "collocation",
     time_limit: TimeLimit = None,
     changes: Changes = None,
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", help="Save the plan in this JSON file.", show_default=False),
-    ] = None,
+    out: Annotated[Path | None, out_option("FILE", "Save the plan in this JSON file.")] = None,
     as_json: Json = False,
 ) -> int:
     """Make a plan, verify it and print its properties.
@@ -97,29 +88,24 @@ def plan(
             summary = plan_summary(found, check)
     except NoPlanError as error:
         return _refused(task, name, error, as_json)
-    written = None if out is None else str(found.save(out))
-    status = Told(INTERRUPTED) if ended_with_the_best() else 0
-    if as_json:
-        print_json({**_heading(task), **summary, "exit_status": status, "written": written})
-    else:
-        print_text(f"{task.name}: {name}", _table(task, summary, took), "", _verdict(found))
-    if written is not None:
-        note(f"plan written to {written}")
-    if status:
+    summary |= _heading(task) | {"written": None if out is None else str(found.save(out))}
+    status = 0
+    if ended_with_the_best():
+        status = Told(INTERRUPTED)
         say("planner: interrupted: this is the best plan found so far")
-    return status
+    table = _table(task, summary, took)
+    parts = (f"{task.name}: {name}", table, "", _verdict(found))
+    return finish(as_json, summary, *parts, status=status, where="plan written to {}")
 
 
 def _refused(problem: Problem, method: str, error: NoPlanError, as_json: bool) -> int:
     if interrupted() or ended_with_the_best():
         raise hearing.exception
-    if as_json:
-        summary = refusal_summary(error, method)
-        extra = {"error": str(error), "exit_status": error.exit_status, "written": None}
-        print_json({**_heading(problem), **summary, **extra})
     say(f"planner: no plan ({error.status.replace('_', ' ')})", "bold red")
     say(str(error))
-    return error.exit_status
+    told = {"error": str(error), "written": None}
+    summary = {**_heading(problem), **refusal_summary(error, method), **told}
+    return finish(as_json, summary, status=error.exit_status)
 
 
 def _heading(problem: Problem) -> dict[str, Any]:
@@ -131,58 +117,71 @@ def _verdict(plan: Plan) -> str:
         how = "verified by integrating its inputs independently"
         if plan.compensates is not None:
             how = "verified on the nominal machine, for which it is compensated"
-        return f"The plan reaches the goal and keeps every limit ({how})." + _early(plan)
+        text = f"The plan reaches the goal and keeps every limit ({how})."
+        if why := str(plan.notes.get("ended_early", "")):
+            text += f"\n{why[0].upper()}{why[1:]}; more time may find a better one."
+        return text
     return (
         "For study only, not executable: the path leaves the domain of the chained-form chart,"
         " where no real angles exist."
     )
 
 
-def _early(plan: Plan) -> str:
-    why = str(plan.notes.get("ended_early", ""))
-    return f"\n{why[0].upper()}{why[1:]}; more time may find a better one." if why else ""
-
-
 def _table(problem: Problem, summary: dict[str, Any], took: float) -> Table:
-    system = problem.system
+    system, notes = problem.system, summary["notes"]
+    path = system.coordinates[0]
+    status = summary["status"].replace("_", " ") + (", verified" if summary["verified"] else "")
     rows = [
+        ("status", status),
         (
-            "status",
-            summary["status"].replace("_", " ") + (", verified" if summary["verified"] else ""),
-        ),
-        (
-            f"travel of {system.coordinates[0].name}",
-            f"{number(summary['travel_rad'])} {system.coordinates[0].unit}, {summary['direction']}",
+            f"travel of {path.name}",
+            f"{number(summary['travel_rad'])} {path.unit}, {summary['direction']}",
         ),
         ("duration", f"{number(summary['duration_s'])} s"),
         ("objective", f"{number(summary['objective'])}, {summary['objective_name']}"),
-        *_inputs(problem, summary["peak_u_rad_s"]),
-        ("largest error at the goal", _worst_error(problem, summary["terminal_error"])),
-        *_chosen(summary["notes"]),
-        ("chart", _chart(summary)),
-        ("largest z2", number(summary["z2_max"])),
-        *_start(summary["notes"]),
-        *_compensation(summary["notes"]),
-        *_optimality(summary["notes"]),
-        *_certificate(summary),
+    ]
+    for c, most, peak in zip(
+        system.inputs, problem.limits.input, summary["peak_u_rad_s"], strict=True
+    ):
+        allowed = f", allowed {number(most)}" if np.isfinite(most) else ""
+        found = "undefined" if np.isnan(peak) else f"{number(peak)} {c.unit}"
+        rows.append((f"peak |{c.name}|", found + allowed))
+    rows.append(("largest error at the goal", _worst_error(problem, summary["terminal_error"])))
+    if angles := notes.get("goal_theta_deg"):
+        rows.append(("joints at the goal", f"{_degrees(angles)} deg"))
+    margin = f"smallest margin {number(summary['domain_margin'])}"
+    if summary["domain_ok"]:
+        rows.append(("chart", f"inside the domain, {margin}"))
+    else:
+        times = ", ".join(number(t) for t in summary["singular_times_s"][:6])
+        where = f"leaves the domain or touches its edge at t = {times} s"
+        rows.append(("chart", f"{where}, {margin}"))
+    rows.append(("largest z2", number(summary["z2_max"])))
+    if "start" in notes:
+        tried = len(notes.get("tried", ()))
+        rivals = f", the best of {tried}" if tried > 1 else ""
+        rows.append(("first guess", notes["start"] + rivals))
+    if made := notes.get("compensation"):
+        lead, tail = number(made["lead_s"]), number(made["tail_s"])
+        before = f"{lead} s of preparatory motion, then " if made["lead_s"] else ""
+        after = f", then {tail} s of drive reversal" if made["tail_s"] else ""
+        aim = f"the plan, made {made['plans']} times to aim at the goal"
+        rows.append(("compensated", f"{before}{aim}{after}"))
+    if proof := notes.get("optimality"):
+        gap = proof["relative_gap"]
+        within = "" if gap is None else f", within {gap:.1e} of the proven lower bound"
+        rows.append(("optimum", f"{proof['kind']}, of its class of paths{within}"))
+    if proven := summary["certificate"]:
+        rows.append(("certificate", proven["text"]))
+    rows.append(
         (
             "time",
             f"{number(took)} s in all, with verification; of these"
             f" {number(summary['solve_time_s'])} s to solve, {number(summary['build_time_s'])} s to"
             f" prepare; {summary['iterations']} iterations",
-        ),
-    ]
+        )
+    )
     return facts(rows)
-
-
-def _inputs(problem: Problem, peaks: list[float]) -> list[tuple[str, str]]:
-    out = []
-    for i, coordinate in enumerate(problem.system.inputs):
-        limit = problem.limits.input[i]
-        allowed = f", allowed {number(limit)}" if np.isfinite(limit) else ""
-        peak = "undefined" if np.isnan(peaks[i]) else f"{number(peaks[i])} {coordinate.unit}"
-        out.append((f"peak |{coordinate.name}|", peak + allowed))
-    return out
 
 
 def _worst_error(problem: Problem, errors: dict[str, float]) -> str:
@@ -195,57 +194,8 @@ def _worst_error(problem: Problem, errors: dict[str, float]) -> str:
     return f"{abs(value):.1e} {'deg' if unit == 'rad' else unit} ({name})"
 
 
-def _chosen(notes: dict[str, Any]) -> list[tuple[str, str]]:
-    angles = notes.get("goal_theta_deg")
-    return [("joints at the goal", f"{_degrees(angles)} deg")] if angles else []
-
-
 def _degrees(angles: Sequence[float]) -> str:
     return f"({', '.join(f'{angle:.4g}' for angle in angles)})"
-
-
-def _chart(summary: dict[str, Any]) -> str:
-    margin = f"smallest margin {number(summary['domain_margin'])}"
-    if summary["domain_ok"]:
-        return f"inside the domain, {margin}"
-    times = ", ".join(number(t) for t in summary["singular_times_s"][:6])
-    return f"leaves the domain or touches its edge at t = {times} s, {margin}"
-
-
-def _start(notes: dict[str, Any]) -> list[tuple[str, str]]:
-    if "start" not in notes:
-        return []
-    tried = len(notes.get("tried", ()))
-    return [("first guess", notes["start"] + (f", the best of {tried}" if tried > 1 else ""))]
-
-
-def _compensation(notes: dict[str, Any]) -> list[tuple[str, str]]:
-    found = notes.get("compensation")
-    if found is None:
-        return []
-    before = f"{number(found['lead_s'])} s of preparatory motion, then " if found["lead_s"] else ""
-    after = f", then {number(found['tail_s'])} s of drive reversal" if found["tail_s"] else ""
-    words = f"{before}the plan, made {found['plans']} times to aim at the goal{after}"
-    return [("compensated", words)]
-
-
-def _optimality(notes: dict[str, Any]) -> list[tuple[str, str]]:
-    found = notes.get("optimality")
-    if found is None:
-        return []
-    gap = found["relative_gap"]
-    within = "" if gap is None else f", within {gap:.1e} of the proven lower bound"
-    return [("optimum", f"{found['kind']}, of its class of paths{within}")]
-
-
-def _certificate(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    found = summary["certificate"]
-    return [] if found is None else [("certificate", found["text"])]
-
-
-def number(value: float | None) -> str:
-    """Four significant digits; a dash where undefined."""
-    return "-" if value is None or np.isnan(value) else f"{value:.4g}"
 
 
 def check(
@@ -271,14 +221,15 @@ def check(
     with waiting("checking") as notice:
         analysis = analyse(task, names, progress=notice, time_limit_s=time_limit)
     status = 0 if analysis.has_plan else NoPlanError.exit_status
-    if as_json:
-        print_json({"file": task.source, **analysis.to_dict(), "exit_status": status})
-        return status
-    print_text(task.name, "", _facts(analysis), "", _methods(analysis))
-    for line in [*_not_promised(analysis), *_refusals(analysis)]:
-        print_text(line)
-    print_text("", analysis.verdict)
-    return status
+    return finish(
+        as_json,
+        {"file": task.source, **analysis.to_dict()},
+        *(task.name, "", _facts(analysis), "", _methods(analysis)),
+        *_not_promised(analysis),
+        *_refusals(analysis),
+        *("", analysis.verdict),
+        status=status,
+    )
 
 
 def _facts(analysis: Analysis) -> Table:
@@ -293,7 +244,13 @@ def _facts(analysis: Analysis) -> Table:
     if analysis.duration_bound.reason:
         bound = analysis.duration_bound
         rows.append(("least duration", f"{number(bound.seconds)} s: {bound.reason}"))
-    rows += _plain_polynomial(analysis)
+    if analysis.plain_polynomial is not None:
+        travel, report = analysis.plain_polynomial
+        crossings = ", ".join(number(t) for t in report.z2_crossings_s)
+        zero = f"z2 = 0 at t = {crossings} s" if crossings else "z2 keeps its sign"
+        exits = ", ".join(number(t) for t in report.exits_s) or number(report.time_s)
+        text = f"at travel {number(travel)}: leaves the chart's domain at t = {exits} s; {zero}"
+        rows.append(("plain polynomial", text))
     rows += [(f"at {place.name}", str(place)) for place in analysis.nonholonomy.places]
     if analysis.nonholonomy.recursion is not None:
         rows.append(("paper's (12)-(15)", analysis.nonholonomy.recursion_verdict))
@@ -370,26 +327,12 @@ def _window(analysis: Analysis) -> list[tuple[str, str]]:
     text = given if problem.travel is None else f"{given} {unit}"
     if problem.travel is not None and not window.empty:
         text += ", inside the window" if problem.travel in window else ", outside the window"
-    return [(f"travel of {name}", text), ("travels without reversal", _range(window, unit))]
-
-
-def _range(window: TravelWindow, unit: str) -> str:
-    if window.empty:
-        return f"empty: {window.reason}"
-    note = "" if window.exact else "; necessary, not sufficient"
     high = "no upper end" if np.isinf(window.high) else f"{window.high:.5g}"
-    return f"{window.low:.5g} to {high} {unit}{note}"
-
-
-def _plain_polynomial(analysis: Analysis) -> list[tuple[str, str]]:
-    if analysis.plain_polynomial is None:
-        return []
-    travel, report = analysis.plain_polynomial
-    crossings = ", ".join(number(t) for t in report.z2_crossings_s)
-    zero = f"z2 = 0 at t = {crossings} s" if crossings else "z2 keeps its sign"
-    exits = ", ".join(number(t) for t in report.exits_s) or number(report.time_s)
-    text = f"at travel {number(travel)}: leaves the chart's domain at t = {exits} s; {zero}"
-    return [("plain polynomial", text)]
+    span = f"{window.low:.5g} to {high} {unit}"
+    span += "" if window.exact else "; necessary, not sufficient"
+    if window.empty:
+        span = f"empty: {window.reason}"
+    return [(f"travel of {name}", text), ("travels without reversal", span)]
 
 
 Outcome = dict[str, Any]

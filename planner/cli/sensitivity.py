@@ -7,23 +7,31 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
+from io import BytesIO
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 from rich.table import Table
 
-from planner.cli.arguments import Changes, Json, Seed, out_option, read_problem
-from planner.cli.output import note, print_json, print_text, progress_bar, waiting
-from planner.cli.plan import number
-from planner.cli.sweep import Interrupted
+from planner.cli.arguments import (
+    Changes,
+    Json,
+    PlanOrProblemPath,
+    Seed,
+    is_plan,
+    method_option,
+    out_option,
+    read_problem,
+    samples_option,
+)
+from planner.cli.output import finish, number, progress_bar, resumable, waiting
 from planner.errors import InputError
 from planner.methods.desensitised.method import spreads
 from planner.methods.registry import find_method
 from planner.plan.plan import Plan
 from planner.problem.tables.method_options import DesensitisedOptions
-from planner.report.figures.robustness import bought, entry_name
+from planner.report.figures.robustness import bought, entry_name, size_of
 from planner.report.folders import save_sensitivity
 from planner.robustness.machine_sensitivity import (
     MachineEntry,
@@ -37,7 +45,6 @@ from planner.robustness.trade_off_axis import KINDS
 from planner.robustness.trade_off_points import Point
 from planner.solve import solve
 from planner.support.files import refuse_unwritable_folder, write_bytes, write_text
-from planner.support.interrupts import Terminated
 from planner.support.tables import Column, csv_table, terminal_table
 from planner.support.user_tables import parse
 from planner.verification.load_plan import load_plan
@@ -47,17 +54,9 @@ SHOWN = 12
 
 
 def sensitivity(
-    source: Annotated[
-        Path,
-        typer.Argument(
-            metavar="PLAN|PROBLEM",
-            help="A plan (JSON, of `planner plan --out`) or a problem file (TOML).",
-            show_default=False,
-        ),
-    ],
+    source: PlanOrProblemPath,
     method: Annotated[
-        str,
-        typer.Option("--method", "-m", help="Method that makes the plan, if a problem is given."),
+        str, method_option("Method that makes the plan, if a problem is given.")
     ] = "collocation",
     machine: Annotated[
         bool, typer.Option(help="Also show the parameters of the emulated machine.")
@@ -75,10 +74,7 @@ def sensitivity(
     ] = None,
     points: Annotated[int, typer.Option("--points", min=3, help="Number of points.")] = 10,
     samples: Annotated[
-        int,
-        typer.Option(
-            "--samples", "-n", min=1, help="Number of random machines to replay each point on."
-        ),
+        int, samples_option("Number of random machines to replay each point on.")
     ] = 200,
     seed: Seed = 0,
     out: Annotated[
@@ -120,17 +116,13 @@ def sensitivity(
         written = None
         if out is not None:
             written = str(save_sensitivity(found, on_machine, spread, out, heading))
-    if as_json:
-        data = {**heading, **found.to_dict(spread), "written": written, "exit_status": 0}
-        print_json({**data, "machine": None if on_machine is None else on_machine.to_dict()})
-    else:
-        print_text(f"{plan.problem.name}: {plan.method}", "", _matrix(found, spread), "")
-        print_text(_sums(found, spread))
-        if on_machine is not None:
-            print_text("", _on_machine(on_machine), "", _machine_sums(on_machine))
-    if written is not None:
-        note(f"written to {written}")
-    return 0
+    data = {**heading, **found.to_dict(spread), "written": written}
+    data["machine"] = None if on_machine is None else on_machine.to_dict()
+    title = f"{plan.problem.name}: {plan.method}"
+    parts: list[str | Table] = [title, "", _matrix(found, spread), "", _sums(found, spread)]
+    if on_machine is not None:
+        parts += ["", _on_machine(on_machine), "", _machine_sums(on_machine)]
+    return finish(as_json, data, *parts)
 
 
 def design(plan: Plan) -> DesensitisedOptions:
@@ -141,7 +133,7 @@ def design(plan: Plan) -> DesensitisedOptions:
 
 
 def _plan(source: Path, method: str, changes: list[str] | None) -> Plan:
-    if source.suffix.lower() != ".json":
+    if not is_plan(source):
         return solve(read_problem(source, changes), find_method(method).name)
     if changes:
         raise InputError(f"{source} is a plan; --set changes problem files only")
@@ -160,19 +152,13 @@ def _matrix(found: Sensitivity, spread: dict[str, float]) -> Table:
 
     columns: list[Column[int]] = [
         Column("error", "", lambda p: found.parameters[p], left=True),
-        Column("size", "", lambda p: _size(float(sizes[p]), found.units[p])),
+        Column("size", "", lambda p: size_of(float(sizes[p]), found.units[p])),
     ]
     angles = [
         Column(coordinates[i].name, "deg", partial(cell, k)) for k, i in enumerate(found.angles)
     ]
     loud = [p for p in range(len(sizes)) if any(angle.text(p) for angle in angles)]
     return terminal_table([*columns, *angles], loud)
-
-
-def _size(value: float, unit: str) -> str:
-    if unit == "1":
-        return f"{100 * value:.3g} %"
-    return f"{np.rad2deg(value):.3g} deg" if unit == "rad" else f"{value:.3g} {unit}"
 
 
 def _sums(found: Sensitivity, spread: dict[str, float]) -> str:
@@ -195,9 +181,7 @@ def _on_machine(found: MachineSensitivity) -> Table:
     columns += [
         Column(name, "deg", partial(_contribution, k)) for k, name in enumerate(found.angles)
     ]
-    loud = [e for e in found.entries if not e.silent]
-    loud = sorted(loud, key=lambda e: -float(np.max(np.abs(e.contribution))))
-    return terminal_table(columns, loud[:SHOWN])
+    return terminal_table(columns, found.loudest[:SHOWN])
 
 
 def _contribution(angle: int, entry: MachineEntry) -> str:
@@ -241,36 +225,22 @@ def run_trade_off(
         raise InputError(f"--pareto {kind}: must be one of {', '.join(KINDS)}")
     if out is None:
         raise InputError("--pareto keeps a plan for each point; say where with --out FOLDER")
-    if source.suffix.lower() == ".json":
+    if is_plan(source):
         raise InputError(f"{source} is a plan; --pareto needs a problem file")
     problem = read_problem(source, changes)
     named = next(k for k in KINDS if k == kind)
-    try:
-        with progress_bar() as progress:
-            curve = trade_off(
-                problem, named, points, out, samples=drawn[0], seed=drawn[1], progress=progress
-            )
-            write_bytes(out / PICTURE, picture(curve))
-            write_text(out / TABLE, csv_table(_columns(curve), curve.points))
-    except (KeyboardInterrupt, Terminated):
-        raise Interrupted(f"finished points are in {out}") from None
-    if as_json:
-        print_json({**curve.to_dict(), "written": str(out), "exit_status": 0})
-    else:
-        table = terminal_table(_columns(curve), curve.points)
-        print_text(f"{problem.name}: least sensitivity against {kind}", "", table, "")
-        print_text(_knee(curve))
-    note(f"written to {out}")
-    return 0
-
-
-def picture(curve: TradeOff) -> bytes:
-    """The curve's figure as PNG."""
-    from io import BytesIO
-
-    stream = BytesIO()
-    curve.figure().savefig(stream, format="png", dpi=110)
-    return stream.getvalue()
+    with resumable(f"finished points are in {out}"), progress_bar() as progress:
+        curve = trade_off(
+            problem, named, points, out, samples=drawn[0], seed=drawn[1], progress=progress
+        )
+        drawing = BytesIO()
+        curve.figure().savefig(drawing, format="png", dpi=110)
+        write_bytes(out / PICTURE, drawing.getvalue())
+        write_text(out / TABLE, csv_table(_columns(curve), curve.points))
+    data = {**curve.to_dict(), "written": str(out)}
+    table = terminal_table(_columns(curve), curve.points)
+    title = f"{problem.name}: least sensitivity against {kind}"
+    return finish(as_json, data, title, "", table, "", _knee(curve))
 
 
 def _columns(curve: TradeOff) -> list[Column[Point]]:

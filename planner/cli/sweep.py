@@ -7,25 +7,15 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.table import Table
 
-from planner.cli.arguments import Cluster, Json, Workers, out_option
-from planner.cli.output import facts, note, print_json, print_text, progress_bar, say
-from planner.errors import PlannerError
-from planner.support.interrupts import Terminated, hearing
+from planner.cli.arguments import Cluster, Json, Workers, dry_run_option, out_option
+from planner.cli.output import facts, finish, progress_bar, resumable, say
 from planner.sweep.description import Sweep
 from planner.sweep.design.design_file import Asked, read_design
 from planner.sweep.design.study import CASES, design_study
 from planner.sweep.results import export, refuse_unexportable
-from planner.sweep.run import Outcome, run_sweep
-
-
-class Interrupted(PlannerError):  # noqa: N818 (not an error)
-    """Ctrl-C or SIGTERM, after which the same command goes on."""
-
-    def __init__(self, rest: str) -> None:
-        self.exit_status = hearing.status
-        self.status = "interrupted" if self.exit_status == 130 else "terminated"
-        super().__init__(f"{self.status}; {rest}; the same command runs the rest")
+from planner.sweep.run import run_sweep
 
 
 def sweep(
@@ -63,7 +53,7 @@ def sweep(
         ),
     ] = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Check the file and count its cases, but run none.")
+        bool, dry_run_option("Check the file and count its cases, but run none.")
     ] = False,
     as_json: Json = False,
 ) -> int:
@@ -85,43 +75,13 @@ def sweep(
     path = Path(f"{file.stem}.sqlite") if db is None else db
     if export_to is not None:
         refuse_unexportable(export_to)
-    try:
-        with progress_bar() as progress:
-            outcome = run_sweep(
-                task, path, workers=workers, cluster=cluster, retry=retry or (), progress=progress
-            )
-    except (KeyboardInterrupt, Terminated):
-        raise Interrupted(f"finished cases are in {path}") from None
+    with resumable(f"finished cases are in {path}"), progress_bar() as progress:
+        outcome = run_sweep(
+            task, path, workers=workers, cluster=cluster, retry=retry or (), progress=progress
+        )
     written = None if export_to is None else str(export(path, export_to))
-    status = 1 if outcome.bugs else 0
-    if as_json:
-        extra = {"file": str(file), "exit_status": status, "written": written}
-        print_json({**asdict(outcome), **extra})
-    else:
-        print_text(task.name, facts(_facts(outcome)))
     if outcome.bugs:
         say(f"{outcome.bugs} cases ended with a bug; see the column 'traceback'", "red")
-    if written is not None:
-        note(f"written to {written}")
-    return status
-
-
-def _count_cases(task: Sweep, as_json: bool) -> int:
-    labels = [spec.label for spec in task.methods]
-    if as_json:
-        counts = {"points": len(task.points), "methods": labels, "runs": len(task)}
-        print_json({"name": task.name, "keys": task.keys, **counts, "exit_status": 0})
-        return 0
-    rows = [
-        ("varies", ", ".join(task.keys)),
-        ("methods", ", ".join(labels)),
-        ("cases", f"{len(task.points)} points x {len(labels)} methods = {len(task)}"),
-    ]
-    print_text(task.name, facts(rows))
-    return 0
-
-
-def _facts(outcome: Outcome) -> list[tuple[str, str]]:
     same = outcome.points - outcome.cases
     each = f", {outcome.elapsed_s / outcome.ran:.3g} s a case" if outcome.ran else ""
     rows = [
@@ -129,8 +89,22 @@ def _facts(outcome: Outcome) -> list[tuple[str, str]]:
         ("cases", f"{outcome.cases}" + (f"  ({same} more are identical)" if same else "")),
         ("were there", str(outcome.kept)),
         ("ran", f"{outcome.ran} in {outcome.elapsed_s:.3g} s{each}"),
+        *((k.replace("_", " "), str(n)) for k, n in outcome.statuses.items()),
     ]
-    return rows + [(k.replace("_", " "), str(n)) for k, n in outcome.statuses.items()]
+    data = {**asdict(outcome), "file": str(file), "written": written}
+    return finish(as_json, data, task.name, facts(rows), status=1 if outcome.bugs else 0)
+
+
+def _count_cases(task: Sweep, as_json: bool) -> int:
+    labels = [spec.label for spec in task.methods]
+    rows = [
+        ("varies", ", ".join(task.keys)),
+        ("methods", ", ".join(labels)),
+        ("cases", f"{len(task.points)} points x {len(labels)} methods = {len(task)}"),
+    ]
+    counts = {"points": len(task.points), "methods": labels, "runs": len(task)}
+    data = {"name": task.name, "keys": task.keys, **counts}
+    return finish(as_json, data, task.name, facts(rows))
 
 
 def design(
@@ -148,8 +122,7 @@ def design(
     workers: Workers = None,
     cluster: Cluster = None,
     dry_run: Annotated[
-        bool,
-        typer.Option("--dry-run", help="Check the file and count designs and cases; plan none."),
+        bool, dry_run_option("Check the file and count designs and cases; plan none.")
     ] = False,
     as_json: Json = False,
 ) -> int:
@@ -171,40 +144,30 @@ def design(
     if dry_run:
         return _count_designs(read_design(file), as_json)
     folder = Path(file.stem) if out is None else out
-    try:
-        with progress_bar() as progress:
-            study = design_study(file, folder, workers=workers, cluster=cluster, progress=progress)
-            study.save(folder)
-    except (KeyboardInterrupt, Terminated):
-        raise Interrupted(f"finished cases are in {folder / CASES}") from None
-    status = 1 if study.bugs else 0 if study.recommended else 3
-    if as_json:
-        print_json({**study.to_dict(), "written": str(folder), "exit_status": status})
-    else:
-        print_text(study.title, "", study.table(), "")
-        whys = [(row.design.name, row.design.refused) for row in study.rows]
-        if refused := [(name, f"cannot be built: {why}") for name, why in whys if why]:
-            print_text(facts(refused), "")
-        print_text(study.reason)
+    with resumable(f"finished cases are in {folder / CASES}"), progress_bar() as progress:
+        study = design_study(file, folder, workers=workers, cluster=cluster, progress=progress)
+        study.save(folder)
+    parts: list[str | Table] = [study.title, "", study.table()]
+    whys = [(row.design.name, row.design.refused) for row in study.rows]
+    if refused := [(name, f"cannot be built: {why}") for name, why in whys if why]:
+        parts += [facts(refused), ""]
     if study.bugs:
         say(f"{study.bugs} cases met a bug; see the column 'traceback' of {folder / CASES}", "red")
-    note(f"written to {folder}")
-    return status
+    status = 1 if study.bugs else 0 if study.recommended else 3
+    data = {**study.to_dict(), "written": str(folder)}
+    return finish(as_json, data, *parts, study.reason, status=status)
 
 
 def _count_designs(asked: Asked, as_json: bool) -> int:
     built = [each for each in asked.designs if not each.refused]
     runs = sum(len(asked.tasks[each.joints]) for each in built) * len(asked.methods)
     refused = {each.name: each.refused for each in asked.designs if each.refused}
-    if as_json:
-        counts = {"designs": len(asked.designs), "refused": refused, "runs": runs}
-        print_json({"title": asked.title, "methods": asked.methods, **counts, "exit_status": 0})
-        return 0
     rows = [
         ("designs", str(len(asked.designs))),
         ("methods", ", ".join(asked.methods)),
         ("cases", str(runs)),
         *((name, f"cannot be built: {why}") for name, why in refused.items()),
     ]
-    print_text(asked.title, facts(rows))
-    return 0
+    counts = {"designs": len(asked.designs), "refused": refused, "runs": runs}
+    data = {"title": asked.title, "methods": asked.methods, **counts}
+    return finish(as_json, data, asked.title, facts(rows))

@@ -23,8 +23,8 @@ from planner.errors import (
 )
 from planner.machine.feedback.run_up import hindrance
 from planner.machine.feedforward.aim import compensable
-from planner.machine.machine import Machine, machine_for
-from planner.machine.replay import RECORD_S, sample_numbers
+from planner.machine.machine import Machine, machine_for, sample_numbers
+from planner.machine.replay import RECORD_S
 from planner.machine.replay import replay as run_replay
 from planner.methods.registry import (
     ALL,

@@ -252,7 +252,7 @@ def limit_controls(state: State, problem: Problem) -> list[Control]:
             continue
         label, unit = worded(name)
         about = {"help": field.description or "", "unit": unit}
-        start = value_or(state, key, USUAL.get(unit, 1.0))
+        start = State(state.base).value(key, USUAL.get(unit, 1.0))
         if not isinstance(whole, list):
             shown = _first(start) if whole is None else whole
             off = {"on": whole is not None, "off": None, "off_word": "none"}
@@ -263,12 +263,6 @@ def limit_controls(state: State, problem: Problem) -> list[Control]:
             usual = start[k] if isinstance(start, list) and len(start) == len(whole) else value
             found.append(_slider(f"{label} {names[k]}", key, whole, (k,), value, usual, **about))
     return found
-
-
-def value_or(state: State, key: str, usual: Any) -> Any:
-    """Value of the key where the exploration started, or a usual one."""
-    base = State(state.base)
-    return base.value(key, usual)
 
 
 def worded(name: str) -> tuple[str, str]:

@@ -108,20 +108,22 @@ def errors(outcome: Outcome) -> Replay | None:
     if plan is None or not plan.executable or not state.samples:
         return None
     record = max(2 * RECORD_S, plan.duration / 200)
+
+    def in_time(*_: int) -> None:
+        deadline.check()
+
     with limited(state.time_limit_s), suppress(TimeUpError):
-        return replay(plan, None, state.samples, 0, record_s=record, progress=_in_time)
+        return replay(plan, None, state.samples, 0, record_s=record, progress=in_time)
     return None
-
-
-def _in_time(*_: int) -> None:
-    deadline.check()
 
 
 def _for_study(problem: Problem, method: Method, options: Any) -> Plan | None:
     """A path that the method would take if the reason of the refusal did not count."""
     if "allow_singular" in method.options.model_fields:
         options = options.model_copy(update={"allow_singular": True})
-    tasks = [problem] if problem.travel is not None else [problem, _somewhere(problem)]
+    tasks = [problem]
+    if problem.travel is None:  # in the middle of its slider, where a law finds none itself
+        tasks.append(problem.with_travel(travel_range(problem)[2]))
     for task in tasks:
         try:
             return method.plan(task, options)
@@ -132,8 +134,3 @@ def _for_study(problem: Problem, method: Method, options: Any) -> Plan | None:
         except InputError:
             pass
     return None
-
-
-def _somewhere(problem: Problem) -> Problem:
-    """The problem with the travel in the middle of its slider, where a law finds none itself."""
-    return problem.with_travel(travel_range(problem)[2])

@@ -54,7 +54,9 @@ class Screen:
             InputError: If there is no such control.
         """
         for name, value in changes:
-            control = self._find(name)
+            if name not in self.controls:
+                raise InputError(f"no control '{name}'; {nearest(name, list(self.controls))}")
+            control = self.controls[name]
             now = self.state.value(control.key)
             if control.part and isinstance(now, type(control.whole)):
                 control = replace(control, whole=now)
@@ -151,11 +153,6 @@ class Screen:
             raise self.outcome.error
         assert self.outcome.plan is not None
         return self.outcome.plan
-
-    def _find(self, name: str) -> Control:
-        if name not in self.controls:
-            raise InputError(f"no control '{name}'; {nearest(name, list(self.controls))}")
-        return self.controls[name]
 
     def _rebuild(self, problem: Problem, plan: Plan | None) -> None:
         state = self.state

@@ -34,7 +34,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.machine.disk_chain import weights
+from planner.machine.contact_load import weights
 from planner.machine.machine import Draws
 from planner.support.arrays import Array
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import ctypes
 import logging
 import os
-from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from functools import cache
 from importlib.machinery import EXTENSION_SUFFIXES
@@ -22,7 +21,8 @@ from numpy.typing import NDArray
 
 from planner.machine.bodies import Place
 from planner.machine.commands import Orders, Steps, lengths
-from planner.machine.disk_chain import CHANGING, Chain, weights
+from planner.machine.contact_load import gear_constants, weights
+from planner.machine.disk_chain import CHANGING, Chain
 from planner.machine.machine import Draws
 from planner.machine.march import GAMMA, begin
 from planner.support.arrays import Array
@@ -186,7 +186,10 @@ class Compiled:
             while self._k < last:
                 first, self._k = self._k, min(self._k + STEPS, last)
                 block = self._orders.block(first, self._k)
-                commands = _Commands(block.ctypes.data, *_strides(block))
+                # In numbers; 0 along what is one for all samples.
+                strides = [step // block.itemsize for step in block.strides]
+                strides[3] *= block.shape[3] > 1
+                commands = _Commands(block.ctypes.data, *strides)
                 calls = [
                     pool.submit(self._call, commands, begin, first, self._k)
                     for begin in range(0, self._count, SAMPLES)
@@ -217,7 +220,7 @@ def _parameters(system: Manipulator, draws: Draws) -> dict[str, Array]:
     half_gap = np.deg2rad(draws["backlash_deg"]) / 2
     stiffness, coulomb = draws["shaft_stiffness_nm_per_rad"], draws["coulomb_friction_nm"]
     joints = {
-        "k": system.k_g * system.K[:, None] * (1 + draws["gear_ratio_error"]),
+        "k": gear_constants(system, draws),
         "half_gap": half_gap,
         "rest": half_gap + coulomb / stiffness,
         "stiffness": stiffness,
@@ -278,9 +281,3 @@ def _rows(fidelity: str, n: int) -> dict[str, int]:
     place = Place(n - 1)
     dynamic = fidelity == "dynamic"
     return {"dynamic": place.count * dynamic, "coordinates": place.q.start}
-
-
-def _strides(block: Array) -> Iterable[int]:
-    """Of commands (K, P, 2, S or 1), in numbers; 0 along what is one for all samples."""
-    for axis, stride in enumerate(block.strides):
-        yield 0 if axis == 3 and block.shape[3] == 1 else stride // block.itemsize

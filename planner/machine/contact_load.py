@@ -24,9 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.errors import InputError
-from planner.machine.disk_chain import at_contacts, weights
-from planner.machine.machine import Machine, draw, machine_for
-from planner.machine.replay import sample_numbers
+from planner.machine.machine import Draws, Machine, draw, machine_for, sample_numbers
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.support.arrays import Array
 from planner.support.one_variable import sample_times
@@ -34,6 +32,43 @@ from planner.systems.manipulator import Manipulator, gravity_torques
 
 INSTANTS = 100
 """Least number of sample times; the torque is smooth, and its maxima are flat."""
+
+GRAVITY_M_S2 = 9.80665
+"""Standard acceleration of free fall."""
+
+
+def gear_constants(system: Manipulator, draws: Draws) -> Array:
+    """Gear constants k₂ … kₙ of each machine, (n−1, S)."""
+    k = system.k_g * system.K[:, None] * (1 + draws["gear_ratio_error"])
+    return np.broadcast_to(k, (len(k), draws.count)).copy()
+
+
+def weights(draws: Draws, joints: int) -> Array | None:
+    """Largest torque of gravity about each link's own joint, (n, S), N m; None on a level plane."""
+    if not (draws.on("incline_deg") and draws.on("link_moment_kgm")):
+        return None
+    slope = GRAVITY_M_S2 * np.sin(np.deg2rad(draws["incline_deg"]))
+    return np.broadcast_to(slope * draws["link_moment_kgm"], (joints, draws.count))
+
+
+def at_contacts(k: Array, torques: Array, cosines: Array) -> Array:
+    """Torques of joints 2 … n as disk B of each stage feels them.
+
+    Args:
+        k: Gear constants k₂ … kₙ of each machine, (n−1, S).
+        torques: Of joints 2 … n, (n−1, …, S), N m.
+        cosines: Of θ₁ … θₙ₋₁, likewise.
+
+    Returns:
+        Shape (2, n−1, …, S), N m: first those that pass P₁, of the stage's joint and all later
+        ones; then those that pass P₂ and P₃, of the stage's joint alone.
+    """
+    out = np.empty((2, *torques.shape))
+    out[1] = k[0] * cosines * cosines * cosines * torques
+    out[0, -1] = out[1, -1]
+    for j in range(len(torques) - 2, -1, -1):
+        out[0, j] = out[1, j] + k[j + 1] / k[j] * cosines[j] * out[0, j + 1]
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,18 +121,48 @@ def contact_load(
         used = used.nominal()
     draws = draw(used, system.n, sample_numbers(samples or 1), seed)
     times = sample_times(plan.t, INSTANTS)
-    q, u = plan.trajectory.q(times), plan.trajectory.u(times)
-    rates = system.rates(q, u)[:, 2:].T[..., None]
+    q = plan.trajectory.q(times)
+    return _largest(system, draws, q, system.rates(q, plan.trajectory.u(times)))
+
+
+def refuse_sliding(plan: Plan, system: Manipulator, draws: Draws) -> None:
+    """Refuse gravity that friction cannot hold, which takes masses to compute.
+
+    Args:
+        plan: The plan.
+        system: Its manipulator.
+        draws: The machines, quasi-static.
+
+    Raises:
+        InputError: If the weight of some link asks more of a contact at rest than it passes.
+    """
+    if weights(draws, system.n) is None:
+        return
+    q = plan.q(np.linspace(0.0, plan.duration, INSTANTS))
+    found = _largest(system, draws, q, np.zeros_like(q))
+    worst = np.argmax(found.share)
+    if found.share[worst] >= 1:
+        raise InputError(
+            f"machine: on this slope gravity asks {found.torque_nm[worst]:.3g} N m of a friction"
+            f" contact that passes {found.capacity_nm[worst]:.3g} N m, so the arm slides by itself;"
+            " lessen machine.incline_deg or link_moment_kgm, raise friction_capacity_nm, or set"
+            ' fidelity = "dynamic", which computes how it slides'
+        )
+
+
+def _largest(system: Manipulator, draws: Draws, q: Array, rates: Array) -> ContactLoad:
+    """The largest torques at coordinates q (T, N) in motion at `rates` (T, N); 0 is at rest."""
     friction = [draws[name] for name in ("coulomb_friction_nm", "viscous_friction_nms_per_rad")]
     coulomb, viscous = (values[:, None, :] for values in friction)
-    k = system.k_g * system.K[:, None] * (1 + draws["gear_ratio_error"])
-    shape = (system.n - 1, len(times), draws.count)
-    torques = np.broadcast_to(coulomb + viscous * np.abs(rates), shape)
+    turning = rates[:, 2:].T[..., None]
+    torques = coulomb + viscous * np.abs(turning)
     weighed = weights(draws, system.n)
     if weighed is not None:
         down = gravity_torques(weighed[:, None, :], q[:, 1:].T[..., None])[1:]
         held = np.maximum(np.abs(down) - coulomb, 0.0)
-        torques = np.where(rates == 0, held, torques - down * np.sign(rates))
-    felt = np.abs(at_contacts(k, torques, np.cos(q[:, 1:-1]).T[..., None]))
+        torques = np.where(turning == 0, held, torques - down * np.sign(turning))
+    torques = np.broadcast_to(torques, (system.n - 1, len(q), draws.count))
+    cosines = np.cos(q[:, 1:-1]).T[..., None]
+    felt = np.abs(at_contacts(gear_constants(system, draws), torques, cosines))
     capacity = np.broadcast_to(draws["friction_capacity_nm"][0], draws.count)
     return ContactLoad(felt.max(axis=(0, 1, 2)), capacity)

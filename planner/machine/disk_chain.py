@@ -46,6 +46,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.machine.contact_load import at_contacts, gear_constants, weights
 from planner.machine.machine import Draws
 from planner.machine.servos import integrals, to_end
 from planner.support.arrays import Array
@@ -62,8 +63,7 @@ class Chain:
     """
 
     def __init__(self, system: Manipulator, draws: Draws, q: Array) -> None:
-        k = system.k_g * system.K[:, None] * (1 + draws["gear_ratio_error"])
-        k = np.broadcast_to(k, (len(k), draws.count))
+        k = gear_constants(system, draws)
         self._k, self._k_g = list(k), system.k_g
         self._contacts = Contacts(draws, k)
         self._motor = Play.gearhead(draws, 0, np.zeros(draws.count))
@@ -144,18 +144,6 @@ class Chain:
         return c
 
 
-GRAVITY_M_S2 = 9.80665
-"""Standard acceleration of free fall."""
-
-
-def weights(draws: Draws, joints: int) -> Array | None:
-    """Largest torque of gravity about each link's own joint, (n, S), N m; None on a level plane."""
-    if not (draws.on("incline_deg") and draws.on("link_moment_kgm")):
-        return None
-    slope = GRAVITY_M_S2 * np.sin(np.deg2rad(draws["incline_deg"]))
-    return np.broadcast_to(slope * draws["link_moment_kgm"], (joints, draws.count))
-
-
 TINY_NM = 1e-30
 
 
@@ -172,26 +160,6 @@ class Passed:
     stage: Array
     branch: Array
     disk: Array | float
-
-
-def at_contacts(k: Array, torques: Array, cosines: Array) -> Array:
-    """Torques of joints 2 … n as disk B of each stage feels them.
-
-    Args:
-        k: Gear constants k₂ … kₙ of each machine, (n−1, S).
-        torques: Of joints 2 … n, (n−1, …, S), N m.
-        cosines: Of θ₁ … θₙ₋₁, likewise.
-
-    Returns:
-        Shape (2, n−1, …, S), N m: first those that pass P₁, of the stage's joint and all later
-        ones; then those that pass P₂ and P₃, of the stage's joint alone.
-    """
-    out = np.empty((2, *torques.shape))
-    out[1] = k[0] * cosines * cosines * cosines * torques
-    out[0, -1] = out[1, -1]
-    for j in range(len(torques) - 2, -1, -1):
-        out[0, j] = out[1, j] + k[j + 1] / k[j] * cosines[j] * out[0, j + 1]
-    return out
 
 
 CHANGING = ("creep_per_nm", "friction_capacity_nm", "lateral_creep")
@@ -379,7 +347,8 @@ class Play:
         """
         ahead = (self.axis - self.theta) * turning
         if self._soft:
-            return np.asarray(self._stiffness * _dead_zone(ahead, self._half_gap))
+            held = np.minimum(np.maximum(ahead, -self._half_gap), self._half_gap)
+            return np.asarray(self._stiffness * (ahead - held))
         asked = self._coulomb - self._load * turning
         return np.asarray(self._touching(ahead, turning) * asked)
 
@@ -414,7 +383,3 @@ def resting(load: Value, half_gap: Value, coulomb: Value, stiffness: Value) -> t
 def _row(draws: Draws, name: str, i: int) -> Array:
     values = draws[name]
     return np.asarray(values[i if len(values) > 1 else 0])
-
-
-def _dead_zone(e: Array, w: Array) -> Array:
-    return np.asarray(e - np.minimum(np.maximum(e, -w), w))

@@ -1,4 +1,4 @@
-/* One step of the dynamic manipulator: what `DynamicChain._step` of stepwise.py and `Stage` of
+/* One step of the dynamic manipulator: what `March.step` of march.py and `Stage` of
  * bodies.py compute, one sample after another. They say what is computed and why; the names here
  * are theirs. Arrays of Python are (rows, samples), so that a row is `samples` numbers apart.
  *

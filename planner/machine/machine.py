@@ -19,7 +19,7 @@ cannot tell: results/calibration has the ranges, their sources and the figures.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, cast
@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from planner.errors import InputError, expect, made_by
-from planner.problem.tables.machine_effects import EFFECTS, Effect, MachineTable, Spread
+from planner.problem.tables.machine_effects import EFFECTS, MachineTable, Spread
 from planner.support.arrays import Array, plain
 from planner.support.user_tables import nearest, parse
 
@@ -90,7 +90,7 @@ class Machine:
         Raises:
             InputError: If a name is unknown or a value impossible.
         """
-        return cls._of({**changes, "preset": "prototype"})
+        return cls.from_table({**changes, "preset": "prototype"})
 
     @classmethod
     def ideal(cls, **changes: Any) -> Machine:
@@ -99,7 +99,7 @@ class Machine:
         Raises:
             InputError: If a name is unknown or a value impossible.
         """
-        return cls._of({**changes, "preset": "ideal"})
+        return cls.from_table({**changes, "preset": "ideal"})
 
     @classmethod
     def from_table(cls, table: MachineTable | Mapping[str, Any]) -> Machine:
@@ -108,23 +108,17 @@ class Machine:
         Raises:
             InputError: If the table is a plain mapping with an unknown key or impossible value.
         """
-        if isinstance(table, MachineTable):
-            return cls._merged(table)
-        return cls._of(table)
-
-    @classmethod
-    def _of(cls, data: Mapping[str, Any]) -> Machine:
-        return cls._merged(parse(MachineTable, plain(data), "machine"))
-
-    @classmethod
-    def _merged(cls, table: MachineTable) -> Machine:
+        if not isinstance(table, MachineTable):
+            table = parse(MachineTable, plain(table), "machine")
         base = parse(MachineTable, dict(PRESETS[table.preset]), f"preset {table.preset}")
         effects = {}
         for name in EFFECTS:
             own = getattr(table, name)
             setting = getattr(base, name) if own is None else own
             if setting is not None and setting is not False:
-                effects[name] = _quantity(setting)
+                known = isinstance(setting, Spread)
+                value, spread = (setting.value, setting.spread) if known else (setting, 0.0)
+                effects[name] = Quantity(_tuple(value), _tuple(spread))
         step = table.step_s or base.step_s or DEFAULT_STEP_S
         fidelity = table.fidelity or base.fidelity or "quasi-static"
         return cls(table.preset, step, MappingProxyType(effects), fidelity)
@@ -137,7 +131,7 @@ class Machine:
         Raises:
             InputError: If a name is unknown or a value impossible.
         """
-        return Machine._of({**self.to_dict(), **changes})
+        return Machine.from_table({**self.to_dict(), **changes})
 
     def without(self, *names: str) -> Machine:
         """The same machine with these effects off.
@@ -160,6 +154,10 @@ class Machine:
         """The same machine with all spreads zero, so that all samples are equal."""
         return self.with_(**{name: _plain(q.value) for name, q in self.effects.items()})
 
+    def mean(self, name: str) -> Array:
+        """Mean of an effect, one number or one per motor or joint; its neutral value when off."""
+        return np.array(self.effects[name].value if name in self.effects else [EFFECTS[name].off])
+
     # -- looking -------------------------------------------------------------------------------
 
     def to_dict(self) -> dict[str, Any]:
@@ -177,7 +175,7 @@ class Machine:
         }
 
     def __repr__(self) -> str:
-        base = Machine._of({"preset": self.preset}).to_dict()
+        base = Machine.from_table({"preset": self.preset}).to_dict()
         changes = [f"{k}={v!r}" for k, v in self.to_dict().items() if v != base[k]]
         return f"Machine.{self.preset}({', '.join(changes)})"
 
@@ -220,12 +218,6 @@ def _known(names: tuple[str, ...]) -> tuple[str, ...]:
         if name not in EFFECTS:
             raise InputError(f"the machine has no effect '{name}'; {nearest(name, list(EFFECTS))}")
     return names
-
-
-def _quantity(setting: Any) -> Quantity:
-    if isinstance(setting, Spread):
-        return Quantity(_tuple(setting.value), _tuple(setting.spread))
-    return Quantity(_tuple(setting))
 
 
 def _tuple(numbers: float | list[float]) -> tuple[float, ...]:
@@ -274,6 +266,36 @@ class Draws:
         return Draws(self.numbers[chosen], values)
 
 
+MOST_MACHINES = 1_000_000
+"""Machines of one replay; so many take hours, and more take more memory than a computer has."""
+
+
+def sample_numbers(samples: int | Sequence[int]) -> NDArray[np.int64]:
+    """Numbers of the first so many samples, or those given, checked; shape (S,).
+
+    Raises:
+        InputError: If there is none, or one is not a whole number from 0.
+    """
+    if isinstance(samples, bool):
+        raise InputError(
+            f"samples = {samples}: give a number of samples, or a list of sample numbers"
+        )
+    if isinstance(samples, int) and samples > MOST_MACHINES:
+        raise InputError(f"samples = {samples}: at most {MOST_MACHINES} machines")
+    numbers = np.arange(samples) if isinstance(samples, int | np.integer) else np.asarray(samples)
+    if (
+        numbers.ndim != 1
+        or numbers.size == 0
+        or numbers.dtype.kind not in "iu"
+        or numbers.min() < 0
+    ):
+        raise InputError(
+            f"samples = {samples}: give a number of samples (at least 1), or a list of sample"
+            " numbers from 0"
+        )
+    return numbers.astype(np.int64)
+
+
 def draw(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: int) -> Draws:
     """Draw single machines.
 
@@ -289,23 +311,15 @@ def draw(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: int) -
     Raises:
         InputError: If a list of the machine does not match the system's joints.
     """
-    values = {
-        name: _values(name, quantity, joints, numbers, seed)
-        for name, quantity in machine.effects.items()
-    }
+    values = {}
+    for name, quantity in machine.effects.items():
+        count = EFFECTS[name].count(joints)
+        uniform = np.full((count, len(numbers)), 0.5)
+        if quantity.varies:
+            own = np.random.SeedSequence(seed, spawn_key=(zlib.crc32(name.encode()),))
+            uniform = np.random.default_rng(own).random((int(numbers.max()) + 1, count))[numbers].T
+        values[name] = at_quantiles(name, quantity, joints, uniform)
     return Draws(numbers, values)
-
-
-def _values(
-    name: str, quantity: Quantity, joints: int, numbers: NDArray[np.int64], seed: int
-) -> Array:
-    count = EFFECTS[name].count(joints)
-    if not quantity.varies:
-        return at_quantiles(name, quantity, joints, np.full((count, len(numbers)), 0.5))
-    own = zlib.crc32(name.encode())
-    stream = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(own,)))
-    uniform = stream.random((int(numbers.max()) + 1, count))[numbers].T
-    return at_quantiles(name, quantity, joints, uniform)
 
 
 def at_quantiles(name: str, quantity: Quantity, joints: int, uniform: Array) -> Array:
@@ -329,13 +343,9 @@ def at_quantiles(name: str, quantity: Quantity, joints: int, uniform: Array) -> 
         wrong = effect.mismatch(f"machine.{name}", given, joints)
         if wrong:
             raise InputError(wrong)
-    mean = np.broadcast_to(np.array(quantity.value), len(uniform))
-    spread = np.broadcast_to(np.array(quantity.spread), len(uniform))
-    return _truncated_normal(uniform, mean[:, None], spread[:, None], effect)
-
-
-def _truncated_normal(uniform: Array, mean: Array, spread: Array, effect: Effect) -> Array:
-    """By the inverse distribution: one uniform number a value, so that streams stay aligned."""
+    mean = np.broadcast_to(np.array(quantity.value), len(uniform))[:, None]
+    spread = np.broadcast_to(np.array(quantity.spread), len(uniform))[:, None]
+    # A truncated normal, inverted: one uniform number a value, so that streams stay aligned.
     low = np.maximum(effect.low, POSITIVE_FLOOR * mean) if effect.positive else effect.low
     sigma = np.where(spread > 0, spread, 1.0)
     least, most = ndtr((low - mean) / sigma), ndtr((effect.high - mean) / sigma)

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.machine.bodies import STICK, Masses, Place, Stage, masses
-from planner.machine.disk_chain import at_contacts, resting
+from planner.machine.contact_load import at_contacts, gear_constants
+from planner.machine.disk_chain import resting
 from planner.machine.machine import Draws
 from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator, gravity_torques
@@ -186,8 +187,7 @@ class March:
 
 def begin(system: Manipulator, draws: Draws, q: Array) -> March:
     """Machines at rest at coordinates q (N, S), joints where they start in their play."""
-    k = system.k_g * system.K[:, None] * (1 + draws["gear_ratio_error"])
-    k = np.array(np.broadcast_to(k, (len(k), draws.count)))
+    k = gear_constants(system, draws)
     data, place = masses(draws, k), Place(len(k))
     y = np.zeros((place.count, draws.count))
     y[place.q] = q

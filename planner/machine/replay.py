@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.machine.closed_loop import Feedback, measured
-from planner.machine.machine import Draws, Machine, machine_for
+from planner.machine.machine import Draws, Machine, machine_for, sample_numbers
 from planner.machine.simulate import Progress, simulate
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.plan.samples import facts, imported
@@ -228,36 +228,6 @@ def _feedback(feedback: bool | Feedback, plan: Plan) -> Feedback | None:
     if not callable(getattr(feedback, "start", None)):
         raise InputError(f"feedback = {feedback!r}: must be True, False, or a planner.Tracker")
     return feedback
-
-
-MOST_MACHINES = 1_000_000
-"""Machines of one replay; so many take hours, and more take more memory than a computer has."""
-
-
-def sample_numbers(samples: int | Sequence[int]) -> NDArray[np.int64]:
-    """Numbers of the first so many samples, or those given, checked; shape (S,).
-
-    Raises:
-        InputError: If there is none, or one is not a whole number from 0.
-    """
-    if isinstance(samples, bool):
-        raise InputError(
-            f"samples = {samples}: give a number of samples, or a list of sample numbers"
-        )
-    if isinstance(samples, int) and samples > MOST_MACHINES:
-        raise InputError(f"samples = {samples}: at most {MOST_MACHINES} machines")
-    numbers = np.arange(samples) if isinstance(samples, int | np.integer) else np.asarray(samples)
-    if (
-        numbers.ndim != 1
-        or numbers.size == 0
-        or numbers.dtype.kind not in "iu"
-        or numbers.min() < 0
-    ):
-        raise InputError(
-            f"samples = {samples}: give a number of samples (at least 1), or a list of sample"
-            " numbers from 0"
-        )
-    return numbers.astype(np.int64)
 
 
 def _check(seed: int, settle_s: float, record_s: float | None) -> None:

@@ -9,25 +9,21 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import InputError
 from planner.machine.closed_loop import Fed, Feedback, measured
 from planner.machine.commands import Command, Orders, merged
 from planner.machine.compiled import MOST_PASSIVE, Compiled, library
-from planner.machine.disk_chain import at_contacts, weights
+from planner.machine.contact_load import refuse_sliding
 from planner.machine.machine import Draws, Machine, draw
 from planner.machine.stepwise import Motion, Stepwise
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
-from planner.systems.manipulator import Manipulator, gravity_torques
+from planner.systems.manipulator import Manipulator
 
 CHUNK = 1000
 """Samples that advance together: enough to keep NumPy busy, few enough to stay in the cache."""
 
 REPORTED = 1000
 """Parts of a run that progress is counted in."""
-
-LOOKED_AT = 200
-"""Instants of a plan at which gravity is set against friction; an arm turns little between them."""
 
 Progress = Callable[[int, int], None]
 Tell = Callable[[float], None]
@@ -173,36 +169,6 @@ def _motion(plan: Plan, machine: Machine, draws: Draws, orders: Orders, times: A
     if isinstance(system, Manipulator) and few and library() is not None:
         return Compiled(system, machine.fidelity, draws, orders, desired, rows, start)
     return Stepwise(plan, machine, draws, orders, desired, rows, start)
-
-
-def refuse_sliding(plan: Plan, system: Manipulator, draws: Draws) -> None:
-    """Refuse gravity that friction cannot hold, which takes masses to compute.
-
-    Args:
-        plan: The plan.
-        system: Its manipulator.
-        draws: The machines, quasi-static.
-
-    Raises:
-        InputError: If the weight of some link asks more of a contact at rest than it passes.
-    """
-    most = weights(draws, system.n)
-    if most is None:
-        return
-    q = plan.q(np.linspace(0.0, plan.duration, LOOKED_AT))
-    k = system.k_g * system.K[:, None]
-    heaviest = most.max(axis=1, keepdims=True)
-    loads = np.abs(gravity_torques(heaviest, q[:, 1:].T))
-    held = np.max(np.broadcast_to(draws["coulomb_friction_nm"], (system.n - 1, draws.count)))
-    asked = at_contacts(k, np.maximum(loads[1:] - held, 0.0), np.cos(q[:, 1:-1].T)).max()
-    capacity = np.min(draws["friction_capacity_nm"])
-    if asked >= capacity:
-        raise InputError(
-            f"machine: on this slope gravity asks {asked:.3g} N m of a friction contact that passes"
-            f" {capacity:.3g} N m, so the arm slides by itself; lessen machine.incline_deg or"
-            ' link_moment_kgm, raise friction_capacity_nm, or set fidelity = "dynamic", which'
-            " computes how it slides"
-        )
 
 
 def _advance(motion: Motion, last: int, steps: int, tell: Tell | None) -> None:

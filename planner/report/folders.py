@@ -118,7 +118,7 @@ def _write_plans(comparison: Comparison, place: Path) -> list[str | None]:
         if row.plan is None:
             out.append(None)
             continue
-        name = re.sub(r"[^\w.=+-]+", "-", row.label).strip("-")
+        name = _file_name(row.label)
         ending = ".json" if row.solved else ".refused.json"
         target = place / "plans" / (name + ending)
         if target.exists():
@@ -128,24 +128,28 @@ def _write_plans(comparison: Comparison, place: Path) -> list[str | None]:
     return out
 
 
-def _write_figures(comparison: Comparison, place: Path) -> None:
-    import matplotlib as mpl
+def _file_name(label: str) -> str:
+    return re.sub(r"[^\w.=+-]+", "-", label).strip("-")
 
+
+def _write_figures(comparison: Comparison, place: Path) -> None:
     (place / "figures").mkdir()
-    with mpl.rc_context({"svg.hashsalt": "planner"}):
-        for name, figure in comparison.figures().items():
-            save_figure(figure, place / "figures" / name)
+    for name, figure in comparison.figures().items():
+        save_figure(figure, place / "figures" / name)
 
 
 def save_figure(figure: Figure, stem: Path) -> None:
-    """Write a figure in every kind of file, `stem` with each ending."""
+    """Write a figure in every kind of file, `stem` with each ending; the same bytes each time."""
+    import matplotlib as mpl
+
     engine = figure.get_layout_engine()
     if engine is not None:  # place everything once: drawing twice as often is what takes time
         engine.execute(figure)
         figure.set_layout_engine("none")
     for kind in FIGURE_KINDS:
         metadata = {"Date": None} if kind == "svg" else {}
-        figure.savefig(f"{stem}.{kind}", dpi=120, metadata=metadata)
+        with mpl.rc_context({"svg.hashsalt": "planner"}):
+            figure.savefig(f"{stem}.{kind}", dpi=120, metadata=metadata)
 
 
 FORMAT, VERSION = "planner-budget", 1
@@ -159,8 +163,6 @@ def save_budget(
     Raises:
         InputError: If the folder cannot be written or holds something else; nothing is left behind.
     """
-    import matplotlib as mpl
-
     data = {
         "format": FORMAT,
         "version": VERSION,
@@ -168,14 +170,13 @@ def save_budget(
         "versions": versions(),
         "budgets": {label: budget.to_dict() for label, budget in budgets.items()},
     }
-    with folder(path) as place, mpl.rc_context({"svg.hashsalt": "planner"}):
+    with folder(path) as place:
         write_text(place / "budget.md", budget_markdown(budgets, command))
         write_text(place / "budget.csv", budget_csv(budgets))
         text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False)
         write_text(place / "budget.json", text + "\n")
         for label, budget in budgets.items():
-            name = re.sub(r"[^\w.=+-]+", "-", label).strip("-")
-            save_figure(budget.figure(), place / f"budget-{name}")
+            save_figure(budget.figure(), place / f"budget-{_file_name(label)}")
     return Path(path)
 
 

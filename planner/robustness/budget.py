@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import InputError
-from planner.machine.machine import Draws, Machine, draw, machine_for
-from planner.machine.replay import SETTLE_S, sample_numbers
+from planner.machine.machine import Draws, Machine, draw, machine_for, sample_numbers
+from planner.machine.replay import SETTLE_S
 from planner.machine.simulate import simulate_draws
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.problem.tables.machine_effects import EFFECTS

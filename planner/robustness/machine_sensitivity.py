@@ -136,6 +136,12 @@ class MachineSensitivity:
         """Root sum of squares over angles and parameters of what one spread of each does."""
         return float(np.sqrt(sum(np.sum((e.terminal * e.spread) ** 2) for e in self.entries)))
 
+    @property
+    def loudest(self) -> list[MachineEntry]:
+        """Parameters that have an effect, those of the largest response first."""
+        loud = [e for e in self.entries if not e.silent]
+        return sorted(loud, key=lambda e: -float(np.max(np.abs(e.contribution))))
+
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready."""
         return {

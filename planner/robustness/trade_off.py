@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -191,73 +192,56 @@ def trade_off(
     tell = progress or (lambda _, __: None)
     if len(store.points) < points or any(p.swept < 2 for p in store.points.values()):
         tell("finding the ends of the curve", 0.0)
-        run = _Sweeps(problem, design, axis(problem, design, kind, points), store, tell)
-        run.upwards()
-        run.downwards()
+        _sweep(problem, design, axis(problem, design, kind, points), store, tell)
     _replay(store, problem, design, used, (samples, seed), tell)
     kept = _descending([store.points[k] for k in sorted(store.points)])
     return TradeOff(problem, kind, kept, design, used, store.path)
 
 
-class _Sweeps:
-    """Both sweeps over one axis."""
-
-    def __init__(
-        self,
-        problem: Problem,
-        options: DesensitisedOptions,
-        along: Axis,
-        store: Store,
-        tell: Progress,
-    ) -> None:
-        self._problem, self._options, self._axis = problem, options, along
-        self._store, self._tell = store, tell
-
-    def upwards(self) -> None:
-        """From the least limit to the greatest, each from the point before it and from afresh."""
-        near, count = self._axis.least, len(self._axis.limits)
-        for k, limit in enumerate(self._axis.limits):
-            self._tell(f"point {k + 1} of {count}", 0.1 + 0.5 * k / count)
-            if k not in self._store.points:
-                found = [self._attempt(limit, near), self._attempt(limit, None)]
-                best = _better([p for p in found if p is not None])
-                if best is None:
-                    continue
-                self._store.put(k, best)
-            near = self._store.points[k].plan
-        if not self._store.points:  # say why: without points this raises
-            solved(*self._axis.posed(self._problem, self._options, self._axis.limits[-1]),
-                   self._axis.limits[-1], None)  # fmt: skip
-
-    def downwards(self) -> None:
-        """From the greatest limit to the least, each from the point after it."""
-        places = sorted(self._store.points, reverse=True)
-        after: Plan | None = None
-        for j, k in enumerate(places):
-            point = self._store.points[k]
-            self._tell(f"point {k + 1} from the other side", 0.6 + 0.2 * j / len(places))
-            if point.swept < 2:
-                again = None if after is None else self._attempt(float(point.limit), after)
-                best = _better([p for p in (point, again) if p is not None])
-                assert best is not None
-                self._store.put(k, replace(best, swept=2))
-            after = self._store.points[k].plan
-
-    def _attempt(self, limit: float, near: Plan | None) -> Point | None:
-        """The point found from there, or None."""
-        problem, options = self._axis.posed(self._problem, self._options, float(limit))
-        if near is None:
-            options = options.model_copy(update={"starts": min(options.starts, 2)})
-        try:
-            return solved(problem, options, float(limit), near)
-        except NoPlanError:
-            return None
+def _sweep(
+    problem: Problem, options: DesensitisedOptions, along: Axis, store: Store, tell: Progress
+) -> None:
+    """Find the points, from the least limit to the greatest and back."""
+    attempt = partial(_attempt, problem, options, along)
+    near, count = along.least, len(along.limits)
+    for k, limit in enumerate(along.limits):
+        tell(f"point {k + 1} of {count}", 0.1 + 0.5 * k / count)
+        if k not in store.points:
+            best = _better([attempt(limit, near), attempt(limit, None)])
+            if best is None:
+                continue
+            store.put(k, best)
+        near = store.points[k].plan
+    if not store.points:  # say why: without points this raises
+        solved(*along.posed(problem, options, along.limits[-1]), along.limits[-1], None)
+    after: Plan | None = None
+    for j, k in enumerate(sorted(store.points, reverse=True)):
+        point = store.points[k]
+        tell(f"point {k + 1} from the other side", 0.6 + 0.2 * j / len(store.points))
+        if point.swept < 2:
+            best = _better([point, None if after is None else attempt(point.limit, after)])
+            assert best is not None
+            store.put(k, replace(best, swept=2))
+        after = store.points[k].plan
 
 
-def _better(points: list[Point]) -> Point | None:
+def _attempt(
+    problem: Problem, options: DesensitisedOptions, along: Axis, limit: float, near: Plan | None
+) -> Point | None:
+    """The point found next to a plan, or afresh; None if there is none."""
+    problem, options = along.posed(problem, options, float(limit))
+    if near is None:
+        options = options.model_copy(update={"starts": min(options.starts, 2)})
+    try:
+        return solved(problem, options, float(limit), near)
+    except NoPlanError:
+        return None
+
+
+def _better(points: list[Point | None]) -> Point | None:
     """The one of the least response; the first of those that hardly differ."""
     best: Point | None = None
-    for point in points:
+    for point in filter(None, points):
         if best is None or point.response_deg < best.response_deg * (1 - SAME):
             best = point
     return best

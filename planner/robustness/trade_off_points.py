@@ -111,16 +111,16 @@ def measured(plan: Plan, options: DesensitisedOptions, limit: float) -> Point:
 def replayed(plan: Plan, machine: Machine, samples: int, seed: int) -> dict[str, Any]:
     """Errors of a plan on samples of a machine, degrees: E of eq. (29), and at the end."""
     run = replay(plan, machine, samples, seed, record_s=None)
-    return {
-        "samples": samples,
-        "seed": seed,
-        "E_median_deg": run.percentile(50),
-        "E_p95_deg": run.percentile(95),
-        "terminal_median_deg": float(np.median(run.terminal_E_deg)),
-        "terminal_p95_deg": float(np.percentile(run.terminal_E_deg, 95)),
-        "terminal_rms_deg": float(np.sqrt(np.mean(np.sum(run.terminal_error_deg**2, axis=1)))),
-    }
+    rms = float(np.sqrt(np.mean(np.sum(run.terminal_error_deg**2, axis=1))))
+    kept = {key: value for key, value in run.summary().items() if key in KEPT}
+    return {**kept, "terminal_rms_deg": rms}
 
+
+KEPT = (
+    *("samples", "seed", "E_median_deg", "E_p95_deg"),
+    *("terminal_median_deg", "terminal_p95_deg"),
+)
+"""Of a replay's summary."""
 
 AIMING = 1.1
 """What a shifted goal may cost of the effort that a point is limited to: at the least effort there
@@ -189,27 +189,20 @@ class Store:
         text = json.dumps(self.asked, sort_keys=True)
         self.key = hashlib.sha256(text.encode()).hexdigest()[:16]
         self.points: dict[int, Point] = {}
-        self.facts: dict[str, Any] = {}
         if self.path is not None:
             self._open(self.path)
 
     def put(self, place: int, point: Point) -> None:
         """Keep a point."""
         self.points[place] = point
-        if self.path is not None:
-            point.plan.save(self.path / "plans" / f"{place:02d}.json")
-            self.write()
-
-    def write(self) -> None:
-        """Write the index."""
         if self.path is None:
             return
+        point.plan.save(self.path / "plans" / f"{place:02d}.json")
         data = {
             "format": FORMAT,
             "version": VERSION,
             "key": self.key,
             **self.asked,
-            **self.facts,
             "points": {
                 f"{place:02d}": jsonable(self.points[place].to_dict())
                 for place in sorted(self.points)

@@ -1,6 +1,8 @@
-"""Where cases run: processes of this computer, or this process itself.
+"""Where cases run: this process, processes of this computer, or a Dask cluster.
 
-Cases on a Dask cluster.
+A process of this computer is `python -m planner.sweep.pools`. It says `ready`; then one request a
+line on standard input, one row a line on standard output, both JSON. It ends when its standard
+input does, so that it never outlives whoever started it.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import tempfile
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
+from queue import SimpleQueue
 from typing import Any, Protocol
 
 from planner.errors import InputError
@@ -118,14 +121,14 @@ class LocalPool:
 
 
 class _Worker:
-    """A process of `planner.sweep.worker`."""
+    """A process that runs `serve`."""
 
     def __init__(self) -> None:
         path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
         self._ready = False
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 (closed in `release`)
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-X", "faulthandler", "-m", "planner.sweep.worker"],
+            [sys.executable, "-P", "-X", "faulthandler", "-m", "planner.sweep.pools"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,
@@ -183,6 +186,25 @@ class _Worker:
         for stream in (self._process.stdin, self._process.stdout, self._errors):
             with suppress(OSError):
                 stream.close()  # type: ignore[union-attr]
+
+
+def serve() -> None:
+    """Answer requests until there are no more."""
+    # Solvers print from compiled code: what they print must not end up between the rows.
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+    answers.write(READY)
+    answers.flush()
+    requests: SimpleQueue[str] = SimpleQueue()
+
+    def listen() -> None:
+        for line in sys.stdin:
+            requests.put(line)
+        os._exit(0)  # at once, even in the middle of a case that nobody waits for any more
+
+    threading.Thread(target=listen, daemon=True).start()
+    while True:
+        print(json.dumps(run_case(json.loads(requests.get()))), file=answers, flush=True)
 
 
 def died(what: str, status: int | None = None, words: str = "") -> Row:
@@ -322,3 +344,7 @@ def _distributed() -> Any:
             f"--cluster needs Dask; install it with: {how_to_install('cluster')}"
         ) from None
     return distributed
+
+
+if __name__ == "__main__":
+    serve()

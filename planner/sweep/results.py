@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from planner.errors import InputError
 from planner.plan.plan import Plan
+from planner.plan.samples import imported
 from planner.support.files import refuse_unwritable, write_bytes, write_text
-from planner.support.package import how_to_install
 from planner.support.tables import csv_text
 from planner.sweep.case import RESULTS
 from planner.sweep.store import Store
@@ -44,7 +44,7 @@ def load_sweep(db: str | Path, which: int | None = None) -> pandas.DataFrame:
     Raises:
         InputError: If pandas is not installed, or the file is missing or not a sweep database.
     """
-    pandas = _pandas()
+    pandas = imported("pandas")
     columns, records = read(db, which)
     return pandas.DataFrame.from_records(records, columns=columns)
 
@@ -89,7 +89,7 @@ def export(db: str | Path, path: str | Path, which: int | None = None) -> Path:
     if Path(path).suffix == ".csv":
         return write_text(path, csv_text([columns, *zip(*cells.values(), strict=True)]))
     buffer = io.BytesIO()
-    _pandas().DataFrame(cells).to_parquet(buffer, engine="pyarrow", index=False)
+    imported("pandas").DataFrame(cells).to_parquet(buffer, engine="pyarrow", index=False)
     return write_bytes(path, buffer.getvalue())
 
 
@@ -103,11 +103,8 @@ def refuse_unexportable(path: str | Path) -> None:
         raise InputError(f"cannot export to {path}: its name must end in {' or '.join(SUFFIXES)}")
     refuse_unwritable(path)
     if Path(path).suffix == ".parquet":
-        _pandas()
-        try:
-            import pyarrow  # noqa: F401
-        except ImportError:
-            raise _lacks("Parquet", "pyarrow") from None
+        imported("pandas")
+        imported("pyarrow")
 
 
 def read(db: str | Path, which: int | None = None) -> tuple[list[str], list[Record]]:
@@ -138,15 +135,3 @@ def _cells(columns: Iterable[str], records: list[Record]) -> Mapping[str, list[A
             values = [v if v is None or type(v) is str else json.dumps(v) for v in values]
         out[column] = values
     return out
-
-
-def _pandas() -> Any:
-    try:
-        import pandas
-    except ImportError:
-        raise _lacks("this table", "pandas") from None
-    return pandas
-
-
-def _lacks(what: str, library: str) -> InputError:
-    return InputError(f"{what} needs {library}; install it with: {how_to_install('tables')}")

@@ -19,7 +19,7 @@ from planner.problem.tables.kinds import unknown_elsewhere
 from planner.support.interrupts import Terminated, undisturbed
 from planner.sweep.case import Case, Row, case_at, cases
 from planner.sweep.description import Sweep
-from planner.sweep.pools import HerePool, LocalPool, Pool
+from planner.sweep.pools import ClusterPool, HerePool, LocalPool, Pool
 from planner.sweep.store import Store
 
 Progress = Callable[[str, float], None]
@@ -116,14 +116,16 @@ def _pool(workers: int | None, cluster: str | None, total: int) -> Pool:
     if cluster is not None:
         if workers is not None:
             raise InputError("give workers or cluster, not both: a cluster has its own workers")
-        from planner.sweep.pools import ClusterPool
-
         return ClusterPool(cluster)
     if workers is not None and (isinstance(workers, bool) or workers < 0):
         raise InputError(f"workers = {workers}: must be a whole number, at least 0")
     if workers == 0:
         return HerePool()
-    return LocalPool(min(workers or _cores(), total))
+    if hasattr(os, "sched_getaffinity"):  # the cores that this process may use
+        cores = len(os.sched_getaffinity(0))
+    else:
+        cores = os.cpu_count() or 1
+    return LocalPool(min(workers or cores, total))
 
 
 def _refuse_unknown_elsewhere(sweep: Sweep) -> None:
@@ -139,13 +141,6 @@ def _refuse_unknown_elsewhere(sweep: Sweep) -> None:
             " cases; name the function that registers it under the entry point planner.plugins of"
             " an installed package, or run the cases here (workers = 0)"
         )
-
-
-def _cores() -> int:
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 @dataclass

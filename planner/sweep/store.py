@@ -247,16 +247,13 @@ class Store(Database):
             plans: Whether a solved case without its plan does not count either.
         """
         marks = ", ".join("?" * len(retry))
-        return self._set(
-            "SELECT key FROM cases WHERE NOT (? AND solved AND plan IS NULL)"
-            f" AND status NOT IN ({marks})",
-            plans,
-            *retry,
-        )
-
-    def _set(self, query: str, *values: Any) -> set[str]:
         with self.explained():
-            return {key for (key,) in self.db.execute(query, values)}
+            found = self.db.execute(
+                "SELECT key FROM cases WHERE NOT (? AND solved AND plan IS NULL)"
+                f" AND status NOT IN ({marks})",
+                (plans, *retry),
+            )
+            return {key for (key,) in found}
 
     def statuses(self, sweep: int) -> dict[str, int]:
         """How many different cases of a sweep ended in each status."""

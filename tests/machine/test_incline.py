@@ -10,7 +10,8 @@ from driven import INERTIA, chain, drive, swung
 from handmade import arm_problem, draws_of, inputs, plan_from
 
 from planner.errors import InputError
-from planner.machine.disk_chain import GRAVITY_M_S2, Chain
+from planner.machine.contact_load import GRAVITY_M_S2
+from planner.machine.disk_chain import Chain
 from planner.machine.machine import Machine
 from planner.machine.replay import replay
 from planner.support.arrays import Array
@@ -141,3 +142,16 @@ def test_gravity_that_friction_cannot_hold_is_refused() -> None:
     moving = Machine.prototype(incline_deg=90.0, link_moment_kgm=2.0, fidelity="dynamic")
     slid = replay(plan, moving.nominal()).terminal_error_deg
     assert np.min(slid[0, 1:]) < -10  # it slides down
+
+
+def test_each_machine_is_held_by_its_own_friction() -> None:
+    plan = plan_from(arm_problem([10, 20, 15], end=1.0), inputs(([0.1], [0.1]), breaks=[0.0, 1.0]))
+    machine = Machine.ideal(
+        incline_deg=90.0,
+        link_moment_kgm=1.0,
+        friction_capacity_nm=2.0,
+        coulomb_friction_nm={"value": 30.0, "spread": 15.0},
+    )
+    replay(plan, machine.nominal())
+    with pytest.raises(InputError, match="so the arm slides by itself"):
+        replay(plan, machine, samples=50, record_s=None)

@@ -68,7 +68,7 @@ def test_the_root_holds_the_package() -> None:
 
 def test_what_commands_and_processes_of_a_sweep_start_without() -> None:
     code = """
-import sys, planner.sweep.worker
+import sys, planner.sweep.pools
 heavy = {"scipy.stats", "osqp", "matplotlib", "sqlite3", "pandas", "planner.robustness.trade_off"}
 assert not heavy & set(sys.modules), heavy & set(sys.modules)
 import planner.cli.app  # each command starts with it

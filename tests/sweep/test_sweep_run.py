@@ -221,7 +221,7 @@ def test_a_case_that_kills_its_process_is_a_row(
     # a fault in compiled code.
     (tmp_path / "sitecustomize.py").write_text(
         "import os, signal, sys\n"
-        "if 'planner.sweep.worker' in ' '.join(sys.orig_argv):\n"
+        "if 'planner.sweep.pools' in ' '.join(sys.orig_argv):\n"
         "    import planner.sweep.case as case\n"
         "    run = case.run_case\n"
         "    def deadly(request):\n"

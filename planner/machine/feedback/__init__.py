@@ -1,1 +1,2 @@
-"""The tracker: `tracker` first, then `course`, `reference`, `run_up`, `estimate`, `programme`."""
+"""The tracker: `tracker` first, then `means` (of the machine), `course`, `reference`, `run_up`,
+`estimate`, `programme`."""

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.errors import InputError
+from planner.machine.feedback.means import shift_of
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
 from planner.problem.tables.problem_file import FeedbackTable
 from planner.support.arrays import Array
-from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem
 
 
@@ -93,6 +93,17 @@ class Course:
     def told(self, t: Array) -> Array:
         """Angles (…, 2) by which the motors should be told to have turned by times t (…)."""
         return np.stack([np.interp(t, when, angle) for when, angle in self._told], axis=-1)
+
+
+def first_motion(plan: Plan) -> Array:
+    """Signs of both inputs where they first act, (2,); 0 where one never does.
+
+    Of a compensated plan those of the plan that it compensates.
+    """
+    plan = plan.compensates or plan
+    u = plan.u(np.linspace(0.0, plan.duration, 501))
+    moving = np.abs(u) > 1e-6 * np.max(np.abs(u))
+    return np.sign(u[np.argmax(moving, axis=0), [0, 1]])
 
 
 def turns_back(plan: Plan) -> bool:
@@ -184,22 +195,3 @@ def timing(
         )
     begin = start - options.period_s * int(np.ceil((start - begin) / options.period_s - 1e-9))
     return Timing(begin, tick, ticks, latency, shift_of(system, machine))
-
-
-def shift_of(system: TriangularSystem, machine: Machine) -> Array:
-    """Delay, lag 1/b of each servo (2ζ/b of second order), and the joints' lag d/k, (2,), s."""
-    out = np.full(2, float(np.mean(mean_of(machine, "delay_s"))))
-    lag = 1 / mean_of(machine, "servo_bandwidth_rad_s", np.inf)
-    if "servo_damping" in machine.effects:
-        lag = lag * 2 * mean_of(machine, "servo_damping")
-    out += lag
-    if isinstance(system, Manipulator):
-        stiffness = mean_of(machine, "shaft_stiffness_nm_per_rad", np.inf)
-        out[0] += float(np.mean(mean_of(machine, "viscous_friction_nms_per_rad") / stiffness))
-    return out
-
-
-def mean_of(machine: Machine, name: str, off: float = 0.0) -> Array:
-    """Mean of an effect, one number or one per motor or joint; `off` where there is none."""
-    effect = machine.effects.get(name)
-    return np.array([off] if effect is None else effect.value)

@@ -26,10 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.machine.feedback.course import mean_of
-from planner.machine.machine import Machine
 from planner.support.arrays import Array
-from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem
 
 RATE_SPREAD = 0.01
@@ -199,39 +196,6 @@ class History:
             for i, (k, x) in enumerate(zip(whole, position, strict=True))
         ]
         return np.stack(out)
-
-
-def gearhead_play(system: TriangularSystem, machine: Machine) -> Array:
-    """Whole play of each motor's gearhead, (2,), rad; only the arm has gearheads."""
-    if not isinstance(system, Manipulator):
-        return np.zeros(2)
-    return np.deg2rad(np.broadcast_to(mean_of(machine, "gearhead_backlash_deg"), 2))
-
-
-def lost_motion(system: TriangularSystem, machine: Machine) -> Array:
-    """Mean angle that each passive axis turns before its joint follows, either way, (N−2,), rad."""
-    if not isinstance(system, Manipulator):
-        return np.zeros(system.size - 2)
-    play, friction = mean_of(machine, "backlash_deg"), mean_of(machine, "coulomb_friction_nm")
-    stiffness = mean_of(machine, "shaft_stiffness_nm_per_rad", np.inf)
-    return np.array(np.broadcast_to(np.deg2rad(play) / 2 + friction / stiffness, system.n - 1))
-
-
-def lost_spread(machine: Machine) -> Array:
-    """Standard deviation of an arm's lost motion, to first order, one for all joints or each."""
-    stiffness = mean_of(machine, "shaft_stiffness_nm_per_rad", np.inf)
-    twist = mean_of(machine, "coulomb_friction_nm") / stiffness
-    play, friction, soft = (
-        np.array(machine.effects[name].spread if name in machine.effects else (0.0,))
-        for name in ("backlash_deg", "coulomb_friction_nm", "shaft_stiffness_nm_per_rad")
-    )
-    return np.asarray(
-        np.sqrt(
-            (np.deg2rad(play) / 2) ** 2
-            + (friction / stiffness) ** 2
-            + (twist * soft / stiffness) ** 2
-        )
-    )
 
 
 class Forecast:

@@ -28,11 +28,12 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from planner.errors import InputError, UntrackableError
-from planner.machine.feedback.course import RunUp, mean_of, turns_back
-from planner.machine.feedback.estimate import (
-    Forecast,
-    Pose,
+from planner.machine.feedback.course import RunUp, first_motion, turns_back
+from planner.machine.feedback.estimate import Forecast, Pose
+from planner.machine.feedback.means import (
     gearhead_play,
+    input_limit,
+    input_scale,
     lost_motion,
     lost_spread,
 )
@@ -72,7 +73,8 @@ instead of 0.4 (95 %, spreads of twice the prototype's, whose own need 8 degrees
 How far joint 2 is driven at last: as much as the tracker may leave out, should it arrive before."""
 
 APPROACH_DEG, APPROACH_S, REST_S = 1.5, 0.4, 0.2
-"""From how far away θ₁ approaches its start, degrees, in what time, and the rest after it, s."""
+"""From how far away θ₁ approaches its start, degrees, in what time, and the rest after it, s: ten
+time constants of the servos and of the joints' friction."""
 
 SWING, DRIVE = 0.95, 0.9
 """Speeds of both motors, as parts of their limits; the drive's rest is for corrections."""
@@ -121,8 +123,8 @@ def _coasting(machine: Machine) -> Array:
     """
     if machine.fidelity != "dynamic":
         return np.full(2, np.inf)
-    friction = float(np.min(mean_of(machine, "coulomb_friction_nm")))
-    inertia = float(np.max(mean_of(machine, "link_inertia_kgm2")))
+    friction = float(np.min(machine.mean("coulomb_friction_nm")))
+    inertia = float(np.max(machine.mean("link_inertia_kgm2")))
     with np.errstate(divide="ignore"):
         speed = np.sqrt(np.divide(2 * friction * np.deg2rad(COAST_DEG), inertia))
     return np.array([speed / 2, speed])
@@ -138,17 +140,6 @@ def hindrance(plan: Plan, machine: Machine) -> str:
     if turns_back(plan) and plan.compensates is None:
         return "the drive turns back on its way, which costs the play of every joint again"
     return ""
-
-
-def first_motion(plan: Plan) -> Array:
-    """Signs of both inputs where they first act, (2,); 0 where one never does.
-
-    Of a compensated plan those of the plan that it compensates.
-    """
-    plan = plan.compensates or plan
-    u = plan.u(np.linspace(0.0, plan.duration, 501))
-    moving = np.abs(u) > 1e-6 * np.max(np.abs(u))
-    return np.sign(u[np.argmax(moving, axis=0), [0, 1]])
 
 
 class _Approach:
@@ -234,19 +225,6 @@ class _Approach:
 
 BEYOND = 0.05
 """Part of an input's travel that may lie above its limit: what the tracker can still catch up."""
-
-
-def input_limit(plan: Plan, machine: Machine) -> Array:
-    """Largest |u| that is commanded, (2,): the problem's limit, or the motors' if that is less."""
-    effect = machine.effects.get("velocity_limit_rad_s")
-    motors = np.broadcast_to(np.array(effect.value if effect else np.inf), 2)
-    return np.asarray(np.minimum(plan.problem.limits.input, motors))
-
-
-def input_scale(plan: Plan, machine: Machine) -> Array:
-    """A speed to measure corrections by, (2,): the limit; without one the plan's peak, or 1."""
-    limit, peak = input_limit(plan, machine), peak_inputs(plan.trajectory)
-    return np.where(np.isfinite(limit), limit, np.where(peak > 0, peak, 1.0))
 
 
 def refuse_beyond(plan: Plan, machine: Machine) -> None:

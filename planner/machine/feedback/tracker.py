@@ -14,30 +14,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import expect
-from planner.machine.feedback.course import Course, shift_of, timing
-from planner.machine.feedback.estimate import (
-    Estimate,
-    Forecast,
-    History,
-    Pose,
+from planner.machine.feedback.course import Course, timing
+from planner.machine.feedback.estimate import Estimate, Forecast, History, Pose
+from planner.machine.feedback.means import (
     gearhead_play,
+    input_limit,
+    input_scale,
     lost_motion,
+    resolution_of,
+    shift_of,
 )
 from planner.machine.feedback.programme import Programme
 from planner.machine.feedback.reference import Reference, Weights, reference, regulator
-from planner.machine.feedback.run_up import (
-    REST_S,
-    input_limit,
-    input_scale,
-    refuse_beyond,
-    run_up,
-)
+from planner.machine.feedback.run_up import REST_S, refuse_beyond, run_up
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
 from planner.problem.tables.problem_file import FeedbackTable
 from planner.support.arrays import Array
 from planner.support.user_tables import parse
-from planner.systems.triangular_system import TriangularSystem
 
 
 class Tracker:
@@ -275,7 +269,7 @@ def design(plan: Plan, machine: Machine, options: FeedbackTable) -> Design:
         forecast=forecast,
         lost=np.concatenate([play[1:, None] / 2, lost]),
         play=play,
-        resolution=_resolution(system, machine),
+        resolution=resolution_of(system, machine),
     )
 
 
@@ -295,18 +289,3 @@ def _weights(plan: Plan, ref: Reference, scale: Array, options: FeedbackTable) -
     steps = np.repeat(1 / step[None] ** 2, len(ref.feed), axis=0)
     steps[:start] *= RUN_UP_STEP
     return Weights(path, goal, sizes, steps)
-
-
-def _resolution(system: TriangularSystem, machine: Machine) -> Array:
-    """Smallest step of each reading, (N, 1).
-
-    Of the angles' encoders; infinite for the disk's angle, which has none; 0 for the rest, which is
-    read exactly.
-    """
-    effect = machine.effects.get("encoder_resolution_deg")
-    steps = np.broadcast_to(np.array(effect.value if effect else 0.0), system.size - 1)
-    out = np.zeros((system.size, 1))
-    for i, coordinate in enumerate(system.coordinates):
-        if coordinate.unit == "rad":
-            out[i] = np.deg2rad(steps[i - 1]) if i else np.inf
-    return out

@@ -34,9 +34,15 @@ from itertools import pairwise
 import numpy as np
 from scipy.interpolate import BPoly
 
-from planner.machine.feedback.course import DEFAULT_TICK_S, mean_of, shift_of, turned, turns_back
-from planner.machine.feedback.estimate import gearhead_play, lost_motion
-from planner.machine.feedback.run_up import first_motion, input_limit, input_scale
+from planner.machine.feedback.course import DEFAULT_TICK_S, first_motion, turned, turns_back
+from planner.machine.feedback.means import (
+    gearhead_play,
+    input_limit,
+    input_scale,
+    lost_motion,
+    shift_of,
+)
+from planner.machine.feedback.run_up import REST_S
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
 from planner.plan.trajectory import StateTrajectory
@@ -47,9 +53,6 @@ from planner.systems.triangular_system import TriangularSystem
 
 MOST_THETA1_DEG = 75.0
 """Largest |θ₁| of the preparation: beyond it the axes turn ten times slower than the drive asks."""
-
-REST_S = 0.2
-"""Rest before the plan, s: ten time constants of the servos and of the joints' friction."""
 
 BACK = 0.95
 """Part of the way back at which a joint of the nominal machine would follow: creep and the pose
@@ -232,7 +235,7 @@ def shaped(
         angle[:, 0] += take_up(wanted, system, machine, plan.q(0.0)[1]).drive
     if options.gearheads:
         angle += _ahead_of_play(angle, gearhead_play(system, machine) / 2)
-    grain = np.broadcast_to(mean_of(machine, "velocity_resolution_rad_s"), 2)
+    grain = np.broadcast_to(machine.mean("velocity_resolution_rad_s"), 2)
     u = np.stack(
         [_pursued(angle[:, i], limit[i], rate[i], grain[i], tick) for i in range(2)], axis=1
     )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import expect
-from planner.report.figures.style import COLOURS, TAG, grid, heading, legend, plain
+from planner.report.figures.style import COLOURS, TAG, grid, heading, legend, logarithmic, plain
 from planner.support.tables import number
 from planner.sweep.design.figures import LOAD, DesignRow, Figure
 from planner.sweep.design.result import DesignStudy
@@ -125,21 +125,16 @@ def _spread_out(front: Sequence[DesignRow]) -> list[DesignRow]:
 
 def _scaled(axis: Any, values: Sequence[float]) -> tuple[float, float]:
     """Set the ends of an axis, logarithmic where values are far apart, and return them."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     found = [v for v in values if np.isfinite(v)] or [0.0, 1.0]
     low, high = min(found), max(found)
     if low > 0 and high > WIDE * low:
-        (axis.axes.set_xscale if axis.axis_name == "x" else axis.axes.set_yscale)("log")
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
-        axis.set_minor_formatter(NullFormatter())
+        logarithmic(axis)
         room = (high / low) ** 0.12
         ends = low / room, high * room
     else:
         room = 0.12 * (high - low) or 0.1 * abs(high) or 1.0
         ends = low - room, high + room
-    (axis.axes.set_xlim if axis.axis_name == "x" else axis.axes.set_ylim)(*ends)
+    axis.axes.set(**{f"{axis.axis_name}lim": ends})
     return ends
 
 

@@ -18,12 +18,14 @@ from planner.comparison.rows import FEEDBACK, Row, effort_unit
 from planner.errors import InputError, expect
 from planner.machine.replay import Replay
 from planner.report.figures.style import (
+    REFUSED,
     Curve,
     axis_label,
     colours,
     grid,
     heading,
     legend,
+    logarithmic,
     time_label,
 )
 from planner.support.arrays import Array
@@ -68,8 +70,8 @@ def plot_replays(
     figure, axes = grid(len(runs), len(angles), axes, size=(3.4, 2.2), share=("all", "col"))
     for row, (label, run) in enumerate(runs.items()):
         _draw_replay(axes[row], run, colour[label])
-        name = f"{label}{REFUSED * Curve(label, run.plan, '').refused}"
-        axes[row, 0].set_title(name, fontsize=10, loc="left", color=colour[label])
+        curve = Curve(label, run.plan, colour[label])
+        axes[row, 0].set_title(curve.name, fontsize=10, loc="left", color=curve.colour)
     for ax in axes[-1]:
         ax.set_xlabel(time_label(run.plan for run in runs.values()))
     text = f"Machine ({first.machine.preset}, {len(first.numbers)} samples) against plan"
@@ -99,7 +101,6 @@ def _draw_replay(axes: Any, run: Replay, colour: str) -> None:
 
 
 CLOSED = "the same plan with feedback"
-REFUSED = " (refused)"
 
 
 def plot_efforts(comparison: Comparison, *, axes: Any = None) -> tuple[Figure, Any]:
@@ -132,8 +133,8 @@ def plot_efforts(comparison: Comparison, *, axes: Any = None) -> tuple[Figure, A
     unit = effort_unit(comparison.problem.system)
     ax.set_xlabel(f"effort: integral of u1^2 + u2^2 dt ({unit})")
     ax.set_ylabel("error index E (deg), median to 95 %")
-    _scale(ax.xaxis, logarithmic([row.effort for row in rows]))
-    _scale(ax.yaxis, logarithmic([row.E_median_deg for row in rows]))
+    _scale(ax.xaxis, far_apart([row.effort for row in rows]))
+    _scale(ax.yaxis, far_apart([row.E_median_deg for row in rows]))
     ax.set_title(f"Effort against error on {comparison.samples} emulated machines", fontsize=11)
     handles = ax.get_legend_handles_labels()[0]
     if any(row.feedback for row in rows):
@@ -142,7 +143,7 @@ def plot_efforts(comparison: Comparison, *, axes: Any = None) -> tuple[Figure, A
     return figure, ax
 
 
-def logarithmic(values: ArrayLike) -> bool:
+def far_apart(values: ArrayLike) -> bool:
     """Whether values get a logarithmic axis, in a picture and on the page: over ten times apart."""
     every = np.asarray(values, dtype=float)
     return bool(np.min(every) > 0 and np.max(every) > 10 * np.min(every))
@@ -150,15 +151,10 @@ def logarithmic(values: ArrayLike) -> bool:
 
 def _scale(axis: Any, log: bool) -> None:
     """Logarithmic, with plain numbers on it and a word that says so; or from zero on."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     if not log:
         axis.axes.set(**{f"{axis.axis_name}lim": (0, None)})
         return
-    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_formatter(NullFormatter())
+    logarithmic(axis)
     axis.set_label_text(f"{axis.get_label_text()}, log scale")
 
 
@@ -224,7 +220,7 @@ def plot_errors(
         _distribution(ax, label, np.sort(error), colour[label], label in refused)
     ax.set_ylim(0, 1.02)
     ax.set_xlabel("error index E (deg): largest joint error during the motion, eq. (29)")
-    _scale(ax.xaxis, logarithmic(spread(list(known.values()))))
+    _scale(ax.xaxis, far_apart(spread(list(known.values()))))
     ax.set_ylabel("share of machines with a smaller error")
     count = max(len(e) for e in known.values())
     ax.set_title(f"Error on {count} emulated machines", fontsize=11)

@@ -120,7 +120,8 @@ def view(values: Sequence[tuple[Any, Array, Array]], limit: float) -> tuple[floa
     every = np.concatenate([u for _, _, u in values])
     most = float(np.max(np.abs(every)))
     # Times crowd towards the ends of pieces, so that a quantile over them would follow the peaks.
-    usual = max(float(np.quantile(np.abs(np.interp(_even(t), t, u)), 0.9)) for _, t, u in values)
+    evenly = (np.interp(np.linspace(t[0], t[-1], 400), t, u) for _, t, u in values)
+    usual = max(float(np.quantile(np.abs(u), 0.9)) for u in evenly)
     bound = OVERSHOOT * max(limit if np.isfinite(limit) else 0.0, 1.5 * usual)
     if not np.isfinite(limit) and most < FAR * usual:
         bound = 1.08 * most
@@ -128,10 +129,6 @@ def view(values: Sequence[tuple[Any, Array, Array]], limit: float) -> tuple[floa
     bound = max(bound, 1e-9)
     one_sided = float(np.min(every)) > -0.02 * bound and not np.isfinite(limit)
     return (-0.05 * bound if one_sided else -bound), bound
-
-
-def _even(t: Array) -> Array:
-    return np.linspace(t[0], t[-1], 400)
 
 
 def plot_joints(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:

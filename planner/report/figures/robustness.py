@@ -52,7 +52,7 @@ def plot_sensitivity(
     first = found.plan.problem.system.coordinates[0].name
     kept = [p for p, name in enumerate(found.parameters) if name != f"start {first}"]
     labels = [
-        f"{_named(found.parameters[p])}\n{_size(found.reference(spread)[p], found.units[p])}"
+        f"{_named(found.parameters[p])}\n{size_of(found.reference(spread)[p], found.units[p])}"
         for p in kept
     ]
     values = found.contribution_deg(spread)[:, kept]
@@ -83,8 +83,7 @@ def plot_machine_sensitivity(
         The figure and its axes.
     """
     expect(MachineSensitivity, found, "planner.machine_sensitivity(plan) makes one")
-    loud = [e for e in found.entries if not e.silent]
-    loud = sorted(loud, key=lambda e: -float(np.max(np.abs(e.contribution))))[:most]
+    loud = found.loudest[:most]
     labels = [f"{entry_name(e)}: {e.reference:.3g} {e.unit}".strip() for e in loud]
     values = np.stack([e.contribution for e in loud], axis=0)
     angles = [symbol(n) for n in found.angles]
@@ -158,10 +157,14 @@ def _box_passive(ax: Any, found: Sensitivity, kept: Sequence[int]) -> None:
 
 
 def entry_name(entry: MachineEntry) -> str:
-    """A machine's parameter in words, without the unit that its key ends in."""
+    """A machine's parameter in words."""
+    return f"{_effect_name(entry.effect)} {entry.element}".strip()
+
+
+def _effect_name(effect: str) -> str:
+    """An effect in words, without the unit that its key ends in."""
     unit = r"(?<!_per)_(deg|nm|s|rad_s2?|nm_per_rad|nms_per_rad|kgm2)$"
-    words = re.sub(unit, "", entry.effect).replace("_nm", "_torque").replace("_", " ")
-    return f"{words} {entry.element}".strip()
+    return re.sub(unit, "", effect).replace("_nm", "_torque").replace("_", " ")
 
 
 def _named(parameter: str) -> str:
@@ -169,7 +172,8 @@ def _named(parameter: str) -> str:
     return f"{word} {symbol(which)}" if which else symbol(f"k{word[1:]}").replace("k", "K")
 
 
-def _size(value: float, unit: str) -> str:
+def size_of(value: float, unit: str) -> str:
+    """The size of an error with its unit, angles in degrees."""
     if unit == "1":
         return f"{100 * value:.3g} %"
     if unit == "rad":
@@ -205,7 +209,7 @@ def plot_budget(budget: Budget, *, axes: Any = None) -> tuple[Figure, Any]:
         _bars(right, places + (k - 0.5) * 0.4, values, np.stack([half, half]), 2 + k, label)
     right.set_xlabel("total Sobol index: share of the variance of E")
     right.set_xlim(left=min(0.0, right.get_xlim()[0]), right=min(1.2, right.get_xlim()[1]))
-    left.set_yticks(places, [_words(c.name) for c in costs])
+    left.set_yticks(places, [_effect_name(c.name) for c in costs])
     left.set_ylim(len(costs) - 0.4, -0.6)
     if ours:
         figure.suptitle(f"Error budget of {budget.plan.method}: {total(budget)}", fontsize=11)
@@ -224,12 +228,6 @@ def _reach(costs: tuple[Cost, ...], kind: str) -> Any:
     middle = np.array([getattr(c, f"{kind}_deg") for c in costs])
     ends = np.array([getattr(c, f"{kind}_interval_deg") for c in costs]).reshape(-1, 2)
     return np.nan_to_num(np.maximum([middle - ends[:, 0], ends[:, 1] - middle], 0.0))
-
-
-def _words(name: str) -> str:
-    """An effect's name without its unit."""
-    units = r"(?<!per)_(deg|s|nm|nm_per_rad|nms_per_rad|rad_s|rad_s2|kgm2)$"
-    return re.sub(units, "", name).replace("_", " ")
 
 
 AXES = {

@@ -46,6 +46,9 @@ TAG = {"boxstyle": "square,pad=0.1", "color": "white", "alpha": 0.7}
 
 GRID = {"color": "#DDDDDD", "linewidth": 0.6}
 
+REFUSED = " (refused)"
+"""Behind the label of a refused plan, in legends and titles."""
+
 Sharing = Literal["none", "all", "row", "col"]
 
 Plans = Plan | Sequence[Plan] | Mapping[str, Plan | None]
@@ -79,7 +82,7 @@ class Curve:
     @property
     def name(self) -> str:
         """The label, with a word on a refusal."""
-        return f"{self.label} (refused)" if self.refused else self.label
+        return f"{self.label}{REFUSED}" if self.refused else self.label
 
     @property
     def title(self) -> str:
@@ -173,6 +176,16 @@ def grid(
         ax.set_axisbelow(True)
         ax.spines[["top", "right"]].set_visible(False)
     return figure, made
+
+
+def logarithmic(axis: Any) -> None:
+    """Make an axis logarithmic, with plain numbers on it."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def symbol(name: str) -> str:

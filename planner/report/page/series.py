@@ -14,7 +14,7 @@ from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.report.charts.panels import Panel, band, curve, near, over_time, rounded, unit_of
 from planner.report.figures.arm import body, drawable, tips_to_pass
-from planner.report.figures.on_the_machine import logarithmic, spread
+from planner.report.figures.on_the_machine import far_apart, spread
 from planner.report.figures.over_time import has_band, view
 from planner.report.figures.style import Curve, curves, shown, times
 from planner.report.page.words import places, subscripted
@@ -202,11 +202,11 @@ def _spreads(
         for k, row in rows.items()
     ]
     shares: Panel = {"kind": "share", "title": "Share of machines", "unit": "", "series": series}
-    shares |= {"across": "E (deg)", "span": [low, high], "log": logarithmic([low, high])}
+    shares |= {"across": "E (deg)", "span": [low, high], "log": far_apart([low, high])}
     unit = effort_unit(comparison.problem.system)
     trade: Panel = {"kind": "points", "title": "E", "unit": "deg", "points": points}
     trade |= {"across": f"effort ({unit})", "effort_unit": unit}
-    trade["log"] = [logarithmic([p[axis] for p in points] or [1.0]) for axis in ("x", "y")]
+    trade["log"] = [far_apart([p[axis] for p in points] or [1.0]) for axis in ("x", "y")]
     return [{"id": "trade", "panels": [trade]}, {"id": "errors", "panels": [shares]}]
 
 

@@ -14,6 +14,7 @@ from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Part
 from planner.report.figures.style import shown
 from planner.support.tables import number
+from planner.systems.triangular_system import Coordinate
 
 COLOURS = 9
 """Colours that the page has for plans."""
@@ -111,8 +112,7 @@ def _joint_limits(problem: Problem) -> list[tuple[str, str]]:
     for i in problem.system.limited:
         most, c = float(problem.limits.joint[i]), problem.system.coordinates[i]
         if np.isfinite(most):
-            unit = "°" if c.unit == "rad" else f" {c.unit}"
-            value = f"{float(shown(np.array([most]), c.unit)[0]):g}{unit}"
+            value = _amount(c, most, "g")
             by_value.setdefault(value, []).append(f"|{subscripted(c.name)}|")
     return [("Limits of angles", f"{', '.join(who)} ≤ {most}") for most, who in by_value.items()]
 
@@ -175,7 +175,12 @@ def _places(problem: Problem, q: np.ndarray) -> str:
             if problem.travel is None:
                 continue
             value = problem.start[0] + problem.travel
-        unit = "°" if c.unit == "rad" else f" {c.unit}"
-        amount = f"{float(shown(np.array([value]), c.unit)[0]):.4g}{unit}"
+        amount = _amount(c, float(value), ".4g")
         parts.append(f"{html.escape(subscripted(c.name))} = {html.escape(amount)}")
     return ", ".join(parts)
+
+
+def _amount(coordinate: Coordinate, value: float, style: str) -> str:
+    """A value with its unit, angles in degrees."""
+    unit = "°" if coordinate.unit == "rad" else f" {coordinate.unit}"
+    return f"{float(shown(np.array([value]), coordinate.unit)[0]):{style}}{unit}"

@@ -10,9 +10,9 @@ import pytest
 import scipy.sparse as sp
 
 import planner
+from planner.machine.feedback.means import input_scale
 from planner.machine.feedback.programme import Programme, _changes
 from planner.machine.feedback.reference import Reference, regulator
-from planner.machine.feedback.run_up import input_scale
 from planner.machine.feedback.tracker import Design, _weights, design
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan

@@ -9,7 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import planner
-from planner.machine.feedback.estimate import Estimate, Forecast, History, Pose, lost_motion
+from planner.machine.feedback.estimate import Estimate, Forecast, History, Pose
+from planner.machine.feedback.means import lost_motion
 from planner.machine.feedback.reference import _direction
 from planner.machine.feedback.run_up import hindrance, run_up
 from planner.machine.feedback.tracker import Design, design

@@ -1,0 +1,87 @@
+"""What the tracker and compensated plans know of a machine: its means, and no single machine.
+
+When commands act, what gearheads and joints lose in their play, how fast the motors may turn, and
+what the encoders read.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planner.machine.machine import Machine
+from planner.plan.measures import peak_inputs
+from planner.plan.plan import Plan
+from planner.support.arrays import Array
+from planner.systems.manipulator import Manipulator
+from planner.systems.triangular_system import TriangularSystem
+
+
+def shift_of(system: TriangularSystem, machine: Machine) -> Array:
+    """Delay, lag 1/b of each servo (2ζ/b of second order), and the joints' lag d/k, (2,), s."""
+    out = np.full(2, float(np.mean(machine.mean("delay_s"))))
+    lag = 1 / machine.mean("servo_bandwidth_rad_s")
+    if "servo_damping" in machine.effects:
+        lag = lag * 2 * machine.mean("servo_damping")
+    out += lag
+    if isinstance(system, Manipulator):
+        stiffness = machine.mean("shaft_stiffness_nm_per_rad")
+        out[0] += float(np.mean(machine.mean("viscous_friction_nms_per_rad") / stiffness))
+    return out
+
+
+def gearhead_play(system: TriangularSystem, machine: Machine) -> Array:
+    """Whole play of each motor's gearhead, (2,), rad; only the arm has gearheads."""
+    if not isinstance(system, Manipulator):
+        return np.zeros(2)
+    return np.deg2rad(np.broadcast_to(machine.mean("gearhead_backlash_deg"), 2))
+
+
+def lost_motion(system: TriangularSystem, machine: Machine) -> Array:
+    """Mean angle that each passive axis turns before its joint follows, either way, (N−2,), rad."""
+    if not isinstance(system, Manipulator):
+        return np.zeros(system.size - 2)
+    play, friction = machine.mean("backlash_deg"), machine.mean("coulomb_friction_nm")
+    stiffness = machine.mean("shaft_stiffness_nm_per_rad")
+    return np.array(np.broadcast_to(np.deg2rad(play) / 2 + friction / stiffness, system.n - 1))
+
+
+def lost_spread(machine: Machine) -> Array:
+    """Standard deviation of an arm's lost motion, to first order, one for all joints or each."""
+    stiffness = machine.mean("shaft_stiffness_nm_per_rad")
+    twist = machine.mean("coulomb_friction_nm") / stiffness
+    play, friction, soft = (
+        np.array(machine.effects[name].spread if name in machine.effects else (0.0,))
+        for name in ("backlash_deg", "coulomb_friction_nm", "shaft_stiffness_nm_per_rad")
+    )
+    return np.asarray(
+        np.sqrt(
+            (np.deg2rad(play) / 2) ** 2
+            + (friction / stiffness) ** 2
+            + (twist * soft / stiffness) ** 2
+        )
+    )
+
+
+def input_limit(plan: Plan, machine: Machine) -> Array:
+    """Largest |u| that is commanded, (2,): the problem's limit, or the motors' if that is less."""
+    return np.asarray(np.minimum(plan.problem.limits.input, machine.mean("velocity_limit_rad_s")))
+
+
+def input_scale(plan: Plan, machine: Machine) -> Array:
+    """A speed to measure corrections by, (2,): the limit; without one the plan's peak, or 1."""
+    limit, peak = input_limit(plan, machine), peak_inputs(plan.trajectory)
+    return np.where(np.isfinite(limit), limit, np.where(peak > 0, peak, 1.0))
+
+
+def resolution_of(system: TriangularSystem, machine: Machine) -> Array:
+    """Smallest step of each reading, (N, 1).
+
+    Of the angles' encoders; infinite for the disk's angle, which has none; 0 for the rest, which is
+    read exactly.
+    """
+    steps = np.broadcast_to(machine.mean("encoder_resolution_deg"), system.size - 1)
+    out = np.zeros((system.size, 1))
+    for i, coordinate in enumerate(system.coordinates):
+        if coordinate.unit == "rad":
+            out[i] = np.deg2rad(steps[i - 1]) if i else np.inf
+    return out

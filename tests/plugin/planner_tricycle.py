@@ -162,7 +162,7 @@ class InputProduct(Requirement):
     most: float
 
     key, reads, speed = "input_product", frozenset({"u"}), 2
-    table = Positive, "Largest |u1 u2|, in the product of the inputs' units."
+    table = Positive, "Largest |u1 u2|, in the product of the inputs' units.", 0.2
 
     @property
     def parts(self) -> tuple[Part, ...]:

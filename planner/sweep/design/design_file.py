@@ -14,7 +14,8 @@ from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.methods.registry import COMPENSATED, parse_specs
 from planner.problem.problem import Problem, with_changes
-from planner.problem.tables.arms import AngleDeg, GearTable, Joints
+from planner.problem.tables.arms import GearTable, Joints
+from planner.problem.tables.problem_file import AngleDeg
 from planner.support.arrays import Array, plain
 from planner.support.files import read_toml
 from planner.support.tables import line, number

@@ -26,15 +26,8 @@ from planner.machine.feedforward.aim import compensable
 from planner.machine.machine import Machine, machine_for
 from planner.machine.replay import RECORD_S, sample_numbers
 from planner.machine.replay import replay as run_replay
-from planner.methods.registry import (
-    ALL,
-    COMPENSATED,
-    METHODS,
-    Spec,
-    find_method,
-    merged_options,
-    parse_specs,
-)
+from planner.methods.registry import ALL, METHODS, find_method, merged_options
+from planner.methods.spec import COMPENSATED, Spec, parse_specs
 from planner.plan.measures import effort, peak_inputs
 from planner.plan.plan import Plan
 from planner.problem.feasibility import refuse_too_short

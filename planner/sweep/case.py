@@ -19,7 +19,8 @@ from planner.errors import InputError, NoPlanError, SingularError, VerificationE
 from planner.machine.contact_load import contact_load
 from planner.machine.machine import Machine
 from planner.machine.replay import RECORD_S, replay
-from planner.methods.registry import Spec, find_method
+from planner.methods.registry import find_method
+from planner.methods.spec import Spec
 from planner.plan.measures import effort, peak_inputs
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem, with_changes

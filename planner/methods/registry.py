@@ -1,11 +1,11 @@
-"""The methods that make plans: one file each, one registry, and how a new one comes in."""
+"""Which methods there are: entries, their options as keywords, and how a new one comes in."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import Any, Literal, Protocol, TypedDict, Unpack, cast, overload
 
 from planner.errors import InputError
 from planner.methods import keeping
@@ -22,6 +22,7 @@ from planner.problem.tables.method_options import (
     SinusoidStepsOptions,
 )
 from planner.support.arrays import plain
+from planner.support.progress import Listener
 from planner.support.tables import brief, line
 from planner.support.user_tables import Table, nearest, parse
 
@@ -118,6 +119,170 @@ _ALL = (
         finds_time=True,
     ),
 )
+
+# -- their options as keywords -------------------------------------------------------------------
+# For editors and type checkers. The tables in planner/problem/tables/method_options.py check them,
+# and hold meaning and ranges; a test compares both. A method that is registered from outside has
+# its options checked all the same.
+
+
+class Call(TypedDict, total=False):
+    """Keywords of `solve` that every method takes."""
+
+    warm: Plan | None
+    time_limit_s: float | None
+    progress: Listener | None
+
+
+class Polynomial(Call, total=False):
+    """Keys of `[method.polynomial]`."""
+
+    criterion: Literal["peak", "margin"]
+    allow_singular: bool
+    travel: Literal["auto", "middle"]
+    offset: float | Literal["auto", "mean"]
+    points: list[list[float]] | Literal["auto"]
+
+
+class Piecewise(Call, total=False):
+    """Keys of `[method.piecewise]`."""
+
+    criterion: Literal["peak", "margin"]
+    allow_singular: bool
+    travel: Literal["auto", "middle"]
+    offset: float | Literal["auto", "mean"]
+    slots: int | None
+
+
+class Sinusoid(Call, total=False):
+    """Keys of `[method.sinusoid]`."""
+
+    criterion: Literal["peak", "margin"]
+    allow_singular: bool
+    amplitude: float | Literal["auto"]
+
+
+class SinusoidSteps(Call, total=False):
+    """Keys of `[method.sinusoid_steps]`."""
+
+    criterion: Literal["peak", "margin"]
+    allow_singular: bool
+    amplitude: float | list[float] | Literal["auto"]
+    shares: list[float] | None
+
+
+class Collocation(Call, total=False):
+    """Keys of `[method.collocation]`."""
+
+    intervals: int | Literal["auto"]
+    degree: int
+    scheme: Literal["radau", "legendre"]
+    input: Literal["auto", "linear", "constant"]
+    rest: bool
+    objective: Literal["auto", "effort", "smooth", "edge", "time", "mixed"]
+    effort_weight: float
+    smoothness_weight: float
+    edge_weight: float
+    start: Literal["auto", "straight", "polynomial", "convex", "bump", "reverse", "wander"]
+    starts: int
+    variations: int
+    attempts: int
+    accuracy: float
+    refinements: int
+    solver: Literal["auto", "fatrop", "ipopt"]
+    compile: bool
+    tolerance: float
+    max_iterations: int
+
+
+class Convex(Call, total=False):
+    """Keys of `[method.convex]`."""
+
+    objective: Literal["smooth", "peak"]
+    pieces: int
+    input: Literal["auto", "constant", "linear"]
+    travel: Literal["auto", "middle"]
+    scan: int
+    edge: float
+    solver: Literal["auto", "osqp"]
+    max_cuts: int
+
+
+class Desensitised(Call, total=False):
+    """Keys of `[method.desensitised]`."""
+
+    passive: float
+    terminal: float
+    path: float
+    effort: float
+    time: float
+    effort_limit: float | None
+    gain: float | list[float]
+    bias: float | list[float]
+    delay_s: float | list[float]
+    stretch: float | list[float]
+    start_deg: float | list[float]
+    start_m: float | list[float]
+    gear: float | list[float]
+    backoff: float
+    reversal: bool
+    starts: int
+    intervals: int
+    input: Literal["auto", "constant", "linear"]
+    rest: bool
+    accuracy: float
+    tolerance: float
+    max_iterations: int
+
+
+class Solve(Protocol):
+    """`planner.solve`, with the keywords of the method that is named."""
+
+    @overload
+    def __call__(
+        self, problem: Problem, method: Literal["collocation"] = ..., **options: Unpack[Collocation]
+    ) -> Plan: ...
+
+    @overload
+    def __call__(
+        self, problem: Problem, method: Literal["polynomial"], **options: Unpack[Polynomial]
+    ) -> Plan: ...
+
+    @overload
+    def __call__(
+        self, problem: Problem, method: Literal["piecewise"], **options: Unpack[Piecewise]
+    ) -> Plan: ...
+
+    @overload
+    def __call__(
+        self, problem: Problem, method: Literal["sinusoid"], **options: Unpack[Sinusoid]
+    ) -> Plan: ...
+
+    @overload
+    def __call__(
+        self, problem: Problem, method: Literal["sinusoid_steps"], **options: Unpack[SinusoidSteps]
+    ) -> Plan: ...
+
+    @overload
+    def __call__(
+        self, problem: Problem, method: Literal["convex"], **options: Unpack[Convex]
+    ) -> Plan: ...
+
+    @overload
+    def __call__(
+        self, problem: Problem, method: Literal["desensitised"], **options: Unpack[Desensitised]
+    ) -> Plan: ...
+
+    @overload
+    def __call__(self, problem: Problem, method: str = ..., **options: Any) -> Plan: ...
+
+
+def typed(solve: Callable[..., Plan]) -> Solve:
+    """The function itself, which takes those keywords."""
+    return cast("Solve", solve)
+
+
+# -- the registry --------------------------------------------------------------------------------
 
 METHODS = {method.name: method for method in _ALL}
 """By name. What plugins register is in it once the first problem is read."""

@@ -134,39 +134,41 @@ class Call(TypedDict, total=False):
     progress: Listener | None
 
 
-class Polynomial(Call, total=False):
-    """Keys of `[method.polynomial]`."""
+class _Law(Call, total=False):
+    """Keys of every closed form."""
 
     criterion: Literal["peak", "margin"]
     allow_singular: bool
+
+
+class _Legs(_Law, total=False):
+    """Keys of closed forms that go in one or two legs."""
+
     travel: Literal["auto", "middle"]
     offset: float | Literal["auto", "mean"]
+
+
+class Polynomial(_Legs, total=False):
+    """Keys of `[method.polynomial]`."""
+
     points: list[list[float]] | Literal["auto"]
 
 
-class Piecewise(Call, total=False):
+class Piecewise(_Legs, total=False):
     """Keys of `[method.piecewise]`."""
 
-    criterion: Literal["peak", "margin"]
-    allow_singular: bool
-    travel: Literal["auto", "middle"]
-    offset: float | Literal["auto", "mean"]
     slots: int | None
 
 
-class Sinusoid(Call, total=False):
+class Sinusoid(_Law, total=False):
     """Keys of `[method.sinusoid]`."""
 
-    criterion: Literal["peak", "margin"]
-    allow_singular: bool
     amplitude: float | Literal["auto"]
 
 
-class SinusoidSteps(Call, total=False):
+class SinusoidSteps(_Law, total=False):
     """Keys of `[method.sinusoid_steps]`."""
 
-    criterion: Literal["peak", "margin"]
-    allow_singular: bool
     amplitude: float | list[float] | Literal["auto"]
     shares: list[float] | None
 

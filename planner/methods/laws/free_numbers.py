@@ -21,7 +21,12 @@ from planner.methods.refusal import BY_COLLOCATION
 from planner.plan.trajectory import ChainedTrajectory
 from planner.problem.feasibility import travel_window
 from planner.problem.problem import Problem
-from planner.problem.tables.method_options import LegOptions, SinusoidOptions, SinusoidStepsOptions
+from planner.problem.tables.method_options import (
+    LegOptions,
+    SinusoidOptions,
+    SinusoidStepsOptions,
+    TravelOptions,
+)
 from planner.support.arrays import Array
 
 Make = Callable[[float], ChainedTrajectory | None]
@@ -46,7 +51,7 @@ class Choice:
     ranges: tuple[tuple[float, float], ...]
 
 
-def travel_of(problem: Problem, make: Make, options: LegOptions) -> Choice:
+def travel_of(problem: Problem, make: Make, options: TravelOptions) -> Choice:
     """The problem's travel where it is given, otherwise the one chosen by the options.
 
     Raises:

@@ -229,7 +229,8 @@ def _forward(system: Manipulator, start: Array, goal: Array) -> TravelWindow:
     if n == 2:
         return TravelWindow(float((goal[1] - start[1]) / K[0]), np.inf, True)
     a, b = float(start[n - 2]), float(goal[n - 2])
-    fast, slow = _cos3_range(a, b)
+    ends = np.cos([a, b]) ** 3  # rates of the last joint at both ends; between them up to 1
+    fast, slow = 1.0 if a <= 0 <= b else float(ends.max()), float(ends.min())
     last = float(goal[-1] - start[-1])
     if n > 3:
         return TravelWindow(last / (K[-1] * fast), last / (K[-1] * slow), False)
@@ -243,12 +244,6 @@ def _forward(system: Manipulator, start: Array, goal: Array) -> TravelWindow:
         )
     base = (b - a) / K[0]
     return TravelWindow(base + spare / (K[1] * fast), base + spare / (K[1] * slow), True)
-
-
-def _cos3_range(a: float, b: float) -> tuple[float, float]:
-    ends = np.cos([a, b]) ** 3
-    fast = 1.0 if a <= 0 <= b else float(ends.max())
-    return fast, float(ends.min())
 
 
 def _sine_integral(angle: float) -> float:

@@ -266,14 +266,10 @@ def nonholonomy(problem: Problem) -> Nonholonomy:
 
 
 def _place(system: TriangularSystem, name: str, q: Array) -> Place:
+    # As deep as full rank needs (None), unless that could be very deep.
+    flat = int(np.sum(np.abs(q[1:-1]) < 1e-12))
+    depth = DEEPEST if system.size - 1 + flat > DEEPEST else None
     try:
-        return Place(name, controllability(system, q, _depth(system, q)))
+        return Place(name, controllability(system, q, depth))
     except InputError:
         return Place(name, None)
-
-
-def _depth(system: TriangularSystem, q: Array) -> int | None:
-    """As deep as full rank needs, unless that could be very deep."""
-    angles = q[1:-1]
-    flat = int(np.sum(np.abs(angles) < 1e-12))
-    return DEEPEST if system.size - 1 + flat > DEEPEST else None

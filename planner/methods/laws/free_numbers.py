@@ -270,7 +270,9 @@ def choose_swing(
     Raises:
         InfeasibleError: If the travel is free and no one-way motion exists.
     """
-    given = _given_amplitude(options)
+    given: float | None = None
+    if options.amplitude != "auto":
+        given = 1.0 if isinstance(options.amplitude, list) else float(options.amplitude)
     if problem.travel is not None and given is not None:
         return Swing(problem.travel, given), {}
 
@@ -292,12 +294,6 @@ def choose_swing(
     found = search(problem, attempt, grid, sizes, options.criterion, starts=3)
     notes = {"auto_motions_tried": found.tried, "auto_found_inside": found.inside}
     return read(found.x), notes
-
-
-def _given_amplitude(options: SinusoidOptions | SinusoidStepsOptions) -> float | None:
-    if options.amplitude == "auto":
-        return None
-    return 1.0 if isinstance(options.amplitude, list) else float(options.amplitude)
 
 
 def _grid(problem: Problem, given: float | None) -> tuple[Array, Array]:

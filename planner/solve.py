@@ -8,15 +8,14 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from planner.errors import InputError, NoPlanError, TimeLimitError, VerificationError
-from planner.methods import typed_options
 from planner.methods.keeping import not_promised, refuse_unkept
 from planner.methods.refusal import BY_COLLOCATION, Change, advise, asked_instead, lasting
-from planner.methods.registry import METHODS, Method, find_method, merged_options
+from planner.methods.registry import METHODS, Method, find_method, merged_options, typed
 from planner.plan.plan import Plan, expect_plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
@@ -32,66 +31,7 @@ if TYPE_CHECKING:
     from planner.machine.machine import Machine
 
 
-@overload
-def solve(
-    problem: Problem,
-    method: Literal["collocation"] = ...,
-    **options: Unpack[typed_options.Collocation],
-) -> Plan: ...
-
-
-@overload
-def solve(
-    problem: Problem,
-    method: Literal["polynomial"],
-    **options: Unpack[typed_options.Polynomial],
-) -> Plan: ...
-
-
-@overload
-def solve(
-    problem: Problem,
-    method: Literal["piecewise"],
-    **options: Unpack[typed_options.Piecewise],
-) -> Plan: ...
-
-
-@overload
-def solve(
-    problem: Problem,
-    method: Literal["sinusoid"],
-    **options: Unpack[typed_options.Sinusoid],
-) -> Plan: ...
-
-
-@overload
-def solve(
-    problem: Problem,
-    method: Literal["sinusoid_steps"],
-    **options: Unpack[typed_options.SinusoidSteps],
-) -> Plan: ...
-
-
-@overload
-def solve(
-    problem: Problem,
-    method: Literal["convex"],
-    **options: Unpack[typed_options.Convex],
-) -> Plan: ...
-
-
-@overload
-def solve(
-    problem: Problem,
-    method: Literal["desensitised"],
-    **options: Unpack[typed_options.Desensitised],
-) -> Plan: ...
-
-
-@overload
-def solve(problem: Problem, method: str = ..., **options: Any) -> Plan: ...
-
-
+@typed
 def solve(
     problem: Problem,
     method: str = "collocation",

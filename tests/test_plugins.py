@@ -20,6 +20,7 @@ import pytest
 
 import planner
 from planner.cli.app import main
+from planner.cli.start import problem_text
 from planner.errors import InputError
 from planner.explorer.controls import limit_controls
 from planner.explorer.state import State
@@ -37,6 +38,7 @@ from planner.systems.vehicles import Unicycle
 ROOT = Path(__file__).parents[1]
 PACKAGE = Path(__file__).parent / "plugin"
 KEY, PRODUCT = "limits.input_product", "product of the inputs"
+PRODUCT_WORDS = "largest |u1 u2|, in the product of the inputs' units"
 
 
 @contextmanager
@@ -196,6 +198,12 @@ def test_its_limit_is_a_key_of_every_file(problem_file: Path) -> None:
     schema = json_schema()["$defs"]
     for table in ("CarLimits", "LimitsTable", "CustomLimits"):
         assert "Largest |u1 u2|" in schema[table]["properties"]["input_product"]["description"]
+    for kind in FILES:
+        brief = problem_text(kind, brief=True)
+        (row,) = (line for line in brief.splitlines() if "input_product" in line)
+        assert row.split("# ") == ["#input_product = 0.2".ljust(29), PRODUCT_WORDS]
+        limited = tomllib.loads(brief.replace("#input_product", "input_product"))["limits"]
+        assert limited["input_product"] == 0.2
     state = State(planner.load_problem(problem_file, {KEY: 0.5}))
     (slider,) = (c for c in limit_controls(state, state.base) if c.key == KEY)
     assert (slider.label, slider.shown) == ("input product", 0.5)

@@ -4,9 +4,9 @@
 
 A commented problem file for each kind of system.
 
-What every problem says stands in heads/KIND.toml, or comes with a registered kind. The options of
-the methods and the settings of the machine come from the tables that read them, so that the file
-names every key there is.
+The problem itself is the `example` of its kind's tables. All further limits, the options of the
+methods and the settings of the machine come from the tables that read them, so that the file names
+every key there is.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ import re
 import textwrap
 import tomllib
 from collections.abc import Callable, Mapping
-from importlib.resources import files
 from operator import itemgetter
 from pathlib import Path
 from typing import Annotated, Any
@@ -30,7 +29,7 @@ from planner.machine.machine import Machine
 from planner.methods.registry import all_methods
 from planner.plan.plan_file import plan_schema
 from planner.problem.tables.arms import MOST_JOINTS, ArmFile
-from planner.problem.tables.kinds import all_files, json_schema
+from planner.problem.tables.kinds import all_files, json_schema, limits_of, parse_file
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.problem_file import CompensationTable, FeedbackTable, ProblemFile
 from planner.support.files import refuse_unwritable, toml, write_text
@@ -191,11 +190,13 @@ def problem_text(
     kinds = all_files()
     if kind not in kinds:
         raise InputError(f"no system '{kind}'; {nearest(kind, list(kinds))}")
-    shipped = files("planner.cli").joinpath(f"heads/{kind}.toml")
-    head = kinds[kind].example or shipped.read_text(encoding="utf-8")
+    file = kinds[kind]
+    last = parse_file(tomllib.loads(file.example), kind).build_system().coordinates[-1]
+    head = _with_limits(f"{file.example.strip()}\n", limits_of(file))
+    head += file.places.replace("COORDINATE", last.name)
     if joints is not None:
-        head = _with_joints(head, kind, kinds[kind], joints)
-    parts = [f"{_LEGEND}{head.strip()}\n"]
+        head = _with_joints(head, kind, file, joints)
+    parts = [f"{_LEGEND}{head}"]
     if brief:
         about = "Methods, feedback and the emulated machine have keys too: planner new OTHER"
         return f"{parts[0]}\n{_prose(f'{about} --system {kind}')}"
@@ -240,6 +241,22 @@ def _with_joints(head: str, kind: str, file: type[ProblemFile], joints: int) -> 
     if joints > shipped:
         text = re.sub(r"(?m)^(travel|duration) = [\w.]+ ", r'\1 = "free" ', text)
     return re.sub(r"(?m)^(\S.*?) +(# .*)$", lambda row: f"{row[1]:<28} {row[2]}", text)
+
+
+def _with_limits(head: str, table: type[BaseModel]) -> str:
+    """The head with the limits that it does not name, as comments at the end of its `[limits]`."""
+    if not (found := re.search(r"(?m)^\[limits\].*\n(?:(?!\[).+\n)*", head)):
+        return _with_limits(f"{head}\n[limits]\n", table)
+    rows = []
+    for key, field in table.model_fields.items():
+        if re.search(rf"(?m)^#? ?{key} =", found[0]):
+            continue
+        about, shown = field.description or "", f"# {key}: not set"
+        if field.examples:
+            shown = f"#{key} = {toml(field.examples[0])}"
+        row = f"{shown:<28} # {about[:1].lower()}{about[1:].rstrip('.')}"
+        rows.append(f"{row}\n" if len(row) <= WIDTH else f"{_prose(about)}{shown}\n")
+    return head[: found.end()] + "".join(rows) + head[found.end() :]
 
 
 def _defaults(table: type[BaseModel]) -> Mapping[str, Any]:

@@ -26,16 +26,8 @@ from planner.machine.feedforward.aim import compensable
 from planner.machine.machine import Machine, machine_for, sample_numbers
 from planner.machine.replay import RECORD_S
 from planner.machine.replay import replay as run_replay
-from planner.methods.registry import (
-    ALL,
-    COMPENSATED,
-    METHODS,
-    Spec,
-    find_method,
-    merged_options,
-    parse_specs,
-)
-from planner.plan.measures import effort, peak_inputs
+from planner.methods.registry import ALL, METHODS, find_method, merged_options
+from planner.methods.spec import COMPENSATED, Spec, parse_specs
 from planner.plan.plan import Plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
@@ -43,9 +35,6 @@ from planner.solve import compensated, solve_and_check
 from planner.support.deadline import TimeUpError, limited
 from planner.support.statistics import THRESHOLD_DEG, percentile_interval
 from planner.verification.verify import Check, verify
-
-OTHER_WAY_DEG = 2.0
-"""A nominal machine that is further from its plan than machines differ has taken another way."""
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and the share of all work that is done, 0 … 1."""
@@ -278,34 +267,8 @@ def planned(
             row = Row(spec.label, spec.method, False, why)
             return replace(row, took_s=took, advice=advice)
         plan, check = replace(kept[0], status=error.status, verified=False), kept[1]
-    return replace(_measured(spec, plan, check, why), took_s=took, advice=advice)
-
-
-def _measured(spec: Spec, plan: Plan, check: Check, why: str) -> Row:
-    errors = np.abs(check.terminal_error_deg)
-    row = Row(
-        label=spec.label,
-        method=spec.method,
-        solved=plan.verified,
-        why=why,
-        plan=plan,
-        travel_rad=plan.travel,
-        duration_s=plan.duration,
-        domain_margin=plan.domain.margin,
-        domain_ok=plan.domain.ok,
-        terminal_error_deg=float(np.max(errors)) if errors.size else np.nan,
-        solve_time_s=plan.solve_time_s,
-        build_time_s=plan.build_time_s,
-    )
-    if not plan.executable:
-        return row
-    peaks = peak_inputs(plan.trajectory)
-    away = plan.notes["compensation"]["path_rad"] if plan.compensates else 0.0
-    if np.rad2deg(away) > OTHER_WAY_DEG:
-        row = replace(
-            row, note=f"takes another path, up to {np.rad2deg(away):.3g} deg from the original plan"
-        )
-    return replace(row, effort=effort(plan.trajectory), peak_u=(float(peaks[0]), float(peaks[1])))
+    row = Row.of(spec.label, spec.method, plan, check, why)
+    return replace(row, took_s=took, advice=advice)
 
 
 def _complete(error: NoPlanError) -> tuple[Plan, Check] | None:

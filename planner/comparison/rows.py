@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
 from planner.machine.replay import Replay
+from planner.plan.measures import effort, peak_inputs
 from planner.plan.plan import Plan
 from planner.support.arrays import jsonable
 from planner.support.tables import Column, digits
 from planner.systems.triangular_system import TriangularSystem
+from planner.verification.verify import Check
 
 FEEDBACK = " + feedback"
 """Ends the label of a row with feedback."""
+
+OTHER_WAY_DEG = 2.0
+"""A nominal machine that is further from its plan than machines differ has taken another way."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +84,44 @@ class Row:
     feedback: bool = False
     note: str = ""
     advice: str = ""
+
+    @classmethod
+    def of(cls, label: str, method: str, plan: Plan, check: Check, why: str = "") -> Row:
+        """What is known of a plan before it is replayed.
+
+        Args:
+            label: The method with its options.
+            method: Name of the method.
+            plan: The plan.
+            check: Its verification.
+            why: Reason of the refusal, or what ended the search early.
+        """
+        errors = np.abs(check.terminal_error_deg)
+        row = cls(
+            label,
+            method,
+            plan.verified,
+            why,
+            plan,
+            travel_rad=plan.travel,
+            duration_s=plan.duration,
+            domain_margin=plan.domain.margin,
+            domain_ok=plan.domain.ok,
+            terminal_error_deg=float(np.max(errors)) if errors.size else np.nan,
+            solve_time_s=plan.solve_time_s,
+            build_time_s=plan.build_time_s,
+        )
+        if not plan.executable:
+            return row
+        first, second = peak_inputs(plan.trajectory).tolist()
+        away = np.rad2deg(plan.notes["compensation"]["path_rad"]) if plan.compensates else 0.0
+        other = f"takes another path, up to {away:.3g} deg from the original plan"
+        return replace(
+            row,
+            effort=effort(plan.trajectory),
+            peak_u=(first, second),
+            note=other if away > OTHER_WAY_DEG else "",
+        )
 
     def __repr__(self) -> str:
         state = "solved" if self.solved else f"refused, {self.why}"

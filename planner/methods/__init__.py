@@ -1,6 +1,6 @@
 """The methods that make plans.
 
 In this order: `registry` (which there are, how one comes in), `keeping` (what each promises to
-keep), `typed_options` (their options for editors), `refusal` (how they say no, and which changes
-would help), `laws` (closed form), `convex`, `collocation`, `desensitised`.
+keep), `spec` (a method with options as text), `refusal` (how they say no, and which changes would
+help), `laws` (closed form), `convex`, `collocation`, `desensitised`.
 """

@@ -1,16 +1,11 @@
-"""The methods that make plans: one file each, one registry, and how a new one comes in.
-
-Methods with options in one line of text, as in `polynomial:travel=middle` or
-`collocation compensated`.
-"""
+"""Which methods there are: entries, their options as keywords, and how a new one comes in."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import Any, Literal, Protocol, TypedDict, Unpack, cast, overload
 
 from planner.errors import InputError
 from planner.methods import keeping
@@ -27,7 +22,7 @@ from planner.problem.tables.method_options import (
     SinusoidStepsOptions,
 )
 from planner.support.arrays import plain
-from planner.support.files import parse_toml
+from planner.support.progress import Listener
 from planner.support.tables import brief, line
 from planner.support.user_tables import Table, nearest, parse
 
@@ -138,11 +133,174 @@ _ALL = (
     ),
 )
 
+# -- their options as keywords -------------------------------------------------------------------
+# For editors and type checkers. The tables in planner/problem/tables/method_options.py check them,
+# and hold meaning and ranges; a test compares both. A method that is registered from outside has
+# its options checked all the same.
+
+
+class Call(TypedDict, total=False):
+    """Keywords of `solve` that every method takes."""
+
+    warm: Plan | None
+    time_limit_s: float | None
+    progress: Listener | None
+
+
+class _Law(Call, total=False):
+    """Keys of every closed form."""
+
+    criterion: Literal["peak", "margin"]
+    allow_singular: bool
+
+
+class _Legs(_Law, total=False):
+    """Keys of closed forms that go in one or two legs."""
+
+    travel: Literal["auto", "middle"]
+    offset: float | Literal["auto", "mean"]
+
+
+class Polynomial(_Legs, total=False):
+    """Keys of `[method.polynomial]`."""
+
+    points: list[list[float]] | Literal["auto"]
+
+
+class Piecewise(_Legs, total=False):
+    """Keys of `[method.piecewise]`."""
+
+    slots: int | None
+
+
+class Sinusoid(_Law, total=False):
+    """Keys of `[method.sinusoid]`."""
+
+    amplitude: float | Literal["auto"]
+
+
+class SinusoidSteps(_Law, total=False):
+    """Keys of `[method.sinusoid_steps]`."""
+
+    amplitude: float | list[float] | Literal["auto"]
+    shares: list[float] | None
+
+
+class Collocation(Call, total=False):
+    """Keys of `[method.collocation]`."""
+
+    intervals: int | Literal["auto"]
+    degree: int
+    scheme: Literal["radau", "legendre"]
+    input: Literal["auto", "linear", "constant"]
+    rest: bool
+    objective: Literal["auto", "effort", "smooth", "edge", "time", "mixed"]
+    effort_weight: float
+    smoothness_weight: float
+    edge_weight: float
+    start: Literal["auto", "straight", "polynomial", "convex", "bump", "reverse", "wander"]
+    starts: int
+    variations: int
+    attempts: int
+    accuracy: float
+    refinements: int
+    solver: Literal["auto", "fatrop", "ipopt"]
+    compile: bool
+    tolerance: float
+    max_iterations: int
+
+
+class Convex(Call, total=False):
+    """Keys of `[method.convex]`."""
+
+    objective: Literal["smooth", "peak"]
+    pieces: int
+    input: Literal["auto", "constant", "linear"]
+    travel: Literal["auto", "middle"]
+    scan: int
+    edge: float
+    solver: Literal["auto", "osqp"]
+    max_cuts: int
+
+
+class Desensitised(Call, total=False):
+    """Keys of `[method.desensitised]`."""
+
+    passive: float
+    terminal: float
+    path: float
+    effort: float
+    time: float
+    effort_limit: float | None
+    gain: float | list[float]
+    bias: float | list[float]
+    delay_s: float | list[float]
+    stretch: float | list[float]
+    start_deg: float | list[float]
+    start_m: float | list[float]
+    gear: float | list[float]
+    backoff: float
+    reversal: bool
+    starts: int
+    intervals: int
+    input: Literal["auto", "constant", "linear"]
+    rest: bool
+    accuracy: float
+    tolerance: float
+    max_iterations: int
+
+
+class Solve(Protocol):
+    """`planner.solve`, with the keywords of the method that is named."""
+
+    @overload
+    def __call__(
+        self, problem: Problem, method: Literal["collocation"] = ..., **options: Unpack[Collocation]
+    ) -> Plan: ...
+
+    @overload
+    def __call__(
+        self, problem: Problem, method: Literal["polynomial"], **options: Unpack[Polynomial]
+    ) -> Plan: ...
+
+    @overload
+    def __call__(
+        self, problem: Problem, method: Literal["piecewise"], **options: Unpack[Piecewise]
+    ) -> Plan: ...
+
+    @overload
+    def __call__(
+        self, problem: Problem, method: Literal["sinusoid"], **options: Unpack[Sinusoid]
+    ) -> Plan: ...
+
+    @overload
+    def __call__(
+        self, problem: Problem, method: Literal["sinusoid_steps"], **options: Unpack[SinusoidSteps]
+    ) -> Plan: ...
+
+    @overload
+    def __call__(
+        self, problem: Problem, method: Literal["convex"], **options: Unpack[Convex]
+    ) -> Plan: ...
+
+    @overload
+    def __call__(
+        self, problem: Problem, method: Literal["desensitised"], **options: Unpack[Desensitised]
+    ) -> Plan: ...
+
+    @overload
+    def __call__(self, problem: Problem, method: str = ..., **options: Any) -> Plan: ...
+
+
+def typed(solve: Callable[..., Plan]) -> Solve:
+    """The function itself, which takes those keywords."""
+    return cast("Solve", solve)
+
+
+# -- the registry --------------------------------------------------------------------------------
+
 METHODS = {method.name: method for method in _ALL}
 """By name. What plugins register is in it once the first problem is read."""
-
-COMPENSATED = "compensated"
-"""After the name of a method: its plan compensated for the machine."""
 
 ALL = "all"
 """In place of methods: every one there is."""
@@ -247,110 +405,3 @@ def merged_options(problem: Problem, method: Method, options: dict[str, Any]) ->
         return table
     own = {} if table is None else table.model_dump(exclude_unset=True)
     return parse(method.options, {**own, **plain(options)}, f"options of method '{method.name}'")
-
-
-@dataclass(frozen=True)
-class Spec:
-    """A method and what to change in its options.
-
-    Attributes:
-        label: The text it was read from; names it in tables and figures.
-        method: Name of the method.
-        options: Options that override the problem's table of that method.
-        compensated: Whether its plan is compensated for the machine.
-    """
-
-    label: str
-    method: str
-    options: Mapping[str, Any]
-    compensated: bool = False
-
-
-def parse_spec(text: str) -> Spec:
-    """Read `method` or `method:key=value:key=value`, or either with `compensated` after the method.
-
-    Values are TOML values; a plain word may go without quotes.
-
-    Raises:
-        InputError: If the method is unknown (names the nearest) or an option is not `key=value`.
-    """
-    name, *settings = (part.strip() for part in _split(text, ":"))
-    first, _, word = name.partition(" ")
-    compensated = word.strip() == COMPENSATED
-    if compensated:
-        name = first
-    find_method(name)
-    options: dict[str, Any] = {}
-    for setting in settings:
-        key, equals, value = setting.partition("=")
-        key = key.strip()
-        if not equals or not key or not value.strip():
-            raise InputError(
-                f"'{text}': option '{setting}' is not key=value; write for example"
-                f" '{name}:key=value'"
-            )
-        if key in options:
-            raise InputError(f"'{text}': option '{key}' is given twice")
-        options[key] = _value(text, key, value.strip())
-    return Spec(line(text).strip(), name, options, compensated)
-
-
-def parse_specs(problem: Problem, specs: str | Sequence[str]) -> list[Spec]:
-    """Read several specs and check their options, before any of them is run.
-
-    Args:
-        problem: Supplies the option tables that the specs override.
-        specs: A list, or one text with commas between (outside brackets and quotes).
-
-    Raises:
-        InputError: If there is none, one is wrong, or two are the same.
-    """
-    texts = list(_split(specs, ",")) if isinstance(specs, str) else specs
-    if not isinstance(texts, Iterable) or not all(isinstance(text, str) for text in texts):
-        raise InputError(
-            f"methods = {brief(repr(specs))}: give a list of names, for example ['polynomial',"
-            " 'collocation']"
-        )
-    parsed = [parse_spec(text) for text in texts]
-    if not parsed:
-        raise InputError("no method named; give at least one, for example 'collocation'")
-    labels = [spec.label for spec in parsed]
-    for label in labels:
-        if labels.count(label) > 1:
-            raise InputError(f"'{label}' is named twice; give each method and its options once")
-    for spec in parsed:
-        merged_options(problem, find_method(spec.method), dict(spec.options))
-    return parsed
-
-
-def _value(text: str, key: str, value: str) -> Any:
-    try:
-        table = parse_toml(f"value = {value}")
-    except ValueError:
-        table = {}
-    if table.keys() == {"value"}:
-        return table["value"]
-    if re.fullmatch(r"[A-Za-z][\w.+-]*", value):
-        return value
-    raise InputError(
-        f"'{text}': option '{key}' = {value} is not a value; write a number, true, false, a"
-        " word, or a list such as [[5.0, -0.2]]"
-    )
-
-
-def _split(text: str, separator: str) -> Iterator[str]:
-    """Split at a separator outside brackets and quotes."""
-    depth, quote, start = 0, "", 0
-    for k, character in enumerate(text):
-        if quote:
-            quote = "" if character == quote else quote
-        elif character in "'\"":
-            quote = character
-        elif character in "[{(":
-            depth += 1
-        elif character in ")}]":
-            depth -= 1
-        elif character == separator and depth == 0:
-            yield text[start:k]
-            start = k + 1
-    yield text[start:]

@@ -229,7 +229,7 @@ def _forward(system: Manipulator, start: Array, goal: Array) -> TravelWindow:
     if n == 2:
         return TravelWindow(float((goal[1] - start[1]) / K[0]), np.inf, True)
     a, b = float(start[n - 2]), float(goal[n - 2])
-    ends = np.cos([a, b]) ** 3
+    ends = np.cos([a, b]) ** 3  # rates of the last joint at both ends; between them up to 1
     fast, slow = 1.0 if a <= 0 <= b else float(ends.max()), float(ends.min())
     last = float(goal[-1] - start[-1])
     if n > 3:

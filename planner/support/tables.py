@@ -79,6 +79,11 @@ class Column(Generic[R]):
         """Title and unit in one line."""
         return f"{self.title} ({self.unit})" if self.unit else self.title
 
+    @property
+    def name(self) -> str:
+        """Its name in files."""
+        return self.key or re.sub(r"\W+", "_", f"{self.title} {self.unit}").strip("_")
+
     def text(self, row: R) -> str:
         """Text of a row's cell."""
         assert self.shown is not None
@@ -178,8 +183,8 @@ def _marked(text: str, code: bool) -> str:
 def csv_table(columns: Iterable[Column[R]], rows: Iterable[R]) -> str:
     """CSV in full precision, empty where a number is not defined."""
     kept = [column for column in columns if column.key != ""]
-    names = [c.key or re.sub(r"\W+", "_", f"{c.title} {c.unit}").strip("_") for c in kept]
-    return csv_text([names, *([jsonable(c.value(row)) for c in kept] for row in rows)])
+    lines = ([jsonable(c.value(row)) for c in kept] for row in rows)
+    return csv_text([[c.name for c in kept], *lines])
 
 
 def html_table(

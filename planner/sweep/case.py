@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from planner.comparison import rows
 from planner.errors import InputError, NoPlanError, SingularError, VerificationError
 from planner.machine.contact_load import contact_load
 from planner.machine.machine import Machine
 from planner.machine.replay import RECORD_S, replay
-from planner.methods.registry import Spec, find_method
-from planner.plan.measures import effort, peak_inputs
+from planner.methods.registry import find_method
+from planner.methods.spec import Spec
 from planner.plan.plan import Plan
 from planner.problem.asked import with_changes
 from planner.problem.problem import Problem
@@ -227,21 +228,11 @@ def _on_the_machine(plan: Plan, samples: int, seed: int) -> Row:
 
 
 def _figures(plan: Plan, check: Check) -> Row:
-    errors = np.abs(check.terminal_error_deg)
-    peaks = peak_inputs(plan.trajectory) if plan.executable else (None, None)
-    return {
-        "travel_rad": plan.travel,
-        "duration_s": plan.duration,
-        "effort": effort(plan.trajectory) if plan.executable else None,
-        "peak_u1_rad_s": peaks[0],
-        "peak_u2_rad_s": peaks[1],
-        "domain_margin": plan.domain.margin,
-        "terminal_error_deg": np.max(errors) if errors.size else None,
-        "objective": plan.objective,
-        "iterations": plan.iterations,
-        "solve_time_s": plan.solve_time_s,
-        "build_time_s": plan.build_time_s,
-    }
+    """What a comparison says of the plan, as far as it is kept here, and what only a sweep asks."""
+    known = rows.Row.of(plan.method, plan.method, plan, check)
+    columns = rows.columns(plan.problem.system)
+    told = {c.name: c.value(known) for c in columns if RESULTS.get(c.name) == "REAL"}
+    return {**told, "objective": plan.objective, "iterations": plan.iterations}
 
 
 @lru_cache(maxsize=1)

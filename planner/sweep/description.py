@@ -15,7 +15,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from planner.errors import InputError
-from planner.methods.registry import Spec, parse_specs
+from planner.methods.spec import Spec, parse_specs
 from planner.problem.asked import with_changes
 from planner.problem.problem import Problem, load_problem
 from planner.problem.tables.kinds import FILES, parse_file

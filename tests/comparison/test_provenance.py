@@ -62,7 +62,7 @@ def test_changes_become_settings_that_give_the_problem_back() -> None:
         "method.polynomial.allow_singular": True,
     }
     problem = planner.load_problem(PAPER, changed)
-    from planner.methods.registry import _value
+    from planner.methods.spec import _value
 
     given = {
         key: _value("", key, value)
@@ -82,7 +82,7 @@ def test_another_machine_becomes_settings_too() -> None:
 def test_the_spread_of_a_machine_survives() -> None:
     problem = planner.load_problem(PAPER, {"machine.backlash_deg": {"value": 0.5, "spread": 0.1}})
     settings = changes(words(command(empty(problem))))
-    from planner.methods.registry import _value
+    from planner.methods.spec import _value
 
     given = {k: _value("", k, v) for k, _, v in (s.partition("=") for s in settings)}
     assert planner.load_problem(PAPER, given) == problem

@@ -19,13 +19,18 @@ from typing import (
 import pytest
 
 import planner
-from planner.methods import typed_options
-from planner.methods.registry import METHODS
+from planner.methods import registry
+from planner.methods.registry import METHODS, Call, Solve
 from planner.solve import solve
+
+CALL: Any = types.SimpleNamespace(
+    __module__=Solve.__module__, __qualname__=f"{Solve.__name__}.__call__"
+)
+"""Under this name Python keeps the forms of the call."""
 
 DECLARED = {
     get_args(hint)[0]: overload
-    for overload in get_overloads(solve)
+    for overload in get_overloads(CALL)
     if get_origin(hint := get_type_hints(overload, include_extras=True)["method"]) is Literal
 }
 """By the method's name: the form of `solve` that takes it."""
@@ -54,20 +59,24 @@ def test_keys_and_types_are_those_of_the_table(name: str) -> None:
     assert not typed.__required_keys__
     fields = METHODS[name].options.model_fields
     wanted = {key: bare(field.annotation) for key, field in fields.items() if key not in OWN}
-    assert get_type_hints(typed) == get_type_hints(typed_options.Call) | wanted
+    assert get_type_hints(typed) == get_type_hints(Call) | wanted
 
 
 def test_every_form_has_the_arguments_of_solve_and_one_takes_any_name() -> None:
-    *_, last = forms = get_overloads(solve)
+    *_, last = forms = get_overloads(CALL)
     assert tuple(sorted(DECLARED)) == tuple(sorted(NAMES))
     assert len(forms) == len(NAMES) + 1
     assert get_type_hints(last)["method"] is str
     hints = get_type_hints(solve)
-    call = get_type_hints(typed_options.Call)
+    call = get_type_hints(Call)
     assert call == {key: hints[key] for key in call}
     for form in forms:
-        assert inspect.signature(form).parameters.keys() | call.keys() == OWN
-    assert sum(map(is_typeddict, vars(typed_options).values())) == len(NAMES) + 1
+        own = inspect.signature(form).parameters.keys() - {"self"}
+        assert own | call.keys() == OWN
+    assert (
+        sum(is_typeddict(each) for name, each in vars(registry).items() if name[0] != "_")
+        == len(NAMES) + 1
+    )
     first = inspect.signature(forms[0]).parameters["method"]
     assert first.default is not inspect.Parameter.empty  # what is meant where no method is named
     assert "collocation" in str(first.annotation)

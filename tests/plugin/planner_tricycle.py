@@ -17,7 +17,7 @@ from planner.methods.laws.law import Ends, finish, summary, trajectory_of
 from planner.methods.laws.legs import Leg, LegMotion, steer
 from planner.plan.trajectory import ChainedTrajectory
 from planner.problem.requirements.requirement import At, Part, Requirement
-from planner.problem.tables.method_options import LegOptions
+from planner.problem.tables.method_options import TravelOptions
 from planner.problem.tables.problem_file import bound_deg
 from planner.problem.tables.vehicles import CarGoal, CarLimits, CarStart, VehicleFile
 from planner.support.arrays import Array
@@ -122,7 +122,7 @@ steering_deg = 60
 # -- the method --------------------------------------------------------------------------------
 
 
-class TwoSpeedsOptions(LegOptions):
+class TwoSpeedsOptions(TravelOptions):
     """Options of `two_speeds`."""
 
     first: Annotated[float, Field(gt=0, lt=1)] = Field(
@@ -162,7 +162,7 @@ class InputProduct(Requirement):
     most: float
 
     key, reads, speed = "input_product", frozenset({"u"}), 2
-    table = Positive, "Largest |u1 u2|, in the product of the inputs' units."
+    table = Positive, "Largest |u1 u2|, in the product of the inputs' units.", 0.2
 
     @property
     def parts(self) -> tuple[Part, ...]:

@@ -10,6 +10,7 @@ import pytest
 
 import planner
 from planner.problem.tables.arms import JointGoal, JointStart, LimitsTable, ManipulatorTable
+from planner.problem.tables.kinds import REQUIREMENTS
 from planner.systems.manipulator import prototype_ratios
 
 Problem = planner.Problem
@@ -72,5 +73,6 @@ def test_what_a_file_may_not_say_is_refused_here(changed: dict[str, Any], words:
 def test_it_has_an_argument_for_each_key_of_system_and_limits() -> None:
     keys = {*ManipulatorTable.model_fields, *LimitsTable.model_fields, *JointGoal.model_fields}
     keys -= {"kind", "joints", "k_g_rule", "theta_deg"}
+    keys -= REQUIREMENTS.keys()  # limits of all kinds of systems: by changes
     assert set(JointStart.model_fields) == {"theta_deg", "phi_rad"}  # start_deg; phi_rad by changes
     assert keys <= set(inspect.signature(Problem.manipulator).parameters)

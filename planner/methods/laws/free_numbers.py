@@ -21,7 +21,12 @@ from planner.methods.refusal import BY_COLLOCATION
 from planner.plan.trajectory import ChainedTrajectory
 from planner.problem.feasibility import travel_window
 from planner.problem.problem import Problem
-from planner.problem.tables.method_options import LegOptions, SinusoidOptions, SinusoidStepsOptions
+from planner.problem.tables.method_options import (
+    LegOptions,
+    SinusoidOptions,
+    SinusoidStepsOptions,
+    TravelOptions,
+)
 from planner.support.arrays import Array
 
 Make = Callable[[float], ChainedTrajectory | None]
@@ -46,7 +51,7 @@ class Choice:
     ranges: tuple[tuple[float, float], ...]
 
 
-def travel_of(problem: Problem, make: Make, options: LegOptions) -> Choice:
+def travel_of(problem: Problem, make: Make, options: TravelOptions) -> Choice:
     """The problem's travel where it is given, otherwise the one chosen by the options.
 
     Raises:
@@ -265,7 +270,9 @@ def choose_swing(
     Raises:
         InfeasibleError: If the travel is free and no one-way motion exists.
     """
-    given = _given_amplitude(options)
+    given: float | None = None
+    if options.amplitude != "auto":
+        given = 1.0 if isinstance(options.amplitude, list) else float(options.amplitude)
     if problem.travel is not None and given is not None:
         return Swing(problem.travel, given), {}
 
@@ -287,12 +294,6 @@ def choose_swing(
     found = search(problem, attempt, grid, sizes, options.criterion, starts=3)
     notes = {"auto_motions_tried": found.tried, "auto_found_inside": found.inside}
     return read(found.x), notes
-
-
-def _given_amplitude(options: SinusoidOptions | SinusoidStepsOptions) -> float | None:
-    if options.amplitude == "auto":
-        return None
-    return 1.0 if isinstance(options.amplitude, list) else float(options.amplitude)
 
 
 def _grid(problem: Problem, given: float | None) -> tuple[Array, Array]:

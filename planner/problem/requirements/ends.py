@@ -109,13 +109,9 @@ class TipGoal(Requirement):
         assert isinstance(tip, TipGoal)
         reached = {part.label: violation.value for _, part, violation in broken}
         at = [reached.get(part.label, part.low) for part in tip.parts]
-        return " and ".join(tip_keys(tip.asked, at))
-
-
-def tip_keys(asked: Sequence[str], at: Sequence[float]) -> list[str]:
-    """The keys of a problem file that require this tip pose."""
-    keys = [f"goal.tip_m = [{at[0]:.4g}, {at[1]:.4g}]"] if "x" in asked else []
-    return keys + [f"goal.tip_angle_deg = {np.rad2deg(at[-1]):.4g}"] * ("angle" in asked)
+        keys = [f"goal.tip_m = [{at[0]:.4g}, {at[1]:.4g}]"] if "x" in tip.asked else []
+        keys += [f"goal.tip_angle_deg = {np.rad2deg(at[-1]):.4g}"] * ("angle" in tip.asked)
+        return " and ".join(keys)
 
 
 @dataclass(frozen=True)

@@ -128,7 +128,7 @@ class Requirement(Demand):
         smooth: Whether its values have derivatives everywhere; where not, its parts have no high.
         final: Whether it holds at the end alone; then it reads "q" and is smooth.
         key: Its key in the `[limits]` table, for a kind that all systems know.
-        table: Type and description of that key's value.
+        table: Type and description of that key's value; perhaps an example, for `planner new`.
     """
 
     reads: ClassVar[frozenset[str]]
@@ -138,7 +138,7 @@ class Requirement(Demand):
     smooth: ClassVar[bool] = True
     final: ClassVar[bool] = False
     key: ClassVar[str] = ""
-    table: ClassVar[tuple[Any, str] | None] = None
+    table: ClassVar[tuple[Any, str] | tuple[Any, str, Any] | None] = None
 
     @classmethod
     def of(cls, value: Any, system: TriangularSystem) -> Self:

@@ -16,6 +16,7 @@ from pydantic import Field, field_validator, model_validator
 from planner.problem.tables.problem_file import (
     MOST_OBSTACLES,
     MOST_WAYPOINTS,
+    AngleDeg,
     BaseLimits,
     Free,
     GoalTable,
@@ -39,7 +40,9 @@ class ArmLimits(BaseLimits):
         None, description="Largest |u1|, |u2| in rad/s: one number for both, or two."
     )
     input_rate_rad_s2: PerInput = Field(
-        None, description="Largest |du/dt| in rad/s^2: one number for both inputs, or two."
+        None,
+        description="Largest |du/dt|, one number or two: with it, inputs are continuous.",
+        examples=[[5.0, 5.0]],
     )
     joint_deg: (
         Annotated[float, Field(gt=0, lt=90)] | list[Annotated[float, Field(gt=0, lt=90)]] | None
@@ -51,6 +54,7 @@ class ArmLimits(BaseLimits):
         None,
         description="Least distance in metres (in the unit of system.link_lengths, 1 each) of links"
         " that are no neighbours: their width, or more. Left out, links may cross.",
+        examples=[0.03],
     )
 
     def inputs(self) -> Array:
@@ -66,7 +70,13 @@ class LimitsTable(ArmLimits):
     """Limits every plan must keep at all times; each may be left out."""
 
     z2_margin: Annotated[float, Field(ge=0)] | None = Field(
-        None, description="Least |z2|; z2 keeps the sign it has at the start."
+        None,
+        description="Least |z2|; z2, the second chained coordinate, keeps the sign it has at the"
+        " start. With three joints z2 is negative where theta2 is positive. Start and goal must"
+        " have the same sign of z2. Methods in chained coordinates never cross z2 = 0. With four or"
+        " more joints z2 may change its sign on the way to any goal: set z2_margin only where you"
+        " need it.",
+        examples=[0.01],
     )
 
     def least_z2(self) -> float | None:
@@ -74,7 +84,6 @@ class LimitsTable(ArmLimits):
         return self.z2_margin
 
 
-AngleDeg = Annotated[float, Field(gt=-90, lt=90)]
 MAX_TRAVEL_RAD = 8 * np.pi
 
 MOST_JOINTS = 8
@@ -147,6 +156,17 @@ class JointGoal(GoalTable):
 
 class ArmFile(ProblemFile):
     """A problem file for an arm of `system.joints` joints."""
+
+    places: ClassVar[str] = """
+#   Waypoints, any number; angles may be "free". Without a time the plan chooses when to pass.
+#   [[waypoints]]
+#   theta_deg = [20, "free", 10]
+#   time = 5.0
+#   Obstacles, any number: discs that the links must not touch. The base is the origin.
+#   [[obstacles]]
+#   centre_m = [1.0, 2.0]        # in the unit of link_lengths
+#   radius_m = 0.3
+"""
 
     start: JointStart
     goal: JointGoal
@@ -267,6 +287,36 @@ class BallGearFile(ArmFile):
     """A problem file for the ball-gear manipulator."""
 
     summary: ClassVar[str] = "arm of n joints and two motors, driven through ball gears (Nakamura)"
+    example: ClassVar[str] = """
+# Nakamura's manipulator: n joints, two motors, balls that transmit the sine and cosine of the joint
+# angles. Its chart covers every angle below 90 degrees, so the arm may start stretched out.
+title = "my ball-gear manipulator"
+
+[system]
+kind = "ball-gear"
+joints = 3
+K = [0.870125, 0.711625]     # K2 ... Kn: rates of joints 2 ... n per turn of the last ball
+k_g = 0.668811               # drive constant: it only scales u1
+#link_lengths = [1.0, 1.0, 1.0]     # metres, n numbers: for obstacles, the tip, drawing
+
+[start]
+theta_deg = [0, 0, 0]        # joint angles in degrees, each within (-90, 90)
+#phi_rad = 0.0               # angle of the last ball in radians
+
+[goal]
+theta_deg = [30, 30, 30]
+#   Or leave joints to the planner, theta_deg = [20, "free", "free"], and with link_lengths say
+#   where the tip is to end; with all joints free, theta_deg may go. The method collocation finds
+#   the rest.
+# tip_m = [1.2, 2.0]           # x, y in metres from the base
+# tip_angle_deg = 90           # direction of the last link: the sum of all angles
+travel = 2.2                 # change of the last ball's angle in radians, or "free"
+duration = 10.0              # seconds, or "free"
+
+[limits]                     # all are optional
+input_rad_s = [1.0, 1.0]     # largest |u1|, |u2|
+joint_deg = 80               # largest |theta|: one number, or one per joint
+"""
 
     system: BallGearTable
 
@@ -340,6 +390,40 @@ class ManipulatorFile(ArmFile):
     summary: ClassVar[str] = (
         "arm of n joints and two motors, driven through friction disks (the paper's)"
     )
+    example: ClassVar[str] = """
+# The paper's manipulator: n joints, two motors, friction disks. Motor 2 turns joint 1; motor 1
+# drives the chain of disks, which turns all other joints at once.
+title = "my manipulator"
+
+[system]
+kind = "manipulator"
+joints = 3
+K = [0.870125, 0.711625]     # K2 ... Kn: rates of joints 2 ... n per turn of the last disk
+k_g = 0.668811               # drive constant: it only scales u1
+#   Instead of K and k_g, the geometry of the gears (k_g_rule: "chain", or "printed" for the
+#   paper's misprint rho^2):
+#gear = { r1 = 30.0, R = 36.68, r3 = 35.0, lambda = 1.0, eta = 1.2 }
+#k_g_rule = "chain"
+#link_lengths = [1.0, 1.0, 1.0]     # metres, n numbers: for obstacles, the tip, drawing
+
+[start]
+theta_deg = [1, 1, 1]        # joint angles in degrees, each within (-90, 90)
+#phi_rad = 0.0               # disk angle in radians
+
+[goal]
+theta_deg = [30, 30, 30]
+#   Or leave joints to the planner, theta_deg = [20, "free", "free"], and with link_lengths say
+#   where the tip is to end; with all joints free, theta_deg may go. The method collocation finds
+#   the rest.
+# tip_m = [1.2, 2.0]           # x, y in metres from the base
+# tip_angle_deg = 90           # direction of the last link: the sum of all angles
+travel = "free"              # change of the disk angle in radians, or "free"
+duration = 10.0              # seconds, or "free"
+
+[limits]                     # all are optional
+input_rad_s = [0.5, 0.5]     # largest |u1|, |u2|
+joint_deg = 80               # largest |theta|: one number, or one per joint
+"""
 
     system: ManipulatorTable
     limits: LimitsTable = Field(default_factory=LimitsTable)

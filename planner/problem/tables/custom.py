@@ -89,7 +89,11 @@ class CustomLimits(BaseLimits):
     """Limits every plan must keep at all times; each may be left out."""
 
     input: PerInput = Field(None, description="Largest |u1|, |u2|: one number for both, or two.")
-    input_rate: PerInput = Field(None, description="Largest |du/dt|: one number, or two.")
+    input_rate: PerInput = Field(
+        None,
+        description="Largest |du/dt|, one number or two: with it, inputs are continuous.",
+        examples=[[5.0, 5.0]],
+    )
     q: dict[str, Positive] = Field(
         default_factory=dict, description="Largest |coordinate| by name, in its unit."
     )
@@ -164,6 +168,35 @@ class CustomFile(OwnFile):
     """A problem file for the user's own system, given by expressions."""
 
     summary: ClassVar[str] = "any triangular two-input system, given by its expressions"
+    example: ClassVar[str] = """
+# Your own system, given by expressions: q1' = drive u1, q2' = u2, and qi' = slope_i q1' for
+# i = 3, 4 ... Each slope_i depends on q(i-1) and on later coordinates only (triangular form). The
+# example is a robot with two driven wheels that measures the area under its path (a planimeter).
+title = "my own system"
+
+[system]
+kind = "custom"
+name = "planimeter"
+coordinates = ["x", "heading", "y", "area"]     # in triangular order
+units = ["m", "rad", "m", "m2"]                 # angles, "rad", are shown in degrees
+slopes = ["tan(heading)", "y"]                  # y' = tan(heading) x', area' = y x'
+drive = "cos(heading)"                          # x' = cos(heading) u1
+intervals = { y = [-3.0, 3.0] }                 # where the slopes are inverted
+inputs = ["speed", "turn_rate"]
+input_units = ["m/s", "rad/s"]
+
+[start]
+q = { x = 0.0, heading = 0.0, y = 0.0, area = 0.0 }
+
+[goal]
+q = { heading = 0.0, y = 0.0, area = 0.5 }      # each coordinate but the first
+travel = 2.0                 # change of the first coordinate, or "free"
+duration = 10.0              # seconds, or "free"
+
+[limits]                     # all are optional
+input = [0.5, 1.0]           # largest |u1|, |u2|
+#q = { heading = 1.4 }       # largest |coordinate| by name
+"""
 
     system: CustomTable
 

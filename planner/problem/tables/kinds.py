@@ -163,13 +163,13 @@ def register_requirement(kind: type[Requirement]) -> None:
     Args:
         kind: A frozen dataclass, subclass of `planner.problem.requirements.requirement.Requirement`
             with `key` (name of the key in files: a-z, 0-9 and _) and `table` (type and description
-            of the key's value).
+            of the key's value, and an example of it if you like).
 
     Raises:
         InputError: If the key is taken or invalid, or `kind` is not such a class.
     """
     key, why = getattr(kind, "key", ""), next(_shortcomings(kind), None)
-    if why is None and any(key in _limits_of(file).model_fields for file in FILES.values()):
+    if why is None and any(key in limits_of(file).model_fields for file in FILES.values()):
         why = "a kind of system has that key already"
     if why:
         raise InputError(f"requirement '{line(str(key))}' cannot be registered: {why}")
@@ -194,19 +194,22 @@ def _shortcomings(kind: Any) -> Iterator[str]:
         yield f"{name}.table is not a type and a description"
 
 
-def _limits_of(file: type[ProblemFile]) -> type[BaseLimits]:
+def limits_of(file: type[ProblemFile]) -> type[BaseLimits]:
+    """The table `[limits]` of a kind."""
     return cast("type[BaseLimits]", file.model_fields["limits"].annotation)
 
 
 def _give_keys() -> None:
     """Give every kind's `[limits]` the keys of `REQUIREMENTS`."""
     for file in FILES.values():
-        table = _limits_of(file)
+        table = limits_of(file)
         for key, kind in REQUIREMENTS.items():
             if key not in table.model_fields and kind.table:
-                own: Any = Optional[kind.table[0]]  # noqa: UP045
-                words = kind.table[1]
-                table.model_fields[key] = FieldInfo(annotation=own, default=None, description=words)
+                own, words, *shown = kind.table
+                typed: Any = Optional[own]  # noqa: UP045
+                table.model_fields[key] = FieldInfo(
+                    annotation=typed, default=None, description=words, examples=shown or None
+                )
                 table.model_rebuild(force=True)
     if REQUIREMENTS:
         _build_anew()

@@ -121,8 +121,8 @@ class LawOptions(Table):
     )
 
 
-class LegOptions(LawOptions):
-    """Options of closed-form methods with constant v1 on each leg."""
+class TravelOptions(LawOptions):
+    """Options of closed-form methods whose only free number is the travel."""
 
     travel: Literal["auto", "middle"] = Field(
         "auto",
@@ -130,6 +130,11 @@ class LegOptions(LawOptions):
         " middle of the widest range of travels inside the chart's domain"
         " (middle).",
     )
+
+
+class LegOptions(TravelOptions):
+    """Options of closed-form methods with constant v1 on each of one or two legs."""
+
     offset: float | Literal["auto", "mean"] = Field(
         "auto",
         description="Travel of the first of two legs if z1(0) = z1(T); not zero. auto: chosen by"

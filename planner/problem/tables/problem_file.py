@@ -226,12 +226,15 @@ class ProblemFile(Table):
 
     Attributes:
         summary: One line about the system, for listings.
-        example: First part of the file that `planner new` writes, above the options of methods.
-            Empty if it is in cli/heads/KIND.toml.
+        example: First part of the file that `planner new` writes: a problem that can be solved,
+            with its `[limits]`. Limits that it does not name are added there as comments.
+        places: The next part, all comments: waypoints, obstacles. The word COORDINATE becomes the
+            name of the system's last one.
     """
 
     summary: ClassVar[str] = ""
     example: ClassVar[str] = ""
+    places: ClassVar[str] = ""
 
     title: str = Field("", description="One line about the problem.")
     system: Any
@@ -287,6 +290,14 @@ class ProblemFile(Table):
 
 class NamedFile(ProblemFile):
     """A problem file whose waypoints name coordinates."""
+
+    places: ClassVar[str] = """
+#   Waypoints, any number: values of some coordinates, in m and rad. Without a time the plan chooses
+#   when to pass.
+#   [[waypoints]]
+#   q = { COORDINATE = 0.5 }
+#   time = 2.0
+"""
 
     waypoints: list[NamedWaypoint] = Field(
         default_factory=list,

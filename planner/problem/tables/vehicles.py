@@ -53,10 +53,12 @@ class VehicleLimits(BaseLimits):
 
     speed_m_s: Positive | None = Field(None, description="Largest speed, either way, in m/s.")
     acceleration_m_s2: Positive | None = Field(
-        None, description="Largest rate of the speed in m/s^2."
+        None,
+        description="Largest rate of the speed in m/s^2: with it, the speed is continuous.",
+        examples=[2.0],
     )
     heading_deg: Annotated[float, Field(gt=0, le=360)] | None = Field(
-        None, description="Largest |heading| in degrees."
+        None, description="Largest |heading| in degrees.", examples=[80]
     )
 
     @abstractmethod
@@ -125,7 +127,7 @@ class CarLimits(VehicleLimits):
         None, description="Largest steering rate in rad/s."
     )
     steering_acceleration_rad_s2: Positive | None = Field(
-        None, description="Largest rate of the steering rate in rad/s^2."
+        None, description="Largest rate of the steering rate in rad/s^2.", examples=[2.0]
     )
     steering_deg: Annotated[float, Field(gt=0, lt=90)] | None = Field(
         None, description="Largest |steering angle| in degrees, below 90."
@@ -140,6 +142,32 @@ class CarFile(VehicleFile):
     """A problem file for the car."""
 
     summary: ClassVar[str] = "car, driven at its rear axle and steered at the front"
+    example: ClassVar[str] = """
+# A car with steered front wheels. x and y are the position of the rear axle.
+title = "my car"
+
+[system]
+kind = "car"
+wheelbase_m = 2.7            # distance between the axles
+
+[start]
+x_m = 0.0
+y_m = 0.0
+heading_deg = 0              # from the x axis
+steering_deg = 0
+
+[goal]
+x_m = 25.0                   # or "free"
+y_m = 3.0
+heading_deg = 0
+steering_deg = 0
+duration = 6.0               # seconds, or "free"
+
+[limits]                     # all are optional
+speed_m_s = 5.0
+steering_rate_rad_s = 0.5
+steering_deg = 35
+"""
 
     system: CarTable
     start: CarStart = Field(default_factory=CarStart)
@@ -199,6 +227,37 @@ class TrailersFile(VehicleFile):
     """A problem file for the car with trailers; x, y and heading are the last trailer's."""
 
     summary: ClassVar[str] = "car with trailers, each hitched to the axle in front of it"
+    example: ClassVar[str] = """
+# A car with trailers, each hitched to the axle in front of it. x, y and heading belong to the last
+# trailer.
+title = "my car with trailers"
+
+[system]
+kind = "trailers"
+wheelbase_m = 2.0            # of the car
+trailer_lengths_m = [2.0, 1.5]     # from axle to axle, the first behind the car
+
+[start]
+x_m = 0.0
+y_m = 0.0
+heading_deg = 0              # from the x axis
+hitch_deg = [0, 0]           # one angle per trailer
+steering_deg = 0
+
+[goal]
+x_m = 20.0                   # or "free"
+y_m = 3.0
+heading_deg = 0
+hitch_deg = [0, 0]
+steering_deg = 0
+duration = 15.0              # seconds, or "free"
+
+[limits]                     # all are optional
+speed_m_s = 2.0
+steering_rate_rad_s = 1.0
+steering_deg = 45
+hitch_deg = 60
+"""
 
     system: TrailersTable
     start: TrailersStart = Field(default_factory=TrailersStart)
@@ -244,7 +303,7 @@ class UnicycleLimits(VehicleLimits):
 
     turn_rate_rad_s: Positive | None = Field(None, description="Largest turn rate in rad/s.")
     turn_acceleration_rad_s2: Positive | None = Field(
-        None, description="Largest rate of the turn rate in rad/s^2."
+        None, description="Largest rate of the turn rate in rad/s^2.", examples=[2.0]
     )
 
     def turn(self) -> tuple[float | None, float | None]:
@@ -256,6 +315,28 @@ class UnicycleFile(VehicleFile):
     """A problem file for the unicycle."""
 
     summary: ClassVar[str] = "robot with two driven wheels"
+    example: ClassVar[str] = """
+# The unicycle: a robot with two driven wheels. It drives along its heading and turns on the spot.
+title = "my unicycle"
+
+[system]
+kind = "unicycle"
+
+[start]
+x_m = 0.0
+y_m = 0.0
+heading_deg = 0              # from the x axis
+
+[goal]
+x_m = 2.0                    # or "free"
+y_m = 1.0
+heading_deg = 0
+duration = 5.0               # seconds, or "free"
+
+[limits]                     # all are optional
+speed_m_s = 1.0
+turn_rate_rad_s = 1.0
+"""
 
     system: UnicycleTable
     limits: UnicycleLimits = Field(default_factory=UnicycleLimits)

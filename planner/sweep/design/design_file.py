@@ -12,10 +12,11 @@ from pydantic import Field, model_validator
 
 from planner.errors import InputError
 from planner.machine.machine import Machine
-from planner.methods.registry import COMPENSATED, parse_specs
+from planner.methods.spec import COMPENSATED, parse_specs
 from planner.problem.asked import with_changes
 from planner.problem.problem import Problem
-from planner.problem.tables.arms import AngleDeg, GearTable, Joints
+from planner.problem.tables.arms import GearTable, Joints
+from planner.problem.tables.problem_file import AngleDeg
 from planner.support.arrays import Array, plain
 from planner.support.files import read_toml
 from planner.support.tables import line, number

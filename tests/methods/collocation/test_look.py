@@ -76,7 +76,8 @@ def test_limits_that_cannot_be_drawn_in_on_the_shortest_path() -> None:
         goal_deg=[-26.461, -26.487, 56.379],
         travel=0.0,
         duration=34.2264,
-        input_limit=0.5,
-        joint_limit_deg=80.0,
+        K=[0.870125, 0.711588225],
+        input_rad_s=0.5,
+        joint_deg=80.0,
     )
     assert planner.solve(problem, "collocation").verified

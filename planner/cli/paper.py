@@ -15,7 +15,7 @@ from planner.cli.output import finish, progress_bar
 from planner.paper.calibrate import calibrate as run_calibration
 from planner.paper.calibrate import left, write
 from planner.paper.reproduce import reproduce as run_reproduction
-from planner.paper.statements import FITTED, STATEMENTS, Range
+from planner.paper.statements import FITTED, STATEMENTS, Fitted
 from planner.support.files import refuse_unwritable_folder
 from planner.support.tables import Column, terminal_table
 
@@ -67,7 +67,7 @@ def calibrate(
         if out is not None:
             progress("writing", 0.95)
             write(found, out)
-    columns: list[Column[Range]] = [
+    columns: list[Column[Fitted]] = [
         Column("parameter", "", lambda r: r.name, left=True),
         Column("low", "", lambda r: r.low, "{:g}".format),
         Column("high", "", lambda r: r.high, "{:g}".format),

@@ -42,7 +42,7 @@ from planner.robustness.sensitivity import Sensitivity
 from planner.robustness.sensitivity import sensitivity as analyse
 from planner.robustness.trade_off import TradeOff, trade_off
 from planner.robustness.trade_off_axis import KINDS
-from planner.robustness.trade_off_points import Point
+from planner.robustness.trade_off_points import TradeOffPoint
 from planner.solve import solve
 from planner.support.files import refuse_unwritable_folder, write_bytes, write_text
 from planner.support.tables import Column, csv_table, terminal_table
@@ -243,7 +243,7 @@ def run_trade_off(
     return finish(as_json, data, title, "", table, "", _knee(curve))
 
 
-def _columns(curve: TradeOff) -> list[Column[Point]]:
+def _columns(curve: TradeOff) -> list[Column[TradeOffPoint]]:
     inputs = enumerate(curve.problem.system.inputs)
     ends = [(name.replace("_", " "), name) for name in ("errors_alone", "machine", "compensated")]
     return [
@@ -264,11 +264,11 @@ def _columns(curve: TradeOff) -> list[Column[Point]]:
     ]
 
 
-def _peak(which: int, point: Point) -> float:
+def _peak(which: int, point: TradeOffPoint) -> float:
     return point.peak_u[which]
 
 
-def _end(which: str, point: Point, key: str = "terminal_p95_deg") -> float | None:
+def _end(which: str, point: TradeOffPoint, key: str = "terminal_p95_deg") -> float | None:
     found: Mapping[str, Any] = getattr(point, which) or {}
     return found.get(key)
 

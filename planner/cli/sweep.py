@@ -12,7 +12,7 @@ from rich.table import Table
 from planner.cli.arguments import Cluster, Json, Workers, dry_run_option, out_option
 from planner.cli.output import facts, finish, progress_bar, resumable, say
 from planner.sweep.description import Sweep
-from planner.sweep.design.design_file import Asked, read_design
+from planner.sweep.design.design_file import StudyInput, read_design
 from planner.sweep.design.study import CASES, design_study
 from planner.sweep.results import export, refuse_unexportable
 from planner.sweep.run import run_sweep
@@ -158,7 +158,7 @@ def design(
     return finish(as_json, data, *parts, study.reason, status=status)
 
 
-def _count_designs(asked: Asked, as_json: bool) -> int:
+def _count_designs(asked: StudyInput, as_json: bool) -> int:
     built = [each for each in asked.designs if not each.refused]
     runs = sum(len(asked.tasks[each.joints]) for each in built) * len(asked.methods)
     refused = {each.name: each.refused for each in asked.designs if each.refused}

@@ -91,7 +91,9 @@ def compare(
         raise InputError(f"threshold_deg = {threshold_deg}: must be degrees, at least 0")
     closed = [spec.label for spec in wanted if feedback]
     closed = closed[-1:] if methods is None else closed
-    run = _Run(problem, used, numbers.tolist(), seed, closed, methods == ALL, time_limit_s)
+    run = _ComparisonRun(
+        problem, used, numbers.tolist(), seed, closed, methods == ALL, time_limit_s
+    )
     try:
         for k, spec in enumerate(wanted):
             run.add(spec, partial(_part, progress, k, len(wanted), spec.label))
@@ -105,7 +107,7 @@ def compare(
     )
 
 
-class _Run:
+class _ComparisonRun:
     """A comparison in the making.
 
     Attributes:

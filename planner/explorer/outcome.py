@@ -23,7 +23,7 @@ from planner.support.deadline import MORE_TIME, TimeUpError, limited
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ScreenOutcome:
     """What became of a state.
 
     Attributes:
@@ -50,23 +50,23 @@ class Outcome:
         return "verified" if self.judged else "not judged yet"
 
 
-def path(state: State) -> Outcome:
+def path(state: State) -> ScreenOutcome:
     """Plan, without judging what the method gives. Takes what the method takes, or its limit."""
     try:
         problem = state.problem()
         method = find_method(state.method)
         options = merged_options(problem, method, {})
     except InputError as error:
-        return Outcome(state, None, None, error, judged=True)
+        return ScreenOutcome(state, None, None, error, judged=True)
     with limited(getattr(options, "time_limit_s", None) or state.time_limit_s) as span:
         try:
             refuse_too_short(problem)
             plan = method.plan(problem, options)
             if problem.compensation.on and plan.status != "singular":
                 plan = compensated(judged(plan)[0], None, problem.compensation)[0]
-            return Outcome(state, problem, plan, judged=plan.verified)
+            return ScreenOutcome(state, problem, plan, judged=plan.verified)
         except InputError as error:
-            return Outcome(state, problem, None, error, judged=True)
+            return ScreenOutcome(state, problem, None, error, judged=True)
         except TimeUpError:
             said = f"{problem.source}: {span.why} ended the method '{method.name}' before it had"
             refusal: NoPlanError = TimeLimitError(f"{said} a plan", advice=MORE_TIME)
@@ -79,10 +79,10 @@ def path(state: State) -> Outcome:
             with suppress(TimeUpError):
                 shown = _for_study(problem, method, options)
         shown = None if shown is None else replace(shown, status=refusal.status)
-        return Outcome(state, problem, shown, refusal, judged=True)
+        return ScreenOutcome(state, problem, shown, refusal, judged=True)
 
 
-def judge(outcome: Outcome) -> Outcome:
+def judge(outcome: ScreenOutcome) -> ScreenOutcome:
     """Verify a path that is not refused yet."""
     if outcome.judged or outcome.plan is None:
         return outcome
@@ -102,7 +102,7 @@ def judge(outcome: Outcome) -> Outcome:
     return replace(outcome, plan=plan, judged=True)
 
 
-def errors(outcome: Outcome) -> Replay | None:
+def errors(outcome: ScreenOutcome) -> Replay | None:
     """The motion on samples of the machine; None for what cannot be executed."""
     plan, state = outcome.plan, outcome.state
     if plan is None or not plan.executable or not state.samples:

@@ -8,11 +8,19 @@ from typing import Any
 import numpy as np
 
 from planner.explorer.controls import POINTS
-from planner.explorer.outcome import Outcome
+from planner.explorer.outcome import ScreenOutcome
 from planner.machine.replay import Replay
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
-from planner.report.charts.panels import Panel, band, curve, near, over_time, rounded, unit_of
+from planner.report.charts.panels import (
+    Panel,
+    band,
+    curve,
+    near,
+    over_time,
+    to_screen_digits,
+    unit_of,
+)
 from planner.report.figures.arm import body, drawable, tips_to_pass
 from planner.report.figures.over_time import view
 from planner.report.figures.style import shown, times
@@ -25,7 +33,7 @@ SAMPLES = 160
 POSES = 10
 
 
-def picture(outcome: Outcome) -> dict[str, Any]:
+def picture(outcome: ScreenOutcome) -> dict[str, Any]:
     """The plan, and the panels that a path alone fills in the order of the screen.
 
     See `planner.report.charts.panels`; besides, each panel has an `id`, and that of z2 `handles`:
@@ -47,7 +55,7 @@ def picture(outcome: Outcome) -> dict[str, Any]:
         "refused": outcome.error is not None,
         "colour": 0,
         "duration": plan.duration,
-        "t": rounded(t),
+        "t": to_screen_digits(t),
     }
     return {"plans": [drawn], "panels": found}
 
@@ -63,9 +71,13 @@ def error_panel(run: Replay | None) -> dict[str, Any] | None:
     return over_time(
         "error",
         "deg",
-        [curve(0, middle, name="median machine", t=rounded(run.t[begun]))],
+        [curve(0, middle, name="median machine", t=to_screen_digits(run.t[begun]))],
         id="error",
-        band={"low": rounded(low), "high": rounded(high), "name": "90 % of the machines"},
+        band={
+            "low": to_screen_digits(low),
+            "high": to_screen_digits(high),
+            "name": "90 % of the machines",
+        },
         note=f"E median {run.percentile(50):.3g} deg, 95 % {run.percentile(95):.3g} deg",
         zero=True,
     )
@@ -151,7 +163,7 @@ def _plane(plan: Plan, q: Array) -> Panel:
         "plan": 0,
         "names": ["x", "y"],
         "poses": [pose.tolist() for pose in poses if np.isfinite(pose).all()],
-        "path": [rounded(path[:, 0]), rounded(path[:, 1])],
+        "path": [to_screen_digits(path[:, 0]), to_screen_digits(path[:, 1])],
         "discs": [[*o.centre.tolist(), o.radius] for o in plan.problem.obstacles],
         "tips": tips_to_pass(plan.problem).tolist(),
         "key": [
@@ -183,7 +195,7 @@ def _map(plan: Plan, q: Array) -> Panel:
         "across": f"{names[0]} (deg)",
         "plan": 0,
         "names": names,
-        "path": [rounded(path[:, 0]), rounded(path[:, 1])],
+        "path": [to_screen_digits(path[:, 0]), to_screen_digits(path[:, 1])],
         "ends": ends.tolist(),
         "view": view,
         "region": chart if all(chart) else None,

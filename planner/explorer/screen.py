@@ -22,7 +22,7 @@ from planner.explorer.controls import (
     motion_controls,
     option_controls,
 )
-from planner.explorer.outcome import Outcome, errors, judge, path
+from planner.explorer.outcome import ScreenOutcome, errors, judge, path
 from planner.explorer.picture import error_panel, picture
 from planner.explorer.state import State, code, problem_file
 from planner.plan.plan import Plan
@@ -44,7 +44,7 @@ class Screen:
     def __init__(self, state: State) -> None:
         self.state = state
         self.controls: Mapping[str, Control] = {}
-        self.outcome: Outcome
+        self.outcome: ScreenOutcome
         self.plan_anew()
 
     def set(self, changes: Sequence[tuple[str, Any]]) -> bool:
@@ -113,7 +113,7 @@ class Screen:
         return {
             "kind": outcome.kind,
             "text": early if outcome.error is None else str(outcome.error),
-            "facts": facts(outcome, self._took_s),
+            "facts": path_line(outcome, self._took_s),
         }
 
     def errors(self) -> dict[str, Any] | None:
@@ -166,7 +166,7 @@ class Screen:
         self.controls = {control.name: control for control in found}
 
 
-def facts(outcome: Outcome, took_s: float) -> str:
+def path_line(outcome: ScreenOutcome, took_s: float) -> str:
     """One line about the path: travel, duration, effort, the time it took."""
     plan = outcome.plan
     if plan is None:

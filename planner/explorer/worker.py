@@ -24,7 +24,7 @@ CLOSE_S = 5.0
 """Longest wait for the thread when Python ends."""
 
 
-class Worker:
+class PlanningThread:
     """A thread that does one thing after the other.
 
     It stays: compiled functions have buffers of their own in each thread.
@@ -82,6 +82,6 @@ class Worker:
 
 
 @cache
-def worker() -> Worker:
+def worker() -> PlanningThread:
     """The one of this process: two plans at a time would only be slower."""
-    return Worker()
+    return PlanningThread()

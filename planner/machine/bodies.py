@@ -51,7 +51,7 @@ UNBOUNDED = 1e30
 """A torque that nothing reaches, N m."""
 
 
-class Rows:
+class BodyRows:
     """Where the bodies are, for m passive joints."""
 
     def __init__(self, m: int) -> None:
@@ -65,7 +65,7 @@ class Rows:
         self.count = 4 + 3 * m
 
 
-class Place:
+class StateRows:
     """Rows of the state, for m passive joints: speeds first, then what they move.
 
     Attributes:
@@ -79,7 +79,7 @@ class Place:
     """
 
     def __init__(self, m: int) -> None:
-        self.bodies = Rows(m)
+        self.bodies = BodyRows(m)
         start = self.bodies.count
         self.v = slice(0, start)
         self.behind = slice(start, start + 2)
@@ -197,7 +197,7 @@ EDGE_RAD = 1e-16
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class StageLaws:
     """The laws of one stage; arrays are (rows, S), rows of speeds as in `Masses`.
 
     Rows of limited laws: servos (2), contacts P1 (m), contacts P2 with P3 (m), friction (1 + m).
@@ -218,7 +218,7 @@ class Stage:
         half_gap: Half of the play, rad.
     """
 
-    rows: Rows
+    rows: BodyRows
     h: float
     drag: Array
     push: Array
@@ -232,11 +232,11 @@ class Stage:
     stiff: Array
     half_gap: Array
 
-    def part(self, chosen: NDArray[np.intp]) -> Stage:
+    def part(self, chosen: NDArray[np.intp]) -> StageLaws:
         """The equations of some samples."""
         values: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
         arrays = {k: v[:, chosen] for k, v in values.items() if isinstance(v, np.ndarray)}
-        return Stage(**{**values, **arrays})
+        return StageLaws(**{**values, **arrays})
 
     def solve(self, pieces: Array) -> tuple[Array, Array]:
         """Speeds (rows, S) and pieces of all laws that agree.

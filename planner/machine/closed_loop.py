@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.machine.commands import ROUNDING, merged, rounded, subdivided
+from planner.machine.commands import ROUNDING, merged, quantised, subdivided
 from planner.machine.machine import Draws, Machine
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
@@ -43,7 +43,7 @@ class Controller(Protocol):
 
         Args:
             t: Now, s.
-            measured: What the encoders read (see `measured`), (N, S).
+            measured: What the encoders read (see `encoder_readings`), (N, S).
 
         Returns:
             Speeds before delay, resolution and limits of the drive, shape (M, 2, S), rad/s.
@@ -60,7 +60,7 @@ class Feedback(Protocol):
         """
 
 
-def measured(system: TriangularSystem, draws: Draws, q: Array) -> Array:
+def encoder_readings(system: TriangularSystem, draws: Draws, q: Array) -> Array:
     """What the encoders read.
 
     Args:
@@ -163,5 +163,5 @@ class Fed:
         else:
             samples = np.arange(self.values.shape[2])
             told = np.moveaxis(self.values[index, :, samples], -1, 1)
-        told = rounded(np.where(on[:, None], told, 0.0), self._resolution)
+        told = quantised(np.where(on[:, None], told, 0.0), self._resolution)
         return np.broadcast_to(told[:, None], (len(told), 2, *told.shape[1:]))

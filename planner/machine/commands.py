@@ -20,7 +20,7 @@ from planner.plan.plan import Plan
 from planner.support.arrays import Array
 
 
-class Source(Protocol):
+class CommandSource(Protocol):
     """A command before delay and resolution.
 
     Attributes:
@@ -52,7 +52,7 @@ class Held:
         self._values = np.concatenate([held, np.zeros((1, 2))])
 
     def __call__(self, times: Array) -> Array:
-        """See `Source`."""
+        """See `CommandSource`."""
         return np.asarray(self._values[np.searchsorted(self.jumps, times, side="right") - 1])
 
 
@@ -63,10 +63,10 @@ class Continuous:
 
     def __init__(self, plan: Plan, step: float) -> None:
         self._plan = plan
-        self.jumps = refined(self, subdivided(plan.t, step))
+        self.jumps = refined_times(self, subdivided(plan.t, step))
 
     def __call__(self, times: Array) -> Array:
-        """See `Source`."""
+        """See `CommandSource`."""
         on = (times >= 0) & (times < self._plan.duration)
         values = np.where(on[..., None], self._plan.u(np.where(on, times, 0.0)), 0.0)
         return _finite(values, times)
@@ -75,13 +75,13 @@ class Continuous:
 class Tabulated:
     """A continuous source by linear interpolation, for when every sample reads it elsewhere."""
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: CommandSource) -> None:
         self.jumps, self.parts = source.jumps, source.parts
         self._times = np.stack(_points(self.jumps, self.parts), axis=-1).ravel()
         self._values = source(self._times)
 
     def __call__(self, times: Array) -> Array:
-        """See `Source`."""
+        """See `CommandSource`."""
         columns = [np.interp(times, self._times, u, left=0, right=0) for u in self._values.T]
         return np.stack(columns, axis=-1)
 
@@ -127,7 +127,7 @@ class Command:
         self, plan: Plan, period: float | None, draws: Draws, step: float, stops: Array
     ) -> None:
         delay = draws["delay_s"][0]
-        source: Source = Continuous(plan, step) if period is None else Held(plan, period)
+        source: CommandSource = Continuous(plan, step) if period is None else Held(plan, period)
         self._resolution = draws["velocity_resolution_rad_s"][:, :1]
         self._table: Array | None = None
         if np.all(delay == delay[0]):
@@ -136,7 +136,7 @@ class Command:
             plan_time = snapped(self.t - delay[0], source.jumps)
             points = _points(plan_time, source.parts)
             table = np.stack([source(t) for t in points], axis=1)
-            self._table = rounded(table[..., None], self._resolution)
+            self._table = quantised(table[..., None], self._resolution)
         else:
             self.t = subdivided(stops, step)
             self._source = Tabulated(source) if period is None else source
@@ -163,10 +163,10 @@ class Command:
         if self._table is not None:
             return self._table[first:last]
         times = self._times[first:last, :, None] - self._delay
-        return rounded(np.moveaxis(self._source(times), -1, 2), self._resolution)
+        return quantised(np.moveaxis(self._source(times), -1, 2), self._resolution)
 
 
-def rounded(values: Array, resolution: Array) -> Array:
+def quantised(values: Array, resolution: Array) -> Array:
     """Values (…, 2, S) at the resolution (2, 1) of each motor's command; 0 leaves them."""
     if not np.any(resolution):
         return values
@@ -222,7 +222,9 @@ def subdivided(times: Array, step: float) -> Array:
     return np.append(starts + inner * np.repeat(gaps / counts, counts), times[-1])
 
 
-def refined(command: InputOfTime, times: Array, tolerance: float = QUADRATURE_TOLERANCE) -> Array:
+def refined_times(
+    command: InputOfTime, times: Array, tolerance: float = QUADRATURE_TOLERANCE
+) -> Array:
     """`times` with steps halved until Simpson's rule integrates the command over each of them.
 
     Args:

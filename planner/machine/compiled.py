@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.machine.bodies import Place
+from planner.machine.bodies import StateRows
 from planner.machine.commands import Orders, Steps, lengths
 from planner.machine.contact_load import gear_constants, weights
-from planner.machine.disk_chain import CHANGING, Chain
+from planner.machine.disk_chain import CHANGING, DiskChain
 from planner.machine.machine import Draws
 from planner.machine.march import GAMMA, begin
 from planner.support.arrays import Array
@@ -49,7 +49,7 @@ MOST_PASSIVE = 16
 """Passive joints that `dynamic.c` has room for."""
 
 
-class _Model(ctypes.Structure):
+class _KernelModel(ctypes.Structure):
     """`Model` of kernel.c."""
 
     _fields_ = [
@@ -62,7 +62,7 @@ class _Model(ctypes.Structure):
     ]
 
 
-class _Commands(ctypes.Structure):
+class _KernelCommands(ctypes.Structure):
     """`Commands` of kernel.c."""
 
     _fields_ = [
@@ -96,8 +96,8 @@ def opened(path: Path) -> Any | None:
     if found.planner_kernel_version() != VERSION:
         return None
     found.planner_advance.argtypes = [
-        ctypes.POINTER(_Model),
-        ctypes.POINTER(_Commands),
+        ctypes.POINTER(_KernelModel),
+        ctypes.POINTER(_KernelCommands),
         *[ctypes.c_int64] * 4,
     ]
     return found
@@ -158,7 +158,7 @@ class Compiled:
             **(_moving(system, draws, start) if fidelity == "dynamic" else _STILL),
         }
         points = orders.block(0, 1).shape[1]
-        self._model = _Model(
+        self._model = _KernelModel(
             samples=draws.count, joints=n, points=points, steps=steps, rows=len(rows),
             k_g=system.k_g, gamma=GAMMA, heavy=self._arrays["masses"].shape[1],
             **_flags(draws, parameters), **_rows(fidelity, n),
@@ -189,7 +189,7 @@ class Compiled:
                 # In numbers; 0 along what is one for all samples.
                 strides = [step // block.itemsize for step in block.strides]
                 strides[3] *= block.shape[3] > 1
-                commands = _Commands(block.ctypes.data, *strides)
+                commands = _KernelCommands(block.ctypes.data, *strides)
                 calls = [
                     pool.submit(self._call, commands, begin, first, self._k)
                     for begin in range(0, self._count, SAMPLES)
@@ -199,7 +199,7 @@ class Compiled:
                     if tell:
                         tell(first + (self._k - first) * done // len(calls))
 
-    def _call(self, commands: _Commands, begin: int, first: int, last: int) -> None:
+    def _call(self, commands: _KernelCommands, begin: int, first: int, last: int) -> None:
         end = min(begin + SAMPLES, self._count)
         if self._advance(self._model, commands, begin, end, first, last):
             raise MemoryError
@@ -261,7 +261,7 @@ def _state(system: Manipulator, draws: Draws, start: Array, gap: Array) -> Array
     n = len(start) - 1
     state = np.zeros((draws.count, 9 + 4 * n))
     state[:, 8], state[:, 9 : 9 + n] = start[0], start[1:].T
-    state[:, 9 + n : 9 + 2 * n] = Chain(system, draws, start).axes.T
+    state[:, 9 + n : 9 + 2 * n] = DiskChain(system, draws, start).axes.T
     state[:, 9 + 3 * n :] = gap.T
     return state
 
@@ -278,6 +278,6 @@ def _moving(system: Manipulator, draws: Draws, start: Array) -> dict[str, Array]
 
 
 def _rows(fidelity: str, n: int) -> dict[str, int]:
-    place = Place(n - 1)
+    place = StateRows(n - 1)
     dynamic = fidelity == "dynamic"
     return {"dynamic": place.count * dynamic, "coordinates": place.q.start}

@@ -53,7 +53,7 @@ from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator, gravity_torques
 
 
-class Chain:
+class DiskChain:
     """S manipulators.
 
     Args:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.machine.bodies import STICK, Masses, Place, Stage, masses
+from planner.machine.bodies import STICK, Masses, StageLaws, StateRows, masses
 from planner.machine.contact_load import at_contacts, gear_constants
 from planner.machine.disk_chain import resting
 from planner.machine.machine import Draws
@@ -32,7 +32,7 @@ UPRIGHT = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class _Gears:
-    """What is frozen over a step: see `Stage.first` and `second`, slope and limit of contacts.
+    """What is frozen over a step: see `StageLaws.first` and `second`, slope and limit of contacts.
 
     `pull` is the torque of gravity on the links, (1+m, S), N m.
     """
@@ -65,13 +65,13 @@ class March:
         place: Rows of the state.
         k_g: Drive constant of the disk, as the planner knows it.
         y: State, (rows, S).
-        pieces: Of all laws at the end of the last step, (5+4m, S); see `Stage`.
+        pieces: Of all laws at the end of the last step, (5+4m, S); see `StageLaws`.
         gained: Change of the disks' speeds over the last step, (m, S), rad/s.
         energy: Work of the motors so far, and what friction, slip and damping took, (2, S), J.
     """
 
     data: Masses
-    place: Place
+    place: StateRows
     k_g: float
     y: Array
     pieces: Array
@@ -158,7 +158,7 @@ class March:
 
     def _laws(
         self, data: Masses, gears: _Gears, y: Array, reference: Array, fed: Array, h: float
-    ) -> Stage:
+    ) -> StageLaws:
         """The laws of a stage of length h from y; `fed` is the torque fed forward, (2, S), N m."""
         at, rows = self.place, self.place.bodies
         heavy, spring = data.inertia / h, data.stiffness + data.damping / h
@@ -168,7 +168,7 @@ class March:
         push[rows.links] += gears.pull
         driven = data.integral * y[at.behind] + fed
         rough = np.where(data.coulomb > 0, STICK, 0.0)
-        return Stage(
+        return StageLaws(
             rows=rows,
             h=h,
             drag=drag,
@@ -188,7 +188,7 @@ class March:
 def begin(system: Manipulator, draws: Draws, q: Array) -> March:
     """Machines at rest at coordinates q (N, S), joints where they start in their play."""
     k = gear_constants(system, draws)
-    data, place = masses(draws, k), Place(len(k))
+    data, place = masses(draws, k), StateRows(len(k))
     y = np.zeros((place.count, draws.count))
     y[place.q] = q
     y[place.gap][2:] = draws["initial_play"] * data.half_gap[2:]
@@ -197,7 +197,7 @@ def begin(system: Manipulator, draws: Draws, q: Array) -> March:
     return March(data, place, system.k_g, y, pieces, gained, np.zeros((2, draws.count)))
 
 
-def _settle(data: Masses, place: Place, y: Array) -> None:
+def _settle(data: Masses, place: StateRows, y: Array) -> None:
     """Let gears, shafts and velocity loops hold the arm against gravity from the start."""
     angles = y[place.q][1:]
     load = gravity_torques(data.weights, angles)

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.machine.closed_loop import Feedback, measured
+from planner.machine.closed_loop import Feedback, encoder_readings
 from planner.machine.machine import Draws, Machine, machine_for, sample_numbers
 from planner.machine.simulate import Progress, simulate
 from planner.plan.plan import Plan, refuse_inexecutable
-from planner.plan.samples import facts, imported
+from planner.plan.samples import imported, plan_facts
 from planner.support.arrays import Array
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ class Replay:
     @property
     def measured(self) -> Array:
         """Encoder readings, shape (S, R, N): `q` with the angles rounded to their resolution."""
-        return measured(self.plan.problem.system, self.draws, self.q.T).T
+        return encoder_readings(self.plan.problem.system, self.draws, self.q.T).T
 
     @property
     def worst(self) -> int:
@@ -260,7 +260,7 @@ def replay_frame(replay: Replay) -> pandas.DataFrame:
                 columns[name if len(values) == 1 else f"{name}_{k}"] = row
     pandas = imported("pandas")
     frame = pandas.DataFrame(columns, index=pandas.Index(replay.numbers, name="sample"))
-    frame.attrs = {**facts(replay.plan), "seed": replay.seed}
+    frame.attrs = {**plan_facts(replay.plan), "seed": replay.seed}
     return frame
 
 
@@ -284,6 +284,6 @@ def replay_dataset(replay: Replay) -> xarray.Dataset:
             "input": [c.name for c in system.inputs],
             "unit_of_q": ("coordinate", [c.unit for c in system.coordinates]),
         },
-        attrs={**facts(replay.plan), "seed": replay.seed},
+        attrs={**plan_facts(replay.plan), "seed": replay.seed},
     )
     return dataset

@@ -9,12 +9,12 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.machine.closed_loop import Fed, Feedback, measured
+from planner.machine.closed_loop import Fed, Feedback, encoder_readings
 from planner.machine.commands import Command, Orders, merged
 from planner.machine.compiled import MOST_PASSIVE, Compiled, library
 from planner.machine.contact_load import refuse_sliding
 from planner.machine.machine import Draws, Machine, draw
-from planner.machine.stepwise import Motion, Stepwise
+from planner.machine.stepwise import MachineMotion, Stepwise
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
@@ -150,14 +150,16 @@ def _closed(
     steps = len(fed.t) - 1
     for i, k in enumerate(fed.reading_steps):
         _advance(motion, k, steps, tell)
-        read = measured(plan.problem.system, own, motion.now)
+        read = encoder_readings(plan.problem.system, own, motion.now)
         fed.tell(i, controller(float(fed.readings[i]), read))
     _advance(motion, steps, steps, tell)
     out = _recording(own, times, motion)
     return replace(out, effort=fed.effort, fallbacks=controller.fallbacks)
 
 
-def _motion(plan: Plan, machine: Machine, draws: Draws, orders: Orders, times: Array) -> Motion:
+def _motion(
+    plan: Plan, machine: Machine, draws: Draws, orders: Orders, times: Array
+) -> MachineMotion:
     """Samples at the start: compiled where there is a kernel for them."""
     system = plan.problem.system
     if isinstance(system, Manipulator) and machine.fidelity == "quasi-static":
@@ -171,7 +173,7 @@ def _motion(plan: Plan, machine: Machine, draws: Draws, orders: Orders, times: A
     return Stepwise(plan, machine, draws, orders, desired, rows, start)
 
 
-def _advance(motion: Motion, last: int, steps: int, tell: Tell | None) -> None:
+def _advance(motion: MachineMotion, last: int, steps: int, tell: Tell | None) -> None:
     motion.advance(last, partial(_share, tell, steps) if tell else None)
     if tell and last == steps:
         tell(1.0)
@@ -185,7 +187,7 @@ def _tell(progress: Progress, before: int, runs: int, share: float) -> None:
     progress(int(REPORTED * (before + share)), REPORTED * runs)
 
 
-def _recording(draws: Draws, times: Array, motion: Motion) -> Recording:
+def _recording(draws: Draws, times: Array, motion: MachineMotion) -> Recording:
     none = np.zeros(draws.count, dtype=np.int64)
     found = (motion.q, motion.speed, motion.deviation, motion.saturated_s)
     return Recording(draws, times, *found, None, none)

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from planner.machine import compiled
 from planner.machine.commands import Orders, Steps, lengths
-from planner.machine.disk_chain import Chain
+from planner.machine.disk_chain import DiskChain
 from planner.machine.machine import Draws, Machine
 from planner.machine.march import GAMMA, March, begin
 from planner.machine.servos import Servos
@@ -52,7 +52,7 @@ class Plant(Protocol):
         """Advance by h seconds under motor speeds (P, 2, S) and travels (P−1, 2, S)."""
 
 
-class Motion(Protocol):
+class MachineMotion(Protocol):
     """S samples that advance together and can be looked at in between.
 
     Attributes:
@@ -82,7 +82,7 @@ class Motion(Protocol):
 
 
 class Stepwise:
-    """A `Motion` that steps any plant, all samples at once.
+    """A `MachineMotion` that steps any plant, all samples at once.
 
     Args:
         plan: The plan.
@@ -117,22 +117,22 @@ class Stepwise:
 
     @property
     def now(self) -> Array:
-        """See `Motion`."""
+        """See `MachineMotion`."""
         return self._plant.q
 
     @property
     def deviation(self) -> Array:
-        """See `Motion`."""
+        """See `MachineMotion`."""
         return np.asarray(self._gap.T)
 
     @property
     def saturated_s(self) -> Array:
-        """See `Motion`."""
+        """See `MachineMotion`."""
         limited = self._plant.limited_s if isinstance(self._plant, DynamicChain) else 0.0
         return np.asarray((self._servos.saturated_s + limited).T)
 
     def advance(self, last: int, tell: Steps | None = None) -> None:
-        """See `Motion`."""
+        """See `MachineMotion`."""
         orders, end = self._orders, len(self._lengths)
         for k in range(self._k, last):
             h = self._lengths[k]
@@ -162,7 +162,7 @@ def plant(plan: Plan, machine: Machine, draws: Draws, start: Array) -> Plant:
     if isinstance(system, Manipulator) and machine.fidelity == "dynamic":
         return DynamicChain(system, draws, start)
     if isinstance(system, Manipulator):
-        return Chain(system, draws, start)
+        return DiskChain(system, draws, start)
     return Direct(system, start)
 
 
@@ -275,7 +275,7 @@ class DynamicChain:
         self.limited_s += h * (self._march.pieces[:2] != 0)
 
 
-class _Compiled:
+class _CompiledStep:
     """`March.step` in compiled code."""
 
     def __init__(self, function: Any, march: March) -> None:
@@ -296,8 +296,8 @@ class _Compiled:
         self._function(*size, h, lead, GAMMA, self._k_g, *inputs, *self._state)
 
 
-def _compiled(march: March) -> _Compiled | None:
+def _compiled(march: March) -> _CompiledStep | None:
     """None where there is no compiled code that fits."""
     function = getattr(compiled.library(), "planner_dynamic_march", None)
-    found = _Compiled(function, march) if function is not None else None
+    found = _CompiledStep(function, march) if function is not None else None
     return found if found is not None and found.fits() else None

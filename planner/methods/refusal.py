@@ -52,7 +52,7 @@ BY_COLLOCATION = Change(method="collocation", words=", which plans in joint coor
 
 def lasting(seconds: float) -> Change:
     """The change to another duration, rounded up."""
-    return Change({"goal.duration": float(least(seconds))}, f"goal.duration = {least(seconds)}")
+    return Change({"goal.duration": float(about(seconds))}, f"goal.duration = {about(seconds)}")
 
 
 def free_travel(problem: Problem, without: str = "") -> list[Change]:
@@ -96,7 +96,7 @@ def on_other_paths(problem: Problem) -> list[Change]:
     return list(out.values())
 
 
-def least(value: float) -> str:
+def about(value: float) -> str:
     """A number rounded up to four digits or so."""
     scale = 10.0 ** (3 - int(np.floor(np.log10(value))))
     return f"{np.ceil(value * scale) / scale:.10g}"
@@ -196,7 +196,7 @@ def asked_instead(plan: Plan, broken: Sequence[Violation]) -> str:
     for kind in dict.fromkeys(type(demand) for demand in reversed(problem.demands)):
         own = [each for each in found if type(each[0]) is kind]
         if kind is Duration and own:
-            parts.append(f"goal.duration = {least(plan.duration)} or more")
+            parts.append(f"goal.duration = {about(plan.duration)} or more")
         elif kind is Goal and any(part.index == 0 for _, part, _ in own):
             ((key, value),) = problem.travel_change(plan.travel).items()
             parts.append(f"{key} = {value:.6g}")

@@ -139,7 +139,7 @@ _ALL = (
 # its options checked all the same.
 
 
-class Call(TypedDict, total=False):
+class SolveKeywords(TypedDict, total=False):
     """Keywords of `solve` that every method takes."""
 
     warm: Plan | None
@@ -147,7 +147,7 @@ class Call(TypedDict, total=False):
     progress: Listener | None
 
 
-class _Law(Call, total=False):
+class _Law(SolveKeywords, total=False):
     """Keys of every closed form."""
 
     criterion: Literal["peak", "margin"]
@@ -186,7 +186,7 @@ class SinusoidSteps(_Law, total=False):
     shares: list[float] | None
 
 
-class Collocation(Call, total=False):
+class Collocation(SolveKeywords, total=False):
     """Keys of `[method.collocation]`."""
 
     intervals: int | Literal["auto"]
@@ -210,7 +210,7 @@ class Collocation(Call, total=False):
     max_iterations: int
 
 
-class Convex(Call, total=False):
+class Convex(SolveKeywords, total=False):
     """Keys of `[method.convex]`."""
 
     objective: Literal["smooth", "peak"]
@@ -223,7 +223,7 @@ class Convex(Call, total=False):
     max_cuts: int
 
 
-class Desensitised(Call, total=False):
+class Desensitised(SolveKeywords, total=False):
     """Keys of `[method.desensitised]`."""
 
     passive: float

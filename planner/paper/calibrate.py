@@ -27,15 +27,15 @@ from planner.paper.fit import (
     fit,
     identify,
     leading,
-    rounded,
+    to_preset_digits,
 )
 from planner.paper.statements import (
     FITTED,
     FIXED,
     SPREADS,
     STATEMENTS,
-    Motion,
-    Range,
+    Fitted,
+    PaperReplays,
     Statement,
     calibration_plan,
     move,
@@ -71,7 +71,7 @@ class Calibration:
     plan: Plan
     fit: Fit
     data: tuple[Data, ...]
-    motions: dict[str, Motion]
+    motions: dict[str, PaperReplays]
     replays: dict[str, Replay]
 
     @property
@@ -100,7 +100,7 @@ class Calibration:
 def setting(name: str, value: float) -> Any:
     """A number, or value and spread for what differs from machine to machine."""
     spread = SPREADS.get(name)
-    return {"value": value, "spread": rounded(value * spread)} if spread else value
+    return {"value": value, "spread": to_preset_digits(value * spread)} if spread else value
 
 
 def calibrate(progress: Progress | None = None, seed: int = 0) -> Calibration:
@@ -172,7 +172,7 @@ def page(
     fit: Fit,
     settings: Mapping[str, Any],
     data: Sequence[Data],
-    motions: Mapping[str, Motion],
+    motions: Mapping[str, PaperReplays],
     medians: Mapping[str, Sequence[float]],
     machines: int,
 ) -> str:
@@ -214,7 +214,7 @@ def _statements(fit: Fit) -> str:
 
 
 def _fidelities(
-    motions: Mapping[str, Motion], medians: Mapping[str, Sequence[float]], machines: int
+    motions: Mapping[str, PaperReplays], medians: Mapping[str, Sequence[float]], machines: int
 ) -> str:
     columns: list[Column[str]] = [
         Column("fidelity", "", str, left=True),
@@ -245,7 +245,7 @@ def _fidelities(
 
 
 def _parameters(settings: Mapping[str, Any], data: Sequence[Data]) -> str:
-    columns: list[Column[Range]] = [
+    columns: list[Column[Fitted]] = [
         Column("parameter", "", lambda r: r.name, left=True, code=True),
         Column("unit", "", lambda r: EFFECTS[r.name].unit or "1", left=True),
         Column("range", "95 %", lambda r: f"{r.low:g} ... {r.high:g}", left=True),
@@ -260,7 +260,7 @@ def _parameters(settings: Mapping[str, Any], data: Sequence[Data]) -> str:
     return text + markdown_table(columns, FITTED) + "\n"
 
 
-def left(data: Data, parameter: Range) -> float:
+def left(data: Data, parameter: Fitted) -> float:
     """Share of a parameter's range that is left when the data are known; 1: unidentifiable."""
     return float(data.left[FITTED.index(parameter)])
 
@@ -340,7 +340,7 @@ def _slashed(numbers: Any) -> str:
 DASHES = {"quasi-static": "-", "dynamic": "--"}
 
 
-def picture(plan: Plan, motions: Mapping[str, Motion], data: Sequence[Data]) -> Figure:
+def picture(plan: Plan, motions: Mapping[str, PaperReplays], data: Sequence[Data]) -> Figure:
     """Errors of the joints, speeds of the motors, and the remaining share of each range."""
     from matplotlib.figure import Figure
 
@@ -357,7 +357,7 @@ def picture(plan: Plan, motions: Mapping[str, Motion], data: Sequence[Data]) -> 
     return figure
 
 
-def _errors(ax: Any, motions: Mapping[str, Motion]) -> None:
+def _errors(ax: Any, motions: Mapping[str, PaperReplays]) -> None:
     for name, motion in motions.items():
         for i in range(motion.error.shape[2]):
             label = f"$\\theta_{i + 1}$, {name}"
@@ -370,7 +370,7 @@ def _errors(ax: Any, motions: Mapping[str, Motion]) -> None:
     ax.legend(fontsize=7, ncols=2)
 
 
-def _motors(ax: Any, plan: Plan, motions: Mapping[str, Motion]) -> None:
+def _motors(ax: Any, plan: Plan, motions: Mapping[str, PaperReplays]) -> None:
     t = next(iter(motions.values())).t
     command = np.where((t < plan.duration)[:, None], plan.trajectory.u(t), 0.0)
     peak = np.max(np.abs(command), axis=0) / 100

@@ -26,7 +26,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from planner.machine.machine import Machine
-from planner.paper.statements import FITTED, STATEMENTS, Motion, move, nominal, values
+from planner.paper.statements import FITTED, STATEMENTS, PaperReplays, move, nominal, values
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
 
@@ -67,7 +67,7 @@ def around(x: Array) -> list[dict[str, float]]:
     return [values(p) for p in (x, *(x + steps), *(x - steps))]
 
 
-def differences(seen: Array) -> Array:
+def central_differences(seen: Array) -> Array:
     """Derivatives by standardised parameters (…, P) from values (1 + 2 P, …) at `around`."""
     count = len(seen) // 2
     return np.moveaxis((seen[1 : 1 + count] - seen[1 + count :]) / (2 * DELTA), 0, -1)
@@ -91,7 +91,7 @@ def fit(plan: Plan) -> Fit:
 
     def residuals(x: Array) -> Array:
         seen = ((said(plan, around(x)) - TARGETS) / TOLERANCES)[:, counted]
-        slopes[x.tobytes()] = np.concatenate([np.eye(len(x)), differences(seen)])
+        slopes[x.tobytes()] = np.concatenate([np.eye(len(x)), central_differences(seen)])
         return np.concatenate([x, seen[0]])
 
     while True:
@@ -99,14 +99,14 @@ def fit(plan: Plan) -> Fit:
             residuals, x, lambda x: slopes[x.tobytes()], xtol=TOLERANCE, ftol=TOLERANCE**2
         )
         x, evaluations = found.x, evaluations + int(found.nfev)
-        parameters = {name: rounded(value) for name, value in values(x).items()}
+        parameters = {name: to_preset_digits(value) for name, value in values(x).items()}
         seen = said(plan, [parameters])[0]
         if not np.any((seen > TARGETS) & ~counted):
             return Fit(x, parameters, seen, evaluations)
         counted = counted | (seen > TARGETS)
 
 
-def rounded(value: float) -> float:
+def to_preset_digits(value: float) -> float:
     """To the digits of the preset."""
     return float(f"{value:.{DIGITS}g}")
 
@@ -156,7 +156,7 @@ def identify(plan: Plan, fit: Fit) -> tuple[Data, ...]:
     points = around(fit.x)
     machine = nominal(points[0], fidelity="dynamic")
     usual = move(plan, machine, points)
-    said = (differences(usual.statements) / TOLERANCES[:, None])[~BOUNDS]
+    said = (central_differences(usual.statements) / TOLERANCES[:, None])[~BOUNDS]
     every = [
         _curves(_run(plan, f, usual, machine, points), ENCODER_DEG, TACHO_PERCENT) for f in SPEEDS
     ]
@@ -168,8 +168,8 @@ def identify(plan: Plan, fit: Fit) -> tuple[Data, ...]:
 
 
 def _run(
-    plan: Plan, slower: float, usual: Motion, machine: Machine, points: list[dict[str, float]]
-) -> Motion:
+    plan: Plan, slower: float, usual: PaperReplays, machine: Machine, points: list[dict[str, float]]
+) -> PaperReplays:
     if slower == 1.0:
         return usual
     problem = plan.problem.changed({"goal.duration": plan.duration * slower})
@@ -177,10 +177,10 @@ def _run(
     return move(same, machine, points)
 
 
-def _curves(motion: Motion, degrees: float, percent: float) -> Array:
+def _curves(motion: PaperReplays, degrees: float, percent: float) -> Array:
     """Scaled sensitivities of all recorded angles and motor speeds, (numbers, P)."""
     seen = np.concatenate([motion.error / degrees, motion.motors / percent], axis=2)
-    return differences(seen[:, ::EVERY].reshape(len(seen), -1))
+    return central_differences(seen[:, ::EVERY].reshape(len(seen), -1))
 
 
 def _data(name: str, scaled: Array) -> Data:

@@ -36,7 +36,7 @@ Verdict = Literal[
 
 
 @dataclass(frozen=True)
-class Finding:
+class PaperNumber:
     """One printed number or claim.
 
     Attributes:
@@ -52,7 +52,7 @@ class Finding:
     verdict: Verdict
 
 
-def findings(cases: Cases) -> list[Finding]:
+def findings(cases: Cases) -> list[PaperNumber]:
     """All findings, in the order of the paper."""
     return [*_controllability(), *_boundary(), *_law(cases), *_domain(cases), *_machine(cases)]
 
@@ -61,7 +61,7 @@ def _angles(*degrees: float) -> np.ndarray:
     return np.array([0.0, *np.deg2rad(degrees)])
 
 
-def _controllability() -> list[Finding]:
+def _controllability() -> list[PaperNumber]:
     system = paper_problem().system
     assert isinstance(system, Manipulator)
     regular = controllability(system, _angles(20, 20, 20))
@@ -72,14 +72,14 @@ def _controllability() -> list[Finding]:
         for angles in ((0, 20, 20), (20, 0, 20))
     ]
     return [
-        Finding(
+        PaperNumber(
             "(12)-(15)",
             "X_2 = d/dtheta_2 and Y_2 = (0, y_2) follow from the recursion",
             f"at 20 deg the printed X_2 is wrong by {recursion.x_error[0]:.3g}: the recursion holds"
             " for a sine law",
             "does not hold",
         ),
-        Finding(
+        PaperNumber(
             "(17)",
             "det vanishes nowhere",
             f"the printed family's determinant is {recursion.determinant:.3g} at 20 deg, but"
@@ -91,39 +91,41 @@ def _controllability() -> list[Finding]:
     ]
 
 
-def _boundary() -> list[Finding]:
+def _boundary() -> list[PaperNumber]:
     problem = paper_problem()
     form = chained_form(problem.system)
     start = form.z(problem.start)[1:]
     goal = form.z(np.nan_to_num(problem.goal))[1:]
     return [
-        Finding(
+        PaperNumber(
             "4.3, z(0)", "(-0.0324, 0.7113, 0.0175)", f"{_triple(start)}; fixes K2 and K3", "agrees"
         ),
-        Finding("4.3, z2(T)", "-0.532", f"{goal[0]:.4f}: a digit is missing", "misprint"),
-        Finding("4.3, z3(T), z4(T)", "0.4622, 0.5236", f"{goal[1]:.4f}, {goal[2]:.4f}", "agrees"),
+        PaperNumber("4.3, z2(T)", "-0.532", f"{goal[0]:.4f}: a digit is missing", "misprint"),
+        PaperNumber(
+            "4.3, z3(T), z4(T)", "0.4622, 0.5236", f"{goal[1]:.4f}, {goal[2]:.4f}", "agrees"
+        ),
     ]
 
 
-def _law(cases: Cases) -> list[Finding]:
+def _law(cases: Cases) -> list[PaperNumber]:
     window = travel_window(paper_problem())
     assert window is not None
     low, high = cases.valid.notes["travel_ranges_in_domain"][0]
     return [
-        Finding(
+        PaperNumber(
             "4.3, travel of phi2",
             "not given",
             f"one-way motions exist only for {window.low:.5f} to {window.high:.5f} rad; the plain"
             f" cubic stays in the domain for {low:.4f} to {high:.4f}",
             "not printed",
         ),
-        Finding(
+        PaperNumber(
             "4.2, after (28)",
             "two constraint points make v2 quartic",
             "3 boundary values + 2 points = 5 coefficients",
             "agrees",
         ),
-        Finding(
+        PaperNumber(
             "4.2, step 3",
             "z3(t) = z3(0) + z2(0) t + ...",
             "each integration adds a factor b0 that is not printed here; (27) has it",
@@ -132,30 +134,30 @@ def _law(cases: Cases) -> list[Finding]:
     ]
 
 
-def _domain(cases: Cases) -> list[Finding]:
+def _domain(cases: Cases) -> list[PaperNumber]:
     crossings = " and ".join(f"{t:.3f}" for t in cases.free.domain.z2_crossings_s)
     exits, needed = _times(cases.point.domain.exits_s), 1 - cases.point.domain.margin
     return [
-        Finding(
+        PaperNumber(
             "Fig. 4",
             "z2 crosses zero twice without a constraint point",
             f"at {crossings} s (at pi/4, an inferred travel, and T = 10 s)",
             "agrees",
         ),
-        Finding(
+        PaperNumber(
             "Fig. 5",
             f"with the point ({POINT[0]:g}, {POINT[1]:g}) z2 stays negative",
             f"at pi/4, an inferred travel: largest z2 {cases.point.domain.z2_max:.4f}",
             "agrees",
         ),
-        Finding(
+        PaperNumber(
             "Fig. 5",
             "and so avoids the singularities",
             f"at pi/4, an inferred travel: from {exits} s there is no real theta1: cos^2(theta1)"
             f" would have to reach {needed:.2f}",
             "does not hold",
         ),
-        Finding(
+        PaperNumber(
             "4.2, step 5",
             "constraint points lead around singularities",
             _ways_around(),
@@ -164,10 +166,10 @@ def _domain(cases: Cases) -> list[Finding]:
     ]
 
 
-def _machine(cases: Cases) -> list[Finding]:
+def _machine(cases: Cases) -> list[PaperNumber]:
     error = np.median(cases.replay.largest_error_deg, axis=0)
     return [
-        Finding(
+        PaperNumber(
             "Fig. 9",
             "5 deg error of theta3",
             f"median {error[2]:.1f} deg on our emulated prototype, which was calibrated to it"

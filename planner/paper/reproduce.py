@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.paper.cases import POINT, Cases, cases
-from planner.paper.numbers import Finding, findings
+from planner.paper.numbers import PaperNumber, findings
 from planner.report.figures.arm import plot_arm
 from planner.report.figures.mechanism import plot_mechanism
 from planner.report.figures.on_the_machine import median_sample, plot_replays
@@ -43,7 +43,7 @@ class Reproduction:
     """
 
     path: Path
-    findings: tuple[Finding, ...]
+    findings: tuple[PaperNumber, ...]
     cases: Cases
 
 
@@ -235,7 +235,7 @@ def _own(text: str) -> Markup:
     return Markup(text.replace("|", "\\|"))
 
 
-FINDINGS: list[Column[Finding]] = [
+FINDINGS: list[Column[PaperNumber]] = [
     Column("where", "", lambda f: f.where, _own, left=True),
     Column("printed", "", lambda f: f.printed, _own, left=True),
     Column("ours", "", lambda f: f.ours, _own, left=True),
@@ -243,7 +243,7 @@ FINDINGS: list[Column[Finding]] = [
 ]
 
 
-def page(findings: list[Finding], samples: int, seed: int) -> str:
+def page(findings: list[PaperNumber], samples: int, seed: int) -> str:
     """The page as Markdown text."""
     parts = [_HEAD.format(samples=samples, seed=seed), "## Numbers and claims\n"]
     parts.append(markdown_table(FINDINGS, findings) + "\n")

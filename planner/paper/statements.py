@@ -80,7 +80,7 @@ def calibration_plan() -> Plan:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class PaperReplays:
     """Replays of one plan on S single machines.
 
     Attributes:
@@ -110,7 +110,7 @@ def nominal(values: Mapping[str, float], **changes: object) -> Machine:
     return Machine.prototype(step_s=STEP_S).nominal().with_(**{**values, **changes})
 
 
-def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) -> Motion:
+def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) -> PaperReplays:
     """Replay a plan on single machines that differ from `machine` in some parameters."""
     joints = plan.problem.system.size - 1
     base = draw(machine, joints, np.arange(len(points)), 0)
@@ -122,7 +122,7 @@ def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) ->
     run = simulate_draws(plan, machine, draws, settle_s=SETTLE_S, record_s=STEP_S)
     u = np.where((run.t < plan.duration)[:, None], plan.trajectory.u(run.t), 0.0)
     peak = np.max(np.abs(u), axis=0) / 100
-    return Motion(
+    return PaperReplays(
         t=run.t,
         error=np.rad2deg(run.q - plan.trajectory.q(run.t))[:, :, 1:],
         motors=run.speed / peak,
@@ -142,7 +142,7 @@ def coordinates(parameters: Mapping[str, float]) -> Array:
 
 
 @dataclass(frozen=True)
-class Range:
+class Fitted:
     """A parameter that is fitted.
 
     Attributes:
@@ -168,41 +168,41 @@ class Range:
 
 
 FITTED = (
-    Range("servo_bandwidth_rad_s", 30, 150, "profile filters of small servo drives: 5 to 25 Hz"),
-    Range("motor_inertia_kgm2", 0.01, 0.04, "rotors of 10 to 40 g cm^2 (20 to 60 W) behind 1:100"),
-    Range("servo_gain_nms_per_rad", 2.5, 10, "loops of 20 to 80 Hz around 0.02 kg m^2"),
-    Range("servo_integral_time_s", 0.01, 0.04, "2 to 5 times the time constant of that loop"),
-    Range("torque_limit_nm", 1, 6, "continuous torque of planetary gearheads of 32 mm"),
-    Range("creep", 0.001, 0.01, "rolling radius of a loaded polymer tread: 0.1 to 1 % less"),
-    Range("creep_per_nm", 0.001, 0.02, "0.1 to 1 % of creepage at half of the torque that slips"),
-    Range(
+    Fitted("servo_bandwidth_rad_s", 30, 150, "profile filters of small servo drives: 5 to 25 Hz"),
+    Fitted("motor_inertia_kgm2", 0.01, 0.04, "rotors of 10 to 40 g cm^2 (20 to 60 W) behind 1:100"),
+    Fitted("servo_gain_nms_per_rad", 2.5, 10, "loops of 20 to 80 Hz around 0.02 kg m^2"),
+    Fitted("servo_integral_time_s", 0.01, 0.04, "2 to 5 times the time constant of that loop"),
+    Fitted("torque_limit_nm", 1, 6, "continuous torque of planetary gearheads of 32 mm"),
+    Fitted("creep", 0.001, 0.01, "rolling radius of a loaded polymer tread: 0.1 to 1 % less"),
+    Fitted("creep_per_nm", 0.001, 0.02, "0.1 to 1 % of creepage at half of the torque that slips"),
+    Fitted(
         "friction_capacity_nm", 0.5, 5, "mu N r: 0.15 to 0.4, 150 to 300 N, 20 to 40 mm of radius"
     ),
-    Range("disk_inertia_kgm2", 5e-5, 5e-4, "two steel disks, 40 to 80 mm by 8 mm: m r^2/2"),
-    Range(
+    Fitted("disk_inertia_kgm2", 5e-5, 5e-4, "two steel disks, 40 to 80 mm by 8 mm: m r^2/2"),
+    Fitted(
         "gearhead_backlash_deg",
         0.25,
         1.0,
         "planetary gearheads of 32 mm; preloaded ones have 0.15 to 0.5 (maxon GP 32 BZ)",
     ),
-    Range(
+    Fitted(
         "backlash_deg",
         1.3,
         5.2,
         "0.1 to 0.4 mm between the teeth of bevel gears on 8 mm (0.7 to 2.9) and of belts on 10 mm",
     ),
-    Range("axis_inertia_kgm2", 2e-6, 5e-5, "bevel gear, shaft and pulley: 40 to 200 g on 10 mm"),
-    Range(
+    Fitted("axis_inertia_kgm2", 2e-6, 5e-5, "bevel gear, shaft and pulley: 40 to 200 g on 10 mm"),
+    Fitted(
         "shaft_stiffness_nm_per_rad",
         1.7,
         7.5,
         "G pi d^4/(32 L) of steel, 3 to 4 mm by 0.2 to 0.3 m (2.1 to 9.9), and a belt (10 to 30)",
     ),
-    Range("shaft_damping_nms_per_rad", 0.005, 0.08, "1 to 10 % of critical: belt and bearings"),
-    Range("link_inertia_kgm2", 0.01, 0.1, "0.25 to 1.5 kg at 0.2 m: a link with its mechanism"),
-    Range("base_friction_nm", 0.05, 0.5, "bearings and seals under the weight of the arm"),
-    Range("coulomb_friction_nm", 0.05, 0.5, "bearings, belt tension, disks of the next joint"),
-    Range("viscous_friction_nms_per_rad", 0.01, 0.2, "grease: a tenth to all of it at 1 rad/s"),
+    Fitted("shaft_damping_nms_per_rad", 0.005, 0.08, "1 to 10 % of critical: belt and bearings"),
+    Fitted("link_inertia_kgm2", 0.01, 0.1, "0.25 to 1.5 kg at 0.2 m: a link with its mechanism"),
+    Fitted("base_friction_nm", 0.05, 0.5, "bearings and seals under the weight of the arm"),
+    Fitted("coulomb_friction_nm", 0.05, 0.5, "bearings, belt tension, disks of the next joint"),
+    Fitted("viscous_friction_nms_per_rad", 0.01, 0.2, "grease: a tenth to all of it at 1 rad/s"),
 )
 """In the order of the signal path."""
 

@@ -175,7 +175,7 @@ def polynomial_range(curve: BPoly, component: int) -> tuple[float, float]:
     return float(values.min()), float(values.max())
 
 
-def stretched(curve: BPoly, factor: float, gain: float = 1.0) -> BPoly:
+def on_longer_clock(curve: BPoly, factor: float, gain: float = 1.0) -> BPoly:
     """The curve in `factor` times the time, its values times `gain`."""
     return BPoly(curve.c * gain, curve.x * factor)
 

@@ -177,7 +177,7 @@ def to_frame(plan: Plan, rate_hz: float = RATE_HZ) -> pandas.DataFrame:
     frame = (
         imported("pandas").DataFrame(samples.table, columns=list(samples.columns)).set_index("t_s")
     )
-    frame.attrs = facts(plan)
+    frame.attrs = plan_facts(plan)
     return frame
 
 
@@ -208,7 +208,7 @@ def to_xarray(plan: Plan, rate_hz: float = RATE_HZ) -> xarray.Dataset:
             "unit_of_q": ("coordinate", [c.unit for c in system.coordinates]),
             "unit_of_u": ("input", [c.unit for c in system.inputs]),
         },
-        attrs=facts(plan),
+        attrs=plan_facts(plan),
     )
     return dataset
 
@@ -227,7 +227,7 @@ def imported(name: str) -> Any:
         ) from None
 
 
-def facts(plan: Plan) -> dict[str, Any]:
+def plan_facts(plan: Plan) -> dict[str, Any]:
     """What frames and datasets say of their plan."""
     return {
         "problem": plan.problem.name,

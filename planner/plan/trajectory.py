@@ -22,8 +22,8 @@ from planner.plan.curves import (
     curve_from_dict,
     curve_to_dict,
     expect_curve,
+    on_longer_clock,
     on_pieces,
-    stretched,
     undefined,
 )
 from planner.support.arrays import Array, jsonable
@@ -200,7 +200,10 @@ class ChainedTrajectory(Trajectory):
 
     def slowed(self, factor: float) -> ChainedTrajectory:
         """The same path in `factor` times the time."""
-        z, v = stretched(self.z_curve, factor), stretched(self.v_curve, factor, 1 / factor)
+        z, v = (
+            on_longer_clock(self.z_curve, factor),
+            on_longer_clock(self.v_curve, factor, 1 / factor),
+        )
         return ChainedTrajectory(self.system, z, v, self.branch)
 
     def to_dict(self) -> dict[str, Any]:
@@ -281,7 +284,10 @@ class StateTrajectory(Trajectory):
 
     def slowed(self, factor: float) -> StateTrajectory:
         """The same path in `factor` times the time."""
-        q, u = stretched(self.q_curve, factor), stretched(self.u_curve, factor, 1 / factor)
+        q, u = (
+            on_longer_clock(self.q_curve, factor),
+            on_longer_clock(self.u_curve, factor, 1 / factor),
+        )
         return StateTrajectory(self.system, q, u)
 
     def to_dict(self) -> dict[str, Any]:

@@ -187,7 +187,7 @@ RECURSION_JOINTS = 6
 
 
 @dataclass(frozen=True)
-class Place:
+class Probe:
     """A configuration and what was found there; `finding` is None where the kinematics end."""
 
     name: str
@@ -218,7 +218,7 @@ class Nonholonomy:
             more than six joints.
     """
 
-    places: tuple[Place, ...]
+    places: tuple[Probe, ...]
     recursion: PaperRecursion | None
 
     @property
@@ -258,11 +258,11 @@ def nonholonomy(problem: Problem) -> Nonholonomy:
     return Nonholonomy(tuple(places), recursion)
 
 
-def _place(system: TriangularSystem, name: str, q: Array) -> Place:
+def _place(system: TriangularSystem, name: str, q: Array) -> Probe:
     """As deep as full rank needs, unless that could be very deep."""
     flat = int(np.sum(np.abs(q[1:-1]) < 1e-12))
     depth = DEEPEST if system.size - 1 + flat > DEEPEST else None
     try:
-        return Place(name, controllability(system, q, depth))
+        return Probe(name, controllability(system, q, depth))
     except InputError:
-        return Place(name, None)
+        return Probe(name, None)

@@ -170,11 +170,13 @@ def error_budget(
         raise InputError("the error index E is defined for angles, and this system has none")
     if not used.effects:
         raise InputError("this machine has no effects, so there is no error to attribute")
-    return _Run(plan, used, count, seed, base, progress or (lambda doing, share: None)).budget()
+    return _BudgetRun(
+        plan, used, count, seed, base, progress or (lambda doing, share: None)
+    ).budget()
 
 
 @dataclass(frozen=True)
-class _Run:
+class _BudgetRun:
     """One budget in the making."""
 
     plan: Plan

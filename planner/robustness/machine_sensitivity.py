@@ -171,7 +171,7 @@ class MachineSensitivity:
 
 
 @dataclass(frozen=True)
-class _Step:
+class _Perturbation:
     effect: str
     index: int
     element: str
@@ -218,7 +218,7 @@ def machine_sensitivity(plan: Plan, machine: Machine | str | None = None) -> Mac
 
 def _steps(
     machine: Machine, system: TriangularSystem, name: str, effect: Effect
-) -> Iterator[_Step]:
+) -> Iterator[_Perturbation]:
     """One step for each element of an effect; none where it is off and has no finite neutral."""
     on = machine.effects.get(name)
     if on is None and not (np.isfinite(effect.off) and not effect.positive):
@@ -232,7 +232,7 @@ def _steps(
         low, high = max(value - size, effect.low), min(value + size, effect.high)
         if effect.positive:
             low = max(low, value / 2)
-        yield _Step(name, i, _element(system, effect, i), value, float(spread), low, high)
+        yield _Perturbation(name, i, _element(system, effect, i), value, float(spread), low, high)
 
 
 def _element(system: TriangularSystem, effect: Effect, i: int) -> str:
@@ -244,7 +244,7 @@ def _element(system: TriangularSystem, effect: Effect, i: int) -> str:
 
 
 def _motions(
-    plan: Plan, machine: Machine, steps: list[_Step]
+    plan: Plan, machine: Machine, steps: list[_Perturbation]
 ) -> tuple[Array, Array, list[Array], list[Array]]:
     """Recorded times, the nominal motion (R, N), and those of the upper and lower machines."""
     nominal, joints = machine.nominal(), plan.problem.system.size - 1

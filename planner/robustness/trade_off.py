@@ -22,12 +22,12 @@ from planner.problem.problem import Problem, expect_problem
 from planner.problem.tables.method_options import DesensitisedOptions
 from planner.robustness.trade_off_axis import KINDS, Axis, Kind, axis
 from planner.robustness.trade_off_points import (
-    Point,
-    Store,
+    PointStore,
+    TradeOffPoint,
     allowed_for,
     errors_machine,
     replayed,
-    solved,
+    solved_point,
 )
 from planner.support.arrays import Array
 from planner.support.package import handed_to
@@ -58,7 +58,7 @@ class TradeOff:
 
     problem: Problem
     kind: Kind
-    points: tuple[Point, ...]
+    points: tuple[TradeOffPoint, ...]
     options: DesensitisedOptions
     machine: Machine
     folder: Path | None
@@ -82,7 +82,7 @@ class TradeOff:
         return np.array([p.response_deg for p in self.points])
 
     @property
-    def knee(self) -> Point:
+    def knee(self) -> TradeOffPoint:
         """The point farthest below the chord between the ends; see `knee`."""
         return self.points[self.knee_index]
 
@@ -188,7 +188,7 @@ def trade_off(
         "samples": samples,
         "seed": seed,
     }
-    store = Store(folder, asked)
+    store = PointStore(folder, asked)
     tell = progress or (lambda _, __: None)
     if len(store.points) < points or any(p.swept < 2 for p in store.points.values()):
         tell("finding the ends of the curve", 0.0)
@@ -199,7 +199,7 @@ def trade_off(
 
 
 def _sweep(
-    problem: Problem, options: DesensitisedOptions, along: Axis, store: Store, tell: Progress
+    problem: Problem, options: DesensitisedOptions, along: Axis, store: PointStore, tell: Progress
 ) -> None:
     """Find the points, from the least limit to the greatest and back."""
     attempt = partial(_attempt, problem, options, along)
@@ -213,7 +213,7 @@ def _sweep(
             store.put(k, best)
         near = store.points[k].plan
     if not store.points:  # say why: without points this raises
-        solved(*along.posed(problem, options, along.limits[-1]), along.limits[-1], None)
+        solved_point(*along.posed(problem, options, along.limits[-1]), along.limits[-1], None)
     after: Plan | None = None
     for j, k in enumerate(sorted(store.points, reverse=True)):
         point = store.points[k]
@@ -227,20 +227,20 @@ def _sweep(
 
 def _attempt(
     problem: Problem, options: DesensitisedOptions, along: Axis, limit: float, near: Plan | None
-) -> Point | None:
+) -> TradeOffPoint | None:
     """The point found next to a plan, or afresh; None if there is none."""
     problem, options = along.posed(problem, options, float(limit))
     if near is None:
         options = options.model_copy(update={"starts": min(options.starts, 2)})
     try:
-        return solved(problem, options, float(limit), near)
+        return solved_point(problem, options, float(limit), near)
     except NoPlanError:
         return None
 
 
-def _better(points: list[Point | None]) -> Point | None:
+def _better(points: list[TradeOffPoint | None]) -> TradeOffPoint | None:
     """The one of the least response; the first of those that hardly differ."""
-    best: Point | None = None
+    best: TradeOffPoint | None = None
     for point in filter(None, points):
         if best is None or point.response_deg < best.response_deg * (1 - SAME):
             best = point
@@ -248,7 +248,7 @@ def _better(points: list[Point | None]) -> Point | None:
 
 
 def _replay(
-    store: Store,
+    store: PointStore,
     problem: Problem,
     options: DesensitisedOptions,
     machine: Machine,
@@ -266,9 +266,9 @@ def _replay(
             store.put(k, replace(point, machine=runs[0], errors_alone=runs[1], compensated=allowed))
 
 
-def _descending(points: list[Point]) -> tuple[Point, ...]:
+def _descending(points: list[TradeOffPoint]) -> tuple[TradeOffPoint, ...]:
     """Points that respond less than all with a smaller limit: the others buy nothing."""
-    kept: list[Point] = []
+    kept: list[TradeOffPoint] = []
     for point in points:
         if not kept or point.response_deg < kept[-1].response_deg * (1 - SAME):
             kept.append(point)

@@ -59,7 +59,7 @@ class Axis:
         calm_only = options.model_copy(update={"effort": min(options.effort, SETTLING)})
         if self.kind == "duration":
             return problem.changed({"goal.duration": float(limit)}), calm_only
-        return limited(problem, limit * self.base), calm_only
+        return with_input_limits(problem, limit * self.base), calm_only
 
 
 def axis(problem: Problem, options: DesensitisedOptions, kind: Kind, points: int) -> Axis:
@@ -119,7 +119,7 @@ def _peaks(
         calm = options.model_copy(update={"effort": MOST})
         taken = peak_inputs(judged(plan_desensitised(problem, calm))[0].trajectory)
         base = np.where(np.isfinite(base), base, taken)
-    quickest = _quickest(limited(problem, base), easy)
+    quickest = _quickest(with_input_limits(problem, base), easy)
     assert problem.duration is not None
     lowest = ROOM * quickest.duration / problem.duration  # the systems are driftless
     if lowest >= 1:
@@ -127,7 +127,7 @@ def _peaks(
             f"{problem.source}: goal.duration = {problem.duration:g} s leaves the inputs no room:"
             f" the fastest motion takes {quickest.duration:.4g} s; give more time"
         )
-    start = limited(problem, lowest * base)
+    start = with_input_limits(problem, lowest * base)
     return Axis("peak", np.geomspace(lowest, 1.0, points), base, _slowed(quickest, start))
 
 
@@ -138,7 +138,7 @@ def _slowed(plan: Plan, problem: Problem) -> Plan:
     return replace(plan, problem=problem, trajectory=plan.trajectory.slowed(factor))
 
 
-def limited(problem: Problem, inputs: Array) -> Problem:
+def with_input_limits(problem: Problem, inputs: Array) -> Problem:
     """The problem with these limits on the inputs' magnitudes.
 
     Raises:

@@ -30,7 +30,7 @@ from planner.verification.load_plan import load_plan
 
 
 @dataclass(frozen=True)
-class Point:
+class TradeOffPoint:
     """A verified plan on the curve.
 
     Attributes:
@@ -72,19 +72,19 @@ class Point:
         return {key: value for key, value in vars(self).items() if key != "plan"}
 
 
-def solved(
+def solved_point(
     problem: Problem, options: DesensitisedOptions, limit: float, near: Plan | None
-) -> Point:
+) -> TradeOffPoint:
     """Plan, verify and measure.
 
     Raises:
         NoPlanError: If there is no plan, or it fails its verification.
     """
     plan, _ = judged(plan_desensitised(problem, options, near))
-    return measured(plan, options, limit)
+    return point_of(plan, options, limit)
 
 
-def measured(plan: Plan, options: DesensitisedOptions, limit: float) -> Point:
+def point_of(plan: Plan, options: DesensitisedOptions, limit: float) -> TradeOffPoint:
     """A verified plan's figures."""
     spread = spreads(plan.problem.system, options)
     found = sensitivity(plan)
@@ -94,7 +94,7 @@ def measured(plan: Plan, options: DesensitisedOptions, limit: float) -> Point:
         weights = np.ones(2)
     mean = float(weights @ [passive**2, total**2] / np.sum(weights))
     peaks = peak_inputs(plan.trajectory)
-    return Point(
+    return TradeOffPoint(
         limit=limit,
         plan=plan,
         effort=effort(plan.trajectory),
@@ -169,7 +169,7 @@ VERSION = 1
 INDEX = "trade-off.json"
 
 
-class Store:
+class PointStore:
     """Points by their place on the curve, in memory and, where a folder is given, on disk.
 
     Each point is its plan, `plans/NN.json`, and an entry of the index `trade-off.json`; both are
@@ -188,11 +188,11 @@ class Store:
         self.asked = dict(jsonable(asked))
         text = json.dumps(self.asked, sort_keys=True)
         self.key = hashlib.sha256(text.encode()).hexdigest()[:16]
-        self.points: dict[int, Point] = {}
+        self.points: dict[int, TradeOffPoint] = {}
         if self.path is not None:
             self._open(self.path)
 
-    def put(self, place: int, point: Point) -> None:
+    def put(self, place: int, point: TradeOffPoint) -> None:
         """Keep a point."""
         self.points[place] = point
         if self.path is None:
@@ -226,10 +226,10 @@ class Store:
             return
         data = self._read(index)
         for name, entry in data["points"].items():
-            known = {f.name for f in fields(Point)} - {"plan"}
+            known = {f.name for f in fields(TradeOffPoint)} - {"plan"}
             plan = load_plan(path / "plans" / f"{name}.json", strict=True)
             values = {key: entry.get(key) for key in known}
-            self.points[int(name)] = Point(plan=plan, **values)
+            self.points[int(name)] = TradeOffPoint(plan=plan, **values)
 
     def _read(self, index: Path) -> dict[str, Any]:
         try:

@@ -126,7 +126,7 @@ STOPPED = "User_Requested_Stop"
 """What IPOPT says where `_Watch` has ended it."""
 
 
-class Ipopt:
+class IpoptCall:
     """CasADi's IPOPT for one programme, to be called like CasADi's own.
 
     The time that remains is asked for after each iteration. It is no option of the solver, which

@@ -176,7 +176,7 @@ def heed_interrupts() -> Iterator[None]:
     for number in mine:
         signal.signal(number, note)
     try:
-        with unsaid("KeyboardInterruptException", "stderr"):  # CasADi's warning of it
+        with muted("KeyboardInterruptException", "stderr"):  # CasADi's warning of it
             yield
     except SystemError:  # Python 3.13 finds the exception that CasADi has left set, and says so
         if not raised:
@@ -212,7 +212,7 @@ def osqp_result(solver: Any) -> Any:
 
     with _osqp_alone:
         while True:
-            with unsaid("Solver interrupted", "stdout"):
+            with muted("Solver interrupted", "stdout"):
                 result = solver.solve(raise_error=False)
             stopped = result.info.status_val == SolverStatus.OSQP_SIGINT
             if stopped or _osqp_mark()():
@@ -245,7 +245,7 @@ def _pass_on() -> None:
 
 
 @contextmanager
-def unsaid(words: str, stream: Literal["stdout", "stderr"]) -> Iterator[None]:
+def muted(words: str, stream: Literal["stdout", "stderr"]) -> Iterator[None]:
     """Keep lines with these words from a stream of the main thread, to which it belongs."""
     target = getattr(sys, stream)
     if threading.current_thread() is not threading.main_thread() or target is None:

@@ -40,8 +40,8 @@ class Progress:
 Listener = Callable[[Progress], None]
 
 
-class _Run:
-    def __init__(self, listener: Listener | None, outer: _Run | None) -> None:
+class _News:
+    def __init__(self, listener: Listener | None, outer: _News | None) -> None:
         self.listener, self.outer = listener, outer
         self.began, self.doing = time.monotonic(), "preparing"
         self.solves, self.best = 0, None
@@ -54,13 +54,13 @@ class _Run:
         return Progress(self.doing, time.monotonic() - self.began, self.solves, self.best)
 
 
-_run: ContextVar[_Run | None] = ContextVar("run", default=None)
+_run: ContextVar[_News | None] = ContextVar("run", default=None)
 
 
 @contextmanager
 def listening(listener: Listener | None) -> Iterator[None]:
     """What is told in the block goes to the listener, and to those around."""
-    token = _run.set(_Run(listener, _run.get()))
+    token = _run.set(_News(listener, _run.get()))
     try:
         yield
     finally:

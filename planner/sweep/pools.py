@@ -80,7 +80,7 @@ class LocalPool:
         self.window = 2 * count
         self._threads = ThreadPoolExecutor(count, thread_name_prefix="sweep")
         self._own = threading.local()
-        self._workers: list[_Worker] = []
+        self._workers: list[_WorkerProcess] = []
         self._lock = threading.Lock()
         self._closed = False
 
@@ -108,19 +108,19 @@ class LocalPool:
                 break
         return died(f"the process running it died {ATTEMPTS} times", *worker.last_words())
 
-    def _worker(self) -> _Worker:
+    def _worker(self) -> _WorkerProcess:
         """This thread's process, started if there is none that lives."""
-        worker: _Worker | None = getattr(self._own, "worker", None)
+        worker: _WorkerProcess | None = getattr(self._own, "worker", None)
         if worker is None or not worker.alive:
             with self._lock:
-                worker = self._own.worker = _Worker()
+                worker = self._own.worker = _WorkerProcess()
                 self._workers.append(worker)
                 if self._closed:
                     worker.end()
         return worker
 
 
-class _Worker:
+class _WorkerProcess:
     """A process that runs `serve`."""
 
     def __init__(self) -> None:

@@ -94,7 +94,7 @@ def run_sweep(
         done = wanted.keys() & store.finished(retry, sweep.plans)
         missing = (position for key, position in wanted.items() if key not in done)
         waiting = (case_at(sweep, position) for position in missing)
-        run = _Run(store, waiting, len(wanted) - len(done), progress)
+        run = _SweepRun(store, waiting, len(wanted) - len(done), progress)
         if run.total:
             if workers != 0:
                 _refuse_unknown_elsewhere(sweep)
@@ -144,7 +144,7 @@ def _refuse_unknown_elsewhere(sweep: Sweep) -> None:
 
 
 @dataclass
-class _Run:
+class _SweepRun:
     """Cases on their way through a pool."""
 
     store: Store

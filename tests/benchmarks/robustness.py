@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 import planner
-from planner.machine.feedback.tracker import Control, Tracker
+from planner.machine.feedback.tracker import Tracker, TrackerControl
 from planner.machine.machine import Machine, draw
 from planner.machine.replay import Replay, replay
 from planner.plan.plan import Plan
@@ -48,11 +48,11 @@ class Flawed:
     def __post_init__(self) -> None:
         self.step_s: list[float] = []
 
-    def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> Control:
+    def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> TrackerControl:
         """See `planner.machine.closed_loop.Feedback`."""
         outer, control = self, self.tracker.start(plan, machine, numbers)
 
-        class Tampered(Control):
+        class Tampered(TrackerControl):
             def __call__(self, t: float, measured: Array) -> Array:
                 read = measured if outer.tamper is None else outer.tamper(measured)
                 began = time.process_time()
@@ -264,7 +264,7 @@ class Believing(Tracker):
         super().__init__(tracker.options)
         self._known = known
 
-    def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> Control:
+    def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> TrackerControl:
         """See `Tracker`."""
         return super().start(plan, self._known, numbers)
 

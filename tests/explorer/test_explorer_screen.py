@@ -17,7 +17,7 @@ from planner.errors import InputError
 from planner.explorer.outcome import judge, path
 from planner.explorer.screen import Screen
 from planner.explorer.state import State
-from planner.report.charts.panels import rounded
+from planner.report.charts.panels import to_screen_digits
 from planner.support.package import how_to_install
 
 ROOT = Path(__file__).parents[2]
@@ -365,7 +365,7 @@ def test_the_missing_extra_is_named(
 
 def test_numbers_are_shortened_without_visible_change() -> None:
     values = np.array([1.0 / 3, np.nan, -200.0, 1e-30, 123456.7, 8.123456e-7])
-    assert rounded(values) == [0.33333, None, -200.0, 0.0, 123460.0, 8.1235e-7]
+    assert to_screen_digits(values) == [0.33333, None, -200.0, 0.0, 123460.0, 8.1235e-7]
 
 
 def test_judging_twice_changes_nothing(paper: planner.Problem) -> None:

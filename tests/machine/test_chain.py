@@ -9,7 +9,7 @@ import pytest
 from handmade import draws_of
 from scipy.integrate import solve_ivp
 
-from planner.machine.disk_chain import Chain
+from planner.machine.disk_chain import DiskChain
 from planner.machine.stepwise import Direct
 from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
@@ -36,7 +36,7 @@ def travel(t: float) -> Array:
     return np.array([0.3 * np.sin(2 * t), (1 - np.cos(3 * t)) / 6 + 0.2 * t])
 
 
-def ran(plant: Chain | Direct, steps: int, points: int = 3) -> Array:
+def ran(plant: DiskChain | Direct, steps: int, points: int = 3) -> Array:
     """Coordinates (N, S) after so many steps under `speed`, given at so many points of each."""
     h = T / steps
     for k in range(steps):
@@ -58,25 +58,27 @@ def test_ideal_chain_is_the_kinematics_to_fourth_or_second_order(n: int) -> None
     system, q = arm(n), start(n)
     truth = exact(system, q)
     steps = np.array([8, 16, 32, 64])
-    for plant in (lambda: Chain(system, draws_of(n), q), lambda: Direct(system, q)):
+    for plant in (lambda: DiskChain(system, draws_of(n), q), lambda: Direct(system, q)):
         for points, order in ((3, 4), (2, 2)):
             errors = [np.max(np.abs(ran(plant(), int(m), points) - truth)) for m in steps]
             slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
             assert slope == pytest.approx(-order, abs=0.3)
-    assert np.max(np.abs(ran(Chain(system, draws_of(n), q), 1000) - truth)) < 1e-11
+    assert np.max(np.abs(ran(DiskChain(system, draws_of(n), q), 1000) - truth)) < 1e-11
 
 
 def test_gear_ratio_errors_scale_one_joint_each() -> None:
     system, q = arm(3), start(3)
     off = Manipulator(system.K * [1.1, 0.8], system.k_g)
     draws = draws_of(gear_ratio_error=[0.1, -0.2])
-    assert ran(Chain(system, draws, q), 100) == pytest.approx(ran(Direct(off, q), 100), abs=1e-8)
+    assert ran(DiskChain(system, draws, q), 100) == pytest.approx(
+        ran(Direct(off, q), 100), abs=1e-8
+    )
 
 
 def first_rates(n: int, **effects: Any) -> Array:
     """Rates of all coordinates under unit motor speeds, at the start, over the ideal ones."""
     system, q = arm(n), start(n)
-    plant = Chain(system, draws_of(n, **effects), q)
+    plant = DiskChain(system, draws_of(n, **effects), q)
     h = 1e-6
     plant.step(np.ones((3, 2, 1)), np.full((2, 2, 1), h) * [[[0.5]], [[1.0]]], h)
     return np.asarray((plant.q - q)[:, 0] / h / system.rates(q[:, 0], np.ones(2)))
@@ -92,7 +94,7 @@ def test_creep_is_lost_at_every_contact(n: int) -> None:
         assert ratios[i] == pytest.approx((1 - xi) ** (i + 1), abs=1e-5)
 
 
-def constant(plant: Chain, u1: float, steps: int, h: float = 1e-3) -> Array:
+def constant(plant: DiskChain, u1: float, steps: int, h: float = 1e-3) -> Array:
     """History (steps+1, N) of sample 0 with motor 1 at constant speed and motor 2 at rest."""
     points = np.zeros((3, 2, 1))
     points[:, 0] = u1
@@ -108,8 +110,8 @@ def constant(plant: Chain, u1: float, steps: int, h: float = 1e-3) -> Array:
 def test_creep_scales_the_travel() -> None:
     xi = 0.02
     q = start(3)
-    creeping = constant(Chain(arm(3), draws_of(creep=xi), q), 0.5, 500)
-    ideal = constant(Chain(arm(3), draws_of(), q), 0.5, 500)
+    creeping = constant(DiskChain(arm(3), draws_of(creep=xi), q), 0.5, 500)
+    ideal = constant(DiskChain(arm(3), draws_of(), q), 0.5, 500)
     ratio = (creeping[-1] - creeping[0])[[0, 2]] / (ideal[-1] - ideal[0])[[0, 2]]
     assert ratio == pytest.approx([1 - xi, (1 - xi) ** 3], abs=1e-12)
 
@@ -146,7 +148,7 @@ def test_slip_stops_what_needs_more_than_the_contacts_carry(stiffness: float) ->
             "coulomb_friction_nm": load,
             "shaft_stiffness_nm_per_rad": stiffness,
         }
-        history = constant(Chain(system, draws_of(**effects), q), 0.3, 300)
+        history = constant(DiskChain(system, draws_of(**effects), q), 0.3, 300)
         return history[-1] - history[0]
 
     free = moved(10.0)
@@ -165,7 +167,7 @@ def test_slip_in_a_branch_leaves_the_rest_moving() -> None:
     assert stage[0] < branch[1]  # the ratio of a stage is below one
     capacity = (stage[0] + branch[1]) / 2
     draws = draws_of(friction_capacity_nm=capacity, coulomb_friction_nm=[0.0, 0.5])
-    moved = np.ptp(constant(Chain(system, draws, q), 0.1, 100), axis=0)
+    moved = np.ptp(constant(DiskChain(system, draws, q), 0.1, 100), axis=0)
     assert moved[3] == 0
     assert moved[2] > 0
     assert moved[0] > 0
@@ -177,7 +179,7 @@ def test_a_soft_shaft_winds_up_to_the_capacity_and_no_further() -> None:
     draws = draws_of(
         2, friction_capacity_nm=capacity, coulomb_friction_nm=5.0, shaft_stiffness_nm_per_rad=k
     )
-    plant = Chain(system, draws, q)
+    plant = DiskChain(system, draws, q)
     history = constant(plant, 0.3, 1000)
     assert np.ptp(history[:, 2]) == 0
     lever = system.k_g * system.K[0] * np.cos(q[1, 0]) ** 3
@@ -201,12 +203,12 @@ def test_viscous_overload_slows_to_what_the_capacity_drives() -> None:
         "viscous_friction_nms_per_rad": viscous,
     }
     assert 0.3 * lever > expected
-    rigid = constant(Chain(system, draws_of(2, **effects), q), 0.3, 1000)[:, 2]
+    rigid = constant(DiskChain(system, draws_of(2, **effects), q), 0.3, 1000)[:, 2]
     assert (rigid[-1] - rigid[0]) / 1.0 == pytest.approx(expected, rel=1e-9)
     soft = draws_of(2, **effects, shaft_stiffness_nm_per_rad=500.0)
     errors = []
     for h in (1e-3, 2.5e-4):
-        theta = constant(Chain(system, soft, q), 0.3, round(1 / h), h)[:, 2]
+        theta = constant(DiskChain(system, soft, q), 0.3, round(1 / h), h)[:, 2]
         errors.append((theta[-1] - theta[len(theta) // 2]) / 0.5 / expected - 1)
     assert abs(errors[0]) < 0.04
     assert abs(errors[1]) < abs(errors[0]) / 2
@@ -215,7 +217,7 @@ def test_viscous_overload_slows_to_what_the_capacity_drives() -> None:
 def test_gearhead_play_is_taken_up_before_the_motion() -> None:
     system, q = arm(2), start(2)
     gap = np.deg2rad(2.0)
-    plant = Chain(system, draws_of(2, gearhead_backlash_deg=[2.0, 0.0]), q)
+    plant = DiskChain(system, draws_of(2, gearhead_backlash_deg=[2.0, 0.0]), q)
     history = constant(plant, 0.5, 1000)
     assert history[-1, 0] == pytest.approx(system.k_g * (0.5 - gap / 2), abs=1e-12)
     back = constant(plant, -0.5, 1000)
@@ -235,9 +237,9 @@ def test_samples_do_not_mix() -> None:
         "gearhead_backlash_deg": spread,
     }
     draws = draws_of(samples=3, **effects)
-    together = ran(Chain(system, draws, q), 200)
+    together = ran(DiskChain(system, draws, q), 200)
     for i in range(3):
-        alone = ran(Chain(system, draws.part(slice(i, i + 1)), q[:, i : i + 1]), 200)
+        alone = ran(DiskChain(system, draws.part(slice(i, i + 1)), q[:, i : i + 1]), 200)
         assert np.array_equal(together[:, i], alone[:, 0])
     assert len(set(together[3])) == 3
 

@@ -16,7 +16,7 @@ from planner.machine.commands import (
     Continuous,
     Tabulated,
     merged,
-    refined,
+    refined_times,
     snapped,
     subdivided,
 )
@@ -193,13 +193,13 @@ def test_refined_until_simpson_is_right_on_a_spike() -> None:
         return np.stack([0.5 / np.sqrt(scale + times), 0 * times], axis=-1)
 
     coarse = np.linspace(0, 1, 101)
-    grid = refined(spike, coarse)
+    grid = refined_times(spike, coarse)
     h = np.diff(grid)
     middle = grid[:-1] + h / 2
     simpson = h @ (spike(grid[:-1]) + 4 * spike(middle) + spike(grid[1:]))[:, 0] / 6
     assert abs(simpson - (np.sqrt(1 + scale) - np.sqrt(scale))) < 1e-9
     assert len(grid) < 2000
-    cubic = refined(lambda t: np.stack([t**3 - t, 2 - t**2], axis=-1), coarse)
+    cubic = refined_times(lambda t: np.stack([t**3 - t, 2 - t**2], axis=-1), coarse)
     assert np.array_equal(cubic, coarse), "Simpson's rule is exact for it"
     plain = (
         np.diff(coarse)

@@ -9,7 +9,7 @@ import pytest
 from driven import INERTIA, SOFT, arm, chain, constant, drive, start
 from handmade import arm_problem, draws_of, inputs, plan_from
 
-from planner.machine.disk_chain import Chain
+from planner.machine.disk_chain import DiskChain
 from planner.machine.machine import Machine
 from planner.machine.replay import replay
 from planner.plan.plan import Plan
@@ -86,7 +86,7 @@ def test_creep_costs_the_same_travel_in_both() -> None:
         "creep_per_nm": 0.01,
         "viscous_friction_nms_per_rad": 2.0,
     }
-    quasi = Chain(arm(3), draws_of(**effects), start(3))
+    quasi = DiskChain(arm(3), draws_of(**effects), start(3))
     moving, free = chain(**effects), chain()
     for _ in range(300):
         speed = np.tile(np.array([[0.3], [0.0]]), (3, 1, 1))

@@ -12,7 +12,7 @@ from handmade import arm_problem, inputs, plan_from
 
 from planner.machine import compiled
 from planner.machine import stepwise as dynamic
-from planner.machine.bodies import Stage
+from planner.machine.bodies import StageLaws
 from planner.machine.machine import Machine
 from planner.machine.replay import replay
 from planner.support.arrays import Array
@@ -48,7 +48,7 @@ def test_code_that_counts_otherwise_is_not_used(
     assert chain(17)._compiled is not None
     assert chain(18)._compiled is None  # it has room for 16 passive joints
     plant = chain(3)
-    compiled_step = dynamic._Compiled(library.planner_dynamic_march, plant._march)
+    compiled_step = dynamic._CompiledStep(library.planner_dynamic_march, plant._march)
     compiled_step._size = (2, len(plant._y) + 1)
     assert not compiled_step.fits()
 
@@ -89,7 +89,7 @@ def test_whole_replays_are_the_same(
 # -- the solver ----------------------------------------------------------------------------
 
 
-def imbalance(stage: Stage, v: Array) -> Array:
+def imbalance(stage: StageLaws, v: Array) -> Array:
     """Torque left over at every body, (rows, S), N m."""
     rows, m = stage.rows, stage.rows.m
     held, pressed = stage.torques(v)
@@ -108,15 +108,15 @@ def imbalance(stage: Stage, v: Array) -> Array:
 @pytest.mark.parametrize("full_steps", [12, 0])
 def test_every_stage_balances_all_torques(monkeypatch: pytest.MonkeyPatch, full_steps: int) -> None:
     """Also when each pass goes only as far as the convex function falls."""
-    solve, worst, passes = Stage.solve, [], []
+    solve, worst, passes = StageLaws.solve, [], []
 
-    def checked(self: Stage, pieces: Array) -> tuple[Array, Array]:
+    def checked(self: StageLaws, pieces: Array) -> tuple[Array, Array]:
         v, found = solve(self, pieces)
         worst.append(np.max(np.abs(imbalance(self, v))))
         passes.append(np.any(found != pieces))
         return v, found
 
-    monkeypatch.setattr(Stage, "solve", checked)
+    monkeypatch.setattr(StageLaws, "solve", checked)
     monkeypatch.setattr("planner.machine.bodies.PASSES", full_steps)
     monkeypatch.setattr(compiled, "library", lambda: None)
     rng = np.random.default_rng(0)

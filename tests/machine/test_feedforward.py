@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import planner
 from planner.machine.feedforward.aim import aimed
-from planner.machine.feedforward.shaping import Commands, shaped, take_up
+from planner.machine.feedforward.shaping import MotorCommands, shaped, take_up
 from planner.plan.plan import Plan
 from planner.problem.tables.problem_file import CompensationTable
 from tests.machine.handmade import K, arm_problem, inputs, plan_from
@@ -30,7 +30,7 @@ def plan(paper: planner.Problem) -> Plan:
     return planner.solve(paper, "collocation")
 
 
-def commands(plan: Plan, machine: planner.Machine, **options: Any) -> Commands:
+def commands(plan: Plan, machine: planner.Machine, **options: Any) -> MotorCommands:
     table = CompensationTable(**{**NONE, **options})
     return shaped(plan, plan.problem.system, machine, table)  # type: ignore[arg-type]
 

@@ -11,7 +11,7 @@ from handmade import arm_problem, draws_of, inputs, plan_from
 
 from planner.errors import InputError
 from planner.machine.contact_load import GRAVITY_M_S2
-from planner.machine.disk_chain import Chain
+from planner.machine.disk_chain import DiskChain
 from planner.machine.machine import Machine
 from planner.machine.replay import replay
 from planner.support.arrays import Array
@@ -44,7 +44,7 @@ def test_torques_are_the_slope_of_the_height_of_the_masses() -> None:
         assert torque == pytest.approx(-slope, rel=1e-8)
 
 
-def moved(plant: Chain, u: list[float], steps: int) -> Array:
+def moved(plant: DiskChain, u: list[float], steps: int) -> Array:
     """Coordinates of sample 0 after so many milliseconds at constant speeds of the motors."""
     speed = np.tile(np.array(u)[None, :, None], (3, 1, 1))
     for _ in range(steps):
@@ -59,13 +59,13 @@ def loads(q: Array) -> Array:
 
 
 def test_an_arm_starts_settled_and_stays() -> None:
-    plant = Chain(ARM, draws_of(**GRAVITY, backlash_deg=2, shaft_stiffness_nm_per_rad=5.0), Q)
+    plant = DiskChain(ARM, draws_of(**GRAVITY, backlash_deg=2, shaft_stiffness_nm_per_rad=5.0), Q)
     assert moved(plant, [0, 0], 50) == pytest.approx(Q[:, 0], abs=1e-15)
 
 
 def test_a_soft_shaft_sags_by_load_over_stiffness() -> None:
     stiff = 50.0
-    sagging = Chain(ARM, draws_of(**GRAVITY, shaft_stiffness_nm_per_rad=stiff), Q)
+    sagging = DiskChain(ARM, draws_of(**GRAVITY, shaft_stiffness_nm_per_rad=stiff), Q)
     sagging.step(np.zeros((2, 2, 1)), np.zeros((1, 2, 1)), 1e-3)
     moved(sagging, [0.3, 0.2], 1000)
     ahead = (sagging.axes - sagging.q[1:])[1:, 0]
@@ -78,7 +78,7 @@ def test_gravity_beyond_friction_takes_the_link_through_its_play(
 ) -> None:
     """Driven downwards, a heavy link runs ahead; one held by friction has to be pushed."""
     effects = {**GRAVITY, "backlash_deg": 2.0, "coulomb_friction_nm": friction}
-    plant = Chain(ARM, draws_of(**effects), Q)
+    plant = DiskChain(ARM, draws_of(**effects), Q)
     assert np.all(loads(Q[:, 0]) < -0.05)
     moved(plant, [-0.5, 0.0], 400)  # both joints go down by more than their play
     ahead = np.rad2deg(plant.axes - plant.q[1:])[1:, 0]
@@ -90,7 +90,7 @@ def test_what_runs_down_does_not_load_the_contacts() -> None:
 
     def creep(u1: float) -> float:
         effects = {**GRAVITY, "coulomb_friction_nm": 0.6, "creep_per_nm": 0.1}
-        plant, free = Chain(ARM, draws_of(**effects), Q), Chain(ARM, draws_of(), Q)
+        plant, free = DiskChain(ARM, draws_of(**effects), Q), DiskChain(ARM, draws_of(), Q)
         return float(
             1 - (moved(plant, [u1, 0], 1) - Q[:, 0])[2] / (moved(free, [u1, 0], 1) - Q[:, 0])[2]
         )

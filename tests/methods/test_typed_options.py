@@ -20,7 +20,7 @@ import pytest
 
 import planner
 from planner.methods import registry
-from planner.methods.registry import METHODS, Call, Solve
+from planner.methods.registry import METHODS, Solve, SolveKeywords
 from planner.solve import solve
 
 CALL: Any = types.SimpleNamespace(
@@ -59,7 +59,7 @@ def test_keys_and_types_are_those_of_the_table(name: str) -> None:
     assert not typed.__required_keys__
     fields = METHODS[name].options.model_fields
     wanted = {key: bare(field.annotation) for key, field in fields.items() if key not in OWN}
-    assert get_type_hints(typed) == get_type_hints(Call) | wanted
+    assert get_type_hints(typed) == get_type_hints(SolveKeywords) | wanted
 
 
 def test_every_form_has_the_arguments_of_solve_and_one_takes_any_name() -> None:
@@ -68,7 +68,7 @@ def test_every_form_has_the_arguments_of_solve_and_one_takes_any_name() -> None:
     assert len(forms) == len(NAMES) + 1
     assert get_type_hints(last)["method"] is str
     hints = get_type_hints(solve)
-    call = get_type_hints(Call)
+    call = get_type_hints(SolveKeywords)
     assert call == {key: hints[key] for key in call}
     for form in forms:
         own = inspect.signature(form).parameters.keys() - {"self"}

@@ -74,7 +74,7 @@ def test_a_curve_goes_on_from_its_folder(
     def planned(*_: Any) -> Any:
         raise AssertionError("planned again")
 
-    monkeypatch.setattr("planner.robustness.trade_off.solved", planned)
+    monkeypatch.setattr("planner.robustness.trade_off.solved_point", planned)
     again = trade_off(two_joints, "effort", 4, curve.folder, **SETTINGS)  # type: ignore[arg-type]
     np.testing.assert_array_equal(again.cost, curve.cost)
 

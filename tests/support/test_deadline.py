@@ -14,18 +14,18 @@ import pytest
 
 from planner.errors import InputError
 from planner.support import deadline
-from planner.support.compiled_calls import Ipopt, within
+from planner.support.compiled_calls import IpoptCall, within
 from planner.support.deadline import TimeUpError, limited, share
 from planner.support.interrupts import heed_interrupts
 
 
-def rosenbrock(size: int, iterations: int) -> Ipopt:
+def rosenbrock(size: int, iterations: int) -> IpoptCall:
     """Which IPOPT solves in less than a hundred iterations; it may go on after that."""
     x = ca.MX.sym("x", size)
     f = 100 * ca.sumsqr(x[1:] - x[:-1] ** 2) + ca.sumsqr(1 - x[:-1])
     endless = {"max_iter": iterations, "tol": 1e-300, "acceptable_iter": 0}
     quiet = {"print_level": 0, "sb": "yes", "hessian_approximation": "limited-memory"}
-    return Ipopt("long", {"x": x, "f": f}, {"print_time": False, "ipopt": {**quiet, **endless}})
+    return IpoptCall("long", {"x": x, "f": f}, {"print_time": False, "ipopt": {**quiet, **endless}})
 
 
 def test_a_time_limit_does_not_cut_a_verification_short_but_a_stop_does() -> None:

@@ -37,7 +37,7 @@ Rows = tuple[Array, Array, Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class ControlStep:
     """The programme of one instant; m rows, the first 2H of which are the corrections.
 
     Attributes:
@@ -56,7 +56,7 @@ class Step:
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class Decision:
     """What one control step decides for S samples.
 
     Attributes:
@@ -70,7 +70,7 @@ class Answer:
     fallback: NDArray[np.bool_]
 
 
-class Programme:
+class TrackingProgramme:
     """All control steps of one course.
 
     Args:
@@ -97,12 +97,12 @@ class Programme:
         """How many programmes OSQP has solved."""
         return self._inner.solved + self._whole.solved
 
-    def none(self, count: int) -> Answer:
+    def none(self, count: int) -> Decision:
         """What S samples have decided before their first step: nothing."""
         H, fell = self.horizon, np.zeros(count, dtype=bool)
-        return Answer(np.zeros((H, 2, count)), np.zeros((2 * H, count)), fell)
+        return Decision(np.zeros((H, 2, count)), np.zeros((2 * H, count)), fell)
 
-    def __call__(self, k: int, state: Array, last: Answer) -> Answer:
+    def __call__(self, k: int, state: Array, last: Decision) -> Decision:
         """Decide.
 
         Args:
@@ -125,9 +125,9 @@ class Programme:
                 c[:, i] = found
                 v[:, i] += step.T[:size] @ found
         v = np.clip(v, low[:size], high[:size])
-        return Answer(v.reshape(self.horizon, 2, -1), c, fell)
+        return Decision(v.reshape(self.horizon, 2, -1), c, fell)
 
-    def _assembled(self, k: int) -> Step:
+    def _assembled(self, k: int) -> ControlStep:
         """Roll the regulator out from instant k; after the course's end nothing moves."""
         ref, law, H = self._ref, self._law, self.horizon
         count, size, n = len(ref.feed), ref.q.shape[1], law.F.shape[-1]
@@ -150,9 +150,9 @@ class Programme:
         M, T, low, high = (
             np.concatenate([rows[column] for kind in kinds for rows in kind]) for column in range(4)
         )
-        return Step(M, T, low, high, T[: self._driven])
+        return ControlStep(M, T, low, high, T[: self._driven])
 
-    def _solve(self, step: Step, values: Array, guess: Array) -> tuple[Array | None, bool]:
+    def _solve(self, step: ControlStep, values: Array, guess: Array) -> tuple[Array | None, bool]:
         """c, and whether it is a fallback; None when there is no answer in time.
 
         State limits that cannot be kept are widened to what the regulator, clipped to the inputs'
@@ -174,7 +174,7 @@ class Programme:
         found = self._whole(step.T, low, high, clipped)
         return (clipped if found.c is None else found.c), True
 
-    def _clipped(self, step: Step, values: Array) -> Array:
+    def _clipped(self, step: ControlStep, values: Array) -> Array:
         """The c of the regulator with each correction clipped to its limits in turn."""
         c = np.zeros(step.T.shape[1])
         for j in range(0, len(c), 2):
@@ -216,7 +216,7 @@ SOLVED, INFEASIBLE = 1, (3, 4)
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class ProgrammeResult:
     """What OSQP found.
 
     Attributes:
@@ -270,7 +270,7 @@ class Solver:
             max_iter=iterations,
         )
 
-    def __call__(self, T: Array, low: Array, high: Array, guess: Array) -> Outcome:
+    def __call__(self, T: Array, low: Array, high: Array, guess: Array) -> ProgrammeResult:
         """Solve.
 
         Args:
@@ -292,5 +292,5 @@ class Solver:
         self.solved += 1
         status, iterations = result.info.status_val, result.info.iter
         if status == SOLVED:
-            return Outcome(np.array(result.x), False, iterations)
-        return Outcome(None, status in INFEASIBLE, iterations)
+            return ProgrammeResult(np.array(result.x), False, iterations)
+        return ProgrammeResult(None, status in INFEASIBLE, iterations)

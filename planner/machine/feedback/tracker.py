@@ -1,7 +1,7 @@
 """Feedback for replays: `planner.replay(plan, machine, feedback=True)`.
 
-`Control` controls some samples: read, estimate, predict, optimise, command. `Design` holds what all
-samples of a replay share: reference, regulator, programmes.
+`TrackerControl` controls some samples: read, estimate, predict, optimise, command. `TrackerDesign`
+holds what all samples of a replay share: reference, regulator, programmes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from planner.machine.feedback.means import (
     resolution_of,
     shift_of,
 )
-from planner.machine.feedback.programme import Programme
+from planner.machine.feedback.programme import TrackingProgramme
 from planner.machine.feedback.reference import Reference, Weights, reference, regulator
 from planner.machine.feedback.run_up import REST_S, refuse_beyond, run_up
 from planner.machine.machine import Machine
@@ -66,18 +66,18 @@ class Tracker:
             expect(FeedbackTable, options, "give keys by name, as in planner.Tracker(run_up=False)")
         given = {} if options is None else options.model_dump(exclude_unset=True)
         self.options = parse(FeedbackTable, {**given, **changes}, "feedback")
-        self._designs: OrderedDict[tuple[int, Machine], tuple[Plan, Design]] = OrderedDict()
+        self._designs: OrderedDict[tuple[int, Machine], tuple[Plan, TrackerDesign]] = OrderedDict()
 
-    def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> Control:
+    def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> TrackerControl:
         """A controller of the samples `numbers` (S,); see `planner.machine.closed_loop.Feedback`.
 
         Raises:
             InputError: If the options do not fit the machine.
             UntrackableError: If the plan's inputs are far beyond what may be commanded.
         """
-        return Control(self.design(plan, machine), len(numbers))
+        return TrackerControl(self.design(plan, machine), len(numbers))
 
-    def design(self, plan: Plan, machine: Machine) -> Design:
+    def design(self, plan: Plan, machine: Machine) -> TrackerDesign:
         """What the samples share; kept for the next run of the same plan on the same machine."""
         key = (id(plan), machine)
         if key not in self._designs:
@@ -94,7 +94,7 @@ UNCERTAIN = 0.1
 """How well the play of a gearhead is known in the end: to this part of its mean."""
 
 
-class Control:
+class TrackerControl:
     """One controller of S samples; see `planner.machine.closed_loop.Controller`.
 
     Args:
@@ -102,7 +102,7 @@ class Control:
         count: Number of samples S.
     """
 
-    def __init__(self, design: Design, count: int) -> None:
+    def __init__(self, design: TrackerDesign, count: int) -> None:
         ref, clock = design.ref, design.ref.timing
         self._design, self._ref, self._clock = design, ref, clock
         self.period_s, self.tick_s = clock.period, clock.tick
@@ -217,7 +217,7 @@ RESTING_WEIGHT = 1e4
 
 
 @dataclass(frozen=True, eq=False)
-class Design:
+class TrackerDesign:
     """The tracker of one plan on one kind of machine.
 
     Attributes:
@@ -230,7 +230,7 @@ class Design:
     """
 
     ref: Reference
-    programme: Programme
+    programme: TrackingProgramme
     forecast: Forecast
     lost: Array
     play: Array
@@ -242,7 +242,7 @@ class Design:
         return bool(np.any(np.isfinite(self.ref.rate)))
 
 
-def design(plan: Plan, machine: Machine, options: FeedbackTable) -> Design:
+def design(plan: Plan, machine: Machine, options: FeedbackTable) -> TrackerDesign:
     """Prepare the tracker of a plan on a kind of machine; what differs between samples is not used.
 
     Raises:
@@ -263,9 +263,9 @@ def design(plan: Plan, machine: Machine, options: FeedbackTable) -> Design:
     ref = reference(course, clock, forecast, allowed, limit, count, options.least_speed)
     law = regulator(ref, _weights(plan, ref, input_scale(plan, machine), options))
     horizon = max(1, round(options.horizon_s / clock.period))
-    return Design(
+    return TrackerDesign(
         ref=ref,
-        programme=Programme(ref, law, horizon, options.max_iterations),
+        programme=TrackingProgramme(ref, law, horizon, options.max_iterations),
         forecast=forecast,
         lost=np.concatenate([play[1:, None] / 2, lost]),
         play=play,

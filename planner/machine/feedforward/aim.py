@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError, NoPlanError
-from planner.machine.feedforward.shaping import Commands, shaped
+from planner.machine.feedforward.shaping import MotorCommands, shaped
 from planner.machine.machine import Machine
 from planner.machine.replay import SETTLE_S
 from planner.machine.simulate import simulate
@@ -208,7 +208,7 @@ def predicted(plan: Plan, machine: Machine) -> Prediction:
 
 
 def commanded(
-    near: Plan, compensation: Compensation, commands: Commands
+    near: Plan, compensation: Compensation, commands: MotorCommands
 ) -> tuple[Plan, Prediction]:
     """The compensated plan with these commands, and its prediction; not verified.
 

@@ -167,7 +167,7 @@ def _move(plan: Plan, machine: Machine, motor: int, angle: float, tick: float) -
 
 
 @dataclass(frozen=True, eq=False)
-class Commands:
+class MotorCommands:
     """What the motors are told.
 
     Attributes:
@@ -198,7 +198,7 @@ def shaped(
     machine: Machine,
     options: CompensationTable,
     wanted: Plan | None = None,
-) -> Commands:
+) -> MotorCommands:
     """What the motors of a machine are told to make a plan's motion.
 
     Args:
@@ -240,7 +240,7 @@ def shaped(
         [_pursued(angle[:, i], limit[i], rate[i], grain[i], tick) for i in range(2)], axis=1
     )
     t[-1] = lead + plan.duration + tail
-    return Commands(np.asarray(t), u, lead, tail, straight)
+    return MotorCommands(np.asarray(t), u, lead, tail, straight)
 
 
 def _ahead_of_play(wanted: Array, half: Array) -> Array:

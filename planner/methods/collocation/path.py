@@ -35,7 +35,7 @@ STANDSTILL = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class FoundPath:
     """A solution and the seed it grew from."""
 
     seed: str
@@ -52,7 +52,7 @@ class Search:
         log: One entry a seed, JSON-ready.
     """
 
-    found: list[Found]
+    found: list[FoundPath]
     last: Solution | None
     log: list[dict[str, Any]]
 
@@ -71,7 +71,7 @@ def search(
     through a disc between two nodes may come clear once it is timed, but counts half.
     """
     free, clear = path_task(task), 0
-    found, last, log = list[Found](), None, list[dict[str, Any]]()
+    found, last, log = list[FoundPath](), None, list[dict[str, Any]]()
     for count, seed in enumerate(seeds, 1):
         progress.tell(f"searching a path from the first guess '{seed.name}'")
         solution = free.solve(guess(free.problem, task.made, task.mesh, seed))
@@ -79,7 +79,7 @@ def search(
         entry = {"start": seed.name, "status": solution.status, "path_effort": effort}
         log.append({**entry, "iterations": solution.iterations})
         if solution.ok:
-            found.append(Found(seed.name, solution))
+            found.append(FoundPath(seed.name, solution))
         else:
             last = solution
         if solution.ok and clears(free, solution):
@@ -93,7 +93,7 @@ def search(
         plain = simple and solution.ok and (one_way(solution.iterate) or _again(found))
         if hopeless or plain or clear >= enough or len(found) >= 2 * enough:
             break
-    distinct: list[Found] = []
+    distinct: list[FoundPath] = []
     for path in sorted(found, key=lambda path: path.solution.objective):
         if not distinct or not same_path(path.solution.objective, distinct[-1]):
             distinct.append(path)
@@ -107,7 +107,7 @@ def path_task(task: Task) -> Task:
     return replace(task, problem=unhurried, asked=asked, objective=shortest_path(task.objective))
 
 
-def _again(found: Sequence[Found]) -> bool:
+def _again(found: Sequence[FoundPath]) -> bool:
     """Whether the shortest path comes back."""
     if len(found) < AMONG:
         return False
@@ -115,7 +115,7 @@ def _again(found: Sequence[Found]) -> bool:
     return sum(same_path(shortest, path) for path in found) >= OFTEN
 
 
-def same_path(effort: float, path: Found) -> bool:
+def same_path(effort: float, path: FoundPath) -> bool:
     """Whether a path of that effort is taken for the same as another."""
     return abs(effort - path.solution.objective) <= 1e-6 * path.solution.objective
 

@@ -24,12 +24,12 @@ import numpy as np
 
 from planner.methods.collocation.between_nodes import clears
 from planner.methods.collocation.candidates import Seed, guess, rebalanced, seeds
-from planner.methods.collocation.long_arms.bridges import Chain
+from planner.methods.collocation.long_arms.bridges import PieceChain
 from planner.methods.collocation.long_arms.held import can_hold, chain_of, held
 from planner.methods.collocation.long_arms.ladder import climbed
 from planner.methods.collocation.path import (
     HASTE,
-    Found,
+    FoundPath,
     Timed,
     hasty,
     needed_duration,
@@ -182,7 +182,7 @@ class Pipeline:
 
         Branches of one goal share the paths that are enough, and none is timed twice.
         """
-        out, known = [], list[Found]()
+        out, known = [], list[FoundPath]()
         for problem in routes:
             job = self.make(problem, self.options, SEARCHED, False)
             enough = self.options.starts if self.options.start in ("auto", "wander") else 1
@@ -326,7 +326,7 @@ class Best:
         self._problems, self._accuracy = problems, accuracy
         self.kept: tuple[Task, Solution] | None = None
         self.motion: tuple[Task, Solution] | None = None
-        self.chain: tuple[Task, Chain] | None = None
+        self.chain: tuple[Task, PieceChain] | None = None
         self.nearest: tuple[Task, Solution] | None = None
         self.iterations = 0
 
@@ -359,7 +359,7 @@ class Best:
         if found and (self.kept is None or found[1].objective < self.kept[1].objective):
             self.kept = found
 
-    def take_chain(self, task: Task, chain: Chain) -> None:
+    def take_chain(self, task: Task, chain: PieceChain) -> None:
         """Keep a path."""
         if self._asked(task):
             self.chain = task, chain

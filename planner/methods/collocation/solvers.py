@@ -17,7 +17,7 @@ from planner.methods.collocation.transcription.bounds import Bounds
 from planner.methods.collocation.transcription.form import TERMS
 from planner.methods.collocation.transcription.transcription import Program, Transcription
 from planner.support.arrays import Array
-from planner.support.compiled_calls import Ipopt, within
+from planner.support.compiled_calls import IpoptCall, within
 
 SolverName = Literal["fatrop", "ipopt"]
 
@@ -69,7 +69,7 @@ class Settings:
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class SolverAnswer:
     """What a solver says.
 
     Attributes:
@@ -161,7 +161,7 @@ def names(made: Transcription, settings: Settings) -> tuple[SolverName, ...]:
     return way(made, settings).order if settings.solver == "auto" else (settings.solver,)
 
 
-Backend = Callable[[Array, Bounds], Answer]
+Backend = Callable[[Array, Bounds], SolverAnswer]
 """From a start (size,) and the problem's numbers to an answer."""
 
 
@@ -196,7 +196,7 @@ class _Ipopt:
         functions = {"nlp_grad_f": program.value_gradient, "nlp_hess_l": program.triangle}
         self._call = _nlpsol(made, "ipopt", functions, {"no_nlp_grad": True, "ipopt": options})
 
-    def __call__(self, start: Array, data: Bounds) -> Answer:
+    def __call__(self, start: Array, data: Bounds) -> SolverAnswer:
         found = self._call(
             x0=start,
             p=data.parameters,
@@ -209,7 +209,7 @@ class _Ipopt:
         vector = np.asarray(found["x"], dtype=float).ravel()
         status = stats["return_status"]
         finished = status in ("Solve_Succeeded", "Solved_To_Acceptable_Level")
-        return Answer(vector, finished, status, int(stats["iter_count"]))
+        return SolverAnswer(vector, finished, status, int(stats["iter_count"]))
 
 
 class _Fatrop:
@@ -248,7 +248,7 @@ class _Fatrop:
         self._lock = threading.Lock()
         self._memories: dict[bytes, tuple[Any, Callable[[], None]]] = {}
 
-    def __call__(self, start: Array, data: Bounds) -> Answer:
+    def __call__(self, start: Array, data: Bounds) -> SolverAnswer:
         """Answer, or give the start back: the search for a direction may loop for ever.
 
         Such a call keeps what it works on; the next one gets all of it anew, and answers as if
@@ -261,9 +261,9 @@ class _Fatrop:
         finally:
             if answer is None:
                 self._fresh()
-        return answer or Answer(start, False, "Does_Not_Return", 0)
+        return answer or SolverAnswer(start, False, "Does_Not_Return", 0)
 
-    def _answer(self, start: Array, data: Bounds) -> Answer:
+    def _answer(self, start: Array, data: Bounds) -> SolverAnswer:
         bounds = _drawn_in(data.lower, data.upper), _drawn_in(data.row_lower, data.row_upper)
         weighted = data.parameters.copy()
         weighted[:TERMS] *= self._weight
@@ -278,7 +278,7 @@ class _Fatrop:
             stats = buffer.stats()
         finished = bool(stats["success"])
         status = "Solve_Succeeded" if finished else "Search_Direction_Or_Iterations_Failed"
-        return Answer(vector, finished, status, int(stats["iter_count"]))
+        return SolverAnswer(vector, finished, status, int(stats["iter_count"]))
 
     def _memory(self, data: Bounds) -> tuple[Any, Callable[[], None]]:
         pattern = data.pattern
@@ -338,5 +338,5 @@ def _nlpsol(
     }
     options = {**common, **options}
     if name == "ipopt":
-        return Ipopt("collocation", program.problem, options)
+        return IpoptCall("collocation", program.problem, options)
     return ca.nlpsol("collocation", name, program.problem, options)

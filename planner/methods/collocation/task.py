@@ -15,15 +15,15 @@ from typing import Protocol
 
 import numpy as np
 
-from planner.methods.collocation.long_arms.bridges import Chain
-from planner.methods.collocation.solvers import Answer, Settings, backend, names
+from planner.methods.collocation.long_arms.bridges import PieceChain
+from planner.methods.collocation.solvers import Settings, SolverAnswer, backend, names
 from planner.methods.collocation.transcription.bounds import Asked, Bounds, bounds
 from planner.methods.collocation.transcription.form import Form, Mesh, Objective, held_by
 from planner.methods.collocation.transcription.transcription import Transcription, transcription
 from planner.methods.collocation.transcription.unknowns import (
     STEPS,
     Iterate,
-    Motion,
+    MotionSamples,
     curve,
     pieces,
     resimulate,
@@ -128,14 +128,14 @@ class Task:
         """An iterate that no solver has touched; ok if it keeps the task's rows and bounds."""
         data = self.bounds
         vector = self.made.layout.pack(iterate, data.widths)
-        answer = Answer(vector, True, "a motion, not the best", 0)
+        answer = SolverAnswer(vector, True, "a motion, not the best", 0)
         return _checked(self.made, data, answer, FEASIBLE)
 
     def curve(self, iterate: Iterate) -> StateTrajectory:
         """The motion an iterate describes."""
         return curve(self.made.system, self.made.form, self.mesh, iterate)
 
-    def motion(self, iterate: Iterate) -> Motion:
+    def motion(self, iterate: Iterate) -> MotionSamples:
         """The system's motion that the iterate's input really makes."""
         made = self.made
         motion = resimulate(made.moved, self.mesh, iterate, made.start(self.problem))
@@ -187,7 +187,7 @@ def task(
     return Task(problem, held, objective, made, mesh, asked, settings, none, seconds)
 
 
-def _checked(made: Transcription, data: Bounds, answer: Answer, accepted: float) -> Solution:
+def _checked(made: Transcription, data: Bounds, answer: SolverAnswer, accepted: float) -> Solution:
     """An answer, whose word is not taken for it."""
     objective, rows, iterate = made.outcome(answer.vector, data.parameters)
     values = np.concatenate([rows, answer.vector])
@@ -205,7 +205,7 @@ class Listener(Protocol):
     def take(self, task: Task, solution: Solution) -> None:
         """Hear of a solution, which may be none."""
 
-    def take_chain(self, task: Task, chain: Chain) -> None:
+    def take_chain(self, task: Task, chain: PieceChain) -> None:
         """Hear of a path within the joint limits that is not timed yet."""
 
 
@@ -228,7 +228,7 @@ def offer(task: Task, solution: Solution) -> None:
         listener.take(task, solution)
 
 
-def offer_chain(task: Task, chain: Chain) -> None:
+def offer_chain(task: Task, chain: PieceChain) -> None:
     """Offer a path within the joint limits."""
     if listener := _listener.get():
         listener.take_chain(task, chain)

@@ -58,7 +58,7 @@ NO_TOUCH = Touch(np.zeros(0), np.zeros(0))
 
 
 @dataclass(frozen=True)
-class Best:
+class ClassOptimum:
     """The optimum of a class at one travel, from below and above.
 
     Attributes:
@@ -126,7 +126,7 @@ def cut(
     extra: Touch = NO_TOUCH,
     max_rounds: int = 100,
     ceiling: float = np.inf,
-) -> Best | Impossible | Above:
+) -> ClassOptimum | Impossible | Above:
     """Solve one class at one travel.
 
     Args:
@@ -160,7 +160,7 @@ def cut(
             tighten = 2 * max(tighten, TOLERANCE)
         if relaxed is not None and proven <= 0:
             leant = (answer.multipliers > 0) & (np.arange(len(b)) >= nodes)
-            return Best(frame, answer, relaxed.bound, touch.only(leant), round_, proven)
+            return ClassOptimum(frame, answer, relaxed.bound, touch.only(leant), round_, proven)
         touch = touch.plus(broken)
         more = band_rows(frame, band, broken)
         A, b = np.concatenate([A, more[0]]), np.append(b, more[1])
@@ -212,12 +212,12 @@ def _radius(frame: Frame, band: Band) -> float:
     return float((frame.shape.degree + 1) ** 2 * frame.shape.pieces * band.top)
 
 
-Solve = Callable[[float, Touch, float], Best | Impossible | Above]
+Solve = Callable[[float, Touch, float], ClassOptimum | Impossible | Above]
 """The optimum at one travel: (travel, rows of a neighbour, ceiling as in `cut`)."""
 
 
 @dataclass
-class Found:
+class BestTravel:
     """What a search over travels finds.
 
     Attributes:
@@ -227,7 +227,7 @@ class Found:
         kept: Travels from which a plan was had or not ruled out.
     """
 
-    best: Best | None = None
+    best: ClassOptimum | None = None
     refusals: list[Impossible] = field(default_factory=list)
     tried: int = 0
     kept: list[float] = field(default_factory=list)
@@ -238,7 +238,7 @@ class Found:
         return (min(self.kept), max(self.kept)) if self.kept else (np.nan, np.nan)
 
 
-def search(solve: Solve, travels: Array, prune: bool = True) -> Found:
+def search_travels(solve: Solve, travels: Array, prune: bool = True) -> BestTravel:
     """Scan the travels given from the middle outwards, then refine about the best.
 
     Args:
@@ -246,7 +246,7 @@ def search(solve: Solve, travels: Array, prune: bool = True) -> Found:
         travels: Increasing; a single one is all that is tried.
         prune: Give up at a travel as soon as its bound exceeds the best value so far.
     """
-    found, touch = Found(), NO_TOUCH
+    found, touch = BestTravel(), NO_TOUCH
 
     def at(travel: float, prune: bool = False) -> float:
         nonlocal touch
@@ -276,7 +276,7 @@ def search(solve: Solve, travels: Array, prune: bool = True) -> Found:
     return found
 
 
-def _refine(at: Callable[[float], float], best: Best, travels: Array) -> None:
+def _refine(at: Callable[[float], float], best: ClassOptimum, travels: Array) -> None:
     centre = best.frame.travel
     worse = 1e3 * abs(best.value) + 1.0
     step = min(float(travels[1] - travels[0]), 0.999 * abs(centre))  # zero is another class
@@ -285,7 +285,7 @@ def _refine(at: Callable[[float], float], best: Best, travels: Array) -> None:
     minimize_scalar(lambda d: min(at(d), worse), bounds=bounds, method="bounded", options=tolerance)
 
 
-def _approach(at: Callable[[float], float], found: Found) -> None:
+def _approach(at: Callable[[float], float], found: BestTravel) -> None:
     """Between the travels tried, seek one with a plan where the certificates are weakest."""
     found.refusals.sort(key=lambda r: r.frame.travel)
     k = int(np.argmin([r.proof.margin for r in found.refusals]))

@@ -12,7 +12,15 @@ from scipy.interpolate import BPoly
 
 from planner.errors import InfeasibleError, InputError, NoPlanError, NotConvergedError
 from planner.methods.convex.band import Band, band_of
-from planner.methods.convex.global_optimum import Above, Best, Found, Impossible, Touch, cut, search
+from planner.methods.convex.global_optimum import (
+    Above,
+    BestTravel,
+    ClassOptimum,
+    Impossible,
+    Touch,
+    cut,
+    search_travels,
+)
 from planner.methods.convex.paths import Frame, Shape, input_shape
 from planner.methods.convex.programme import Programme, StalledError
 from planner.methods.laws.free_numbers import candidate_travels
@@ -131,25 +139,25 @@ def _travels(problem: Problem, options: ConvexOptions) -> Array:
 
 def _best_path(
     problem: Problem, options: ConvexOptions, frame: Frame, band: Band, travels: Array
-) -> Found:
+) -> BestTravel:
     programme = Programme(options.objective, "osqp" if options.solver == "osqp" else "active set")
     ends = np.stack([problem.start, np.where(np.isnan(problem.goal), problem.start, problem.goal)])
     least_margin = min(
         options.edge, float(np.min(problem.system.chart_margins(ends, problem.branch))) / 2
     )
 
-    def solve(travel: float, rows: Touch, ceiling: float) -> Best | Impossible | Above:
+    def solve(travel: float, rows: Touch, ceiling: float) -> ClassOptimum | Impossible | Above:
         answer = cut(frame.at(travel), band, programme, rows, options.max_cuts, ceiling)
-        if isinstance(answer, Best) and not band.complete:
+        if isinstance(answer, ClassOptimum) and not band.complete:
             path = _path(problem, answer.frame, answer.y)
             if np.min(worst_margin(path.margins(sample_times(path.breaks)))) < least_margin:
                 raise StalledError("the path leaves the chart's domain")
         return answer
 
     middle = options.travel == "middle" and len(travels) > 1
-    found = search(solve, travels, prune=not middle)
+    found = search_travels(solve, travels, prune=not middle)
     if middle and found.best is not None:
-        return search(solve, np.array([sum(found.range) / 2]))
+        return search_travels(solve, np.array([sum(found.range) / 2]))
     return found
 
 
@@ -196,7 +204,7 @@ def _class_words(shape: Shape) -> str:
     return f"paths with dz2/dz1 {kind} on each of {shape.pieces} equal pieces"
 
 
-def _notes(problem: Problem, band: Band, found: Found, best: Best) -> dict[str, Any]:
+def _notes(problem: Problem, band: Band, found: BestTravel, best: ClassOptimum) -> dict[str, Any]:
     where = f", at travel {best.frame.travel:.6g}"
     if problem.travel is None:
         where = f", the best of {found.tried} travels tried (not a proof over all travels)"
@@ -225,7 +233,7 @@ def _notes(problem: Problem, band: Band, found: Found, best: Best) -> dict[str, 
 # -- refusals --------------------------------------------------------------------------------------
 
 
-def _no_path(problem: Problem, shape: Shape, band: Band, found: Found) -> NoPlanError:
+def _no_path(problem: Problem, shape: Shape, band: Band, found: BestTravel) -> NoPlanError:
     """No path of the class was found inside the domain; with a certificate where there is one."""
     changes = [*free_travel(problem), BY_COLLOCATION]
     if not found.refusals:

@@ -9,14 +9,15 @@ before the search, and after it what an iterate breaks, in words.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from planner.errors import InfeasibleError, InputError, NotConvergedError, Violation
+from planner.methods.collocation.candidates import Excursion, Seed
 from planner.methods.collocation.method import (
     believed,
     chosen_goal,
@@ -194,8 +195,11 @@ def _searched(
     """The best of all starts, the name of its own, and what became of each."""
     log: list[dict[str, Any]] = []
     found: list[tuple[str, Solution]] = []
-    for seed in seeds(options.reversal)[: 1 if near else options.starts]:
-        start, name = guess(job, easy.trajectory, seed), "the plan given" if near else seed.name
+    for seed in excursions(options.reversal)[: 1 if near else options.starts]:
+        start, name = (
+            excursion_guess(job, easy.trajectory, seed),
+            "the plan given" if near else seed.name,
+        )
         last = job.solve(start, near)
         if not last.ok:  # the other barrier takes another way
             other = job.solve(start, not near)
@@ -210,7 +214,6 @@ def _searched(
     return name, solution, log
 
 
-Excursion = Callable[[Array], Array]
 AMPLITUDE = (0.6, 0.5)
 """Of the excursions of q₁ and q₂, in their units (rad)."""
 
@@ -221,17 +224,8 @@ UNHURRIED = 3.0
 """A free duration is guessed so many times longer than that of the easy plan, a fast one."""
 
 
-@dataclass(frozen=True)
-class Seed:
-    """A named pair of excursions over s in [0, 1] from an easy plan's q₁ and q₂."""
-
-    name: str
-    path: Excursion
-    driven: Excursion
-
-
-def seeds(reversal: bool) -> list[Seed]:
-    """Seeds in the order in which they are tried; without reversal only q₂ makes excursions."""
+def excursions(reversal: bool) -> list[Seed]:
+    """Excursions from an easy plan in the order tried; without reversal only those of q₂."""
 
     def zero(s: Array) -> Array:
         return np.zeros_like(s)
@@ -257,7 +251,7 @@ def _sign(value: float) -> str:
     return "+" if value > 0 else "-"
 
 
-def guess(job: Task, easy: Trajectory, seed: Seed) -> Iterate:
+def excursion_guess(job: Task, easy: Trajectory, seed: Seed) -> Iterate:
     """The unknowns along a seed, for a task with or without a fixed duration.
 
     They obey the kinematics, because the response along them must be that of a motion: inputs are

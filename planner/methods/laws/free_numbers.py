@@ -16,7 +16,7 @@ from scipy.optimize import minimize_scalar
 
 from planner.errors import InfeasibleError, InputError, SingularError
 from planner.methods.laws.law import Ends
-from planner.methods.laws.scores import Criterion, Scores, end_margin, score, search
+from planner.methods.laws.scores import Criterion, Scores, end_margin, score, search_candidates
 from planner.methods.refusal import BY_COLLOCATION
 from planner.plan.trajectory import ChainedTrajectory
 from planner.problem.feasibility import travel_window
@@ -230,7 +230,9 @@ def choose_offset(
 
     sizes = _OFFSETS * _open_window(ends.problem)
     grid = np.concatenate([-sizes, sizes, [mean]])[:, None]
-    found = search(ends.problem, attempt, grid, 0.2 * np.abs(grid), options.criterion, starts=3)
+    found = search_candidates(
+        ends.problem, attempt, grid, 0.2 * np.abs(grid), options.criterion, starts=3
+    )
     notes = {"auto_motions_tried": found.tried, "auto_found_inside": found.inside}
     return float(found.x[0]), {"offset": float(found.x[0]), **notes}
 
@@ -291,7 +293,7 @@ def choose_swing(
             return None
 
     grid, sizes = _grid(problem, given)
-    found = search(problem, attempt, grid, sizes, options.criterion, starts=3)
+    found = search_candidates(problem, attempt, grid, sizes, options.criterion, starts=3)
     notes = {"auto_motions_tried": found.tried, "auto_found_inside": found.inside}
     return read(found.x), notes
 

@@ -21,7 +21,7 @@ from planner.errors import InputError, SingularError
 from planner.methods.laws.free_numbers import candidate_travels, choose_offset, travel_of
 from planner.methods.laws.law import Ends, even_legs, finish, summary, trajectory_of
 from planner.methods.laws.legs import LegMotion, Point, steer
-from planner.methods.laws.scores import Found, search
+from planner.methods.laws.scores import BestCandidate, search_candidates
 from planner.plan.plan import Plan
 from planner.plan.trajectory import ChainedTrajectory
 from planner.problem.problem import Problem
@@ -150,11 +150,11 @@ def choose_points(ends: Ends, solve: Solve, options: PolynomialOptions) -> Chose
     Raises:
         InfeasibleError: If the travel is free and no one-way motion exists.
     """
-    best: Found | None = None
+    best: BestCandidate | None = None
     known: LegMotion | None = None
-    family, costs, tried = _Family(ends, solve, 0), [], 0
+    family, costs, tried = _PointFamily(ends, solve, 0), [], 0
     for count in range(MOST_POINTS + 1):
-        wider = _Family(ends, solve, count)
+        wider = _PointFamily(ends, solve, count)
         if best is not None and best.inside:
             known = family.motion(best.x)
         found = wider.search(options, known)
@@ -172,7 +172,7 @@ def choose_points(ends: Ends, solve: Solve, options: PolynomialOptions) -> Chose
     return Chosen(travel, points, notes)
 
 
-class _Family:
+class _PointFamily:
     """All motions with a given number of points: free numbers (travel where free, values)."""
 
     def __init__(self, ends: Ends, solve: Solve, count: int) -> None:
@@ -199,7 +199,7 @@ class _Family:
         except SingularError:
             return None
 
-    def search(self, options: PolynomialOptions, known: LegMotion | None) -> Found:
+    def search(self, options: PolynomialOptions, known: LegMotion | None) -> BestCandidate:
         """The best of the family: from a known motion inside the domain, or from a scan."""
         travels = self._travels()
         width = np.ptp(travels) / len(travels) if self.free else 0.0
@@ -217,8 +217,10 @@ class _Family:
         if self.free:
             steps[0] = width
         if grid.shape[1] == 0:  # nothing is free: one candidate
-            return search(self.ends.problem, self.make, grid, steps, options.criterion, starts=0)
-        return search(self.ends.problem, self.make, grid, steps, options.criterion)
+            return search_candidates(
+                self.ends.problem, self.make, grid, steps, options.criterion, starts=0
+            )
+        return search_candidates(self.ends.problem, self.make, grid, steps, options.criterion)
 
     def _travels(self) -> Array:
         given = self.ends.problem.travel

@@ -191,7 +191,7 @@ _COARSE, _FINE = 200, 6000
 
 
 @dataclass(frozen=True)
-class Found:
+class BestCandidate:
     """The best candidate of a search.
 
     Attributes:
@@ -210,14 +210,14 @@ class Found:
         return self.cost < 2
 
 
-def search(
+def search_candidates(
     problem: Problem,
     make: Make,
     grid: Array,
     steps: Array,
     criterion: Criterion = "peak",
     starts: int = 2,
-) -> Found:
+) -> BestCandidate:
     """Find the free numbers of least cost.
 
     Args:
@@ -269,4 +269,4 @@ def search(
     true = float(costs(x[None], _FINE)[0])
     if starts and true > best + 1e-3:  # it hid an excursion between samples
         true, x = refine(x, 0.1 * step, _FINE)
-    return Found(x, true, tried)
+    return BestCandidate(x, true, tried)

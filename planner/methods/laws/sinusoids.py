@@ -228,10 +228,10 @@ def steps(start: Array, goal: Array, amplitudes: Array, durations: Array) -> Ste
         betas.append(beta)
         z_curves.append(grid.curve(z))
         v_curves.append(grid.curve(np.stack([v1, v2], -1)))
-    curve = joined(z_curves)
+    curve = joined_curves(z_curves)
     size = np.maximum(np.max(np.abs(curve.c), axis=(0, 1)), 1.0)
     residual = float(np.max(np.abs(z[-1, -1] - goal) / size))
-    return StepsMotion(curve, joined(v_curves), np.array(betas), residual)
+    return StepsMotion(curve, joined_curves(v_curves), np.array(betas), residual)
 
 
 def _shares(problem: Problem, options: SinusoidStepsOptions, periods: int) -> Array:
@@ -289,7 +289,7 @@ def propagate(grid: Grid, start: Array, v1: Array, v2: Array) -> Array:
     return np.stack(columns, axis=2)
 
 
-def joined(curves: list[BPoly]) -> BPoly:
+def joined_curves(curves: list[BPoly]) -> BPoly:
     """Curves of one degree that follow each other in time, as one."""
     breaks = np.concatenate([curves[0].x[:1], *(c.x[1:] for c in curves)])
     return BPoly(np.concatenate([c.c for c in curves], axis=1), breaks)

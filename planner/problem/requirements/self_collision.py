@@ -144,7 +144,7 @@ class SelfCollision(Requirement):
         other = _turn(d - c, a - c) * _turn(d - c, b - c)
         place, link = np.array(list(self.near)).T
         spot = points[..., place, :]
-        gap = nearest(spot, points[..., link - 1, :], points[..., link, :]) - spot
+        gap = nearest_on_segment(spot, points[..., link - 1, :], points[..., link, :]) - spot
         away, (ends, pairs) = np.linalg.norm(gap, axis=-1), self._numbers
         inside = np.where((one < 0) & (other < 0), np.min(away[..., ends], axis=-1), np.inf)
         deep = np.min(inside[..., pairs], axis=-1)
@@ -179,7 +179,7 @@ class SelfCollision(Requirement):
         """
         values = self.distances(points)
         places = [
-            (points[place], nearest(points[place], points[link - 1], points[link]))
+            (points[place], nearest_on_segment(points[place], points[link - 1], points[link]))
             for place, link in self.near
         ]
         away = np.linalg.norm([one - other for one, other in places], axis=-1)
@@ -187,7 +187,7 @@ class SelfCollision(Requirement):
         return (*places[k], float(values[k]))
 
 
-def nearest(point: Array, first: Array, last: Array) -> Array:
+def nearest_on_segment(point: Array, first: Array, last: Array) -> Array:
     """The place of a segment that is nearest to a point; all of shape (…, 2)."""
     step = last - first
     share = np.sum((point - first) * step, axis=-1) / np.sum(step**2, axis=-1)

@@ -64,7 +64,7 @@ def over_time(title: str, unit: str, series: Sequence[Panel], **more: Any) -> Pa
 
 def curve(plan: int, values: Array, **more: Any) -> Panel:
     """A series of a panel over time."""
-    return {"plan": plan, "y": rounded(values), **more}
+    return {"plan": plan, "y": to_screen_digits(values), **more}
 
 
 def band(plan: Plan, t: Array, **more: Any) -> Mapping[str, Any]:
@@ -74,7 +74,10 @@ def band(plan: Plan, t: Array, **more: Any) -> Mapping[str, Any]:
     low, high = z2_band(plan, t)
     out = np.array([] if plan.executable else plan.domain.exits_s)
     marks = np.stack([out, plan.z(out)[:, 1]], axis=1).tolist()
-    return {"band": {"low": rounded(low), "high": rounded(high), **more}, "marks": marks}
+    return {
+        "band": {"low": to_screen_digits(low), "high": to_screen_digits(high), **more},
+        "marks": marks,
+    }
 
 
 def near(values: Array, limit: float) -> list[float]:
@@ -83,7 +86,7 @@ def near(values: Array, limit: float) -> list[float]:
     return [side * limit for side, most in reach if np.isfinite(limit) and most > NEAR * limit]
 
 
-def rounded(values: Array) -> list[Any]:
+def to_screen_digits(values: Array) -> list[Any]:
     """Numbers to so many significant digits as a screen can show; None for those there are not."""
     values = np.asarray(values, dtype=float)
     finite, size = np.isfinite(values), np.abs(values)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import expect
-from planner.report.figures.style import COLOURS, TAG, grid, heading, legend, logarithmic, plain
+from planner.report.figures.style import COLOURS, TAG, as_text, grid, heading, legend, logarithmic
 from planner.support.tables import number
 from planner.sweep.design.figures import LOAD, DesignRow, Figure
 from planner.sweep.design.result import DesignStudy
@@ -113,7 +113,7 @@ def _front(ax: Any, study: DesignStudy) -> None:
             continue
         place = row[x.key], row[y.key]
         shift = {"textcoords": "offset points", "xytext": (5, 5), "bbox": TAG}
-        ax.annotate(plain(words or row.design.name), place, fontsize=7, zorder=2, **shift)
+        ax.annotate(as_text(words or row.design.name), place, fontsize=7, zorder=2, **shift)
 
 
 def _spread_out(front: Sequence[DesignRow]) -> list[DesignRow]:
@@ -150,7 +150,7 @@ def _titled(study: DesignStudy, figure: Figure) -> str:
     title = words.get(figure.key, figure.title)
     if figure.key.startswith("solved "):
         title = f"tasks of {study.tasks} solved by {figure.key.removeprefix('solved ')}"
-    return plain(f"{title} ({figure.unit})" if figure.unit else title)
+    return as_text(f"{title} ({figure.unit})" if figure.unit else title)
 
 
 def _value(study: DesignStudy, figure: Figure, row: DesignRow) -> tuple[float, str]:
@@ -236,7 +236,7 @@ def _bars(ax: Any, study: DesignStudy, figure: Figure) -> None:
             slips = "" if row.holds else "  slips"
             ink = "black" if row.holds else SLIPS
             ax.text(value, k, f" {text}{slips}", va="center", fontsize=7, color=ink)
-    names = [plain(row.design.name) for row in study.rows]
+    names = [as_text(row.design.name) for row in study.rows]
     ax.set_yticks(range(len(names)), names, fontsize=7)
     ax.set_ylim(len(names) - 0.4, -0.6)
     ax.set_xlim(min(0.0, min((v for v, _ in values if np.isfinite(v)), default=0.0)), 1.2 * most)

@@ -25,7 +25,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import expect
-from planner.report.figures.mechanism_layout import BENT, INCH, LETTERS, RIM, THICK, Layout, layout
+from planner.report.figures.mechanism_layout import (
+    BENT,
+    INCH,
+    LETTERS,
+    RIM,
+    THICK,
+    MechanismLayout,
+    layout,
+)
 from planner.report.figures.style import COLOURS, TAG, heading
 from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
@@ -152,7 +160,7 @@ AXIS = (0, (8, 3, 1, 3))
 """Dashes of axes of rotation, as on drawings."""
 
 
-def _bands(pen: _Pen, plan: Layout) -> None:
+def _bands(pen: _Pen, plan: MechanismLayout) -> None:
     """What stands between two joints is carried by the link between them."""
     low = plan.link - 0.75
     for k, (a, b) in enumerate(pairwise([plan.left, *plan.joints.tolist(), plan.right])):
@@ -163,7 +171,7 @@ def _bands(pen: _Pen, plan: Layout) -> None:
         pen.say((middle[0], plan.top - 0.12), name, QUIET, ha="center")
 
 
-def _base(pen: _Pen, plan: Layout) -> None:
+def _base(pen: _Pen, plan: MechanismLayout) -> None:
     """The base with motor 1 on the axle of the first wheel, motor 2 on the axis of joint 1."""
     wall, floor, top = plan.left + 0.25, plan.link - 0.45, plan.r1 + 0.4
     motor, look = (wall + 0.75, plan.r1), {"hatch": "///"}
@@ -179,7 +187,7 @@ def _base(pen: _Pen, plan: Layout) -> None:
     pen.say((0.55, floor), r"$u_2 = \dot\theta_1$: turns link 1 and all that it carries")
 
 
-def _stage(pen: _Pen, plan: Layout, i: int) -> None:
+def _stage(pen: _Pen, plan: MechanismLayout, i: int) -> None:
     """The stack of joint i, and what leads from it to joint i + 1."""
     gear, (x, after) = plan.gears[i - 1], plan.joints[i - 1 : i + 1].tolist()
     held, r1 = -THICK - plan.r2, gear.r1
@@ -212,7 +220,7 @@ def _stage(pen: _Pen, plan: Layout, i: int) -> None:
     pen.box((sum(ends) / 2, plan.belt), ends[1] - ends[0], 0.07, f"belt {i}", INK, zorder=5)
 
 
-def _names(pen: _Pen, plan: Layout, i: int) -> None:
+def _names(pen: _Pen, plan: MechanismLayout, i: int) -> None:
     """Names of the parts of stage i and what it hands on; with the first one distances too."""
     gear, (x, after) = plan.gears[i - 1], plan.joints[i - 1 : i + 1].tolist()
     first, held = i == 1, -THICK - plan.r2
@@ -242,7 +250,7 @@ def _names(pen: _Pen, plan: Layout, i: int) -> None:
         pen.distance((x, low), (x + gear.r3, low), "$r_3$")
 
 
-def _link(pen: _Pen, plan: Layout, i: int) -> None:
+def _link(pen: _Pen, plan: MechanismLayout, i: int) -> None:
     """The bar of link i, the axis of its joint, and the angle's name."""
     x = float(plan.joints[i - 1])
     end = float(plan.joints[i]) if i < len(plan.joints) else x + 1.5
@@ -254,7 +262,7 @@ def _link(pen: _Pen, plan: Layout, i: int) -> None:
     pen.say(((x + end) / 2, low - 0.15), f"link {i}", ha="center")
 
 
-def _from_above(pen: _Pen, plan: Layout) -> None:
+def _from_above(pen: _Pen, plan: MechanismLayout) -> None:
     """Contact P₁ of joint 1 from above, to the same scale, with the joint bent."""
     from matplotlib.patches import Arc
 
@@ -299,7 +307,7 @@ $B'_1$ drives $A'_1$. So cos$\theta_1$ comes once on the way to the next
 disk, and three times on the way to the next joint: cos$^3\theta_1$."""
 
 
-def _words(pen: _Pen, plan: Layout) -> None:
+def _words(pen: _Pen, plan: MechanismLayout) -> None:
     """Why cosθ appears, what the colours mean, and what the picture is drawn from."""
     gear, unit = plan.gears[0], plan.unit
     lengths = {"$r_1$": gear.r1 * unit, "$R$": gear.R * unit, "$r_3$": gear.r3 * unit}

@@ -27,7 +27,7 @@ BENT = np.deg2rad(35.0)
 
 
 @dataclass(frozen=True)
-class Layout:
+class MechanismLayout:
     """Where everything is. All lengths are over the largest radius of the geometry.
 
     Attributes:
@@ -101,10 +101,10 @@ class Layout:
         return min(drawn, self.below - 0.2 * lines * INCH) - 0.15 * INCH
 
 
-def layout(system: Manipulator) -> Layout:
+def layout(system: Manipulator) -> MechanismLayout:
     """The geometry of a manipulator, given or inferred, and the places of its stages."""
     given, inferred = stage_gears(system)
     unit = max(max(g.r1, g.R, g.r3) for g in given)
     gears = tuple(Gear(g.r1 / unit, g.R / unit, g.r3 / unit, g.lam, g.eta) for g in given)
     spans = [(1 + RIM) * max(g.R, g.r3) + 1 for g in gears]
-    return Layout(gears, unit, inferred, np.concatenate([[0.0], np.cumsum(spans)]))
+    return MechanismLayout(gears, unit, inferred, np.concatenate([[0.0], np.cumsum(spans)]))

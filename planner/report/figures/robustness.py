@@ -21,7 +21,7 @@ from planner.robustness.machine_sensitivity import MachineEntry, MachineSensitiv
 from planner.robustness.sensitivity import PAPER_SPREAD, Sensitivity
 from planner.robustness.sobol import Index
 from planner.robustness.trade_off import TradeOff
-from planner.robustness.trade_off_points import Point
+from planner.robustness.trade_off_points import TradeOffPoint
 from planner.support.arrays import Array
 from planner.support.tables import number
 
@@ -361,5 +361,5 @@ def _across(curve: TradeOff) -> str:
     return AXES[curve.kind].format(unit=effort_unit(curve.problem.system))
 
 
-def _cost(curve: TradeOff, point: Point) -> float:
+def _cost(curve: TradeOff, point: TradeOffPoint) -> float:
     return point.effort if curve.kind == "effort" else point.limit

@@ -192,12 +192,12 @@ def symbol(name: str) -> str:
     """A coordinate's name as mathematics where it has a number: theta1 becomes θ₁."""
     found = re.fullmatch(r"(theta|phi|alpha|beta|[a-z])(\d+)", name)
     if not found:
-        return plain(name.replace("_", " "))
+        return as_text(name.replace("_", " "))
     letter, number = found.groups()
     return f"${letter if len(letter) == 1 else chr(92) + letter}_{{{number}}}$"
 
 
-def plain(text: str) -> str:
+def as_text(text: str) -> str:
     """Foreign text as Matplotlib draws it letter by letter; between two $ it reads mathematics."""
     return clean(text).replace("$", r"\$")
 
@@ -205,7 +205,7 @@ def plain(text: str) -> str:
 def axis_label(coordinate: Coordinate) -> str:
     """Name and unit; angles are drawn in degrees."""
     unit = "deg" if coordinate.unit == "rad" else coordinate.unit
-    return f"{symbol(coordinate.name)} ({plain(unit)})"
+    return f"{symbol(coordinate.name)} ({as_text(unit)})"
 
 
 def shown(values: Array, unit: str) -> Array:
@@ -237,4 +237,4 @@ def heading(figure: Figure, text: str, *, ours: bool) -> None:
     """Set a title above a figure that we made."""
     if ours:
         letters = int(11 * figure.get_figwidth())
-        figure.suptitle(plain(textwrap.fill(text, letters)), fontsize=11)
+        figure.suptitle(as_text(textwrap.fill(text, letters)), fontsize=11)

@@ -18,7 +18,14 @@ from planner.errors import InputError
 from planner.report.charts.panels import CHARTS, STYLE, script, source
 from planner.report.figures.mechanism import mechanism_svg
 from planner.report.page.series import page_data
-from planner.report.page.words import answers, facts, places, question, subscripted, verdict
+from planner.report.page.words import (
+    answers,
+    asked_for,
+    places,
+    question,
+    subscripted,
+    verdict_html,
+)
 from planner.report.saved import load_comparison, load_replays
 from planner.support.files import named, read_json, write_text
 from planner.support.tables import Column, Markup, R, html_table, number
@@ -67,9 +74,9 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], made: Mappin
         title=html.escape(comparison.problem.name),
         style=source(CHARTS, STYLE) + source(ROOM, "page.css"),
         question=question(comparison.problem),
-        verdict=verdict(comparison),
+        verdict=verdict_html(comparison),
         answers=_answers(comparison),
-        facts=_definitions(facts(comparison)),
+        facts=_definitions(asked_for(comparison)),
         partial="" if comparison.complete else _PARTIAL,
         table=_table(comparison),
         differences=_differences(made.get("differences") or []),

@@ -12,7 +12,15 @@ from planner.comparison.rows import effort_unit
 from planner.plan.measures import worst_margin
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
-from planner.report.charts.panels import Panel, band, curve, near, over_time, rounded, unit_of
+from planner.report.charts.panels import (
+    Panel,
+    band,
+    curve,
+    near,
+    over_time,
+    to_screen_digits,
+    unit_of,
+)
 from planner.report.figures.arm import body, drawable, tips_to_pass
 from planner.report.figures.on_the_machine import far_apart, spread
 from planner.report.figures.over_time import has_band, view
@@ -68,13 +76,13 @@ def _plan(drawn: Curve, kept: Mapping[str, Any] | None) -> dict[str, Any]:
         "label": drawn.label,
         "refused": drawn.refused,
         "duration": plan.duration,
-        "t": rounded(_times(plan)),
+        "t": to_screen_digits(_times(plan)),
     }
     if plan.executable and drawable(plan.problem.system):
         even = np.linspace(0, plan.duration, PICTURES)
         out["motion"] = _motion(plan.problem, even, plan.q(even))
         path = body(plan.problem, plan.q(_times(plan)))[:, -1]
-        out["path"] = rounded(path)
+        out["path"] = to_screen_digits(path)
         if kept is not None:
             run = kept["median"]
             out["machine"] = _motion(plan.problem, np.array(run["t"]), np.array(run["q"]))
@@ -86,7 +94,7 @@ def _motion(problem: Problem, t: Array, q: Array) -> dict[str, Any]:
     tail = problem.system.coordinates[1:]
     values = np.column_stack([shown(q[:, i + 1], c.unit) for i, c in enumerate(tail)])
     return {
-        "t": rounded(t),
+        "t": to_screen_digits(t),
         "points": np.round(body(problem, q), 4),
         "values": np.round(values, 3),
         "names": [subscripted(c.name) for c in tail],
@@ -195,7 +203,7 @@ def _spreads(
         return []
     errors = {k: np.sort(np.asarray(replays[label]["E_deg"], dtype=float)) for k, label in known}
     low, high = spread(list(errors.values()))
-    series = [{"plan": k, "values": rounded(values)} for k, values in errors.items()]
+    series = [{"plan": k, "values": to_screen_digits(values)} for k, values in errors.items()]
     rows = {k: comparison[label] for k, label in known if np.isfinite(comparison[label].effort)}
     points = [
         {"plan": k, "x": row.effort, "y": row.E_median_deg, "high": row.E_p95_deg}

@@ -59,7 +59,7 @@ def answers(comparison: Comparison) -> list[str]:
     return [_answer(comparison, row) for row in comparison.rows]
 
 
-def verdict(comparison: Comparison) -> str:
+def verdict_html(comparison: Comparison) -> str:
     """The answer in one or two sentences of HTML."""
     rows = [row for row in comparison.rows if not row.feedback]
     solved = [row for row in rows if row.solved]
@@ -73,7 +73,7 @@ def verdict(comparison: Comparison) -> str:
     return f"{text} The plan of {name} has the least effort."
 
 
-def facts(comparison: Comparison) -> list[tuple[str, str]]:
+def asked_for(comparison: Comparison) -> list[tuple[str, str]]:
     """Names and values (plain text) of what was asked for."""
     problem = comparison.problem
     system, limits = problem.system, problem.limits

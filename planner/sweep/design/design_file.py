@@ -168,7 +168,7 @@ Task = tuple[list[float], list[float]]
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class StudyInput:
     """A design file, read and checked.
 
     Attributes:
@@ -228,7 +228,7 @@ class Asked:
         }
 
 
-def read_design(source: Mapping[str, Any] | str | Path) -> Asked:
+def read_design(source: Mapping[str, Any] | str | Path) -> StudyInput:
     """Read a design file, or its tables, and check what can be checked before anything is planned.
 
     Raises:
@@ -265,7 +265,7 @@ def read_design(source: Mapping[str, Any] | str | Path) -> Asked:
         why = designs[0]
         raise InputError(f"{named}: no design can be built; {why.name}: {why.refused}")
     joints = sorted({each.joints for each in designs})
-    return Asked(
+    return StudyInput(
         title=line(table.title) or line(Path(named).stem),
         source=named,
         table=table,

@@ -27,7 +27,7 @@ Record = Mapping[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class TaskOutcome:
     """The outcome of one task on one design.
 
     Attributes:
@@ -71,8 +71,8 @@ class Figure:
             return np.asarray(np.abs(np.log(values / best)))
 
 
-def _median(worst: float, method: str, column: str) -> Callable[[Sequence[Outcome]], float]:
-    def value(outcomes: Sequence[Outcome]) -> float:
+def _median(worst: float, method: str, column: str) -> Callable[[Sequence[TaskOutcome]], float]:
+    def value(outcomes: Sequence[TaskOutcome]) -> float:
         found = [outcome.of(method, column) for outcome in outcomes]
         middle = float(np.median([worst if v is None else v for v in found]))
         return middle if np.isfinite(middle) else np.nan
@@ -80,8 +80,8 @@ def _median(worst: float, method: str, column: str) -> Callable[[Sequence[Outcom
     return value
 
 
-def _largest(method: str, column: str) -> Callable[[Sequence[Outcome]], float]:
-    def value(outcomes: Sequence[Outcome]) -> float:
+def _largest(method: str, column: str) -> Callable[[Sequence[TaskOutcome]], float]:
+    def value(outcomes: Sequence[TaskOutcome]) -> float:
         found = [outcome.of(method, column) for outcome in outcomes]
         return max((v for v in found if v is not None), default=np.nan)
 
@@ -100,7 +100,7 @@ def _width(window: TravelWindow) -> float:
     return (window.high - window.low) / abs(window.high + window.low) * 2
 
 
-Judged = tuple[Figure, Callable[[Sequence[Outcome]], float]]
+Judged = tuple[Figure, Callable[[Sequence[TaskOutcome]], float]]
 
 
 def judged_by(methods: Sequence[str], compensated: str | None) -> list[Judged]:
@@ -157,7 +157,7 @@ def judged_by(methods: Sequence[str], compensated: str | None) -> list[Judged]:
 LOAD = "contact_load"
 
 
-def _solved(method: str) -> Callable[[Sequence[Outcome]], float]:
+def _solved(method: str) -> Callable[[Sequence[TaskOutcome]], float]:
     return lambda outcomes: float(np.mean([bool(o.records[method]["solved"]) for o in outcomes]))
 
 
@@ -210,7 +210,7 @@ class DesignRow:
         return not self.figures[LOAD] > 1
 
 
-def commonest(outcomes: Sequence[Outcome], method: str) -> str:
+def commonest(outcomes: Sequence[TaskOutcome], method: str) -> str:
     """The reason that most tasks share for not being solved by a method; "" where all are."""
     whys = [o.records[method]["why"] for o in outcomes if not o.records[method]["solved"]]
     return Counter(whys).most_common(1)[0][0] if whys else ""

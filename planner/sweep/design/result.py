@@ -26,7 +26,7 @@ from planner.support.tables import (
     number,
     terminal_table,
 )
-from planner.sweep.design.design_file import Asked
+from planner.sweep.design.design_file import StudyInput
 from planner.sweep.design.figures import (
     DesignRow,
     Figure,
@@ -55,7 +55,7 @@ class DesignStudy:
         bugs: Cases that ended in a way this program never should.
     """
 
-    asked: Asked
+    asked: StudyInput
     rows: tuple[DesignRow, ...]
     figures: tuple[Figure, ...]
     front_by: tuple[Figure, ...]

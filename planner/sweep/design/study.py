@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from planner.problem.feasibility import TravelWindow, travel_window
-from planner.sweep.design.design_file import Asked, read_design
+from planner.sweep.design.design_file import StudyInput, read_design
 from planner.sweep.design.figures import (
     DesignRow,
     Figure,
-    Outcome,
+    TaskOutcome,
     able,
     best,
     chosen,
@@ -89,7 +89,7 @@ def design_study(
             rows.append(DesignRow(each, {}))
             continue
         outcomes = [
-            Outcome(window, {method: next(records) for method in asked.methods})
+            TaskOutcome(window, {method: next(records) for method in asked.methods})
             for window in windows[each.name]
         ]
         values = {figure.key: value(outcomes) for figure, value in judged}
@@ -98,7 +98,7 @@ def design_study(
     return replace(_recommended(asked, rows, [*figures, link], traded), bugs=outcome.bugs)
 
 
-def _windows(asked: Asked) -> dict[str, list[TravelWindow]]:
+def _windows(asked: StudyInput) -> dict[str, list[TravelWindow]]:
     """Of every task on each design that can be built; raises for an impossible problem."""
     out: dict[str, list[TravelWindow]] = {}
     for each in asked.designs:
@@ -110,7 +110,7 @@ def _windows(asked: Asked) -> dict[str, list[TravelWindow]]:
 
 
 def _recommended(
-    asked: Asked, rows: list[DesignRow], figures: Sequence[Figure], traded: Sequence[Figure]
+    asked: StudyInput, rows: list[DesignRow], figures: Sequence[Figure], traded: Sequence[Figure]
 ) -> DesignStudy:
     kept = able(rows, traded, f"solved {asked.methods[0]}")
     taken = best(rows, kept, traded) if kept else None

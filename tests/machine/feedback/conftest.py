@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import planner
-from planner.machine.feedback.tracker import Design, design
+from planner.machine.feedback.tracker import TrackerDesign, design
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
 from planner.problem.tables.problem_file import FeedbackTable
@@ -27,7 +27,7 @@ def machine() -> Machine:
 
 
 @pytest.fixture(scope="session")
-def plain(smooth: Plan, machine: Machine) -> Design:
+def plain(smooth: Plan, machine: Machine) -> TrackerDesign:
     """Its tracker without a run-up."""
     return design(smooth, machine, FeedbackTable(run_up=False))
 

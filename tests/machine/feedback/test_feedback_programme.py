@@ -11,9 +11,9 @@ import scipy.sparse as sp
 
 import planner
 from planner.machine.feedback.means import input_scale
-from planner.machine.feedback.programme import Programme, _changes
+from planner.machine.feedback.programme import TrackingProgramme, _changes
 from planner.machine.feedback.reference import Reference, regulator
-from planner.machine.feedback.tracker import Design, _weights, design
+from planner.machine.feedback.tracker import TrackerDesign, _weights, design
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
 from planner.problem.tables.problem_file import FeedbackTable
@@ -21,7 +21,7 @@ from planner.support.arrays import Array
 
 
 def written_out(
-    task: Design, plan: Plan, machine: Machine, k: int, state: Array, horizon: int
+    task: TrackerDesign, plan: Plan, machine: Machine, k: int, state: Array, horizon: int
 ) -> Array:
     """Corrections of every period to the end, (K−k, 2), from the cost as it is defined.
 
@@ -78,7 +78,7 @@ def written_out(
     return np.asarray((found.x * scale).reshape(count, wide)[:, size:])
 
 
-def error(task: Design, theta_deg: list[float], rate: float = 0.0) -> Array:
+def error(task: TrackerDesign, theta_deg: list[float], rate: float = 0.0) -> Array:
     """A state ξ, (n, 1), with these deviations."""
     size = task.ref.q.shape[1]
     state = np.zeros((size + 2 + task.ref.E.shape[-1], 1))
@@ -90,7 +90,7 @@ def error(task: Design, theta_deg: list[float], rate: float = 0.0) -> Array:
 
 @pytest.mark.parametrize("k", [20, 60, 75])
 def test_without_active_limits_it_is_the_regulator(
-    smooth: Plan, machine: Machine, plain: Design, k: int
+    smooth: Plan, machine: Machine, plain: TrackerDesign, k: int
 ) -> None:
     state = error(plain, [0.02, 0.01, -0.01], rate=0.002)
     before = plain.programme.solved
@@ -104,7 +104,7 @@ def test_without_active_limits_it_is_the_regulator(
 
 @pytest.mark.parametrize("k", [5, 50, 97])
 def test_with_active_limits_it_is_the_whole_programme(
-    smooth: Plan, machine: Machine, plain: Design, k: int
+    smooth: Plan, machine: Machine, plain: TrackerDesign, k: int
 ) -> None:
     state = error(plain, [9.0, -12.0, -12.0])
     law = regulator(
@@ -128,14 +128,16 @@ def limited_to(ref: Reference, most: float) -> Reference:
     return replace(ref, ceiling=ceiling)
 
 
-def task_with(plain: Design, smooth: Plan, machine: Machine, most: float) -> Programme:
+def task_with(
+    plain: TrackerDesign, smooth: Plan, machine: Machine, most: float
+) -> TrackingProgramme:
     ref = limited_to(plain.ref, most)
     options = FeedbackTable(run_up=False)
     law = regulator(ref, _weights(smooth, ref, input_scale(smooth, machine), options))
-    return Programme(ref, law, 10, options.max_iterations)
+    return TrackingProgramme(ref, law, 10, options.max_iterations)
 
 
-def after(task: Design, k: int, state: Array, corrections: Array) -> Array:
+def after(task: TrackerDesign, k: int, state: Array, corrections: Array) -> Array:
     """Deviations of θ₁ after each period, (H,)."""
     q, out = state[:4, 0], []
     for j, v in enumerate(corrections[:, :, 0]):
@@ -144,7 +146,9 @@ def after(task: Design, k: int, state: Array, corrections: Array) -> Array:
     return np.array(out)
 
 
-def test_a_joint_limit_bites_and_is_kept(smooth: Plan, machine: Machine, plain: Design) -> None:
+def test_a_joint_limit_bites_and_is_kept(
+    smooth: Plan, machine: Machine, plain: TrackerDesign
+) -> None:
     k, most = 30, float(np.deg2rad(0.3))
     state = error(plain, [0.0, -2.0, 2.0])
     free = plain.programme(k, state, plain.programme.none(1))
@@ -153,14 +157,14 @@ def test_a_joint_limit_bites_and_is_kept(smooth: Plan, machine: Machine, plain: 
     ref = replace(ref, floor=np.broadcast_to(ref.floor, plain.ref.floor.shape))
     options = FeedbackTable(run_up=False)
     law = regulator(ref, _weights(smooth, ref, input_scale(smooth, machine), options))
-    kept = Programme(ref, law, 10, options.max_iterations)
+    kept = TrackingProgramme(ref, law, 10, options.max_iterations)
     answer = kept(k, state, kept.none(1))
     assert after(plain, k, state, answer.corrections).min() == pytest.approx(-most, abs=1e-5)
     assert not answer.fallback[0]
 
 
 def test_a_state_limit_that_cannot_be_kept_is_widened_and_counted(
-    smooth: Plan, machine: Machine, plain: Design
+    smooth: Plan, machine: Machine, plain: TrackerDesign
 ) -> None:
     tight = task_with(plain, smooth, machine, most=-1.0)  # θ₁ one radian below its course, at once
     state = error(plain, [0.0, 0.0, 0.0])
@@ -172,11 +176,11 @@ def test_a_state_limit_that_cannot_be_kept_is_widened_and_counted(
 
 
 def test_when_the_solver_is_late_the_last_decision_goes_on(
-    smooth: Plan, machine: Machine, plain: Design
+    smooth: Plan, machine: Machine, plain: TrackerDesign
 ) -> None:
     options = FeedbackTable(run_up=False)
     law = regulator(plain.ref, _weights(smooth, plain.ref, input_scale(smooth, machine), options))
-    hasty = Programme(plain.ref, law, plain.programme.horizon, iterations=10)
+    hasty = TrackingProgramme(plain.ref, law, plain.programme.horizon, iterations=10)
     state = error(plain, [9.0, -12.0, -12.0])
     last = plain.programme(49, error(plain, [0.1, 0.1, 0.1]), plain.programme.none(1))
     answer = hasty(50, state, last)

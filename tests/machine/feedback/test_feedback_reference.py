@@ -13,7 +13,7 @@ from planner.machine.feedback.estimate import Estimate, Forecast, History, Pose
 from planner.machine.feedback.means import lost_motion
 from planner.machine.feedback.reference import _direction
 from planner.machine.feedback.run_up import hindrance, run_up
-from planner.machine.feedback.tracker import Design, design
+from planner.machine.feedback.tracker import TrackerDesign, design
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
 from planner.problem.tables.problem_file import FeedbackTable
@@ -23,7 +23,7 @@ from planner.systems.manipulator import Manipulator
 PROBLEMS = Path(__file__).parents[3] / "problems"
 
 
-def moved(plan: Plan, task: Design, k: int, dq: Array, v: Array) -> Array:
+def moved(plan: Plan, task: TrackerDesign, k: int, dq: Array, v: Array) -> Array:
     """True deviation one period later, from deviation dq under the correction v."""
     s, system = task.ref.s, plan.problem.system
 
@@ -37,7 +37,7 @@ def moved(plan: Plan, task: Design, k: int, dq: Array, v: Array) -> Array:
 
 @pytest.mark.parametrize("k", [3, 40, 90])
 def test_the_linear_model_is_the_derivative_of_the_motion(
-    smooth: Plan, plain: Design, k: int
+    smooth: Plan, plain: TrackerDesign, k: int
 ) -> None:
     ref, h = plain.ref, 1e-5
     for i in range(4):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import planner
 from planner.errors import InputError
-from planner.machine.feedback.tracker import Control, Tracker
+from planner.machine.feedback.tracker import Tracker, TrackerControl
 from planner.machine.machine import Machine
 from planner.machine.replay import Replay, replay
 from planner.plan.plan import Plan
@@ -30,11 +30,11 @@ class Watched(Tracker):
         self.tamper = tamper
         self.commands: list[Array] = []
 
-    def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> Control:
+    def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> TrackerControl:
         control = super().start(plan, machine, numbers)
         watched = self
 
-        class Spy(Control):
+        class Spy(TrackerControl):
             def __call__(self, t: float, measured: Array) -> Array:
                 k = len(watched.commands)
                 read = measured if watched.tamper is None else watched.tamper(k, measured)

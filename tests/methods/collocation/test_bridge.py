@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 
 import planner
 from planner.methods.collocation.long_arms.bridges import (
-    Chain,
-    Ends,
+    ChainEnds,
+    PieceChain,
     _programme,
     closed,
     exact,
@@ -38,7 +38,7 @@ def _problem(start: list[float], goal: list[float], travel: object = "free") -> 
 HARD = _problem([10.0, -20.0, 30.0], [-40.0, 50.0, -10.0], 0.0)
 
 
-def _walk(pieces: int, seed: int, longest: float = 0.5) -> Chain:
+def _walk(pieces: int, seed: int, longest: float = 0.5) -> PieceChain:
     """A random motion from the start within the limits, in pieces of constant input."""
     rng, q, us = np.random.default_rng(seed), [HARD.start], list[np.ndarray]()
     while len(us) < pieces:
@@ -47,7 +47,7 @@ def _walk(pieces: int, seed: int, longest: float = 0.5) -> Chain:
         if np.all(np.abs(after[1:]) < np.deg2rad(LIMIT_DEG - 5.0)):
             q.append(after)
             us.append(u)
-    return Chain(np.array(q), np.array(us), np.zeros((pieces, 4)))
+    return PieceChain(np.array(q), np.array(us), np.zeros((pieces, 4)))
 
 
 def _true_end(problem: planner.Problem, q: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -84,11 +84,11 @@ def test_a_gap_is_closed_within_the_limits() -> None:
     gap = np.zeros((20, 4))
     gap[10, 2:] = 0.05
     q[11:] += gap[10]
-    whole = Chain(q, u, q[1:] - ends(HARD.system, q[:-1], u))
+    whole = PieceChain(q, u, q[1:] - ends(HARD.system, q[:-1], u))
     goal = q[-1].copy()
     goal[0] = np.nan
     limit = np.array([np.inf, *np.full(3, np.deg2rad(LIMIT_DEG))])
-    found, share = closed(HARD.system, whole, Ends(HARD.start, goal, limit))
+    found, share = closed(HARD.system, whole, ChainEnds(HARD.start, goal, limit))
     assert found is not None
     assert share == 1
     assert found.q[1:] == pytest.approx(ends(HARD.system, found.q[:-1], found.u), abs=2e-6)
@@ -98,9 +98,9 @@ def test_a_gap_is_closed_within_the_limits() -> None:
 
 def test_what_one_piece_cannot_do_is_not_found() -> None:
     goal = HARD.start + np.array([0.0, 0.0, 0.0, 0.5])
-    chain = Chain(np.stack([HARD.start, goal]), np.zeros((1, 2)), (goal - HARD.start)[None])
+    chain = PieceChain(np.stack([HARD.start, goal]), np.zeros((1, 2)), (goal - HARD.start)[None])
     limit = np.array([np.inf, *np.full(3, np.deg2rad(LIMIT_DEG))])
-    found, share = closed(HARD.system, chain, Ends(HARD.start, goal, limit))
+    found, share = closed(HARD.system, chain, ChainEnds(HARD.start, goal, limit))
     assert found is None
     assert share == 0
 
@@ -113,7 +113,7 @@ def test_finer_chains_say_what_the_coarse_ones_got_wrong() -> None:
     assert fine.q[1:] - ends(HARD.system, fine.q[:-1], fine.u) == pytest.approx(fine.gap)
 
 
-def _check_way(problem: planner.Problem, chain: Chain, tolerance: float = 2e-2) -> None:
+def _check_way(problem: planner.Problem, chain: PieceChain, tolerance: float = 2e-2) -> None:
     assert chain.q[0] == pytest.approx(problem.start, abs=1e-9)
     known = ~np.isnan(problem.target)
     assert chain.q[-1, known] == pytest.approx(problem.target[known], abs=1e-9)
@@ -127,7 +127,7 @@ def _check_way(problem: planner.Problem, chain: Chain, tolerance: float = 2e-2) 
 def test_an_exact_chain_is_a_motion_to_many_digits() -> None:
     rough = _walk(20, seed=7)
     problem = replace(HARD, goal=rough.q[-1], travel=float(rough.q[-1, 0] - HARD.start[0]))
-    places = Ends(problem.start, problem.target, HARD.limits.joint)
+    places = ChainEnds(problem.start, problem.target, HARD.limits.joint)
     short = finer(HARD.system, rough, [1, 2, 3], 0.2)
     chain = exact(HARD.system, short, places)
     assert chain is not None

@@ -15,7 +15,7 @@ from planner.errors import NotConvergedError
 from planner.methods.collocation import pipeline
 from planner.methods.collocation.between_nodes import look
 from planner.methods.collocation.long_arms import ladder
-from planner.methods.collocation.long_arms.bridges import Chain, Ends
+from planner.methods.collocation.long_arms.bridges import ChainEnds, PieceChain
 from planner.methods.collocation.long_arms.bridges import ends_of as ends
 from planner.methods.collocation.long_arms.held import can_hold, held
 from planner.methods.collocation.long_arms.ladder import Climbed, climbed
@@ -42,7 +42,7 @@ def no_guesses(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="module")
-def chain() -> Chain:
+def chain() -> PieceChain:
     """A path of the arm."""
     found = ladder._by_shorter(collocation_task(PROBLEM, CollocationOptions(), 40))
     assert found is not None
@@ -90,7 +90,7 @@ def test_a_motion_that_turns_out_to_be_none_gives_way_to_a_path(
     assert as_given.notes["start"] == "straight"
 
 
-def test_a_kept_path_errs_less_than_its_own_steps_show(chain: Chain) -> None:
+def test_a_kept_path_errs_less_than_its_own_steps_show(chain: PieceChain) -> None:
     """Were it made exact in the very steps by which it is judged, any error would pass for none."""
     job = collocation_task(PROBLEM, CollocationOptions(), 40)
     found = held(job, chain, 5e-6)
@@ -164,7 +164,7 @@ def test_a_path_is_not_kept_where_more_is_asked_than_limits() -> None:
         assert not can_hold(collocation_task(asked, CollocationOptions(), 40))
 
 
-def test_a_path_too_slow_for_the_duration_is_not_kept(chain: Chain) -> None:
+def test_a_path_too_slow_for_the_duration_is_not_kept(chain: PieceChain) -> None:
     job = collocation_task(PROBLEM, CollocationOptions(), 40)
     found = held(job, chain, 5e-6)
     assert found is not None
@@ -182,10 +182,12 @@ def test_smaller_gaps_are_asked_for_only_where_some_of_them_are_closed(
 ) -> None:
     gaps, inner = [], ladder.closed
 
-    def closed(system: TriangularSystem, path: Chain, ends: Ends) -> tuple[Chain | None, float]:
+    def closed(
+        system: TriangularSystem, path: PieceChain, ends: ChainEnds
+    ) -> tuple[PieceChain | None, float]:
         return inner(system, path, ends) if system.size == 3 else (None, share)
 
-    def lifted(*given: Any) -> Chain:
+    def lifted(*given: Any) -> PieceChain:
         gaps.append(given[-1])
         return inner_lift(*given)
 

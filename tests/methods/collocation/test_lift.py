@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from planner.errors import InputError
-from planner.methods.collocation.long_arms.bridges import Chain, Ends, closed, ends_of
+from planner.methods.collocation.long_arms.bridges import ChainEnds, PieceChain, closed, ends_of
 from planner.methods.collocation.long_arms.ladder import lifted
 from planner.systems.manipulator import Manipulator
 
@@ -16,17 +16,17 @@ MOVES = np.array([[0.7, -0.4], [0.0, 0.6], [-0.5, 0.0], [0.9, 0.4], [-0.3, 0.5]]
 """Drives and turns of the shorter arm in every ratio: with one angle of joint 1, and with two."""
 
 
-def _path() -> Chain:
+def _path() -> PieceChain:
     short, q = ARM.shorter(), [np.array([0.0, 0.3, -0.2, 0.5])]
     for u in MOVES:
         q.append(ends_of(short, q[-1][None], u[None])[0])
-    return Chain(np.array(q), MOVES, np.zeros((len(MOVES), 4)))
+    return PieceChain(np.array(q), MOVES, np.zeros((len(MOVES), 4)))
 
 
-def _ends(first: float = 1.4) -> Ends:
+def _ends(first: float = 1.4) -> ChainEnds:
     path = _path()
     start, goal = np.insert(path.q[0], 1, 0.6), np.insert(path.q[-1], 1, -0.6)
-    return Ends(start, goal, np.array([np.inf, first, 1.45, 1.45, 1.45]))
+    return ChainEnds(start, goal, np.array([np.inf, first, 1.45, 1.45, 1.45]))
 
 
 def test_the_shorter_arm_is_the_arm_with_joint_1_at_rest() -> None:
@@ -85,7 +85,7 @@ def test_limits_are_hardly_broken_on_the_way() -> None:
     path = _path()
     fine = ends_of(ARM.shorter(), np.repeat(path.q[:-1], 20, axis=0), _shares(path.u, 20))
     limit = np.array([np.inf, 1.2, *np.max(np.abs(fine[:, 1:]), axis=0) + 0.01])
-    ends = Ends(_ends().start, _ends().goal, limit)
+    ends = ChainEnds(_ends().start, _ends().goal, limit)
     chains = [lifted(ARM, _path(), ends, gap) for gap in (2.0, 0.1)]
     over = [np.max(np.abs(c.q[1:] - c.gap) - ends.limit) for c in chains]
     assert over[0] > 0.05

@@ -13,7 +13,7 @@ import pytest
 import planner
 from planner.methods.collocation import task as module
 from planner.methods.collocation.method import plan_collocation
-from planner.methods.collocation.solvers import SHORT, WAYS, Answer, Settings, names, way
+from planner.methods.collocation.solvers import SHORT, WAYS, Settings, SolverAnswer, names, way
 from planner.methods.collocation.transcription.form import Form
 from planner.methods.collocation.transcription.transcription import transcription
 from planner.problem.problem import Problem
@@ -100,9 +100,9 @@ class _Broken:
         self.calls = 0
         self.near = near
 
-    def __call__(self, start: Any, data: Any) -> Answer:
+    def __call__(self, start: Any, data: Any) -> SolverAnswer:
         self.calls += 1
-        return Answer(start if self.near is None else self.near, False, "Broken", 7)
+        return SolverAnswer(start if self.near is None else self.near, False, "Broken", 7)
 
 
 @pytest.mark.parametrize("first", ["fatrop", "ipopt"])

@@ -16,7 +16,7 @@ from scipy.optimize import linprog
 
 import planner
 from planner.methods.convex.band import Band, band_of
-from planner.methods.convex.global_optimum import Above, Best, Impossible, band_rows, cut
+from planner.methods.convex.global_optimum import Above, ClassOptimum, Impossible, band_rows, cut
 from planner.methods.convex.paths import Frame
 from planner.methods.convex.programme import Programme, StalledError
 
@@ -68,7 +68,7 @@ def test_figures_of_the_example(
     """v₂ piecewise constant on 60 pieces gives them to the last printed digit."""
     frame = frame_at(travel)
     best = cut(frame, band_at(printed, frame), SMOOTH)
-    assert isinstance(best, Best)
+    assert isinstance(best, ClassOptimum)
     assert best.value == pytest.approx(value, abs=5.1e-7)
     effort = np.sum(best.frame.x(best.y) ** 2) / 2 / best.frame.travel
     assert effort == pytest.approx(best.value, rel=1e-12)
@@ -81,7 +81,7 @@ def test_continuous_v2_does_not_give_those_figures(
 ) -> None:
     frame = frame_at(0.79, degree=1)
     best = cut(frame, band_at(printed, frame), SMOOTH)
-    assert isinstance(best, Best)
+    assert isinstance(best, ClassOptimum)
     assert best.value == pytest.approx(0.561116, abs=1e-6)
     assert 0 <= best.gap < 1e-6
 
@@ -106,7 +106,7 @@ def test_certificate_checked_independently(
     # The rows say what they claim: every band path that exists at a feasible travel keeps them.
     other = frame_at(0.82, pieces=30, degree=degree)
     best = cut(other, band, SMOOTH)
-    assert isinstance(best, Best)
+    assert isinstance(best, ClassOptimum)
     A, b = band_rows(other, band, answer.touch)
     assert np.max(A @ best.y - b) <= 1e-9
 
@@ -117,7 +117,7 @@ def test_a_travel_theory_calls_infeasible_has_a_path(
     """At 0.89 there is one, proven here by dense evaluation in the angles' own terms."""
     frame = frame_at(0.89)
     best = cut(frame, band_at(printed, frame), SMOOTH)
-    assert isinstance(best, Best)
+    assert isinstance(best, ClassOptimum)
     assert best.value == pytest.approx(6.46285, abs=1e-5)
     K2, K3 = printed.system.K  # type: ignore[attr-defined]
     omega = frame.shape.bernstein(frame.x(best.y))[0]
@@ -145,7 +145,7 @@ def test_optimum_agrees_with_ipopt(
     frame = frame_at(travel, pieces=20)
     band = band_at(printed, frame)
     best = cut(frame, band, SMOOTH if kind == "smooth" else PEAK)
-    assert isinstance(best, Best)
+    assert isinstance(best, ClassOptimum)
     assert 0 <= best.gap < 1e-6
     expected = reference(frame, band, kind)
     # The reference tests the domain at samples only, so it may be lower by a trifle.
@@ -161,8 +161,8 @@ def test_domain_bites(printed: planner.Problem, frame_at: Frames) -> None:
     open_band = replace(band, K=np.zeros(0))
     free = cut(frame, open_band, SMOOTH)
     kept = cut(frame, band, SMOOTH)
-    assert isinstance(free, Best)
-    assert isinstance(kept, Best)
+    assert isinstance(free, ClassOptimum)
+    assert isinstance(kept, ClassOptimum)
     _, z2, z3, _ = frame.bernstein(free.y)
     assert np.max(-z2[0] - band.cap(z3[0])) > 0.01
     assert free.value < kept.value * 0.99
@@ -171,8 +171,8 @@ def test_domain_bites(printed: planner.Problem, frame_at: Frames) -> None:
 def test_floor_bites(printed: planner.Problem, frame_at: Frames) -> None:
     frame = frame_at(0.79)
     low, high = (cut(frame, replace(band_at(printed, frame), floor=f), SMOOTH) for f in (0, 0.02))
-    assert isinstance(low, Best)
-    assert isinstance(high, Best)
+    assert isinstance(low, ClassOptimum)
+    assert isinstance(high, ClassOptimum)
     assert np.max(frame.bernstein(low.y)[1]) > -0.02
     assert np.max(frame.bernstein(high.y)[1]) <= -0.02
     assert high.value > low.value
@@ -214,8 +214,8 @@ def test_osqp_throughout_gives_the_same(printed: planner.Problem, frame_at: Fram
     frame = frame_at(0.83)
     band = band_at(printed, frame)
     ours, theirs = cut(frame, band, SMOOTH), cut(frame, band, Programme("smooth", "osqp"))
-    assert isinstance(ours, Best)
-    assert isinstance(theirs, Best)
+    assert isinstance(ours, ClassOptimum)
+    assert isinstance(theirs, ClassOptimum)
     assert theirs.final.engine == "osqp"
     assert ours.value == pytest.approx(theirs.value, rel=1e-8)
     np.testing.assert_allclose(ours.y, theirs.y, atol=1e-6)

@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.methods.convex.global_optimum import NO_TOUCH, Above, Best, Impossible, Touch, search
+from planner.methods.convex.global_optimum import (
+    NO_TOUCH,
+    Above,
+    ClassOptimum,
+    Impossible,
+    Touch,
+    search_travels,
+)
 from planner.methods.convex.paths import Frame, input_shape
 from planner.methods.convex.programme import Farkas, Optimum, StalledError
 
@@ -13,9 +20,9 @@ FRAME = Frame(input_shape(8, 0), np.zeros(4), np.ones(4), 1.0)
 NOTHING = np.zeros(0)
 
 
-def best(travel: float, value: float) -> Best:
+def best(travel: float, value: float) -> ClassOptimum:
     final = Optimum(NOTHING, NOTHING, -1.0, value, value, "stand-in")
-    return Best(FRAME.at(travel), final, value, NO_TOUCH, 1, -1.0)
+    return ClassOptimum(FRAME.at(travel), final, value, NO_TOUCH, 1, -1.0)
 
 
 def refused(travel: float, margin: float) -> Impossible:
@@ -24,11 +31,11 @@ def refused(travel: float, margin: float) -> Impossible:
 
 
 def test_best_travel_is_refined_far_below_the_scan_step() -> None:
-    def solve(travel: float, rows: Touch, ceiling: float) -> Best | Above:
+    def solve(travel: float, rows: Touch, ceiling: float) -> ClassOptimum | Above:
         value = 1 + (travel - 0.537) ** 2
         return Above(value) if value > ceiling else best(travel, value)
 
-    found = search(solve, np.linspace(0.1, 0.9, 9))
+    found = search_travels(solve, np.linspace(0.1, 0.9, 9))
     assert found.best is not None
     assert found.best.frame.travel == pytest.approx(0.537, abs=1e-4)
     assert found.range == (0.1, 0.9)
@@ -37,41 +44,43 @@ def test_best_travel_is_refined_far_below_the_scan_step() -> None:
 def test_search_never_reaches_travel_zero() -> None:
     tried = []
 
-    def solve(travel: float, rows: Touch, ceiling: float) -> Best:
+    def solve(travel: float, rows: Touch, ceiling: float) -> ClassOptimum:
         tried.append(travel)
         return best(travel, abs(travel))  # best at zero, which is another class
 
-    search(solve, np.array([-1.0, -0.5, 0.5, 1.0]))
+    search_travels(solve, np.array([-1.0, -0.5, 0.5, 1.0]))
     assert all(abs(d) >= 1e-4 for d in tried)
 
 
 def test_a_range_between_two_scanned_travels_is_found() -> None:
     """Only |travel − 0.55| < 0.004 has a path; the certificates' margins lead there."""
 
-    def solve(travel: float, rows: Touch, ceiling: float) -> Best | Impossible:
+    def solve(travel: float, rows: Touch, ceiling: float) -> ClassOptimum | Impossible:
         gap = abs(travel - 0.55) - 0.004
         return refused(travel, gap) if gap > 0 else best(travel, 2.0 + gap)
 
-    found = search(solve, np.linspace(0.1, 0.9, 9))
+    found = search_travels(solve, np.linspace(0.1, 0.9, 9))
     assert found.best is not None
     assert abs(found.best.frame.travel - 0.55) < 0.004
     assert len(found.refusals) >= 9
 
 
 def test_nothing_anywhere() -> None:
-    found = search(lambda travel, rows, ceiling: refused(travel, 1.0), np.linspace(0.1, 0.9, 5))
+    found = search_travels(
+        lambda travel, rows, ceiling: refused(travel, 1.0), np.linspace(0.1, 0.9, 5)
+    )
     assert found.best is None
     assert np.isnan(found.range[0])
     assert len(found.refusals) == found.tried
 
 
 def test_stalls_are_passed_over() -> None:
-    def solve(travel: float, rows: Touch, ceiling: float) -> Best:
+    def solve(travel: float, rows: Touch, ceiling: float) -> ClassOptimum:
         if travel < 0.5:
             raise StalledError("no")
         return best(travel, travel)
 
-    found = search(solve, np.linspace(0.1, 0.9, 9))
+    found = search_travels(solve, np.linspace(0.1, 0.9, 9))
     assert found.best is not None
     assert 0.5 <= found.best.frame.travel < 0.51
-    assert search(solve, np.array([0.2])).best is None
+    assert search_travels(solve, np.array([0.2])).best is None

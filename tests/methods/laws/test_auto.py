@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.methods.laws.scores import Scores, end_margin, score, search
+from planner.methods.laws.scores import Scores, end_margin, score, search_candidates
 from planner.plan.trajectory import ChainedTrajectory
 from planner.support.arrays import Array
 
@@ -144,6 +144,6 @@ def test_search_survives_laws_without_solution(unlimited: planner.Problem) -> No
     def nothing(_: Array) -> None:
         return None
 
-    found = search(unlimited, nothing, np.zeros((3, 1)), np.ones(1))
+    found = search_candidates(unlimited, nothing, np.zeros((3, 1)), np.ones(1))
     assert found.cost == 3
     assert not found.inside

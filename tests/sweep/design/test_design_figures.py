@@ -14,7 +14,7 @@ from planner.sweep.design.figures import (
     LOAD,
     DesignRow,
     Figure,
-    Outcome,
+    TaskOutcome,
     able,
     best,
     judged_by,
@@ -91,9 +91,9 @@ def test_where_none_solves_a_task_it_says_so() -> None:
     assert said == "No design solves half of the tasks by a or has effort otherwise."
 
 
-def outcome(solved: bool, effort: float, window: TravelWindow) -> Outcome:
+def outcome(solved: bool, effort: float, window: TravelWindow) -> TaskOutcome:
     columns = dict.fromkeys(RESULTS, 1.0) | {"effort": effort, "peak_u1_rad_s": effort, "why": ""}
-    return Outcome(window, {"a": {**columns, "solved": solved}})
+    return TaskOutcome(window, {"a": {**columns, "solved": solved}})
 
 
 def test_an_unsolved_task_counts_as_worse_than_any() -> None:

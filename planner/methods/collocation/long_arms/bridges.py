@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from planner.problem.problem import Problem
 from planner.support.arrays import Array
-from planner.support.compiled_calls import Ipopt
+from planner.support.compiled_calls import IpoptCall
 from planner.systems.triangular_system import TriangularSystem
 
 Index = NDArray[np.int64]
@@ -38,7 +38,7 @@ than whoever judges it takes, or two equal errors would pass for none."""
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
+class PieceChain:
     """Pieces one after the other.
 
     Attributes:
@@ -53,7 +53,7 @@ class Chain:
 
 
 @dataclass(frozen=True, eq=False)
-class Ends:
+class ChainEnds:
     """What a closed chain must keep.
 
     Attributes:
@@ -67,14 +67,16 @@ class Ends:
     limit: Array
 
     @classmethod
-    def of(cls, problem: Problem, share: float = 1.0) -> Ends:
+    def of(cls, problem: Problem, share: float = 1.0) -> ChainEnds:
         """Those of a problem, with a share of its limits, but start and goal always inside."""
         given = np.fmax(np.abs(problem.start), np.abs(problem.target))
         limit = np.fmax(share * problem.limits.joint, given)
         return cls(problem.start, problem.target, limit)
 
 
-def finer(system: TriangularSystem, chain: Chain, limited: list[int], turn: float) -> Chain:
+def finer(
+    system: TriangularSystem, chain: PieceChain, limited: list[int], turn: float
+) -> PieceChain:
     """The chain cut so that no limited coordinate turns by more than `turn` in a piece.
 
     What the longer pieces got wrong becomes gaps.
@@ -83,7 +85,7 @@ def finer(system: TriangularSystem, chain: Chain, limited: list[int], turn: floa
     before = ends_of(system, chain.q[:-1][piece], chain.u[piece] * share[:, None])
     u = chain.u[piece] / parts[piece, None]
     q = np.vstack([before, chain.q[-1:]])
-    return Chain(q, u, q[1:] - ends_of(system, q[:-1], u))
+    return PieceChain(q, u, q[1:] - ends_of(system, q[:-1], u))
 
 
 def cuts(q: Array, limited: list[int], turn: float) -> tuple[Index, Index, Array]:
@@ -98,7 +100,9 @@ def cuts(q: Array, limited: list[int], turn: float) -> tuple[Index, Index, Array
     return parts, np.repeat(np.arange(len(parts)), parts), share
 
 
-def closed(system: TriangularSystem, chain: Chain, ends: Ends) -> tuple[Chain | None, float]:
+def closed(
+    system: TriangularSystem, chain: PieceChain, ends: ChainEnds
+) -> tuple[PieceChain | None, float]:
     """The chain without its gaps, or None where the continuation is stuck; and the share closed.
 
     Args:
@@ -125,7 +129,7 @@ def closed(system: TriangularSystem, chain: Chain, ends: Ends) -> tuple[Chain | 
     return None, share
 
 
-def exact(system: TriangularSystem, chain: Chain, ends: Ends) -> Chain | None:
+def exact(system: TriangularSystem, chain: PieceChain, ends: ChainEnds) -> PieceChain | None:
     """The nearest chain that is a motion to more digits than one piece's Runge-Kutta steps have."""
     for _ in range(CORRECTIONS):
         error = _finely(system, chain) - ends_of(system, chain.q[:-1], chain.u)
@@ -136,7 +140,7 @@ def exact(system: TriangularSystem, chain: Chain, ends: Ends) -> Chain | None:
     return chain
 
 
-def _finely(system: TriangularSystem, chain: Chain) -> Array:
+def _finely(system: TriangularSystem, chain: PieceChain) -> Array:
     """Where the pieces lead, shape (K, N), in steps as short as parts of them."""
     q = chain.q[:-1]
     for _ in range(PARTS):
@@ -152,9 +156,11 @@ class _Nearest:
 
     def __init__(self, system: TriangularSystem, count: int) -> None:
         self._size, self._count = system.size, count
-        self._solver = Ipopt("nearest", *_programme(system, count))
+        self._solver = IpoptCall("nearest", *_programme(system, count))
 
-    def __call__(self, chain: Chain, gap: Array, ends: Ends) -> tuple[Chain | None, int]:
+    def __call__(
+        self, chain: PieceChain, gap: Array, ends: ChainEnds
+    ) -> tuple[PieceChain | None, int]:
         lower, upper = self._bounds(ends)
         at = self._pack(chain.q, chain.u)
         found = self._solver(
@@ -172,12 +178,12 @@ class _Nearest:
         vector, size = np.asarray(found["x"]).ravel(), self._size
         body = vector[:-size].reshape(self._count, size + 2)
         q = np.vstack([body[:, :size], vector[-size:]])
-        return Chain(q, body[:, size:], gap), made
+        return PieceChain(q, body[:, size:], gap), made
 
     def _pack(self, q: Array, u: Array) -> Array:
         return np.concatenate([np.concatenate([q[:-1], u], axis=1).ravel(), q[-1]])
 
-    def _bounds(self, ends: Ends) -> tuple[Array, Array]:
+    def _bounds(self, ends: ChainEnds) -> tuple[Array, Array]:
         upper = np.repeat(ends.limit[None], self._count + 1, axis=0)
         lower = -upper
         lower[0] = upper[0] = ends.start

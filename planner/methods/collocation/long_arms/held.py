@@ -11,8 +11,8 @@ import numpy as np
 
 from planner.methods.collocation.between_nodes import look
 from planner.methods.collocation.long_arms.bridges import (
-    Chain,
-    Ends,
+    ChainEnds,
+    PieceChain,
     closed,
     cuts,
     ends_of,
@@ -44,7 +44,7 @@ def can_hold(job: Task) -> bool:
     return can_jump(job) and plain and not (job.problem.waypoints or job.made.form.augmented)
 
 
-def held(job: Task, chain: Chain, accuracy: float) -> tuple[Task, Solution] | None:
+def held(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, Solution] | None:
     """The task on the path's own mesh, and the path as its solution; None where it is none.
 
     Args:
@@ -53,7 +53,7 @@ def held(job: Task, chain: Chain, accuracy: float) -> tuple[Task, Solution] | No
         accuracy: As for `refine.polish`.
     """
     system = job.problem.system
-    places = Ends.of(job.problem, 1 - DRAWN_IN)
+    places = ChainEnds.of(job.problem, 1 - DRAWN_IN)
     if free := list(job.problem.free):  # the path's end is a goal, and stays it
         goal = places.goal.copy()
         goal[free] = chain.q[-1, free]
@@ -83,7 +83,7 @@ def _duration(job: Task, path: Iterate) -> float | None:
     return wanted if needed <= wanted * (1 + 1e-9) else None
 
 
-def chain_of(job: Task, solution: Solution) -> Chain:
+def chain_of(job: Task, solution: Solution) -> PieceChain:
     """A solution's path in pieces of constant input; what they get wrong are small gaps."""
     iterate, limited = solution.iterate, list(job.problem.system.limited)
     parts, interval, share = cuts(iterate.nodes, limited, COARSE)
@@ -93,10 +93,10 @@ def chain_of(job: Task, solution: Solution) -> Chain:
     middle = left + (right - left) * (share + 0.5 / parts[interval])[:, None]
     u = middle * np.diff(edges)[:, None] * iterate.duration
     q = job.curve(iterate).q(edges * iterate.duration)
-    return Chain(q, u, q[1:] - ends_of(job.problem.system, q[:-1], u))
+    return PieceChain(q, u, q[1:] - ends_of(job.problem.system, q[:-1], u))
 
 
-def follow(job: Task, chain: Chain, degree: int = 0) -> tuple[Task, Iterate]:
+def follow(job: Task, chain: PieceChain, degree: int = 0) -> tuple[Task, Iterate]:
     """The job on the path's mesh, and the path at the speed the limits allow.
 
     With as many collocation points in each interval at least as `degree` says.

@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.methods.collocation.candidates import seeds
-from planner.methods.collocation.long_arms.bridges import Chain, Ends, Index, closed
+from planner.methods.collocation.long_arms.bridges import ChainEnds, Index, PieceChain, closed
 from planner.methods.collocation.long_arms.bridges import ends_of as ends_of
 from planner.methods.collocation.long_arms.held import can_hold, chain_of, follow, held
 from planner.methods.collocation.path import Timed, hasty, path_task, search, timed
@@ -103,7 +103,7 @@ def _timed(own: Task, path: Iterate) -> Timed:
     return replace(outcome, solution=replace(last, ok=True, status=status))
 
 
-def _as_it_is(job: Task, chain: Chain, accuracy: float) -> tuple[Task, Timed] | None:
+def _as_it_is(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, Timed] | None:
     """The path kept, or where the duration asked for is too short for it, that and the fastest."""
     kept = held(job, chain, accuracy)
     if kept is not None:
@@ -115,7 +115,7 @@ def _as_it_is(job: Task, chain: Chain, accuracy: float) -> tuple[Task, Timed] | 
     return own, Timed(replace(kept[1], ok=False), kept[1])
 
 
-def _by_shorter(job: Task) -> tuple[Chain, int] | None:
+def _by_shorter(job: Task) -> tuple[PieceChain, int] | None:
     """The path, and the number of joints of the arm it began with."""
     problem = job.problem
     below = _path(_below(job))
@@ -123,7 +123,7 @@ def _by_shorter(job: Task) -> tuple[Chain, int] | None:
         return None
     path, joints = below
     assert isinstance(problem.system, Manipulator)
-    ends = Ends.of(problem)
+    ends = ChainEnds.of(problem)
     for gap in GAPS:
         whole, share = closed(problem.system, lifted(problem.system, path, ends, gap), ends)
         if whole is not None:
@@ -133,7 +133,7 @@ def _by_shorter(job: Task) -> tuple[Chain, int] | None:
     return None
 
 
-def _shortened(job: Task, path: Chain, ends: Ends) -> Chain:
+def _shortened(job: Task, path: PieceChain, ends: ChainEnds) -> PieceChain:
     """The path, or the one of least effort next to it if that takes less driving and turning."""
     own, iterate = follow(job, path)
     if len(own.mesh.widths) > MOST_SHORTENED:
@@ -146,18 +146,18 @@ def _shortened(job: Task, path: Chain, ends: Ends) -> Chain:
     return shorter if shorter is not None and _length(shorter) < _length(path) else path
 
 
-def _length(path: Chain) -> float:
+def _length(path: PieceChain) -> float:
     return float(np.sum(np.max(np.abs(path.u), axis=1)))
 
 
-def _path(job: Task) -> tuple[Chain, int] | None:
+def _path(job: Task) -> tuple[PieceChain, int] | None:
     found = _searched(job)
     if found is not None:
         return found
     return _by_shorter(job) if job.problem.system.size > 3 else None
 
 
-def _searched(job: Task) -> tuple[Chain, int] | None:
+def _searched(job: Task) -> tuple[PieceChain, int] | None:
     """The shortest path that a few guesses lead to, as `_by_shorter`.
 
     None too where it is a path on its coarse mesh only.
@@ -169,7 +169,7 @@ def _searched(job: Task) -> tuple[Chain, int] | None:
     if not paths.found:
         return None
     system, coarse = job.problem.system, chain_of(job, paths.found[0].solution)
-    chain, _ = closed(system, coarse, Ends.of(job.problem))
+    chain, _ = closed(system, coarse, ChainEnds.of(job.problem))
     return None if chain is None else (chain, system.size - 1)
 
 
@@ -178,7 +178,7 @@ def _below(job: Task) -> Task:
     problem, form = job.problem, job.made.form
     assert isinstance(problem.system, Manipulator)
     start, goal = (np.delete(q, 1) for q in (problem.start, problem.goal))
-    joint = np.delete(Ends.of(problem, 1 - DRAWN_IN).limit, 1)
+    joint = np.delete(ChainEnds.of(problem, 1 - DRAWN_IN).limit, 1)
     limits = replace(problem.limits, joint=joint)
     short = replace(problem, system=problem.system.shorter(), start=start, goal=goal, limits=limits)
     plain = Form(form.intervals, form.scheme_kind, form.degree)
@@ -195,7 +195,7 @@ STILL = 1e-9
 """Turns and drives, rad, that are left out."""
 
 
-def lifted(system: Manipulator, path: Chain, ends: Ends, gap: float) -> Chain:
+def lifted(system: Manipulator, path: PieceChain, ends: ChainEnds, gap: float) -> PieceChain:
     """The path of joints 2 … n, made by all of them; with gaps.
 
     Args:
@@ -220,8 +220,8 @@ def lifted(system: Manipulator, path: Chain, ends: Ends, gap: float) -> Chain:
 
 
 def _along(
-    system: Manipulator, path: Chain, known: Array, ends: Ends, edges: Array
-) -> tuple[Chain, Index]:
+    system: Manipulator, path: PieceChain, known: Array, ends: ChainEnds, edges: Array
+) -> tuple[PieceChain, Index]:
     """The chain for stretches between these lengths of path, and the stretch of each piece.
 
     `known` are the lengths at the path's own nodes.
@@ -233,7 +233,9 @@ def _along(
     return _pieces(system, q, u, last)
 
 
-def _stretches(short: Manipulator, path: Chain, known: Array, edges: Array) -> tuple[Array, Array]:
+def _stretches(
+    short: Manipulator, path: PieceChain, known: Array, edges: Array
+) -> tuple[Array, Array]:
     """Places between the stretches, (S+1, n), drive and turn in each, (S, 2)."""
     sums = np.vstack([np.zeros(2), np.cumsum(path.u, axis=0)])
     at = np.stack([np.interp(edges, known, column) for column in sums.T], axis=-1)
@@ -242,7 +244,7 @@ def _stretches(short: Manipulator, path: Chain, known: Array, edges: Array) -> t
     return np.vstack([places, path.q[-1]]), np.diff(at, axis=0)
 
 
-def _drives(system: Manipulator, moves: Array, ends: Ends) -> tuple[Array, Array]:
+def _drives(system: Manipulator, moves: Array, ends: ChainEnds) -> tuple[Array, Array]:
     """Turn, drive, turn and drive in each stretch, shape (S+1, 4, 2), and θ₁ before each.
 
     The last entry is the turn to the goal.
@@ -274,7 +276,7 @@ def _two(drive: float, turn: float, angle: float, other: float) -> list[tuple[fl
     return both if abs(angle) < abs(other) / 2 else both[::-1]
 
 
-def _pieces(system: Manipulator, q: Array, u: Array, last: Array) -> tuple[Chain, Index]:
+def _pieces(system: Manipulator, q: Array, u: Array, last: Array) -> tuple[PieceChain, Index]:
     """One piece for each turn and drive; what lies between it and the next place is a gap."""
     before = [q]
     for part in range(u.shape[1] - 1):
@@ -283,4 +285,4 @@ def _pieces(system: Manipulator, q: Array, u: Array, last: Array) -> tuple[Chain
     at, moved = np.stack(before, axis=1)[kept], u[kept]
     nodes = np.vstack([at, last])
     stretch = np.minimum(np.nonzero(kept)[0], len(u) - 2)
-    return Chain(nodes, moved, nodes[1:] - ends_of(system, at, moved)), stretch
+    return PieceChain(nodes, moved, nodes[1:] - ends_of(system, at, moved)), stretch

@@ -73,7 +73,7 @@ def interval_functions(stage: Stage) -> IntervalFunctions:
     inputs = [unknowns, ca.vertcat(stage.weights, stage.width)]
     rows = ca.vertcat(-stage.after, stage.rows)
     scale, duals = ca.SX.sym("scale"), ca.SX.sym("duals", stage.height)
-    chain = Chain(unknowns, stage.inside, stage.meaning)
+    chain = ChainRule(unknowns, stage.inside, stage.meaning)
     gradient, hessian = chain.second(scale * stage.cost + ca.dot(duals, rows))
     identity = ca.DM.eye(stage.state.numel())
     beside = ca.DM(identity.size1(), stage.control.numel())
@@ -92,7 +92,7 @@ def interval_functions(stage: Stage) -> IntervalFunctions:
     )
 
 
-def _function(chain: Chain, name: str, inputs: list[Any], outputs: list[Any]) -> Any:
+def _function(chain: ChainRule, name: str, inputs: list[Any], outputs: list[Any]) -> Any:
     outputs = ca.cse([ca.densify(out) for out in chain.closed(outputs)])
     return ca.Function(f"interval_{name}", inputs, outputs)
 
@@ -102,7 +102,7 @@ def _pattern(matrix: Any) -> Pattern:
     return np.array(row, dtype=np.int64), np.array(column, dtype=np.int64)
 
 
-class Chain:
+class ChainRule:
     """Derivatives along a chain of definitions v = F(w, v before), such as the values inside.
 
     With Z = dv/dw, and with mu the rates at which a function L(w, v) grows with each v by way of

@@ -149,7 +149,7 @@ STEPS = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class MotionSamples:
     """Samples of the true motion.
 
     Attributes:
@@ -166,14 +166,14 @@ class Motion:
         return np.asarray(self.states[-1, -1])
 
 
-def resimulate(system: Moved, mesh: Mesh, iterate: Iterate, start: Array) -> Motion:
+def resimulate(system: Moved, mesh: Mesh, iterate: Iterate, start: Array) -> MotionSamples:
     """Integrate an iterate's input from `start` (N,)."""
     K = len(mesh.widths)
     given = start, mesh.widths * iterate.duration, *iterate.input_ends()
     states = np.empty((K, STEPS + 1, system.size))
     states[:, 1:] = _runner(system, K, through=True)(*given).reshape(K, STEPS, system.size)
     states[0, 0], states[1:, 0] = start, states[:-1, -1]
-    return Motion(mesh.at(np.arange(STEPS + 1) / STEPS), states)
+    return MotionSamples(mesh.at(np.arange(STEPS + 1) / STEPS), states)
 
 
 def resimulated_apart(system: Moved, mesh: Mesh, iterate: Iterate) -> Array:

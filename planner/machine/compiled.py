@@ -167,21 +167,21 @@ class Compiled:
 
     @property
     def now(self) -> Array:
-        """See `Motion`."""
+        """See `MachineMotion`."""
         return self._state[:, 8 : 9 + self._n].T.copy()
 
     @property
     def deviation(self) -> Array:
-        """See `Motion`."""
+        """See `MachineMotion`."""
         return self._state[:, 9 + 3 * self._n :]
 
     @property
     def saturated_s(self) -> Array:
-        """See `Motion`."""
+        """See `MachineMotion`."""
         return self._state[:, 4:6]
 
     def advance(self, last: int, tell: Steps | None = None) -> None:
-        """See `Motion`."""
+        """See `MachineMotion`."""
         with ThreadPoolExecutor(threads()) as pool:
             while self._k < last:
                 first, self._k = self._k, min(self._k + STEPS, last)

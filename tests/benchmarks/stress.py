@@ -123,6 +123,8 @@ def run(case: Case, version: str, path: Path, known: Records, other: Records | N
     elif case.share:
         free = Case(case.group, case.family, "plain", case.number)
         run(free, version, path, known, None)
+        if known[free].outcome != "verified":
+            return  # there is no shortest duration to give
         duration = round(known[free].duration * case.share, 6)
     known[case] = Record(version, case, *measured(case, duration))
     with path.open("a", encoding="utf-8") as out:

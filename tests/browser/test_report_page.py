@@ -6,7 +6,6 @@ import json
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,6 @@ from planner.comparison.comparison import Comparison
 from planner.comparison.rows import Row
 from planner.report import folders as report_folder
 from planner.report.figures.arm import body
-from planner.report.page import page as page_module
 from planner.report.page.page import write_report
 
 SOLVED = "polynomial"
@@ -28,10 +26,9 @@ JOINTS = "#fig-joints .panel"
 
 @pytest.fixture(scope="module", autouse=True)
 def _without_pictures() -> Iterator[None]:
-    """The folder's own figures are not looked at here; an arm's mechanism is drawn once."""
+    """The folder's own figures are not looked at here."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(report_folder, "_write_figures", lambda *_: None)
-        patch.setattr(page_module, "mechanism_svg", cache(page_module.mechanism_svg))
         yield
 
 

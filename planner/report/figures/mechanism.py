@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import io
 import textwrap
+from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -90,6 +91,7 @@ def plot_mechanism(system: TriangularSystem, *, axes: Any = None) -> tuple[Figur
     return axes.figure, axes
 
 
+@lru_cache(maxsize=8)  # drawing takes a second, and a slider seldom changes the mechanism
 def mechanism_svg(system: TriangularSystem) -> str:
     """The drawing of `plot_mechanism` as one SVG picture; empty for other systems."""
     if not isinstance(system, Manipulator):

@@ -73,7 +73,7 @@ class Hearing:
         """
         if not isinstance(what.exc_value, KeyboardInterrupt | Terminated) or self.over:
             return False
-        later = threading.Timer(AGAIN_S, signal.raise_signal, [self.status - 128])
+        later = threading.Timer(AGAIN_S, _to_main_thread, [self.status - 128])
         later.daemon = True
         later.start()
         return True
@@ -235,13 +235,18 @@ def _osqp_mark() -> Callable[[], int]:
 
 def _pass_on() -> None:
     """Give Ctrl-C to the main thread, which may be asleep; only while OSQP does not run."""
-    main = threading.main_thread()
-    if threading.current_thread() is main or sys.platform == "win32":
-        signal.raise_signal(signal.SIGINT)
-        return
-    assert main.ident is not None
-    signal.pthread_kill(main.ident, signal.SIGINT)
-    time.sleep(HANDOVER_S)
+    _to_main_thread(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread():
+        time.sleep(HANDOVER_S)
+
+
+def _to_main_thread(number: int) -> None:
+    """A signal to the process does not wake the main thread where another thread takes it."""
+    main = threading.main_thread().ident
+    if main is None or sys.platform == "win32":
+        signal.raise_signal(number)
+    else:
+        signal.pthread_kill(main, number)
 
 
 @contextmanager

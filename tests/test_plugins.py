@@ -394,7 +394,7 @@ def differing(**attributes: Any) -> type[TurnRate]:
 REQUIREMENT_REFUSALS: list[tuple[Any, str]] = [
     (TurnRate(1.0), "is not a subclass of Requirement"),
     (Partless, "requirement 'partless' cannot be registered: Partless lacks parts"),
-    (differing(key="z2_margin"), "'z2_margin' cannot be registered: a kind of system has that key"),
+    (differing(key="z2_margin"), "'z2_margin' cannot be registered: that key is taken"),
     (differing(key="Turn"), "Other.key is not a name of a-z, 0-9 and _"),
     (differing(key="model_dump"), "Other.key is not a name"),
     (differing(key=""), "Other.key is not a name"),
@@ -462,7 +462,7 @@ def test_a_class_that_contradicts_itself_is_refused(
 def test_a_limit_registered_by_hand_is_known_here_alone(tmp_path: Path) -> None:
     before = planner.load_problem(ROOT / "problems/unicycle.toml")
     planner.register_requirement(TurnRate)
-    with pytest.raises(InputError, match="'turn_rate' cannot be registered: a kind of system has"):
+    with pytest.raises(InputError, match="'turn_rate' cannot be registered: that key is taken"):
         planner.register_requirement(TurnRate)
     planner.register_system("sled", SledFile)  # which knows it too
     problem = planner.Problem.from_dict(

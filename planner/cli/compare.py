@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -30,6 +30,7 @@ from planner.cli.arguments import (
 )
 from planner.cli.output import (
     INTERRUPTED,
+    ReaderGoneError,
     Told,
     finish,
     interrupted,
@@ -136,13 +137,17 @@ def compare(
         if found is None:
             raise
     assert found is not None
+    # A reader of the table who leaves (`| head`) does not take the folder away.
+    gone = nullcontext() if out is None else suppress(ReaderGoneError)
     if not as_json:  # before budgets and figures, which take a while
-        _print(found)
+        with gone:
+            _print(found)
     shares: dict[str, Budget] = {}
     complete = found.complete and not interrupted() and (not budget or _fill(shares, found))
     if not as_json:
-        for share in shares.values():
-            print_text(share.table(), "")
+        with gone:
+            for share in shares.values():
+                print_text(share.table(), "")
     # After Ctrl-C `waiting` would end the command before what is done is written.
     with waiting("drawing figures") if out and complete else nullcontext():
         written = None if out is None else str(found.save(out, report=report))

@@ -1,9 +1,4 @@
-"""`planner export`: a plan as a file for another program.
-
-`planner animate`: plans as a film.
-
-`planner report`: a comparison's folder as one page.
-"""
+"""`planner export`, `animate` and `report`: a plan for another program, a film, a page."""
 
 from __future__ import annotations
 

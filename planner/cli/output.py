@@ -1,6 +1,6 @@
 """What commands print: results on standard output, everything else on standard error.
 
-`--quiet` and `--verbose`, which every command has.
+Every command has `--quiet` and `--verbose`.
 """
 
 from __future__ import annotations

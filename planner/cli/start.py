@@ -1,12 +1,8 @@
-"""`planner new`: a commented problem file to start from.
+"""`planner new`, `methods`, `systems` and `schema`: what there is, and a file to start from.
 
-`planner methods`, `planner systems` and `planner schema`: what there is.
-
-A commented problem file for each kind of system.
-
-The problem itself is the `example` of its kind's tables. All further limits, the options of the
-methods and the settings of the machine come from the tables that read them, so that the file names
-every key there is.
+The problem in a new file is the `example` of its kind's tables. All further limits, the options of
+the methods and the settings of the machine come from the tables that read them, so that the file
+names every key there is.
 """
 
 from __future__ import annotations

@@ -1,10 +1,8 @@
-"""The controls of the motion itself: method, travel, duration, constraint points.
+"""The controls of the explorer: motion, machine, limits, and the method's options.
 
-The controls of the emulated machine: how many, and each of its effects.
-
-The controls of the limits, from the keys that the problem's kind has.
-
-The controls of the method's options (objective, weights, mesh), from its option table.
+Those of the motion are method, travel, duration and constraint points; of the machine how many
+there are, and each effect. Limits are the keys that the problem's kind has, and options (objective,
+weights, mesh) come from the method's table.
 """
 
 from __future__ import annotations

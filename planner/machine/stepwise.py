@@ -1,11 +1,9 @@
 """Some samples of a machine in motion: the loop over steps, in NumPy, for any plant.
 
-Any system whose inputs are the motors themselves, with nothing between motor and motion.
-
-The manipulator with inertia: two masses an axis, backlash by Nordin and Gutman, real torques.
-
-The gap position is a state of its own (M. Nordin, P.-O. Gutman, Automatica 38, 2002, 1633): with
-twist x of the shaft and position b of the axis in its play, |b| <= gap/2,
+A plant is a system whose inputs are the motors themselves (`Direct`), or the manipulator with
+inertia: two masses an axis, backlash by Nordin and Gutman, real torques. The gap position is a
+state of its own (M. Nordin, P.-O. Gutman, Automatica 38, 2002, 1633): with twist x of the shaft and
+position b of the axis in its play, |b| <= gap/2,
 
     x + b = axis − joint,    T = k x + c ẋ,    T in the normal cone of [−gap/2, gap/2] at b
 

@@ -1,9 +1,4 @@
-"""The paper's figures and numbers, recomputed.
-
-Our versions of the paper's figures.
-
-The page that goes with the figures, for a reader of the paper.
-"""
+"""The paper's figures and numbers, recomputed, and the page that explains them to its reader."""
 
 from __future__ import annotations
 

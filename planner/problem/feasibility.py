@@ -1,13 +1,10 @@
-"""Start and goal of a problem in the chained-form chart.
+"""What no plan can beat: ends outside the chart, the least time, and what one-way motion can reach.
 
-The least time a problem's input limits allow: a bound that no plan of any method can beat.
+The least time follows from the input limits: every joint's rate is its gear constant times cosines
+times an input, so |θ̇₁| ≤ max|u₂|, |θ̇ᵢ| ≤ k_g Kᵢ max|u₁| and |φ̇| ≤ k_g max|u₁| (eq. 6).
 
-Every joint's rate is its gear constant times cosines times an input, so |θ̇₁| ≤ max|u₂|,
-|θ̇ᵢ| ≤ k_g Kᵢ max|u₁| and |φ̇| ≤ k_g max|u₁| (eq. 6).
-
-What one-way motion of the disk can reach: signs, and the window of travels (theory of eq. 7).
-
-While φ moves one way every passive joint θ₂ … θₙ moves the same way, because each θᵢ' is positive.
+The window of travels follows from signs (theory of eq. 7): while φ moves one way every passive
+joint θ₂ … θₙ moves the same way, because each θᵢ' is positive.
 """
 
 from __future__ import annotations

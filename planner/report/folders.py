@@ -1,9 +1,4 @@
-"""A comparison as a folder, written whole or not at all.
-
-All figures of a comparison.
-
-Sensitivities as a folder, written whole or not at all.
-"""
+"""Comparisons with their figures, and sensitivities, as folders, written whole or not at all."""
 
 from __future__ import annotations
 

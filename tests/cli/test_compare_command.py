@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 import planner
+from planner.cli.output import ReaderGoneError
 
 PAPER = Path(__file__).parents[2] / "problems/paper.toml"
 QUICK = ("--samples", "3", "--set", "goal.travel=0.82", "--set", "goal.duration=2.5")
@@ -146,3 +147,17 @@ def test_pairs_and_worst_machines_are_printed(run: Callable) -> None:
     assert "polynomial against the others, machine by machine" in result.out
     assert result.out.count("--sample ") == 2
     assert max(len(line) for line in result.out.splitlines() if "--sample" not in line) <= 100
+
+
+def test_a_reader_of_the_table_who_leaves_does_not_take_the_folder_away(
+    run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`planner compare ... --out out | head -1`."""
+
+    def gone(*_: Any) -> None:
+        raise ReaderGoneError
+
+    monkeypatch.setattr("planner.cli.compare.print_text", gone)
+    out = tmp_path / "run"
+    assert run(*WORDS, "--set", "limits={}", "--out", out).status == 0
+    assert {"table.md", "comparison.json", "figures", "plans"} <= {p.name for p in out.iterdir()}

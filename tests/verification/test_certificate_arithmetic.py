@@ -367,3 +367,11 @@ def test_constants_of_the_bounds() -> None:
         edge = [(rho * w + 1 / (rho * w)) / 2 for w in np.exp(1j * np.linspace(0, np.pi, 201))]
         assert np.max(np.abs(edge)) <= RADIUS[column]
         assert np.max(np.abs(np.square(edge) - 0.5)) <= balls.SQUARE[column]
+
+
+def test_whole_powers_are_products_whatever_the_number_s_type() -> None:
+    """A product is as tight as can be; Lagrange's bound of other powers is not."""
+    (ball,) = polynomial_balls(np.array([[[1.0, 0.5, 0.25]]]) @ np.eye(3), np.zeros((1, 1)))
+    squared, product = balls.power(ball, 2.0), ball * ball
+    for name in ("c", "b", "r"):
+        assert np.array_equal(getattr(squared, name), getattr(product, name))

@@ -15,10 +15,13 @@ from planner.cli.app import main
 from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import ChainedTrajectory, StateTrajectory
 from planner.problem.requirements.ends import TipGoal
+from planner.problem.requirements.places import Waypoint
 from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.support import deadline
 from planner.support.deadline import TimeUpError, limited
 from planner.verification.certify import STANDSTILL, certify
+from planner.verification.input_models import enclosed
+from planner.verification.places_proven import distance
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -212,3 +215,15 @@ def test_a_stop_ends_it_and_a_time_limit_does_not(judged: Any, optimal: planner.
         deadline.end(copy_context(), "the Stop button")
         with pytest.raises(TimeUpError):
             judged(optimal)
+
+
+def test_the_distance_at_a_time_holds_wherever_the_time_may_be(optimal: planner.Plan) -> None:
+    """A time known to within a slip: the bounds hold at all times so near, and are not vague."""
+    _, motion, _ = enclosed(optimal.trajectory, optimal.problem.start)
+    point, slip = Waypoint(1, np.array([np.nan, 0.3, np.nan, np.nan]), 4.0, "rad"), 0.01
+    for time in np.linspace(0.5, 9.5, 19):
+        low, high = distance(motion, point, float(time), slip)
+        near = abs(optimal.q(time + slip * np.linspace(-1, 1, 11))[:, 1] - 0.3)
+        assert low <= near.min() + 1e-5  # the plan's own curve is not quite the motion
+        assert near.max() <= high + 1e-5
+        assert high - low < 0.1

@@ -19,7 +19,7 @@ one by one, since their backlash and their positions in it differ by more than Î
 Even if both were known, the best motion that only goes forward would start with an error of
 0.7 degrees (95 %).
 
-Also the limits on the tracker's commands.
+The limits that hold for this motion hold for the tracker's commands too (`input_limit`).
 """
 
 from __future__ import annotations

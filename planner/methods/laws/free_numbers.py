@@ -1,8 +1,8 @@
-"""The choice of travel for laws that leave it free: scan, keep what stays in the domain, refine.
+"""The free numbers of laws: the travel, the offset of the first of two legs, the amplitude.
 
-The choice of how far the first of two legs goes, where z₁ ends as it began.
-
-The free numbers of the sinusoidal laws: how far z₁ swings, and how far it travels.
+A travel that is left free is scanned, what stays in the domain is kept, and the best refined. The
+offset is how far the first leg goes, where z₁ ends as it began. For sinusoids it is chosen how far
+z₁ swings, and how far it travels.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""How good a trajectory in the chart is, for many candidates at once.
+"""The choice of a law's free numbers: a scan, then Nelder–Mead from the best of it.
 
-All candidates' samples go through the chart in one call, which is what makes scans cheap.
-
-The choice of a law's free numbers: a scan, then Nelder–Mead from the best of it.
+A score says how good a trajectory in the chart is, for many candidates at once: all their samples
+go through the chart in one call, which is what makes scans cheap.
 """
 
 from __future__ import annotations

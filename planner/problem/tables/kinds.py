@@ -170,7 +170,7 @@ def register_requirement(kind: type[Requirement]) -> None:
     """
     key, why = getattr(kind, "key", ""), next(_shortcomings(kind), None)
     if why is None and any(key in limits_of(file).model_fields for file in FILES.values()):
-        why = "a kind of system has that key already"
+        why = "that key is taken, by a kind of system or by another requirement"
     if why:
         raise InputError(f"requirement '{line(str(key))}' cannot be registered: {why}")
     REQUIREMENTS[key] = kind

@@ -1,10 +1,6 @@
-"""What the problem files of all vehicles share: positions in m, headings in degrees, x as path.
+"""The tables of a problem file for unicycle, car and trailers.
 
-The tables of a problem file for `system.kind = "car"`.
-
-The tables of a problem file for `system.kind = "trailers"`.
-
-The tables of a problem file for `system.kind = "unicycle"`.
+They share positions in m, headings in degrees, and x as the path coordinate.
 """
 
 from __future__ import annotations

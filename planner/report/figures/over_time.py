@@ -1,8 +1,6 @@
-"""Inputs over time against their limits.
+"""Curves over time: inputs against their limits, joint angles, chained coordinates.
 
-Joint angles over time.
-
-Chained coordinates over time, with the domain in which they map to real angles.
+Chained coordinates are drawn with the domain in which they map to real angles.
 """
 
 from __future__ import annotations

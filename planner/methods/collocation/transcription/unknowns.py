@@ -1,4 +1,4 @@
-"""Where each quantity sits in the solver's vector of unknowns.
+"""The solver's vector of unknowns, and the motions that can be read from it.
 
     w = (y₀, c₀, y₁, c₁, …, y_K)        y = (X, [T], [V])        c = (U, P)
 
@@ -9,11 +9,9 @@ The input U is a constant; or, where it must not jump, the slope of a line that 
 is then part of the state. P are the collocation values of the lifted coordinates (see `order`):
 none for the manipulator.
 
-From the unknowns to the motion: the interpolant that the scheme itself uses.
-
-The motion that an input really makes, by a Runge–Kutta method with small fixed steps.
-
-It samples the true motion between the nodes, for drawing limits in and for judging the mesh. It is
+Two motions are read from it: the interpolant that the scheme itself uses, and the motion that an
+input really makes, by a Runge–Kutta method with small fixed steps. That samples the true motion
+between the nodes, for drawing limits in and for judging the mesh. It is
 fast, and shares the system's expressions with the transcription; the independent judge is `verify`.
 """
 

@@ -262,7 +262,7 @@ _STEPS = 200
 
 
 @dataclass(frozen=True)
-class Inverse:
+class Preimage:
     """Where f(x) = value on the stretch.
 
     Attributes:
@@ -282,7 +282,7 @@ class Inverse:
     short_turn: Array
 
 
-def inverse(function: WithSlope, value: Array, low: float, high: float, sign: float) -> Inverse:
+def inverse(function: WithSlope, value: Array, low: float, high: float, sign: float) -> Preimage:
     """Solve f(x) = value where sign·f' > 0 in the open interval (low, high).
 
     Args:
@@ -306,7 +306,7 @@ def inverse(function: WithSlope, value: Array, low: float, high: float, sign: fl
         x = np.where(at_a & (gap_a > 0), a, np.where(at_b & (gap_b < 0), b, x))
         at_turn = ~exists & ~outside
         gap = sign * (function(x)[0] - value)
-    return Inverse(
+    return Preimage(
         x=np.where(none, np.nan, x),
         exists=exists,
         short_low=np.where(~none & at_a & (gap_a > 0), gap_a, 0.0),

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.support.arrays import Array
 from planner.support.compiled_calls import Pointwise
-from planner.support.one_variable import Inverse, inverse
+from planner.support.one_variable import Preimage, inverse
 from planner.systems.expressions import FUNCTIONS, parse_expression, write_expression
 from planner.systems.triangular_system import Coordinate, TriangularSystem
 
@@ -157,7 +157,7 @@ class CustomSystem(TriangularSystem):
             labels.append((i, f"derivative of the slope of {following} by {this}"))
         return tuple(labels)
 
-    def _solved(self, i: int, slope: Array, q: Array, branch: Array) -> tuple[Inverse, Array]:
+    def _solved(self, i: int, slope: Array, q: Array, branch: Array) -> tuple[Preimage, Array]:
         """The solution of link i, and the signed derivative there."""
         points = np.where(np.arange(self.size) > i, q, 0.0).reshape(-1, self.size)
 
@@ -218,7 +218,7 @@ class CustomSystem(TriangularSystem):
         }
 
 
-def _nowhere(solution: Inverse, slope: Array) -> NDArray[np.bool_]:
+def _nowhere(solution: Preimage, slope: Array) -> NDArray[np.bool_]:
     """Where the derivative has the branch's sign nowhere, though a slope is asked for."""
     return np.isnan(solution.x) & ~np.isnan(np.ravel(slope))
 

@@ -143,7 +143,7 @@ def _interpolate(where: Array, s: Array, values: Array) -> Array:
 
 def _bump(path: float, driven: float) -> Seed:
     return Seed(
-        f"bump {_sign(path)}{_sign(driven)}",
+        f"bump {sign_of(path)}{sign_of(driven)}",
         lambda s: path * np.sin(np.pi * s),
         lambda s: driven * np.maximum(0.0, np.sin(2 * np.pi * (s - 0.5))),
     )
@@ -151,7 +151,7 @@ def _bump(path: float, driven: float) -> Seed:
 
 def _reverse(path: float, driven: float) -> Seed:
     return Seed(
-        f"reverse {_sign(path)}{_sign(driven)}",
+        f"reverse {sign_of(path)}{sign_of(driven)}",
         lambda s: 2 * path * s * np.sin(np.pi * s) ** 2,
         lambda s: driven * np.sin(np.pi * s),
     )
@@ -169,7 +169,8 @@ def _wander(number: int) -> Seed:
     return Seed(f"wander {number}", series(path), series(driven))
 
 
-def _sign(value: float) -> str:
+def sign_of(value: float) -> str:
+    """As it stands in the names of seeds."""
     return "+" if value > 0 else "-"
 
 

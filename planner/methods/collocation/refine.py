@@ -15,15 +15,13 @@ from planner.methods.collocation.transcription.bounds import everywhere
 from planner.methods.collocation.transcription.form import Mesh
 from planner.support import progress
 from planner.support.deadline import TimeUpError, share
+from planner.verification.verify import LIMIT_TOLERANCE
 
 EVENNESS = 0.35
 """Least density of a refined mesh, relative to its greatest."""
 
 LARGEST_MESH = 2000
 TIGHTENING_TRIES = 6
-
-SEEN = 1e-6
-"""Excess over a limit, relative to its scale, that `verify` reports."""
 
 REFINING = 0.6
 """Share of the time that is left which refining may take; then what there is by then is held."""
@@ -92,10 +90,8 @@ def polish(task: Task, solution: Solution, accuracy: float, refinements: int) ->
                     (task, solution), seen = kept, look(*kept)
                     meshes.append(len(task.mesh.widths))
                 rounds = tries = 0
-                while (
-                    tries < TIGHTENING_TRIES
-                    and (over := excess(task, seen.iterate, seen.curves)).any()
-                ):
+                over = excess(task, seen.iterate, seen.curves)
+                while over.any() and tries < TIGHTENING_TRIES:
                     progress.tell("keeping limits between the nodes")
                     tries += 1
                     if not task.made.form.inner:
@@ -111,6 +107,7 @@ def polish(task: Task, solution: Solution, accuracy: float, refinements: int) ->
                     if not better.ok:
                         break
                     solution, seen = better, look(task, better)
+                    over = excess(task, seen.iterate, seen.curves)
                 if left == 0 or seen.fine(accuracy):
                     break
     except TimeUpError:
@@ -118,9 +115,9 @@ def polish(task: Task, solution: Solution, accuracy: float, refinements: int) ->
             task, solution = _held(task, solution, accuracy) or (task, solution)
         meshes.append(len(task.mesh.widths))
         seen = look(task, solution)
+        over = excess(task, seen.iterate, seen.curves)
     parts = [part for required in task.held for part in required.parts]
-    over = excess(task, seen.iterate, seen.curves)
-    inside = bool((over <= SEEN * np.array([part.scale for part in parts])).all())
+    inside = bool((over <= LIMIT_TOLERANCE * np.array([part.scale for part in parts])).all())
     most = zip(parts, task.drawn.max(axis=0).tolist(), strict=True)
     drawn = {"rounds": rounds, **{part.label: amount for part, amount in most if amount}}
     inner = task.made.form.inner

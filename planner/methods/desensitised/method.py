@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from planner.errors import InfeasibleError, InputError, NotConvergedError, Violation
-from planner.methods.collocation.candidates import Excursion, Seed
+from planner.methods.collocation.candidates import Excursion, Seed, sign_of
 from planner.methods.collocation.method import (
     believed,
     chosen_goal,
@@ -196,10 +196,8 @@ def _searched(
     log: list[dict[str, Any]] = []
     found: list[tuple[str, Solution]] = []
     for seed in excursions(options.reversal)[: 1 if near else options.starts]:
-        start, name = (
-            excursion_guess(job, easy.trajectory, seed),
-            "the plan given" if near else seed.name,
-        )
+        start = excursion_guess(job, easy.trajectory, seed)
+        name = "the plan given" if near else seed.name
         last = job.solve(start, near)
         if not last.ok:  # the other barrier takes another way
             other = job.solve(start, not near)
@@ -239,16 +237,12 @@ def excursions(reversal: bool) -> list[Seed]:
         for a, b in ((1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (-1.0, -1.0)):
             if not reversal and a < 0:
                 continue
-            sign = _sign(b) if not reversal else f"{_sign(a)}{_sign(b)}"
+            sign = sign_of(b) if not reversal else f"{sign_of(a)}{sign_of(b)}"
             path = wave(a * AMPLITUDE[0], count) if reversal else zero
             out.append(Seed(f"{name} {sign}", path, wave(b * AMPLITUDE[1], count)))
     order = [0, *range(1, len(out), 4), *range(2, len(out), 4)] if reversal else range(len(out))
     first = [out[k] for k in order]
     return [*first, *(seed for seed in out if seed not in first)]
-
-
-def _sign(value: float) -> str:
-    return "+" if value > 0 else "-"
 
 
 def excursion_guess(job: Task, easy: Trajectory, seed: Seed) -> Iterate:

@@ -67,7 +67,7 @@ class Limits:
         return np.isinf(self.input) & np.isinf(self.input_rate)
 
 
-def limits_of(tables: ProblemFile) -> Limits:
+def bare_limits(tables: ProblemFile) -> Limits:
     """The bare numbers of a problem file."""
     given = tables.limits
     return Limits(given.inputs(), given.input_rates(), tables.joint_limits(), given.least_z2())

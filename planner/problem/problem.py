@@ -16,11 +16,11 @@ from numpy.typing import ArrayLike
 from planner.errors import InputError, InputWarning, expect, made_by
 from planner.problem.asked import (
     Limits,
+    bare_limits,
     clash_of_times,
     contradiction,
     further_of,
     likely_slip,
-    limits_of,
     obstacles_of,
     self_collision_of,
     tip_of,
@@ -129,7 +129,7 @@ class Problem:
             goal=tables.goal_state(),
             travel=tables.path_travel(),
             duration=None if tables.goal.duration == "free" else float(tables.goal.duration),
-            limits=limits_of(tables),
+            limits=bare_limits(tables),
             methods=tables.method,
             machine=tables.machine,
             feedback=tables.feedback,

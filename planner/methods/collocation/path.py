@@ -14,11 +14,22 @@ from typing import Any
 
 import numpy as np
 
-from planner.methods.collocation.between_nodes import clears
+from planner.methods.collocation.between_nodes import clears, look
 from planner.methods.collocation.candidates import Seed, guess
 from planner.methods.collocation.solvers import way
-from planner.methods.collocation.task import Solution, Task, offer, stretched
-from planner.methods.collocation.transcription.form import Mesh, fastest, shortest_path
+from planner.methods.collocation.task import (
+    Solution,
+    Task,
+    offer,
+    stretched,
+    task,
+    transferred,
+)
+from planner.methods.collocation.transcription.form import (
+    Mesh,
+    shortest_path,
+    uniform,
+)
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import At
@@ -58,7 +69,7 @@ class Search:
 
 
 def search(
-    task: Task,
+    job: Task,
     seeds: Sequence[Seed],
     enough: int,
     simple: bool = False,
@@ -70,11 +81,11 @@ def search(
     Two thirds of the seeds in a row found infeasible end the search too. A path whose links pass
     through a disc between two nodes may come clear once it is timed, but counts half.
     """
-    free, clear = path_task(task), 0
+    free, clear = path_task(job), 0
     found, last, log = list[FoundPath](), None, list[dict[str, Any]]()
     for count, seed in enumerate(seeds, 1):
         progress.tell(f"searching a path from the first guess '{seed.name}'")
-        solution = free.solve(guess(free.problem, task.made, task.mesh, seed))
+        solution = free.solve(guess(free.problem, free.made, free.mesh, seed))
         effort = solution.objective if solution.ok else None
         entry = {"start": seed.name, "status": solution.status, "path_effort": effort}
         log.append({**entry, "iterations": solution.iterations})
@@ -84,11 +95,12 @@ def search(
             last = solution
         if solution.ok and clears(free, solution):
             clear += 1
-            needed = needed_duration(task.problem, task.mesh, solution.iterate)
-            wanted = task.problem.duration
+            needed = needed_duration(job.problem, job.mesh, solution.iterate)
+            wanted = job.problem.duration
             if wanted is None or needed <= wanted:  # a motion, if there is no time for a better one
                 duration = wanted or needed or solution.iterate.duration
-                offer(task, task.judged(stretched(solution.iterate, duration)))
+                motion = stretched(transferred(free, solution.iterate, job), duration)
+                offer(job, job.judged(motion))
         hopeless = 3 * count >= 2 * len(seeds) and all(e["status"] == INFEASIBLE for e in log)
         plain = simple and solution.ok and (one_way(solution.iterate) or _again(found))
         if hopeless or plain or clear >= enough or len(found) >= 2 * enough:
@@ -100,11 +112,102 @@ def search(
     return Search(distinct, last, log)
 
 
-def path_task(task: Task) -> Task:
-    """The path problem of a task: least effort, no limits on inputs, a reference duration."""
-    unhurried = replace(task.problem, duration=way(task.made, task.settings).reference_s)
-    asked = replace(task.asked, timeless=True)
-    return replace(task, problem=unhurried, asked=asked, objective=shortest_path(task.objective))
+def path_task(job: Task) -> Task:
+    """The path problem of a task: least effort, no limits on inputs, a reference duration.
+
+    It is a function of system, ends and geometry alone: the same paths are found whatever the
+    duration is, so that whoever has a motion finds every slower one.
+    """
+    unhurried = replace(job.problem, duration=way(job.made, job.settings).reference_s)
+    asked = replace(job.asked, timeless=True)
+    settings, effort = replace(job.settings, direct=False), shortest_path(job.problem)
+    free = task(unhurried, effort, job.made.form, job.mesh, asked, settings)
+    return replace(free, drawn=job.drawn)
+
+
+REACH, STEP, LONGEST = 0.5, 20, 400
+"""A refined path's mesh: most that an input integrates to in an interval, rad, where joints have
+80 degrees; intervals that it grows by, so that paths share their transcriptions; and the most."""
+
+FAST = 80
+"""Fewest intervals of a motion as fast as can be: a linear input needs them to switch."""
+
+SAME = 1e-4
+"""Difference at the end, rad or m, between a path and its true motion up to which it counts as one:
+what is left then is for the motion's own mesh."""
+
+
+def refine_path(free: Task, path: Solution) -> tuple[Task, Solution] | None:
+    """A path on a mesh as fine as its length wants, its limits kept inside the intervals too.
+
+    On few intervals a path is shorter than any motion: it leaves the joint limits between the
+    nodes, by half a radian where joints have 40 degrees. So it is first put on more nodes, then
+    drawn inside, and only then timed: as a path it has no bound on inputs to run into.
+    """
+    fine = free.on(uniform(path_intervals(free, path.iterate)))
+    for new in (fine, fine.inside()):
+        if new.made.form != free.made.form:
+            path, free = new.solve(transferred(free, path.iterate, new)), new
+            if not path.ok:
+                return None
+    return free, path
+
+
+def halve_mesh(free: Task, path: Solution) -> tuple[Task, Solution]:
+    """A refined path on intervals half as wide, where it is not its true motion yet."""
+    count = len(free.mesh.widths)
+    if look(free, path).end_error <= SAME or count >= LONGEST:
+        return free, path
+    new = free.on(uniform(min(2 * count, LONGEST)))
+    better = new.solve(transferred(free, path.iterate, new))
+    return (new, better) if better.ok else (free, path)
+
+
+def path_intervals(free: Task, path: Iterate) -> int:
+    """Intervals that a path wants at least."""
+    left, right = path.input_ends()
+    steps = np.abs(left + right) / 2 * (free.mesh.widths * path.duration)[:, None]
+    limit = free.problem.limits.input
+    steps = steps / (limit / np.max(limit) if np.isfinite(limit).all() else 1.0)
+    joints = free.problem.limits.joint[list(free.problem.system.limited)]
+    room = min(1.0, float(np.min(joints, initial=1.4)) / 1.4)
+    count = int(np.sum(np.max(steps, axis=1)) / (REACH * room))
+    return int(np.clip(STEP * np.ceil(count / STEP), len(free.mesh.widths), LONGEST))
+
+
+def clock(job: Task, free: Task, path: Iterate) -> tuple[Task, Iterate]:
+    """A refined path run so fast that at every time one of its inputs is at its limit.
+
+    The mesh is that of the path in the clock's time, where intervals wider than the mean are cut:
+    a path's are even in length, and inputs turn in time. Other limits on speed are not looked at.
+
+    Args:
+        job: What is asked for.
+        free: The path's own task.
+        path: The path.
+    """
+    left, right = (end / job.problem.limits.input for end in path.input_ends())
+    least = STANDSTILL * float(np.max(np.abs([left, right])))
+    first, middle, last = (
+        np.maximum(np.max(np.abs(u), axis=1), least) for u in (left, (left + right) / 2, right)
+    )
+    mean = (first + 4 * middle + last) / 6  # Simpson's rule
+    slower = first if len(first) == len(path.inputs) else np.append(first, last[-1])
+    edges = np.append(0.0, np.cumsum(free.mesh.widths * path.duration * mean))
+    widths = np.diff(edges) / edges[-1]
+    parts = np.ceil(widths * max(len(widths), FAST) - 1e-9).astype(int)
+    shares = np.array([k / n for n in parts for k in range(n)])
+    cut = np.repeat(edges[:-1], parts) + np.repeat(np.diff(edges), parts) * shares
+    fast = free.on(Mesh(edges / edges[-1]))
+    motion = replace(path, duration=float(edges[-1]), inputs=path.inputs / slower[:, None])
+    own = on_mesh(job, Mesh(np.append(cut / edges[-1], 1.0)))
+    return own, transferred(fast, motion, own)
+
+
+def on_mesh(job: Task, mesh: Mesh) -> Task:
+    """The job on a refined path's mesh, limits kept inside the intervals."""
+    own = job.on(mesh)
+    return own if own.made.form.inner else own.inside()
 
 
 def _again(found: Sequence[FoundPath]) -> bool:
@@ -127,50 +230,19 @@ def one_way(iterate: Iterate) -> bool:
     return bool(np.all(drive >= -slack) or np.all(drive <= slack))
 
 
-HASTE = 0.97
-"""The shortest duration found includes a little effort; this share of it is still tried."""
+def timed(job: Task, start: Iterate) -> Solution:
+    """The job solved from a path at some speed.
 
-
-@dataclass(frozen=True, eq=False)
-class Timed:
-    """What came of a path.
-
-    Attributes:
-        solution: The task's solution, or the last one on the way to it (then not ok).
-        quick: The fastest motion, when it had to be found first.
+    All of it slowed or hastened alike, it is a motion to start from where it fits the duration.
     """
-
-    solution: Solution
-    quick: Solution | None = None
-
-
-def timed(task: Task, path: Iterate) -> Timed:
-    """Solve a task from a path.
-
-    A path that fits the duration, all of it stretched alike, is a motion to start from. One that
-    does not is first made as fast as it can be.
-    """
-    needed = needed_duration(task.problem, task.mesh, path)
-    wanted = task.problem.duration
+    needed, wanted = needed_duration(job.problem, job.mesh, start), job.problem.duration
     if wanted is None:
-        return Timed(task.solve(stretched(path, 1.1 * needed) if needed > 0 else path))
-    if needed <= wanted:
-        motion = stretched(path, wanted)
-        # The path of least effort is that of any duration. Among discs, where there are many such
-        # paths, a start from farther off may find a shorter one.
-        near = task.objective.kind == "effort" and not task.problem.divided
-        return Timed(task.solve_near(motion) if near else task.solve(motion))
-    quick = hasty(task).solve(stretched(path, 1.1 * needed))
-    if not quick.ok or quick.iterate.duration * HASTE > wanted:
-        return Timed(replace(quick, ok=False), quick)
-    solution = task.solve(stretched(quick.iterate, wanted))
-    return Timed(solution, quick)
-
-
-def hasty(task: Task) -> Task:
-    """The task with a free duration, to be made least."""
-    free = replace(task.problem, duration=None)
-    return task.asking(free, fastest(free))
+        return job.solve(stretched(start, 1.1 * needed) if needed > 0 else start)
+    # The path of least effort is that of any duration. Among discs, where there are many such
+    # paths, a start from farther off may find a shorter one.
+    near = needed <= wanted and job.objective.kind == "effort" and not job.problem.divided
+    motion = stretched(start, wanted)
+    return job.solve_near(motion) if near else job.solve(motion)
 
 
 def needed_duration(problem: Problem, mesh: Mesh, iterate: Iterate) -> float:

@@ -23,24 +23,29 @@ from typing import Any
 import numpy as np
 
 from planner.methods.collocation.between_nodes import clears
-from planner.methods.collocation.candidates import Seed, guess, rebalanced, seeds
+from planner.methods.collocation.candidates import guess, rebalanced, seeds
 from planner.methods.collocation.long_arms.bridges import PieceChain
 from planner.methods.collocation.long_arms.held import can_hold, chain_of, held
 from planner.methods.collocation.long_arms.ladder import climbed
 from planner.methods.collocation.path import (
-    HASTE,
     FoundPath,
-    Timed,
-    hasty,
+    Search,
+    clock,
+    halve_mesh,
     needed_duration,
+    on_mesh,
     one_way,
+    path_intervals,
+    path_task,
+    refine_path,
     same_path,
     search,
     timed,
 )
 from planner.methods.collocation.refine import Polished, polish
 from planner.methods.collocation.task import Solution, Task, stretched, transferred
-from planner.methods.collocation.transcription.form import Mesh, uniform
+from planner.methods.collocation.transcription.form import Mesh
+from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.feasibility import travel_window
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import CollocationOptions
@@ -49,16 +54,13 @@ from planner.support import deadline, progress
 DIRECT, SEARCHED = 14, 40
 """Mesh intervals near a straight line in a given time, and for what may wind more than once."""
 
-REACH, FAST, LONGEST = 0.5, 80, 400
-"""A timed path's mesh: most that an input integrates to in an interval, rad; the fewest intervals
-where the duration is free or short, since a linear input needs them to switch; and the most."""
+TIMED, REFINED_INTERVALS = 2, 200
+"""Paths that are timed, and intervals of all meshes on which paths are refined: what a refined path
+takes says well what its motion will take, but long paths each take long to refine."""
 
-TIMED, TIMED_INTERVALS = 6, 800
-"""Paths that are timed, the shortest first, and intervals of all their meshes after which no more
-are: most often the best is among them, and for long paths each takes long."""
-
-MORE = 3
-"""Times as many guesses again where every motion found is too slow for the duration given."""
+HASTE = 0.95
+"""What a motion may take less than the path at the speed of its clock, or than the fastest found:
+timing shortens a path by a few hundredths."""
 
 SHARINGS = 6
 """Times that the duration is shared out anew among the parts between waypoints."""
@@ -88,6 +90,38 @@ class Answer:
     solution: Solution
 
 
+@dataclass(frozen=True, eq=False)
+class RefinedPath:
+    """A path, and what refining made of it: its own task, and the solution of that."""
+
+    found: FoundPath
+    free: Task
+    solution: Solution
+
+    def needed(self, job: Task) -> float:
+        """Seconds that it takes, all of it slowed or hastened alike."""
+        return needed_duration(job.problem, self.free.mesh, self.solution.iterate)
+
+    def clock_s(self, job: Task) -> float:
+        """Seconds that it takes where at every time one input is at its limit."""
+        return clock(job, self.free, self.solution.iterate)[1].duration
+
+
+@dataclass(frozen=True, eq=False)
+class RoutePaths:
+    """The paths of a route: a function of the system, the ends and the geometry alone.
+
+    Attributes:
+        free: The path task of the coarse mesh that all were found on.
+        search: What the search left.
+        refined: The most promising.
+    """
+
+    free: Task
+    search: Search
+    refined: list[RefinedPath]
+
+
 class Pipeline:
     """One search, and what it keeps.
 
@@ -98,20 +132,27 @@ class Pipeline:
         last: What is no answer, for want of one: the last, and its task.
     """
 
-    def __init__(self, routes: list[Problem], options: CollocationOptions, make: Tasks) -> None:
+    def __init__(
+        self,
+        routes: list[Problem],
+        options: CollocationOptions,
+        make: Tasks,
+        paths: dict[int, RoutePaths] | None = None,
+    ) -> None:
         """Set up a search.
 
         Args:
             routes: The problem with its waypoints in each order worth trying.
             options: Of the method.
             make: The problem on a mesh.
+            paths: Of these routes, where another search has found them: they know no duration.
         """
         self.routes, self.options, self.make = routes, options, make
         self.log: list[dict[str, Any]] = []
         self.fastest: Polished | None = None
         self.pathless = True
         self.last: tuple[Task, Solution] | None = None
-        self._slow: list[Answer] = []
+        self._paths = {} if paths is None else paths
         self._free = options.start == "auto"
 
     def run(self, holds: Callable[[], bool]) -> tuple[Answer, Polished] | None:
@@ -120,7 +161,7 @@ class Pipeline:
         Args:
             holds: Whether anything is held by now; with nothing held there is nothing to refine.
         """
-        stages, options = self._stages(), self.options
+        stages, options = self._stages(holds), self.options
         while True:
             with deadline.share(once=holds):
                 motions = next(stages, None)
@@ -133,25 +174,23 @@ class Pipeline:
                     return answer, done
                 self.last = done.task, done.solution
 
-    def _stages(self) -> Iterator[list[Answer]]:
+    def _stages(self, holds: Callable[[], bool]) -> Iterator[list[Answer]]:
         """The motions of one stage after the other; each is gone through only if it is asked for.
 
-        Where all paths found are too slow for the duration given more guesses are worth their time;
-        else the ladder is, which finds paths of long arms that no guess leads to.
+        Whoever has a motion has every slower one: where the paths lead to none in the duration
+        given, the search without a duration is gone through, and its motion slowed down. Else the
+        ladder is, which finds paths of long arms that no guess leads to.
         """
-        every, few = _guesses(self.options), self.options.attempts
         if self.options.start in ("auto", "straight"):
             found = self._straight()
             answered = [each.task.problem for each in found]
             left = [each for each in self.routes if not any(each is one for one in answered)]
-            yield found + self._along("guesses", every[:few], left if found else [])
-        yield self._along("guesses", every[:few], self.routes)
-        if self._slow and self._free:
-            yield self._along("more guesses", every[few : (1 + MORE) * few], self.routes)
+            yield found + self._along(left if found else [])
+        yield self._along(self.routes)
+        if self.routes[0].duration is not None:
+            yield self._slowed_down(holds)
         elif self._free:
             yield self._by_ladder()
-        if self._slow:
-            yield self._slowed_down()
 
     def _straight(self) -> list[Answer]:
         """From the straight line at once, where the motion can be one way in a given time.
@@ -177,45 +216,88 @@ class Pipeline:
             out.append(Answer(name, "straight line", later, solution))
         return [self._shared_out(answer) for answer in out]
 
-    def _along(self, stage: str, guesses: list[Seed], routes: list[Problem]) -> list[Answer]:
+    def _along(self, routes: list[Problem]) -> list[Answer]:
         """Motions of these routes along the paths that guesses lead to.
 
         Branches of one goal share the paths that are enough, and none is timed twice.
         """
-        out, known = [], list[FoundPath]()
+        out, known = list[Answer](), list[FoundPath]()
         for problem in routes:
             job = self.make(problem, self.options, SEARCHED, False)
-            enough = self.options.starts if self.options.start in ("auto", "wander") else 1
-            enough = -(-enough // len(routes)) if problem.free else enough
-            paths = search(job, guesses, enough, self._free and not problem.divided)
-            log = paths.log
-            progress.tell(f"timing {min(TIMED, len(paths.found))} paths")
-            spent = 0
-            for path in paths.found[:TIMED]:
-                if spent > TIMED_INTERVALS:
-                    break
+            paths = self._paths_of(problem, job)
+            log = [dict(entry) for entry in paths.search.log]
+            progress.tell(f"timing {min(TIMED, len(paths.search.found))} paths")
+            for path, own, start in self._starts(job, paths, out):
                 if problem.free and any(same_path(path.solution.objective, one) for one in known):
                     continue
                 known.append(path)
-                own, iterate = self._meshed(job, path.solution.iterate)
-                spent += len(own.mesh.widths)
-                outcome = timed(own, iterate)
-                answer = Answer(path.seed + _towards(problem), stage, own, outcome.solution)
-                if outcome.solution.ok and clears(own, outcome.solution):
+                solution = timed(own, start)
+                answer = Answer(path.seed + _towards(problem), "guesses", own, solution)
+                if solution.ok and clears(own, solution):
                     out.append(self._shared_out(answer))
                     self.pathless = False
-                elif not outcome.solution.ok:
-                    self._note_slow(answer, outcome)
+                elif not solution.ok:
+                    self.pathless, self.last = False, (own, solution)
                 for entry in log:
                     effort = entry["path_effort"]
                     if effort is not None and same_path(effort, path):
-                        found = outcome.solution.objective if outcome.solution.ok else None
-                        entry["objective"] = found
+                        entry["objective"] = solution.objective if solution.ok else None
             if self.pathless:
-                failed = [paths.last, *(path.solution for path in paths.found)]
-                self.last = next(((job, last) for last in failed if last), self.last)
+                failed = [paths.search.last, *(path.solution for path in paths.search.found)]
+                self.last = next(((paths.free, last) for last in failed if last), self.last)
             self.log += [entry | {"start": entry["start"] + _towards(problem)} for entry in log]
         return out
+
+    def _paths_of(self, problem: Problem, job: Task) -> RoutePaths:
+        """The paths of a route, the most promising of them refined."""
+        k = next(k for k, each in enumerate(self.routes) if each is problem)
+        if k in self._paths:
+            return self._paths[k]
+        options = self.options
+        enough = options.starts if options.start in ("auto", "wander") else 1
+        enough = -(-enough // len(self.routes)) if problem.free else enough
+        guesses = seeds(options.start, options.attempts)
+        found = search(job, guesses, enough, self._free and not problem.divided)
+        free, refined, spent = path_task(job), list[RefinedPath](), 0
+        for path in found.found if not job.mesh.marks and options.intervals == "auto" else []:
+            count = path_intervals(free, path.solution.iterate)
+            if refined and spent + count > REFINED_INTERVALS:
+                break
+            progress.tell(f"refining the path of '{path.seed}'")
+            spent += count
+            if both := refine_path(free, path.solution):
+                refined.append(RefinedPath(path, *both))
+        self._paths[k] = RoutePaths(free, found, refined)
+        return self._paths[k]
+
+    def _starts(
+        self, job: Task, paths: RoutePaths, motions: list[Answer]
+    ) -> Iterator[tuple[FoundPath, Task, Iterate]]:
+        """The most promising paths, each as a motion to start from and on a mesh for it.
+
+        In a duration that is long enough for them those of least effort, else the fastest. One
+        that takes longer than a motion in hand is not timed.
+        """
+        if not paths.refined:
+            for one in paths.search.found[:TIMED]:
+                yield one, job, transferred(paths.free, one.solution.iterate, job)
+            return
+        wanted, limited = job.problem.duration, bool(np.isfinite(job.problem.limits.input).all())
+        slow = [each for each in paths.refined if each.needed(job) <= (wanted or 0.0)]
+        for path in sorted(slow, key=lambda each: each.solution.objective)[:TIMED]:
+            free, solution = halve_mesh(path.free, path.solution)
+            own = on_mesh(job, free.mesh)
+            yield path.found, own, transferred(free, solution.iterate, own)
+        seconds = RefinedPath.clock_s if limited else RefinedPath.needed
+        most = wanted / HASTE if wanted else math.inf
+        fast = [(seconds(each, job), each) for each in paths.refined if each not in slow]
+        for needed, path in sorted(fast, key=lambda each: each[0])[:TIMED]:
+            if needed > min([most, *(each.solution.iterate.duration for each in motions)]):
+                return
+            free, solution = halve_mesh(path.free, path.solution)
+            own = on_mesh(job, free.mesh)
+            start = transferred(free, solution.iterate, own)
+            yield path.found, *(clock(job, free, solution.iterate) if limited else (own, start))
 
     def _by_ladder(self) -> list[Answer]:
         """The motion along a path by way of shorter arms."""
@@ -223,56 +305,39 @@ class Pipeline:
         found = climbed(job, self.options.accuracy) if can_hold(job) else None
         if found is None:
             return []
-        solution = found.timed.solution
-        objective = solution.objective if solution.ok else None
-        entry = {"start": found.name, "status": solution.status, "objective": objective}
-        self.log.append(entry)
-        answer = Answer(found.name, "ladder", found.task, solution)
-        if solution.ok:
-            return [answer]
-        self._note_slow(answer, found.timed)
-        return []
+        solution = found.solution
+        self.log.append(
+            {"start": found.name, "status": solution.status, "objective": solution.objective}
+        )
+        return [Answer(found.name, "ladder", found.task, solution)]
 
-    def _slowed_down(self) -> list[Answer]:
-        """The fastest motion found, bettered in the duration given, or else as it is but slower."""
-        fastest = min(self._slow, key=lambda each: each.solution.iterate.duration)
-        job, wanted = fastest.task, self.routes[0].duration
-        assert wanted is not None
-        options = self.options
-        done = polish(hasty(job), fastest.solution, options.accuracy, options.refinements)
-        if done.error > RESOLVED:
+    def _slowed_down(self, holds: Callable[[], bool]) -> list[Answer]:
+        """The fastest motion, bettered in the duration given, or else as it is but slower."""
+        wanted, limits = self.routes[0].duration, self.routes[0].limits
+        passed = [point.time_s for point in self.routes[0].waypoints]
+        if not np.isfinite(limits.input).all() or any(time_s is not None for time_s in passed):
             return []
-        self.fastest = done
-        motion = done.solution.iterate
+        assert wanted is not None
+        free = [replace(problem, duration=None) for problem in self.routes]
+        options = self.options.model_copy(update={"objective": "time"})
+        progress.tell("looking for the fastest motion")
+        hasty = Pipeline(free, options, self.make, self._paths)
+        found = hasty.run(holds)
+        self.log += hasty.log
+        if found is None:
+            self.pathless, self.last = hasty.pathless and self.pathless, self.last or hasty.last
+            return []
+        answer, self.fastest = found
+        motion = self.fastest.solution.iterate
         if motion.duration * HASTE > wanted:
             return []
-        own = done.task.asking(job.problem, job.objective)
+        problem = self.routes[[each is answer.task.problem for each in free].index(True)]
+        goal = self.make(problem, self.options, SEARCHED, False).objective
+        own = self.fastest.task.asking(problem, goal)
         solution = own.solve(stretched(motion, wanted))
         if not solution.ok and motion.duration <= wanted:
             solution = own.judged(stretched(motion, wanted))
-        return [replace(fastest, stage="slowed down", task=own, solution=solution)][: solution.ok]
-
-    def _meshed(self, job: Task, path: Any) -> tuple[Task, Any]:
-        """A path on a mesh as fine as its length wants; waypoints keep theirs."""
-        if job.mesh.marks or self.options.intervals != "auto":
-            return job, path
-        left, right = path.input_ends()
-        steps = np.abs(left + right) / 2 * (job.mesh.widths * path.duration)[:, None]
-        limit = job.problem.limits.input
-        steps = steps / (limit / np.max(limit) if np.isfinite(limit).all() else 1.0)
-        joints = job.problem.limits.joint[list(job.problem.system.limited)]
-        room = min(1.0, float(np.min(joints, initial=1.4)) / 1.4)
-        wanted = job.problem.duration
-        hurried = wanted is None or needed_duration(job.problem, job.mesh, path) > wanted
-        least = FAST if hurried else len(job.mesh.widths)
-        count = int(np.sum(np.max(steps, axis=1)) / (REACH * room))
-        own = job.on(uniform(int(np.clip(count, least, LONGEST))))
-        return own, transferred(job, path, own)
-
-    def _note_slow(self, answer: Answer, outcome: Timed) -> None:
-        self.pathless, self.last = False, (answer.task, outcome.solution)
-        if outcome.quick is not None and outcome.quick.ok:
-            self._slow.append(replace(answer, solution=outcome.quick))
+        return [Answer(answer.start, "slowed down", own, solution)][: solution.ok]
 
     def _shared_out(self, answer: Answer) -> Answer:
         """With the time shared out among the parts between waypoints as the objective wants it."""
@@ -285,12 +350,6 @@ class Pipeline:
                 break
             answer = replace(answer, task=moved[0], solution=solution)
         return answer
-
-
-def _guesses(options: CollocationOptions) -> list[Seed]:
-    if options.start == "auto":
-        return seeds("auto", (1 + MORE) * options.attempts)
-    return seeds(options.start, options.attempts)
 
 
 def _towards(problem: Problem) -> str:

@@ -128,7 +128,7 @@ WAYS = {
     # Fatrop (1.1.8) is hardly faster here, and its iterates may be such that it never returns
     "far": Way(("ipopt",), 1.0, 1e-4, _ADAPTIVE),
     # many optima: a large barrier that is lowered step by step leads to better ones, and does not
-    # lead a long way round along z2 = 0
+    # lead a long way round along z2 = 0; nor does it crawl where a path is drawn inside its limits
     "far, winding": Way(("ipopt",), 1.0, None, {}),
     "far, long chain": Way(("ipopt",), 1.0, None, {}, reference_s=100.0, guesses=0),
 }
@@ -153,7 +153,7 @@ def way(made: Transcription, settings: Settings) -> Way:
     if not short:
         return WAYS["far, long chain"]
     winding = any("q" in required.reads and not required.plain for required in form.kept)
-    return WAYS["far, winding" if winding else "far"]
+    return WAYS["far, winding" if winding or form.inner else "far"]
 
 
 def names(made: Transcription, settings: Settings) -> tuple[SolverName, ...]:

@@ -26,9 +26,16 @@ from planner.methods.collocation.candidates import seeds
 from planner.methods.collocation.long_arms.bridges import ChainEnds, Index, PieceChain, closed
 from planner.methods.collocation.long_arms.bridges import ends_of as ends_of
 from planner.methods.collocation.long_arms.held import can_hold, chain_of, follow, held
-from planner.methods.collocation.path import Timed, hasty, path_task, search, timed
+from planner.methods.collocation.path import path_task, search, timed
 from planner.methods.collocation.solvers import RUNGS, way
-from planner.methods.collocation.task import ACCEPTED_RESIDUAL, Task, offer_chain, stretched, task
+from planner.methods.collocation.task import (
+    ACCEPTED_RESIDUAL,
+    Solution,
+    Task,
+    offer_chain,
+    stretched,
+    task,
+)
 from planner.methods.collocation.transcription.bounds import Asked
 from planner.methods.collocation.transcription.form import Form
 from planner.methods.collocation.transcription.unknowns import Iterate
@@ -54,21 +61,22 @@ MOST_SOLVED = 300
 
 @dataclass(frozen=True, eq=False)
 class Climbed:
-    """A path by way of shorter arms, and what its timing made of it.
+    """A motion by way of shorter arms.
 
     Attributes:
         name: For reports.
         task: The job on the path's own mesh.
-        timed: The outcome.
+        solution: The motion.
     """
 
     name: str
     task: Task
-    timed: Timed
+    solution: Solution
 
 
 def climbed(job: Task, accuracy: float) -> Climbed | None:
-    """A motion within all limits; None where the system is no arm, or there is none.
+    """A motion within all limits, its duration free; None where the system is no arm, or there is
+    none.
 
     z2, discs and waypoints are not looked at.
     """
@@ -83,36 +91,23 @@ def climbed(job: Task, accuracy: float) -> Climbed | None:
     offer_chain(job, chain)
     progress.tell("timing that path")
     own, path = follow(job, chain)
-    outcome = _timed(own, path) if len(own.mesh.widths) <= MOST_SOLVED else None
-    if outcome is None or not outcome.solution.ok:
-        own, outcome = _as_it_is(job, chain, accuracy) or (own, outcome)
-    if outcome is None:
-        return None
-    return Climbed(f"lifted from {joints} joints", own, outcome)
+    solution = _timed(own, path) if len(own.mesh.widths) <= MOST_SOLVED else None
+    if solution is None or not solution.ok:
+        kept = held(job, chain, accuracy)
+        if kept is None:
+            return None
+        own, solution = kept
+    return Climbed(f"lifted from {joints} joints", own, solution)
 
 
-def _timed(own: Task, path: Iterate) -> Timed:
+def _timed(own: Task, path: Iterate) -> Solution:
     """The path's timing; a last iterate that is a motion is one, if not the best."""
     settings = own.settings
     patient = replace(settings, max_iterations=max(settings.max_iterations, RUNGS["timing"]))
-    outcome = timed(replace(own, settings=patient), path)
-    last = outcome.solution
+    last = timed(replace(own, settings=patient), path)
     if last.ok or last.residual > ACCEPTED_RESIDUAL:
-        return outcome
-    status = f"{last.status} (a motion, not the best)"
-    return replace(outcome, solution=replace(last, ok=True, status=status))
-
-
-def _as_it_is(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, Timed] | None:
-    """The path kept, or where the duration asked for is too short for it, that and the fastest."""
-    kept = held(job, chain, accuracy)
-    if kept is not None:
-        return kept[0], Timed(kept[1], None)
-    kept = held(hasty(job), chain, accuracy) if job.problem.duration else None
-    if kept is None:
-        return None
-    own = kept[0].asking(job.problem, job.objective)
-    return own, Timed(replace(kept[1], ok=False), kept[1])
+        return last
+    return replace(last, ok=True, status=f"{last.status} (a motion, not the best)")
 
 
 def _by_shorter(job: Task) -> tuple[PieceChain, int] | None:

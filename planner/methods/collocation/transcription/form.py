@@ -312,12 +312,12 @@ def fastest(problem: Problem) -> Objective:
     )
 
 
-def shortest_path(objective: Objective) -> Objective:
-    """What a path is judged by before its timing: the effort, inputs weighed as the objective does.
+def shortest_path(problem: Problem) -> Objective:
+    """What a path is judged by before its timing: the effort, in units of the inputs' limits.
 
     The systems are driftless. At a fixed duration without limits on inputs, least effort gives the
     path of least length in the metric of the inputs, whatever the duration is.
     """
-    inputs = objective.weights[1:3]
-    inputs = inputs / np.mean(inputs) if np.any(inputs) else np.ones(2)
+    inputs = 1 / problem.limits.input_scale**2
+    inputs = inputs / np.mean(inputs)
     return Objective("effort", "effort", np.array([0.0, *inputs, 0.0, 0.0, 0.0]))

@@ -259,9 +259,9 @@ class Pipeline:
         guesses = seeds(options.start, options.attempts)
         found = search(job, guesses, enough, self._free and not problem.divided)
         free, refined, spent = path_task(job), list[RefinedPath](), 0
-        for path in found.found if not job.mesh.marks and options.intervals == "auto" else []:
+        for path in [] if self._meshed(job) else found.found:
             count = path_intervals(free, path.solution.iterate)
-            if refined and spent + count > REFINED_INTERVALS:
+            if spent and spent + count > REFINED_INTERVALS:
                 break
             progress.tell(f"refining the path of '{path.seed}'")
             spent += count
@@ -269,6 +269,10 @@ class Pipeline:
                 refined.append(RefinedPath(path, *both))
         self._paths[k] = RoutePaths(free, found, refined)
         return self._paths[k]
+
+    def _meshed(self, job: Task) -> bool:
+        """Whether the job's mesh is what is asked for: by waypoints, or by the options."""
+        return bool(job.mesh.marks) or self.options.intervals != "auto"
 
     def _starts(
         self, job: Task, paths: RoutePaths, motions: list[Answer]
@@ -278,7 +282,7 @@ class Pipeline:
         In a duration that is long enough for them those of least effort, else the fastest. One
         that takes longer than a motion in hand is not timed.
         """
-        if not paths.refined:
+        if self._meshed(job):
             for one in paths.search.found[:TIMED]:
                 yield one, job, transferred(paths.free, one.solution.iterate, job)
             return
@@ -328,6 +332,7 @@ class Pipeline:
             self.pathless, self.last = hasty.pathless and self.pathless, self.last or hasty.last
             return []
         answer, self.fastest = found
+        self.last = self.fastest.task, self.fastest.solution
         motion = self.fastest.solution.iterate
         if motion.duration * HASTE > wanted:
             return []

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.methods.collocation.between_nodes import clears, look
+from planner.methods.collocation.between_nodes import clears, excess, look
 from planner.methods.collocation.candidates import Seed, guess
 from planner.methods.collocation.solvers import way
 from planner.methods.collocation.task import (
@@ -129,8 +129,9 @@ REACH, STEP, LONGEST = 0.5, 20, 400
 """A refined path's mesh: most that an input integrates to in an interval, rad, where joints have
 80 degrees; intervals that it grows by, so that paths share their transcriptions; and the most."""
 
-FAST = 80
-"""Fewest intervals of a motion as fast as can be: a linear input needs them to switch."""
+FAST, DENSER = 100, 1.5
+"""Fewest intervals of a motion as fast as can be: a linear input needs them to switch;
+and how many more it has than the path."""
 
 SAME = 1e-4
 """Difference at the end, rad or m, between a path and its true motion up to which it counts as one:
@@ -144,6 +145,9 @@ def refine_path(free: Task, path: Solution) -> tuple[Task, Solution] | None:
     nodes, by half a radian where joints have 40 degrees. So it is first put on more nodes, then
     drawn inside, and only then timed: as a path it has no bound on inputs to run into.
     """
+    seen = look(free, path)
+    if seen.end_error <= SAME and not excess(free, seen.iterate, seen.curves).any():
+        return free, path
     fine = free.on(uniform(path_intervals(free, path.iterate)))
     for new in (fine, fine.inside()):
         if new.made.form != free.made.form:
@@ -172,14 +176,19 @@ def path_intervals(free: Task, path: Iterate) -> int:
     joints = free.problem.limits.joint[list(free.problem.system.limited)]
     room = min(1.0, float(np.min(joints, initial=1.4)) / 1.4)
     count = int(np.sum(np.max(steps, axis=1)) / (REACH * room))
-    return int(np.clip(STEP * np.ceil(count / STEP), len(free.mesh.widths), LONGEST))
+    return int(np.clip(_stepped(count), len(free.mesh.widths), LONGEST))
+
+
+def _stepped(count: float) -> int:
+    """The count of intervals, or a few more that other meshes have too."""
+    return STEP * int(np.ceil(count / STEP))
 
 
 def clock(job: Task, free: Task, path: Iterate) -> tuple[Task, Iterate]:
     """A refined path run so fast that at every time one of its inputs is at its limit.
 
-    The mesh is that of the path in the clock's time, where intervals wider than the mean are cut:
-    a path's are even in length, and inputs turn in time. Other limits on speed are not looked at.
+    The mesh is even in time, where a path's is even in length. Other limits on speed are not looked
+    at.
 
     Args:
         job: What is asked for.
@@ -194,20 +203,16 @@ def clock(job: Task, free: Task, path: Iterate) -> tuple[Task, Iterate]:
     mean = (first + 4 * middle + last) / 6  # Simpson's rule
     slower = first if len(first) == len(path.inputs) else np.append(first, last[-1])
     edges = np.append(0.0, np.cumsum(free.mesh.widths * path.duration * mean))
-    widths = np.diff(edges) / edges[-1]
-    parts = np.ceil(widths * max(len(widths), FAST) - 1e-9).astype(int)
-    shares = np.array([k / n for n in parts for k in range(n)])
-    cut = np.repeat(edges[:-1], parts) + np.repeat(np.diff(edges), parts) * shares
     fast = free.on(Mesh(edges / edges[-1]))
     motion = replace(path, duration=float(edges[-1]), inputs=path.inputs / slower[:, None])
-    own = on_mesh(job, Mesh(np.append(cut / edges[-1], 1.0)))
+    own = on_mesh(job, free, uniform(_stepped(max(DENSER * len(mean), FAST))))
     return own, transferred(fast, motion, own)
 
 
-def on_mesh(job: Task, mesh: Mesh) -> Task:
-    """The job on a refined path's mesh, limits kept inside the intervals."""
+def on_mesh(job: Task, free: Task, mesh: Mesh) -> Task:
+    """The job on a mesh, limits kept inside the intervals where the path's task has to."""
     own = job.on(mesh)
-    return own if own.made.form.inner else own.inside()
+    return own.inside() if free.made.form.inner and not own.made.form.inner else own
 
 
 def _again(found: Sequence[FoundPath]) -> bool:

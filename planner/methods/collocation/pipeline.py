@@ -261,12 +261,14 @@ class Pipeline:
         free, refined, spent = path_task(job), list[RefinedPath](), 0
         for path in [] if self._meshed(job) else found.found:
             count = path_intervals(free, path.solution.iterate)
-            if spent and spent + count > REFINED_INTERVALS:
+            if refined and spent + count > REFINED_INTERVALS:
                 break
             progress.tell(f"refining the path of '{path.seed}'")
             spent += count
             if both := refine_path(free, path.solution):
                 refined.append(RefinedPath(path, *both))
+            elif spent > 2 * REFINED_INTERVALS:
+                break
         self._paths[k] = RoutePaths(free, found, refined)
         return self._paths[k]
 
@@ -290,7 +292,7 @@ class Pipeline:
         slow = [each for each in paths.refined if each.needed(job) <= (wanted or 0.0)]
         for path in sorted(slow, key=lambda each: each.solution.objective)[:TIMED]:
             free, solution = halve_mesh(path.free, path.solution)
-            own = on_mesh(job, free.mesh)
+            own = on_mesh(job, free, free.mesh)
             yield path.found, own, transferred(free, solution.iterate, own)
         seconds = RefinedPath.clock_s if limited else RefinedPath.needed
         most = wanted / HASTE if wanted else math.inf
@@ -299,7 +301,7 @@ class Pipeline:
             if needed > min([most, *(each.solution.iterate.duration for each in motions)]):
                 return
             free, solution = halve_mesh(path.free, path.solution)
-            own = on_mesh(job, free.mesh)
+            own = on_mesh(job, free, free.mesh)
             start = transferred(free, solution.iterate, own)
             yield path.found, *(clock(job, free, solution.iterate) if limited else (own, start))
 

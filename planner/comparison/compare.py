@@ -31,7 +31,7 @@ from planner.methods.spec import COMPENSATED, Spec, parse_specs
 from planner.plan.plan import Plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
-from planner.solve import compensated, solve_and_check
+from planner.solve import solve_and_check
 from planner.support.deadline import TimeUpError, limited
 from planner.support.statistics import THRESHOLD_DEG, percentile_interval
 from planner.verification.verify import Check, verify
@@ -253,11 +253,9 @@ def planned(
         options = {"time_limit_s": time_limit_s, **options}
     began = time.perf_counter()
     try:
-        plan, check = solve_and_check(problem, spec.method, **options)
-        told = None if plan.compensation is None else plan.compensation.machine
-        other = machine is not None and told not in (None, machine.to_dict())
-        if (spec.compensated and told is None) or other:
-            plan, check = compensated(plan.compensates or plan, machine, problem.compensation)
+        plan, check = solve_and_check(
+            problem, spec.method, compensate=spec.compensated, machine=machine, **options
+        )
         took = time.perf_counter() - began
         early = str(plan.notes.get("ended_early", ""))
         why = early if plan.verified else _outside(plan.domain.singular_times_s)

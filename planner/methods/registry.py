@@ -205,7 +205,6 @@ class Collocation(SolveKeywords, total=False):
     accuracy: float
     refinements: int
     solver: Literal["auto", "fatrop", "ipopt"]
-    compile: bool
     tolerance: float
     max_iterations: int
 

@@ -85,7 +85,7 @@ def choose_travel(
     """
     for count in scans:
         travels = candidate_travels(problem, count)
-        good = score(problem, [make(float(d)) for d in travels]).inside
+        good = score(problem, map(make, travels.tolist())).inside
         if good.any():
             break
     else:
@@ -168,7 +168,7 @@ def _best(
     best_margin = end_margin(problem)
 
     def scores(travels: Array) -> Scores:
-        return score(problem, [make(float(d)) for d in travels])
+        return score(problem, map(make, travels.tolist()))
 
     def cost(travel: float) -> float:
         return float(scores(np.array([travel])).cost(criterion, best_margin)[0])

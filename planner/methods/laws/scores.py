@@ -1,13 +1,13 @@
 """The choice of a law's free numbers: a scan, then Nelder–Mead from the best of it.
 
-A score says how good a trajectory in the chart is, for many candidates at once: all their samples
-go through the chart in one call, which is what makes scans cheap.
+A score says how good a trajectory in the chart is, for many candidates at once: their samples go
+through the chart in few calls, which is what makes scans cheap.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Literal
 
@@ -76,16 +76,44 @@ class Scores:
         return np.where(np.isnan(cost), 3.0, cost)
 
 
+MOST_SAMPLES = 20_000
+"""In one call of the chart: half a second with eight joints, before time is asked for again."""
+
+
 def score(
-    problem: Problem, candidates: Sequence[ChainedTrajectory | None], samples: int = 400
+    problem: Problem, candidates: Iterable[ChainedTrajectory | None], samples: int = 400
 ) -> Scores:
     """Score candidates of one law by about `samples` samples each.
 
     Args:
         problem: Supplies limits; where an input has none, its peak counts in its own unit.
         candidates: Trajectories on equally many pieces; None for one that could not be made.
+            Each is made when it is asked for, so that time can be asked for in between.
+
+    Raises:
+        TimeUpError: If time is up.
     """
+    parts: list[Scores] = []
+    together: list[ChainedTrajectory | None] = []
+    count = 0
     deadline.check()
+    for candidate in candidates:
+        deadline.check()
+        together.append(candidate)
+        if candidate is not None:
+            count += len(candidate.z_curve.x[1:]) * _count(samples, candidate.z_curve)
+        if count >= MOST_SAMPLES:
+            parts.append(_scored(problem, together, samples))
+            together, count = [], 0
+    parts.append(_scored(problem, together, samples))
+    joined = (np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Scores))
+    return Scores(*joined)
+
+
+def _scored(
+    problem: Problem, candidates: Sequence[ChainedTrajectory | None], samples: int
+) -> Scores:
+    """Of candidates whose samples go through the chart together."""
     out = np.full((3, len(candidates)), np.nan)
     made = [k for k, c in enumerate(candidates) if c is not None]
     if not made:
@@ -183,7 +211,6 @@ def _bounded(x: Array) -> Array:
 
 Make = Callable[[Array], ChainedTrajectory | None]
 
-_CHUNK = 128
 _RESTARTS = 6
 _COARSE, _FINE = 200, 6000
 """Samples of a candidate while searching, and of the one found."""
@@ -233,7 +260,7 @@ def search_candidates(
     def costs(points: Array, samples: int) -> Array:
         nonlocal tried
         tried += len(points)
-        return score(problem, [make(x) for x in points], samples).cost(criterion, best_margin)
+        return score(problem, map(make, points), samples).cost(criterion, best_margin)
 
     def refine(x: Array, step: Array, samples: int) -> tuple[float, Array]:
         result = minimize(
@@ -249,8 +276,7 @@ def search_candidates(
         )
         return float(result.fun), np.asarray(result.x)
 
-    chunks = [grid[k : k + _CHUNK] for k in range(0, len(grid), _CHUNK)]
-    scanned = np.concatenate([costs(chunk, _COARSE) for chunk in chunks])
+    scanned = costs(grid, _COARSE)
     steps = np.broadcast_to(steps, grid.shape)
     order = np.argsort(scanned, kind="stable")
     best, x, step = float(scanned[order[0]]), grid[order[0]], steps[order[0]]

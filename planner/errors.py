@@ -66,6 +66,18 @@ class InputError(PlannerError, ValueError):
     exit_status = 2
 
 
+NO_MEMORY = (
+    "there is not enough memory for this ({}); ask for less at a time: fewer machines or cases,"
+    " fewer workers, a coarser step or mesh"
+)
+"""What a user is told in place of a bug."""
+
+
+def lacks_memory(error: BaseException) -> bool:
+    """Whether an error says that memory ran out; compiled code has its own word for it."""
+    return isinstance(error, MemoryError) or "std::bad_alloc" in str(error)
+
+
 class InputWarning(UserWarning):
     """Input that can be used but looks like a mistake."""
 

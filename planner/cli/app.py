@@ -33,7 +33,7 @@ from planner.cli.plan import check, plan
 from planner.cli.sensitivity import sensitivity
 from planner.cli.start import methods, new, schema, systems
 from planner.cli.sweep import design, sweep
-from planner.errors import InputWarning, PlannerError
+from planner.errors import NO_MEMORY, InputWarning, PlannerError, lacks_memory
 from planner.support.files import written
 from planner.support.interrupts import Terminated, hear_signals, hearing
 from planner.support.package import version as installed_version
@@ -196,6 +196,8 @@ def _failed(error: BaseException, words: list[str]) -> int:
     if isinstance(error, OSError) and error.errno in FULL:
         where = error.filename or "standard output"
         return _refuse(as_json, 2, "bad_input", f"cannot write {where}: {error.strerror}")
+    if lacks_memory(error):
+        return _refuse(as_json, 2, "bad_input", NO_MEMORY.format(str(error) or "MemoryError"))
     return _bug(as_json, words, error)
 
 

@@ -36,6 +36,9 @@ from planner.support.deadline import TimeUpError, limited
 from planner.support.statistics import THRESHOLD_DEG, percentile_interval
 from planner.verification.verify import Check, verify
 
+MOTIONS = 1000
+"""Machines whose motions are kept of each row: enough for the band in a figure."""
+
 Progress = Callable[[str, float], None]
 """Called with what is being done and the share of all work that is done, 0 … 1."""
 
@@ -172,7 +175,7 @@ class _ComparisonRun:
         def tell(done: int, total: int) -> None:
             part(doing, begin + (end - begin) * done / total)
 
-        # Long motions are recorded more coarsely: a thousand samples are kept in memory.
+        # Long motions are recorded more coarsely, since those of a thousand samples are kept.
         runs = run_replay(
             row.plan,
             self._machine,
@@ -180,11 +183,12 @@ class _ComparisonRun:
             self._seed,
             row.feedback,
             record_s=max(RECORD_S, row.plan.duration / 500),
+            motions=MOTIONS,
             progress=tell,
         )
         row = replace(row, replay=runs)
         if runs.effort is not None:
-            first, second = np.abs(runs.motor_rates).max(axis=(0, 1)).tolist()
+            first, second = runs.peak_rates.max(axis=0).tolist()
             row = replace(row, effort=float(np.median(runs.effort)), peak_u=(first, second))
         if not runs.angles:
             return row

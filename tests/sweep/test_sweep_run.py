@@ -193,6 +193,18 @@ def test_a_bug_is_a_row_with_its_traceback(
     assert (outcome.ran, outcome.bugs) == (10, 0)
 
 
+def test_a_lack_of_memory_is_no_bug(
+    tables: Tables, db: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def greedy(*_: Any, **__: Any) -> None:
+        raise MemoryError("Unable to allocate 12 GiB")
+
+    monkeypatch.setattr(case_module, "solve_and_check", greedy)
+    assert run_sweep(tables, db, workers=0).bugs == 0
+    assert "not enough memory" in column(db, "why")[0]
+    assert column(db, "status")[0] == "bad_input"
+
+
 def test_plans_wanted_later_are_made_for_solved_cases_only(
     tables: Tables, db: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

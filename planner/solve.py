@@ -27,9 +27,9 @@ from planner.support.deadline import (
     SEARCH,
     TimeUpError,
     checked,
-    held,
+    holds_answer,
+    is_over,
     limited,
-    over,
     share,
 )
 from planner.support.progress import Listener, listening, now, tell
@@ -72,9 +72,9 @@ def solve(
     Returns:
         A plan with `verified` True and a `certificate`. Its status is "time_limit" if the limit
         ended something early. If the problem's `[compensation]` is on, the plan is compensated for
-        its machine (see `planner.compensate`). The only exception: a method in chained coordinates with
-        `allow_singular` may return a path outside the domain, with status "singular" and `verified`
-        False.
+        its machine (see `planner.compensate`). The only exception: a method in chained coordinates
+        with `allow_singular` may return a path outside the domain, with status "singular" and
+        `verified` False.
 
     Raises:
         InputError: If the method or an option is unknown or has an impossible value, the problem is
@@ -127,7 +127,7 @@ def solve_and_check(
     with limited(getattr(own, "time_limit_s", time_limit_s)) as span, listening(progress):
         began = time.monotonic()
         try:
-            with share(SEARCH if wanted else 1.0, once=held):
+            with share(SEARCH if wanted else 1.0, once=holds_answer):
                 plan, check = judged(_made(problem, entry, own, warm))
         except TimeUpError:
             far = now()
@@ -220,7 +220,7 @@ def compensated_in_time(
         try:
             return compensated(plan, machine, options)
         except NoPlanError:
-            if not over():
+            if not is_over():
                 raise
         return cut_short(plan, span, "ended the work on it before it was compensated"), check
 

@@ -19,7 +19,7 @@ from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem
 from planner.solve import compensated_in_time, judged
 from planner.support import deadline
-from planner.support.deadline import MORE_TIME, SEARCH, TimeUpError, held, limited, share
+from planner.support.deadline import MORE_TIME, SEARCH, TimeUpError, holds_answer, limited, share
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def path(state: State) -> ScreenOutcome:
         try:
             refuse_too_short(problem)
             wanted = problem.compensation.on
-            with share(SEARCH if wanted else 1.0, once=held):
+            with share(SEARCH if wanted else 1.0, once=holds_answer):
                 plan = method.plan(problem, options)
             if wanted and plan.status != "singular":
                 plan = compensated_in_time(*judged(plan), None, problem.compensation)[0]

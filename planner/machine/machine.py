@@ -326,7 +326,7 @@ def draw(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: int) -
 def _uniform(name: str, numbers: NDArray[np.int64], count: int, seed: int) -> Array:
     """Entries `numbers` (S,) of an effect's stream, (count, S); none between them is made."""
     own = np.random.SeedSequence(seed, spawn_key=(zlib.crc32(name.encode()),))
-    bits = np.random.PCG64(own)  # of `numpy.random.default_rng`, each number of which takes one step
+    bits = np.random.PCG64(own)  # as in `numpy.random.default_rng`; a number takes one step of it
     generator, passed, runs = np.random.Generator(bits), 0, []
     wanted, place = np.unique(numbers, return_inverse=True)
     for run in np.split(wanted, np.flatnonzero(np.diff(wanted) > 1) + 1):

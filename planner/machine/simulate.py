@@ -66,7 +66,7 @@ class Recording:
 
     def room(self, count: int, motions: int) -> Recording:
         """Arrays like these for so many samples, and for the motions of so many, not filled in."""
-        rows = {name: count for name in _OF_EACH} | dict.fromkeys(_MOTIONS, motions)
+        rows = dict.fromkeys(_OF_EACH, count) | dict.fromkeys(_MOTIONS, motions)
         empty = {
             name: np.empty((size, *array.shape[1:]), array.dtype)
             for name, size in rows.items()

@@ -177,13 +177,13 @@ def time_up() -> TimeUpError:
     return TimeUpError()
 
 
-def over() -> bool:
+def is_over() -> bool:
     """Whether time is up, or somebody has ended the search: what there is must do."""
     span = _span.get()
     return remaining() <= 0 or (span is not None and bool(span.ended_by))
 
 
-def held() -> bool:
+def holds_answer() -> bool:
     """Whether the search that is under way holds an answer."""
     search = _search()
     return search is not None and search.holds is not None and search.holds()

@@ -90,10 +90,9 @@ def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Repl
     with limited(None) as span:
         cut = False
         try:
-            for trial in _trials(plan, system, machine, options, replan):
-                tried.append(trial)
+            tried.extend(_trials(plan, system, machine, options, replan))  # keeps those till then
         except (TimeUpError, NoPlanError):
-            cut = deadline.over()
+            cut = deadline.is_over()
             if not tried or not cut:
                 raise
     best = min(tried, key=lambda trial: trial.worst)
@@ -161,7 +160,7 @@ def _trials(
         if np.linalg.norm(step) > FARTHEST * np.linalg.norm(missed):
             inverse, step = np.eye(len(target)), missed
         before, shift = trial, shift - step
-        if deadline.over():
+        if deadline.is_over():
             raise deadline.time_up()
         if left_s <= 0:
             raise TimeUpError

@@ -99,7 +99,7 @@ def solve_and_check(
     progress: Listener | None = None,
     advice: bool = True,
     compensate: bool = False,
-    machine: Machine | None = None,
+    compensated_for: Machine | None = None,
     **options: Any,
 ) -> tuple[Plan, Check]:
     """As `solve`, with what the verification found.
@@ -108,7 +108,7 @@ def solve_and_check(
         problem, method, warm, time_limit_s, progress, options: As of `solve`.
         advice: Whether the changes that a refusal names are tried.
         compensate: Whether to compensate the plan even if the problem does not ask for it.
-        machine: What it is compensated for; the problem's own when None.
+        compensated_for: The machine that a compensation allows for; the problem's own when None.
     """
     expect_problem(problem)
     entry = find_method(method)
@@ -145,7 +145,7 @@ def solve_and_check(
             plan, check = judged(replace(found, problem=problem))
         if not wanted or plan.status == "singular":
             return plan, check
-        return compensated_in_time(plan, check, machine, problem.compensation)
+        return compensated_in_time(plan, check, compensated_for, problem.compensation)
 
 
 def _made(problem: Problem, entry: Method, options: Any, warm: Plan | None) -> Plan:

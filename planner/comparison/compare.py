@@ -258,7 +258,11 @@ def planned(
     began = time.perf_counter()
     try:
         plan, check = solve_and_check(
-            problem, spec.method, compensate=spec.compensated, machine=machine, **options
+            problem,
+            spec.method,
+            compensate=spec.compensated,
+            compensated_for=machine,
+            **options,
         )
         took = time.perf_counter() - began
         early = str(plan.notes.get("ended_early", ""))

@@ -253,6 +253,15 @@ def test_nor_in_a_comparison(paper: planner.Problem) -> None:
 
 
 @pytest.mark.usefixtures("late")
+def test_nor_in_a_sweep(paper: planner.Problem, tmp_path: Path) -> None:
+    tables = {"problem": paper, "methods": ["collocation compensated:time_limit_s=100"]}
+    database = tmp_path / "db.sqlite"
+    planner.run_sweep({**tables, "grid": {"limits.joint_deg": [80]}}, database, workers=0)
+    (row,) = planner.load_sweep(database).to_dict("records")
+    assert (row["solved"], row["status"], row["why"]) == (True, "time_limit", LATE)
+
+
+@pytest.mark.usefixtures("late")
 def test_nor_in_the_explorer(both: planner.Problem) -> None:
     outcome = path(State.of(both, "collocation", 0, 100.0))
     assert outcome.kind == "verified"

@@ -19,8 +19,9 @@ from planner.problem.requirements.places import Waypoint
 from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.support import deadline
 from planner.support.deadline import TimeUpError, limited
-from planner.verification.certify import STANDSTILL, certify
+from planner.verification.certify import certify
 from planner.verification.input_models import enclosed
+from planner.verification.known import STANDSTILL
 from planner.verification.places_proven import distance
 
 PROBLEMS = Path(__file__).parents[2] / "problems"

@@ -7,7 +7,7 @@ MATLAB", 2000, ch. 6 and 12). The judge's own: the planners share neither its po
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -25,7 +25,16 @@ POINTS = 16
 """Points per cell: rates of degree 15 are integrated exactly."""
 
 CONTROL_POINTS = 29
-"""Points per cell at which the integral is done again; they share none but the ends with the 16."""
+"""Points per cell at which the input is read again and the integral done again; they share none but
+the ends with the 16. For polynomials of a higher degree there are as many as fix one."""
+
+AGREED = 1e-7
+"""Distance of the input from its series at the control points, over its greatest value, above which
+a cell is split: what counts as a jump, and a tenth of what a limit may be exceeded by."""
+
+LESSER = 0.01
+"""An input is compared with no less than this part of the other: rounding in the chart's inverse is
+some 1e-9 of the larger one."""
 
 SAMPLES = 33
 """Samples per cell for extremes: twice as many as a series of degree 15 can have turns."""
@@ -131,6 +140,8 @@ class Motion:
         error: Estimate of the largest error of q, in the coordinates' units; NaN where the input
             or the rates are not numbers.
         gap: Largest |plan's own q − q| over all points of both sets, and its time.
+        unresolved: Largest distance of the input from its series at the control points, over its
+            greatest value, and its time: above `AGREED` where splitting does not help.
     """
 
     cells: Cells
@@ -138,6 +149,7 @@ class Motion:
     u: Array
     error: float
     gap: tuple[float, float]
+    unresolved: tuple[float, float] = (0.0, 0.0)
 
     @cached_property
     def series(self) -> Array:
@@ -174,32 +186,65 @@ def integrate(
     """
     cells: Cells | None = None
     for _ in range(ROUNDS):
-        reading = read(trajectory, own_input, trajectory.system.rates, *values, start=cells)
-        motion = _integrated(trajectory, start, reading)
+        reading, control = _read_twice(trajectory, (trajectory.system.rates, *values), cells)
+        motion = _integrated(trajectory, start, reading, control)
         if not motion.error > tolerance or len(reading.cells.piece) > MOST_CELLS:
             break  # good enough, or not a number, or noise: splitting would not help
         cells = reading.cells.split()[0]
     return motion
 
 
-def _integrated(trajectory: Trajectory, start: Array, reading: Reading) -> Motion:
+@dataclass(frozen=True, eq=False)
+class _Control:
+    """What is read at the control points: q (P, C, N), u (P, C, 2), and `Motion.unresolved`."""
+
+    q: Array
+    u: Array
+    unresolved: tuple[float, float]
+
+
+def _read_twice(
+    trajectory: Trajectory, values: Sequence[Values], start: Cells | None
+) -> tuple[Reading, _Control]:
+    """A reading on cells that are split also where the input is elsewhere between the points."""
+    count = max(CONTROL_POINTS, trajectory.degree + 1)
+    for _ in range(ROUNDS):
+        reading = read(trajectory, own_input, *values, start=start)
+        cells = reading.cells
+        q, u = trajectory.inside(cells.piece, cells.fractions(points(count)))
+        peaks = np.max(np.abs(reading.u), axis=(0, 1))
+        away = np.abs(u - apply(_resampling(count), reading.u))
+        away = np.max(away / np.maximum(peaks, max(LESSER * np.max(peaks), 1e-12)), axis=-1)
+        split = (np.max(away, axis=0) > AGREED) & (cells.size > 0.25**SPLITS)
+        if not np.any(split) or len(cells.piece) > MOST_CELLS:
+            break
+        start = cells.split(np.where(split, 4, 1))[0]
+    return reading, _Control(q, u, _worst(cells, away))
+
+
+def _worst(cells: Cells, away: Array) -> tuple[float, float]:
+    """The largest of distances (P, C) at Chebyshev–Lobatto points, and its time."""
+    point, cell = np.unravel_index(np.argmax(away), away.shape)
+    when = cells.time(np.array(cell), 2 * points(len(away))[point] - 1)
+    return float(away[point, cell]), float(when)
+
+
+def _integrated(
+    trajectory: Trajectory, start: Array, reading: Reading, control: _Control
+) -> Motion:
     cells, u, system = reading.cells, reading.u, trajectory.system
     width = cells.width[:, None]
     q = _settled(system, start, width, np.where(np.isfinite(reading.q), reading.q, start), u)
     rates = system.rates(q, u)
     tail = np.sum(width * np.max(np.abs(apply(_to_series()[-3:], rates)), axis=0), axis=0)
     # the same integral at other points, through the interpolated motion
-    claimed, control = trajectory.inside(cells.piece, cells.fractions(points(CONTROL_POINTS)))
-    between = again = apply(_resampling(CONTROL_POINTS), q)
+    between = again = apply(_resampling(len(control.q)), q)
     for _ in range(2):  # so that an error of one coordinate reaches those that read it
-        again = _integral(start, width, system.rates(again, control))
+        again = _integral(start, width, system.rates(again, control.u))
     error = np.max(np.abs(again - between)) + np.max(tail)
-    gaps = [np.max(np.abs(a - b), axis=-1) for a, b in ((reading.q, q), (claimed, between))]
-    k = int(np.argmax([np.max(g) for g in gaps]))
-    point, cell = np.unravel_index(np.argmax(gaps[k]), gaps[k].shape)
-    x = 2 * points(len(gaps[k]))[point] - 1
-    gap = float(gaps[k][point, cell]), float(cells.time(np.array(cell), x))
-    return Motion(cells, q, u, float(error), gap)
+    gaps = [np.max(np.abs(a - b), axis=-1) for a, b in ((reading.q, q), (control.q, between))]
+    gap = _worst(cells, gaps[int(np.argmax([np.max(g) for g in gaps]))])
+    return Motion(cells, q, u, float(error), gap, control.unresolved)
 
 
 def _integral(start: Array, width: Array, rates: Array) -> Array:

@@ -227,6 +227,9 @@ def _motion(
     part = Part(f"plan's q(t) against {other}", "", -np.inf, 0.0, 1.0)
     out.append(_Finding(part, gap, 0.0, when, INTERPOLANT_TOLERANCE))
     if not compensated:
+        amount, when = motion.unresolved
+        part = Part("plan's u(t) against the series it is judged by", "", -np.inf, 0.0, 1.0)
+        out.append(_Finding(part, amount, 0.0, when, LIMIT_TOLERANCE))
         limit = INTEGRATION_TOLERANCE
         doubt = "" if motion.error <= limit else " (the motion cannot be trusted)"
         part = Part(f"integration error{doubt}", "", -np.inf, limit, limit)

@@ -29,7 +29,6 @@ JUDGE = """
 import json, sys, time
 from pathlib import Path
 import planner
-import planner.retimed  # earlier versions could not read a retimed plan without it
 
 def cost(what, least):
     what(); spent = []

@@ -142,6 +142,7 @@ class Motion:
         gap: Largest |plan's own q − q| over all points of both sets, and its time.
         unresolved: Largest distance of the input from its series at the control points, over its
             greatest value, and its time: above `AGREED` where splitting does not help.
+        hidden: The same of further functions, over their greatest value or one.
     """
 
     cells: Cells
@@ -150,6 +151,7 @@ class Motion:
     error: float
     gap: tuple[float, float]
     unresolved: tuple[float, float] = (0.0, 0.0)
+    hidden: tuple[float, float] = (0.0, 0.0)
 
     @cached_property
     def series(self) -> Array:
@@ -182,11 +184,11 @@ def integrate(
         trajectory: Its u(t) is what is integrated; its q(t) is only a first guess.
         start: q(0).
         tolerance: Estimated error above which all cells are split and the integral done anew.
-        *values: Further functions that the cells must resolve.
+        *values: Further functions that the cells must resolve, of the size of one.
     """
     cells: Cells | None = None
     for _ in range(ROUNDS):
-        reading, control = _read_twice(trajectory, (trajectory.system.rates, *values), cells)
+        reading, control = _read_twice(trajectory, values, cells)
         motion = _integrated(trajectory, start, reading, control)
         if not motion.error > tolerance or len(reading.cells.piece) > MOST_CELLS:
             break  # good enough, or not a number, or noise: splitting would not help
@@ -196,30 +198,35 @@ def integrate(
 
 @dataclass(frozen=True, eq=False)
 class _Control:
-    """What is read at the control points: q (P, C, N), u (P, C, 2), and `Motion.unresolved`."""
+    """What is read at the control points: q (P, C, N), u (P, C, 2); and of `Motion` the others."""
 
     q: Array
     u: Array
     unresolved: tuple[float, float]
+    hidden: tuple[float, float]
 
 
 def _read_twice(
     trajectory: Trajectory, values: Sequence[Values], start: Cells | None
 ) -> tuple[Reading, _Control]:
-    """A reading on cells that are split also where the input is elsewhere between the points."""
+    """A reading on cells that are split also where input or values are elsewhere in between."""
     count = max(CONTROL_POINTS, trajectory.degree + 1)
     for _ in range(ROUNDS):
-        reading = read(trajectory, own_input, *values, start=start)
-        cells = reading.cells
+        reading = read(trajectory, own_input, trajectory.system.rates, *values, start=start)
+        cells, hidden = reading.cells, np.zeros((count, len(reading.cells.piece)))
         q, u = trajectory.inside(cells.piece, cells.fractions(points(count)))
         peaks = np.max(np.abs(reading.u), axis=(0, 1))
         away = np.abs(u - apply(_resampling(count), reading.u))
         away = np.max(away / np.maximum(peaks, max(LESSER * np.max(peaks), 1e-12)), axis=-1)
-        split = (np.max(away, axis=0) > AGREED) & (cells.size > 0.25**SPLITS)
+        for function in values:
+            own, between = function(reading.q, reading.u), function(q, u)
+            gap = np.abs(between - apply(_resampling(count), own))
+            hidden = np.maximum(hidden, np.max(gap / np.maximum(np.max(np.abs(own)), 1.0), axis=-1))
+        split = (np.max(np.maximum(away, hidden), axis=0) > AGREED) & (cells.size > 0.25**SPLITS)
         if not np.any(split) or len(cells.piece) > MOST_CELLS:
             break
         start = cells.split(np.where(split, 4, 1))[0]
-    return reading, _Control(q, u, _worst(cells, away))
+    return reading, _Control(q, u, _worst(cells, away), _worst(cells, hidden))
 
 
 def _worst(cells: Cells, away: Array) -> tuple[float, float]:
@@ -244,7 +251,7 @@ def _integrated(
     error = np.max(np.abs(again - between)) + np.max(tail)
     gaps = [np.max(np.abs(a - b), axis=-1) for a, b in ((reading.q, q), (control.q, between))]
     gap = _worst(cells, gaps[int(np.argmax([np.max(g) for g in gaps]))])
-    return Motion(cells, q, u, float(error), gap, control.unresolved)
+    return Motion(cells, q, u, float(error), gap, control.unresolved, control.hidden)
 
 
 def _integral(start: Array, width: Array, rates: Array) -> Array:

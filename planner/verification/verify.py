@@ -131,7 +131,14 @@ def verify(plan: Plan) -> Check:
 
     def shaped(q: Array, u: Array) -> Array:
         at = At.of(problem.system, q, u, np.zeros_like(u))
-        return np.stack([v for required in to_resolve for v in required.values(at)], axis=-1)
+        return np.stack(
+            [
+                value / part.scale
+                for required in to_resolve
+                for part, value in zip(required.parts, required.values(at), strict=True)
+            ],
+            axis=-1,
+        )
 
     with np.errstate(all="ignore"):  # what is not a number never passes
         resolved = (shaped,) if to_resolve else ()
@@ -227,9 +234,13 @@ def _motion(
     part = Part(f"plan's q(t) against {other}", "", -np.inf, 0.0, 1.0)
     out.append(_Finding(part, gap, 0.0, when, INTERPOLANT_TOLERANCE))
     if not compensated:
-        amount, when = motion.unresolved
-        part = Part("plan's u(t) against the series it is judged by", "", -np.inf, 0.0, 1.0)
-        out.append(_Finding(part, amount, 0.0, when, LIMIT_TOLERANCE))
+        read = (
+            ("plan's u(t) against the series it is judged by", motion.unresolved),
+            ("requirements' values against the series they are judged by", motion.hidden),
+        )
+        for label, (amount, when) in read:
+            part = Part(label, "", -np.inf, 0.0, 1.0)
+            out.append(_Finding(part, amount, 0.0, when, LIMIT_TOLERANCE))
         limit = INTEGRATION_TOLERANCE
         doubt = "" if motion.error <= limit else " (the motion cannot be trusted)"
         part = Part(f"integration error{doubt}", "", -np.inf, limit, limit)

@@ -61,6 +61,7 @@ OPERATIONS: dict[str, tuple[Any, Exact, list[tuple[float, float]]]] = {
     "power -1.5": (x**-1.5, lambda a: a ** mp.mpf(-1.5), [PLUS]),
     "power 12": (x**12, lambda a: a**12, [PLUS]),
     "exp": (ca.exp(x), mp.exp, [ANY]),
+    "exp of what is wide": (ca.exp(60.0 * x), lambda a: mp.exp(60 * a), [ANY]),
     "log": (ca.log(x), mp.log, [PLUS]),
     "sin": (ca.sin(x), mp.sin, [(-30.0, 30.0)]),
     "cos": (ca.cos(x), mp.cos, [(-30.0, 30.0)]),

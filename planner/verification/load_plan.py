@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from planner.errors import InputError, VerificationError
+from planner.errors import InputError, InputWarning, VerificationError
+from planner.plan.measures import objective_of
 from planner.plan.plan import Plan
 from planner.plan.plan_file import read_plan
 from planner.verification.certify import certify
@@ -18,9 +20,11 @@ def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
     """Read a plan that `Plan.save` wrote, and judge it again if the file calls it verified.
 
     A plan that was verified comes back with `verified` True only if `verify` still says so, and its
-    certificate is proven anew. What is not a plan any more has `verified` False, the status
-    "verification_failed", no certificate, and says in `why` what it breaks. A file that never
-    claimed to hold a verified plan (a refused one, kept for study) keeps its own status.
+    certificate is proven anew. So is its objective computed, if it is one of duration and efforts;
+    where the file says another, that of the motion is taken, with a warning. What is not a plan any
+    more has `verified` False, the status "verification_failed", no certificate, and says in `why`
+    what it breaks. A file that never claimed to hold a verified plan (a refused one, kept for
+    study) keeps its own status.
 
     Args:
         path: The file.
@@ -40,10 +44,33 @@ def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
     if broken:
         status = VerificationError.status
         return replace(said, verified=False, status=status, certificate=None, why=broken)
+    if said.verified:
+        said = _corrected(said, path)
     if said.certificate is None:
         return said
     seconds = said.certificate.seconds  # those of the first proof: what is saved again is the same
     return replace(said, certificate=replace(certify(said), seconds=seconds))
+
+
+OBJECTIVE_TOLERANCE = 1e-5
+"""Difference of an objective, relative to it, that its name leaves: weights of four digits are off
+by up to 5e-4, and what they weigh is a hundredth of it."""
+
+
+def _corrected(plan: Plan, path: str | Path) -> Plan:
+    """With the objective of its own motion. That of a compensated plan is its original's."""
+    true = None
+    if plan.compensation is None:
+        true = objective_of(plan.trajectory, plan.objective_name)
+    if true is None or abs(plan.objective - true) <= OBJECTIVE_TOLERANCE * abs(true):
+        return plan
+    warnings.warn(
+        f"{path}: the objective is said to be {plan.objective:.6g}, but that of the plan in it is"
+        f" {true:.6g}, which is taken; the file was changed",
+        InputWarning,
+        stacklevel=3,
+    )
+    return replace(plan, objective=true)
 
 
 def _broken(plan: Plan) -> str:

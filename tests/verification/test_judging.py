@@ -278,7 +278,7 @@ def test_a_microsecond_between_the_points_it_is_read_at(paper: planner.Problem) 
     plan = planner.solve(paper)
     path = plan.trajectory
     assert isinstance(path, StateTrajectory)
-    order, x = np.arange(17), np.linspace(0, 1, 17)
+    order, x = np.arange(17), (1 - np.cos(np.pi * np.arange(17) / 16)) / 2
     points = (1 - np.cos(np.pi * np.arange(16) / 15)) / 2
     basis = comb(16, order) * x[:, None] ** order * (1 - x[:, None]) ** (16 - order)
     wiggle = np.linalg.solve(basis, np.prod(x[:, None] - points, axis=1))

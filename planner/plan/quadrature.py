@@ -313,7 +313,7 @@ def greatest(cells: Cells, values: Array) -> tuple[Array, Array]:
     """
     series, samples = apply(_to_series(), values), apply(_resampling(SAMPLES), values)
     order = np.arange(POINTS)[:, None]
-    bend = apply(order.T**2.0, np.abs(series))[0]
+    bend = apply(np.asarray(order.T**2.0), np.abs(series))[0]
     tops, best = np.max(samples, axis=0), np.max(samples, axis=(0, 1))
     with np.errstate(invalid="ignore"):
         enough = best + EQUAL * np.max(np.abs(values), axis=(0, 1))

@@ -303,21 +303,26 @@ def resolve(source: Source, start: Array | None = None, coarse: Coarse | None = 
     cells = Cells.of(source.trajectory.breaks)
     if len(cells.piece) < FEWEST_CELLS:
         cells, _ = cells.split()
-    u, before = source.inputs(cells), np.full(len(cells.piece), np.inf)
+    u = source.inputs(cells)
+    before = {of: np.full(len(cells.piece), np.inf) for of in ("inputs", "rates", "values")}
     for _ in range(source.halvings):
-        bad, rough = _unsettled(u, before)
-        motion = Enclosure(cells, [], u)
+        motion, of = Enclosure(cells, [], u), "inputs"
+        bad, rough = _unsettled(u, before[of])
         if start is not None and not np.any(bad):
-            motion = enclose(source.trajectory, cells, u, start)
-            bad, rough = _unsettled(motion.rates, before)
+            motion, of = enclose(source.trajectory, cells, u, start), "rates"
+            bad, rough = _unsettled(motion.rates, before[of])
         if coarse is not None and not np.any(bad):
-            bad, rough = coarse(motion), np.full(len(bad), np.inf)
+            of, bad, rough = "values", coarse(motion), np.full(len(bad), np.inf)
         if not np.any(bad) or len(bad) + np.sum(bad) > MOST_CELLS:
             break
         cells, origin = cells.split(np.where(bad, np.where(rough > COARSE, 4, 2), 1))
-        fresh, before = bad[origin], np.where(bad, rough, np.inf)[origin]
+        before[of] = np.where(bad, rough, before[of])
+        before = {of: kept[origin] for of, kept in before.items()}
+        fresh = bad[origin]
         new = source.inputs(cells.only(fresh))
         u = [old.updated(origin, fresh, x) for old, x in zip(u, new, strict=True)]
+    if start is not None and not motion.q:
+        return enclose(source.trajectory, motion.cells, motion.u, start)
     return motion
 
 

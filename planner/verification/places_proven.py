@@ -45,6 +45,10 @@ HALVINGS = 10
 ROUNDS = 7
 """Rounds that each narrow a dip eight times: to 1e-7 of the distance between samples."""
 
+MOST_CELLS = 20_000
+"""Cells that are halved at once: ten times what a long arm beside a post has. A motion that turns a
+million times would have millions."""
+
 
 def clearances(
     system: TriangularSystem, motion: Enclosure, centre: Sequence[Ball], links: list[int], by: float
@@ -103,7 +107,8 @@ def _square(values: list[Model], length: float, cells: Cells) -> tuple[Model, Ce
         best = np.fmin(best, np.fmin.reduce(square.high + _least_of(high, length)))
         far = square.low + _least_of(low, length) > best
         one = (low >= 0) | (high <= -length) | ((high <= 0) & (low >= -length))
-        settled = one | far | (step == HALVINGS) | ~np.isfinite(along.r)
+        last = step == HALVINGS or len(low) > MOST_CELLS
+        settled = one | far | last | ~np.isfinite(along.r)
         kept.append((cells.only(settled), [x.only(settled) for x in values]))
         if np.all(settled):
             break

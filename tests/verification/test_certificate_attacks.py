@@ -231,6 +231,16 @@ def test_a_plan_whose_own_motion_is_another(state: planner.Plan) -> None:
     )
 
 
+def test_inputs_that_nothing_bounds_leave_everything_undecided(chained: planner.Plan) -> None:
+    """z is zero: the chart is singular all the time, and no cell is fine enough for the inputs."""
+    path = chained.trajectory
+    assert isinstance(path, ChainedTrajectory)
+    zero = BPoly(np.zeros_like(path.z_curve.c), path.z_curve.x)
+    certificate = planner.certify(_with(chained, z_curve=zero))
+    assert [c.label for c in certificate.claims if c.status == "proven"] == ["duration"]
+    assert set(certificate.motion_error.values()) == {np.inf}
+
+
 def test_another_branch_or_other_inputs_in_the_chart(chained: planner.Plan) -> None:
     trajectory = chained.trajectory
     assert isinstance(trajectory, ChainedTrajectory)

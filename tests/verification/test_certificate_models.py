@@ -1,5 +1,8 @@
 """Functions, polynomials and least values on cells: undefined ones, slopes, narrow dips."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -10,10 +13,10 @@ from scipy.interpolate import BPoly
 from planner.plan.curves import Cells
 from planner.systems.chained_form import chained_form
 from planner.systems.manipulator import Manipulator
-from planner.verification.balls import Ball, models, polynomial_balls
+from planner.verification.balls import CUT, RADIUS, Ball, models, polynomial_balls
 from planner.verification.functions import Expression, UnboundedError, derivative, polynomials
-from planner.verification.input_models import _feedback
-from planner.verification.models import from_bernstein, least
+from planner.verification.input_models import Source, _feedback, resolve
+from planner.verification.models import POINTS, from_bernstein, least
 
 x = ca.SX.sym("x")
 
@@ -72,6 +75,22 @@ def test_every_rounding_of_a_restriction_is_counted(degree: int, scale: float) -
         assert np.all(found.r <= 1e-11 * scale)
         (found,) = polynomials(curve, cells, 1)
         assert np.all(found.r >= derivative(curve, 1)[1][cells.piece, 0])
+
+
+def test_a_cell_of_noise_is_halved_once_however_often_others_are() -> None:
+    """In the first second a remainder of 1e-6 that does not shrink, in the other one of 5e-3 that
+    shrinks a hundredfold whenever it is halved."""
+
+    def inputs(cells: Cells) -> list[Ball]:
+        rest = np.where(cells.piece == 0, 1e-6, 5e-3 * (4 * cells.size) ** np.log2(100))
+        zero = np.zeros((len(rest), len(RADIUS)))
+        radius = np.where(np.arange(len(RADIUS)) < POINTS, zero, np.inf)
+        radius[:, -1] = rest / CUT[-1]
+        return [Ball(zero, zero, radius)] * 2
+
+    trajectory: Any = SimpleNamespace(breaks=np.array([0.0, 1.0, 2.0]))
+    found = resolve(Source(trajectory, inputs, inputs))
+    np.testing.assert_array_equal(np.bincount(found.cells.piece), [8, 64])
 
 
 @given(st.integers(0, 10**6))

@@ -15,7 +15,7 @@ from planner.systems.chained_form import chained_form
 from planner.systems.manipulator import Manipulator
 from planner.verification.balls import CUT, RADIUS, Ball, models, polynomial_balls
 from planner.verification.functions import Expression, UnboundedError, derivative, polynomials
-from planner.verification.input_models import Source, _feedback, resolve
+from planner.verification.input_models import Source, _feedback, resolve, root
 from planner.verification.models import POINTS, from_bernstein, least
 
 x = ca.SX.sym("x")
@@ -137,3 +137,24 @@ def test_the_rate_of_a_feedback_is_its_derivative_along_the_motion() -> None:
         ahead, back = (form.inputs(z + s * dz, v + s * dv, branch) for s in (h, -h))
         found = [ball.c[0, 0] for ball in rate(*balls)]
         np.testing.assert_allclose(found, (ahead - back) / (2 * h), rtol=1e-6, atol=1e-7)
+
+
+def test_a_root_lies_where_slope_and_defect_allow_it_and_nowhere_else() -> None:
+    """x² = 2 from 1.4 with its slope 2x; from zero nothing is known of it."""
+    for start, side in ((1.4, 1.0), (-1.4, -1.0)):
+        guess = whole_ball(start)
+        found, slope = root(guess, guess * guess + -2.0, lambda x: x * 2.0, side)
+        away = np.abs(side * np.sqrt(2.0) - found.c)
+        assert np.all(away <= found.r)
+        assert np.all(found.r < 1.1 * away)
+        assert np.all(np.abs(2 * side * np.sqrt(2.0) - slope.c) <= slope.r)
+    for start, side in ((0.1, 1.0), (1.4, -1.0)):  # far away; the slope has another sign
+        guess = whole_ball(start)
+        found, slope = root(guess, guess * guess + -2.0, lambda x: x * 2.0, side)
+        assert np.all(np.isinf(found.r))
+        assert np.all(np.isinf(slope.r))
+
+
+def whole_ball(value: float) -> Ball:
+    """A number on one cell."""
+    return Ball(np.full((1, len(RADIUS)), value), *np.zeros((2, 1, len(RADIUS))))

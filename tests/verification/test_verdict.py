@@ -116,7 +116,7 @@ def test_what_no_proof_reads_is_asked_between_the_points_too(plan: planner.Plan)
     share = points(CONTROL_POINTS)[int(np.argmax(np.min(np.abs(apart), axis=1)))]
     piece = len(plan.t) // 2
     between = plan.t[piece] + share * (plan.t[piece + 1] - plan.t[piece])
-    on = asked(plan, Hidden(float(plan.q(between)[1]), 1e-4))
+    on = asked(plan, Hidden(float(plan.q(between)[1]), 1e-5))
     assert not judge(on)[1].ok
     beside = asked(plan, Hidden(way(plan)[1] + 1e-4, 1e-4))
     found, check = judge(beside)
@@ -155,6 +155,29 @@ def test_what_reads_coordinates_and_inputs_is_proven_on_retimed_plans(plan: plan
         assert above.attained == pytest.approx(-1e-3, abs=1e-5)
         (v,) = judge(asked(made, Band(low + 1e-3, high + 1e-3)))[1].violations
         assert v.limit == pytest.approx(low + 1e-3)
+
+
+@dataclass(frozen=True)
+class Spike(Bump):
+    """The bump in θ₁ + θ₂ u₂ instead."""
+
+    reads = frozenset({"q", "u"})
+
+    def rows(self, at: At) -> Sequence[Any]:
+        return [ca.exp(-(((at.q[1] + at.q[2] * at.u[1] - self.at) / self.width) ** 2))]
+
+    def values(self, at: At) -> Sequence[Any]:
+        return [np.exp(-(((at.q[1] + at.q[2] * at.u[1] - self.at) / self.width) ** 2))]
+
+
+def test_a_bump_of_coordinates_and_inputs_is_found_on_retimed_plans(plan: planner.Plan) -> None:
+    made = planner.retime(plan)
+    for share in (0.2345, 0.4321, 0.8765):
+        q, u = made.q(share * made.duration), made.u(share * made.duration)
+        at = float(q[1] + q[2] * u[1])
+        claim = planner.certify(asked(made, Spike(at, 1e-6)))["bump"]
+        assert claim.status == "violated"
+        assert claim.attained == pytest.approx(-0.5, abs=1e-6)
 
 
 def test_the_side_of_a_limit_that_only_the_certificate_sees(plan: planner.Plan) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from planner.errors import Violation
 from planner.plan.claims import Certificate, Claim
 from planner.plan.plan import Plan
-from planner.problem.requirements.requirement import At, Part, Requirement
+from planner.problem.requirements.requirement import At, Demand, Part, Requirement
 from planner.verification.certify import OWN, certify
 from planner.verification.verify import LIMIT_TOLERANCE, Check, verify
 
@@ -52,21 +52,17 @@ def _proven(plan: Plan, certificate: Certificate) -> Iterator[Violation]:
         if claim.status != "violated":
             break  # these come first
         demand, part = demands.get(claim.label, (None, OWN))
-        excess = -claim.attained
-        if not isinstance(demand, Requirement) or demand.final:
-            limit, value = 0.0, excess
-        elif excess <= LIMIT_TOLERANCE * part.scale:
-            continue
-        elif _above(plan, demand, part, claim):
-            limit, value = part.high, part.high + excess
-        else:
-            limit, value = part.low, part.low - excess
-        yield Violation(part.label, claim.time_s, value, limit, part.unit, excess / part.scale)
+        excess, always = -claim.attained, isinstance(demand, Requirement) and not demand.final
+        if excess > (LIMIT_TOLERANCE * part.scale if always else 0.0):
+            above = _above(plan, demand, part, claim)
+            limit = part.high if above else part.low
+            value = limit + excess if above else limit - excess
+            yield Violation(part.label, claim.time_s, value, limit, part.unit, excess / part.scale)
 
 
-def _above(plan: Plan, demand: Requirement, part: Part, claim: Claim) -> bool:
+def _above(plan: Plan, demand: Demand | None, part: Part, claim: Claim) -> bool:
     """Whether it is the upper limit that is broken."""
-    if np.isinf(part.low) or np.isinf(part.high):
+    if not isinstance(demand, Requirement) or np.isinf(part.low) or np.isinf(part.high):
         return bool(np.isfinite(part.high))
     time_s, path = claim.time_s or 0.0, plan.trajectory
     at = At.of(plan.problem.system, path.q(time_s), path.u(time_s), np.zeros(2))

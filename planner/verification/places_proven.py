@@ -42,8 +42,8 @@ from planner.verification.models import (
 HALVINGS = 10
 
 MOST_CELLS = 20_000
-"""Cells that are halved at once: ten times what a long arm beside a post has. A motion that turns a
-million times would have millions."""
+"""Beyond so many none is halved any more. Plans halve a handful; a motion that turns a thousand
+times past a disc would have millions."""
 
 
 def clearances(

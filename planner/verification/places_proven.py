@@ -46,8 +46,8 @@ ROUNDS = 7
 """Rounds that each narrow a dip eight times: to 1e-7 of the distance between samples."""
 
 MOST_CELLS = 20_000
-"""Cells that are halved at once: ten times what a long arm beside a post has. A motion that turns a
-million times would have millions."""
+"""Beyond so many none is halved any more. Plans halve a handful; a motion that turns a thousand
+times past a disc would have millions."""
 
 
 def clearances(

@@ -33,7 +33,7 @@ from planner.support.deadline import (
     share,
 )
 from planner.support.progress import Listener, listening, now, tell
-from planner.verification.certify import certify
+from planner.verification.verdict import judge
 from planner.verification.verify import Check, verify
 
 if TYPE_CHECKING:
@@ -170,11 +170,11 @@ def judged(plan: Plan) -> tuple[Plan, Check]:
         VerificationError: If it breaks a requirement otherwise.
     """
     tell("verifying")
-    check = verify(plan)
     if plan.status == "singular":
-        return plan, check
+        return plan, verify(plan)
+    plan, check = judge(plan)
     if check.ok:
-        return replace(plan, verified=True, certificate=certify(plan)), check
+        return plan, check
     if why := plan.notes.get("ended_early"):
         raise TimeLimitError(
             f"{plan.problem.source}: {why}, and there was no time to refine it: it breaks",
@@ -238,11 +238,12 @@ def compensated(
     Raises:
         InputError: If the system is no arm with friction disks.
         NoPlanError: If there is no plan for the goal that would have to be planned for, or the
-            predicted motion breaks a requirement.
+            plan or the predicted motion breaks a requirement.
     """
     from planner.machine.feedforward.aim import aimed  # with the machine, which only this needs
     from planner.machine.machine import machine_for
 
+    plan = plan if plan.verified else judged(plan)[0]
     problem, entry = plan.problem, find_method(plan.method)
     used = machine_for(problem.machine, machine)
     began = time.perf_counter()
@@ -269,10 +270,10 @@ def compensated(
     except NoPlanError as error:
         why = error.reason.removeprefix(f"{problem.source}: ")
         raise NoPlanError(no_aim + why, violations=error.violations, advice=advice) from error
-    check = verify(made)
+    made, check = judge(made)
     made = replace(made, solve_time_s=plan.solve_time_s + time.perf_counter() - began)
     if check.ok:
-        return replace(made, verified=True), check
+        return made, check
     raise _broken(made, check, " on the nominal machine", advice)
 
 

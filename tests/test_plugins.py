@@ -8,7 +8,6 @@ import pickle
 import sys
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 import pytest
+from registered import restored
 
 import planner
 from planner.cli.app import main
@@ -39,23 +39,6 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = Path(__file__).parent / "plugin"
 KEY, PRODUCT = "limits.input_product", "product of the inputs"
 PRODUCT_WORDS = "largest |u1 u2|, in the product of the inputs' units"
-
-
-@contextmanager
-def restored() -> Iterator[pytest.MonkeyPatch]:
-    """Registries and plugins as they were, afterwards."""
-    limits = {file.model_fields["limits"].annotation for file in FILES.values()}
-    tables = (MethodsTable, *limits)
-    dicts = (FILES, METHODS, REQUIREMENTS, *(table.model_fields for table in tables))  # type: ignore[union-attr]
-    kept = [(table, dict(table)) for table in dicts]  # type: ignore[call-overload]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plugins, "_plugins", plugins._Plugins())
-        yield patch
-    for table, before in kept:
-        table.clear()
-        table.update(before)
-    for model in (*tables, *FILES.values()):
-        model.model_rebuild(force=True)  # type: ignore[union-attr]
 
 
 @pytest.fixture

@@ -235,7 +235,7 @@ def fastest_motion(
     """The fastest timing of a path within limits of inputs and of their rates, not verified yet.
 
     Args:
-        path: A trajectory with inputs at all times.
+        path: A trajectory with inputs at all times. Of a retimed one its own path is timed anew.
         limits: Of inputs and of their rates; one of them for each input that moves.
         requirements: The whole is slowed for what it breaks of these: by little for limits of
             inputs and rates, which the clock knows; for others as much as they need.
@@ -251,6 +251,8 @@ def fastest_motion(
         NotConvergedError: If the programme is not solved, or an input would jump where something
             other than `limits` is asked of its rate.
     """
+    while isinstance(path, RetimedTrajectory):
+        path = path.path
     if np.any(np.isfinite(limits.input_rate[moving])):
         trajectory, notes = _with_rates(path, limits, moving, rest, intervals)
     else:

@@ -212,15 +212,21 @@ class Prediction:
     """A motion of the nominal machine.
 
     Attributes:
-        q: Coordinates at the plan's own times `plan.t`, shape (K+1, N).
+        t: Times no farther apart than the longest step of a simulation, shape (R,), s.
+        q: Coordinates then, shape (R, N).
         end: Coordinates once the servos have settled, shape (N,). The path coordinate counts from
             where it is when the plan starts: what the preparation turns it by is lost motion.
         deviation: Largest |q − what is wanted| over time of those after the first, (N−1,).
     """
 
+    t: Array
     q: Array
     end: Array
     deviation: Array
+
+    def at(self, times: Array) -> Array:
+        """Coordinates (…, N) at times (…), straight from one step to the next."""
+        return np.stack([np.interp(times, self.t, q) for q in self.q.T], axis=-1)
 
 
 def predicted(plan: Plan, machine: Machine, progress: Progress | None = None) -> Prediction:
@@ -231,14 +237,19 @@ def predicted(plan: Plan, machine: Machine, progress: Progress | None = None) ->
         machine: The machine; its spreads count for nothing.
         progress: As of `planner.machine.replay.replay`.
     """
-    first = np.zeros(1, dtype=np.int64)
-    tick = float(plan.t[1] - plan.t[0])
+    nominal, first = machine.nominal(), np.zeros(1, dtype=np.int64)
     run = simulate(
-        plan, machine.nominal(), first, 0, settle_s=SETTLE_S, record_s=tick, progress=progress
+        plan,
+        nominal,
+        first,
+        0,
+        settle_s=SETTLE_S,
+        record_s=machine.step_s,
+        progress=progress,
     )
-    q, end = run.q[0, : len(plan.t)], run.q[0, -1].copy()
-    end[0] -= q[round(plan.lead_s / tick), 0] - q[0, 0]
-    return Prediction(q, end, run.deviation[0])
+    found = Prediction(run.t, run.q[0], run.q[0, -1].copy(), run.deviation[0])
+    found.end[0] -= found.at(np.array(plan.lead_s))[0] - found.q[0, 0]
+    return found
 
 
 def commanded(
@@ -265,4 +276,4 @@ def commanded(
     )
     machine = Machine.from_table(compensation.machine)
     found = predicted(out, machine, progress=lambda *_: deadline.check())
-    return replace(out, trajectory=commands.along(system, found.q)), found
+    return replace(out, trajectory=commands.along(system, found.at(commands.t))), found

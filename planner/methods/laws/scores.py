@@ -6,7 +6,7 @@ through the chart in few calls, which is what makes scans cheap.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Literal
@@ -28,6 +28,13 @@ _CLOSE = 0.1
 """Margin, over that of the ends, below which a motion counts as too close to the domain's edge.
 
 There θ₁ bounces off zero and the inputs are quotients of small numbers."""
+
+SLACK = 1e-6
+"""Slack to a limit, relative to it, that a choice leaves where the ends do: with less, the
+certificate's enclosures cannot tell a coordinate at its limit from one beyond it."""
+
+ROUNDING = 1e-9
+"""Slack that is missing by rounding alone."""
 
 Criterion = Literal["peak", "margin"]
 
@@ -52,7 +59,7 @@ class Scores:
         """Whether all samples lie inside the domain."""
         return np.asarray(self.margin > 0)
 
-    def cost(self, criterion: Criterion, ends: float) -> Array:
+    def cost(self, criterion: Criterion, ends: float, slack: float = 0.0) -> Array:
         """One number to minimise, shape (C,): what is worse in kind always costs more.
 
         Below 1: keeps limits and a distance from the domain's edge; 1 to 2: breaks a limit or comes
@@ -62,16 +69,17 @@ class Scores:
             criterion: "peak" compares peak inputs; "margin" compares margins, and by their peaks
                 those that reach the ends' margin, which no path can exceed.
             ends: The least margin of start and goal; see `end_margin`.
+            slack: The slack that keeps a limit; see `end_slack`.
         """
         with np.errstate(invalid="ignore"):
             outside = 2 + _bounded(-self.margin)
             close = 1 - self.margin / (_CLOSE * ends)
-            broken = 1 + _bounded(np.maximum(close, -self.slack))
+            broken = 1 + _bounded(np.maximum(close, slack - self.slack))
             kept = _bounded(self.peak)
             if criterion == "margin":
                 short = self.margin < ends * (1 - 1e-6)
                 kept = np.where(short, 1 - 0.5 * self.margin / ends, 0.5 * kept)
-            cost = np.where((self.slack < -1e-9) | (close > 0), broken, kept)
+            cost = np.where((self.slack < slack - ROUNDING) | (close > 0), broken, kept)
             cost = np.where(self.margin > 0, cost, outside)
         return np.where(np.isnan(cost), 3.0, cost)
 
@@ -188,20 +196,32 @@ def end_margin(problem: Problem) -> float:
     return float(np.min(problem.system.chart_margins(ends, problem.branch)))
 
 
+def end_slack(problem: Problem) -> float:
+    """The slack to limits that a choice leaves: no more than start and goal do, nor `SLACK`."""
+    ends = np.stack([problem.start, np.nan_to_num(problem.goal)])
+    z = chained_form(problem.system).z(ends)
+    return float(np.clip(np.min(list(_rooms(problem, z, ends)), initial=SLACK), 0.0, SLACK))
+
+
 def _slack(problem: Problem, z: Array, q: Array, pieces: int) -> Array:
     """Least relative slack (C,) of limits on the way; z, q of shape (C, S, N), S on all pieces."""
-    at, slack = At.of(problem.system, q), np.full(len(q), np.inf)
-    at = replace(at, z=np.moveaxis(z, -1, 0))
+    slack = np.full(len(q), np.inf)
+    for room in _rooms(problem, z, q):
+        slack = np.minimum(slack, np.min(room, axis=1))
+        slack = np.minimum(slack, _dips(room.reshape(len(q), pieces, -1)))
+    return slack
+
+
+def _rooms(problem: Problem, z: Array, q: Array) -> Iterator[Array]:
+    """Slack (…) to each limit on coordinates, relative to it, at z and q (…, N)."""
+    at = replace(At.of(problem.system, q), z=np.moveaxis(z, -1, 0))
     for required in problem.requirements:
         if required.reads == {"q"} and required.smooth:
             for part, value in zip(required.parts, required.values(at), strict=True):
                 if part.low == -part.high:
-                    room = 1 - np.abs(value) / part.high
+                    yield 1 - np.abs(value) / part.high
                 else:
-                    room = np.minimum(part.high - value, value - part.low) / part.scale
-                slack = np.minimum(slack, np.min(room, axis=1))
-                slack = np.minimum(slack, _dips(room.reshape(len(q), pieces, -1)))
-    return slack
+                    yield np.minimum(part.high - value, value - part.low) / part.scale
 
 
 def _bounded(x: Array) -> Array:
@@ -254,13 +274,13 @@ def search_candidates(
         criterion: What to make best; domain and limits come first.
         starts: How many of the best candidates to refine; 0 to scan only.
     """
-    best_margin = end_margin(problem)
+    ends = end_margin(problem), end_slack(problem)
     tried = 0
 
     def costs(points: Array, samples: int) -> Array:
         nonlocal tried
         tried += len(points)
-        return score(problem, map(make, points), samples).cost(criterion, best_margin)
+        return score(problem, map(make, points), samples).cost(criterion, *ends)
 
     def refine(x: Array, step: Array, samples: int) -> tuple[float, Array]:
         result = minimize(

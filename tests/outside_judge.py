@@ -32,7 +32,8 @@ def excess(plan: planner.Plan) -> tuple[float, str]:
     """By how much the worst requirement is broken, over `verify`'s tolerance, and which.
 
     Start, goal, duration, the plan's own q(t), the chart's domain, and limits of inputs, of their
-    rates (where the inputs are polynomials), of coordinates and of z₂. NaN counts as broken.
+    rates (jumps, and slopes where the inputs are polynomials), of coordinates and of z₂. NaN counts
+    as broken.
     """
     worst = -np.inf, ""
     for label, amount in _excesses(plan):
@@ -56,12 +57,14 @@ def _excesses(plan: planner.Plan) -> Iterator[tuple[str, float]]:
         peak = -_least(plan, lambda t, i=i: -np.abs(plan.u(t)[..., i]))  # type: ignore[misc]
         yield f"input {i}", (peak / limit - 1) / 1e-6 if np.isfinite(limit) else peak - 1e6
     for i in np.flatnonzero(np.isfinite(limits.input_rate)):
+        breaks = plan.t[1:-1]
+        before, after = (plan.u(t)[:, i] for t in (np.nextafter(breaks, 0.0), breaks))
+        jump = np.max(np.abs(after - before), initial=0.0) / np.max(np.abs(plan.u(plan.t)[:, i]))
+        yield f"jump {i}", jump / 1e-7
         if isinstance(path, StateTrajectory):
-            curve, slope = path.u_curve, path.u_curve.derivative()
+            slope = path.u_curve.derivative()
             peak = -_least(plan, lambda t, i=i, f=slope: -np.abs(f(t)[..., i]))  # type: ignore[misc]
             yield f"rate {i}", (peak / limits.input_rate[i] - 1) / 1e-6
-            jump = np.max(np.abs(curve.c[0, 1:, i] - curve.c[-1, :-1, i]), initial=0.0)
-            yield f"jump {i}", jump / np.max(np.abs(curve.c[..., i])) / 1e-7
     motion, times = integrate(plan, rtol=1e-10, atol=1e-11)
     q = motion(times)
     yield "q(t)", np.max(np.abs(plan.q(times) - q)) / 1e-4

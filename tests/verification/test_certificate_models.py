@@ -11,11 +11,13 @@ from hypothesis import strategies as st
 from scipy.interpolate import BPoly
 
 from planner.plan.curves import Cells
+from planner.plan.trajectory import StateTrajectory
 from planner.systems.chained_form import chained_form
 from planner.systems.manipulator import Manipulator
+from planner.systems.vehicles import Unicycle
 from planner.verification.balls import CUT, RADIUS, Ball, models, polynomial_balls
 from planner.verification.functions import Expression, UnboundedError, derivative, polynomials
-from planner.verification.input_models import Source, _feedback, resolve, root
+from planner.verification.input_models import Source, _feedback, resolve, root, source_of
 from planner.verification.models import POINTS, from_bernstein, least
 
 x = ca.SX.sym("x")
@@ -75,6 +77,16 @@ def test_every_rounding_of_a_restriction_is_counted(degree: int, scale: float) -
         assert np.all(found.r <= 1e-11 * scale)
         (found,) = polynomials(curve, cells, 1)
         assert np.all(found.r >= derivative(curve, 1)[1][cells.piece, 0])
+
+
+def test_cells_are_halved_until_the_motion_is_known_as_its_inputs_are() -> None:
+    """Constant inputs, known at once, and eight turns round."""
+    u = BPoly(np.array([[[1.0, 10.0]]]), [0.0, 5.0])
+    path = StateTrajectory(Unicycle(), BPoly(np.zeros((1, 1, 3)), [0.0, 5.0]), u)
+    with np.errstate(all="ignore"):
+        assert len(resolve(source_of(path)).cells.piece) == 4
+        found = resolve(source_of(path), np.zeros(3))
+    assert max(float(np.max(ball.rough)) for ball in found.rates) <= 1e-10
 
 
 def test_a_cell_of_noise_is_halved_once_however_often_others_are() -> None:

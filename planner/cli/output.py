@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
 from operator import itemgetter
+from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import numpy as np
@@ -264,16 +265,19 @@ class Interrupted(PlannerError):  # noqa: N818 (not an error)
 
 
 @contextmanager
-def resumable(kept: str) -> Iterator[None]:
-    """Run a job that keeps what is finished; `kept` says where.
+def resumable(what: str, place: Path) -> Iterator[None]:
+    """Run a job that keeps what is finished, such as "cases", in a file or folder.
 
     Raises:
-        Interrupted: After Ctrl-C or SIGTERM.
+        Interrupted: After Ctrl-C or SIGTERM, also where an error hides it, once the place is there.
     """
     try:
         yield
-    except (KeyboardInterrupt, Terminated):
-        raise Interrupted(kept) from None
+    except BaseException as error:
+        ended = interrupted() or isinstance(error, KeyboardInterrupt | Terminated)
+        if not (ended and place.exists()):
+            raise
+        raise Interrupted(f"finished {what} are in {place}") from None
 
 
 def interrupted() -> bool:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import signal
 import sqlite3
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,7 @@ import pytest
 
 import planner
 from planner.machine.contact_load import contact_load
+from planner.support.interrupts import hear_signals
 from planner.sweep import case as case_module
 from planner.sweep import results as table_module
 from planner.sweep.case import case_at, cases, run_case
@@ -268,6 +271,35 @@ def test_an_interrupt_keeps_what_is_done(
         run_sweep(tables, db, workers=0, progress=stop)
     assert query(db, "SELECT count(*) FROM cases") == [(4,)]
     assert run_sweep(tables, db, workers=0).ran == 6
+
+
+@pytest.mark.parametrize("step", ["BEGIN IMMEDIATE", "INSERT OR REPLACE", "COMMIT"])
+@pytest.mark.parametrize("heard", [True, False], ids=["command", "library"])
+def test_an_interrupt_between_two_steps_of_a_transaction_loses_nothing(
+    tables: Tables, db: Path, monkeypatch: pytest.MonkeyPatch, step: str, heard: bool
+) -> None:
+    """When the database has just been locked, say: what is finished is kept, and Ctrl-C raised."""
+    steps = []
+
+    class Pressed(sqlite3.Connection):
+        def execute(self, statement: str, *values: Any) -> sqlite3.Cursor:
+            done = super().execute(statement, *values)
+            if statement.startswith(step):
+                steps.append(step)
+                if len(steps) == 7:
+                    signal.raise_signal(signal.SIGINT)
+            return done
+
+    real = sqlite3.connect
+    monkeypatch.setattr(
+        sqlite3, "connect", lambda *words, **options: real(*words, **options, factory=Pressed)
+    )
+    with pytest.raises(KeyboardInterrupt), hear_signals() if heard else nullcontext():
+        run_sweep(tables, db, workers=0)
+    monkeypatch.undo()
+    kept = query(db, "SELECT count(*) FROM cases")[0][0]
+    assert 4 <= kept < 10
+    assert run_sweep(tables, db, workers=0).kept == kept
 
 
 def test_no_process_or_thread_is_left_behind(tables: Tables, db: Path) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import InputError, NoPlanError
+from planner.errors import InputError, MethodError, NoPlanError
 from planner.methods.keeping import not_promised
 from planner.methods.refusal import Change, in_other_time, on_other_paths, tried, within_reach
 from planner.methods.registry import METHODS, find_method
@@ -197,7 +197,7 @@ def check(
         duration_bound=least_duration(problem),
         plain_polynomial=_plain_polynomial(problem, window) if singular else None,
         nonholonomy=nonholonomy(problem),
-        not_promised={name: not_promised(problem, METHODS[name].keeps) for name in names},
+        not_promised={name: _not_promised(problem, name) for name in names},
         outcomes=tuple(outcomes),
         remedy=remedy,
         ended_early=f"{span.why} ended the search" if span.reached else None,
@@ -234,6 +234,13 @@ def _outcome(problem: Problem, name: str) -> dict[str, Any]:
         return refusal_summary(error, name)
     except InputError as error:  # the method's own demands on the problem
         return refusal_summary(NoPlanError(str(error)), name) | {"status": "bad_input"}
+
+
+def _not_promised(problem: Problem, name: str) -> tuple[str, ...]:
+    try:
+        return not_promised(problem, METHODS[name].keeps)
+    except MethodError:  # its outcome says so
+        return ()
 
 
 def _reversal(

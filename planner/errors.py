@@ -218,6 +218,20 @@ class InfeasibleError(NoPlanError):
     certificate: Mapping[str, Any] | None = None
 
 
+class MethodError(NoPlanError):
+    """A method of another package failed, or returned no plan. Names the method and the package.
+
+    Attributes:
+        traceback: Where it failed, for the author of that package, or "".
+    """
+
+    status = "method_failed"
+
+    def __init__(self, message: str, *, traceback: str = "") -> None:
+        self.traceback = traceback
+        super().__init__(message)
+
+
 class NotConvergedError(NoPlanError):
     """The solver stopped without a plan. This does not prove that none exists."""
 

@@ -16,7 +16,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.comparison import rows
-from planner.errors import InputError, NoPlanError, SingularError, VerificationError
+from planner.errors import (
+    InputError,
+    MethodError,
+    NoPlanError,
+    SingularError,
+    VerificationError,
+)
 from planner.machine.contact_load import contact_load
 from planner.machine.machine import Machine
 from planner.machine.replay import RECORD_S, replay
@@ -242,7 +248,8 @@ def _versions() -> str:
 
 def _refusal(error: NoPlanError) -> Row:
     why = "; ".join([error.reason, *(str(v) for v in error.violations[:3])])
-    return {"status": error.status, "why": why, "advice": error.advice}
+    trace = error.traceback or None if isinstance(error, MethodError) else None
+    return {"status": error.status, "why": why, "advice": error.advice, "traceback": trace}
 
 
 def _number(value: Any) -> Any:

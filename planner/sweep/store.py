@@ -125,7 +125,7 @@ class Database:
     def _empty(self) -> bool:
         """Whether nothing has been kept in it, by another process either."""
         try:
-            return self.db.execute("SELECT count(*) FROM sqlite_master").fetchone() == (0,)
+            return self.db.execute("SELECT 1 FROM sqlite_master").fetchone() is None
         except sqlite3.Error:
             return os.path.exists(self.path) and not os.path.getsize(self.path)
 

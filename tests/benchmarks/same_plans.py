@@ -5,8 +5,8 @@
 
 For each problem and method: a hash of q(t) and u(t) at 1001 times and the objective, or the kind of
 refusal. The bits depend on the machine and its libraries, so they are compared where they were
-made, never kept. Across processors an answer is the same plan or the same refusal, and the
-objective agrees; NumPy and SciPy take the arithmetic of another one where OPENBLAS_CORETYPE names it:
+made, never kept. Across processors an answer is a plan on all or the same refusal, and objectives
+agree; NumPy and SciPy take the arithmetic of another processor where OPENBLAS_CORETYPE names it:
 
     OPENBLAS_CORETYPE=Haswell python tests/benchmarks/same_plans.py one.json
     OPENBLAS_CORETYPE=Nehalem python tests/benchmarks/same_plans.py --against one.json --within 1e-6

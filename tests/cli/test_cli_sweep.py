@@ -110,6 +110,8 @@ def test_after_ctrl_c_it_says_where_the_finished_cases_are(
 def test_ctrl_c_before_there_is_a_database_says_nothing_of_one(
     run: Callable[..., Any], file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sys.modules["planner.cli.sweep"], "run_sweep", lambda *_, **__: press(False))
+    monkeypatch.setattr(
+        sys.modules["planner.cli.sweep"], "run_sweep", lambda *_, **__: press(False)
+    )
     result = run("sweep", file)
     assert (result.status, result.err) == (130, "planner: interrupted, nothing written\n")

@@ -16,7 +16,9 @@ import pytest
 import planner
 from planner.machine.contact_load import contact_load
 from planner.support.interrupts import hear_signals
+from planner.support.package import ROOT
 from planner.sweep import case as case_module
+from planner.sweep import pools
 from planner.sweep import results as table_module
 from planner.sweep.case import case_at, cases, run_case
 from planner.sweep.description import Sweep
@@ -312,6 +314,21 @@ def test_no_process_or_thread_is_left_behind(tables: Tables, db: Path) -> None:
     pool.close()
     assert not worker.alive
     assert threading.active_count() == before
+
+
+def test_workers_run_this_package_among_any_others(
+    tables: Tables, db: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside it a module with the name of one of Python's own; another `planner` on the path."""
+    beside, other = tmp_path / "site", tmp_path / "other"
+    for folder in (beside, other / "planner"):
+        folder.mkdir(parents=True)
+    (beside / "planner").symlink_to(ROOT / "planner")
+    for module in (beside / "queue.py", beside / "json.py", other / "planner/__init__.py"):
+        module.write_text("raise ImportError('this is not the one')")
+    monkeypatch.setattr(pools, "ROOT", beside)
+    monkeypatch.setenv("PYTHONPATH", str(other))
+    assert run_sweep(tables, db, workers=1).statuses == {"infeasible": 10}
 
 
 def test_progress_counts_and_names(tables: Tables, db: Path) -> None:

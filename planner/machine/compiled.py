@@ -40,8 +40,8 @@ ARRAYS = ("parameters", "length", "running", "desired", "row", "state", "q", "sp
           "moving")  # fmt: skip
 
 SLOW = (
-    "planner: the compiled replay is {}, so replays are about ten times slower (50 machines at once:"
-    " 30 times; 1000: 3 times); {}"
+    "planner: the compiled replay is {}, so replays are about ten times slower (50 machines at"
+    " once: 30 times; 1000: 3 times); {}"
 )
 """Process time on the paper's plan, its machine, one thread."""
 MISSING = SLOW.format("missing", "install a C compiler, then this package again")

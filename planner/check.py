@@ -27,6 +27,7 @@ from planner.problem.problem import Problem, expect_problem
 from planner.problem.reach import Reach, goal_reach
 from planner.solve import solve, solve_and_check
 from planner.support.deadline import limited, share
+from planner.support.progress import expect_listener
 from planner.verification.summary import plan_summary, refusal_summary
 
 Progress = Callable[[str], None]
@@ -171,6 +172,7 @@ def check(
     Raises:
         InputError: If a method is unknown.
     """
+    expect_listener(progress)
     expect_problem(problem)
     say = progress or (lambda _: None)
     own = [name for name, method in METHODS.items() if method.refines is None]

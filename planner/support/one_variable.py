@@ -141,12 +141,13 @@ def _polish(function: Function, times: Array, k: int) -> tuple[float, float]:
         value = float(function(np.array([t]))[0])
         return np.inf if np.isnan(value) else value
 
-    result = minimize_scalar(
-        scalar,
-        bounds=(times[k - 1], times[k + 1]),
-        method="bounded",
-        options={"xatol": 1e-10 * max(1.0, abs(times[-1]))},
-    )
+    with np.errstate(invalid="ignore"):  # beside the dip it may be infinite
+        result = minimize_scalar(
+            scalar,
+            bounds=(times[k - 1], times[k + 1]),
+            method="bounded",
+            options={"xatol": 1e-10 * max(1.0, abs(times[-1]))},
+        )
     return float(result.fun), float(result.x)
 
 

@@ -31,6 +31,10 @@ import planner
 ROOT = Path(__file__).parents[2]
 METHODS = ("polynomial", "piecewise", "sinusoid", "collocation", "convex", "desensitised")
 
+# Round a post there are many local optima, whose contact falls on other nodes; which of them the
+# search meets first hangs on rounding.
+LOOSE = {"obstacle collocation": 0.01, "obstacle desensitised": 0.03}
+
 Answer = dict[str, Any]
 
 
@@ -82,7 +86,11 @@ def main() -> int:
         return 0
     before = json.loads(given.against.read_text(encoding="utf-8"))
     differences = {
-        key: difference(before[key], found[key], given.within) for key in before if key in found
+        key: difference(
+            before[key], found[key], given.within and max(given.within, LOOSE.get(key, 0.0))
+        )
+        for key in before
+        if key in found
     }
     changed = [f"{key}: {words}" for key, words in differences.items() if words]
     print(f"{len(found)} plans and refusals, {len(changed)} changed", *changed, sep="\n  ")

@@ -16,7 +16,7 @@
 #   make notebook  Jupyter with the notebooks, the explorer in the first of them
 #   make docs      the documentation, to out/docs/index.html; warnings are errors
 #   make test      what CI runs: lint, types, tests
-#   make processors  the methods with the arithmetic of other processors (half an hour)
+#   make processors  the methods with the arithmetic of other processors (some minutes)
 #   make installed  built, installed and run on every Python here that pyproject.toml declares
 #   make check     lint and types only
 #   make format    put the code into the house format

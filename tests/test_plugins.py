@@ -645,6 +645,7 @@ BREAKDOWNS: list[tuple[Any, str]] = [
     (plans_another, "returned a plan of another problem"),
     (junk(objective="high"), "returned what no plan file can hold"),
     (junk(notes=None), "failed: TypeError"),
+    (junk(compensation="much"), "failed: AttributeError"),
     (junk(trajectory=Shaky()), "returned what no plan file can hold"),
     (junk(trajectory=None), "failed: AttributeError"),
 ]

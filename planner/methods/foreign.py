@@ -5,7 +5,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, get_args
+from typing import Any, cast, get_args
 
 from planner.errors import InputError, MethodError, PlannerError
 from planner.methods.keeping import Keeping, Keeps
@@ -15,7 +15,7 @@ from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Demand, Part
 from planner.support.arrays import jsonable
 from planner.support.deadline import TimeUpError
-from planner.support.tables import line
+from planner.support.tables import brief, line
 from planner.support.user_tables import parse
 from planner.verification.verify import verify
 
@@ -67,18 +67,23 @@ class ForeignPlans:
         Raises:
             MethodError: If the function fails, or what it returns is no such plan.
         """
-        plan = self.owner.call(self.function, problem, options, *near)
-        if not isinstance(plan, Plan):
-            raise self.owner.error(f"returned {line(repr(plan), 60)}, which is no plan")
-        plan = plan.compensates or plan
+        found = self.owner.call(self.function, problem, options, *near)
+        plan: Plan = self.owner.call(self._sound, problem, found)
+        return plan
+
+    def _sound(self, problem: Problem, found: Any) -> Plan:
+        """What was returned, if it is a plan through and through."""
+        if not isinstance(found, Plan):
+            raise self.owner.error(f"returned {line(repr(found), 60)}, which is no plan")
+        plan = found.compensates or found
         if plan.problem != problem:
             raise self.owner.error("returned a plan of another problem")
         plan = replace(plan, verified=False, certificate=None)
         try:
-            parse(PlanFile, self.owner.call(lambda: jsonable(plan._to_dict())), "its plan")
+            parse(PlanFile, jsonable(plan._to_dict()), "its plan")
         except InputError as error:
             raise self.owner.error(f"returned what no plan file can hold: {error}") from None
-        self.owner.call(verify, plan)  # here, where whatever fails is the package's
+        verify(plan)  # here, where whatever fails is the package's
         return plan
 
 
@@ -95,9 +100,8 @@ class ForeignKeeps:
         Raises:
             MethodError: If it fails, or answers something else.
         """
-        answer: Any = self.owner.call(self.keeps, problem, demand, part)
-        if answer not in get_args(Keeping):
+        answer = self.owner.call(self.keeps, problem, demand, part)
+        if not isinstance(answer, str) or answer not in get_args(Keeping):
             allowed = ", ".join(get_args(Keeping))
-            raise self.owner.error(f"keeps {line(repr(answer), 60)}, which is none of {allowed}")
-        kept: Keeping = answer
-        return kept
+            raise self.owner.error(f"keeps {brief(repr(answer))}, which is none of {allowed}")
+        return cast("Keeping", answer)

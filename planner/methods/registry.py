@@ -371,6 +371,7 @@ def register_method(
     entry = Method(name, summary, options, plan, keeps, replan, refines, finds_time)
     if why := next(_faults(entry), None):
         raise InputError(f"method '{name}' cannot be registered: {why}")
+    add_method_table(name, options)
     owner = Foreign(name, plugin_called() or f"module {line(str(plan.__module__))}")
     METHODS[name] = replace(
         entry,
@@ -378,7 +379,6 @@ def register_method(
         keeps=ForeignKeeps(owner, keeps),
         remade_by=replan and ForeignPlans(owner, replan),
     )
-    add_method_table(name, options)
     remember(f"method '{name}'")
 
 

@@ -33,6 +33,7 @@ from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
 from planner.solve import solve_and_check
 from planner.support.deadline import TimeUpError, limited
+from planner.support.progress import expect_listener
 from planner.support.statistics import THRESHOLD_DEG, percentile_interval
 from planner.verification.verify import Check, verify
 
@@ -85,6 +86,7 @@ def compare(
         InputError: If a method, an option, or a number is wrong.
         KeyboardInterrupt: On Ctrl-C before anything is done.
     """
+    expect_listener(progress)
     expect_problem(problem)
     numbers = sample_numbers(samples)
     wanted = specs(problem, methods)
@@ -324,7 +326,8 @@ def _reason(problem: Problem, error: NoPlanError) -> str:
 
 def _broken(violation: Violation) -> str:
     value, limit, unit = violation.shown(3)
-    return f"{violation.label} reaches {value}{unit}, allowed {limit}"
+    verb, allowed = violation.verbs
+    return f"{violation.label} {verb} {value}{unit}, {allowed} {limit}"
 
 
 def _outside(times: Sequence[float]) -> str:

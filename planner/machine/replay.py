@@ -17,6 +17,7 @@ from planner.machine.simulate import Progress, simulate
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.plan.samples import imported, plan_facts
 from planner.support.arrays import Array
+from planner.support.progress import expect_listener
 
 if TYPE_CHECKING:
     import pandas
@@ -212,6 +213,7 @@ def replay(
     closing = _feedback(feedback, plan)
     numbers = sample_numbers(samples)
     _check(seed, settle_s, record_s, motions)
+    expect_listener(progress)
     used = machine_for(plan.problem.machine, machine)
     recording = simulate(
         plan,

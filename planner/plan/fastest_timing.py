@@ -23,6 +23,7 @@ from scipy.interpolate import BPoly
 
 from planner.errors import NotConvergedError
 from planner.plan.measures import slowing
+from planner.plan.quadrature import JUMP
 from planner.plan.retimed import Inverse, RetimedTrajectory, arc_length
 from planner.plan.trajectory import Trajectory
 from planner.problem.asked import Limits
@@ -38,8 +39,9 @@ _EXCESS = 1e-5
 """How far inputs and rates may pass their limits between the points before that; what is left is
 taken away by slowing the whole motion."""
 
-_CORNER = 5e-8
-"""Change of direction at a node, in units of the limits, from which it is a corner."""
+_CORNER = JUMP / 2
+"""Change of direction at a node, in units of the limits, from which it is a corner: the motion goes
+through a lesser one, and its inputs must not jump there."""
 
 _STRAIGHT = 1e-6
 """Change of direction over a whole path, in units of the limits, below which it is rounding."""

@@ -70,6 +70,11 @@ SETTLED = 1e-14
 SWEEPS = 60
 """Sweeps of the integral at most. Systems that read earlier coordinates settle in N + 1."""
 
+JUMP = 1e-6
+"""Step between two cells, relative to the function's size, from which it is a jump. Inputs near the
+chart's edge and retimed ones are known to some 1e-7, which depends on the processor's arithmetic;
+by 1e-6 an input may pass its limit too."""
+
 Values = Callable[[Array, Array], Array]
 """What to resolve: from q (P, C, N) and u (P, C, 2) to functions (P, C, F)."""
 
@@ -346,9 +351,9 @@ def largest(cells: Cells, values: Array) -> Array:
 
 
 def jumps(cells: Cells, values: Array) -> NDArray[np.bool_]:
-    """Whether functions (16, C, F) jump between cells, by more than 1e-7 of their size, (F,)."""
+    """Whether functions (16, C, F) jump between cells, by more than `JUMP` of their size, (F,)."""
     size = np.maximum(np.max(np.abs(values), axis=(0, 1)), 1e-12)
-    return np.asarray(np.any(np.abs(values[0, 1:] - values[-1, :-1]) > 1e-7 * size, axis=0))
+    return np.asarray(np.any(np.abs(values[0, 1:] - values[-1, :-1]) > JUMP * size, axis=0))
 
 
 def slopes(cells: Cells, values: Array) -> Array:

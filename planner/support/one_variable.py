@@ -136,7 +136,8 @@ def _narrowed(function: Function, times: Array, dips: NDArray[np.int_]) -> tuple
     value, when = np.full(len(dips), np.inf), times[dips]
     for _ in range(_ROUNDS if len(dips) else 0):
         x = low + (high - low) * np.linspace(0.0, 1.0, 17)[:, None]
-        found = function(x.ravel()).reshape(x.shape)
+        with np.errstate(invalid="ignore"):  # beside the dip it may be infinite
+            found = function(x.ravel()).reshape(x.shape)
         found = np.where(np.isnan(found), np.inf, found)
         k = np.argmin(found, axis=0)
         value, when = found[k, row], x[k, row]

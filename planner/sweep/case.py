@@ -19,6 +19,7 @@ from planner.comparison import rows
 from planner.errors import (
     NO_MEMORY,
     InputError,
+    MethodError,
     NoPlanError,
     SingularError,
     VerificationError,
@@ -250,7 +251,8 @@ def _versions() -> str:
 
 def _refusal(error: NoPlanError) -> Row:
     why = "; ".join([error.reason, *(str(v) for v in error.violations[:3])])
-    return {"status": error.status, "why": why, "advice": error.advice}
+    trace = error.traceback or None if isinstance(error, MethodError) else None
+    return {"status": error.status, "why": why, "advice": error.advice, "traceback": trace}
 
 
 def _number(value: Any) -> Any:

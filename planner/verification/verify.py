@@ -108,7 +108,8 @@ class _Finding:
         if self.margin >= -self.tolerance:  # NaN must not pass
             return None
         part, scaled = self.part, -self.margin / self.part.scale
-        return Violation(part.label, self.time_s, self.value, self.limit, part.unit, scaled)
+        exact = part.low == part.high
+        return Violation(part.label, self.time_s, self.value, self.limit, part.unit, scaled, exact)
 
 
 def verify(plan: Plan) -> Check:
@@ -227,8 +228,8 @@ def _motion(
                 out.append(_Finding(part, value, limit, plan.duration, slack, upper))
         elif isinstance(demand, Duration):
             (part,) = demand.parts
-            late = abs(plan.duration - plan.lead_s - plan.tail_s - demand.seconds)
-            out.append(_Finding(part, late, 0.0, None, 1e-9 * part.scale))
+            takes, asked = plan.duration - plan.lead_s - plan.tail_s, demand.seconds
+            out.append(_Finding(part, takes, asked, None, 1e-9 * asked, takes > asked))
     compensated, (gap, when) = plan.compensation is not None, motion.gap
     other = "the nominal machine's motion" if compensated else "its integrated input"
     part = Part(f"plan's q(t) against {other}", "", -np.inf, 0.0, 1.0)

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 import planner
-from planner.cli.output import ReaderGoneError
+from planner.cli.standard_output import ReaderGoneError
 
 PAPER = Path(__file__).parents[2] / "problems/paper.toml"
 QUICK = ("--samples", "3", "--set", "goal.travel=0.82", "--set", "goal.duration=2.5")

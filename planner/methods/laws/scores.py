@@ -169,14 +169,14 @@ def _dips(values: Array) -> Array:
     """Least value (C,) of values (C, P, S) between their samples.
 
     A dip can be narrower than the samples are apart; a parabola through the three around each local
-    minimum follows it.
+    minimum follows it. Beside a margin of −∞ there is none lower.
     """
     step = np.diff(_points(values.shape[-1]))
-    slope = np.diff(values, axis=-1) / step
     before, after, width = step[:-1], step[1:], step[:-1] + step[1:]
-    bend = (slope[..., 1:] - slope[..., :-1]) / width
-    tangent = (slope[..., :-1] * after + slope[..., 1:] * before) / width
     with np.errstate(divide="ignore", invalid="ignore"):
+        slope = np.diff(values, axis=-1) / step
+        bend = (slope[..., 1:] - slope[..., :-1]) / width
+        tangent = (slope[..., :-1] * after + slope[..., 1:] * before) / width
         lowest = values[..., 1:-1] - tangent**2 / (4 * bend)
     is_dip = (slope[..., :-1] <= 0) & (slope[..., 1:] >= 0) & (bend > 0)
     return np.asarray(np.min(np.where(is_dip, lowest, np.inf), axis=(1, 2)))

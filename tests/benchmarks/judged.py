@@ -23,7 +23,8 @@ HEAD = """# Plans judged from outside
 convex; three in ten retimed) and {damages} damaged files, by little or much, seed {seed}. Each was
 judged by `load_plan` and by DOP853 with samples of everything that is limited; both read the
 plan's u(t) and the system's NumPy kinematics, and share nothing else. *No form*: refused before
-there was a motion to judge, with the reason. *Too close*: within a fifth of a tolerance. Made by `python tests/benchmarks/judged.py`.
+there was a motion to judge, with the reason. *Too close*: within a fifth of a tolerance. Made by
+`python tests/benchmarks/judged.py`.
 
 """
 

@@ -21,9 +21,10 @@ HEAD = """# Plans judged from outside
 
 {plans} plans of random problems (two or three joints; collocation, polynomial, piecewise,
 convex; three in ten retimed) and {damages} damaged files, by little or much, seed {seed}. Each was
-judged by `load_plan` and by DOP853 with samples of everything that is limited, which share no
-code. *No form*: refused before there was a motion to judge, with the reason. *Too close*: within
-a fifth of a tolerance. Made by `python tests/benchmarks/judged.py`.
+judged by `load_plan` and by DOP853 with samples of everything that is limited; both read the
+plan's u(t) and the system's NumPy kinematics, and share nothing else. *No form*: refused before
+there was a motion to judge, with the reason. *Too close*: within a fifth of a tolerance. Made by
+`python tests/benchmarks/judged.py`.
 
 """
 

@@ -16,6 +16,7 @@
 #   make notebook  Jupyter with the notebooks, the explorer in the first of them
 #   make docs      the documentation, to out/docs/index.html; warnings are errors
 #   make test      what CI runs: lint, types, tests
+#   make processors  the methods with the arithmetic of other processors (some minutes)
 #   make installed  built, installed and run on every Python here that pyproject.toml declares
 #   make check     lint and types only
 #   make format    put the code into the house format
@@ -30,7 +31,7 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
 .DEFAULT_GOAL := compare
 .PHONY: compare suite bench stress coverage mutants paper robustness sensitivity compensation report explorer notebook docs test \
-  installed check lint format clean
+  processors installed check lint format clean
 
 compare: $(VENV)/.run
 	@$(BIN)/planner compare problems/paper.toml --out out/compare
@@ -86,6 +87,13 @@ test: export PYTHONDONTWRITEBYTECODE :=
 
 test: check
 	@$(BIN)/python -m pytest $(PYTEST_FLAGS)
+
+# Rounding must not decide between a plan and a refusal. OpenBLAS takes the name of a processor.
+processors: $(VENV)/.dev
+	@mkdir -p out
+	@OPENBLAS_CORETYPE=Nehalem $(BIN)/python -m pytest $(PYTEST_FLAGS) tests/methods tests/problems tests/test_retime.py
+	@OPENBLAS_CORETYPE=Haswell $(BIN)/python tests/benchmarks/same_plans.py out/haswell.json
+	@OPENBLAS_CORETYPE=Nehalem $(BIN)/python tests/benchmarks/same_plans.py --against out/haswell.json --within 1e-6
 
 installed: $(VENV)/.dev
 	@$(BIN)/python tests/installed/legs.py

@@ -20,6 +20,7 @@ if TYPE_CHECKING:  # a new public name goes here, into the table below and into 
         InfeasibleError,
         InputError,
         InputWarning,
+        MethodError,
         NoPlanError,
         NotConvergedError,
         PlannerError,
@@ -72,7 +73,7 @@ _HOMES = {
     "sweep.design.geometry": "Design",
     "sweep.design.result": "DesignStudy",
     "sweep.design.study": "design_study",
-    "errors": "InfeasibleError InputError InputWarning NoPlanError NotConvergedError "
+    "errors": "InfeasibleError InputError InputWarning MethodError NoPlanError NotConvergedError "
     "PlannerError SingularError TimeLimitError VerificationError "
     "Violation",
     "explorer.explore": "explore",
@@ -136,6 +137,7 @@ __all__ = [
     "Machine",
     "MachineSensitivity",
     "Manipulator",
+    "MethodError",
     "NoPlanError",
     "NotConvergedError",
     "Plan",

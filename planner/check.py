@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import InputError, NoPlanError
+from planner.errors import InputError, MethodError, NoPlanError
 from planner.methods.keeping import not_promised
 from planner.methods.refusal import Change, in_other_time, on_other_paths, tried, within_reach
 from planner.methods.registry import METHODS, find_method
@@ -27,6 +27,7 @@ from planner.problem.problem import Problem, expect_problem
 from planner.problem.reach import Reach, goal_reach
 from planner.solve import solve, solve_and_check
 from planner.support.deadline import limited, share
+from planner.support.progress import expect_listener
 from planner.verification.summary import plan_summary, refusal_summary
 
 Progress = Callable[[str], None]
@@ -171,6 +172,7 @@ def check(
     Raises:
         InputError: If a method is unknown.
     """
+    expect_listener(progress)
     expect_problem(problem)
     say = progress or (lambda _: None)
     own = [name for name, method in METHODS.items() if method.refines is None]
@@ -197,7 +199,7 @@ def check(
         duration_bound=least_duration(problem),
         plain_polynomial=_plain_polynomial(problem, window) if singular else None,
         nonholonomy=nonholonomy(problem),
-        not_promised={name: not_promised(problem, METHODS[name].keeps) for name in names},
+        not_promised={name: _not_promised(problem, name) for name in names},
         outcomes=tuple(outcomes),
         remedy=remedy,
         ended_early=f"{span.why} ended the search" if span.reached else None,
@@ -234,6 +236,13 @@ def _outcome(problem: Problem, name: str) -> dict[str, Any]:
         return refusal_summary(error, name)
     except InputError as error:  # the method's own demands on the problem
         return refusal_summary(NoPlanError(str(error)), name) | {"status": "bad_input"}
+
+
+def _not_promised(problem: Problem, name: str) -> tuple[str, ...]:
+    try:
+        return not_promised(problem, METHODS[name].keeps)
+    except MethodError:  # its outcome says so
+        return ()
 
 
 def _reversal(

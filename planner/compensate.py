@@ -39,9 +39,10 @@ def compensate(
     Returns:
         A verified plan. Its inputs are the motor commands. They begin with a preparatory motion,
         `lead_s` seconds before the original plan starts, and end `tail_s` seconds after it. Its
-        q(t) is the motion predicted on the nominal machine. This motion is verified: goal (to 0.05
-        degrees), limits, waypoints and obstacles at all times. `compensates` is the original plan;
-        replays measure errors against it.
+        q(t) is the motion predicted on the nominal machine at the ends of the ticks, and straight
+        between them. The predicted motion is verified: goal (to 0.05 degrees), limits, waypoints
+        and obstacles at all times. `compensates` is the original plan, verified too; replays
+        measure errors against it.
 
     Raises:
         InputError: If the plan is not executable, the system is not a manipulator, or an option is

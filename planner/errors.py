@@ -26,6 +26,7 @@ class Violation:
         limit: The value allowed.
         unit: Unit of `value` and `limit`.
         scaled: Violation divided by the scale of the requirement, for sorting (dimensionless).
+        exact: Whether the value must be `limit` itself, as a duration must.
     """
 
     label: str
@@ -34,11 +35,18 @@ class Violation:
     limit: float
     unit: str
     scaled: float
+    exact: bool = False
 
     def __str__(self) -> str:
         when = "" if self.time_s is None else f" at t = {self.time_s:.4g} s"
         value, limit, unit = self.shown(4)
-        return f"{self.label} reaches {value}{unit}{when}, allowed {limit}{unit}"
+        verb, allowed = self.verbs
+        return f"{self.label} {verb} {value}{unit}{when}, {allowed} {limit}{unit}"
+
+    @property
+    def verbs(self) -> tuple[str, str]:
+        """The words before value and limit."""
+        return ("is", "must be") if self.exact else ("reaches", "allowed")
 
     def shown(self, digits: int) -> tuple[str, str, str]:
         """Value, limit and unit as text; angles in degrees, as problem files give them.
@@ -60,10 +68,40 @@ class PlannerError(Exception):
     exit_status = 1
 
 
+LONGEST_LINE, LONGEST_TEXT = 1000, 5000
+"""Characters of a message. Longer is only what it quotes; a terminal shows 5000 at once."""
+
+
 class InputError(PlannerError, ValueError):
-    """A file, key, value or option that cannot be used; the message says what is allowed."""
+    """A file, key, value or option that cannot be used; the message says what is allowed.
+
+    Of what is too long to be read it keeps the beginning and the end.
+    """
 
     exit_status = 2
+
+    def __init__(self, message: str = "") -> None:
+        lines = (_shortened(line, LONGEST_LINE) for line in message.split("\n"))
+        super().__init__(_shortened("\n".join(lines), LONGEST_TEXT))
+
+
+def _shortened(text: str, longest: int) -> str:
+    if len(text) <= longest:
+        return text
+    end = longest // 3
+    return f"{text[: longest - end - 5]} ... {text[-end:]}"
+
+
+NO_MEMORY = (
+    "there is not enough memory for this ({}); ask for less at a time: fewer machines or cases,"
+    " fewer workers, a coarser step or mesh"
+)
+"""What a user is told in place of a bug."""
+
+
+def lacks_memory(error: BaseException) -> bool:
+    """Whether an error says that memory ran out; compiled code has its own word for it."""
+    return isinstance(error, MemoryError) or "std::bad_alloc" in str(error)
 
 
 class InputWarning(UserWarning):
@@ -216,6 +254,20 @@ class InfeasibleError(NoPlanError):
 
     status = "infeasible"
     certificate: Mapping[str, Any] | None = None
+
+
+class MethodError(NoPlanError):
+    """A method of another package failed, or returned no plan. Names the method and the package.
+
+    Attributes:
+        traceback: Where it failed, for the author of that package, or "".
+    """
+
+    status = "method_failed"
+
+    def __init__(self, message: str, *, traceback: str = "") -> None:
+        self.traceback = traceback
+        super().__init__(message)
 
 
 class NotConvergedError(NoPlanError):

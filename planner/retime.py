@@ -19,7 +19,7 @@ from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan, refuse_compensated
 from planner.problem.problem import Problem
 from planner.verification.certify import certify
-from planner.verification.verify import verify
+from planner.verification.verdict import judge
 
 BLIND = 1e-3
 """Excess over a limit, relative to it, that samples may have missed; a greater one is for `verify`
@@ -80,17 +80,22 @@ def retime(
         trajectory = trajectory.slowed(factor)
         timed = problem.changed({"goal.duration": trajectory.duration})
     notes = {"retimed_from_s": plan.duration, **notes, **plan.notes}
-    return _verified(
-        replace(
-            plan,
-            problem=timed,
-            trajectory=trajectory,
-            objective=trajectory.duration,
-            objective_name=SLOWED if "slowed_for_other_limits" in notes else LEAST,
-            verified=False,
-            certificate=None if factor > 1 else found,
-            notes=notes,
-        )
+    retimed = replace(
+        plan,
+        problem=timed,
+        trajectory=trajectory,
+        objective=trajectory.duration,
+        objective_name=SLOWED if "slowed_for_other_limits" in notes else LEAST,
+        notes=notes,
+    )
+    retimed, check = judge(retimed, None if factor > 1 else found)
+    if check.ok:
+        return retimed
+    raise VerificationError(
+        f"{plan.problem.source}: the retimed {plan.method} plan breaks"
+        f" {len(check.violations)} requirement(s)",
+        plan=replace(retimed, status=VerificationError.status),
+        violations=check.violations,
     )
 
 
@@ -123,15 +128,3 @@ def _refuse_unlimited(problem: Problem, moving: Moving, rest: bool) -> None:
             f"{problem.source}: rest at the ends needs limits on the inputs' rates; without them"
             " the inputs may jump to their limits"
         )
-
-
-def _verified(plan: Plan) -> Plan:
-    check = verify(plan)
-    if check.ok:
-        return replace(plan, verified=True, certificate=plan.certificate or certify(plan))
-    raise VerificationError(
-        f"{plan.problem.source}: the retimed {plan.method} plan breaks"
-        f" {len(check.violations)} requirement(s)",
-        plan=replace(plan, status=VerificationError.status),
-        violations=check.violations,
-    )

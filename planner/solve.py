@@ -16,15 +16,24 @@ from planner.errors import InputError, NoPlanError, TimeLimitError, Verification
 from planner.methods.keeping import not_promised, refuse_unkept
 from planner.methods.refusal import BY_COLLOCATION, Change, advise, asked_instead, lasting
 from planner.methods.registry import METHODS, Method, find_method, merged_options, typed
-from planner.plan.plan import Plan, expect_plan
+from planner.plan.plan import Plan, cut_short, expect_plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
 from planner.problem.requirements.ends import Goal, TipGoal
 from planner.problem.requirements.requirement import Requirement
 from planner.problem.tables.problem_file import CompensationTable
-from planner.support.deadline import MORE_TIME, TimeUpError, checked, limited
+from planner.support.deadline import (
+    MORE_TIME,
+    SEARCH,
+    TimeUpError,
+    checked,
+    holds_answer,
+    is_over,
+    limited,
+    share,
+)
 from planner.support.progress import Listener, listening, now, tell
-from planner.verification.certify import certify
+from planner.verification.verdict import judge
 from planner.verification.verify import Check, verify
 
 if TYPE_CHECKING:
@@ -49,20 +58,23 @@ def solve(
         warm: A plan of a similar problem of the same system, by any method. 'collocation' and
             'desensitised' start from it instead of searching and return the local optimum next to
             it.
-        time_limit_s: Seconds for planning; no limit by default. Then 'collocation' returns the best
-            verified plan found so far; without one, and for other methods, the call is refused. The
-            call ends at the latest after 1.2 times the limit plus two seconds. Replaces the option
-            of the same name of the method, if it has one.
+        time_limit_s: Seconds for all of it: planning, verification, what a refusal advises, and
+            compensation; no limit by default. When they are over, the best verified plan there is
+            comes back: of 'collocation' the best found so far; of a plan to be compensated, where
+            there was no time for that, the plan as it is. Its `notes["ended_early"]` says what it
+            lacks. Without any plan the call is refused. It ends at the latest after 1.2 times the
+            limit plus two seconds. Replaces the option of the same name of the method, if it has
+            one.
         progress: Called with a `planner.support.progress.Progress` at every step. The logger
             `planner` receives the same.
         **options: Override single keys of the problem's `[method.<name>]` table.
 
     Returns:
         A plan with `verified` True and a `certificate`. Its status is "time_limit" if the limit
-        ended the search. If the problem's `[compensation]` is on, the plan is compensated for its
-        machine (see `planner.compensate`). The only exception: a method in chained coordinates with
-        `allow_singular` may return a path outside the domain, with status "singular" and `verified`
-        False.
+        ended something early. If the problem's `[compensation]` is on, the plan is compensated for
+        its machine (see `planner.compensate`). The only exception: a method in chained coordinates
+        with `allow_singular` may return a path outside the domain, with status "singular" and
+        `verified` False.
 
     Raises:
         InputError: If the method or an option is unknown or has an impossible value, the problem is
@@ -86,11 +98,17 @@ def solve_and_check(
     time_limit_s: float | None = None,
     progress: Listener | None = None,
     advice: bool = True,
+    compensate: bool = False,
+    compensated_for: Machine | None = None,
     **options: Any,
 ) -> tuple[Plan, Check]:
     """As `solve`, with what the verification found.
 
-    Without `advice` the changes that a refusal names are not tried.
+    Args:
+        problem, method, warm, time_limit_s, progress, options: As of `solve`.
+        advice: Whether the changes that a refusal names are tried.
+        compensate: Whether to compensate the plan even if the problem does not ask for it.
+        compensated_for: The machine that a compensation allows for; the problem's own when None.
     """
     expect_problem(problem)
     entry = find_method(method)
@@ -99,6 +117,7 @@ def solve_and_check(
         if "time_limit_s" in entry.options.model_fields:
             options["time_limit_s"] = time_limit_s
     own = merged_options(problem, entry, options)
+    wanted = compensate or problem.compensation.on
 
     def attempt(change: Change) -> Plan:
         changed = problem.changed(change.keys)
@@ -108,7 +127,8 @@ def solve_and_check(
     with limited(getattr(own, "time_limit_s", time_limit_s)) as span, listening(progress):
         began = time.monotonic()
         try:
-            plan, check = judged(_made(problem, entry, own, warm))
+            with share(SEARCH if wanted else 1.0, once=holds_answer):
+                plan, check = judged(_made(problem, entry, own, warm))
         except TimeUpError:
             far = now()
             doing = "" if far is None else f" after {far.solves} solves (it was {far.doing})"
@@ -123,10 +143,9 @@ def solve_and_check(
             if found is None:
                 raise
             plan, check = judged(replace(found, problem=problem))
-    if not problem.compensation.on or plan.status == "singular":
-        return plan, check
-    with limited(time_limit_s), listening(progress):
-        return compensated(plan, None, problem.compensation)
+        if not wanted or plan.status == "singular":
+            return plan, check
+        return compensated_in_time(plan, check, compensated_for, problem.compensation)
 
 
 def _made(problem: Problem, entry: Method, options: Any, warm: Plan | None) -> Plan:
@@ -151,11 +170,11 @@ def judged(plan: Plan) -> tuple[Plan, Check]:
         VerificationError: If it breaks a requirement otherwise.
     """
     tell("verifying")
-    check = verify(plan)
     if plan.status == "singular":
-        return plan, check
+        return plan, verify(plan)
+    plan, check = judge(plan)
     if check.ok:
-        return replace(plan, verified=True, certificate=certify(plan)), check
+        return plan, check
     if why := plan.notes.get("ended_early"):
         raise TimeLimitError(
             f"{plan.problem.source}: {why}, and there was no time to refine it: it breaks",
@@ -190,6 +209,22 @@ def _ways(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
     return other, f"{instead or 'wider limits'}, or another {plan.problem.travel_key}"
 
 
+def compensated_in_time(
+    plan: Plan, check: Check, machine: Machine | None, options: CompensationTable
+) -> tuple[Plan, Check]:
+    """As `compensated`; where time is up before, or Ctrl-C ends it, the verified plan as it is.
+
+    Its status and `notes["ended_early"]` then say so.
+    """
+    with limited(None, holds=lambda: True) as span:
+        try:
+            return compensated(plan, machine, options)
+        except NoPlanError:
+            if not is_over():
+                raise
+        return cut_short(plan, span, "ended the work on it before it was compensated"), check
+
+
 def compensated(
     plan: Plan, machine: Machine | str | None, options: CompensationTable
 ) -> tuple[Plan, Check]:
@@ -203,11 +238,12 @@ def compensated(
     Raises:
         InputError: If the system is no arm with friction disks.
         NoPlanError: If there is no plan for the goal that would have to be planned for, or the
-            predicted motion breaks a requirement.
+            plan or the predicted motion breaks a requirement.
     """
     from planner.machine.feedforward.aim import aimed  # with the machine, which only this needs
     from planner.machine.machine import machine_for
 
+    plan = plan if plan.verified else judged(plan)[0]
     problem, entry = plan.problem, find_method(plan.method)
     used = machine_for(problem.machine, machine)
     began = time.perf_counter()
@@ -234,10 +270,10 @@ def compensated(
     except NoPlanError as error:
         why = error.reason.removeprefix(f"{problem.source}: ")
         raise NoPlanError(no_aim + why, violations=error.violations, advice=advice) from error
-    check = verify(made)
+    made, check = judge(made)
     made = replace(made, solve_time_s=plan.solve_time_s + time.perf_counter() - began)
     if check.ok:
-        return replace(made, verified=True), check
+        return made, check
     raise _broken(made, check, " on the nominal machine", advice)
 
 

@@ -13,6 +13,7 @@ import pytest
 
 import planner
 from planner import report
+from planner.paper.reproduce import reproduce
 from planner.support.arrays import plain
 
 
@@ -247,3 +248,30 @@ def test_listing_a_package_shows_its_public_names() -> None:
     shown = {name for name in dir(planner) if not name.startswith("__")}
     assert shown == {*planner.__all__, "report"}
     assert {name for name in dir(report) if not name.startswith("__")} == set(report.__all__)
+
+
+LISTENED: list[Callable[[planner.Plan, Any], Any]] = [
+    lambda plan, words: planner.solve(plan.problem, "polynomial", progress=words),
+    lambda plan, words: planner.compare(plan.problem, "polynomial", samples=1, progress=words),
+    lambda plan, words: planner.check(plan.problem, progress=words),
+    lambda plan, words: planner.replay(plan, samples=1, progress=words),
+    lambda plan, words: planner.error_budget(plan, samples=1, progress=words),
+    lambda plan, words: planner.run_sweep({}, "x.sqlite", progress=words),
+    lambda plan, words: planner.design_study("x.toml", "x", progress=words),
+    lambda plan, words: planner.trade_off(plan.problem, "effort", 3, "x", progress=words),
+    lambda plan, words: reproduce("x", progress=words),
+    lambda plan, words: report.animate(plan, "x.gif", progress=words),
+]
+
+
+@pytest.mark.parametrize("call", LISTENED, ids=lambda call: call.__code__.co_names[-1])
+def test_who_cannot_be_told_of_progress_is_refused_at_once(
+    plan: planner.Plan,
+    call: Callable[[planner.Plan, Any], Any],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(planner.InputError, match="progress = 'x': give a function"):
+        call(plan, "x")
+    assert list(tmp_path.iterdir()) == []

@@ -18,7 +18,7 @@ from bench_cases import cases
 
 
 def test_an_answer_passes_only_if_its_inputs_lead_to_the_goal_within_limits(paper: Problem) -> None:
-    outcome = collocation.ours(cases()[0], compile=False)()
+    outcome = collocation.ours(cases()[0])()
     goal, over = collocation.judged(paper, outcome)
     assert goal < collocation.GOAL_TOLERANCE
     assert over <= collocation.LIMIT_TOLERANCE

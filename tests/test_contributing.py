@@ -98,3 +98,9 @@ def test_questions_have_a_first_file() -> None:
     rows = re.findall(r"^\| ([^|`-].*?) \| (`.*) \|$", SECTIONS["Where would I look for ..."], re.M)
     assert len(rows) >= 10
     assert all(PATH.search(answer) for _, answer in rows)
+
+
+def test_each_file_of_tests_runs_by_itself() -> None:
+    """`pytest FILE` has the file's folder on its path and not the project's."""
+    found = [path for path in (ROOT / "tests").rglob("*.py") if "\nfrom tests" in path.read_text()]
+    assert found == []

@@ -53,3 +53,33 @@ def test_a_file_name_in_place_of_a_problem_is_told(call: Callable[..., Any]) -> 
 def test_a_file_name_in_place_of_a_plan_is_told(call: Callable[..., Any]) -> None:
     with pytest.raises(planner.InputError, match=r"'plan.json' is not a Plan; .*planner.load_plan"):
         call("plan.json")
+
+
+LONG = "x" * 100_000
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda problem: planner.load_problem(LONG),
+        lambda problem: planner.compare(problem, f"polynomial:{LONG}"),
+        lambda problem: planner.compare(problem, "polynomial", samples=[-1] * 50_000),
+        lambda problem: planner.load_samples(LONG),
+    ],
+    ids=["file", "method", "samples", "samples' file"],
+)
+def test_what_a_message_quotes_is_cut_in_its_middle(
+    paper: planner.Problem, call: Callable[..., Any]
+) -> None:
+    with pytest.raises(planner.InputError) as refused:
+        call(paper)
+    assert len(str(refused.value)) <= 5000
+
+
+def test_a_cut_message_keeps_its_beginning_and_its_end() -> None:
+    text = str(planner.InputError(f"cannot read {LONG}: no such file\nsecond line"))
+    assert text.startswith("cannot read xxx")
+    assert text.endswith("xxx: no such file\nsecond line")
+    assert len(text) < 1100
+    assert len(str(planner.InputError("a line\n" * 50_000))) <= 5000
+    assert str(planner.InputError("as it is")) == "as it is"

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import os
 import pickle
+import re
+import subprocess
 import sys
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any, Literal
@@ -17,6 +18,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 import pytest
+from registered import restored
 
 import planner
 from planner.cli.app import main
@@ -37,25 +39,9 @@ from planner.systems.vehicles import Unicycle
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = Path(__file__).parent / "plugin"
+PAPER = ROOT / "problems/paper.toml"
 KEY, PRODUCT = "limits.input_product", "product of the inputs"
 PRODUCT_WORDS = "largest |u1 u2|, in the product of the inputs' units"
-
-
-@contextmanager
-def restored() -> Iterator[pytest.MonkeyPatch]:
-    """Registries and plugins as they were, afterwards."""
-    limits = {file.model_fields["limits"].annotation for file in FILES.values()}
-    tables = (MethodsTable, *limits)
-    dicts = (FILES, METHODS, REQUIREMENTS, *(table.model_fields for table in tables))  # type: ignore[union-attr]
-    kept = [(table, dict(table)) for table in dicts]  # type: ignore[call-overload]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plugins, "_plugins", plugins._Plugins())
-        yield patch
-    for table, before in kept:
-        table.clear()
-        table.update(before)
-    for model in (*tables, *FILES.values()):
-        model.model_rebuild(force=True)  # type: ignore[union-attr]
 
 
 @pytest.fixture
@@ -595,3 +581,146 @@ def test_a_plugin_that_fails_is_named_each_time(
         assert third.startswith("plugin 'c'")
     assert main(["methods"]) == 2
     assert "plugin 'b'" in capsys.readouterr().err
+
+
+# -- what goes wrong in them -------------------------------------------------------------------
+
+
+def breaks_down(problem: planner.Problem, options: Options) -> planner.Plan:
+    print("nobody asked for this")
+    raise ZeroDivisionError("no\x07 way")
+
+
+def exits(problem: planner.Problem, options: Options) -> planner.Plan:
+    sys.exit(0)
+
+
+def plans_nothing(problem: planner.Problem, options: Options) -> Any:
+    return None
+
+
+def plans_another(problem: planner.Problem, options: Options) -> planner.Plan:
+    return planner.solve(problem.changed({"goal.duration": 22.0}), "polynomial")
+
+
+def junk(**fields: Any) -> Callable[..., planner.Plan]:
+    def plan(problem: planner.Problem, options: Options) -> planner.Plan:
+        return replace(planner.solve(problem, "polynomial"), **fields)
+
+    return plan
+
+
+class Shaky:
+    """A trajectory by its looks alone."""
+
+    def to_dict(self) -> dict[str, Any]:
+        return {"kind": "state"}
+
+
+def undecided(*_: Any) -> Any:
+    return "perhaps"
+
+
+BREAKDOWNS: list[tuple[Any, str]] = [
+    (breaks_down, "failed: ZeroDivisionError: no way"),
+    (exits, "failed: SystemExit: 0"),
+    (plans_nothing, "returned None, which is no plan"),
+    (plans_another, "returned a plan of another problem"),
+    (junk(objective="high"), "returned what no plan file can hold"),
+    (junk(notes=None), "failed: TypeError"),
+    (junk(compensation="much"), "failed: AttributeError"),
+    (junk(trajectory=Shaky()), "returned what no plan file can hold"),
+    (junk(trajectory=None), "failed: AttributeError"),
+]
+
+
+@pytest.mark.usefixtures("clean")
+@pytest.mark.parametrize(("plan", "says"), BREAKDOWNS, ids=[s for _, s in BREAKDOWNS])
+def test_a_method_that_breaks_down_is_a_row_that_names_its_package(
+    paper: planner.Problem, plan: Any, says: str, tmp_path: Path
+) -> None:
+    paper = paper.changed({"goal.duration": 20})
+    register(plan=plan)
+    named = f"method 'mine' of module {__name__} {says}"
+    with pytest.raises(planner.MethodError, match=re.escape(named)):
+        planner.solve(paper, "mine")
+    found = planner.compare(paper, ["mine", "polynomial"], samples=2)
+    assert [row.solved for row in found.rows] == [False, True]
+    assert found.rows[0].why.startswith(named)
+    assert {o["method"]: o["status"] for o in planner.check(paper, ["mine"]).outcomes} == {
+        "mine": "method_failed"
+    }
+    tables = {"problem": paper.to_dict(), "methods": ["mine"], "grid": {"goal.duration": [20, 21]}}
+    outcome = planner.run_sweep(tables, tmp_path / "x.sqlite", workers=0)
+    assert outcome.statuses == {"method_failed": 2}
+    assert outcome.bugs == 0
+    (row, _) = planner.load_sweep(tmp_path / "x.sqlite").to_dict("records")
+    assert row["why"].startswith(named)
+
+
+@pytest.mark.usefixtures("clean")
+def test_what_a_method_claims_of_its_plan_counts_for_nothing(paper: planner.Problem) -> None:
+    register(plan=junk(verified=True, status="singular"))
+    assert not planner.solve(paper.changed({"goal.duration": 20}), "mine").verified
+
+
+@pytest.mark.usefixtures("clean")
+@pytest.mark.parametrize("keeps", [undecided, lambda *_: 1 / 0])
+def test_what_a_method_keeps_may_break_down_too(paper: planner.Problem, keeps: Any) -> None:
+    paper = paper.changed({"goal.duration": 20})
+    register(keeps=keeps)
+    with pytest.raises(planner.MethodError, match=f"'mine' of module {__name__} (keeps|failed)"):
+        planner.solve(paper, "mine")
+    assert planner.check(paper, ["mine", "polynomial"]).has_plan
+
+
+@pytest.mark.usefixtures("clean")
+def test_a_bug_of_planner_stays_one(
+    paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken = replace(METHODS["polynomial"], made_by=breaks_down)
+    monkeypatch.setitem(METHODS, "polynomial", broken)
+    with pytest.raises(ZeroDivisionError):
+        planner.compare(paper, ["polynomial"], samples=2)
+
+
+LOUD = """
+import os, subprocess
+import planner
+from planner.support.user_tables import Table
+
+class Options(Table):
+    often: int = 1
+
+def plan(problem, options):
+    print("printed")
+    os.write(1, b"written\\n")
+    subprocess.run(["echo", "by another process"])
+    raise ZeroDivisionError
+
+def register():
+    print("loaded")
+    planner.register_method("loud", plan, options=Options, summary="loud")
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="echo")
+@pytest.mark.parametrize("words", [["plan", "-m"], ["compare", "-n", "2", "--methods"]])
+def test_what_a_plugin_prints_is_no_json(tmp_path: Path, words: list[str]) -> None:
+    (tmp_path / "loud_methods.py").write_text(LOUD, encoding="utf-8")
+    info = tmp_path / "loud_methods-1.2.dist-info"
+    info.mkdir()
+    (info / "entry_points.txt").write_text("[planner.plugins]\nloud = loud_methods:register\n")
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: loud-methods\nVersion: 1.2\n")
+    command, *options = [*words, "loud"]
+    done = subprocess.run(
+        [sys.executable, "-m", "planner", command, PAPER, "--json", *options],
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "method 'loud' of loud-methods 1.2 failed: ZeroDivisionError" in done.stdout
+    assert json.loads(done.stdout)["exit_status"] == done.returncode == 3
+    for said in ("loaded", "printed", "written", "by another process"):
+        assert said in done.stderr.splitlines()

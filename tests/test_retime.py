@@ -287,3 +287,19 @@ def test_length_and_its_inverse(steep: planner.Plan) -> None:
     np.testing.assert_allclose(back, sigma, rtol=1e-7, atol=1e-14)
     speed = np.linalg.norm(steep.u(sigma) / TOP, axis=-1)
     np.testing.assert_allclose(inverse.slope(sigma), speed, rtol=1e-8)
+
+
+def test_retimed_again_is_the_path_timed_anew(smooth: planner.Plan) -> None:
+    """No clock is put on a clock, so that the second can be proven as the first is."""
+    for limits in (SPEED, RATES):
+        once = planner.retime(smooth, limits)
+        again = planner.retime(planner.retime(smooth, {"input_rad_s": [0.4, 0.6]}), limits)
+        proven = [
+            {claim.label for claim in made.certificate.claims if claim.status == "proven"}
+            for made in (again, once)
+            if made.certificate is not None
+        ]
+        assert proven[0] == proven[1] >= {"goal theta1", "input u1", "chart domain"}
+        assert isinstance(again.trajectory, RetimedTrajectory)
+        assert again.trajectory.path == smooth.trajectory
+        assert again.duration == pytest.approx(once.duration, rel=1e-12)

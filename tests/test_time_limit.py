@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import time
+from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,6 +14,13 @@ import pytest
 import planner
 from planner.cli import output
 from planner.cli.app import main
+from planner.comparison.compare import planned
+from planner.explorer.outcome import path
+from planner.explorer.state import State
+from planner.machine.feedforward import aim
+from planner.methods.collocation.transcription import derivatives
+from planner.methods.laws.scores import score
+from planner.methods.spec import parse_specs
 from planner.support import deadline
 from planner.support.progress import Progress
 from planner.verification.summary import plan_summary
@@ -197,3 +205,217 @@ def test_a_redirected_job_says_a_line_now_and_then(
     with output.waiting("planning"):
         time.sleep(0.1)
     assert capsys.readouterr().err == ""
+
+
+LATE = "the time limit of 100 s ended the work on it before it was compensated"
+
+
+@pytest.fixture
+def both(paper: planner.Problem) -> planner.Problem:
+    """To be planned and then compensated."""
+    return paper.changed({"compensation.on": True})
+
+
+@pytest.fixture
+def late(monkeypatch: pytest.MonkeyPatch) -> None:
+    """There is time for a plan, and none is left when its compensation plans anew."""
+    clock, usual = Clock(monkeypatch), aim.commanded
+
+    def up(*given: object) -> object:
+        made = usual(*given)
+        clock.now += 100.1
+        return made
+
+    monkeypatch.setattr(aim, "commanded", up)
+
+
+@pytest.mark.usefixtures("late")
+def test_compensation_has_no_time_of_its_own(both: planner.Problem) -> None:
+    plan = planner.solve(both, time_limit_s=100.0)
+    assert plan.verified
+    assert plan.compensation is None
+    assert plan.status == "time_limit"
+    assert plan.notes["ended_early"] == LATE
+
+
+@pytest.mark.usefixtures("late")
+def test_nor_has_it_with_the_limit_in_the_file(both: planner.Problem) -> None:
+    plan = planner.solve(both.changed({"method.collocation.time_limit_s": 100}))
+    assert (plan.status, plan.compensation) == ("time_limit", None)
+
+
+@pytest.mark.usefixtures("late")
+def test_nor_in_a_comparison(paper: planner.Problem) -> None:
+    (spec,) = parse_specs(paper, "collocation compensated")
+    row = planned(paper, spec, 100.0, planner.Machine.prototype())
+    assert row.solved
+    assert row.why == LATE
+
+
+@pytest.mark.usefixtures("late")
+def test_nor_in_a_sweep(paper: planner.Problem, tmp_path: Path) -> None:
+    tables = {"problem": paper, "methods": ["collocation compensated:time_limit_s=100"]}
+    database = tmp_path / "db.sqlite"
+    planner.run_sweep({**tables, "grid": {"limits.joint_deg": [80]}}, database, workers=0)
+    (row,) = planner.load_sweep(database).to_dict("records")
+    assert (row["solved"], row["status"], row["why"]) == (True, "time_limit", LATE)
+
+
+@pytest.mark.usefixtures("late")
+def test_nor_in_the_explorer(both: planner.Problem) -> None:
+    outcome = path(State.of(both, "collocation", 0, 100.0))
+    assert outcome.kind == "verified"
+    assert outcome.plan is not None
+    assert outcome.plan.notes["ended_early"] == LATE
+
+
+@pytest.mark.usefixtures("late")
+def test_the_command_says_that_the_plan_is_not_compensated(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = ["plan", str(PAPER), "--set", "compensation.on=true", "--time-limit", "100"]
+    assert main(words) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert f"{LATE[0].upper()}{LATE[1:]}; more time" in shown
+    assert main([*words, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["status"], told["verified"]) == ("time_limit", True)
+    assert told["notes"]["ended_early"] == LATE
+
+
+def test_the_best_compensated_plan_comes_back_where_there_is_one(
+    both: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock, usual, count = Clock(monkeypatch), aim.commanded, []
+    monkeypatch.setattr(aim, "AIMED_RAD", 0.0)  # the second of its plans would be good enough
+
+    def up(*given: object) -> object:
+        made = usual(*given)
+        count.append(1)
+        clock.now = 100.1 if len(count) > 1 else 0.0
+        return made
+
+    monkeypatch.setattr(aim, "commanded", up)
+    plan = planner.solve(both, time_limit_s=100.0)
+    assert plan.verified
+    assert plan.compensation is not None
+    assert plan.status == "time_limit"
+    assert plan.notes["ended_early"].startswith("the time limit of 100 s ended the compensation")
+
+
+def test_a_search_leaves_time_for_compensation(
+    both: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Planning ends at 75 of 100 s, its search at 75 % of that, if it holds a motion by then."""
+    clock = Clock(monkeypatch)
+
+    def until_found(progress: Progress) -> None:
+        if progress.best:
+            clock.now = 60.0
+
+    free = both.changed({"goal.duration": "free"})
+    few = {"start": "wander", "starts": 4, "attempts": 4}
+    plan = planner.solve(free, time_limit_s=100.0, progress=until_found, **few)
+    assert plan.verified
+    assert plan.compensation is not None
+    assert plan.notes["ended_early"].startswith("the time limit of 100 s ended the search")
+
+
+def test_ctrl_c_while_compensating_keeps_the_plan(
+    both: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usual = aim.commanded
+
+    def pressed(*given: object) -> object:
+        assert deadline.stop()
+        return usual(*given)
+
+    monkeypatch.setattr(aim, "commanded", pressed)
+    plan = planner.solve(both)
+    assert plan.verified
+    assert plan.status == "interrupted"
+    assert plan.notes["ended_early"] == "Ctrl-C ended the work on it before it was compensated"
+
+
+def test_candidates_are_made_only_while_there_is_time(
+    paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock, made = Clock(monkeypatch), []
+    trajectory = planner.solve(paper, "polynomial", points="auto").trajectory
+
+    def candidates() -> object:
+        for k in range(10):
+            made.append(k)
+            clock.now += 1.0
+            yield trajectory
+
+    with pytest.raises(deadline.TimeUpError), deadline.limited(2.5):
+        score(paper, candidates())
+    assert made == [0, 1, 2]
+
+
+def test_samples_go_through_the_chart_a_part_at_a_time(
+    paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from planner.methods.laws import scores
+
+    plan = planner.solve(paper, "polynomial", points="auto")
+    whole = score(paper, [plan.trajectory, None, plan.trajectory])
+    monkeypatch.setattr(scores, "MOST_SAMPLES", 1)
+    parts = score(paper, [plan.trajectory, None, plan.trajectory])
+    for name in ("margin", "slack", "peak"):
+        assert str(getattr(parts, name)) == str(getattr(whole, name))
+
+
+def test_a_transcription_is_built_only_while_there_is_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of four joints and their response, which no other test builds."""
+    clock, steps = Clock(monkeypatch), []
+    usual = derivatives.ca.cse
+
+    def slow(given: object) -> object:
+        steps.append(1)
+        clock.now = 101.0
+        return usual(given)
+
+    monkeypatch.setattr(derivatives.ca, "cse", slow)
+    with pytest.raises(planner.TimeLimitError, match="the time limit of 100 s"):
+        planner.solve(arm(4), "desensitised", time_limit_s=100.0, intervals=7)
+    assert steps == [1]
+
+
+def arm(joints: int) -> planner.Problem:
+    """Joints as in problems/four-joint.toml."""
+    return planner.Problem.from_dict(
+        {
+            "system": {
+                "kind": "manipulator",
+                "joints": joints,
+                "K": [0.870125 * 0.8178**k for k in range(joints - 1)],
+                "k_g": 0.668811,
+            },
+            "start": {"theta_deg": [1] * joints},
+            "goal": {"theta_deg": [30] * joints, "travel": "free", "duration": 60.0},
+            "limits": {"input_rad_s": [0.5, 0.5], "joint_deg": 80},
+        }
+    )
+
+
+@pytest.mark.parametrize("on", [False, True])
+@pytest.mark.parametrize(
+    ("joints", "limit"),
+    [
+        (3, 0.01),
+        (8, 0.01),
+        *(pytest.param(n, s, marks=pytest.mark.campaign) for n in (5, 8) for s in (0.3, 3.0)),
+    ],
+)
+@pytest.mark.parametrize("method", planner.METHODS)
+def test_every_method_keeps_the_promise(method: str, joints: int, limit: float, on: bool) -> None:
+    """In time of the processor, so that a busy machine does not count."""
+    problem = arm(joints).changed({"compensation.on": on})
+    began = time.process_time()
+    with suppress(planner.NoPlanError):
+        assert planner.solve(problem, method, time_limit_s=limit).verified
+    assert time.process_time() - began < 1.2 * limit + 2

@@ -2,5 +2,5 @@
 
 Commands: `start` (new, methods, systems, schema), `plan` (plan, check), `compare` (compare,
 budget), `sensitivity`, `sweep` (sweep, design), `files` (export, animate, report), `paper`. They
-share: `arguments` (options), `output` (what is printed).
+share: `arguments` (options), `output` (what is printed), `standard_output`.
 """

@@ -21,7 +21,6 @@ from planner.cli.compare import budget, compare
 from planner.cli.files import animate, export, report
 from planner.cli.output import (
     INTERRUPTED,
-    ReaderGoneError,
     Told,
     interrupted,
     print_json,
@@ -31,9 +30,10 @@ from planner.cli.output import (
 from planner.cli.paper import calibrate, reproduce
 from planner.cli.plan import check, plan
 from planner.cli.sensitivity import sensitivity
+from planner.cli.standard_output import ReaderGoneError, results_alone
 from planner.cli.start import methods, new, schema, systems
 from planner.cli.sweep import design, sweep
-from planner.errors import InputWarning, PlannerError
+from planner.errors import NO_MEMORY, InputWarning, MethodError, PlannerError, lacks_memory
 from planner.support.files import written
 from planner.support.interrupts import Terminated, hear_signals, hearing
 from planner.support.package import version as installed_version
@@ -121,7 +121,8 @@ def main(arguments: Sequence[str] | None = None, *, last: bool = False) -> int:
         if getattr(sys, name) is None:
             setattr(sys, name, _nowhere())
     try:
-        with hear_signals(last), _warnings_told():
+        alone = "--json" in words and not {"-h", "--help", "--version"} & set(words)
+        with hear_signals(last), _warnings_told(), results_alone(alone, last):
             return _run(words)
     except (ReaderGoneError, BrokenPipeError):
         sys.stdout = _nowhere()  # the interpreter would fail to flush the old one at exit
@@ -189,6 +190,8 @@ def _failed(error: BaseException, words: list[str]) -> int:
     if ended or (interrupted() and not told):
         return _interrupted(as_json)
     if isinstance(error, PlannerError):
+        if isinstance(error, MethodError) and _debugging(words):
+            sys.stderr.write(clean(error.traceback))
         kind = getattr(error, "status", "bad_input")
         return _refuse(as_json, error.exit_status, kind, str(error))
     if isinstance(error, UsageError):
@@ -196,6 +199,8 @@ def _failed(error: BaseException, words: list[str]) -> int:
     if isinstance(error, OSError) and error.errno in FULL:
         where = error.filename or "standard output"
         return _refuse(as_json, 2, "bad_input", f"cannot write {where}: {error.strerror}")
+    if lacks_memory(error):
+        return _refuse(as_json, 2, "bad_input", NO_MEMORY.format(str(error) or "MemoryError"))
     return _bug(as_json, words, error)
 
 
@@ -225,8 +230,12 @@ def _usage(as_json: bool, error: Any) -> int:
     return 2
 
 
+def _debugging(words: list[str]) -> bool:
+    return "--debug" in words or bool(os.environ.get("PLANNER_DEBUG"))
+
+
 def _bug(as_json: bool, words: list[str], error: BaseException) -> int:
-    if "--debug" in words or os.environ.get("PLANNER_DEBUG"):
+    if _debugging(words):
         traceback.print_exception(error)
     message = (
         f"a bug in planner {installed_version()}: {type(error).__name__}: {error}. Please report it"

@@ -103,8 +103,9 @@ TimeLimit = Annotated[
     typer.Option(
         "--time-limit",
         metavar="SECONDS",
-        help="Seconds for planning, in `compare` for each method. Then the best verified plan"
-        " found so far is taken; without one, a refusal says how far the search got.",
+        help="Seconds for planning and compensation, in `compare` for each method. Then the best"
+        " verified plan found so far is taken, uncompensated if need be; without one, a refusal"
+        " says how far the search got.",
         show_default=False,
     ),
 ]

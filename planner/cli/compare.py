@@ -30,7 +30,6 @@ from planner.cli.arguments import (
 )
 from planner.cli.output import (
     INTERRUPTED,
-    ReaderGoneError,
     Told,
     finish,
     interrupted,
@@ -41,6 +40,7 @@ from planner.cli.output import (
     say,
     waiting,
 )
+from planner.cli.standard_output import ReaderGoneError
 from planner.comparison.compare import compare as run
 from planner.comparison.compare import planned, specs
 from planner.comparison.comparison import Comparison, worst_command

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
 from operator import itemgetter
+from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import numpy as np
@@ -27,6 +28,7 @@ from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
+from planner.cli.standard_output import told_where_it_fails, write_result
 from planner.errors import InputError, PlannerError
 from planner.support import deadline
 from planner.support.arrays import jsonable
@@ -50,17 +52,13 @@ class Told(int):
     """An exit status whose reason the command itself has told."""
 
 
-class ReaderGoneError(Exception):
-    """Nobody reads standard output any more (planner schema | head)."""
-
-
 def print_json(data: Mapping[str, Any]) -> None:
     """One JSON object on standard output; NaN and infinities become null.
 
     Raises:
         InputError: If standard output cannot be written (a full disk).
     """
-    _write(json.dumps(jsonable(data), indent=2, allow_nan=False, default=str) + "\n")
+    write_result(json.dumps(jsonable(data), indent=2, allow_nan=False, default=str) + "\n")
 
 
 def print_text(*parts: str | Text | Table) -> None:
@@ -70,10 +68,10 @@ def print_text(*parts: str | Text | Table) -> None:
         InputError: As for `print_json`.
     """
     console = _console(stderr=False)
-    with _told_where_it_fails(), console.capture() as capture:
+    with told_where_it_fails(), console.capture() as capture:
         for part in parts:
             console.print(part, highlight=False, markup=False, soft_wrap=isinstance(part, str))
-    _write("\n".join(line.rstrip() for line in capture.get().splitlines()) + "\n")
+    write_result("\n".join(line.rstrip() for line in capture.get().splitlines()) + "\n")
 
 
 @dataclass
@@ -264,16 +262,19 @@ class Interrupted(PlannerError):  # noqa: N818 (not an error)
 
 
 @contextmanager
-def resumable(kept: str) -> Iterator[None]:
-    """Run a job that keeps what is finished; `kept` says where.
+def resumable(what: str, place: Path) -> Iterator[None]:
+    """Run a job that keeps what is finished, such as "cases", in a file or folder.
 
     Raises:
-        Interrupted: After Ctrl-C or SIGTERM.
+        Interrupted: After Ctrl-C or SIGTERM, also where an error hides it, once the place is there.
     """
     try:
         yield
-    except (KeyboardInterrupt, Terminated):
-        raise Interrupted(kept) from None
+    except BaseException as error:
+        ended = interrupted() or isinstance(error, KeyboardInterrupt | Terminated)
+        if not (ended and place.exists()):
+            raise
+        raise Interrupted(f"finished {what} are in {place}") from None
 
 
 def interrupted() -> bool:
@@ -324,23 +325,6 @@ def _console(stderr: bool) -> Console:
     return _Door(
         stderr=stderr, width=None if stream.isatty() else WIDTH_WITHOUT_TERMINAL, emoji=False
     )
-
-
-def _write(text: str) -> None:
-    with _told_where_it_fails():
-        sys.stdout.write(text)
-        sys.stdout.flush()
-
-
-@contextmanager
-def _told_where_it_fails() -> Iterator[None]:
-    """What becomes of errors of standard output; Rich writes to it even where it captures."""
-    try:
-        yield
-    except BrokenPipeError:
-        raise ReaderGoneError from None
-    except OSError as error:
-        raise InputError(f"cannot write standard output: {error.strerror or error}") from None
 
 
 Command = Callable[..., int]

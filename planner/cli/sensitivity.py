@@ -229,7 +229,7 @@ def run_trade_off(
         raise InputError(f"{source} is a plan; --pareto needs a problem file")
     problem = read_problem(source, changes)
     named = next(k for k in KINDS if k == kind)
-    with resumable(f"finished points are in {out}"), progress_bar() as progress:
+    with resumable("points", out), progress_bar() as progress:
         curve = trade_off(
             problem, named, points, out, samples=drawn[0], seed=drawn[1], progress=progress
         )

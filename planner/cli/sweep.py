@@ -75,7 +75,7 @@ def sweep(
     path = Path(f"{file.stem}.sqlite") if db is None else db
     if export_to is not None:
         refuse_unexportable(export_to)
-    with resumable(f"finished cases are in {path}"), progress_bar() as progress:
+    with resumable("cases", path), progress_bar() as progress:
         outcome = run_sweep(
             task, path, workers=workers, cluster=cluster, retry=retry or (), progress=progress
         )
@@ -144,7 +144,7 @@ def design(
     if dry_run:
         return _count_designs(read_design(file), as_json)
     folder = Path(file.stem) if out is None else out
-    with resumable(f"finished cases are in {folder / CASES}"), progress_bar() as progress:
+    with resumable("cases", folder / CASES), progress_bar() as progress:
         study = design_study(file, folder, workers=workers, cluster=cluster, progress=progress)
         study.save(folder)
     parts: list[str | Table] = [study.title, "", study.table()]

@@ -31,10 +31,14 @@ from planner.methods.spec import COMPENSATED, Spec, parse_specs
 from planner.plan.plan import Plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
-from planner.solve import compensated, solve_and_check
+from planner.solve import solve_and_check
 from planner.support.deadline import TimeUpError, limited
+from planner.support.progress import expect_listener
 from planner.support.statistics import THRESHOLD_DEG, percentile_interval
 from planner.verification.verify import Check, verify
+
+MOTIONS = 1000
+"""Machines whose motions are kept of each row: enough for the band in a figure."""
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and the share of all work that is done, 0 … 1."""
@@ -82,6 +86,7 @@ def compare(
         InputError: If a method, an option, or a number is wrong.
         KeyboardInterrupt: On Ctrl-C before anything is done.
     """
+    expect_listener(progress)
     expect_problem(problem)
     numbers = sample_numbers(samples)
     wanted = specs(problem, methods)
@@ -172,7 +177,7 @@ class _ComparisonRun:
         def tell(done: int, total: int) -> None:
             part(doing, begin + (end - begin) * done / total)
 
-        # Long motions are recorded more coarsely: a thousand samples are kept in memory.
+        # Long motions are recorded more coarsely, since those of a thousand samples are kept.
         runs = run_replay(
             row.plan,
             self._machine,
@@ -180,11 +185,12 @@ class _ComparisonRun:
             self._seed,
             row.feedback,
             record_s=max(RECORD_S, row.plan.duration / 500),
+            motions=MOTIONS,
             progress=tell,
         )
         row = replace(row, replay=runs)
         if runs.effort is not None:
-            first, second = np.abs(runs.motor_rates).max(axis=(0, 1)).tolist()
+            first, second = runs.peak_rates.max(axis=0).tolist()
             row = replace(row, effort=float(np.median(runs.effort)), peak_u=(first, second))
         if not runs.angles:
             return row
@@ -253,11 +259,13 @@ def planned(
         options = {"time_limit_s": time_limit_s, **options}
     began = time.perf_counter()
     try:
-        plan, check = solve_and_check(problem, spec.method, **options)
-        told = None if plan.compensation is None else plan.compensation.machine
-        other = machine is not None and told not in (None, machine.to_dict())
-        if (spec.compensated and told is None) or other:
-            plan, check = compensated(plan.compensates or plan, machine, problem.compensation)
+        plan, check = solve_and_check(
+            problem,
+            spec.method,
+            compensate=spec.compensated,
+            compensated_for=machine,
+            **options,
+        )
         took = time.perf_counter() - began
         early = str(plan.notes.get("ended_early", ""))
         why = early if plan.verified else _outside(plan.domain.singular_times_s)
@@ -318,7 +326,8 @@ def _reason(problem: Problem, error: NoPlanError) -> str:
 
 def _broken(violation: Violation) -> str:
     value, limit, unit = violation.shown(3)
-    return f"{violation.label} reaches {value}{unit}, allowed {limit}"
+    verb, allowed = violation.verbs
+    return f"{violation.label} {verb} {value}{unit}, {allowed} {limit}"
 
 
 def _outside(times: Sequence[float]) -> str:

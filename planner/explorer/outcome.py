@@ -17,9 +17,9 @@ from planner.methods.registry import Method, find_method, merged_options
 from planner.plan.plan import Plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem
-from planner.solve import compensated, judged
+from planner.solve import compensated_in_time, judged
 from planner.support import deadline
-from planner.support.deadline import MORE_TIME, TimeUpError, limited
+from planner.support.deadline import MORE_TIME, SEARCH, TimeUpError, holds_answer, limited, share
 
 
 @dataclass(frozen=True)
@@ -61,9 +61,11 @@ def path(state: State) -> ScreenOutcome:
     with limited(getattr(options, "time_limit_s", None) or state.time_limit_s) as span:
         try:
             refuse_too_short(problem)
-            plan = method.plan(problem, options)
-            if problem.compensation.on and plan.status != "singular":
-                plan = compensated(judged(plan)[0], None, problem.compensation)[0]
+            wanted = problem.compensation.on
+            with share(SEARCH if wanted else 1.0, once=holds_answer):
+                plan = method.plan(problem, options)
+            if wanted and plan.status != "singular":
+                plan = compensated_in_time(*judged(plan), None, problem.compensation)[0]
             return ScreenOutcome(state, problem, plan, judged=plan.verified)
         except InputError as error:
             return ScreenOutcome(state, problem, None, error, judged=True)

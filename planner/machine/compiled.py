@@ -29,7 +29,7 @@ from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
 VERSION = 4
-"""Of the structures below; a kernel of another version is not used."""
+"""Of the structures below; a kernel of another version is not used, and a warning says so."""
 
 SAMPLES, STEPS = 32, 2000
 """How much one call does: short enough to share the work among threads and to heed Ctrl-C."""
@@ -40,10 +40,14 @@ ARRAYS = ("parameters", "length", "running", "desired", "row", "state", "q", "sp
           "moving")  # fmt: skip
 
 SLOW = (
-    "planner: the compiled replay is missing, so replays are about ten times slower (50 machines at"
-    " once: 30 times; 1000: 3 times); install a C compiler, then this package again"
+    "planner: the compiled replay is {}, so replays are about ten times slower (50 machines at"
+    " once: 30 times; 1000: 3 times); {}"
 )
 """Process time on the paper's plan, its machine, one thread."""
+MISSING = SLOW.format("missing", "install a C compiler, then this package again")
+OTHER = SLOW.format(
+    "of another version", "run make in the project's folder, or install this package again"
+)
 
 MOST_PASSIVE = 16
 """Passive joints that `dynamic.c` has room for."""
@@ -73,19 +77,23 @@ class _KernelCommands(ctypes.Structure):
 
 @cache
 def library() -> Any | None:
-    """The compiled kernel, or None if there is none (or one that was built from older source).
+    """The compiled kernel, or None if there is none, or only one that was built from older source.
 
     Without it the first call says so, as a warning of the logger `planner`, which Python prints on
     standard error where the program has set up no logging.
     """
+    why = MISSING
     for suffix in EXTENSION_SUFFIXES:
         path = Path(__file__).with_name(f"_kernel{suffix}")
         if path.exists():
             try:
-                return opened(path)
+                found = opened(path)
             except (OSError, AttributeError):  # built for another computer, or not whole
                 continue
-    logging.getLogger("planner").warning(SLOW)
+            if found is not None:
+                return found
+            why = OTHER
+    logging.getLogger("planner").warning(why)
     return None
 
 

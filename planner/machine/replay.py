@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,11 +12,12 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.machine.closed_loop import Feedback, encoder_readings
-from planner.machine.machine import Draws, Machine, machine_for, sample_numbers
+from planner.machine.machine import Draws, Machine, draw, machine_for, sample_numbers
 from planner.machine.simulate import Progress, simulate
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.plan.samples import imported, plan_facts
 from planner.support.arrays import Array
+from planner.support.progress import expect_listener
 
 if TYPE_CHECKING:
     import pandas
@@ -37,10 +39,11 @@ class Replay:
         machine: The machine, a distribution from which the samples are drawn.
         seed: Random seed; together with `numbers` it reproduces every sample.
         numbers: Sample numbers, shape (S,).
-        draws: Parameters of each sample.
         t: Recorded times, shape (R,), s; the last one is `settle_s` after the plan's end.
-        q: True coordinates, shape (S, R, N), in the coordinates' units.
-        motor_rates: Speeds of both motors, shape (S, R, 2), rad/s.
+        q: True coordinates of the first M samples, whose motions are kept (by default all), shape
+            (M, R, N), in the coordinates' units; `motion` gives those of any.
+        motor_rates: Speeds of both their motors, shape (M, R, 2), rad/s.
+        peak_rates: Largest |speed| of both motors at the recorded times, shape (S, 2), rad/s.
         saturated_s: Time during which the command of each motor exceeded its limit of speed or
             torque, shape (S, 2), s.
         terminal_error: True end minus planned end, shape (S, N), in the coordinates' units.
@@ -48,21 +51,23 @@ class Replay:
             For a compensated plan both errors refer to the original plan, from its start on.
         effort: ∫ u₁² + u₂² dt of the controller's commands, (S,); None in open loop.
         fallbacks: Number of control steps in which the controller used a fallback command, (S,).
+        again: Replays other samples, by their numbers, in the same way.
     """
 
     plan: Plan
     machine: Machine
     seed: int
     numbers: NDArray[np.int64]
-    draws: Draws
     t: Array
     q: Array
     motor_rates: Array
+    peak_rates: Array
     saturated_s: Array
     terminal_error: Array
     deviation: Array
     effort: Array | None
     fallbacks: NDArray[np.int64]
+    again: Callable[[Sequence[int]], Replay]
 
     def __repr__(self) -> str:
         count = len(self.numbers)
@@ -75,6 +80,20 @@ class Replay:
     def percentile(self, percent: float) -> float:
         """Percentile (0 … 100) of E over the samples, degrees; 50 is the median."""
         return float(np.percentile(self.index_E_deg, percent))
+
+    @cached_property
+    def draws(self) -> Draws:
+        """Parameters of each sample, drawn when they are asked for: seed and number say them."""
+        return draw(self.machine, self.plan.problem.system.size - 1, self.numbers, self.seed)
+
+    def motion(self, place: int) -> Array:
+        """True coordinates of the sample at that place in `numbers`, shape (R, N).
+
+        A motion that is not kept is replayed.
+        """
+        if place < len(self.q):
+            return np.asarray(self.q[place])
+        return np.asarray(self.again([int(self.numbers[place])]).q[0])
 
     @property
     def angles(self) -> tuple[int, ...]:
@@ -110,8 +129,9 @@ class Replay:
 
     @property
     def measured(self) -> Array:
-        """Encoder readings, shape (S, R, N): `q` with the angles rounded to their resolution."""
-        return encoder_readings(self.plan.problem.system, self.draws, self.q.T).T
+        """Encoder readings, shape (M, R, N): `q` with the angles rounded to their resolution."""
+        kept = self.draws.part(slice(len(self.q)))
+        return encoder_readings(self.plan.problem.system, kept, self.q.T).T
 
     @property
     def worst(self) -> int:
@@ -126,7 +146,7 @@ class Replay:
         return replay_frame(self)
 
     def to_xarray(self) -> xarray.Dataset:
-        """Motions by sample, time and name; see `planner.machine.replay.replay_dataset`."""
+        """Motions kept, by sample, time and name; see `planner.machine.replay.replay_dataset`."""
 
         return replay_dataset(self)
 
@@ -161,6 +181,7 @@ def replay(
     *,
     settle_s: float = SETTLE_S,
     record_s: float | None = RECORD_S,
+    motions: int | None = None,
     progress: Progress | None = None,
 ) -> Replay:
     """Replay a plan on samples of an emulated machine, open loop or with feedback.
@@ -180,16 +201,19 @@ def replay(
             terminal error.
         record_s: Time between recorded instants, s; None records only the start, the plan's end and
             the final instant. Errors use all simulation steps, recorded or not.
+        motions: How many samples' motions are kept, those of the first; all by default. Errors are
+            kept of all samples, in some hundred bytes each.
         progress: Called with (steps done, steps in all).
 
     Raises:
-        InputError: If the plan has no real inputs, the machine does not match the system, or an
-            argument is out of range.
+        InputError: If the plan has no real inputs, the machine does not match the system, an
+            argument is out of range, or the motions to be kept take more than 2 GB of memory.
     """
     refuse_inexecutable(plan)
     closing = _feedback(feedback, plan)
     numbers = sample_numbers(samples)
-    _check(seed, settle_s, record_s)
+    _check(seed, settle_s, record_s, motions)
+    expect_listener(progress)
     used = machine_for(plan.problem.machine, machine)
     recording = simulate(
         plan,
@@ -198,23 +222,30 @@ def replay(
         seed,
         settle_s=settle_s,
         record_s=record_s,
+        motions=motions,
         feedback=closing,
         progress=progress,
     )
+
+    def again(others: Sequence[int]) -> Replay:
+        back = False if closing is None else closing
+        return replay(plan, used, others, seed, back, settle_s=settle_s, record_s=record_s)
+
     return Replay(
         plan=plan,
         machine=used,
         seed=seed,
         numbers=numbers,
-        draws=recording.draws,
         t=recording.t,
         q=recording.q,
         motor_rates=recording.speed,
+        peak_rates=recording.peak,
         saturated_s=recording.saturated_s,
-        terminal_error=recording.q[:, -1] - plan.wanted(plan.duration),
+        terminal_error=recording.end - plan.wanted(plan.duration),
         deviation=recording.deviation,
         effort=recording.effort,
         fallbacks=recording.fallbacks,
+        again=again,
     )
 
 
@@ -230,13 +261,15 @@ def _feedback(feedback: bool | Feedback, plan: Plan) -> Feedback | None:
     return feedback
 
 
-def _check(seed: int, settle_s: float, record_s: float | None) -> None:
+def _check(seed: int, settle_s: float, record_s: float | None, motions: int | None) -> None:
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
         raise InputError(f"seed = {seed}: must be an integer >= 0")
     if not (np.isfinite(settle_s) and settle_s >= 0):
         raise InputError(f"settle_s = {settle_s}: must be a time >= 0, in seconds")
     if record_s is not None and not (np.isfinite(record_s) and record_s > 0):
         raise InputError(f"record_s = {record_s}: must be a time > 0, in seconds, or None")
+    if motions is not None and (not isinstance(motions, int) or motions < 0):
+        raise InputError(f"motions = {motions!r:.40}: must be a number of samples, or None for all")
 
 
 def replay_frame(replay: Replay) -> pandas.DataFrame:
@@ -265,7 +298,7 @@ def replay_frame(replay: Replay) -> pandas.DataFrame:
 
 
 def replay_dataset(replay: Replay) -> xarray.Dataset:
-    """True motions and motor speeds of every machine: q and motor_rates over sample and time.
+    """True motions and motor speeds of the machines whose motions are kept, over sample and time.
 
     Raises:
         InputError: If xarray is not installed.
@@ -275,10 +308,10 @@ def replay_dataset(replay: Replay) -> xarray.Dataset:
         {
             "q": (("sample", "time", "coordinate"), replay.q),
             "motor_rates": (("sample", "time", "input"), replay.motor_rates),
-            "terminal_error": (("sample", "coordinate"), replay.terminal_error),
+            "terminal_error": (("sample", "coordinate"), replay.terminal_error[: len(replay.q)]),
         },
         coords={
-            "sample": replay.numbers,
+            "sample": replay.numbers[: len(replay.q)],
             "time": ("time", replay.t, {"units": "s"}),
             "coordinate": [c.name for c in system.coordinates],
             "input": [c.name for c in system.inputs],

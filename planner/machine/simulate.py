@@ -1,14 +1,18 @@
-"""A plan through some machines, open loop or by a controller."""
+"""A plan through some machines, open loop or by a controller.
+
+They march in blocks. Of each block its errors are kept, and its motions where they are asked for.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.errors import InputError
 from planner.machine.closed_loop import Fed, Feedback, encoder_readings
 from planner.machine.commands import Command, Orders, merged
 from planner.machine.compiled import MOST_PASSIVE, Compiled, library
@@ -25,6 +29,9 @@ CHUNK = 1000
 REPORTED = 1000
 """Parts of a run that progress is counted in."""
 
+MOST_BYTES = 2_000_000_000
+"""Of motions, all recorded at a time: half of the memory of the smallest computers in use."""
+
 Progress = Callable[[int, int], None]
 Tell = Callable[[float], None]
 
@@ -34,10 +41,11 @@ class Recording:
     """What happened to S samples.
 
     Attributes:
-        draws: The machines.
         t: Recorded times, (R,), s.
-        q: True coordinates then, (S, R, N).
-        speed: Speeds of the motors then, (S, R, 2); after a jump, where there is one.
+        q: True coordinates then of the M samples whose motions are kept, the first, (M, R, N).
+        speed: Speeds of their motors then, (M, R, 2); after a jump, where there is one.
+        end: True coordinates at the last time, (S, N).
+        peak: Largest |speed| of each motor at the recorded times, (S, 2).
         deviation: Largest |q − plan| of each coordinate after the first over all steps from the
             plan's start, (S, N−1).
         saturated_s: Seconds each motor was asked for more than its limit of speed or torque,
@@ -46,14 +54,37 @@ class Recording:
         fallbacks: Number of control steps in which the controller used a fallback command, (S,).
     """
 
-    draws: Draws
     t: Array
     q: Array
     speed: Array
+    end: Array
+    peak: Array
     deviation: Array
     saturated_s: Array
     effort: Array | None
     fallbacks: NDArray[np.int64]
+
+    def room(self, count: int, motions: int) -> Recording:
+        """Arrays like these for so many samples, and for the motions of so many, not filled in."""
+        rows = dict.fromkeys(_OF_EACH, count) | dict.fromkeys(_MOTIONS, motions)
+        empty = {
+            name: np.empty((size, *array.shape[1:]), array.dtype)
+            for name, size in rows.items()
+            if (array := getattr(self, name)) is not None
+        }
+        return replace(self, **empty)
+
+    def put(self, part: Recording, first: int) -> None:
+        """Fill in a part, from the sample `first` on."""
+        for name in (*_OF_EACH, *_MOTIONS):
+            array = getattr(self, name)
+            if array is not None:
+                there = array[first : first + len(part.end)]
+                there[:] = getattr(part, name)[: len(there)]
+
+
+_MOTIONS = ("q", "speed")
+_OF_EACH = ("end", "peak", "deviation", "saturated_s", "effort", "fallbacks")
 
 
 def simulate(
@@ -64,14 +95,15 @@ def simulate(
     *,
     settle_s: float,
     record_s: float | None,
+    motions: int | None = None,
     feedback: Feedback | None = None,
     progress: Progress | None = None,
 ) -> Recording:
     """Run an executable plan through the samples `numbers` (S,) of a machine.
 
     Raises:
-        InputError: If the machine does not match the system, or the plan's input, or what feedback
-            commands, is not finite.
+        InputError: If the machine does not match the system, the plan's input, or what feedback
+            commands, is not finite, or the motions would take too much memory.
     """
     draws = draw(machine, plan.problem.system.size - 1, numbers, seed)
     return simulate_draws(
@@ -80,6 +112,7 @@ def simulate(
         draws,
         settle_s=settle_s,
         record_s=record_s,
+        motions=motions,
         feedback=feedback,
         progress=progress,
     )
@@ -92,28 +125,61 @@ def simulate_draws(
     *,
     settle_s: float,
     record_s: float | None,
+    motions: int | None = None,
     feedback: Feedback | None = None,
     progress: Progress | None = None,
 ) -> Recording:
     """Run an executable plan through given single machines.
 
-    What all samples share is taken from `machine`: step and control period.
+    What all samples share is taken from `machine`: step and control period. Motions are kept of
+    the first `motions` samples, by default of all.
 
     Raises:
         InputError: As `simulate`.
     """
+    count = draws.count
+    kept = count if motions is None else min(motions, count)
+    block = min(CHUNK, count, _room(plan, kept, settle_s, record_s))
     times = _record_times(plan.duration, settle_s, record_s)
     if feedback is None:
         run = partial(_open, command=_command(plan, machine, draws, times))
     else:
         delay = draws["delay_s"][0]
         run = partial(_closed, feedback=feedback, one_delay=bool(np.all(delay == delay[0])))
-    chunks = [slice(k, k + CHUNK) for k in range(0, draws.count, CHUNK)]
-    parts = []
+    chunks = [slice(k, k + block) for k in range(0, count, block)]
+    whole: Recording | None = None
     for i, chosen in enumerate(chunks):
         tell = partial(_tell, progress, i, len(chunks)) if progress else None
-        parts.append(run(plan, machine, draws, chosen, times, tell))
-    return _joined(draws, parts)
+        part = run(plan, machine, draws, chosen, times, tell)
+        if kept == len(part.end) == count:
+            return part
+        whole = whole or part.room(count, kept)
+        whole.put(part, chosen.start)
+        del part  # and its motions, before the next block makes its own
+    assert whole is not None
+    return whole
+
+
+def _room(plan: Plan, kept: int, settle: float, record: float | None) -> int:
+    """How many motions there is memory for at a time.
+
+    Raises:
+        InputError: If fewer than are to be kept, or none.
+    """
+    span, width = plan.duration + settle, 8 * (plan.problem.system.size + 2)
+    rows = 3 if record is None else 3 + span / record
+    room = int(MOST_BYTES / (rows * width))
+    if room >= max(kept, 1):
+        return room
+    ways = [f"motions = {room} or fewer, for errors are kept of all samples"] if room else []
+    if (least := MOST_BYTES / (width * max(kept, 1)) - 3) > 1:
+        ways.append(f"record_s = {np.ceil(1e3 * span / least) / 1e3:g} or more")
+    ways.append("record_s = None")
+    raise InputError(
+        f"the motions of {kept} samples, recorded {rows:.4g} times each, take"
+        f" {kept * rows * width / 1e9:.3g} GB of memory, and at most {MOST_BYTES / 1e9:g} GB are"
+        f" used for them; give {', or '.join(ways)}"
+    )
 
 
 def _open(
@@ -189,21 +255,18 @@ def _tell(progress: Progress, before: int, runs: int, share: float) -> None:
 
 def _recording(draws: Draws, times: Array, motion: MachineMotion) -> Recording:
     none = np.zeros(draws.count, dtype=np.int64)
-    found = (motion.q, motion.speed, motion.deviation, motion.saturated_s)
-    return Recording(draws, times, *found, None, none)
-
-
-def _joined(draws: Draws, parts: Sequence[Recording]) -> Recording:
-    if len(parts) == 1:
-        return parts[0]
-    first = parts[0]
-    names = ("q", "speed", "deviation", "saturated_s", "fallbacks", "effort")
-    joined = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in names
-        if getattr(first, name) is not None
-    }
-    return replace(first, draws=draws, **joined)
+    return Recording(
+        t=times,
+        q=motion.q,
+        speed=motion.speed,
+        end=motion.q[:, -1].copy(),  # of itself, so that the motions can go
+        # One motor after the other takes a twentieth of the time of both at once.
+        peak=np.stack([np.abs(motion.speed[..., i]).max(axis=1) for i in (0, 1)], axis=1),
+        deviation=motion.deviation.copy(),
+        saturated_s=motion.saturated_s.copy(),
+        effort=None,
+        fallbacks=none,
+    )
 
 
 def _command(plan: Plan, machine: Machine, draws: Draws, times: Array) -> Command:

@@ -1,6 +1,7 @@
 """The methods that make plans.
 
-In this order: `registry` (which there are, how one comes in), `keeping` (what each promises to
-keep), `spec` (a method with options as text), `refusal` (how they say no, and which changes would
-help), `laws` (closed form), `convex`, `collocation`, `desensitised`.
+In this order: `registry` (which there are, how one comes in), `foreign` (those of other packages),
+`keeping` (what each promises to keep), `spec` (a method with options as text), `refusal` (how they
+say no, and which changes would help), `laws` (closed form), `convex`, `collocation`,
+`desensitised`.
 """

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any, Literal, Protocol, TypedDict, Unpack, cast, overload
 
 from planner.errors import InputError
 from planner.methods import keeping
+from planner.methods.foreign import Foreign, ForeignKeeps, ForeignPlans
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
-from planner.problem.tables.kinds import add_method_table, load_plugins, remember
+from planner.problem.tables.kinds import (
+    add_method_table,
+    load_plugins,
+    plugin_called,
+    remember,
+)
 from planner.problem.tables.method_options import (
     CollocationOptions,
     ConvexOptions,
@@ -205,7 +211,6 @@ class Collocation(SolveKeywords, total=False):
     accuracy: float
     refinements: int
     solver: Literal["auto", "fatrop", "ipopt"]
-    compile: bool
     tolerance: float
     max_iterations: int
 
@@ -336,6 +341,8 @@ def register_method(
         name: Name of the method: a Python identifier.
         plan: A function of the problem and an instance of `options` that returns a plan, which
             `solve` then verifies. If it finds none it raises a `NoPlanError` with the reason.
+            Any other error, or something else in place of a plan, refuses the problem with a
+            `MethodError`, which names the package.
         options: The table `[method.NAME]` of problem files, a `planner.support.user_tables.Table`;
             every key has a default.
         summary: One line for listings.
@@ -364,7 +371,13 @@ def register_method(
     if why := next(_faults(entry), None):
         raise InputError(f"method '{name}' cannot be registered: {why}")
     add_method_table(name, options)
-    METHODS[name] = entry
+    owner = Foreign(name, plugin_called() or f"module {line(str(plan.__module__))}")
+    METHODS[name] = replace(
+        entry,
+        made_by=ForeignPlans(owner, plan),
+        keeps=ForeignKeeps(owner, keeps),
+        remade_by=replan and ForeignPlans(owner, replan),
+    )
     remember(f"method '{name}'")
 
 

@@ -45,6 +45,7 @@ from planner.plan.plan import Plan
 from planner.problem.tables.machine_effects import EFFECTS
 from planner.report.figures.style import COLOURS, GRID
 from planner.support.files import folder
+from planner.support.progress import expect_listener
 from planner.support.tables import Column, Markup, markdown_table
 
 if TYPE_CHECKING:
@@ -110,6 +111,7 @@ def calibrate(progress: Progress | None = None, seed: int = 0) -> Calibration:
         progress: Called with the current step and the completed share, 0 … 1.
         seed: Of the machines with spreads.
     """
+    expect_listener(progress)
     say = progress or (lambda what, share: None)
     say("planning the paper's motion", 0.0)
     plan = calibration_plan()

@@ -19,6 +19,7 @@ from planner.report.figures.over_time import plot_inputs, plot_joints, plot_z, z
 from planner.report.figures.style import grid, heading
 from planner.report.film import animate
 from planner.support.files import folder
+from planner.support.progress import expect_listener
 from planner.support.tables import Column, Markup, markdown_table
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ def reproduce(
     Raises:
         InputError: If the folder cannot be written.
     """
+    expect_listener(progress)
     say = progress or (lambda what, share: None)
     with folder(path) as place:
         say("planning and replaying", 0.0)

@@ -89,17 +89,25 @@ def joined(parts: Sequence[Cells]) -> Cells:
     return Cells(parts[0].breaks, *columns)
 
 
+MOST_DEGREE = 50
+"""Of a curve. A law through twenty points has 35 with eight joints; the judge reads each polynomial
+at more points than its degree, and the binomials stay exact."""
+
+
 def expect_curve(name: str, curve: BPoly, values: tuple[int, ...]) -> None:
     """Refuse a curve that cannot be evaluated over [0, duration].
 
     Raises:
-        ValueError: If its breaks do not increase from 0 or its values have another shape.
+        ValueError: If its breaks do not increase from 0, its values have another shape, or its
+            degree is too high.
     """
     breaks, shape = np.asarray(curve.x), curve.c.shape[2:]
     if breaks[0] != 0 or not np.all(np.diff(breaks) > 0) or not np.isfinite(breaks[-1]):
         raise ValueError(f"the breaks of {name} must increase from 0 and be finite")
     if shape != values or np.iscomplexobj(curve.c):
         raise ValueError(f"{name} must have real values of shape {values}, not {shape}")
+    if len(curve.c) - 1 > MOST_DEGREE:
+        raise ValueError(f"{name} has degree {len(curve.c) - 1}; at most {MOST_DEGREE} is read")
 
 
 def undefined(**parts: Array) -> str:

@@ -23,6 +23,7 @@ from scipy.interpolate import BPoly
 
 from planner.errors import NotConvergedError
 from planner.plan.measures import slowing
+from planner.plan.quadrature import JUMP
 from planner.plan.retimed import Inverse, RetimedTrajectory, arc_length
 from planner.plan.trajectory import Trajectory
 from planner.problem.asked import Limits
@@ -38,8 +39,9 @@ _EXCESS = 1e-5
 """How far inputs and rates may pass their limits between the points before that; what is left is
 taken away by slowing the whole motion."""
 
-_CORNER = 5e-8
-"""Change of direction at a node, in units of the limits, from which it is a corner."""
+_CORNER = JUMP / 2
+"""Change of direction at a node, in units of the limits, from which it is a corner: the motion goes
+through a lesser one, and its inputs must not jump there."""
 
 _STRAIGHT = 1e-6
 """Change of direction over a whole path, in units of the limits, below which it is rounding."""
@@ -235,7 +237,7 @@ def fastest_motion(
     """The fastest timing of a path within limits of inputs and of their rates, not verified yet.
 
     Args:
-        path: A trajectory with inputs at all times.
+        path: A trajectory with inputs at all times. Of a retimed one its own path is timed anew.
         limits: Of inputs and of their rates; one of them for each input that moves.
         requirements: The whole is slowed for what it breaks of these: by little for limits of
             inputs and rates, which the clock knows; for others as much as they need.
@@ -251,6 +253,8 @@ def fastest_motion(
         NotConvergedError: If the programme is not solved, or an input would jump where something
             other than `limits` is asked of its rate.
     """
+    while isinstance(path, RetimedTrajectory):
+        path = path.path
     if np.any(np.isfinite(limits.input_rate[moving])):
         trajectory, notes = _with_rates(path, limits, moving, rest, intervals)
     else:

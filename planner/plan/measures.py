@@ -8,6 +8,7 @@ lies in (0, 1]; it is smooth where every one lies in (0, 1). `domain_report` tes
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -46,6 +47,30 @@ def _quadrature(trajectory: Trajectory) -> tuple[Array, Array]:
     nodes, weights = _GAUSS
     half = np.diff(edges)[:, None] / 2
     return edges[:-1, None] + half * (1 + nodes), half * weights
+
+
+def objective_of(trajectory: Trajectory, name: str) -> float | None:
+    """What an objective is for a motion, where its name says so: a sum of duration and efforts.
+
+    Args:
+        trajectory: The motion.
+        name: As in `Plan.objective_name`; its weights are written with four digits or more.
+    """
+    kind, _, words = name.removesuffix(" (not minimised by this method)").partition(": ")
+    if kind == "time" and words.startswith("the least") and words.endswith(", in seconds"):
+        return trajectory.duration
+    times, weights = _quadrature(trajectory)
+    first, second = np.einsum("ij,ijk->k", weights, trajectory.u(times) ** 2).tolist()
+    known = {
+        "duration": trajectory.duration,
+        "integral of u1^2 dt": first,
+        "integral of u2^2 dt": second,
+        "integral of u1^2 + u2^2 dt": first + second,
+    }
+    term = rf"(?:([\d.e+-]+) x )?({'|'.join(map(re.escape, known))})"
+    if not re.fullmatch(rf"{term}(?: \+ {term})*", words):
+        return None
+    return float(sum(float(weight or 1) * known[of] for weight, of in re.findall(term, words)))
 
 
 def peak_inputs(trajectory: Trajectory) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.errors import InputError, expect, made_by
+from planner.errors import InputError, TimeLimitError, expect, made_by
 from planner.plan.claims import Certificate
 from planner.plan.measures import DomainReport, domain_report
 from planner.plan.trajectory import Trajectory
 from planner.problem.problem import Problem
 from planner.support.arrays import Array, jsonable
+from planner.support.deadline import Span
 from planner.support.files import write_text
 from planner.support.package import handed_to
 
@@ -255,6 +256,12 @@ class Compensation:
     machine: Mapping[str, Any]
     lead_s: float
     tail_s: float
+
+
+def cut_short(plan: Plan, span: Span, how: str) -> Plan:
+    """The plan, which says that time was up, or who ended the work on it, and what it lacks."""
+    status = "interrupted" if span.ended_by else TimeLimitError.status
+    return replace(plan, status=status, notes={**plan.notes, "ended_early": f"{span.why} {how}"})
 
 
 def expect_plan(value: object) -> None:

@@ -14,6 +14,7 @@ from planner.plan.claims import certificate_from_dict
 from planner.plan.plan import FORMAT, VERSION, Compensation, Plan
 from planner.plan.trajectory import trajectory_from_dict
 from planner.problem.problem import Problem
+from planner.problem.tables.kinds import MOST
 from planner.support.files import read_json
 from planner.support.tables import line
 from planner.support.user_tables import Table, parse
@@ -88,6 +89,11 @@ def _read(path: str | Path) -> dict[str, Any]:
 Number = float | None
 """A number; null where it is not defined."""
 
+Finite = Annotated[float, Field(ge=-MOST, le=MOST)]
+"""What a plan is computed from: no larger than a problem's numbers, or it overflows on the way."""
+
+Amount = Annotated[float, Field(ge=0, le=MOST)]
+
 
 class CurveTable(Table):
     """A piecewise polynomial in the Bernstein basis.
@@ -96,16 +102,18 @@ class CurveTable(Table):
     bernstein[a][k][i] C(d, a) x^a (1-x)^(d-a), where d is the degree; a scalar curve has no [i].
     """
 
-    breaks: Annotated[list[float], Field(min_length=2)] = Field(description="K+1 increasing times.")
+    breaks: Annotated[list[Finite], Field(min_length=2)] = Field(
+        description="K+1 increasing times."
+    )
 
     @field_validator("breaks")
     @classmethod
     def _increase(cls, breaks: list[float]) -> list[float]:
-        if not all(a < b < 1e15 for a, b in pairwise(breaks)):
-            raise ValueError("times must increase, and stay below 1e15 s")
+        if not all(a < b for a, b in pairwise(breaks)):
+            raise ValueError("times must increase")
         return breaks
 
-    bernstein: list[list[Number | list[Number]]] = Field(
+    bernstein: list[list[Finite | list[Finite | None] | None]] = Field(
         description="Coefficients: degree + 1 lists of K pieces, each a list of components."
     )
 
@@ -114,7 +122,7 @@ class ChainedTable(Table):
     """A curve given in chained coordinates."""
 
     kind: Literal["chained"]
-    branch: list[float] = Field(description="Signs (N) of the chart's branch.")
+    branch: list[Finite] = Field(description="Signs (N) of the chart's branch.")
     z: CurveTable = Field(description="z1 ... zN over time in s.")
     v: CurveTable = Field(description="v1, v2 over time in s.")
 
@@ -134,7 +142,7 @@ class RetimedTable(Table):
     path: TrajectoryTable
     length: CurveTable = Field(description="Length along the path over the path's own time.")
     clock: CurveTable = Field(description="Length over time in s.")
-    stations: list[float] = Field(description="The path's own time at the breaks of the clock.")
+    stations: list[Finite] = Field(description="The path's own time at the breaks of the clock.")
 
 
 TrajectoryTable = Annotated[
@@ -180,11 +188,13 @@ class PlanFile(Table):
     method: str = Field(description="Method that made it.")
     options: dict[str, Any] = Field(description="The method's options, as used.")
     status: str = Field(description="'solved', or what kept it from being a plan.")
-    objective: Number = Field(description="Value of the method's objective.")
+    objective: Finite | None = Field(description="Value of the method's objective.")
     objective_name: str = Field(description="What that objective is.")
-    solve_time_s: Number = Field(description="Time the method spent solving.")
-    build_time_s: Number = Field(description="Time it spent preparing.")
-    iterations: int = Field(description="Iterations of its solver, 0 for closed forms.")
+    solve_time_s: Amount | None = Field(description="Time the method spent solving.")
+    build_time_s: Amount | None = Field(description="Time it spent preparing.")
+    iterations: Annotated[int, Field(ge=0, le=int(MOST))] = Field(
+        description="Iterations of its solver, 0 for closed forms."
+    )
     verified: bool = Field(description="Whether the independent check passed.")
     notes: dict[str, Any] = Field(description="Further facts of the method.")
     certificate: CertificateTable | None = Field(
@@ -202,12 +212,8 @@ class CompensationOfTable(Table):
 
     plan: dict[str, Any] = Field(description="The plan as the kinematics say, as a plan file.")
     machine: dict[str, Any] = Field(description="The [machine] table that is allowed for.")
-    lead_s: Annotated[float, Field(ge=0)] = Field(
-        description="How long the commands prepare before that plan starts."
-    )
-    tail_s: Annotated[float, Field(ge=0)] = Field(
-        description="How long they go on after that plan has ended."
-    )
+    lead_s: Amount = Field(description="How long the commands prepare before that plan starts.")
+    tail_s: Amount = Field(description="How long they go on after that plan has ended.")
 
 
 def plan_schema(problem: dict[str, Any]) -> dict[str, Any]:

@@ -7,7 +7,7 @@ MATLAB", 2000, ch. 6 and 12). The judge's own: the planners share neither its po
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -25,10 +25,29 @@ POINTS = 16
 """Points per cell: rates of degree 15 are integrated exactly."""
 
 CONTROL_POINTS = 29
-"""Points per cell at which the integral is done again; they share none but the ends with the 16."""
+"""Points per cell at which the input is read again and the integral done again; they share none but
+the ends with the 16. For polynomials of a higher degree there are as many as fix one."""
+
+AGREED = 1e-7
+"""Distance of the input from its series at the control points, over its greatest value, above which
+a cell is split: what counts as a jump, and a tenth of what a limit may be exceeded by."""
+
+LESSER = 0.01
+"""An input is compared with no less than this part of the other: rounding in the chart's inverse is
+some 1e-9 of the larger one."""
 
 SAMPLES = 33
 """Samples per cell for extremes: twice as many as a series of degree 15 can have turns."""
+
+CLOSER = 129
+"""Samples of a cell that may hold the greatest value: no top is farther from one than a fifth of a
+radian of the fastest cosine, cos 15θ, where Newton's method finds it."""
+
+NEWTON = 3
+"""Steps from there to a top: two leave a billionth of a radian."""
+
+EQUAL = 1e-12
+"""Excess over what was found, relative to a function's size, that is not looked for."""
 
 RESOLVED = 1e-11
 """Tail of a series, relative to the function's size on the cell or one, that needs no splitting."""
@@ -50,6 +69,11 @@ SETTLED = 1e-14
 
 SWEEPS = 60
 """Sweeps of the integral at most. Systems that read earlier coordinates settle in N + 1."""
+
+JUMP = 1e-6
+"""Step between two cells, relative to the function's size, from which it is a jump. Inputs near the
+chart's edge and retimed ones are known to some 1e-7, which depends on the processor's arithmetic;
+by 1e-6 an input may pass its limit too."""
 
 Values = Callable[[Array, Array], Array]
 """What to resolve: from q (P, C, N) and u (P, C, 2) to functions (P, C, F)."""
@@ -121,6 +145,9 @@ class Motion:
         error: Estimate of the largest error of q, in the coordinates' units; NaN where the input
             or the rates are not numbers.
         gap: Largest |plan's own q − q| over all points of both sets, and its time.
+        unresolved: Largest distance of the input from its series at the control points, over its
+            greatest value, and its time: above `AGREED` where splitting does not help.
+        hidden: The same of further functions, over their greatest value or one.
     """
 
     cells: Cells
@@ -128,6 +155,8 @@ class Motion:
     u: Array
     error: float
     gap: tuple[float, float]
+    unresolved: tuple[float, float] = (0.0, 0.0)
+    hidden: tuple[float, float] = (0.0, 0.0)
 
     @cached_property
     def series(self) -> Array:
@@ -160,36 +189,74 @@ def integrate(
         trajectory: Its u(t) is what is integrated; its q(t) is only a first guess.
         start: q(0).
         tolerance: Estimated error above which all cells are split and the integral done anew.
-        *values: Further functions that the cells must resolve.
+        *values: Further functions that the cells must resolve, of the size of one.
     """
     cells: Cells | None = None
     for _ in range(ROUNDS):
-        reading = read(trajectory, own_input, trajectory.system.rates, *values, start=cells)
-        motion = _integrated(trajectory, start, reading)
+        reading, control = _read_twice(trajectory, values, cells)
+        motion = _integrated(trajectory, start, reading, control)
         if not motion.error > tolerance or len(reading.cells.piece) > MOST_CELLS:
             break  # good enough, or not a number, or noise: splitting would not help
         cells = reading.cells.split()[0]
     return motion
 
 
-def _integrated(trajectory: Trajectory, start: Array, reading: Reading) -> Motion:
+@dataclass(frozen=True, eq=False)
+class _Control:
+    """What is read at the control points: q (P, C, N), u (P, C, 2); and of `Motion` the others."""
+
+    q: Array
+    u: Array
+    unresolved: tuple[float, float]
+    hidden: tuple[float, float]
+
+
+def _read_twice(
+    trajectory: Trajectory, values: Sequence[Values], start: Cells | None
+) -> tuple[Reading, _Control]:
+    """A reading on cells that are split also where input or values are elsewhere in between."""
+    count = max(CONTROL_POINTS, trajectory.degree + 1)
+    for _ in range(ROUNDS):
+        reading = read(trajectory, own_input, trajectory.system.rates, *values, start=start)
+        cells, hidden = reading.cells, np.zeros((count, len(reading.cells.piece)))
+        q, u = trajectory.inside(cells.piece, cells.fractions(points(count)))
+        peaks = np.max(np.abs(reading.u), axis=(0, 1))
+        away = np.abs(u - apply(_resampling(count), reading.u))
+        away = np.max(away / np.maximum(peaks, max(LESSER * np.max(peaks), 1e-12)), axis=-1)
+        for function in values:
+            own, between = function(reading.q, reading.u), function(q, u)
+            gap = np.abs(between - apply(_resampling(count), own))
+            hidden = np.maximum(hidden, np.max(gap / np.maximum(np.max(np.abs(own)), 1.0), axis=-1))
+        split = (np.max(np.maximum(away, hidden), axis=0) > AGREED) & (cells.size > 0.25**SPLITS)
+        if not np.any(split) or len(cells.piece) > MOST_CELLS:
+            break
+        start = cells.split(np.where(split, 4, 1))[0]
+    return reading, _Control(q, u, _worst(cells, away), _worst(cells, hidden))
+
+
+def _worst(cells: Cells, away: Array) -> tuple[float, float]:
+    """The largest of distances (P, C) at Chebyshev–Lobatto points, and its time."""
+    point, cell = np.unravel_index(np.argmax(away), away.shape)
+    when = cells.time(np.array(cell), 2 * points(len(away))[point] - 1)
+    return float(away[point, cell]), float(when)
+
+
+def _integrated(
+    trajectory: Trajectory, start: Array, reading: Reading, control: _Control
+) -> Motion:
     cells, u, system = reading.cells, reading.u, trajectory.system
     width = cells.width[:, None]
     q = _settled(system, start, width, np.where(np.isfinite(reading.q), reading.q, start), u)
     rates = system.rates(q, u)
     tail = np.sum(width * np.max(np.abs(apply(_to_series()[-3:], rates)), axis=0), axis=0)
     # the same integral at other points, through the interpolated motion
-    claimed, control = trajectory.inside(cells.piece, cells.fractions(points(CONTROL_POINTS)))
-    between = again = apply(_resampling(CONTROL_POINTS), q)
+    between = again = apply(_resampling(len(control.q)), q)
     for _ in range(2):  # so that an error of one coordinate reaches those that read it
-        again = _integral(start, width, system.rates(again, control))
+        again = _integral(start, width, system.rates(again, control.u))
     error = np.max(np.abs(again - between)) + np.max(tail)
-    gaps = [np.max(np.abs(a - b), axis=-1) for a, b in ((reading.q, q), (claimed, between))]
-    k = int(np.argmax([np.max(g) for g in gaps]))
-    point, cell = np.unravel_index(np.argmax(gaps[k]), gaps[k].shape)
-    x = 2 * points(len(gaps[k]))[point] - 1
-    gap = float(gaps[k][point, cell]), float(cells.time(np.array(cell), x))
-    return Motion(cells, q, u, float(error), gap)
+    gaps = [np.max(np.abs(a - b), axis=-1) for a, b in ((reading.q, q), (control.q, between))]
+    gap = _worst(cells, gaps[int(np.argmax([np.max(g) for g in gaps]))])
+    return Motion(cells, q, u, float(error), gap, control.unresolved, control.hidden)
 
 
 def _integral(start: Array, width: Array, rates: Array) -> Array:
@@ -243,30 +310,38 @@ def _jacobian(system: TriangularSystem, q: Array, u: Array) -> Array:
 def greatest(cells: Cells, values: Array) -> tuple[Array, Array]:
     """Greatest value of functions (16, C, F) over all cells, and when, both (F,).
 
-    Samples first; in the three cells with the greatest Newton's method goes to the top next to it.
+    Over the angle θ of x = cos θ a series is a sum of cosines, with |d²/dθ²| ≤ Σ k²|cₖ|. So a top
+    lies above the sample next to it by no more than this times the square of the samples' distance
+    over eight. Whatever may then lie above all samples is sampled anew, closer, and from each of
+    the closer samples that may still be next to the greatest, Newton's method goes to the top.
     NaN where a function is not finite.
     """
-    which = np.arange(values.shape[-1])
-    grid = 2 * points(SAMPLES) - 1
-    samples = apply(_resampling(SAMPLES), values)
-    tops = np.max(samples, axis=0)
-    few = np.argsort(-tops, axis=0, kind="stable")[:3]
-    nearest = np.argmax(samples[:, few, which], axis=0)
-    low, high = grid[np.maximum(nearest - 1, 0)], grid[np.minimum(nearest + 1, SAMPLES - 1)]
-    series = apply(_to_series(), values[:, few, which])
-    slope = apply(_derivative(), series)
-    both = np.stack([slope, apply(_derivative(), slope)], axis=-1)
-    x = grid[nearest]
-    for _ in range(4):
-        first, second = np.moveaxis(_evaluated(both, x[..., None]), -1, 0)
-        step = np.divide(first, second, out=np.zeros_like(x), where=second < 0)
-        x = np.clip(x - step, low, high)
-    polished, sampled = _evaluated(series, x), tops[few, which]
-    x = np.where(polished > sampled, x, grid[nearest])
-    reached = np.maximum(polished, sampled)
-    best = np.argmax(reached, axis=0)
-    value = np.where(np.isnan(np.max(tops, axis=0)), np.nan, reached[best, which])
-    return value, cells.time(few[best, which], x[best, which])
+    series, samples = apply(_to_series(), values), apply(_resampling(SAMPLES), values)
+    order = np.arange(POINTS)[:, None]
+    bend = apply(np.asarray(order.T**2.0), np.abs(series))[0]
+    tops, best = np.max(samples, axis=0), np.max(samples, axis=(0, 1))
+    with np.errstate(invalid="ignore"):
+        enough = best + EQUAL * np.max(np.abs(values), axis=(0, 1))
+        may = tops + bend * _hidden(SAMPLES) > enough
+        may[np.argmax(tops, axis=0), np.arange(len(best))] = True  # one of each function at least
+        cell, which = np.nonzero(may)
+        series = series[:, cell, which]
+        closer = _closer() @ series
+        np.maximum.at(enough, which, np.max(closer, axis=0))
+        may = closer + bend[cell, which] * _hidden(CLOSER) > enough[which]
+        may[np.argmax(closer, axis=0), np.arange(len(cell))] = True
+    sample, row = np.nonzero(may)
+    series, theta = series[:, row], np.pi * (1 - sample / (CLOSER - 1))
+    steep, bent = order * series, order**2 * series
+    for _ in range(NEWTON):
+        slope = -np.sum(steep * np.sin(order * theta), axis=0)
+        curve = -np.sum(bent * np.cos(order * theta), axis=0)
+        step = np.divide(-slope, curve, out=np.zeros_like(theta), where=curve < 0)
+        theta = theta + np.clip(step, -np.pi / CLOSER, np.pi / CLOSER)
+    reached = np.sum(series * np.cos(order * theta), axis=0)
+    last = np.lexsort((reached, which[row]))[np.cumsum(np.bincount(which[row])) - 1]
+    value = np.where(np.isnan(best), np.nan, reached[last])
+    return value, cells.time(cell[row[last]], np.cos(theta[last]))
 
 
 def largest(cells: Cells, values: Array) -> Array:
@@ -276,9 +351,9 @@ def largest(cells: Cells, values: Array) -> Array:
 
 
 def jumps(cells: Cells, values: Array) -> NDArray[np.bool_]:
-    """Whether functions (16, C, F) jump between cells, by more than 1e-7 of their size, (F,)."""
+    """Whether functions (16, C, F) jump between cells, by more than `JUMP` of their size, (F,)."""
     size = np.maximum(np.max(np.abs(values), axis=(0, 1)), 1e-12)
-    return np.asarray(np.any(np.abs(values[0, 1:] - values[-1, :-1]) > 1e-7 * size, axis=0))
+    return np.asarray(np.any(np.abs(values[0, 1:] - values[-1, :-1]) > JUMP * size, axis=0))
 
 
 def slopes(cells: Cells, values: Array) -> Array:
@@ -304,12 +379,6 @@ def apply(matrix: Array, values: Array) -> Array:
     return product(matrix, values.reshape(len(values), -1)).reshape(len(matrix), *values.shape[1:])
 
 
-def _evaluated(series: Array, x: Array) -> Array:
-    """Series (16, …) at their own x (…)."""
-    basis = np.cos(np.arange(len(series)).reshape(-1, *[1] * x.ndim) * np.arccos(x))
-    return np.asarray(np.sum(series * basis, axis=0))
-
-
 @lru_cache(maxsize=8)
 def points(count: int) -> Array:
     """Chebyshev–Lobatto points on [0, 1]."""
@@ -326,6 +395,17 @@ def _to_series(count: int = POINTS) -> Array:
 def _resampling(count: int) -> Array:
     """Values at the 16 points → values at `count` points."""
     return np.asarray(chebyshev.chebvander(2 * points(count) - 1, POINTS - 1) @ _to_series())
+
+
+@lru_cache(maxsize=1)
+def _closer() -> Array:
+    """Series → values at the closer samples."""
+    return np.asarray(chebyshev.chebvander(2 * points(CLOSER) - 1, POINTS - 1))
+
+
+def _hidden(count: int) -> float:
+    """How far a top may lie above the next of so many samples, for |d²/dθ²| ≤ 1."""
+    return (np.pi / (count - 1)) ** 2 / 8
 
 
 @lru_cache(maxsize=8)

@@ -78,6 +78,11 @@ class RetimedTrajectory(Trajectory):
             raise ValueError("there must be one station for each break of the clock")
 
     @property
+    def degree(self) -> int:
+        """The highest one of its path, length and clock."""
+        return max(self.path.degree, len(self.length.c) - 1, len(self.clock.c) - 1)
+
+    @property
     def in_coordinates(self) -> bool:
         """Whether the path is given in coordinates."""
         return self.path.in_coordinates

@@ -105,6 +105,11 @@ class Trajectory(ABC):
         """Read back what `to_dict` wrote."""
 
     @property
+    def degree(self) -> int:
+        """Highest degree of the polynomials it is made of; 0 if it is not made of any."""
+        return 0
+
+    @property
     def in_coordinates(self) -> bool:
         """Whether q and u exist at all times without the help of the chart."""
         return False
@@ -163,6 +168,11 @@ class ChainedTrajectory(Trajectory):
     def breaks(self) -> Array:
         """Times between the polynomial pieces."""
         return np.asarray(self.z_curve.x)
+
+    @property
+    def degree(self) -> int:
+        """The higher one of its two curves."""
+        return max(len(self.z_curve.c), len(self.v_curve.c)) - 1
 
     @property
     def flaw(self) -> str:
@@ -251,6 +261,11 @@ class StateTrajectory(Trajectory):
     def breaks(self) -> Array:
         """Times between the polynomial pieces."""
         return np.asarray(self.q_curve.x)
+
+    @property
+    def degree(self) -> int:
+        """The higher one of its two curves."""
+        return max(len(self.q_curve.c), len(self.u_curve.c)) - 1
 
     @property
     def flaw(self) -> str:

@@ -26,6 +26,7 @@ from planner.report.figures.style import times as fine_times
 from planner.support.arrays import Array
 from planner.support.files import refuse_unwritable, write_bytes
 from planner.support.package import how_to_install
+from planner.support.progress import expect_listener
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -85,6 +86,7 @@ def animate(
             number is out of range, or the file cannot be written.
     """
     suffix = check_film(path, fps, speed)
+    expect_listener(progress)
     drawn = curves(plans, executable=True)
     system = drawn[0].plan.problem.system
     if not drawable(system):

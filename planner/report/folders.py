@@ -91,7 +91,7 @@ def replay_data(comparison: Comparison) -> dict[str, Any]:
             continue
         k = median_sample(run)
         some = np.unique(np.linspace(0, len(run.t) - 1, MOTION).round().astype(int))
-        motion = {"number": run.numbers[k], "t": run.t[some], "q": np.round(run.q[k, some], 9)}
+        motion = {"number": run.numbers[k], "t": run.t[some], "q": np.round(run.motion(k)[some], 9)}
         out[row.label] = {"E_deg": np.round(run.index_E_deg, 6), "median": motion}
     return dict(jsonable(out))
 

@@ -22,6 +22,7 @@ from planner.problem.tables.machine_effects import EFFECTS
 from planner.robustness.sobol import Index, between_machines, check, on_or_off, per_sample, switched
 from planner.support.arrays import Array, jsonable
 from planner.support.package import handed_to
+from planner.support.progress import expect_listener
 from planner.support.statistics import percentile_interval
 from planner.support.tables import (
     Column,
@@ -166,6 +167,7 @@ def error_budget(
     used = machine_for(plan.problem.machine, machine)
     count = len(sample_numbers(samples))
     check(base)
+    expect_listener(progress)
     if all(c.unit != "rad" for c in plan.problem.system.coordinates[1:]):
         raise InputError("the error index E is defined for angles, and this system has none")
     if not used.effects:

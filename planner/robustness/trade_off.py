@@ -31,6 +31,7 @@ from planner.robustness.trade_off_points import (
 )
 from planner.support.arrays import Array
 from planner.support.package import handed_to
+from planner.support.progress import expect_listener
 
 if TYPE_CHECKING:
     import pandas
@@ -188,6 +189,7 @@ def trade_off(
         "samples": samples,
         "seed": seed,
     }
+    expect_listener(progress)
     store = PointStore(folder, asked)
     tell = progress or (lambda _, __: None)
     if len(store.points) < points or any(p.swept < 2 for p in store.points.values()):

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from planner.errors import InputError
 
 SEARCH = 0.75
-"""Share of the time after which a search ends; the rest is for refining what it found."""
+"""Share of the time after which a search ends; the rest is for what is made of what it found."""
 
 MORE_TIME = "a larger time limit (--time-limit, time_limit_s)"
 """What a refusal advises."""
@@ -116,10 +116,12 @@ def share(
     Args:
         part: Of one.
         words: As for `limited`.
-        once: Given where the share counts only once this is true.
+        once: Given where the share counts only once this is true. It is a share of what is left
+            then: shares around it that wait likewise count.
     """
     now = time.monotonic()
-    return _opened(Span(_span.get(), now, now + part * remaining(), words, once=once))
+    left = _end(waiting=once is not None) - now
+    return _opened(Span(_span.get(), now, now + part * max(0.0, left), words, once=once))
 
 
 @contextmanager
@@ -133,12 +135,16 @@ def _opened(span: Span) -> Iterator[Span]:
 
 def remaining() -> float:
     """Seconds left, infinite without a limit; not below zero."""
-    span, end = _span.get(), math.inf
-    while span is not None:
-        if span.end < end and (span.once is None or span.once()):
-            end = span.end
-        span = span.outer
-    return max(0.0, end - time.monotonic())
+    return max(0.0, _end() - time.monotonic())
+
+
+def _end(waiting: bool = False) -> float:
+    """The earliest end of the blocks around; of those whose end waits too where that is asked."""
+    ends = [math.inf]
+    for span in _spans():
+        if span.end < min(ends) and (waiting or span.once is None or span.once()):
+            ends.append(span.end)
+    return min(ends)
 
 
 def check() -> None:
@@ -171,15 +177,26 @@ def time_up() -> TimeUpError:
     return TimeUpError()
 
 
+def is_over() -> bool:
+    """Whether time is up, or somebody has ended the search: what there is must do."""
+    span = _span.get()
+    return remaining() <= 0 or (span is not None and bool(span.ended_by))
+
+
+def holds_answer() -> bool:
+    """Whether the search that is under way holds an answer."""
+    search = _search()
+    return search is not None and search.holds is not None and search.holds()
+
+
 def stop(context: Context | None = None, by: str = "Ctrl-C") -> bool:
     """End the search at once, but for the refining of what it holds; whether it holds anything.
 
     For a handler of Ctrl-C, or for another thread, with the context that the search runs in.
     """
-    searches = [span for span in _spans(context) if span.holds is not None]
-    if not searches or not searches[-1].holds or not searches[-1].holds():
+    outermost, now = _search(context), time.monotonic()
+    if outermost is None or not outermost.holds or not outermost.holds():
         return False
-    outermost, now = searches[-1], time.monotonic()
     allowed = max(LEAST_FINISH_S, FINISH * (now - outermost.began))
     outermost.end = min(outermost.end, now + allowed)
     outermost.interrupted, outermost.reached = by, True
@@ -209,6 +226,12 @@ def checked(seconds: float) -> float:
             f"time_limit_s = {seconds!r:.40} is not a time limit; give seconds above 0"
         )
     return float(seconds)
+
+
+def _search(context: Context | None = None) -> Span | None:
+    """The outermost search: a part of it may hold what is no answer to the whole."""
+    searches = [span for span in _spans(context) if span.holds is not None]
+    return searches[-1] if searches else None
 
 
 def _spans(context: Context | None = None) -> Iterator[Span]:

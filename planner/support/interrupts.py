@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, partial
 from types import FrameType
 from typing import Any, Literal, TextIO, cast
 
@@ -24,7 +24,7 @@ SIGNALS = tuple(
 
 
 AGAIN_S = 0.01
-"""Until a signal is raised again whose exception Python dropped: the callback has ended by then."""
+"""Until a signal is raised again whose exception Python dropped, and again until it is not."""
 
 
 class Terminated(BaseException):
@@ -52,6 +52,7 @@ class Hearing:
         self.spared = False
         self._held: set[object] = set()
         self._late = False
+        self._dropped = False
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         """The handler: raises, unless the outcome is decided or `undisturbed` holds it back."""
@@ -64,19 +65,32 @@ class Hearing:
         if self._held:
             self._late = True
             return
+        while frame is not None:
+            if frame.f_code is Hearing.lost.__code__:  # from there it would be dropped too
+                return
+            frame = frame.f_back
+        self._dropped = False
         raise self.exception
 
-    def lost(self, what: sys.UnraisableHookArgs) -> bool:
-        """Whether Python dropped a signal's exception, in a weak reference's callback or `__del__`.
+    def lost(
+        self, what: sys.UnraisableHookArgs, otherwise: Callable[[sys.UnraisableHookArgs], object]
+    ) -> None:
+        """Take what Python drops, as what a weak reference's callback or `__del__` raises.
 
-        It is raised again a moment later.
+        A signal's exception is raised again a moment later; `otherwise` takes what is none.
         """
         if not isinstance(what.exc_value, KeyboardInterrupt | Terminated) or self.over:
-            return False
-        later = threading.Timer(AGAIN_S, _to_main_thread, [self.status - 128])
-        later.daemon = True
-        later.start()
-        return True
+            otherwise(what)
+            return
+        self._dropped = True
+        threading.Thread(target=self._knock, daemon=True).start()
+
+    def _knock(self) -> None:
+        while True:
+            time.sleep(AGAIN_S)
+            if self.over or not self._dropped:
+                return
+            _to_main_thread(self.status - 128)
 
     @property
     def exception(self) -> BaseException:
@@ -134,12 +148,7 @@ def hear_signals(last: bool = False) -> Iterator[None]:
     for number in mine:
         signal.signal(number, hearing)
     otherwise = sys.unraisablehook
-
-    def hook(what: sys.UnraisableHookArgs) -> None:
-        if not hearing.lost(what):
-            otherwise(what)
-
-    sys.unraisablehook = hook
+    sys.unraisablehook = partial(hearing.lost, otherwise=otherwise)
     try:
         yield
     finally:

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 from scipy.interpolate import BPoly
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq
 
 from planner.support.arrays import Array
 
@@ -46,13 +46,22 @@ def sample_times(breaks: Array, count: int = 2000) -> Array:
     return times
 
 
-def minimum(function: Function, times: Array, refine: int = 3) -> tuple[float, float]:
+FLAT = 1e-13
+"""Depth of a dip that is rounding, where a function is of order one."""
+
+_ROUNDS = 11
+"""Rounds that each narrow a dip eight times: to 1e-10 of the distance between samples."""
+
+
+def minimum(function: Function, times: Array) -> tuple[float, float]:
     """Least value of `function` and its time.
+
+    Every dip between samples is narrowed but those that would have to fall by more than twice their
+    sides.
 
     Args:
         function: Vectorised, times (m,) to values (m,); NaN values are passed over.
-        times: Increasing samples; the `refine` dips among them whose parabola through three
-            samples goes lowest are polished.
+        times: Increasing samples.
 
     Returns:
         (value, time); (nan, nan) if every value is NaN.
@@ -62,35 +71,34 @@ def minimum(function: Function, times: Array, refine: int = 3) -> tuple[float, f
         return np.nan, np.nan
     filled = np.where(np.isnan(values), np.inf, values)
     best = int(np.argmin(filled))
-    found = (float(filled[best]), float(times[best]))
-    dips = np.array(_dips(filled), dtype=int)
-    likely = np.argsort(_bottoms(filled, times, dips), kind="stable")
-    for k in dips[likely[:refine]]:
-        candidate = _polish(function, times, int(k))
-        found = min(found, candidate)
-    return found
+    dips, depth = _dips(filled)
+    deep = (depth > FLAT) & (filled[dips] - 2 * depth <= filled[best])
+    lowest, when = _narrowed(function, times, dips[deep])
+    lowest, when = np.append(filled[best], lowest), np.append(times[best], when)
+    k = int(np.argmin(lowest))
+    return float(lowest[k]), float(when[k])
 
 
-def maximum(function: Function, times: Array, refine: int = 3) -> tuple[float, float]:
+def maximum(function: Function, times: Array) -> tuple[float, float]:
     """Greatest value of `function` and its time; see `minimum`."""
-    value, time = minimum(lambda t: -function(t), times, refine)
+    value, time = minimum(lambda t: -function(t), times)
     return -value, time
 
 
 def zeros(function: Function, times: Array) -> list[float]:
     """Times at which `function` changes sign, found to rounding by Brent's method.
 
-    Dips between two samples of the same sign are polished first, so that a short excursion between
+    Dips between two samples of the same sign are narrowed first, so that a short excursion between
     samples is not missed. NaN counts as negative.
     """
     values = _nan_negative(function(times))
-    extra = []
+    extra: list[float] = []
     for sign in (1.0, -1.0):
-        dips = _dips(np.where(sign * values > 0, sign * values, np.inf))
-        for k in dips[:20]:
-            value, time = _polish(lambda t, s=sign: s * _nan_negative(function(t)), times, k)  # type: ignore[misc]
-            if value < 0:
-                extra.append(time)
+        sided = np.where(sign * values > 0, sign * values, np.inf)
+        dips, depth = _dips(sided)
+        near = dips[sided[dips] < 2 * depth]
+        lowest, when = _narrowed(lambda t, s=sign: s * _nan_negative(function(t)), times, near)  # type: ignore[misc]
+        extra += when[lowest < 0].tolist()
     grid = np.unique(np.concatenate([times, extra]))
     values = _nan_negative(function(grid))
     inside = values > 0
@@ -113,41 +121,28 @@ def _nan_negative(values: Array) -> Array:
     return np.where(np.isnan(values), -1.0, values)
 
 
-def _dips(values: Array) -> list[int]:
-    """Indices of finite interior local minima, lowest first."""
-    middle = values[1:-1]
+def _dips(values: Array) -> tuple[NDArray[np.int_], Array]:
+    """Indices of finite interior local minima, and how far the higher finite side is above each."""
+    middle, sides = values[1:-1], np.stack([values[:-2], values[2:]])
     with np.errstate(invalid="ignore"):
-        is_dip = (middle <= values[:-2]) & (middle <= values[2:]) & np.isfinite(middle)
-    indices = np.flatnonzero(is_dip) + 1
-    return [int(k) for k in indices[np.argsort(values[indices], kind="stable")]]
+        is_dip = np.all(middle <= sides, axis=0) & np.isfinite(middle)
+        depth = np.max(np.where(np.isfinite(sides), sides - middle, 0.0), axis=0)
+    return np.flatnonzero(is_dip) + 1, depth[is_dip]
 
 
-def _bottoms(values: Array, times: Array, dips: NDArray[np.int_]) -> Array:
-    """Lowest value of the parabola through each dip and its neighbours; the dip's own value where
-    a neighbour is not finite.
-    """
-    t = times[dips[:, None] + [-1, 0, 1]] - times[dips, None]
-    f = values[dips[:, None] + [-1, 0, 1]]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        left, right = (f[:, 0] - f[:, 1]) / t[:, 0], (f[:, 2] - f[:, 1]) / t[:, 2]
-        bend = (right - left) / (t[:, 2] - t[:, 0])
-        slope = right - bend * t[:, 2]
-        lowest = f[:, 1] - slope**2 / (4 * bend)
-    return np.asarray(np.where(np.isfinite(lowest) & (bend > 0), lowest, f[:, 1]))
-
-
-def _polish(function: Function, times: Array, k: int) -> tuple[float, float]:
-    def scalar(t: float) -> float:
-        value = float(function(np.array([t]))[0])
-        return np.inf if np.isnan(value) else value
-
-    result = minimize_scalar(
-        scalar,
-        bounds=(times[k - 1], times[k + 1]),
-        method="bounded",
-        options={"xatol": 1e-10 * max(1.0, abs(times[-1]))},
-    )
-    return float(result.fun), float(result.x)
+def _narrowed(function: Function, times: Array, dips: NDArray[np.int_]) -> tuple[Array, Array]:
+    """Least values between the samples beside each dip, and when; NaN is passed over."""
+    low, high, row = times[dips - 1], times[dips + 1], np.arange(len(dips))
+    value, when = np.full(len(dips), np.inf), times[dips]
+    for _ in range(_ROUNDS if len(dips) else 0):
+        x = low + (high - low) * np.linspace(0.0, 1.0, 17)[:, None]
+        with np.errstate(invalid="ignore"):  # beside the dip it may be infinite
+            found = function(x.ravel()).reshape(x.shape)
+        found = np.where(np.isnan(found), np.inf, found)
+        k = np.argmin(found, axis=0)
+        value, when = found[k, row], x[k, row]
+        low, high = x[np.maximum(k - 1, 0), row], x[np.minimum(k + 1, 16), row]
+    return value, when
 
 
 DEGREE = 14

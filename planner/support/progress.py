@@ -13,6 +13,9 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 
+from planner.errors import InputError
+from planner.support.tables import brief
+
 logger = logging.getLogger("planner")
 
 
@@ -40,6 +43,16 @@ class Progress:
 Listener = Callable[[Progress], None]
 
 
+def expect_listener(progress: object) -> None:
+    """Refuse an argument `progress` that cannot be called, before the work that it would hear of.
+
+    Raises:
+        InputError: If it is neither a function nor None.
+    """
+    if progress is not None and not callable(progress):
+        raise InputError(f"progress = {brief(repr(progress))}: give a function, such as print")
+
+
 class _News:
     def __init__(self, listener: Listener | None, outer: _News | None) -> None:
         self.listener, self.outer = listener, outer
@@ -59,7 +72,12 @@ _run: ContextVar[_News | None] = ContextVar("run", default=None)
 
 @contextmanager
 def listening(listener: Listener | None) -> Iterator[None]:
-    """What is told in the block goes to the listener, and to those around."""
+    """What is told in the block goes to the listener, and to those around.
+
+    Raises:
+        InputError: As `expect_listener`.
+    """
+    expect_listener(listener)
     token = _run.set(_News(listener, _run.get()))
     try:
         yield

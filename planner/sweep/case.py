@@ -16,7 +16,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.comparison import rows
-from planner.errors import InputError, NoPlanError, SingularError, VerificationError
+from planner.errors import (
+    NO_MEMORY,
+    InputError,
+    MethodError,
+    NoPlanError,
+    SingularError,
+    VerificationError,
+    lacks_memory,
+)
 from planner.machine.contact_load import contact_load
 from planner.machine.machine import Machine
 from planner.machine.replay import RECORD_S, replay
@@ -177,11 +185,10 @@ def run_case(request: Request) -> Row:
         except InputError as error:
             row |= {"status": "bad_input", "why": str(error)}
         except Exception as error:
-            row |= {
-                "status": "bug",
-                "why": f"{type(error).__name__}: {error}",
-                "traceback": traceback.format_exc(),
-            }
+            why = f"{type(error).__name__}: {error}"
+            row |= {"status": "bug", "why": why, "traceback": traceback.format_exc()}
+            if lacks_memory(error):
+                row |= {"status": "bad_input", "why": NO_MEMORY.format(why), "traceback": None}
         if row["why"]:
             row["why"] = row["why"].removeprefix(f"{request['source']}: ")
         row["versions"] = _versions()
@@ -196,6 +203,8 @@ def _run(request: Request) -> Row:
         row: Row = {"status": plan.status, "solved": plan.verified}
         if not plan.verified:
             row["why"] = "for study only: the path leaves the domain of the chained-form chart"
+        elif early := plan.notes.get("ended_early"):
+            row["why"] = early
     except (SingularError, VerificationError) as error:
         if error.plan is None:
             raise
@@ -215,7 +224,7 @@ def _on_the_machine(plan: Plan, samples: int, seed: int) -> Row:
     row: Row = {}
     # The instants of `compare`, on which the steps depend, so that both give the same numbers.
     record = max(RECORD_S, plan.duration / 500)
-    runs = replay(plan, samples=samples, seed=seed, record_s=record)
+    runs = replay(plan, samples=samples, seed=seed, record_s=record, motions=0)
     if runs.angles:
         row["E_median_deg"], row["E_p95_deg"] = np.percentile(runs.index_E_deg, [50, 95])
         row["end_median_deg"], row["end_p95_deg"] = np.percentile(runs.terminal_E_deg, [50, 95])
@@ -242,7 +251,8 @@ def _versions() -> str:
 
 def _refusal(error: NoPlanError) -> Row:
     why = "; ".join([error.reason, *(str(v) for v in error.violations[:3])])
-    return {"status": error.status, "why": why, "advice": error.advice}
+    trace = error.traceback or None if isinstance(error, MethodError) else None
+    return {"status": error.status, "why": why, "advice": error.advice, "traceback": trace}
 
 
 def _number(value: Any) -> Any:

@@ -1,8 +1,8 @@
 """Where cases run: this process, processes of this computer, or a Dask cluster.
 
-A process of this computer is `python -m planner.sweep.pools`. It says `ready`; then one request a
-line on standard input, one row a line on standard output, both JSON. It ends when its standard
-input does, so that it never outlives whoever started it.
+A process of this computer runs `serve`. It says `ready`; then one request a line on standard input,
+one row a line on standard output, both JSON. It ends when its standard input does, so that it never
+outlives whoever started it.
 """
 
 from __future__ import annotations
@@ -29,6 +29,24 @@ ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
 """One thread a process: so many processes as cores use the cores better than threads do."""
+
+START = """
+import sys
+from importlib.machinery import PathFinder
+from importlib.util import module_from_spec
+
+found = PathFinder.find_spec("planner", [sys.argv[1]])
+sys.modules["planner"] = module_from_spec(found)
+found.loader.exec_module(sys.modules["planner"])
+sys.path.append(sys.argv[1])
+from planner.sweep.pools import serve
+
+serve()
+"""
+"""What a process does, with the folder that holds this package, to run this one and no other.
+
+That folder is searched last: beside an installed package there may be a module with the name of one
+of Python's own."""
 
 READY = "ready\n"
 """What a process says first."""
@@ -124,15 +142,14 @@ class _WorkerProcess:
     """A process that runs `serve`."""
 
     def __init__(self) -> None:
-        path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
         self._ready = False
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 (closed in `release`)
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-X", "faulthandler", "-m", "planner.sweep.pools"],
+            [sys.executable, "-P", "-X", "faulthandler", "-c", START, str(ROOT)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,
-            env={**os.environ, **ONE_THREAD, "PYTHONPATH": path},
+            env={**os.environ, **ONE_THREAD},
             text=True,
             encoding="utf-8",
             process_group=0,  # Ctrl-C is for the parent alone
@@ -344,7 +361,3 @@ def _distributed() -> Any:
             f"--cluster needs Dask; install it with: {how_to_install('cluster')}"
         ) from None
     return distributed
-
-
-if __name__ == "__main__":
-    serve()

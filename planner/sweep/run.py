@@ -17,6 +17,7 @@ from typing import Any
 from planner.errors import InputError
 from planner.problem.tables.kinds import unknown_elsewhere
 from planner.support.interrupts import Terminated, undisturbed
+from planner.support.progress import expect_listener
 from planner.sweep.case import Case, Row, case_at, cases
 from planner.sweep.description import Sweep
 from planner.sweep.pools import ClusterPool, HerePool, LocalPool, Pool
@@ -85,6 +86,7 @@ def run_sweep(
             system is not known in other processes.
         KeyboardInterrupt: If interrupted; finished cases are saved.
     """
+    expect_listener(progress)
     if not isinstance(sweep, Sweep):
         sweep = Sweep.from_dict(sweep) if isinstance(sweep, Mapping) else Sweep.load(sweep)
     began = time.perf_counter()

@@ -20,7 +20,8 @@ from types import TracebackType
 from typing import Any, Self
 
 from planner.errors import InputError
-from planner.support.files import named, parse_json, refuse_unwritable
+from planner.support.files import named, parse_json, refuse_unwritable, written
+from planner.support.interrupts import undisturbed
 from planner.sweep.case import RESULTS, Case, Row
 from planner.sweep.description import Sweep
 from planner.sweep.sweep_file import canonical, digest
@@ -80,13 +81,17 @@ class Database:
             self.db = sqlite3.connect(self.path, timeout=WAIT_S, isolation_level=None)
             found = os.stat(self.path)
             self._file = (found.st_dev, found.st_ino)
+        if create:
+            written.append(self.path)  # from here on whoever ends this run says so
         try:
             with self.explained():
                 self._prepare(create)
         except BaseException:
+            empty = new and self._empty()
             self.db.close()
-            if new and self.path.exists() and not self.path.stat().st_size:
-                self.path.unlink()  # nothing of it could be written: a full disk
+            if empty:  # a full disk
+                for end in ("", "-wal", "-shm"):
+                    Path(f"{self.path}{end}").unlink(missing_ok=True)
             raise
 
     def __enter__(self) -> Self:
@@ -116,6 +121,13 @@ class Database:
         self._complete()
         # A commit survives the end of the process; to survive a power cut as well costs 10 ms each.
         self.db.execute("PRAGMA synchronous = NORMAL")
+
+    def _empty(self) -> bool:
+        """Whether nothing has been kept in it, by another process either."""
+        try:
+            return self.db.execute("SELECT 1 FROM sqlite_master").fetchone() is None
+        except sqlite3.Error:
+            return os.path.exists(self.path) and not os.path.getsize(self.path)
 
     def _has_version(self) -> bool:
         return bool(
@@ -150,17 +162,21 @@ class Database:
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
-        """All of the block's changes or none."""
-        with self.explained():
-            self.db.execute("BEGIN IMMEDIATE")
+        """All of the block's changes or none.
+
+        A signal waits until its end: between two steps it would leave the transaction open, and
+        what is finished could not be kept any more.
+        """
+        with undisturbed(), self.explained():
             try:
+                self.db.execute("BEGIN IMMEDIATE")
                 yield
+                self.refuse_lost()
+                self.db.execute("COMMIT")
             except BaseException:
                 with suppress(sqlite3.Error):  # it may be over already
                     self.db.execute("ROLLBACK")
                 raise
-            self.refuse_lost()
-            self.db.execute("COMMIT")
 
     @contextmanager
     def explained(self) -> Iterator[None]:

@@ -1,5 +1,6 @@
 """The independent judge, and proofs over whole intervals.
 
-In this order: `verify` (is every requirement kept?), `summary`, `load_plan`; then the certificate:
-`certify`, `places_proven`, `input_models`, `enclosure`, `functions`, `balls`, `models`.
+In this order: `verify` (is every requirement kept?), `verdict` (with what is proven), `summary`,
+`load_plan`; then the certificate: `certify`, `known`, `places_proven`, `input_models`, `enclosure`,
+`functions`, `balls`, `models`.
 """

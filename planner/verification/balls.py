@@ -222,9 +222,16 @@ def power(p: Ball, a: float) -> Ball:
 
 
 def exponential(p: Ball) -> Ball:
-    """e^p: rest = e^c (e^δ − 1 − δ), and e^δ − 1 − δ ≤ δ (e^δ − 1)/2 term by term."""
-    value = np.exp(p.c)
-    return _through(p, value, value, value * p.reach * np.expm1(p.reach) / 2)
+    """e^p: rest = e^c (e^δ − 1 − δ), and e^δ − 1 − δ ≤ δ (e^δ − 1)/2 term by term.
+
+    Where δ is large, e^(c + δ), which stays small far below zero, where e^δ may be no number. What
+    is too small for a float is less than the least normal one.
+    """
+    value, reach = np.exp(p.c), p.reach
+    near = value * reach * np.expm1(np.minimum(reach, 2.0)) / 2
+    far = np.exp(p.c + reach + 2 * UNIT * (np.abs(p.c) + reach)) * (1 + 8 * UNIT)
+    rest = np.where(reach <= 2.0, near, far) + np.finfo(float).tiny
+    return _through(p, value, value, rest)
 
 
 def logarithm(p: Ball) -> Ball:

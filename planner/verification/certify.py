@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass
-from functools import cached_property, lru_cache, singledispatch
+from functools import lru_cache, singledispatch
 
 import casadi as ca
 import numpy as np
 
-from planner.plan.claims import Certificate, Claim, Status, undecided
+from planner.plan.claims import Certificate, Claim, undecided
 from planner.plan.plan import Plan, expect_plan
 from planner.plan.retimed import RetimedTrajectory
 from planner.problem.problem import Problem
@@ -29,16 +28,14 @@ from planner.systems.triangular_system import TriangularSystem
 from planner.verification.balls import Ball
 from planner.verification.enclosure import Enclosure
 from planner.verification.functions import Expression, UnboundedError
-from planner.verification.input_models import Source, enclosed, resolve, source_of
-from planner.verification.models import Margin, Model, least
+from planner.verification.input_models import enclosed, resolve, source_of
+from planner.verification.known import Known, On, Proof, ToProve, decide
+from planner.verification.models import Index, Margin, Model
 from planner.verification.places_proven import clearances, distance, joints, nearest, own_time
-from planner.verification.verify import GOAL_TOLERANCE, INTERPOLANT_TOLERANCE
+from planner.verification.verify import GOAL_TOLERANCE, INTERPOLANT_TOLERANCE, LIMIT_TOLERANCE
 
 JUMP = 1e-7
 """Jump of an input, over its greatest value, that counts as one; as in `verify`."""
-
-EQUAL = 1e-9
-"""Excess over a limit, relative to it, that counts as equality."""
 
 DURATION_TOLERANCE = 1e-9
 """Error of a given duration, relative to it; as in `verify`."""
@@ -46,9 +43,7 @@ DURATION_TOLERANCE = 1e-9
 OWN = Part("plan's q(t) against its integrated input", "", -np.inf, 0.0, 1.0)
 """The distance of the plan's own q(t) from the motion, as `verify` calls it."""
 
-UNBOUNDED = "no bound on the motion or its inputs is known on all of it"
-
-STANDSTILL = "the inputs of a retimed path are quotients of zeros where the path stands still"
+ON_MACHINE = "nothing is proven of the emulated machine, on which the inputs act"
 
 
 def certify(plan: Plan) -> Certificate:
@@ -57,7 +52,8 @@ def certify(plan: Plan) -> Certificate:
     Where `verify` integrates and samples, this bounds: the true motion under the plan's input is
     enclosed on every subinterval (a polynomial and a proven radius), and the limits of inputs and
     their rates, joints, z₂, the chart's domain, the goal and the distance from the plan's own q(t)
-    are decided from the enclosure, with bounds on rounding included.
+    are decided from the enclosure, with bounds on rounding included. Of a compensated plan, whose
+    motion is that of an emulated machine, only inputs and duration are.
 
     Args:
         plan: Any plan, verified or not.
@@ -89,6 +85,8 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int]:
     if why:
         return _unknown(problem, why, not trajectory.in_coordinates), nothing, 0
     try:
+        if plan.compensation is not None:
+            return _of_commands(plan), nothing, len(trajectory.breaks) - 1
         source, motion, own = enclosed(trajectory, problem.start)
     except UnboundedError as error:
         why = f"nothing bounds {error}"
@@ -107,6 +105,20 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int]:
     return claims, most, len(motion.cells.piece)
 
 
+def _of_commands(plan: Plan) -> list[Claim]:
+    """Of a compensated plan, whose inputs are commands: only these, and how long they take."""
+    source = source_of(plan.trajectory)
+    on = On(plan, Known(resolve(source), source, frozenset({"u", "du"})), [])
+    found: list[Proof] = []
+    for demand in plan.problem.demands:
+        reads = demand.reads if isinstance(demand, Requirement) else {"q"}
+        if isinstance(demand, Duration) or reads <= on.path.reads:
+            found += prove(demand, on)
+        elif not demand.in_chart:
+            found += _undecided(demand, ON_MACHINE)
+    return [*decide(found), undecided(OWN.label, OWN.unit, ON_MACHINE)]
+
+
 def _unknown(problem: Problem, why: str, in_chart: bool) -> list[Claim]:
     """All requirements, where nothing could be bounded."""
     asked = [each for each in problem.demands if in_chart or not each.in_chart]
@@ -114,121 +126,6 @@ def _unknown(problem: Problem, why: str, in_chart: bool) -> list[Claim]:
     free = np.isnan(problem.target)
     known = [p for each, p in parts if not (isinstance(each, Goal) and free[p.index])]
     return [undecided(p.label, p.unit, why) for p in [*known, OWN]]
-
-
-# -- what is known, and verdicts -----------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class Known:
-    """What is enclosed on one clock.
-
-    Attributes:
-        motion: The inputs, and perhaps the coordinates.
-        source: Whose inputs these are.
-        reads: Which of coordinates "q", inputs "u" and their rates "du" are known.
-        retimed: The trajectory along whose path this is, if the clock is the path's own.
-        why: Why something on it is not bounded.
-    """
-
-    motion: Enclosure
-    source: Source
-    reads: frozenset[str] = frozenset({"q", "u", "du"})
-    retimed: RetimedTrajectory | None = None
-    why: str = UNBOUNDED
-
-    @cached_property
-    def inputs(self) -> list[Model]:
-        """Models of the inputs."""
-        return self.motion.models(*self.motion.u)
-
-    @cached_property
-    def rates(self) -> list[Model]:
-        """Models of their rates, inside the pieces."""
-        return self.motion.models(*self.source.slopes(self.motion.cells))
-
-    @property
-    def end_s(self) -> float:
-        """Its own time at the end, seconds."""
-        return float(self.motion.cells.breaks[-1])
-
-    def claim(
-        self, part: Part, scale: float, low: float, high: float, when: float, required: bool = True
-    ) -> Claim:
-        """The verdict on a least margin between two bounds; its own time becomes the plan's."""
-        slack, known = EQUAL * scale, float(high) if np.isfinite(high) else np.nan
-        time_s, why = float(when) if np.isfinite(when) else None, ""
-        if time_s is not None and self.retimed is not None:
-            time_s = self.retimed.time_of(time_s)
-        status: Status = "undecided"
-        if low >= -slack:
-            status = "proven"
-        elif known < -slack:
-            status = "violated"
-        else:
-            open_ = f"the margin lies between {low:.3g} and {known:.3g}"
-            why = open_ if np.isfinite(low) else self.why
-        return Claim(part.label, status, low, known, time_s, part.unit, required, why)
-
-
-@dataclass(frozen=True, eq=False)
-class On:
-    """What proofs of a plan rest on.
-
-    Attributes:
-        plan: The plan.
-        path: The true motion, of a retimed plan in the path's own time and without its inputs.
-        own: The plan's own coordinates there.
-    """
-
-    plan: Plan
-    path: Known
-    own: list[Model]
-
-    @cached_property
-    def timed(self) -> Known:
-        """The inputs in the plan's time."""
-        if self.path.retimed is None:
-            return self.path
-        source = source_of(self.path.retimed)
-        return Known(resolve(source), source, frozenset({"u", "du"}), why=STANDSTILL)
-
-
-@dataclass(frozen=True, eq=False)
-class ToProve:
-    """Every one of some functions must be ≥ 0 at all times.
-
-    Attributes:
-        part: Whose label and unit the claim has.
-        margins: (sign, value, limit) of sign · value + limit.
-        known: What the values are functions of.
-        required: Whether the problem asks for it.
-    """
-
-    part: Part
-    margins: list[Margin]
-    known: Known
-    required: bool = True
-
-
-Proof = ToProve | Claim
-
-
-def decide(found: list[Proof]) -> list[Claim]:
-    """The claims, in order; what is still to prove on one clock is bounded all at once."""
-    wanted = [each for each in found if isinstance(each, ToProve)]
-    verdicts: dict[int, Claim] = {}
-    for known in {id(each.known): each.known for each in wanted}.values():
-        own = [each for each in wanted if each.known is known]
-        scales = np.array([each.part.scale for each in own for _ in each.margins])
-        margins = [margin for each in own for margin in each.margins]
-        bounds = iter(least(margins, known.motion.cells, scales))
-        for each in own:
-            of = [next(bounds) for _ in each.margins]
-            guaranteed, worst = min(x.guaranteed for x in of), min(of, key=lambda x: x.attained)
-            given = each.part, each.part.scale, guaranteed, worst.attained, worst.time_s
-            verdicts[id(each)] = known.claim(*given, each.required)
-    return [verdicts.get(id(each), each) for each in found]  # type: ignore[arg-type]
 
 
 # -- one proof for each kind of requirement ------------------------------------------------------
@@ -248,18 +145,15 @@ def _undecided(demand: Demand, why: str, required: bool = True) -> list[Claim]:
 def _(required: Requirement, on: On) -> Iterable[Proof]:
     """By its rows: at all times, or at the end alone."""
     reads = required.reads
-    known = on.path if reads <= on.path.reads else on.timed
-    shaped = reads <= known.reads - {"du"}  # nothing bounds other functions of the rates
-    if not required.smooth or not (shaped or (required.plain and reads <= known.reads)):
+    if not required.smooth or ("du" in reads and not required.plain):
         return _undecided(required, "no proof is written for this kind of requirement")
+    known = on.known(reads)
     if required.plain:
         of = known.motion.states if "q" in reads else known.inputs if "u" in reads else known.rates
         values = [of[part.index] for part in required.parts]
     else:
         try:
-            rows = _rows(on.plan.problem.system, required)
-            balls = rows(*(getattr(known.motion, name) for name in sorted(reads)))
-            values = known.motion.models(*balls)
+            known, values = _shaped(required, on, known)
         except UnboundedError as error:
             return _undecided(required, f"nothing bounds {error}")
     found: list[Proof] = []
@@ -276,6 +170,28 @@ def _(required: Requirement, on: On) -> Iterable[Proof]:
             finite = [margin for margin in margins if np.isfinite(margin[2])]
             found.append(ToProve(part, finite, known))
     return found
+
+
+def _shaped(required: Requirement, on: On, known: Known) -> tuple[Known, list[Model]]:
+    """Models of its rows; on finer cells where a remainder hides whether a limit is kept."""
+    rows, names = _rows(on.plan.problem.system, required), sorted(required.reads)
+
+    def values(motion: Enclosure) -> list[Model]:
+        return motion.models(*rows(*(getattr(motion, name) for name in names)))
+
+    def coarse(motion: Enclosure, found: list[Model]) -> Index:
+        hidden = np.zeros(len(motion.cells.piece), dtype=bool)
+        for part, value in zip(required.parts, found, strict=True):
+            open_ = (value.low < part.low) | (value.high > part.high)
+            hidden |= open_ & (value.r > LIMIT_TOLERANCE * part.scale)
+        read = [ball for name in names for ball in getattr(motion, name)]
+        return np.asarray(hidden & np.all([np.isfinite(ball.range[0]) for ball in read], axis=0))
+
+    found = values(known.motion)
+    if not required.final and np.any(coarse(known.motion, found)):
+        known = on.finer(known, lambda motion: coarse(motion, values(motion)))
+        found = values(known.motion)
+    return known, found
 
 
 @lru_cache(maxsize=64)
@@ -347,8 +263,8 @@ def _(goal: Goal, on: On) -> Iterable[Proof]:
 
 @prove.register
 def _(duration: Duration, on: On) -> Iterable[Proof]:
-    (part,), slack = duration.parts, DURATION_TOLERANCE * duration.seconds
-    margin = slack - abs(on.plan.duration - duration.seconds)
+    (part,), slack, plan = duration.parts, DURATION_TOLERANCE * duration.seconds, on.plan
+    margin = slack - abs(plan.duration - plan.lead_s - plan.tail_s - duration.seconds)
     return [on.path.claim(part, 1e-6 * slack, margin, margin, np.nan)]
 
 

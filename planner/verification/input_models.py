@@ -68,11 +68,22 @@ REFINING = 1e-13
 """What rounding does to a path's inputs written on more pieces, relative to them."""
 
 
-def enclosed(trajectory: Trajectory, start: Array) -> tuple[Source, Enclosure, list[Model]]:
+Coarse = Callable[[Enclosure], Index]
+"""Which cells of an enclosed motion should be split, for what is made of it."""
+
+
+def enclosed(
+    trajectory: Trajectory, start: Array, coarse: Coarse | None = None
+) -> tuple[Source, Enclosure, list[Model]]:
     """The true motion under a trajectory's inputs.
 
     Of a retimed trajectory that along its path, in the path's own time: no state depends on the
     timing.
+
+    Args:
+        trajectory: Of a known kind.
+        start: q(0), shape (N,).
+        coarse: Which cells are too coarse for other reasons; left out, none.
 
     Returns:
         The inputs, the motion, and the trajectory's own coordinates.
@@ -82,7 +93,7 @@ def enclosed(trajectory: Trajectory, start: Array) -> tuple[Source, Enclosure, l
     """
     path = _path(trajectory)
     source = source_of(path)
-    motion = resolve(source, start)
+    motion = resolve(source, start, coarse)
     if path is not trajectory:
         motion = strayed(path.system, motion, _left_out(trajectory, motion))
     if isinstance(path, StateTrajectory):
@@ -200,49 +211,118 @@ def _law(path: Trajectory) -> tuple[list[BPoly], Law, Law]:
     raise UnboundedError(words)
 
 
+State = Callable[[list[Ball]], list[Ball]]
+"""q of z, as balls."""
+
+
 @lru_cache(maxsize=32)
-def _feedback(system: TriangularSystem, branch: tuple[float, ...]) -> tuple[Expression, Expression]:
+def _inverse_of(system: TriangularSystem, branch: tuple[float, ...]) -> State:
+    """The inverse chart on one branch."""
+    z = ca.SX.sym("z", system.size)
+    q = chained_form(system).q_expr(z, ca.DM(branch))
+    if q is not None:
+        return Expression([z], q)
+    return _solved(system, branch)
+
+
+def _solved(system: TriangularSystem, branch: tuple[float, ...]) -> State:
+    """The inverse of a chart that is solved link by link, from the last coordinate on.
+
+    zᵢ reads no earlier coordinate than qᵢ and rises or falls with that all over the branch.
+    """
+    size, form, signs = system.size, chained_form(system), np.array(branch)
+    q = ca.SX.sym("q", size)
+    chain = form.z_expr(q)
+    slopes = ca.vertcat(*(ca.jacobian(chain[i], q[i]) for i in range(size)))
+    value, slope = Expression([q], chain), Expression([q], slopes)
+
+    def state(z: list[Ball]) -> list[Ball]:
+        points = np.stack([ball.c[:, :POINTS] for ball in z], axis=-1)
+        c = form.q(points, signs).transpose(2, 0, 1) @ interpolation().T
+        guess = polynomial_balls(c, 0 * c[:, :, 0])
+        known = {0: z[0], size - 1: z[-1]}
+        for i in range(size - 2, 0, -1):
+            gap = value.entry(i, [{**known, i: guess[i]}], {}) - z[i]
+
+            def steep(x: Ball, i: int = i) -> Ball:
+                return slope.entry(i, [{**known, i: x}], {})
+
+            known[i], _ = root(guess[i], gap, steep, np.sign(steep(guess[i]).c))
+        return [known[i] for i in range(size)]
+
+    return state
+
+
+@lru_cache(maxsize=32)
+def _feedback(system: TriangularSystem, branch: tuple[float, ...]) -> tuple[Law, Law]:
     """u of (z, v), and du/dt of (z, v, ż, v̇), on one branch."""
     n = system.size
     z, v, dz, dv = (ca.SX.sym(name, k) for name, k in (("z", n), ("v", 2), ("dz", n), ("dv", 2)))
     u = chained_form(system).inputs_expr(z, v, ca.DM(branch))
-    if u is None:
-        raise UnboundedError(f"the inverse chart of system '{system.kind}', which is numerical")
-    return Expression([z, v], u), Expression(
-        [z, v, dz, dv], ca.jtimes(u, z, dz) + ca.jtimes(u, v, dv)
-    )
+    if u is not None:
+        rate = ca.jtimes(u, z, dz) + ca.jtimes(u, v, dv)
+        return Expression([z, v], u), Expression([z, v, dz, dv], rate)
+    q, state = ca.SX.sym("q", n), _inverse_of(system, branch)
+    turn = ca.jacobian(chained_form(system).z_expr(q)[1], q)
+    drift = turn[0, 2:] @ ca.vertcat(*system.slopes_expr(q))
+    u = ca.vertcat(v[0] / system.drive_expr(q), (v[1] - drift * v[0]) / turn[0, 1])
+    rate = ca.jtimes(u, q, ca.vertcat(*system.rates_expr(q, u))) + ca.jtimes(u, v, dv)
+    of, slope_of = Expression([q, v], u), Expression([q, v, dv], rate)
+    return lambda z, v: of(state(z), v), lambda z, v, _, dv: slope_of(state(z), v, dv)
 
 
-@lru_cache(maxsize=32)
-def _inverse_of(system: TriangularSystem, branch: tuple[float, ...]) -> Expression:
-    """q of z on one branch, for systems whose `source_of` exists."""
-    z = ca.SX.sym("z", system.size)
-    return Expression([z], chained_form(system).q_expr(z, ca.DM(branch)))
+def root(
+    guess: Ball, gap: Ball, steep: Callable[[Ball], Ball], side: Array | float = 1.0
+) -> tuple[Ball, Ball]:
+    """The root next to a guess, and the function's slope there; unknown where nothing is proven.
+
+    Args:
+        guess: A polynomial, without an error of its own.
+        gap: The function there.
+        steep: Its slope.
+        side: Sign of the slope.
+    """
+    defect, near = (np.abs(gap.c) + gap.reach) * INFLATE, steep(guess)
+    trust = 2 * defect / (side * near.c - near.reach)
+    slope = steep(guess.widened(trust))
+    least = side * slope.c - slope.reach
+    error = np.where(least > 0, defect / least * INFLATE, np.inf)
+    proven = (error < trust) | (error == 0)
+    slope = slope.widened(np.where(proven, 0.0, np.inf))
+    return guess.widened(np.where(proven, error, np.inf)), slope
 
 
-def resolve(source: Source, start: Array | None = None) -> Enclosure:
+def resolve(source: Source, start: Array | None = None, coarse: Coarse | None = None) -> Enclosure:
     """Inputs on cells where they are known to rounding, or as fine as may be.
 
     Args:
         source: Of the inputs.
         start: With it also the motion from there, whose rates must be known as well.
+        coarse: As for `enclosed`.
     """
     cells = Cells.of(source.trajectory.breaks)
     if len(cells.piece) < FEWEST_CELLS:
         cells, _ = cells.split()
-    u, before = source.inputs(cells), np.full(len(cells.piece), np.inf)
+    u = source.inputs(cells)
+    before = {of: np.full(len(cells.piece), np.inf) for of in ("inputs", "rates", "values")}
     for _ in range(source.halvings):
-        bad, rough = _unsettled(u, before)
-        motion = Enclosure(cells, [], u)
+        motion, of = Enclosure(cells, [], u), "inputs"
+        bad, rough = _unsettled(u, before[of])
         if start is not None and not np.any(bad):
-            motion = enclose(source.trajectory, cells, u, start)
-            bad, rough = _unsettled(motion.rates, before)
+            motion, of = enclose(source.trajectory, cells, u, start), "rates"
+            bad, rough = _unsettled(motion.rates, before[of])
+        if coarse is not None and not np.any(bad):
+            of, bad, rough = "values", coarse(motion), np.full(len(bad), np.inf)
         if not np.any(bad) or len(bad) + np.sum(bad) > MOST_CELLS:
             break
         cells, origin = cells.split(np.where(bad, np.where(rough > COARSE, 4, 2), 1))
-        fresh, before = bad[origin], np.where(bad, rough, np.inf)[origin]
+        before[of] = np.where(bad, rough, before[of])
+        before = {of: kept[origin] for of, kept in before.items()}
+        fresh = bad[origin]
         new = source.inputs(cells.only(fresh))
         u = [old.updated(origin, fresh, x) for old, x in zip(u, new, strict=True)]
+    if start is not None and not motion.q:
+        return enclose(source.trajectory, motion.cells, motion.u, start)
     return motion
 
 
@@ -263,16 +343,8 @@ def clocked(trajectory: RetimedTrajectory, cells: Cells) -> tuple[Ball, Ball, Ba
         return at(length, order, trajectory, cells, sigma)[0]
 
     (s,), (speed,), (gain,) = (on(clock, cells, order) for order in range(3))
-    gap = along(0, guess) - s
-    defect = (np.abs(gap.c) + gap.reach) * INFLATE
-    steep = along(1, guess)
-    trust = 2 * defect / (steep.c - steep.reach)
-    steep = along(1, guess.widened(trust))
-    least = steep.c - steep.reach
-    error = np.where(least > 0, defect / least * INFLATE, np.inf)
-    proven = error < trust
-    sigma = guess.widened(np.where(proven, error, np.inf))
-    over = reciprocal(steep.widened(np.where(proven, 0.0, np.inf)))
+    sigma, steep = root(guess, along(0, guess) - s, lambda x: along(1, x))
+    over = reciprocal(steep)
     pace = speed * over
     return sigma, pace, (gain - along(2, sigma) * pace * pace) * over
 

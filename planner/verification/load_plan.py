@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from planner.errors import InputError, VerificationError
+from planner.errors import InputError, InputWarning, VerificationError
+from planner.plan.claims import Certificate
+from planner.plan.measures import objective_of
 from planner.plan.plan import Plan
 from planner.plan.plan_file import read_plan
 from planner.verification.certify import certify
-from planner.verification.verify import verify
+from planner.verification.verdict import judge
 
 
 def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
     """Read a plan that `Plan.save` wrote, and judge it again if the file calls it verified.
 
-    A plan that was verified comes back with `verified` True only if `verify` still says so, and its
-    certificate is proven anew. What is not a plan any more has `verified` False, the status
-    "verification_failed", no certificate, and says in `why` what it breaks. A file that never
-    claimed to hold a verified plan (a refused one, kept for study) keeps its own status.
+    A plan that was verified comes back with `verified` True only if `verify` still says so and its
+    certificate, proven anew, does not say otherwise; a compensated one only with the plan that it
+    compensates. Its objective is computed, if it is one of duration and efforts; where the file
+    says another, that of the motion is taken, with a warning. What is not a plan any more has
+    `verified` False, the status "verification_failed", no certificate, and says in `why` what it
+    breaks. A file that never claimed to hold a verified plan (a refused one, kept for study) keeps
+    its own status.
 
     Args:
         path: The file.
@@ -31,31 +37,64 @@ def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
             its plan fails the judgement.
     """
     said = read_plan(path)
-    broken = _broken(said) if said.verified else ""
+    if not said.verified:
+        if said.certificate is None:
+            return said
+        return replace(said, certificate=_at_first(said, certify(said)))
+    plan, broken = _judged(said, path)
     if broken and strict:
         raise InputError(
             f"{path} is marked as a verified plan, but the plan fails the verification:"
             f" {broken}; the file was changed, so plan again"
         )
     if broken:
-        status = VerificationError.status
-        return replace(said, verified=False, status=status, certificate=None, why=broken)
-    if said.certificate is None:
-        return said
-    seconds = said.certificate.seconds  # those of the first proof: what is saved again is the same
-    return replace(said, certificate=replace(certify(said), seconds=seconds))
+        return replace(plan, status=VerificationError.status, why=broken)
+    return plan
 
 
-def _broken(plan: Plan) -> str:
-    """What a plan breaks, the worst first and in one line; empty if it is one."""
-    if plan.trajectory.flaw:
-        return plan.trajectory.flaw
+OBJECTIVE_TOLERANCE = 1e-5
+"""Difference of an objective, relative to it, that its name leaves: weights of four digits are off
+by up to 5e-4, and what they weigh is a hundredth of it."""
+
+
+def _corrected(plan: Plan, path: str | Path) -> Plan:
+    """With the objective of its own motion. That of a compensated plan is its original's."""
+    true = objective_of((plan.compensates or plan).trajectory, plan.objective_name)
+    if true is None or abs(plan.objective - true) <= OBJECTIVE_TOLERANCE * abs(true):
+        return plan
+    warnings.warn(
+        f"{path}: the objective is said to be {plan.objective:.6g}, but that of the plan in it is"
+        f" {true:.6g}, which is taken; the file was changed",
+        InputWarning,
+        stacklevel=4,
+    )
+    return replace(plan, objective=true)
+
+
+def _judged(said: Plan, path: str | Path) -> tuple[Plan, str]:
+    """The plan with its verdict, and what it breaks, the worst first and in one line, or ""."""
+    unknown = replace(said, verified=False, certificate=None)
+    if said.trajectory.flaw:
+        return unknown, said.trajectory.flaw
+    if said.compensation is not None:
+        inside, broken = said.compensation.plan, "it is not verified"
+        if inside.verified:
+            inside, broken = _judged(inside, path)
+        unknown = replace(unknown, compensation=replace(said.compensation, plan=inside))
+        if broken:
+            return unknown, f"of the plan that it compensates, {broken}"
     with np.errstate(all="ignore"):  # what was changed may be anything
         try:
-            check = verify(plan)
+            plan, check = judge(unknown)
         except (ArithmeticError, ValueError) as error:
-            return f"its motion cannot be computed: {error}"
-    if check.ok:
-        return ""
+            return unknown, f"its motion cannot be computed: {error}"
+    if plan.certificate is not None:
+        proven = replace(plan, certificate=_at_first(said, plan.certificate))
+        return _corrected(proven, path), ""
     more = len(check.violations) - 1
-    return str(check.violations[0]) + (f" (and {more} more)" if more else "")
+    return unknown, str(check.violations[0]) + (f" (and {more} more)" if more else "")
+
+
+def _at_first(said: Plan, proven: Certificate) -> Certificate:
+    """In the time of the first proof: what is saved again is the same."""
+    return proven if said.certificate is None else replace(proven, seconds=said.certificate.seconds)

@@ -19,6 +19,7 @@ from planner.errors import Violation
 from planner.plan.curves import Cells
 from planner.plan.plan import Plan, expect_plan
 from planner.plan.quadrature import POINTS, Motion, greatest, integrate, jumps, points, slopes
+from planner.plan.trajectory import StateTrajectory
 from planner.problem.problem import Problem
 from planner.problem.requirements.ends import Duration, Goal, Start
 from planner.problem.requirements.requirement import At, Part, Requirement
@@ -107,7 +108,8 @@ class _Finding:
         if self.margin >= -self.tolerance:  # NaN must not pass
             return None
         part, scaled = self.part, -self.margin / self.part.scale
-        return Violation(part.label, self.time_s, self.value, self.limit, part.unit, scaled)
+        exact = part.low == part.high
+        return Violation(part.label, self.time_s, self.value, self.limit, part.unit, scaled, exact)
 
 
 def verify(plan: Plan) -> Check:
@@ -130,7 +132,14 @@ def verify(plan: Plan) -> Check:
 
     def shaped(q: Array, u: Array) -> Array:
         at = At.of(problem.system, q, u, np.zeros_like(u))
-        return np.stack([v for required in to_resolve for v in required.values(at)], axis=-1)
+        return np.stack(
+            [
+                value / part.scale
+                for required in to_resolve
+                for part, value in zip(required.parts, required.values(at), strict=True)
+            ],
+            axis=-1,
+        )
 
     with np.errstate(all="ignore"):  # what is not a number never passes
         resolved = (shaped,) if to_resolve else ()
@@ -171,20 +180,25 @@ def _on_machine(plan: Plan) -> tuple[Motion, Array]:
     """What the nominal machine makes of a compensated plan, and where it rests at last, (N,).
 
     The inputs of such a plan allow for lost motion and lag, so that by the kinematics alone they
-    lead elsewhere. Its own q(t) is taken for the motion; the gap says how far that is from what the
-    machine is found to do.
+    lead elsewhere. Its own q(t) goes straight from where the machine is at one break to where it is
+    at the next. A piece lies no farther from that line than its Bernstein coefficients.
     """
     from planner.machine.feedforward.aim import predicted  # no other plan needs the machine
     from planner.machine.machine import Machine
 
     assert plan.compensation is not None
     found = predicted(plan, Machine.from_table(plan.compensation.machine))
-    gaps = np.max(np.abs(found.q - plan.q(plan.t)), axis=-1)
-    worst = int(np.argmax(gaps))
-    cells = Cells.of(plan.t)
-    q, u = plan.trajectory.inside(cells.piece, cells.fractions(points(POINTS)))
-    motion = Motion(cells, q, u, 0.0, (float(gaps[worst]), float(plan.t[worst])))
-    return motion, found.end
+    cells, gap = Cells.of(plan.t), (np.inf, 0.0)
+    if isinstance(plan.trajectory, StateTrajectory):
+        c, ends = plan.trajectory.q_curve.c, found.at(plan.t)
+        c = np.repeat(c, 2, axis=0) if len(c) == 1 else c
+        share = np.linspace(0.0, 1.0, len(c))[:, None, None]
+        gaps = np.max(np.abs(c - ends[:-1] - share * np.diff(ends, axis=0)), axis=(0, 2))
+        worst = int(np.argmax(gaps))
+        gap = float(gaps[worst]), float(plan.t[worst])
+    _, u = plan.trajectory.inside(cells.piece, cells.fractions(points(POINTS)))
+    q = found.at(cells.times(2 * points(POINTS) - 1).T)
+    return Motion(cells, q, u, 0.0, gap), found.end
 
 
 def _angular(plan: Plan) -> list[int]:
@@ -214,13 +228,20 @@ def _motion(
                 out.append(_Finding(part, value, limit, plan.duration, slack, upper))
         elif isinstance(demand, Duration):
             (part,) = demand.parts
-            late = abs(plan.duration - plan.lead_s - plan.tail_s - demand.seconds)
-            out.append(_Finding(part, late, 0.0, None, 1e-9 * part.scale))
+            takes, asked = plan.duration - plan.lead_s - plan.tail_s, demand.seconds
+            out.append(_Finding(part, takes, asked, None, 1e-9 * asked, takes > asked))
     compensated, (gap, when) = plan.compensation is not None, motion.gap
     other = "the nominal machine's motion" if compensated else "its integrated input"
     part = Part(f"plan's q(t) against {other}", "", -np.inf, 0.0, 1.0)
     out.append(_Finding(part, gap, 0.0, when, INTERPOLANT_TOLERANCE))
     if not compensated:
+        read = (
+            ("plan's u(t) against the series it is judged by", motion.unresolved),
+            ("requirements' values against the series they are judged by", motion.hidden),
+        )
+        for label, (amount, when) in read:
+            part = Part(label, "", -np.inf, 0.0, 1.0)
+            out.append(_Finding(part, amount, 0.0, when, LIMIT_TOLERANCE))
         limit = INTEGRATION_TOLERANCE
         doubt = "" if motion.error <= limit else " (the motion cannot be trusted)"
         part = Part(f"integration error{doubt}", "", -np.inf, limit, limit)

@@ -146,14 +146,7 @@ def _targets(found: dict[str, Any]) -> str:
             "bare Fatrop",
             True,
         ),
-        (
-            "compiled: over bare Fatrop, compiled (aim: 1.3)",
-            "planner, compile",
-            "bare Fatrop, compiled",
-            True,
-        ),
         ("warm over cold (aim: 0.5)", "planner, warm", "planner", True),
-        ("compiled: warm over cold (aim: 0.5)", "planner, compile, warm", "planner, compile", True),
     ]
     lines = [head, ["---"] * len(head)]
     for label, ours, rival, over in rows:

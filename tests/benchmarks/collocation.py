@@ -1,6 +1,6 @@
 """Speed of collocation beside scripts written by hand, on the same problems in the same process.
 
-    python tests/benchmarks/collocation.py [--rounds N] [--compile NAMES] [--out FOLDER]
+    python tests/benchmarks/collocation.py [--rounds N] [--out FOLDER]
 
 Times are processor time, which a busy computer disturbs least, and contestants take turns; ratios
 are medians over the rounds. Of the rivals only the solver's call is timed, of `planner` the whole
@@ -45,11 +45,10 @@ from planner.systems.chained_form import chained_form
 from planner.verification.verify import GOAL_TOLERANCE, LIMIT_TOLERANCE
 
 OUT = Path(__file__).parents[2] / "results" / "benchmarks"
-RADAU, SHOOTING, COMPILED = "plain Radau + IPOPT", "bare Fatrop", "bare Fatrop, compiled"
+RADAU, SHOOTING = "plain Radau + IPOPT", "bare Fatrop"
 RADAU_OURS = "plain Radau + IPOPT, our mesh"
 OURS, WARM = "planner", "planner, warm"
 WHOLE = "planner, whole way"
-OURS_C, WARM_C = "planner, compile", "planner, compile, warm"
 FRAMEWORKS_ON, FRAMEWORK_ROUNDS = ("paper", "limits"), 3
 """Problems on which frameworks join in, and rounds that they take part in: each takes long."""
 
@@ -71,7 +70,6 @@ def main() -> int:
     """Run all contests and write the results."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=7)
-    parser.add_argument("--compile", default="paper", help="cases whose bare Fatrop is compiled")
     parser.add_argument("--out", type=Path, default=OUT)
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
@@ -81,7 +79,7 @@ def main() -> int:
         contests = {}
         for case in cases():
             progress.update(step, description=f"contest: {case.name}")
-            contests[case.name] = contest(case, arguments.rounds, case.name in arguments.compile)
+            contests[case.name] = contest(case, arguments.rounds)
             progress.advance(step)
         scaling = {}
         for name, measure in (
@@ -101,20 +99,16 @@ def main() -> int:
     return 0
 
 
-def contest(case: Case, rounds: int, compiled: bool) -> dict[str, Any]:
+def contest(case: Case, rounds: int) -> dict[str, Any]:
     """All contestants on one case: times, iterations, objective, error at the goal."""
     makers: dict[str, Callable[[], Call]] = {
         RADAU: lambda: radau_ipopt(case.arm),
         RADAU_OURS: lambda: radau_ipopt(case.arm, intervals=DIRECT, linear=True),
         SHOOTING: lambda: shooting_fatrop(case.arm),
-        OURS: lambda: ours(case, compile=False),
+        OURS: lambda: ours(case),
         WHOLE: lambda: ours_verified(case),
-        WARM: lambda: ours_warm(case, compile=False),
-        OURS_C: lambda: ours(case, compile=True),
-        WARM_C: lambda: ours_warm(case, compile=True),
+        WARM: lambda: ours_warm(case),
     }
-    if compiled:
-        makers[COMPILED] = lambda: shooting_fatrop(case.arm, compiled=True)
     others = frameworks(case.arm) if case.name in FRAMEWORKS_ON else {}
     makers |= others
     calls, build = {}, {}
@@ -140,10 +134,10 @@ def _row(
     own = np.array(seconds[name])
     against = {
         rival: float(np.median(np.array(seconds[rival])[: len(own)] / own))
-        for rival in (RADAU, SHOOTING, COMPILED, OURS, OURS_C)
+        for rival in (RADAU, SHOOTING, OURS)
         if rival in seconds
     }
-    problem = case.neighbour if name in (WARM, WARM_C) else case.problem
+    problem = case.neighbour if name == WARM else case.problem
     goal, over = judged(problem, outcome)
     return {
         "least_s": float(own.min()),
@@ -158,9 +152,9 @@ def _row(
     }
 
 
-def ours(case: Case, compile: bool) -> Call:
+def ours(case: Case) -> Call:
     """From problem to plan; from the same straight line as the rivals."""
-    options = CollocationOptions(start="straight", compile=compile)
+    options = CollocationOptions(start="straight")
     return lambda: _timed(lambda: plan_collocation(case.problem, options))
 
 
@@ -169,9 +163,9 @@ def ours_verified(case: Case) -> Call:
     return lambda: _timed(lambda: planner.solve(case.problem, "collocation", start="straight"))
 
 
-def ours_warm(case: Case, compile: bool) -> Call:
+def ours_warm(case: Case) -> Call:
     """The neighbouring problem, from the plan of the case."""
-    options = CollocationOptions(start="straight", compile=compile)
+    options = CollocationOptions(start="straight")
     plan = plan_collocation(case.problem, options)
     return lambda: _timed(lambda: replan_collocation(case.neighbour, options, plan))
 

@@ -29,7 +29,6 @@ JUDGE = """
 import json, sys, time
 from pathlib import Path
 import planner
-import planner.retimed  # earlier versions could not read a retimed plan without it
 
 def cost(what, least):
     what(); spent = []
@@ -205,6 +204,7 @@ def report(files: dict[str, Path], other: str | None, rounds: int) -> str:
             f" {ratio:.1f} | {'–' if error is None else f'{error:.1g}'} | {gap:.1g} |"
         )
         print(lines[-1], file=sys.stderr, flush=True)
+    lines += ["", "What it was shown, and what it said: [attacks.md](attacks.md)."]
     return "\n".join(lines) + "\n"
 
 

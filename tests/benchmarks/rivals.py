@@ -143,7 +143,7 @@ def radau_ipopt(arm: Arm, intervals: int = K_INTERVALS, linear: bool = False) ->
     return _timed(sheet, sheet.solver("ipopt", f, {"ipopt": quiet}), 2, intervals, linear)
 
 
-def shooting_fatrop(arm: Arm, compiled: bool = False) -> Any:
+def shooting_fatrop(arm: Arm) -> Any:
     """Multiple shooting with one Runge-Kutta step an interval, constant inputs, and Fatrop."""
     sheet, f, h = _Sheet(), 0, arm.duration / K_INTERVALS
     x = _start(sheet, arm)
@@ -161,9 +161,6 @@ def shooting_fatrop(arm: Arm, compiled: bool = False) -> Any:
         x = following
     options: dict[str, Any] = {"structure_detection": "auto", "equality": sheet.equality}
     options["fatrop"] = {"print_level": 0, "tol": TOLERANCE}
-    if compiled:
-        flags = {"flags": ["-O2"], "verbose": False}
-        options |= {"jit": True, "compiler": "shell", "jit_options": flags}
     return _timed(sheet, sheet.solver("fatrop", f, options), 2, K_INTERVALS, False)
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shutil
+import signal
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -78,3 +80,38 @@ def test_bad_requests_end_with_2_and_write_nothing(
     left = {p.name for p in file.parent.iterdir()} - {"paper.toml", "short.toml"}
     assert left <= {"short.sqlite"}
     assert file.read_text(encoding="utf-8") == SWEEP
+
+
+def press(hidden: bool) -> None:
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt:
+        if hidden:
+            raise ImportError("initialization failed") from None
+        raise
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+def test_after_ctrl_c_it_says_where_the_finished_cases_are(
+    run: Callable[..., Any], file: Path, monkeypatch: pytest.MonkeyPatch, hidden: bool
+) -> None:
+    """Also where an error hides the signal, and after the last case."""
+    with monkeypatch.context() as patch:
+        patch.setattr(sys.modules["planner.sweep.run"], "_pool", lambda *_: press(hidden))
+        result = run("sweep", file)
+    assert result.status == 130
+    assert "finished cases are in short.sqlite; the same command runs the rest" in result.err
+    monkeypatch.setattr(sys.modules["planner.cli.sweep"], "export", lambda *_: press(hidden))
+    result = run("sweep", file, "--workers", "1", "--export", "out.csv")
+    assert result.status == 130
+    assert result.err.endswith("planner: interrupted, short.sqlite was written before\n")
+
+
+def test_ctrl_c_before_there_is_a_database_says_nothing_of_one(
+    run: Callable[..., Any], file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        sys.modules["planner.cli.sweep"], "run_sweep", lambda *_, **__: press(False)
+    )
+    result = run("sweep", file)
+    assert (result.status, result.err) == (130, "planner: interrupted, nothing written\n")

@@ -231,6 +231,23 @@ def test_a_bug_is_one_short_message(run: Callable, monkeypatch: pytest.MonkeyPat
     assert "Traceback" in run("plan", PAPER, *SOLVED).err
 
 
+@pytest.mark.parametrize(
+    "error", [MemoryError("Unable to allocate 12 GiB"), RuntimeError("std::bad_alloc 12 GiB")]
+)
+def test_a_lack_of_memory_is_no_bug(
+    run: Callable, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    def greedy(*_: Any, **__: Any) -> None:
+        raise error
+
+    monkeypatch.setattr(module("plan"), "solve_and_check", greedy)
+    result = run("plan", PAPER, *SOLVED)
+    assert result.status == 2
+    assert result.err.startswith("planner: there is not enough memory for this (")
+    assert "12 GiB); ask for less" in result.err
+    assert run("plan", PAPER, *SOLVED, "--json").json["status"] == "bad_input"
+
+
 def test_chatter_of_libraries_stays_off_standard_output(
     run: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:

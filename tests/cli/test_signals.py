@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 import weakref
 from collections.abc import Callable
@@ -137,6 +138,34 @@ def test_a_signal_that_python_drops_is_raised_again(
     assert time.monotonic() < began + 20
     assert callback() is None
     assert sys.unraisablehook is before
+    assert capfd.readouterr() == ("", "")
+
+
+@BOTH
+def test_a_signal_is_not_lost_while_another_is_being_saved(
+    number: signal.Signals, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a loaded machine the thread that raises it again may be faster than its starter."""
+
+    class Gone:
+        pass
+
+    class Slow(threading.Thread):
+        def start(self) -> None:
+            super().start()
+            time.sleep(0.2)
+
+    there = [Gone()]
+    callback = weakref.ref(there[0], lambda _: signal.raise_signal(number))
+
+    def work() -> None:
+        there.clear()
+        time.sleep(3)
+
+    monkeypatch.setattr(threading, "Thread", Slow)
+    with pytest.raises(handled(number)), hear_signals():
+        work()
+    assert callback() is None
     assert capfd.readouterr() == ("", "")
 
 

@@ -22,6 +22,8 @@ from planner.comparison.differences import markdown_differences
 from planner.machine.machine import Machine
 from planner.methods.registry import METHODS
 from planner.plan.measures import effort
+from planner.report.folders import replay_data
+from planner.report.folders import save as save_comparison
 from planner.solve import solve_and_check
 from planner.support.arrays import jsonable
 
@@ -450,3 +452,19 @@ def test_a_reason_that_ends_in_a_list_stops_before_it(
     monkeypatch.setitem(METHODS, "polynomial", replace(METHODS["polynomial"], made_by=refuse))
     row = compare_function(unlimited, ["polynomial"], samples=2).rows[0]
     assert row.why == "it takes 10.98 s"
+
+
+def test_of_many_machines_a_comparison_keeps_the_errors_and_some_motions(
+    paper: planner.Problem, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    whole = planner.compare(paper, [OPTIMAL], samples=9, feedback=True)
+    monkeypatch.setattr(compare_module, "MOTIONS", 2)
+    some = planner.compare(paper, [OPTIMAL], samples=9, feedback=True)
+    for one, other in zip(whole.rows, some.rows, strict=True):
+        assert one.replay is not None
+        assert other.replay is not None
+        assert len(other.replay.q) == 2
+        assert other.replay.summary() == one.replay.summary()
+        assert (other.peak_u, other.E_p95_deg) == (one.peak_u, one.E_p95_deg)
+    assert replay_data(some) == replay_data(whole)
+    assert save_comparison(some, tmp_path / "there").is_dir()

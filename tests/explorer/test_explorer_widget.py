@@ -18,6 +18,7 @@ from planner.explorer.worker import worker
 from planner.methods.registry import METHODS
 from planner.support import deadline
 from planner.support.progress import Progress
+from planner.verification import verdict
 
 ROOT = Path(__file__).parents[2]
 
@@ -113,7 +114,7 @@ def test_stop_ends_the_verification_and_the_path_stays(
 
     widget._asked(widget, {"ask": "change", "number": 1, "changes": [["goal.travel", 0.8286]]}, [])
     done()
-    monkeypatch.setattr(sys.modules["planner.solve"], "certify", endless)
+    monkeypatch.setattr(verdict, "certify", endless)
     widget._asked(widget, {"ask": "change", "number": 2, "changes": [["goal.duration", 40.0]]}, [])
     widget._asked(widget, {"ask": "judge", "number": 3}, [])
     assert begun.wait(60)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from handmade import K, arm_problem, inputs, plan_from
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -14,7 +15,6 @@ from planner.machine.feedforward.aim import aimed
 from planner.machine.feedforward.shaping import MotorCommands, shaped, take_up
 from planner.plan.plan import Plan
 from planner.problem.tables.problem_file import CompensationTable
-from tests.machine.handmade import K, arm_problem, inputs, plan_from
 
 NONE: dict[str, Any] = {
     "aim": False,

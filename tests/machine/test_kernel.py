@@ -129,8 +129,11 @@ def test_threads_do_not_matter(
     assert told[-1][0] == told[-1][1]
 
 
-def test_without_a_kernel_or_with_an_old_one_there_is_none(
-    library: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+def test_without_a_kernel_or_with_an_old_one_there_is_none_and_a_warning_says_why(
+    library: Any,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
     find = compiled.library.__wrapped__
     monkeypatch.setattr(compiled, "__file__", str(tmp_path / "compiled.py"))
@@ -139,6 +142,9 @@ def test_without_a_kernel_or_with_an_old_one_there_is_none(
     place.write_bytes(b"not a library")
     assert find() is None
     shutil.copy(library._name, place)
+    assert caplog.messages == [compiled.MISSING] * 2
     assert find() is not None
     monkeypatch.setattr(compiled, "VERSION", compiled.VERSION + 1)
     assert find() is None
+    assert "of another version, so replays are about ten times slower" in caplog.messages[2]
+    assert "run make in the project's folder" in caplog.messages[2]

@@ -25,6 +25,24 @@ def test_same_seed_same_machines_whatever_the_number() -> None:
             assert not np.any(values == other.values[name]), name
 
 
+def test_a_machine_of_a_high_number_takes_no_memory_for_those_before() -> None:
+    machine = Machine.prototype()
+    many = draw(machine, 3, np.arange(3000), 7)
+    few = draw(machine, 3, np.array([2999, 0, 17, 18, 17]), 7)
+    far = draw(machine, 3, np.array([10**15, 3]), 7)
+    for name, values in many.values.items():
+        assert np.array_equal(values[:, [2999, 0, 17, 18, 17]], few.values[name]), name
+        assert np.array_equal(values[:, 3], far.values[name][:, 1]), name
+
+
+def test_what_is_the_same_on_all_machines_takes_memory_once() -> None:
+    machine = Machine.prototype()
+    draws = draw(machine, 3, np.arange(50), 7)
+    for name, values in draws.values.items():
+        assert values.shape[1] == 50
+        assert (values.strides[1] == 0) is not machine.effects[name].varies, name
+
+
 def test_switching_one_effect_leaves_the_others_as_they_were() -> None:
     machine = Machine.prototype()
     full = draw(machine, 3, np.arange(9), 1)

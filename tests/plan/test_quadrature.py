@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.polynomial.chebyshev import chebval
+from numpy.polynomial.chebyshev import chebder, chebroots, chebval
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
@@ -96,6 +96,48 @@ def test_the_greatest_may_lie_in_a_cell_whose_samples_are_lower() -> None:
     assert when[0] == pytest.approx(2 + middle, abs=1e-7)
 
 
+def test_the_greatest_of_many_cells_need_not_be_in_the_highest_samples() -> None:
+    """Eight parabolas; seven have their tops on samples, a lower one's is between two: by how much
+    it is higher no sample tells."""
+    cells, cell = Cells.of(np.arange(9.0)), np.arange(8)
+    grid = (1 - np.cos(np.pi * np.arange(33) / 32)) / 2
+    top = np.where(cell == 5, (grid[20] + grid[21]) / 2, grid[16])
+    height = np.where(cell == 5, 1 + 1e-9, 1 - 1e-4 * cell)
+    values = height - (_times(cells) - cell - top) ** 2
+    at_samples = height - np.min((grid[:, None] - top) ** 2, axis=0)
+    assert np.sum(at_samples > at_samples[5]) >= 5
+    found, when = quadrature.greatest(cells, values[..., None])
+    assert found[0] == pytest.approx(1 + 1e-9, abs=1e-14)
+    assert when[0] == pytest.approx(5 + top[5], abs=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_greatest_of_any_series_is_where_its_slope_is_zero(seed: int) -> None:
+    """Random series of degree 15, rough and smooth ones, and a hundred times the same but for a
+    millionth; the zeros of their slopes are eigenvalues."""
+    rng = np.random.default_rng(seed)
+    series = rng.normal(size=(16, 30, 6)) * np.exp(
+        -rng.uniform(0, 1.2, 6) * np.arange(16)[:, None, None]
+    )
+    series[..., 3:] = series[:, :1, 3:] + 1e-6 * series[..., 3:]
+    cells = Cells.of(np.cumsum([0.0, *rng.uniform(0.1, 2, 30)]))
+    x = -np.cos(np.pi * np.arange(16) / 15)
+    found, when = quadrature.greatest(cells, chebval(x, series).transpose(2, 0, 1))
+    for f in range(6):
+        best = -np.inf
+        for c in series[..., f].T:
+            turns = chebroots(chebder(c))
+            places = np.clip(np.append(turns.real[np.abs(turns.imag) < 1e-6], [-1, 1]), -1, 1)
+            best = max(best, np.max(chebval(places, c)))
+        size = np.max(np.abs(series[..., f]))
+        assert found[f] == pytest.approx(best, abs=1e-11 * size)
+        begins, ends = cells.breaks[:-1], cells.breaks[1:]
+        near = (begins - 1e-12 <= when[f]) & (when[f] <= ends + 1e-12)  # two at a break
+        at = 2 * (when[f] - begins[near]) / (ends - begins)[near] - 1
+        there = [chebval(x, c) for x, c in zip(at, series[:, near, f].T, strict=True)]
+        assert max(there) == pytest.approx(best, abs=1e-9 * size)
+
+
 def test_functions_are_told_apart_and_none_hides_what_is_not_a_number() -> None:
     cells = _cells()
     t = _times(cells)
@@ -130,12 +172,12 @@ def test_slopes_of_a_polynomial_and_of_a_constant_with_rounding() -> None:
     assert np.isnan(found[4, 0, 1])
 
 
-def test_jumps_are_more_than_a_ten_millionth_of_the_size() -> None:
+def test_jumps_are_more_than_a_millionth_of_the_size() -> None:
     cells = _cells()
     t = _times(cells)
     after = t >= 1.9  # from the last cell on, but for the end of the one before
     after[-1, 2] = False
-    size = [0.0, 0.9e-7, 1.1e-7, 1.1e-6]
+    size = [0.0, 0.9e-6, 1.1e-6, 1.1e-5]
     values = np.stack([1 + s * after for s in size], axis=-1)
     values[..., 3] *= -10
     np.testing.assert_array_equal(quadrature.jumps(cells, values), [False, False, True, True])
@@ -162,7 +204,12 @@ class _Plane:
 
 
 def _motion(
-    system: Any, start: Array, breaks: Array, v: float = 2.0, **claim: Callable[[Array], Array]
+    system: Any,
+    start: Array,
+    breaks: Array,
+    v: float = 2.0,
+    degree: int = 0,
+    **claim: Callable[[Array], Array],
 ) -> Any:
     """Under u = (v, w(t)), from a claimed q(t), by default the start at all times."""
     size = len(start)
@@ -173,7 +220,7 @@ def _motion(
         w = claim["w"](t) if "w" in claim else np.zeros_like(t)
         return q, np.stack([np.full_like(t, v), w], axis=-1)
 
-    trajectory: Any = SimpleNamespace(system=system, breaks=breaks, inside=inside)
+    trajectory: Any = SimpleNamespace(system=system, breaks=breaks, inside=inside, degree=degree)
     return quadrature.integrate(trajectory, start)
 
 
@@ -220,3 +267,52 @@ def test_the_gap_is_greatest_where_the_claim_is_farthest_off() -> None:
 
     motion = _motion(Unicycle(), np.zeros(3), breaks, q=claim)
     assert motion.gap == (pytest.approx(0.02), pytest.approx(2.0))
+
+
+def _vanishing(count: int, width: float) -> Callable[[Array], Array]:
+    """A polynomial of t, one high, that is zero at so many of the judge's points of a piece."""
+    cosines = [-np.cos(np.pi * np.arange(n) / (n - 1)) for n in (16, 29)]
+    zeros = np.unique(np.round(np.concatenate(cosines), 12))[:count] if count > 16 else cosines[0]
+    fine = np.linspace(-1, 1, 10_001)
+    most = np.max(np.abs(np.prod(fine - zeros[:, None], axis=0)))
+    return lambda t: (
+        np.prod(2 * t / width - 1 - zeros.reshape(-1, *[1] * np.ndim(t)), axis=0) / most
+    )
+
+
+@pytest.mark.parametrize(("count", "degree"), [(16, 0), (16, 16), (43, 43)])
+def test_an_input_that_vanishes_at_all_points_is_seen(count: int, degree: int) -> None:
+    """In a microsecond it moves nothing; one of degree 43 is zero at the control points too."""
+    wiggle, width = _vanishing(count, 1e-6), 1e-6
+    breaks = np.array([0.0, width, 1.0])
+
+    def w(t: Array) -> Array:
+        return 0.1 + np.where(t <= width, wiggle(np.minimum(t, width)), 0.0)
+
+    motion = _motion(Unicycle(), np.zeros(3), breaks, w=w, degree=degree)
+    peak = np.max(w(np.linspace(0, width, 100_001)))
+    assert peak > 1
+    assert quadrature.largest(motion.cells, motion.u)[1] == pytest.approx(peak, rel=1e-6)
+    assert motion.unresolved[0] < quadrature.AGREED
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 50.0])
+def test_an_input_that_no_cells_resolve_is_told_with_its_time(size: float) -> None:
+    """A jump inside a piece, of a part in 100,000: it moves less than the integral's tolerance."""
+    breaks = np.array([0.0, 3.0])
+    motion = _motion(
+        Unicycle(), np.zeros(3), breaks, 0.0, w=lambda t: size + 1e-5 * size * (t > 2.2)
+    )
+    amount, when = motion.unresolved
+    assert 1e-6 < amount < 1e-5
+    assert when == pytest.approx(2.2, abs=1e-5)
+
+
+def test_rounding_in_an_input_is_compared_with_the_larger_one() -> None:
+    """A steering input of 1e-9 that is all noise, beside a speed of one."""
+    rng = np.random.default_rng(0)
+    breaks = np.array([0.0, 3.0])
+    noise = lambda t: rng.uniform(-1e-10, 1e-10, np.shape(t))  # noqa: E731
+    motion = _motion(Unicycle(), np.zeros(3), breaks, 1.0, w=noise)
+    assert len(motion.cells.piece) <= 4
+    assert motion.unresolved[0] < quadrature.AGREED

@@ -60,6 +60,30 @@ def test_a_share_may_wait_for_something_to_finish() -> None:
             deadline.check()
 
 
+def test_a_share_that_waits_is_one_of_the_share_around_it() -> None:
+    holds = [False]
+    with limited(100.0, holds=lambda: holds[0]):
+        with share(0.5, once=deadline.holds_answer):
+            assert 50.0 < deadline.remaining() <= 100.0
+            with share(0.5, once=deadline.holds_answer):
+                holds[0] = True
+                assert deadline.remaining() <= 25.0
+            assert 25.0 < deadline.remaining() <= 50.0
+        with limited(None, holds=lambda: False):
+            assert deadline.holds_answer()  # the outermost says so
+    assert not deadline.holds_answer()
+
+
+def test_it_is_over_when_time_is_up_or_somebody_ends_it() -> None:
+    assert not deadline.is_over()
+    with limited(100.0, holds=lambda: True):
+        assert not deadline.is_over()
+        deadline.stop()
+        assert deadline.is_over()
+    with limited(1e-9):
+        assert deadline.is_over()
+
+
 def test_what_is_cut_short_is_known_outside() -> None:
     with limited(100.0) as outer, limited(1e-9) as inner:
         with pytest.raises(TimeUpError):

@@ -58,6 +58,30 @@ def test_the_lowest_dip_is_found_though_others_were_sampled_better() -> None:
     assert when == pytest.approx(7.005, abs=1e-4)
 
 
+def test_dips_with_corners_are_found_between_samples_however_many_there_are() -> None:
+    """Thirty whose corners lie on samples, and one between two that seems the least of all."""
+    times = np.linspace(0, 40, 4001)
+    centres, depths = np.append(np.arange(1, 31), 35.005), np.append(np.ones(30), 1 + 1e-7)
+
+    def corners(t: np.ndarray) -> np.ndarray:
+        return np.asarray(np.min(np.abs(t[..., None] - centres) - depths, axis=-1))
+
+    value, when = minimum(corners, times)
+    assert value == pytest.approx(-1 - 1e-7, abs=1e-11)
+    assert when == pytest.approx(35.005, abs=1e-10)
+
+
+def test_all_short_excursions_are_found() -> None:
+    """Thirty of 0.004 s, all of them between two samples that are 0.01 s apart."""
+    times, centres = np.linspace(0, 40, 4001), np.arange(1, 31) + 0.005
+
+    def corners(t: np.ndarray) -> np.ndarray:
+        return np.asarray(np.min(np.abs(t[..., None] - centres), axis=-1) - 0.002)
+
+    ends = np.sort(np.concatenate([centres - 0.002, centres + 0.002]))
+    np.testing.assert_allclose(zeros(corners, times), ends, atol=1e-9)
+
+
 def test_flat_zeros_are_found_on_long_spans() -> None:
     found = zeros(lambda t: (t - 30.3) ** 9, np.linspace(0.0, 80.0, 3))
     assert found == pytest.approx([30.3], abs=1e-6)

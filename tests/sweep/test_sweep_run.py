@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import signal
 import sqlite3
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,10 @@ import pytest
 
 import planner
 from planner.machine.contact_load import contact_load
+from planner.support.interrupts import hear_signals
+from planner.support.package import ROOT
 from planner.sweep import case as case_module
+from planner.sweep import pools
 from planner.sweep import results as table_module
 from planner.sweep.case import case_at, cases, run_case
 from planner.sweep.description import Sweep
@@ -193,6 +198,18 @@ def test_a_bug_is_a_row_with_its_traceback(
     assert (outcome.ran, outcome.bugs) == (10, 0)
 
 
+def test_a_lack_of_memory_is_no_bug(
+    tables: Tables, db: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def greedy(*_: Any, **__: Any) -> None:
+        raise MemoryError("Unable to allocate 12 GiB")
+
+    monkeypatch.setattr(case_module, "solve_and_check", greedy)
+    assert run_sweep(tables, db, workers=0).bugs == 0
+    assert "not enough memory" in column(db, "why")[0]
+    assert column(db, "status")[0] == "bad_input"
+
+
 def test_plans_wanted_later_are_made_for_solved_cases_only(
     tables: Tables, db: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -270,6 +287,35 @@ def test_an_interrupt_keeps_what_is_done(
     assert run_sweep(tables, db, workers=0).ran == 6
 
 
+@pytest.mark.parametrize("step", ["BEGIN IMMEDIATE", "INSERT OR REPLACE", "COMMIT"])
+@pytest.mark.parametrize("heard", [True, False], ids=["command", "library"])
+def test_an_interrupt_between_two_steps_of_a_transaction_loses_nothing(
+    tables: Tables, db: Path, monkeypatch: pytest.MonkeyPatch, step: str, heard: bool
+) -> None:
+    """When the database has just been locked, say: what is finished is kept, and Ctrl-C raised."""
+    steps = []
+
+    class Pressed(sqlite3.Connection):
+        def execute(self, statement: str, *values: Any) -> sqlite3.Cursor:
+            done = super().execute(statement, *values)
+            if statement.startswith(step):
+                steps.append(step)
+                if len(steps) == 7:
+                    signal.raise_signal(signal.SIGINT)
+            return done
+
+    real = sqlite3.connect
+    monkeypatch.setattr(
+        sqlite3, "connect", lambda *words, **options: real(*words, **options, factory=Pressed)
+    )
+    with pytest.raises(KeyboardInterrupt), hear_signals() if heard else nullcontext():
+        run_sweep(tables, db, workers=0)
+    monkeypatch.undo()
+    kept = query(db, "SELECT count(*) FROM cases")[0][0]
+    assert 4 <= kept < 10
+    assert run_sweep(tables, db, workers=0).kept == kept
+
+
 def test_no_process_or_thread_is_left_behind(tables: Tables, db: Path) -> None:
     before = threading.active_count()
     pool = LocalPool(1)
@@ -280,6 +326,21 @@ def test_no_process_or_thread_is_left_behind(tables: Tables, db: Path) -> None:
     pool.close()
     assert not worker.alive
     assert threading.active_count() == before
+
+
+def test_workers_run_this_package_among_any_others(
+    tables: Tables, db: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside it a module with the name of one of Python's own; another `planner` on the path."""
+    beside, other = tmp_path / "site", tmp_path / "other"
+    for folder in (beside, other / "planner"):
+        folder.mkdir(parents=True)
+    (beside / "planner").symlink_to(ROOT / "planner")
+    for module in (beside / "queue.py", beside / "json.py", other / "planner/__init__.py"):
+        module.write_text("raise ImportError('this is not the one')")
+    monkeypatch.setattr(pools, "ROOT", beside)
+    monkeypatch.setenv("PYTHONPATH", str(other))
+    assert run_sweep(tables, db, workers=1).statuses == {"infeasible": 10}
 
 
 def test_progress_counts_and_names(tables: Tables, db: Path) -> None:

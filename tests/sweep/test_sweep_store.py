@@ -130,3 +130,22 @@ def test_a_full_disk_is_told_and_loses_nothing(
     with Store(db) as store:
         assert len(store.finished()) >= 10
     assert run_sweep({**tables, "grid": grid}, db, workers=0).statuses == {"infeasible": 50}
+
+
+def test_a_full_disk_leaves_no_stub(
+    tables: Tables, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first page is written, and then there is no room for the tables."""
+
+    class Full(sqlite3.Connection):
+        def execute(self, statement: str, *values: Any) -> sqlite3.Cursor:
+            super().execute("PRAGMA max_page_count = 1")
+            return super().execute(statement, *values)
+
+    real = sqlite3.connect
+    monkeypatch.setattr(
+        sqlite3, "connect", lambda *words, **options: real(*words, **options, factory=Full)
+    )
+    with pytest.raises(planner.InputError, match=r"new\.sqlite: database or disk is full"):
+        run_sweep(tables, tmp_path / "new.sqlite", workers=0)
+    assert list(tmp_path.iterdir()) == []

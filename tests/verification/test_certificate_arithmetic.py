@@ -61,6 +61,7 @@ OPERATIONS: dict[str, tuple[Any, Exact, list[tuple[float, float]]]] = {
     "power -1.5": (x**-1.5, lambda a: a ** mp.mpf(-1.5), [PLUS]),
     "power 12": (x**12, lambda a: a**12, [PLUS]),
     "exp": (ca.exp(x), mp.exp, [ANY]),
+    "exp of what is wide": (ca.exp(7.0 * x), lambda a: mp.exp(7 * a), [ANY]),
     "log": (ca.log(x), mp.log, [PLUS]),
     "sin": (ca.sin(x), mp.sin, [(-30.0, 30.0)]),
     "cos": (ca.cos(x), mp.cos, [(-30.0, 30.0)]),
@@ -375,3 +376,15 @@ def test_whole_powers_are_products_whatever_the_number_s_type() -> None:
     squared, product = balls.power(ball, 2.0), ball * ball
     for name in ("c", "b", "r"):
         assert np.array_equal(getattr(squared, name), getattr(product, name))
+
+
+@pytest.mark.parametrize("reach", [0.1, 1.9, 2.1, 3.0, 10.0, 300.0, 9e5])
+def test_the_exponential_of_what_is_wide(reach: float) -> None:
+    """Its greatest value is within, and it is small where the whole disc is far below zero."""
+    c = -1e6 if reach > 700 else 0.0
+    one = np.ones((1, COLUMNS))
+    found = balls.exponential(Ball(c * one, 0 * one, reach * one))
+    highest = mp.exp(mp.mpf(c) + mp.mpf(reach))
+    for r in found.r[0]:
+        assert mp.mpf(float(found.c[0, 0])) + mp.mpf(float(r)) >= highest
+        assert float(r) <= 3 * float(highest) + reach * np.exp(c) + 1e-300

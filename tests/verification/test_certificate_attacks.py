@@ -14,6 +14,8 @@ from scipy.interpolate import BPoly
 import planner
 from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import ChainedTrajectory, StateTrajectory, Trajectory
+from planner.verification import places_proven
+from planner.verification.models import halved
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -229,6 +231,41 @@ def test_a_plan_whose_own_motion_is_another(state: planner.Plan) -> None:
     assert "plan's q(t) against its integrated input" in _open_labels(
         _with(state, q_curve=BPoly(c, curve.x))
     )
+
+
+def test_inputs_that_nothing_bounds_leave_everything_undecided(chained: planner.Plan) -> None:
+    """z is zero: the chart is singular all the time, and no cell is fine enough for the inputs."""
+    path = chained.trajectory
+    assert isinstance(path, ChainedTrajectory)
+    zero = BPoly(np.zeros_like(path.z_curve.c), path.z_curve.x)
+    certificate = planner.certify(_with(chained, z_curve=zero))
+    assert [c.label for c in certificate.claims if c.status == "proven"] == ["duration"]
+    assert set(certificate.motion_error.values()) == {np.inf}
+
+
+def test_a_motion_that_turns_without_end_is_not_halved_without_end(
+    paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside a disc; each turn of 1,500 rad goes past it, so that no cell is far from it."""
+    problem = paper.changed(
+        {
+            "system.link_lengths": [1.0, 1.0, 1.0],
+            "obstacles": [{"centre_m": [0.0, 2.0], "radius_m": 0.2}],
+        }
+    )
+    rows = []
+
+    def counted(c: Any, r: Any) -> Any:
+        rows.append(len(c))
+        return halved(c, r)
+
+    monkeypatch.setattr(places_proven, "halved", counted)
+    breaks = np.linspace(0.0, 10.0, 41)
+    u = BPoly(np.tile([0.0, 150.0], (1, 40, 1)), breaks)
+    q = BPoly(np.tile(problem.start, (1, 40, 1)), breaks)
+    plan = planner.Plan(problem, "by hand", {}, StateTrajectory(problem.system, q, u))
+    assert not planner.certify(plan).ok
+    assert 1000 < max(rows) <= 20_000
 
 
 def test_another_branch_or_other_inputs_in_the_chart(chained: planner.Plan) -> None:

@@ -1,5 +1,8 @@
 """Functions, polynomials and least values on cells: undefined ones, slopes, narrow dips."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -8,12 +11,14 @@ from hypothesis import strategies as st
 from scipy.interpolate import BPoly
 
 from planner.plan.curves import Cells
+from planner.plan.trajectory import StateTrajectory
 from planner.systems.chained_form import chained_form
 from planner.systems.manipulator import Manipulator
-from planner.verification.balls import Ball, models, polynomial_balls
+from planner.systems.vehicles import Unicycle
+from planner.verification.balls import CUT, RADIUS, Ball, models, polynomial_balls
 from planner.verification.functions import Expression, UnboundedError, derivative, polynomials
-from planner.verification.input_models import _feedback
-from planner.verification.models import from_bernstein, least
+from planner.verification.input_models import Source, _feedback, resolve, root, source_of
+from planner.verification.models import POINTS, from_bernstein, least
 
 x = ca.SX.sym("x")
 
@@ -74,6 +79,32 @@ def test_every_rounding_of_a_restriction_is_counted(degree: int, scale: float) -
         assert np.all(found.r >= derivative(curve, 1)[1][cells.piece, 0])
 
 
+def test_cells_are_halved_until_the_motion_is_known_as_its_inputs_are() -> None:
+    """Constant inputs, known at once, and eight turns round."""
+    u = BPoly(np.array([[[1.0, 10.0]]]), [0.0, 5.0])
+    path = StateTrajectory(Unicycle(), BPoly(np.zeros((1, 1, 3)), [0.0, 5.0]), u)
+    with np.errstate(all="ignore"):
+        assert len(resolve(source_of(path)).cells.piece) == 4
+        found = resolve(source_of(path), np.zeros(3))
+    assert max(float(np.max(ball.rough)) for ball in found.rates) <= 1e-10
+
+
+def test_a_cell_of_noise_is_halved_once_however_often_others_are() -> None:
+    """In the first second a remainder of 1e-6 that does not shrink, in the other one of 5e-3 that
+    shrinks a hundredfold whenever it is halved."""
+
+    def inputs(cells: Cells) -> list[Ball]:
+        rest = np.where(cells.piece == 0, 1e-6, 5e-3 * (4 * cells.size) ** np.log2(100))
+        zero = np.zeros((len(rest), len(RADIUS)))
+        radius = np.where(np.arange(len(RADIUS)) < POINTS, zero, np.inf)
+        radius[:, -1] = rest / CUT[-1]
+        return [Ball(zero, zero, radius)] * 2
+
+    trajectory: Any = SimpleNamespace(breaks=np.array([0.0, 1.0, 2.0]))
+    found = resolve(Source(trajectory, inputs, inputs))
+    np.testing.assert_array_equal(np.bincount(found.cells.piece), [8, 64])
+
+
 @given(st.integers(0, 10**6))
 def test_least_value_is_bracketed(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -118,3 +149,24 @@ def test_the_rate_of_a_feedback_is_its_derivative_along_the_motion() -> None:
         ahead, back = (form.inputs(z + s * dz, v + s * dv, branch) for s in (h, -h))
         found = [ball.c[0, 0] for ball in rate(*balls)]
         np.testing.assert_allclose(found, (ahead - back) / (2 * h), rtol=1e-6, atol=1e-7)
+
+
+def test_a_root_lies_where_slope_and_defect_allow_it_and_nowhere_else() -> None:
+    """x² = 2 from 1.4 with its slope 2x; from zero nothing is known of it."""
+    for start, side in ((1.4, 1.0), (-1.4, -1.0)):
+        guess = whole_ball(start)
+        found, slope = root(guess, guess * guess + -2.0, lambda x: x * 2.0, side)
+        away = np.abs(side * np.sqrt(2.0) - found.c)
+        assert np.all(away <= found.r)
+        assert np.all(found.r < 1.1 * away)
+        assert np.all(np.abs(2 * side * np.sqrt(2.0) - slope.c) <= slope.r)
+    for start, side in ((0.1, 1.0), (1.4, -1.0)):  # far away; the slope has another sign
+        guess = whole_ball(start)
+        found, slope = root(guess, guess * guess + -2.0, lambda x: x * 2.0, side)
+        assert np.all(np.isinf(found.r))
+        assert np.all(np.isinf(slope.r))
+
+
+def whole_ball(value: float) -> Ball:
+    """A number on one cell."""
+    return Ball(np.full((1, len(RADIUS)), value), *np.zeros((2, 1, len(RADIUS))))

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from outside import integrate
 from scipy.interpolate import BPoly
 
 import planner
@@ -19,8 +20,9 @@ from planner.problem.requirements.places import Waypoint
 from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.support import deadline
 from planner.support.deadline import TimeUpError, limited
-from planner.verification.certify import STANDSTILL, certify
+from planner.verification.certify import certify
 from planner.verification.input_models import enclosed
+from planner.verification.known import STANDSTILL
 from planner.verification.places_proven import distance
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -158,21 +160,53 @@ def test_standstill_of_a_retimed_path_is_undecided_and_says_why(paper: planner.P
     assert certificate["joint theta1"].status == "proven"
 
 
-def test_what_has_no_expression_is_undecided_and_says_why() -> None:
-    """The inverse chart of a custom system is solved numerically."""
-    problem = planner.load_problem(PROBLEMS / "custom.toml")
-    z = planner.chained_form(problem.system).z(problem.start)
-    still = ChainedTrajectory(
-        problem.system,
-        BPoly(z[None, None], [0.0, 1.0]),
-        BPoly(np.zeros((1, 1, 2)), [0.0, 1.0]),
-        problem.branch,
-    )
-    certificate = planner.certify(planner.Plan(problem, "by hand", {}, still))
+@dataclass(frozen=True, repr=False, eq=False)
+class Unheard(StateTrajectory):
+    """A kind of trajectory that nothing is known of."""
+
+    kind = "unheard"
+
+
+def test_what_nothing_is_known_of_is_undecided_and_says_why(optimal: planner.Plan) -> None:
+    path = optimal.trajectory
+    assert isinstance(path, StateTrajectory)
+    other = Unheard(path.system, path.q_curve, path.u_curve)
+    certificate = planner.certify(replace(optimal, trajectory=other))
     assert not certificate.ok
     assert all(c.status == "undecided" for c in certificate.claims)
-    assert "inverse chart of system 'custom'" in str(certificate)
-    assert np.isinf(certificate.motion_error["y"])
+    assert "trajectories of kind 'unheard'" in str(certificate)
+    assert np.isinf(certificate.motion_error["theta1"])
+
+
+@pytest.mark.parametrize("method", ["polynomial", "piecewise", "convex"])
+def test_laws_of_a_system_whose_chart_is_solved_numerically(method: str) -> None:
+    """Also retimed; and by another integrator, the bound on the motion holds."""
+    plan = _solved("custom", method)
+    assert plan.certificate is not None
+    for made in (plan, planner.retime(plan)):
+        certificate = planner.certify(made)
+        assert certificate.ok, str(certificate)
+        motion, times = integrate(made)
+        away = np.max(np.abs(motion(times) - made.q(times)), axis=0)
+        bounds = np.array(list(certificate.motion_error.values()))
+        assert np.all(away <= bounds + 1e-10)
+        assert np.max(bounds) < 1e-7
+    limits = plan.problem.limits.input
+    peak = np.max(np.abs(plan.u(np.linspace(0.0, plan.duration, 20001))), axis=0)
+    for i, label in enumerate(("input speed", "input turn_rate")):
+        assert plan.certificate[label].guaranteed == pytest.approx(limits[i] - peak[i], abs=1e-4)
+
+
+def test_a_chart_that_is_solved_numerically_is_no_better_than_its_curves() -> None:
+    """A coefficient of z moved by 1e-3: the motion ends elsewhere, and is found to."""
+    plan = _solved("custom", "polynomial")
+    path = plan.trajectory
+    assert isinstance(path, ChainedTrajectory)
+    v = path.v_curve.c.copy()
+    v[1, 0, 1] += 1e-3
+    moved = replace(path, v_curve=BPoly(v, path.v_curve.x))
+    certificate = planner.certify(replace(plan, trajectory=moved))
+    assert "violated" in {claim.status for claim in certificate.open}
 
 
 def test_a_path_outside_the_chart_is_not_certified() -> None:
@@ -188,7 +222,10 @@ def test_a_path_outside_the_chart_is_not_certified() -> None:
 def test_a_certificate_is_saved_and_read_back(optimal: planner.Plan, tmp_path: Path) -> None:
     for plan in (optimal, replace(optimal, certificate=None)):
         back = planner.load_plan(plan.save(tmp_path / "plan.json"))
-        assert back.certificate == plan.certificate
+        assert back.certificate is not None
+        assert optimal.certificate is not None
+        assert back.certificate.claims == optimal.certificate.claims
+    assert back.certificate != optimal.certificate  # its time is its own
     certificate = planner.certify(_solved("paper-fig5", "polynomial", allow_singular=True))
     stored = json.dumps(certificate.to_dict(), allow_nan=False)
     again = planner.plan.claims.certificate_from_dict(json.loads(stored))
@@ -227,3 +264,18 @@ def test_the_distance_at_a_time_holds_wherever_the_time_may_be(optimal: planner.
         assert low <= near.min() + 1e-5  # the plan's own curve is not quite the motion
         assert near.max() <= high + 1e-5
         assert high - low < 0.1
+
+
+def test_a_waypoint_at_any_time_is_proven_where_no_sample_is(optimal: planner.Plan) -> None:
+    rng = np.random.default_rng(0)
+    for time in rng.uniform(0.3, 9.7, 10):
+        place = np.rad2deg(optimal.q(time)[1:] + 1e-5).tolist()
+        problem = optimal.problem.changed({"waypoints": [{"theta_deg": place}]})
+        claim = planner.certify(replace(optimal, problem=problem))["distance from waypoint 1"]
+        assert claim.status == "proven"
+        assert claim.guaranteed > 2e-5 - 1.1e-5
+        assert claim.time_s == pytest.approx(time, abs=1e-3)
+    far = np.rad2deg(optimal.q(5.0)[1:] + 0.2).tolist()
+    problem = optimal.problem.changed({"waypoints": [{"theta_deg": far}]})
+    claim = planner.certify(replace(optimal, problem=problem))["distance from waypoint 1"]
+    assert claim.status != "proven"

@@ -13,6 +13,7 @@ from every_system import SYSTEMS
 from numpy.typing import NDArray
 from outside import integrate
 from scipy.interpolate import BPoly
+from scipy.special import comb
 
 import planner
 from planner.plan import quadrature
@@ -20,6 +21,7 @@ from planner.plan.curves import Pieces
 from planner.plan.measures import peak_inputs, peak_rates
 from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import StateTrajectory, Trajectory
+from planner.support.one_variable import elevate
 
 Array = NDArray[np.float64]
 
@@ -186,6 +188,24 @@ def test_what_cannot_be_integrated_is_refused(paper: planner.Problem) -> None:
     assert not check.ok
 
 
+def test_an_input_is_judged_by_its_highest_top_wherever_that_is(paper: planner.Problem) -> None:
+    """Parabolas on four pieces, the highest one's samples lowest: 6e-4 of the limit lie between."""
+    grid = (1 - np.cos(np.pi * np.arange(33) / 32)) / 2
+    tops = np.array([grid[16], grid[16], grid[16], (grid[16] + grid[17]) / 2])
+    heights = np.array([0.2, 0.2, 0.2, 0.2002])
+    low = heights - tops**2
+    u2 = np.stack([low, low + tops, low + 2 * tops - 1])  # Bernstein form of heights − (x − tops)²
+    breaks = np.arange(5.0)
+    u = BPoly(np.stack([0 * u2, u2], axis=-1), breaks)
+    q = BPoly(np.broadcast_to(paper.start, (1, 4, 4)).copy(), breaks)
+    tight = paper.changed({"limits": {"input_rad_s": [0.5, 0.2001]}, "goal.duration": 4.0})
+    check = planner.verify(planner.Plan(tight, "by hand", {}, StateTrajectory(paper.system, q, u)))
+    assert u(3 + grid)[:, 1].max() < 0.1999
+    assert check.margins["input u2"] == pytest.approx(-1e-4, abs=1e-12)
+    (broken,) = (v for v in check.violations if v.label == "input u2")
+    assert broken.value == pytest.approx(0.2002, abs=1e-12)
+
+
 def test_peak_rate_at_a_singular_start(unlimited: planner.Problem) -> None:
     """The law's steepest instant is its first; there du/dt follows from its two derivatives."""
     plan = planner.solve(unlimited.changed({"goal.travel": 0.803}), "polynomial")
@@ -248,7 +268,35 @@ def test_a_clock_of_one_piece_over_a_path_of_many(paper: planner.Problem) -> Non
     assert np.all(peak_inputs(trajectory) >= peak * (1 - 1e-9))
     tight = paper.changed({"limits.input_rad_s": (peak * 0.99).tolist()})
     check = planner.verify(planner.Plan(tight, "by hand", {}, trajectory))
-    assert {v.label for v in check.violations} == {"input u1", "input u2"}
+    judged = "plan's u(t) against the series it is judged by"  # none follows a jump inside a piece
+    assert {v.label for v in check.violations} == {"input u1", "input u2", judged}
+
+
+def test_a_microsecond_between_the_points_it_is_read_at(paper: planner.Problem) -> None:
+    """At first u2 is 0.9 rad/s for part of a microsecond, which moves nothing, and zero at the 16
+    points of the piece."""
+    plan = planner.solve(paper)
+    path = plan.trajectory
+    assert isinstance(path, StateTrajectory)
+    order, x = np.arange(17), (1 - np.cos(np.pi * np.arange(17) / 16)) / 2
+    points = (1 - np.cos(np.pi * np.arange(16) / 15)) / 2
+    basis = comb(16, order) * x[:, None] ** order * (1 - x[:, None]) ** (16 - order)
+    wiggle = np.linalg.solve(basis, np.prod(x[:, None] - points, axis=1))
+    first = np.zeros((17, 1, 2))
+    first[:, 0, 1] = 0.9 * wiggle / np.max(basis @ wiggle)
+    breaks = np.append(0.0, path.breaks + 1e-6)
+    still = np.repeat(paper.start[None, None], len(path.q_curve.c), 0)
+    trajectory = StateTrajectory(
+        paper.system,
+        BPoly(np.concatenate([still, path.q_curve.c], axis=1), breaks),
+        BPoly(np.concatenate([first, elevate(path.u_curve.c, 16)], axis=1), breaks),
+    )
+    later = paper.changed({"goal.duration": paper.duration + 1e-6})
+    check = planner.verify(replace(plan, problem=later, trajectory=trajectory))
+    assert [v.label for v in check.violations] == ["input u2"]
+    assert check.violations[0].value > 0.9
+    trajectory.u_curve.c[:, 0] = 0
+    assert planner.verify(replace(plan, problem=later, trajectory=trajectory)).ok
 
 
 def test_a_clock_that_runs_back(retimed: planner.Plan) -> None:
@@ -306,6 +354,13 @@ def test_times_that_run_back_or_begin_late(paper: planner.Problem) -> None:
         check = planner.verify(replace(plan, trajectory=forged))
         assert not check.ok
         assert "begin at 0 and increase" in str(check.violations[0])
+
+
+def test_no_polynomial_has_more_terms_than_are_read(paper: planner.Problem) -> None:
+    curves = [BPoly(np.zeros((n, 1, k)), [0.0, 1.0]) for n, k in ((52, 4), (2, 2), (51, 4))]
+    with pytest.raises(ValueError, match="q_curve has degree 51; at most 50 is read"):
+        StateTrajectory(paper.system, *curves[:2])
+    assert StateTrajectory(paper.system, *curves[:0:-1]).degree == 50
 
 
 def test_chained_curves_share_their_breaks(paper: planner.Problem) -> None:

@@ -15,6 +15,7 @@ from compared import quick_comparison
 
 import planner
 from planner.cli.app import main
+from planner.plan.measures import objective_of
 from planner.report import folders as report_folder
 from planner.report.page.page import write_report
 from planner.report.saved import load_comparison
@@ -154,6 +155,24 @@ SHAPES: dict[str, tuple[Edit, str]] = {
     "a ragged list": (lambda d: curve(d, "q")["bernstein"][0][0].pop(), "inhomogeneous"),
     "no coefficients": (lambda d: curve(d, "q").update(bernstein=[]), "q_curve|dimension|c"),
     "a scalar": (lambda d: curve(d, "u").update(bernstein=[[0.0] * 99]), "u_curve|pieces|x"),
+    "a number beyond all sense": (
+        lambda d: _last(d, "u", -1e16),
+        r"'trajectory\.u\.bernstein\[[0-9]\]\[[0-9]+\]\[1\]' = -1e\+16: must be at least -1e\+15",
+    ),
+    "a degree beyond all sense": (
+        lambda d: curve(d, "u").update(bernstein=[curve(d, "u")["bernstein"][0]] * 52),
+        "u_curve has degree 51; at most 50 is read",
+    ),
+    "a negative count": (
+        lambda d: d.update(iterations=-5),
+        "'iterations' = -5: must be at least 0",
+    ),
+    "a count of many digits": (lambda d: d.update(iterations=10**200), "'iterations' = 1000.*most"),
+    "a negative time": (lambda d: d.update(solve_time_s=-1.0), "'solve_time_s' = -1.0: must be at"),
+    "an objective beyond all sense": (
+        lambda d: d.update(objective=1e300),
+        "'objective' = 1e\\+300",
+    ),
     "an infinite number": (lambda d: _last(d, "u", float("inf")), "trajectory.*finite"),
     "a system of another size": (
         lambda d: d["problem"].update(
@@ -231,6 +250,49 @@ def test_commands_refuse_it(
     given = json.loads(capsys.readouterr().out)
     assert given["exit_status"] == 2
     assert "fails the verification" in given["error"]
+
+
+# -- what a file says of its plan ----------------------------------------------------------------
+
+
+def test_a_false_objective_is_corrected_with_a_warning(plan: planner.Plan, tmp_path: Path) -> None:
+    """Of all that are a sum of duration and efforts; 0.3 % less is as false as nothing."""
+    for false in (1e-3, 0.997 * plan.objective):
+        path = edited(plan, tmp_path / "x.json", lambda d, x=false: d.update(objective=x))  # type: ignore[misc]
+        with pytest.warns(planner.InputWarning, match=r"x\.json: the objective is said to be"):
+            back = planner.load_plan(path, strict=True)
+        assert back.verified
+        assert back.objective == pytest.approx(plan.objective, rel=1e-12)
+    close = plan.objective * (1 + 1e-6)
+    path = edited(plan, tmp_path / "x.json", lambda d: d.update(objective=close))
+    assert planner.load_plan(path).objective == close
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"goal.duration": "free", "limits.input_rad_s": [0.1234567, 0.7654321]},
+        {"goal.duration": "free", "method.collocation": {"objective": "mixed"}},
+    ],
+    ids=["time", "mixed"],
+)
+def test_objectives_of_time_are_told_by_their_names(
+    paper: planner.Problem, changes: dict[str, Any]
+) -> None:
+    plan = planner.solve(paper.changed(changes))
+    found = objective_of(plan.trajectory, plan.objective_name)
+    assert found == pytest.approx(plan.objective, rel=1e-6)
+
+
+def test_what_no_motion_tells_is_no_objective_of_it(optimal: planner.Plan) -> None:
+    for name in (
+        "smooth: integral of (du1/dt)^2 + (du2/dt)^2 dt",
+        "mixed: duration + 0.5 x integral of (du1/dt)^2 + (du2/dt)^2 dt",
+        "time: duration + 1 x integral of u1^2 dt + peak |v2|",
+        "duration",
+        "",
+    ):
+        assert objective_of(optimal.trajectory, name) is None
 
 
 # -- comparison folders --------------------------------------------------------------------------

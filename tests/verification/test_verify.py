@@ -64,7 +64,7 @@ def test_honest_plan_passes(good: planner.Plan) -> None:
         ({"limits.input_rad_s": [0.09, 0.5]}, "input u1", 0.1),
         ({"limits.input_rad_s": [0.5, 0.05]}, "input u2", 0.06),
         ({"goal.travel": 0.3}, "goal phi2", None),
-        ({"goal.duration": 9.0}, "duration", 1.0),
+        ({"goal.duration": 9.0}, "duration", 10.0),
     ],
 )
 def test_each_broken_requirement_is_named(
@@ -76,6 +76,13 @@ def test_each_broken_requirement_is_named(
     assert check.margins[label] < 0
     if value is not None:
         assert check.violations[0].value == pytest.approx(value, rel=1e-6)
+
+
+@pytest.mark.parametrize(("asked", "margin"), [(9.0, -1.0), (12.0, -2.0)])
+def test_another_duration_is_told_as_it_is(good: planner.Plan, asked: float, margin: float) -> None:
+    check = _with(good, {"goal.duration": asked})
+    assert str(check.violations[0]) == f"duration is 10 s, must be {asked:g} s"
+    assert check.margins["duration"] == pytest.approx(margin)
 
 
 def test_missed_goal(good: planner.Plan) -> None:

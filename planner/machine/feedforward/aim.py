@@ -13,7 +13,7 @@ On the nominal machine every spread is off and every systematic effect on.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,10 +23,11 @@ from planner.errors import InputError, NoPlanError
 from planner.machine.feedforward.shaping import MotorCommands, shaped
 from planner.machine.machine import Machine
 from planner.machine.replay import SETTLE_S
-from planner.machine.simulate import simulate
-from planner.plan.plan import Compensation, Plan
+from planner.machine.simulate import Progress, simulate
+from planner.plan.plan import Compensation, Plan, cut_short
 from planner.problem.problem import Problem
 from planner.problem.tables.problem_file import CompensationTable
+from planner.support import deadline
 from planner.support.arrays import Array
 from planner.support.deadline import TimeUpError, limited
 from planner.systems.manipulator import Manipulator
@@ -44,6 +45,9 @@ reached in the time."""
 AIMED_RAD = np.deg2rad(0.01)
 """Error on the nominal machine that is good enough: a hundredth of what spreads leave."""
 
+CUT_SHORT = "ended the compensation; this is the plan that ends nearest to the goal so far"
+"""What a plan says for which there was too little time."""
+
 FARTHEST = 3.0
 """A step so many times longer than what is missed comes of derivatives across a plan of another
 kind, and leads away; the search then begins anew from where it is. Of ten plans of problems/ this
@@ -60,6 +64,9 @@ def compensable(system: TriangularSystem) -> bool:
 
 def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Replan) -> Plan:
     """A plan whose inputs lead the nominal machine along the plan, and to its goal; not verified.
+
+    Where time is up before it ends at the goal, it is the nearest that there was time for, and
+    says so.
 
     Args:
         plan: An executable plan.
@@ -79,34 +86,15 @@ def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Repl
             f" 'manipulator'); a {system.kind} has no mechanism between motors and motion to"
             " compensate"
         )
-    moved = slice(0 if problem.travel is not None else 1, None)
-    wanted = _wanted(plan)
-    target, made_from = wanted[moved], Compensation(plan, machine.to_dict(), 0.0, 0.0)
-    shift, inverse = np.zeros(len(target)), np.eye(len(target))
     tried: list[_Trial] = []
-    near, left_s = plan, max(LEAST_S, TIMES * plan.solve_time_s)
-    while True:
-        commands = shaped(near, system, machine, options, plan)
-        timed = replace(made_from, lead_s=commands.lead_s, tail_s=commands.tail_s)
-        made, found = commanded(near, timed, commands)
-        tried.append(_Trial(made, shift, found.end[moved] - target, float(found.deviation.max())))
-        if not options.aim or tried[-1].worst < AIMED_RAD or len(tried) == MOST_PLANS:
-            break
-        if len(tried) > 1:
-            inverse = _updated(inverse, tried[-2], tried[-1])
-        missed = tried[-1].missed
-        step = inverse @ missed
-        if np.linalg.norm(step) > FARTHEST * np.linalg.norm(missed):
-            inverse, step = np.eye(len(target)), missed
-        shift = shift - step
-        if left_s <= 0:
-            raise TimeUpError
-        began = time.perf_counter()
-        with limited(left_s, "the time for a plan next to one known"):
-            near = replan(_shifted(problem, wanted, shift, moved), near)
-        left_s -= time.perf_counter() - began
-        if not near.executable:
-            raise NoPlanError("that plan leaves the domain of the chained-form chart")
+    with limited(None) as span:
+        cut = False
+        try:
+            tried.extend(_trials(plan, system, machine, options, replan))  # keeps those till then
+        except (TimeUpError, NoPlanError):
+            cut = deadline.is_over()
+            if not tried or not cut:
+                raise
     best = min(tried, key=lambda trial: trial.worst)
     notes = {
         "plans": len(tried),
@@ -116,7 +104,8 @@ def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Repl
         "lead_s": best.plan.lead_s,
         "tail_s": best.plan.tail_s,
     }
-    return replace(best.plan, notes={**plan.notes, "compensation": notes})
+    made = replace(best.plan, notes={**plan.notes, "compensation": notes})
+    return cut_short(made, span, CUT_SHORT) if cut else made
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +128,48 @@ class _Trial:
     def worst(self) -> float:
         """Largest component of the error at the goal."""
         return float(np.max(np.abs(self.missed)))
+
+
+def _trials(
+    plan: Plan,
+    system: Manipulator,
+    machine: Machine,
+    options: CompensationTable,
+    replan: Replan,
+) -> Iterator[_Trial]:
+    """Ever nearer to the goal, until that is near enough."""
+    problem = plan.problem
+    moved = slice(0 if problem.travel is not None else 1, None)
+    wanted = _wanted(plan)
+    target, made_from = wanted[moved], Compensation(plan, machine.to_dict(), 0.0, 0.0)
+    shift, inverse = np.zeros(len(target)), np.eye(len(target))
+    near, left_s = plan, max(LEAST_S, TIMES * plan.solve_time_s)
+    before: _Trial | None = None
+    for count in range(1, MOST_PLANS + 1):
+        commands = shaped(near, system, machine, options, plan)
+        timed = replace(made_from, lead_s=commands.lead_s, tail_s=commands.tail_s)
+        made, found = commanded(near, timed, commands)
+        missed, away = found.end[moved] - target, float(found.deviation.max())
+        trial = _Trial(made, shift, missed, away)
+        yield trial
+        if not options.aim or trial.worst < AIMED_RAD or count == MOST_PLANS:
+            return
+        if before is not None:
+            inverse = _updated(inverse, before, trial)
+        step = inverse @ missed
+        if np.linalg.norm(step) > FARTHEST * np.linalg.norm(missed):
+            inverse, step = np.eye(len(target)), missed
+        before, shift = trial, shift - step
+        if deadline.is_over():
+            raise deadline.time_up()
+        if left_s <= 0:
+            raise TimeUpError
+        began = time.perf_counter()
+        with limited(left_s, "the time for a plan next to one known"):
+            near = replan(_shifted(problem, wanted, shift, moved), near)
+        left_s -= time.perf_counter() - began
+        if not near.executable:
+            raise NoPlanError("that plan leaves the domain of the chained-form chart")
 
 
 def _updated(inverse: Array, before: _Trial, now: _Trial) -> Array:
@@ -181,30 +212,44 @@ class Prediction:
     """A motion of the nominal machine.
 
     Attributes:
-        q: Coordinates at the plan's own times `plan.t`, shape (K+1, N).
+        t: Times no farther apart than the longest step of a simulation, shape (R,), s.
+        q: Coordinates then, shape (R, N).
         end: Coordinates once the servos have settled, shape (N,). The path coordinate counts from
             where it is when the plan starts: what the preparation turns it by is lost motion.
         deviation: Largest |q − what is wanted| over time of those after the first, (N−1,).
     """
 
+    t: Array
     q: Array
     end: Array
     deviation: Array
 
+    def at(self, times: Array) -> Array:
+        """Coordinates (…, N) at times (…), straight from one step to the next."""
+        return np.stack([np.interp(times, self.t, q) for q in self.q.T], axis=-1)
 
-def predicted(plan: Plan, machine: Machine) -> Prediction:
+
+def predicted(plan: Plan, machine: Machine, progress: Progress | None = None) -> Prediction:
     """What the nominal machine makes of a plan's inputs.
 
     Args:
         plan: A compensated plan; only the start of its motion and its inputs are read.
         machine: The machine; its spreads count for nothing.
+        progress: As of `planner.machine.replay.replay`.
     """
-    first = np.zeros(1, dtype=np.int64)
-    tick = float(plan.t[1] - plan.t[0])
-    run = simulate(plan, machine.nominal(), first, 0, settle_s=SETTLE_S, record_s=tick)
-    q, end = run.q[0, : len(plan.t)], run.q[0, -1].copy()
-    end[0] -= q[round(plan.lead_s / tick), 0] - q[0, 0]
-    return Prediction(q, end, run.deviation[0])
+    nominal, first = machine.nominal(), np.zeros(1, dtype=np.int64)
+    run = simulate(
+        plan,
+        nominal,
+        first,
+        0,
+        settle_s=SETTLE_S,
+        record_s=machine.step_s,
+        progress=progress,
+    )
+    found = Prediction(run.t, run.q[0], run.q[0, -1].copy(), run.deviation[0])
+    found.end[0] -= found.at(np.array(plan.lead_s))[0] - found.q[0, 0]
+    return found
 
 
 def commanded(
@@ -216,6 +261,9 @@ def commanded(
         near: The plan that the commands were shaped from.
         compensation: The plan whose motion is wanted, and the machine that is allowed for.
         commands: What the motors are told.
+
+    Raises:
+        TimeUpError: If it takes too long.
     """
     system, wanted = near.problem.system, compensation.plan
     still = np.repeat(near.q(0.0)[None], len(commands.t), axis=0)
@@ -226,5 +274,6 @@ def commanded(
         certificate=None,
         compensation=compensation,
     )
-    found = predicted(out, Machine.from_table(compensation.machine))
-    return replace(out, trajectory=commands.along(system, found.q)), found
+    machine = Machine.from_table(compensation.machine)
+    found = predicted(out, machine, progress=lambda *_: deadline.check())
+    return replace(out, trajectory=commands.along(system, found.at(commands.t))), found

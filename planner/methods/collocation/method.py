@@ -24,11 +24,13 @@ from planner.methods.collocation.task import Solution, Task, task, told
 from planner.methods.collocation.transcription.bounds import Asked
 from planner.methods.collocation.transcription.form import Form, InputKind, Mesh, objective
 from planner.methods.collocation.transcription.unknowns import Iterate
-from planner.plan.plan import Plan
+from planner.plan.plan import Plan, cut_short
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions
 from planner.support import deadline, progress
 from planner.support.deadline import MORE_TIME, Span, TimeUpError
+
+CUT_SHORT = "ended the search; this is the best motion found so far"
 
 
 def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
@@ -67,7 +69,7 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
         answer, done = found
         notes = {"stage": answer.stage, "tried": search.log}
         made = _plan(problem, done, answer.start, notes, best.iterations, options, began)
-        return _cut_short(made, span) if span.reached else made
+        return cut_short(made, span, CUT_SHORT) if span.reached else made
 
 
 def _in_hand(
@@ -141,13 +143,6 @@ def _plan(
     )
 
 
-def _cut_short(plan: Plan, span: Span) -> Plan:
-    """The plan, which says that its search was cut short."""
-    status = "interrupted" if span.ended_by else TimeLimitError.status
-    said = f"{span.why} ended the search; this is the best motion found so far"
-    return replace(plan, status=status, notes={**plan.notes, "ended_early": said})
-
-
 def chosen_goal(problem: Problem, iterate: Iterate) -> dict[str, Any]:
     """For a plan's notes: all joints at its end, in degrees, where the goal leaves some free."""
     if not problem.free:
@@ -172,7 +167,6 @@ def collocation_task(
         degree=options.degree,
         input=kind,
         inner=problem.divided,  # or links pass through a disc between two edges
-        compiled=options.compile,
         edge=goal.edge,
     )
     settings = Settings(options.tolerance, options.max_iterations, solver=options.solver)
@@ -234,7 +228,7 @@ def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan
         notes = {"stage": "warm start", "tried": log}
         iterations = solution.iterations + done.iterations
         made = _plan(problem, done, "warm", notes, iterations, options, began)
-        return _cut_short(made, span) if span.reached else made
+        return cut_short(made, span, CUT_SHORT) if span.reached else made
 
 
 def refuse_start(problem: Problem, warm: Plan) -> None:

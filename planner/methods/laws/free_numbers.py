@@ -16,7 +16,14 @@ from scipy.optimize import minimize_scalar
 
 from planner.errors import InfeasibleError, InputError, SingularError
 from planner.methods.laws.law import Ends
-from planner.methods.laws.scores import Criterion, Scores, end_margin, score, search_candidates
+from planner.methods.laws.scores import (
+    Criterion,
+    Scores,
+    end_margin,
+    end_slack,
+    score,
+    search_candidates,
+)
 from planner.methods.refusal import BY_COLLOCATION
 from planner.plan.trajectory import ChainedTrajectory
 from planner.problem.feasibility import travel_window
@@ -85,7 +92,7 @@ def choose_travel(
     """
     for count in scans:
         travels = candidate_travels(problem, count)
-        good = score(problem, [make(float(d)) for d in travels]).inside
+        good = score(problem, map(make, travels.tolist())).inside
         if good.any():
             break
     else:
@@ -165,18 +172,18 @@ def _edge(problem: Problem, inner: float, outer: float, make: Make) -> float:
 def _best(
     problem: Problem, make: Make, ranges: tuple[tuple[float, float], ...], criterion: Criterion
 ) -> float:
-    best_margin = end_margin(problem)
+    ends = end_margin(problem), end_slack(problem)
 
     def scores(travels: Array) -> Scores:
-        return score(problem, [make(float(d)) for d in travels])
+        return score(problem, map(make, travels.tolist()))
 
     def cost(travel: float) -> float:
-        return float(scores(np.array([travel])).cost(criterion, best_margin)[0])
+        return float(scores(np.array([travel])).cost(criterion, *ends)[0])
 
     best = (np.inf, ranges[0][0])
     for low, high in ranges:
         grid = np.linspace(low, high, 25)
-        costs = scores(grid).cost(criterion, best_margin)
+        costs = scores(grid).cost(criterion, *ends)
         k = int(np.argmin(costs))
         bounds = (grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)])
         xatol = 1e-7 * (bounds[1] - bounds[0])

@@ -1,13 +1,13 @@
 """The choice of a law's free numbers: a scan, then Nelder–Mead from the best of it.
 
-A score says how good a trajectory in the chart is, for many candidates at once: all their samples
-go through the chart in one call, which is what makes scans cheap.
+A score says how good a trajectory in the chart is, for many candidates at once: their samples go
+through the chart in few calls, which is what makes scans cheap.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Literal
 
@@ -28,6 +28,13 @@ _CLOSE = 0.1
 """Margin, over that of the ends, below which a motion counts as too close to the domain's edge.
 
 There θ₁ bounces off zero and the inputs are quotients of small numbers."""
+
+SLACK = 1e-6
+"""Slack to a limit, relative to it, that a choice leaves where the ends do: with less, the
+certificate's enclosures cannot tell a coordinate at its limit from one beyond it."""
+
+ROUNDING = 1e-9
+"""Slack that is missing by rounding alone."""
 
 Criterion = Literal["peak", "margin"]
 
@@ -52,7 +59,7 @@ class Scores:
         """Whether all samples lie inside the domain."""
         return np.asarray(self.margin > 0)
 
-    def cost(self, criterion: Criterion, ends: float) -> Array:
+    def cost(self, criterion: Criterion, ends: float, slack: float = 0.0) -> Array:
         """One number to minimise, shape (C,): what is worse in kind always costs more.
 
         Below 1: keeps limits and a distance from the domain's edge; 1 to 2: breaks a limit or comes
@@ -62,30 +69,59 @@ class Scores:
             criterion: "peak" compares peak inputs; "margin" compares margins, and by their peaks
                 those that reach the ends' margin, which no path can exceed.
             ends: The least margin of start and goal; see `end_margin`.
+            slack: The slack that keeps a limit; see `end_slack`.
         """
         with np.errstate(invalid="ignore"):
             outside = 2 + _bounded(-self.margin)
             close = 1 - self.margin / (_CLOSE * ends)
-            broken = 1 + _bounded(np.maximum(close, -self.slack))
+            broken = 1 + _bounded(np.maximum(close, slack - self.slack))
             kept = _bounded(self.peak)
             if criterion == "margin":
                 short = self.margin < ends * (1 - 1e-6)
                 kept = np.where(short, 1 - 0.5 * self.margin / ends, 0.5 * kept)
-            cost = np.where((self.slack < -1e-9) | (close > 0), broken, kept)
+            cost = np.where((self.slack < slack - ROUNDING) | (close > 0), broken, kept)
             cost = np.where(self.margin > 0, cost, outside)
         return np.where(np.isnan(cost), 3.0, cost)
 
 
+MOST_SAMPLES = 20_000
+"""In one call of the chart: half a second with eight joints, before time is asked for again."""
+
+
 def score(
-    problem: Problem, candidates: Sequence[ChainedTrajectory | None], samples: int = 400
+    problem: Problem, candidates: Iterable[ChainedTrajectory | None], samples: int = 400
 ) -> Scores:
     """Score candidates of one law by about `samples` samples each.
 
     Args:
         problem: Supplies limits; where an input has none, its peak counts in its own unit.
         candidates: Trajectories on equally many pieces; None for one that could not be made.
+            Each is made when it is asked for, so that time can be asked for in between.
+
+    Raises:
+        TimeUpError: If time is up.
     """
+    parts: list[Scores] = []
+    together: list[ChainedTrajectory | None] = []
+    count = 0
     deadline.check()
+    for candidate in candidates:
+        deadline.check()
+        together.append(candidate)
+        if candidate is not None:
+            count += len(candidate.z_curve.x[1:]) * _count(samples, candidate.z_curve)
+        if count >= MOST_SAMPLES:
+            parts.append(_scored(problem, together, samples))
+            together, count = [], 0
+    parts.append(_scored(problem, together, samples))
+    joined = (np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Scores))
+    return Scores(*joined)
+
+
+def _scored(
+    problem: Problem, candidates: Sequence[ChainedTrajectory | None], samples: int
+) -> Scores:
+    """Of candidates whose samples go through the chart together."""
     out = np.full((3, len(candidates)), np.nan)
     made = [k for k, c in enumerate(candidates) if c is not None]
     if not made:
@@ -133,14 +169,14 @@ def _dips(values: Array) -> Array:
     """Least value (C,) of values (C, P, S) between their samples.
 
     A dip can be narrower than the samples are apart; a parabola through the three around each local
-    minimum follows it.
+    minimum follows it. Beside a margin of −∞ there is none lower.
     """
     step = np.diff(_points(values.shape[-1]))
-    slope = np.diff(values, axis=-1) / step
     before, after, width = step[:-1], step[1:], step[:-1] + step[1:]
-    bend = (slope[..., 1:] - slope[..., :-1]) / width
-    tangent = (slope[..., :-1] * after + slope[..., 1:] * before) / width
     with np.errstate(divide="ignore", invalid="ignore"):
+        slope = np.diff(values, axis=-1) / step
+        bend = (slope[..., 1:] - slope[..., :-1]) / width
+        tangent = (slope[..., :-1] * after + slope[..., 1:] * before) / width
         lowest = values[..., 1:-1] - tangent**2 / (4 * bend)
     is_dip = (slope[..., :-1] <= 0) & (slope[..., 1:] >= 0) & (bend > 0)
     return np.asarray(np.min(np.where(is_dip, lowest, np.inf), axis=(1, 2)))
@@ -160,20 +196,32 @@ def end_margin(problem: Problem) -> float:
     return float(np.min(problem.system.chart_margins(ends, problem.branch)))
 
 
+def end_slack(problem: Problem) -> float:
+    """The slack to limits that a choice leaves: no more than start and goal do, nor `SLACK`."""
+    ends = np.stack([problem.start, np.nan_to_num(problem.goal)])
+    z = chained_form(problem.system).z(ends)
+    return float(np.clip(np.min(list(_rooms(problem, z, ends)), initial=SLACK), 0.0, SLACK))
+
+
 def _slack(problem: Problem, z: Array, q: Array, pieces: int) -> Array:
     """Least relative slack (C,) of limits on the way; z, q of shape (C, S, N), S on all pieces."""
-    at, slack = At.of(problem.system, q), np.full(len(q), np.inf)
-    at = replace(at, z=np.moveaxis(z, -1, 0))
+    slack = np.full(len(q), np.inf)
+    for room in _rooms(problem, z, q):
+        slack = np.minimum(slack, np.min(room, axis=1))
+        slack = np.minimum(slack, _dips(room.reshape(len(q), pieces, -1)))
+    return slack
+
+
+def _rooms(problem: Problem, z: Array, q: Array) -> Iterator[Array]:
+    """Slack (…) to each limit on coordinates, relative to it, at z and q (…, N)."""
+    at = replace(At.of(problem.system, q), z=np.moveaxis(z, -1, 0))
     for required in problem.requirements:
         if required.reads == {"q"} and required.smooth:
             for part, value in zip(required.parts, required.values(at), strict=True):
                 if part.low == -part.high:
-                    room = 1 - np.abs(value) / part.high
+                    yield 1 - np.abs(value) / part.high
                 else:
-                    room = np.minimum(part.high - value, value - part.low) / part.scale
-                slack = np.minimum(slack, np.min(room, axis=1))
-                slack = np.minimum(slack, _dips(room.reshape(len(q), pieces, -1)))
-    return slack
+                    yield np.minimum(part.high - value, value - part.low) / part.scale
 
 
 def _bounded(x: Array) -> Array:
@@ -183,7 +231,6 @@ def _bounded(x: Array) -> Array:
 
 Make = Callable[[Array], ChainedTrajectory | None]
 
-_CHUNK = 128
 _RESTARTS = 6
 _COARSE, _FINE = 200, 6000
 """Samples of a candidate while searching, and of the one found."""
@@ -227,13 +274,13 @@ def search_candidates(
         criterion: What to make best; domain and limits come first.
         starts: How many of the best candidates to refine; 0 to scan only.
     """
-    best_margin = end_margin(problem)
+    ends = end_margin(problem), end_slack(problem)
     tried = 0
 
     def costs(points: Array, samples: int) -> Array:
         nonlocal tried
         tried += len(points)
-        return score(problem, [make(x) for x in points], samples).cost(criterion, best_margin)
+        return score(problem, map(make, points), samples).cost(criterion, *ends)
 
     def refine(x: Array, step: Array, samples: int) -> tuple[float, Array]:
         result = minimize(
@@ -249,8 +296,7 @@ def search_candidates(
         )
         return float(result.fun), np.asarray(result.x)
 
-    chunks = [grid[k : k + _CHUNK] for k in range(0, len(grid), _CHUNK)]
-    scanned = np.concatenate([costs(chunk, _COARSE) for chunk in chunks])
+    scanned = costs(grid, _COARSE)
     steps = np.broadcast_to(steps, grid.shape)
     order = np.argsort(scanned, kind="stable")
     best, x, step = float(scanned[order[0]]), grid[order[0]], steps[order[0]]

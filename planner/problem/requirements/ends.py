@@ -126,5 +126,5 @@ class Duration(Demand):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """One: the difference."""
-        return (Part("duration", "s", -np.inf, 0.0, self.seconds),)
+        """One: what it takes."""
+        return (Part("duration", "s", self.seconds, self.seconds, self.seconds),)

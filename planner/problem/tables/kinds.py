@@ -40,12 +40,12 @@ class _Plugins:
 
     Attributes:
         failures: One line for each that failed; None until they are called.
-        running: Whether they are being called.
+        caller: Name and version of the package whose plugin is being called, or "".
         elsewhere_unknown: What was registered by no plugin, as in "method 'mine'".
     """
 
     failures: list[str] | None = None
-    running = False
+    caller = ""
 
     def __init__(self) -> None:
         self.lock = threading.RLock()  # a plugin may itself read a problem
@@ -64,30 +64,35 @@ def load_plugins() -> None:
     """
     with _plugins.lock:
         if _plugins.failures is None:
-            _plugins.failures, _plugins.running = [], True
-            try:
-                for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
-                    _call(entry, _plugins.failures)
-            finally:
-                _plugins.running = False
-        if _plugins.failures and not _plugins.running:
+            _plugins.failures = []
+            for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
+                _call(entry, _plugins.failures)
+        if _plugins.failures and not _plugins.caller:
             raise InputError("\n".join(_plugins.failures))
 
 
 def _call(entry: EntryPoint, failures: list[str]) -> None:
+    package = "a package" if entry.dist is None else f"{entry.dist.name} {entry.dist.version}"
+    _plugins.caller = line(package)
     try:
         entry.load()()
     except (Exception, SystemExit) as error:
-        package = "a package" if entry.dist is None else f"{entry.dist.name} {entry.dist.version}"
         failures.append(
             f"plugin '{line(entry.name)}' of {line(package)} ({line(entry.value)}) failed:"
             f" {type(error).__name__}: {line(str(error))}; fix or uninstall that package"
         )
+    finally:
+        _plugins.caller = ""
+
+
+def plugin_called() -> str:
+    """Name and version of the package whose plugin is being called; "" where none is."""
+    return _plugins.caller
 
 
 def remember(what: str) -> None:
     """Keep in mind what is registered by no plugin, as in "method 'mine'"."""
-    if not _plugins.running:
+    if not _plugins.caller:
         _plugins.elsewhere_unknown.add(what)
 
 

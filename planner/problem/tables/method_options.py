@@ -291,12 +291,6 @@ class CollocationOptions(Table):
         " structure, close to a solution and for simple problems with a given"
         " duration; IPOPT otherwise and where Fatrop fails.",
     )
-    compile: bool = Field(
-        False,
-        description="Compile the functions of one mesh interval with a C compiler (cc, gcc,"
-        " clang or $CC). This takes one or two seconds the first time; the result"
-        " is kept in the user's cache folder.",
-    )
     tolerance: Annotated[float, Field(gt=0, lt=1e-2)] = Field(1e-9, description="Solver tolerance.")
     max_iterations: Annotated[int, Field(ge=1)] = Field(
         500, description="Solver iterations a start."

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from planner.problem.feasibility import TravelWindow, travel_window
+from planner.support.progress import expect_listener
 from planner.sweep.design.design_file import StudyInput, read_design
 from planner.sweep.design.figures import (
     DesignRow,
@@ -67,6 +68,7 @@ def design_study(
         InputError: If the file is wrong, no design can be built, or the folder cannot be used.
         KeyboardInterrupt: If interrupted; finished cases are kept.
     """
+    expect_listener(progress)
     tell = progress or (lambda _, __: None)
     tell("reading", 0.0)
     asked = read_design(design)

@@ -169,9 +169,20 @@ def test_a_limit_on_rates_of_any_kind_makes_v2_continuous(paper: planner.Problem
     plan = planner.solve(replace(slow, further=(RatesTogether(),)), "convex", pieces=PIECES)
     assert "continuous" in optimality(plan)["of"]
     assert planner.verify(plan).margins["rates together"] >= 0
-    free = replace(slow, duration=None, further=(RatesTogether(),))
+    # The fastest clock turns u2 round within microseconds, but does not jump: slowed as a whole.
+    free = planner.solve(
+        replace(slow, duration=None, further=(RatesTogether(),)), "convex", pieces=PIECES
+    )
+    assert "slowed for other limits" in free.notes["timing"]
+    assert planner.verify(free).margins["rates together"] >= 0
+
+
+def test_a_path_whose_input_jumps_keeps_no_limit_on_rates(paper: planner.Problem) -> None:
+    free = replace(
+        paper.changed({"goal.duration": "free", "goal.travel": 0.829}), further=(RatesTogether(),)
+    )
     with pytest.raises(planner.NotConvergedError, match="something else is asked of their rates"):
-        solve_and_check(free, "convex", advice=False, pieces=PIECES)
+        solve_and_check(free, "convex", advice=False, pieces=PIECES, input="constant")
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 import planner
-from planner.methods.laws.scores import Scores, end_margin, score, search_candidates
+from planner.methods.laws.scores import (
+    SLACK,
+    Scores,
+    end_margin,
+    end_slack,
+    score,
+    search_candidates,
+)
 from planner.plan.trajectory import ChainedTrajectory
 from planner.support.arrays import Array
 
@@ -147,3 +154,23 @@ def test_search_survives_laws_without_solution(unlimited: planner.Problem) -> No
     found = search_candidates(unlimited, nothing, np.zeros((3, 1)), np.ones(1))
     assert found.cost == 3
     assert not found.inside
+
+
+def test_a_choice_leaves_what_the_proof_needs_to_a_limit(paper: planner.Problem) -> None:
+    """The travel of least peak would bring an angle to its limit, to rounding."""
+    free = planner.solve(paper.changed({"limits": {}}), "sinusoid")
+    angles = np.abs(free.q(np.linspace(0.0, free.duration, 2001))[:, 1])
+    ends = max(angles[0], angles[-1])
+    limit = float(np.rad2deg(ends + 0.9 * (np.max(angles) - ends)))
+    plan = planner.solve(paper.changed({"limits": {"joint_deg": limit}}), "sinusoid")
+    assert plan.certificate is not None
+    assert plan.certificate.ok, str(plan.certificate)
+    assert 1e-7 < plan.certificate["joint theta1"].guaranteed < 1e-4
+
+
+def test_where_an_end_is_at_its_limit_no_choice_leaves_more(paper: planner.Problem) -> None:
+    goal = float(np.max(np.abs(np.rad2deg(paper.goal[1:]))))
+    assert end_slack(paper.changed({"limits": {"joint_deg": goal}})) == pytest.approx(0, abs=1e-15)
+    assert end_slack(paper) == SLACK
+    scores = Scores(np.array([0.6]), np.array([1e-7]), np.array([0.5]))
+    assert scores.cost("peak", 0.6, slack=0.0)[0] < 1 <= scores.cost("peak", 0.6, slack=SLACK)[0]

@@ -204,3 +204,13 @@ def test_bad_options(
 ) -> None:
     with pytest.raises(planner.InputError, match=message):
         planner.solve(unlimited, method, **options)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("angle", [5e-13, 1e-9])
+def test_goals_beside_the_end_of_the_chart_raise_no_warnings(angle: float) -> None:
+    """There z and the margins of what leaves the chart overflow."""
+    goal = {"goal.theta_deg": [35, angle, 20]}
+    problem = planner.load_problem("problems/parking.toml", goal)
+    with pytest.raises(planner.NoPlanError):
+        planner.solve(problem, "sinusoid_steps")

@@ -116,7 +116,6 @@ class Form:
         edge: Whether closeness to the edge of the chart's domain is a term of the objective.
         inner: Whether what is kept holds at the collocation points too, not only at the mesh's
             edges.
-        compiled: Whether the functions of one interval are compiled by a C compiler.
         augmented: What moves, where that is more than the system: its response to errors too.
     """
 
@@ -129,7 +128,6 @@ class Form:
     kept: tuple[Requirement, ...] = ()
     final: tuple[Requirement, ...] = ()
     edge: bool = False
-    compiled: bool = False
     augmented: Augmented | None = None
 
     @property

@@ -29,7 +29,6 @@ import numpy as np
 from planner.methods.collocation.transcription.augmented import Moved
 from planner.methods.collocation.transcription.derivatives import (
     IntervalFunctions,
-    compiled,
     interval_functions,
 )
 from planner.methods.collocation.transcription.form import Form
@@ -222,15 +221,13 @@ def transcription(system: TriangularSystem, form: Form) -> Transcription:
     """Build the transcription, or return the one built before.
 
     Raises:
-        InputError: If it is to be compiled and cannot be.
+        TimeUpError: If time is up before it is built.
     """
     moved = form.augmented or system
     dependencies = order(moved)
     places = layout(form, moved.size, dependencies.lifted)
     symbols = stage(system, form, dependencies)
     functions = interval_functions(symbols)
-    if form.compiled:
-        functions = compiled(functions)
     return Transcription(
         system=system,
         moved=moved,

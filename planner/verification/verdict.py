@@ -1,0 +1,70 @@
+"""One verdict on a plan: what `verify` finds, and what the certificate proves.
+
+`verify` reads the motion at points, between which a narrow excess may hide; `certify` bounds it
+over whole intervals. Whoever returns a plan as verified asks here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from planner.errors import Violation
+from planner.plan.claims import Certificate, Claim
+from planner.plan.plan import Plan
+from planner.problem.requirements.requirement import At, Demand, Part, Requirement
+from planner.verification.certify import OWN, certify
+from planner.verification.verify import LIMIT_TOLERANCE, Check, verify
+
+
+def judge(plan: Plan, certificate: Certificate | None = None) -> tuple[Plan, Check]:
+    """A plan with its verdict.
+
+    Args:
+        plan: Any plan; what it says of itself does not count.
+        certificate: What `certify` has just proven of this very plan, if it was asked already.
+
+    Returns:
+        The plan, verified and with its certificate, or neither; and the check, whose violations
+        are also those that `certify` proves beyond the tolerances of `verify`.
+    """
+    plan = replace(plan, verified=False, certificate=None)
+    check = verify(plan)
+    if not check.ok:
+        return plan, check
+    certificate = certificate or certify(plan)
+    if broken := tuple(sorted(_proven(plan, certificate), key=lambda v: -v.scaled)):
+        margins = {v.label: certificate[v.label].attained for v in broken}
+        check = replace(check, ok=False, violations=broken, margins={**check.margins, **margins})
+        return plan, check
+    return replace(plan, verified=True, certificate=certificate), check
+
+
+def _proven(plan: Plan, certificate: Certificate) -> Iterator[Violation]:
+    """What is proven to be broken by more than `verify` tolerates.
+
+    The margins of ends, waypoints and the plan's own q(t) have the tolerance in them.
+    """
+    demands = {part.label: (each, part) for each in plan.problem.demands for part in each.parts}
+    for claim in certificate.open:
+        if claim.status != "violated":
+            break  # these come first
+        demand, part = demands.get(claim.label, (None, OWN))
+        excess, always = -claim.attained, isinstance(demand, Requirement) and not demand.final
+        if excess > (LIMIT_TOLERANCE * part.scale if always else 0.0):
+            above = _above(plan, demand, part, claim)
+            limit = part.high if above else part.low
+            value = limit + excess if above else limit - excess
+            yield Violation(part.label, claim.time_s, value, limit, part.unit, excess / part.scale)
+
+
+def _above(plan: Plan, demand: Demand | None, part: Part, claim: Claim) -> bool:
+    """Whether it is the upper limit that is broken."""
+    if not isinstance(demand, Requirement) or np.isinf(part.low) or np.isinf(part.high):
+        return bool(np.isfinite(part.high))
+    time_s, path = claim.time_s or 0.0, plan.trajectory
+    at = At.of(plan.problem.system, path.q(time_s), path.u(time_s), np.zeros(2))
+    value = float(demand.values(at)[demand.parts.index(part)])
+    return value - part.high >= part.low - value

@@ -1,0 +1,139 @@
+"""Replays of many machines: errors of all, motions of some, in memory that is bounded."""
+
+from __future__ import annotations
+
+import re
+import sys
+import tracemalloc
+from typing import Any
+
+import numpy as np
+import pytest
+
+from planner.errors import InputError
+from planner.machine import compiled
+from planner.machine.machine import Machine
+from planner.machine.replay import Replay, replay
+from planner.plan.plan import Plan
+from planner.report.figures.on_the_machine import plot_replays
+
+SIMULATE = sys.modules["planner.machine.simulate"]
+COARSE: dict[str, Any] = {"step_s": 0.01}
+ALL = {"samples": 7, "seed": 3, "record_s": 0.5}
+
+
+def same(one: Replay, other: Replay) -> None:
+    """All that is kept of every machine, to the last bit; a sum over ticks to rounding."""
+    for name in ("terminal_error", "deviation", "saturated_s", "fallbacks", "peak_rates"):
+        assert np.array_equal(getattr(one, name), getattr(other, name)), name
+    assert (one.effort is None) == (other.effort is None)
+    if one.effort is not None and other.effort is not None:
+        np.testing.assert_allclose(one.effort, other.effort, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("effects", "feedback", "kernel"),
+    [
+        ({}, False, True),
+        ({}, False, False),
+        ({"fidelity": "dynamic"}, False, True),
+        ({"delay_s": {"value": 0.005, "spread": 0.002}}, False, True),
+        ({}, True, True),
+    ],
+)
+def test_errors_are_those_of_a_replay_that_keeps_every_motion(
+    smooth_plan: Plan,
+    monkeypatch: pytest.MonkeyPatch,
+    effects: dict[str, Any],
+    feedback: bool,
+    kernel: bool,
+) -> None:
+    if not kernel:
+        monkeypatch.setattr(compiled, "library", lambda: None)
+        monkeypatch.setattr(SIMULATE, "library", lambda: None)
+    machine = Machine.prototype(**COARSE, **effects)
+    whole = replay(smooth_plan, machine, feedback=feedback, **ALL)
+    monkeypatch.setattr(SIMULATE, "CHUNK", 3)
+    some = replay(smooth_plan, machine, feedback=feedback, motions=4, **ALL)
+    none = replay(smooth_plan, machine, feedback=feedback, motions=0, **ALL)
+    same(whole, some)
+    same(whole, none)
+    assert np.array_equal(some.q, whole.q[:4])
+    assert np.array_equal(some.motor_rates, whole.motor_rates[:4])
+    assert np.array_equal(some.measured, whole.measured[:4])
+    assert none.q.shape == (0, *whole.q.shape[1:])
+    assert np.array_equal(whole.terminal_error, whole.q[:, -1] - smooth_plan.q(10.0))
+    assert np.array_equal(whole.peak_rates, np.abs(whole.motor_rates).max(axis=1))
+    assert np.array_equal(some.motion(3), whole.q[3])
+    if "delay_s" not in effects:  # alone, a machine's delay lies on the grid of the simulation
+        assert np.array_equal(some.motion(6), whole.q[6])
+    for name, values in whole.draws.values.items():
+        assert np.array_equal(none.draws.values[name], values)
+
+
+def test_memory_is_that_of_a_block_and_of_errors(smooth_plan: Plan) -> None:
+    """Motions of these machines take 17 kB each, errors and parameters half a kB."""
+    machine = Machine.prototype(step_s=0.01)
+
+    def peak(samples: int) -> int:
+        tracemalloc.start()
+        replay(smooth_plan, machine, samples=samples, motions=100, record_s=0.03)
+        top = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return top
+
+    peak(10)
+    assert peak(4000) - peak(2000) < 2000 * 1500
+
+
+def test_motions_that_take_too_much_are_refused_with_what_fits(
+    smooth_plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    machine = Machine.ideal(step_s=0.01)
+    with pytest.raises(InputError, match=r"motions of 1000000 samples, .* take 25\.3 GB of memory"):
+        replay(smooth_plan, machine, samples=1_000_000)
+    with pytest.raises(InputError, match=r"give record_s = 0\.001 or more, or record_s = None"):
+        replay(smooth_plan, machine, record_s=1e-9)
+    monkeypatch.setattr(SIMULATE, "MOST_BYTES", 100_000)
+    with pytest.raises(InputError) as caught:
+        replay(smooth_plan, machine, samples=100)
+    told = re.search(r"motions = (\d+) or fewer.*record_s = ([\d.]+) or more", str(caught.value))
+    assert told is not None
+    count, record = int(told[1]), float(told[2])
+    few = replay(smooth_plan, machine, samples=100, motions=count)
+    assert few.q.nbytes + few.motor_rates.nbytes <= 100_000
+    rough = replay(smooth_plan, machine, samples=100, record_s=record)
+    assert 50_000 < rough.q.nbytes + rough.motor_rates.nbytes <= 100_000
+    assert replay(smooth_plan, machine, samples=100, record_s=None).q.shape[:2] == (100, 3)
+    with pytest.raises(InputError):
+        replay(smooth_plan, machine, samples=100, motions=count + 1)
+
+
+def test_blocks_are_smaller_where_motions_are_long(
+    smooth_plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    machine = Machine.prototype(**COARSE)
+    whole = replay(smooth_plan, machine, **ALL)
+    monkeypatch.setattr(SIMULATE, "MOST_BYTES", whole.q.nbytes // 2)
+    seen = []
+    usual = SIMULATE._motion
+    monkeypatch.setattr(
+        SIMULATE, "_motion", lambda *given: (seen.append(given[2].count), usual(*given))[1]
+    )
+    same(whole, replay(smooth_plan, machine, motions=0, **ALL))
+    assert seen == [2, 2, 2, 1]
+
+
+def test_motions_is_a_number(smooth_plan: Plan) -> None:
+    for wrong in (-1, 1.5, "all"):
+        with pytest.raises(InputError, match="motions = "):
+            replay(smooth_plan, Machine.ideal(), motions=wrong)  # type: ignore[arg-type]
+
+
+def test_a_figure_shows_the_machines_whose_motions_there_are(smooth_plan: Plan) -> None:
+    run = replay(smooth_plan, Machine.prototype(**COARSE), samples=9, motions=2)
+    axes = plot_replays(run)[1]
+    labels = axes[0, 0].get_legend_handles_labels()[1]
+    assert "90 % of the first 2 machines" in labels
+    assert run.to_xarray()["q"].shape == run.q.shape
+    assert len(run.to_frame()) == 9

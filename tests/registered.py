@@ -1,0 +1,62 @@
+"""What plugins register, and a limit that is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Self
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from planner.methods.registry import METHODS
+from planner.problem.requirements.requirement import At, Part, Requirement
+from planner.problem.tables import kinds as plugins
+from planner.problem.tables.kinds import FILES, REQUIREMENTS
+from planner.problem.tables.method_options import MethodsTable
+from planner.systems.triangular_system import TriangularSystem
+
+
+@contextmanager
+def restored() -> Iterator[pytest.MonkeyPatch]:
+    """Registries and plugins as they were, afterwards."""
+    limits = {file.model_fields["limits"].annotation for file in FILES.values()}
+    tables = (MethodsTable, *limits)
+    dicts = (FILES, METHODS, REQUIREMENTS, *(table.model_fields for table in tables))  # type: ignore[union-attr]
+    kept = [(table, dict(table)) for table in dicts]  # type: ignore[call-overload]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plugins, "_plugins", plugins._Plugins())
+        yield patch
+    for table, before in kept:
+        table.clear()
+        table.update(before)
+    for model in (*tables, *FILES.values()):
+        model.model_rebuild(force=True)  # type: ignore[union-attr]
+
+
+@dataclass(frozen=True)
+class Bump(Requirement):
+    """exp(−((q₂ − at)/width)²) ≤ 1/2: a small region that the first angle avoids."""
+
+    at: float
+    width: float
+
+    key, reads = "bump", frozenset({"q"})
+    numbers = ("at", "width")
+    table = list[float], "Where it is and how wide.", [0.5, 0.1]
+
+    @classmethod
+    def of(cls, value: Any, system: TriangularSystem) -> Self:
+        return cls(*map(float, value))
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return (Part("bump", "", -np.inf, 0.5, 0.5),)
+
+    def rows(self, at: At) -> Sequence[Any]:
+        return [ca.exp(-(((at.q[1] - self.at) / self.width) ** 2))]
+
+    def values(self, at: At) -> Sequence[Any]:
+        return [np.exp(-(((at.q[1] - self.at) / self.width) ** 2))]

@@ -1,0 +1,297 @@
+"""One verdict: what integration misses between its points, the certificate decides."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from registered import Bump, restored
+
+import planner
+from planner.plan.quadrature import CONTROL_POINTS, POINTS, points
+from planner.problem.requirements.requirement import At, Part, Requirement
+from planner.verification.verdict import judge
+
+WIDTHS = [0.1, 0.01, 5e-4, 1e-5, 1e-7]
+
+
+@pytest.fixture(scope="module")
+def bumps() -> Iterator[None]:
+    with restored():
+        planner.register_requirement(Bump)
+        yield
+
+
+@pytest.fixture(scope="module")
+def plan(paper: planner.Problem) -> planner.Plan:
+    return planner.solve(paper)
+
+
+def asked(plan: planner.Plan, *further: Requirement) -> planner.Plan:
+    """The plan for a problem that asks for more."""
+    return replace(plan, problem=replace(plan.problem, further=further))
+
+
+def way(plan: planner.Plan) -> tuple[float, float]:
+    """Where theta1 is at least and at most."""
+    angles = plan.q(np.linspace(0.0, plan.duration, 20001))[:, 1]
+    return float(np.min(angles)), float(np.max(angles))
+
+
+# -- registered requirements ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_bump_on_the_way_is_found_however_narrow(plan: planner.Plan, width: float) -> None:
+    (low, high), rng = way(plan), np.random.default_rng(int(1 / width))
+    for at in rng.uniform(low, high, 5):
+        found, check = judge(asked(plan, Bump(float(at), width)))
+        assert not found.verified
+        assert not check.ok
+        (broken,) = (v for v in check.violations if v.label == "bump")
+        assert broken.limit == 0.5
+        assert broken.value == pytest.approx(1.0, abs=1e-6)
+        assert check.margins["bump"] == pytest.approx(-0.5, abs=1e-6)
+        reached = plan.q(broken.time_s)[1]
+        assert abs(reached - at) < max(width, 1e-5)
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_bump_beside_the_way_is_proven_to_be_missed(plan: planner.Plan, width: float) -> None:
+    _, high = way(plan)
+    found, check = judge(asked(plan, Bump(high + 0.9 * width, width)))
+    assert check.ok
+    assert found.verified
+    assert found.certificate is not None
+    claim = found.certificate["bump"]
+    assert claim.status == "proven"
+    assert claim.guaranteed == pytest.approx(0.5 - np.exp(-0.81), abs=max(1e-6, 1e-5 / width))
+
+
+@pytest.mark.usefixtures("bumps")
+def test_whoever_returns_a_verified_plan_asks_the_certificate(
+    plan: planner.Plan, paper: planner.Problem, tmp_path: Path
+) -> None:
+    """The integration alone sees nothing of a bump 1e-5 rad wide."""
+    slow = {"goal.duration": 40.0, "goal.travel": 0.8286}
+    law = planner.solve(paper.changed(slow), "polynomial")
+    for made in (plan, law):
+        bump = [float(made.q(0.4321 * made.duration)[1]), 1e-5]
+        narrow = replace(made, problem=made.problem.changed({"limits.bump": bump}))
+        assert planner.verify(narrow).ok
+        with pytest.raises(planner.VerificationError, match="bump reaches 1"):
+            planner.retime(narrow)
+        with pytest.raises(planner.VerificationError, match="bump reaches 1"):
+            planner.compensate(replace(narrow, verified=False))
+        back = planner.load_plan(narrow.save(tmp_path / "narrow.json"))
+        assert (back.verified, back.certificate) == (False, None)
+        assert "bump reaches 1" in back.why
+        data = json.loads(narrow.save(tmp_path / "bare.json").read_text())
+        data["certificate"] = None  # as if it had not been examined
+        (tmp_path / "bare.json").write_text(json.dumps(data))
+        assert "bump reaches 1" in planner.load_plan(tmp_path / "bare.json").why
+    with pytest.raises(planner.VerificationError, match="bump reaches 1") as info:
+        planner.solve(narrow.problem, "polynomial")
+    assert info.value.plan.verified is False
+
+
+@dataclass(frozen=True)
+class Hidden(Bump):
+    """The same of which no proof can say anything."""
+
+    def rows(self, at: At) -> Sequence[Any]:
+        (row,) = super().rows(at)
+        return [ca.fmax(row, 0.0)]
+
+
+def test_what_no_proof_reads_is_asked_between_the_points_too(plan: planner.Plan) -> None:
+    """And named on the plan where nothing is proven."""
+    apart = points(CONTROL_POINTS)[:, None] - points(POINTS)
+    share = points(CONTROL_POINTS)[int(np.argmax(np.min(np.abs(apart), axis=1)))]
+    piece = len(plan.t) // 2
+    between = plan.t[piece] + share * (plan.t[piece + 1] - plan.t[piece])
+    on = asked(plan, Hidden(float(plan.q(between)[1]), 1e-5))
+    assert not judge(on)[1].ok
+    beside = asked(plan, Hidden(way(plan)[1] + 1e-4, 1e-4))
+    found, check = judge(beside)
+    assert check.ok
+    assert found.certificate is not None
+    assert [claim.label for claim in found.certificate.open] == ["bump"]
+    assert "not proven" in str(found.certificate)
+
+
+@dataclass(frozen=True)
+class Band(Requirement):
+    """low ≤ θ₁ + θ₂ u₂ ≤ high."""
+
+    low: float
+    high: float
+    reads = frozenset({"q", "u"})
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return (Part("band", "", self.low, self.high, 1.0),)
+
+    def rows(self, at: At) -> Sequence[Any]:
+        return [at.q[1] + at.q[2] * at.u[1]]
+
+
+def test_what_reads_coordinates_and_inputs_is_proven_on_retimed_plans(plan: planner.Plan) -> None:
+    for made in (planner.retime(plan), plan):
+        t = np.linspace(0.0, made.duration, 40001)
+        value = made.q(t)[:, 1] + made.q(t)[:, 2] * made.u(t)[:, 1]
+        low, high = float(np.min(value)), float(np.max(value))
+        kept = planner.certify(asked(made, Band(low - 1e-3, high + 1e-3)))["band"]
+        assert kept.status == "proven"
+        assert kept.guaranteed == pytest.approx(1e-3, abs=1e-5)
+        above = planner.certify(asked(made, Band(low - 1e-3, high - 1e-3)))["band"]
+        assert above.status == "violated"
+        assert above.attained == pytest.approx(-1e-3, abs=1e-5)
+        (v,) = judge(asked(made, Band(low + 1e-3, high + 1e-3)))[1].violations
+        assert v.limit == pytest.approx(low + 1e-3)
+
+
+@dataclass(frozen=True)
+class Spike(Bump):
+    """The bump in θ₁ + θ₂ u₂ instead."""
+
+    reads = frozenset({"q", "u"})
+
+    def rows(self, at: At) -> Sequence[Any]:
+        return [ca.exp(-(((at.q[1] + at.q[2] * at.u[1] - self.at) / self.width) ** 2))]
+
+    def values(self, at: At) -> Sequence[Any]:
+        return [np.exp(-(((at.q[1] + at.q[2] * at.u[1] - self.at) / self.width) ** 2))]
+
+
+def test_a_bump_of_coordinates_and_inputs_is_found_on_retimed_plans(plan: planner.Plan) -> None:
+    made = planner.retime(plan)
+    for share in (0.2345, 0.4321, 0.8765):
+        q, u = made.q(share * made.duration), made.u(share * made.duration)
+        at = float(q[1] + q[2] * u[1])
+        claim = planner.certify(asked(made, Spike(at, 1e-6)))["bump"]
+        assert claim.status == "violated"
+        assert claim.attained == pytest.approx(-0.5, abs=1e-6)
+
+
+def test_the_side_of_a_limit_that_only_the_certificate_sees(plan: planner.Plan) -> None:
+    """A dip below the lower of two limits."""
+
+    @dataclass(frozen=True)
+    class Dip(Bump):
+        @property
+        def parts(self) -> tuple[Part, ...]:
+            return (Part("dip", "", -0.5, 3.0, 0.5),)
+
+        def rows(self, at: At) -> Sequence[Any]:
+            return [-row for row in super().rows(at)]
+
+        def values(self, at: At) -> Sequence[Any]:
+            return [-row for row in super().values(at)]
+
+    narrow = asked(plan, Dip(float(plan.q(0.4321 * plan.duration)[1]), 1e-5))
+    assert planner.verify(narrow).ok
+    (v,) = judge(narrow)[1].violations
+    assert (v.limit, v.value) == (-0.5, pytest.approx(-1.0, abs=1e-6))
+
+
+# -- compensated plans -----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def compensated(plan: planner.Plan) -> planner.Plan:
+    return planner.compensate(plan)
+
+
+def test_of_a_compensated_plan_only_what_is_known_is_claimed(compensated: planner.Plan) -> None:
+    certificate = compensated.certificate
+    assert certificate is not None
+    proven = {claim.label for claim in certificate.claims if claim.status == "proven"}
+    assert proven == {"duration", "input u1", "input u2"}
+    assert {claim.status for claim in certificate.open} == {"undecided"}
+    assert "emulated machine" in certificate["goal theta1"].why
+    longer = compensated.problem.changed({"goal.duration": 11})
+    assert planner.certify(replace(compensated, problem=longer))["duration"].status == "violated"
+    tight = compensated.problem.changed({"limits.input_rad_s": 0.1})
+    assert planner.certify(replace(compensated, problem=tight))["input u2"].status == "violated"
+
+
+def _bent(data: dict[str, Any]) -> None:
+    """Straight pieces become quadratic, and one of them leaves its line."""
+    curve = data["trajectory"]["q"]
+    first, last = (np.array(c) for c in curve["bernstein"])
+    middle = (first + last) / 2
+    middle[1000, 2] += 1.1
+    curve["bernstein"] = [first.tolist(), middle.tolist(), last.tolist()]
+
+
+def _inner_limit(data: dict[str, Any]) -> None:
+    data["compensation"]["plan"]["problem"]["limits"] = {"input_rad_s": 1e-3}
+
+
+def _inner_motion(data: dict[str, Any]) -> None:
+    curve = data["compensation"]["plan"]["trajectory"]["u"]
+    curve["bernstein"] = (1.5 * np.array(curve["bernstein"])).tolist()
+
+
+def _inner_claim(data: dict[str, Any]) -> None:
+    data["compensation"]["plan"]["verified"] = False
+
+
+EDITS = [
+    (_bent, "plan's q(t) against the nominal machine's motion"),
+    (_inner_limit, "of the plan that it compensates, input u"),
+    (_inner_motion, "of the plan that it compensates, "),
+    (_inner_claim, "of the plan that it compensates, it is not verified"),
+]
+
+
+@pytest.mark.parametrize(("edit", "says"), EDITS)
+def test_a_compensated_plan_is_judged_between_its_breaks_and_inside(
+    compensated: planner.Plan, edit: Any, says: str, tmp_path: Path
+) -> None:
+    path = compensated.save(tmp_path / "plan.json")
+    kept = planner.load_plan(path, strict=True)
+    assert kept.verified
+    assert kept.save(tmp_path / "again.json").read_bytes() == path.read_bytes()
+    data = json.loads(path.read_text())
+    edit(data)
+    path.write_text(json.dumps(data))
+    back = planner.load_plan(path)
+    assert not back.verified
+    assert says in back.why
+
+
+@dataclass(frozen=True)
+class Mixed(Requirement):
+    """0.6 q₁ − 0.5 θ₁ + 0.1 θ₂ − 0.6 θ₃ ≤ most."""
+
+    most: float
+    reads = frozenset({"q"})
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return (Part("mixed", "rad", -np.inf, self.most, 1.0),)
+
+    def rows(self, at: At) -> Sequence[Any]:
+        return [0.6 * at.q[0] - 0.5 * at.q[1] + 0.1 * at.q[2] - 0.6 * at.q[3]]
+
+
+def test_limits_hold_on_the_machines_motion_between_the_breaks(compensated: planner.Plan) -> None:
+    """Within a tick the motion goes farther than the straight line of the plan's q(t)."""
+    assert compensated.compensation is not None
+    machine = planner.Machine.from_table(compensated.compensation.machine)
+    run = planner.replay(compensated, machine.nominal(), record_s=machine.step_s)
+    weights = np.array([0.6, -0.5, 0.1, -0.6])
+    peak = float(np.max(run.q[0, run.t <= compensated.duration] @ weights))
+    own = float(np.max(compensated.q(compensated.t) @ weights))
+    assert peak > own + 1e-4
+    (v,) = planner.verify(asked(compensated, Mixed((peak + own) / 2))).violations
+    assert v.value == pytest.approx(peak, abs=1e-5)
+    assert planner.verify(asked(compensated, Mixed(peak + 1e-5))).ok

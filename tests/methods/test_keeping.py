@@ -30,7 +30,8 @@ def test_everything_that_is_judged_has_an_answer(paper: planner.Problem) -> None
     judged = planner.verify(replace(plan, problem=problem)).margins
     for method in planner.METHODS:
         said = promised(problem, method)
-        assert {label for label in judged if "integra" not in label} <= said.keys()
+        own = ("integra", "judged by")  # doubts of the judge, which are no demands
+        assert {label for label in judged if not any(w in label for w in own)} <= said.keys()
 
 
 @pytest.mark.parametrize("travel", [0.0, 0.8])

@@ -9,18 +9,20 @@ from __future__ import annotations
 import time
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from planner.errors import InputError, TimeLimitError, Violation
-from planner.methods.collocation.between_nodes import excess, look
+from planner.methods.collocation.between_nodes import clears, excess, look
 from planner.methods.collocation.candidates import mesh_through, routes
+from planner.methods.collocation.long_arms.held import can_hold, chain_of, held
 from planner.methods.collocation.pipeline import SEARCHED, Answer, Best, Pipeline
 from planner.methods.collocation.refine import Polished, polish
 from planner.methods.collocation.refusals import NAME, iterate_plan, no_goal, refusal
 from planner.methods.collocation.solvers import Settings
-from planner.methods.collocation.task import Solution, Task, task, told
+from planner.methods.collocation.task import Solution, Task, offer, task, told
 from planner.methods.collocation.transcription.bounds import Asked
 from planner.methods.collocation.transcription.form import Form, InputKind, Mesh, objective
 from planner.methods.collocation.transcription.unknowns import Iterate
@@ -49,12 +51,17 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
             one found.
         NotConvergedError: If no motion is found, or none as short as the duration.
     """
-    began = time.perf_counter()
-    ways = routes(problem.within_reach())
+    return _planned(problem, options, None)
+
+
+def _planned(problem: Problem, options: CollocationOptions, warm: Plan | None) -> Plan:
+    began, reached = time.perf_counter(), problem.within_reach()
+    ways = routes(reached)
     if not ways:
         raise no_goal(problem)
-    search = Pipeline(ways, options, collocation_task)
-    best = Best([*ways, ways[0].likely], options.accuracy)
+    near = None if warm is None else partial(_next_to, reached, options, warm)
+    search = Pipeline(ways, options, collocation_task, near=near)
+    best = Best([reached, *ways, ways[0].likely], options.accuracy)
     with (
         deadline.limited(options.time_limit_s),
         told(best),
@@ -210,25 +217,15 @@ def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan
 
     The plan may come from any method and any start, goal, duration and limits; the nearer it is,
     the sooner this is done. The answer is the optimum next to it: no other starts are tried unless
-    it leads nowhere. A plan of collocation also passes on its mesh.
+    it leads nowhere. A plan of collocation also passes on its mesh. One with the same ends is held
+    from the beginning, run as slowly as is asked for: the answer is no worse.
 
     Raises:
         InputError: If the plan belongs to another system or cannot be executed.
-        NotConvergedError: As for `plan_collocation`.
+        TimeLimitError, InfeasibleError, NotConvergedError: As for `plan_collocation`.
     """
-    began = time.perf_counter()
     refuse_start(problem, warm)
-    with deadline.limited(options.time_limit_s) as span:
-        found = _next_to(problem.within_reach(), options, warm)
-        if found is None:
-            return plan_collocation(problem, options)
-        job, solution = found
-        done = polish(job, solution, options.accuracy, options.refinements)
-        log = [{"start": "warm", "status": solution.status, "objective": solution.objective}]
-        notes = {"stage": "warm start", "tried": log}
-        iterations = solution.iterations + done.iterations
-        made = _plan(problem, done, "warm", notes, iterations, options, began)
-        return cut_short(made, span, CUT_SHORT) if span.reached else made
+    return _planned(problem, options, warm)
 
 
 def refuse_start(problem: Problem, warm: Plan) -> None:
@@ -245,16 +242,31 @@ def refuse_start(problem: Problem, warm: Plan) -> None:
         )
 
 
-def _next_to(
-    problem: Problem, options: CollocationOptions, warm: Plan
-) -> tuple[Task, Solution] | None:
+def _next_to(problem: Problem, options: CollocationOptions, warm: Plan) -> list[Answer]:
+    """The optimum next to a plan; and the plan's own motion, where the problem has its ends."""
     own = warm.method == NAME and options.intervals == "auto" and not problem.waypoints
     mesh = Mesh(warm.t / warm.duration) if own else SEARCHED
     job = collocation_task(problem, options, mesh)
     if own and warm.notes.get("limits_inside", False):
         job = job.inside()
-    solution = job.solve_near(_resampled(job, warm))
-    return (job, solution) if solution.ok else None
+    start, motions = _resampled(job, warm), list[tuple[Task, Solution]]()
+    same = warm.problem.start.tolist() == problem.start.tolist()
+    same = same and np.array_equal(warm.problem.target, problem.target, equal_nan=True)
+    if same and (kept := _kept(job, start, options.accuracy)):
+        offer(*kept)
+        motions.append(kept)
+    solution = job.solve_near(start)
+    if solution.ok:
+        motions.append((job, solution))
+    return [Answer("warm", "warm start", *motion) for motion in motions]
+
+
+def _kept(job: Task, start: Iterate, accuracy: float) -> tuple[Task, Solution] | None:
+    """A plan's motion on the job's mesh, or else on one of its own."""
+    motion = job.judged(start)
+    if motion.ok:
+        return (job, motion) if clears(job, motion) else None
+    return held(job, chain_of(job, motion), accuracy) if can_hold(job) else None
 
 
 def _resampled(job: Task, warm: Plan) -> Iterate:

@@ -138,6 +138,7 @@ class Pipeline:
         options: CollocationOptions,
         make: Tasks,
         paths: dict[int, RoutePaths] | None = None,
+        near: Callable[[], list[Answer]] | None = None,
     ) -> None:
         """Set up a search.
 
@@ -146,13 +147,14 @@ class Pipeline:
             options: Of the method.
             make: The problem on a mesh.
             paths: Of these routes, where another search has found them: they know no duration.
+            near: Motions next to a plan that is there, the first stage.
         """
         self.routes, self.options, self.make = routes, options, make
         self.log: list[dict[str, Any]] = []
         self.fastest: Polished | None = None
         self.pathless = True
         self.last: tuple[Task, Solution] | None = None
-        self._paths = {} if paths is None else paths
+        self._paths, self._near = {} if paths is None else paths, near
         self._free = options.start == "auto"
 
     def run(self, holds: Callable[[], bool]) -> tuple[Answer, Polished] | None:
@@ -181,6 +183,13 @@ class Pipeline:
         given, the search without a duration is gone through, and its motion slowed down. Else the
         ladder is, which finds paths of long arms that no guess leads to.
         """
+        if self._near is not None:
+            motions = self._near()
+            self.log += [
+                {"start": m.start, "status": m.solution.status, "objective": m.solution.objective}
+                for m in motions
+            ]
+            yield motions
         if self.options.start in ("auto", "straight"):
             found = self._straight()
             answered = [each.task.problem for each in found]

@@ -147,8 +147,11 @@ def test_without_a_limit_nothing_is_said(paper: planner.Problem) -> None:
 
 def test_replanning_hears_of_it(paper: planner.Problem) -> None:
     warm = planner.solve(paper)
+    elsewhere = paper.changed({"goal.theta_deg": [20.0, 25.0, 30.0]})
     with pytest.raises(planner.TimeLimitError):
-        planner.solve(paper, warm=warm, time_limit_s=1e-9)
+        planner.solve(elsewhere, warm=warm, time_limit_s=1e-9)
+    held = planner.solve(paper.changed({"goal.duration": 15.0}), warm=warm, time_limit_s=1e-9)
+    assert (held.status, held.verified, held.duration) == ("time_limit", True, 15.0)
 
 
 def test_check_tells_what_ended_it(paper: planner.Problem) -> None:

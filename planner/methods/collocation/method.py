@@ -70,6 +70,8 @@ def _planned(problem: Problem, options: CollocationOptions, warm: Plan | None) -
         try:
             found = search.run(best.holds)
         except deadline.TimeUpError:
+            if warm is not None and not best.holds():
+                raise
             found = _in_hand(best, span, problem, options)
         if found is None:
             raise refusal(problem, search)

@@ -6,6 +6,7 @@ import json
 import logging
 import time
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,6 +15,7 @@ import pytest
 import planner
 from planner.cli import output
 from planner.cli.app import main
+from planner.cli.output import Waiting, ends_with_the_best
 from planner.comparison.compare import planned
 from planner.explorer.outcome import path
 from planner.explorer.state import State
@@ -178,8 +180,23 @@ def test_progress_and_log(paper: planner.Problem, caplog: pytest.LogCaptureFixtu
     assert told[-1].solves > 0
     assert [p.seconds for p in told] == sorted(p.seconds for p in told)
     assert "verifying" in caplog.messages
-    assert str(told[-1]).startswith(f"verifying; {told[-1].solves} solves, best so far")
-    # With no handler of its own, warnings reach standard error where nobody set up logging.
+    held = f"verifying; {told[-1].solves} solves, a motion is held (effort 0.3358)"
+    assert str(told[-1]).startswith(held)
+
+
+def test_the_command_says_that_ctrl_c_takes_what_is_held() -> None:
+    notice, progress = Waiting("planning"), Progress("refining", 3.0, 5, "effort 0.101")
+    notice.hear(progress)
+    assert "Ctrl-C" not in notice.line
+    with ends_with_the_best():
+        notice.hear(replace(progress, best=None))
+        assert "Ctrl-C" not in notice.line
+        notice.hear(progress)
+    assert "a motion is held (effort 0.101), 3 s; Ctrl-C verifies and takes it" in notice.line
+
+
+def test_warnings_reach_standard_error_where_nobody_set_up_logging() -> None:
+    """With no handler of its own."""
     assert logging.getLogger("planner").handlers == []
 
 

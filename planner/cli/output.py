@@ -155,7 +155,8 @@ class Waiting:
 
     def hear(self, progress: Progress) -> None:
         """Add what a search tells."""
-        self.line = f"{self.text}: {progress}"
+        takes = "; Ctrl-C verifies and takes it" if progress.best and _ends_with_the_best() else ""
+        self.line = f"{self.text}: {progress}{takes}"
         self._status.update(self.line)
         if progress.doing != self._doing:
             self._doing = progress.doing
@@ -290,6 +291,10 @@ def ends_with_the_best() -> Iterator[None]:
         yield
     finally:
         hearing.instead = None
+
+
+def _ends_with_the_best() -> bool:
+    return hearing.instead is _finish
 
 
 def _finish() -> bool:

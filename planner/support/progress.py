@@ -36,7 +36,7 @@ class Progress:
     best: str | None
 
     def __str__(self) -> str:
-        best = "no motion yet" if self.best is None else f"best so far {self.best}"
+        best = "no motion yet" if self.best is None else f"a motion is held ({self.best})"
         return f"{self.doing}; {self.solves} solves, {best}, {self.seconds:.0f} s"
 
 
@@ -93,7 +93,7 @@ def tell(doing: str) -> None:
 
 def found(best: str) -> None:
     """Say that there is a motion better than all before."""
-    logger.info("best so far %s", best)
+    logger.info("a motion is held (%s)", best)
     _note(best=best)
 
 

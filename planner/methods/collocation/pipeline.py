@@ -421,7 +421,7 @@ class Best:
         if better and self._asked(task) and clears(task, solution):
             self.motion = task, solution
             kind = task.objective.name.partition(":")[0]
-            progress.found(f"{solution.objective:.4g} ({kind})")
+            progress.found(f"{kind} {solution.objective:.4g}")
             if self.kept is None and deadline.remaining() < math.inf:
                 self.keep()
 

@@ -272,9 +272,7 @@ class CollocationOptions(Table):
         0, description="Deprecated, without effect. Use more `attempts` for a longer search."
     )
     attempts: Annotated[int, Field(ge=1)] = Field(
-        16,
-        description="Largest number of first guesses; with start = 'auto' three times as many"
-        " more if all motions found are too slow for the given duration.",
+        16, description="Largest number of first guesses."
     )
     accuracy: Annotated[float, Field(gt=0, lt=1e-2)] = Field(
         5e-6,

@@ -75,27 +75,27 @@ class ChainEnds:
 
 
 def finer(
-    system: TriangularSystem, chain: PieceChain, limited: list[int], turn: float
+    system: TriangularSystem, chain: PieceChain, limited: list[int], turn: float, least: int = 1
 ) -> PieceChain:
     """The chain cut so that no limited coordinate turns by more than `turn` in a piece.
 
-    What the longer pieces got wrong becomes gaps.
+    Each piece is cut into `least` parts at least. What the longer pieces got wrong becomes gaps.
     """
-    parts, piece, share = cuts(chain.q, limited, turn)
+    parts, piece, share = cuts(chain.q, limited, turn, least)
     before = ends_of(system, chain.q[:-1][piece], chain.u[piece] * share[:, None])
     u = chain.u[piece] / parts[piece, None]
     q = np.vstack([before, chain.q[-1:]])
     return PieceChain(q, u, q[1:] - ends_of(system, q[:-1], u))
 
 
-def cuts(q: Array, limited: list[int], turn: float) -> tuple[Index, Index, Array]:
+def cuts(q: Array, limited: list[int], turn: float, least: int = 1) -> tuple[Index, Index, Array]:
     """How to cut pieces between q (K+1, N) so that no limited coordinate turns by more in a part.
 
     Returns:
         Parts of each piece, shape (K,); for each part its piece and the share of it that is before.
     """
     turns = np.max(np.abs(np.diff(q, axis=0)[:, limited]), axis=1)
-    parts = np.maximum(1, np.ceil(turns / turn)).astype(int)
+    parts = np.maximum(least, np.ceil(turns / turn)).astype(int)
     share = np.concatenate([np.arange(n) / n for n in parts])
     return parts, np.repeat(np.arange(len(parts)), parts), share
 
@@ -269,7 +269,7 @@ _QUIET: dict[str, Any] = {
         "print_level": 0,
         "sb": "yes",
         "max_iter": ITERATIONS,
-        "tol": 1e-3,
+        "tol": 1e-6,
         "constr_viol_tol": 1e-10,
         "acceptable_iter": 0,
         "bound_relax_factor": 0.0,

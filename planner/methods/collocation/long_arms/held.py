@@ -28,8 +28,9 @@ from planner.support.arrays import Array
 DEGREE = 5
 """Collocation points in an interval of a path kept: few wide intervals are exact enough."""
 
-TURNS = (0.4, 0.25, 0.15)
-"""Most that a limited coordinate turns in an interval, rad; smaller where that is too coarse."""
+TURN, HALVINGS = 0.4, 2
+"""Most that a limited coordinate turns in an interval, rad; and times that all intervals are halved
+where that is too coarse: in most of them little turns, and many small errors add up."""
 
 COARSE = 0.3
 """The same for the pieces of a solution whose mesh was too coarse."""
@@ -58,8 +59,8 @@ def held(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, Solution]
         goal = places.goal.copy()
         goal[free] = chain.q[-1, free]
         places = replace(places, goal=goal)
-    for turn in TURNS:
-        cut = finer(system, chain, list(system.limited), turn)
+    for halved in range(HALVINGS + 1):
+        cut = finer(system, chain, list(system.limited), TURN, least=2 if halved else 1)
         whole, _ = closed(system, cut, places)
         found = exact(system, whole, places) if whole is not None else None
         if found is None:

@@ -27,6 +27,7 @@ from planner.methods.collocation.task import (
 )
 from planner.methods.collocation.transcription.form import (
     Mesh,
+    fastest,
     shortest_path,
     uniform,
 )
@@ -238,14 +239,21 @@ def one_way(iterate: Iterate) -> bool:
 def timed(job: Task, start: Iterate) -> Solution:
     """The job solved from a path at some speed.
 
-    All of it slowed or hastened alike, it is a motion to start from where it fits the duration.
+    All of it slowed or hastened alike, it is a motion to start from where it fits the duration. One
+    that does not is first made as fast as it can be.
     """
     needed, wanted = needed_duration(job.problem, job.mesh, start), job.problem.duration
     if wanted is None:
         return job.solve(stretched(start, 1.1 * needed) if needed > 0 else start)
+    if needed > wanted:
+        free = replace(job.problem, duration=None)
+        quick = job.asking(free, fastest(free)).solve(stretched(start, 1.1 * needed))
+        if not quick.ok or quick.iterate.duration > wanted:
+            return replace(quick, ok=False)
+        return job.solve(stretched(quick.iterate, wanted))
     # The path of least effort is that of any duration. Among discs, where there are many such
     # paths, a start from farther off may find a shorter one.
-    near = needed <= wanted and job.objective.kind == "effort" and not job.problem.divided
+    near = job.objective.kind == "effort" and not job.problem.divided
     motion = stretched(start, wanted)
     return job.solve_near(motion) if near else job.solve(motion)
 

@@ -290,8 +290,8 @@ class Pipeline:
     ) -> Iterator[tuple[FoundPath, Task, Iterate]]:
         """The most promising paths, each as a motion to start from and on a mesh for it.
 
-        In a duration that is long enough for them those of least effort, else the fastest. One
-        that takes longer than a motion in hand is not timed.
+        In a duration that is long enough for them those of least effort; where they lead nowhere
+        the fastest. One that takes longer than a motion in hand is not timed.
         """
         if self._meshed(job):
             for one in paths.search.found[:TIMED]:
@@ -303,6 +303,8 @@ class Pipeline:
             free, solution = halve_mesh(path.free, path.solution)
             own = on_mesh(job, free, free.mesh)
             yield path.found, own, transferred(free, solution.iterate, own)
+        if wanted and motions:
+            return
         seconds = RefinedPath.clock_s if limited else RefinedPath.needed
         most = wanted / HASTE if wanted else math.inf
         fast = [(seconds(each, job), each) for each in paths.refined if each not in slow]

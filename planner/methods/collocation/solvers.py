@@ -44,6 +44,9 @@ SHORT = 5
 """Most coordinates of a short chain. Beyond, Fatrop is of no use: it eliminates the goal backwards
 through the inputs of the last few intervals, which leaves no digit; and there are many optima."""
 
+COARSE = 40
+"""Intervals beyond which a path is refined, no longer searched."""
+
 MANY, MOST_ITERATIONS = 300, 120
 """Intervals beyond which each iteration takes long, and those granted there; a good start needs
 few."""
@@ -153,7 +156,8 @@ def way(made: Transcription, settings: Settings) -> Way:
     if not short:
         return WAYS["far, long chain"]
     winding = any("q" in required.reads and not required.plain for required in form.kept)
-    return WAYS["far, winding" if winding or form.inner else "far"]
+    drawn = form.inner or (form.intervals > COARSE and not form.free_duration)
+    return WAYS["far, winding" if winding or drawn else "far"]
 
 
 def names(made: Transcription, settings: Settings) -> tuple[SolverName, ...]:

@@ -1,0 +1,96 @@
+"""Whoever has a plan of T seconds has every longer one: paths do not know their durations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import planner
+from planner.methods.collocation.between_nodes import excess, look
+from planner.methods.collocation.candidates import seeds
+from planner.methods.collocation.long_arms.bridges import PieceChain, ends_of, finer
+from planner.methods.collocation.method import collocation_task
+from planner.methods.collocation.path import clock, path_task, refine_path, search
+from planner.problem.tables.method_options import CollocationOptions
+
+OPTIONS = CollocationOptions()
+ARM = planner.Problem.from_dict(
+    {
+        "system": {"kind": "manipulator", "joints": 3, "K": [0.870125, 0.711625], "k_g": 0.668811},
+        "start": {"theta_deg": [30.0, -20.0, 10.0]},
+        "goal": {"theta_deg": [-25.0, 30.0, -15.0], "travel": "free", "duration": "free"},
+        "limits": {"input_rad_s": [0.5, 0.4], "joint_deg": 40.0},
+    }
+)
+
+
+@pytest.fixture(scope="module")
+def fastest() -> planner.Plan:
+    return planner.solve(ARM, "collocation")
+
+
+def test_the_same_guesses_find_the_same_paths_whatever_the_duration_is() -> None:
+    problems = [ARM, *(ARM.changed({"goal.duration": T}) for T in (20.0, 200.0))]
+    jobs = [collocation_task(problem, OPTIONS, 40) for problem in problems]
+    logs = [search(job, seeds("auto", 3), 3).log for job in jobs]
+    assert logs[0] == logs[1] == logs[2]
+
+
+@pytest.mark.parametrize("share", [1.0, 1.02, 3.0])
+def test_a_duration_that_the_fastest_motion_keeps_has_a_plan(
+    fastest: planner.Plan, share: float
+) -> None:
+    problem = ARM.changed({"goal.duration": fastest.duration * share})
+    plan = planner.solve(problem, "collocation")
+    assert plan.verified
+    assert plan.duration == pytest.approx(fastest.duration * share)
+
+
+def test_a_plan_is_held_as_slowly_as_is_asked_for(fastest: planner.Plan) -> None:
+    """Its effort falls with the duration; what comes back is no worse."""
+    T = fastest.duration
+    slower = planner.solve(ARM.changed({"goal.duration": 1.02 * T}), "collocation", warm=fastest)
+    same = fastest.problem.changed({"goal.duration": T})
+    effort = planner.solve(same, "collocation", warm=fastest).objective
+    assert slower.verified
+    assert slower.objective <= effort / 1.02 * (1 + 1e-6)
+
+
+def test_a_refined_path_keeps_between_its_nodes_what_a_coarse_one_leaves() -> None:
+    job = collocation_task(ARM, OPTIONS, 40)
+    free, found = path_task(job), search(job, seeds("auto", 6), 6).found
+    coarse = [look(free, path.solution) for path in found]
+    left = [float(excess(free, seen.iterate, seen.curves).max()) for seen in coarse]
+    worst = int(np.argmax(left))
+    refined = refine_path(free, found[worst].solution)
+    assert refined is not None
+    seen = look(*refined)
+    assert left[worst] > 0.05  # rad, of 0.7
+    assert excess(refined[0], seen.iterate, seen.curves).max() < left[worst] / 5
+
+
+def test_by_its_clock_an_input_of_a_path_is_at_its_limit_all_the_time() -> None:
+    job = collocation_task(ARM, OPTIONS, 40)
+    refined = refine_path(path_task(job), search(job, seeds("auto", 3), 3).found[0].solution)
+    assert refined is not None
+    free, solution = refined
+    own, motion = clock(job, free, solution.iterate)
+    share = np.max(np.abs(motion.inputs) / ARM.limits.input, axis=1)
+    assert share.max() <= 1 + 1e-9
+    assert np.median(share) > 0.99
+    assert np.diff(own.mesh.edges) == pytest.approx(1 / len(own.mesh.widths))
+    # At the path's own constant speed the whole would wait for its steepest place.
+    rates = np.abs(solution.iterate.inputs) / ARM.limits.input
+    assert motion.duration < solution.iterate.duration * rates.max()
+
+
+def test_all_pieces_of_a_path_are_halved_where_little_turns_in_them() -> None:
+    system, u = ARM.system, np.tile([[0.05, 0.01]], (4, 1))
+    q = np.empty((5, system.size))
+    q[0] = ARM.start
+    for k in range(4):
+        q[k + 1] = ends_of(system, q[k][None], u[k][None])[0]
+    halved = finer(system, PieceChain(q, u, np.zeros((4, system.size))), [1, 2, 3], 0.4, least=2)
+    assert len(halved.u) == 8
+    assert halved.u.sum(axis=0) == pytest.approx(u.sum(axis=0))
+    assert np.abs(halved.gap).max() < 1e-7

@@ -58,6 +58,9 @@ TIMED, REFINED_INTERVALS = 2, 200
 """Paths that are timed, and intervals of all meshes on which paths are refined: what a refined path
 takes says well what its motion will take, but long paths each take long to refine."""
 
+ALIKE = 6
+"""Paths that are timed on a mesh that is given: nothing says beforehand which is the fastest."""
+
 HASTE = 0.95
 """What a motion may take less than the path at the speed of its clock, or than the fastest found:
 timing shortens a path by a few hundredths."""
@@ -235,7 +238,7 @@ class Pipeline:
             job = self.make(problem, self.options, SEARCHED, False)
             paths = self._paths_of(problem, job)
             log = [dict(entry) for entry in paths.search.log]
-            progress.tell(f"timing {min(TIMED, len(paths.search.found))} paths")
+            progress.tell("timing the most promising paths")
             for path, own, start in self._starts(job, paths, out):
                 if problem.free and any(same_path(path.solution.objective, one) for one in known):
                     continue
@@ -294,7 +297,7 @@ class Pipeline:
         the fastest. One that takes longer than a motion in hand is not timed.
         """
         if self._meshed(job):
-            for one in paths.search.found[:TIMED]:
+            for one in paths.search.found[:ALIKE]:
                 yield one, job, transferred(paths.free, one.solution.iterate, job)
             return
         wanted, limited = job.problem.duration, bool(np.isfinite(job.problem.limits.input).all())

@@ -126,7 +126,8 @@ HEAD = """# Random pairs by family
 Made by `python tests/benchmarks/families.py`. Start and goal are drawn within 15/16 of the joint
 limits; inputs up to 0.5 rad/s; collocation with its defaults; seed {seed}. "Given" durations are
 1.02, 1.5 and 4 times the free answer, in turn. CPU s are those of the search in one thread.
-Percentages are of the cases ordered: half, or 95 % of them, stay below.
+Percentages are of the cases ordered: half, or 95 % of them, stay below. {done} of 100 pairs of each
+family are done; the same command goes on.
 """
 
 
@@ -157,7 +158,8 @@ def page(now: Sequence[Outcome], before: dict[tuple[int, float, float, int], Out
             ratio = np.percentile(sizes, [5, 50, 95])
             figures = [f"{old:.3g} → {new:.3g}", f"{spent:.2f}", *(f"{r:.3f}" for r in ratio)]
             beside.append([*name, len(both), won, lost, *figures])
-    text = HEAD.format(seed=SEED) + "\n"
+    done = min(sum(e.key[:3] == (*f, 0.0) for e in now) for f in FAMILIES)
+    text = HEAD.format(seed=SEED, done=done) + "\n"
     text += table(
         ["joints", "limit", "duration", "pairs", "verified", "CPU 50 %", "95 %", "most", *stages],
         rows,

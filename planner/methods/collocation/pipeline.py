@@ -204,7 +204,8 @@ class Pipeline:
             yield self._slowed_down(holds)
         elif self._free:
             yield self._by_ladder()
-        yield self._along(self.routes, rough=True)
+        if self.fastest is None:
+            yield self._along(self.routes, rough=True)
 
     def _straight(self) -> list[Answer]:
         """From the straight line at once, where the motion can be one way in a given time.

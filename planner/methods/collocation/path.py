@@ -35,6 +35,7 @@ from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import At
 from planner.support import progress
+from planner.support.arrays import Array
 
 INFEASIBLE = "Infeasible_Problem_Detected"
 
@@ -196,18 +197,24 @@ def clock(job: Task, free: Task, path: Iterate) -> tuple[Task, Iterate]:
         free: The path's own task.
         path: The path.
     """
-    left, right = (end / job.problem.limits.input for end in path.input_ends())
+    times, slower = clock_times(job.problem, free.mesh, path)
+    fast = free.on(Mesh(times / times[-1]))
+    motion = replace(path, duration=float(times[-1]), inputs=path.inputs / slower[:, None])
+    intervals = len(free.mesh.widths)
+    own = on_mesh(job, free, uniform(_stepped(max(DENSER * intervals, FAST))))
+    return own, transferred(fast, motion, own)
+
+
+def clock_times(problem: Problem, mesh: Mesh, path: Iterate) -> tuple[Array, Array]:
+    """Seconds of the clock at the path's edges, (K+1,), and what divides the path's inputs."""
+    left, right = (end / problem.limits.input for end in path.input_ends())
     least = STANDSTILL * float(np.max(np.abs([left, right])))
     first, middle, last = (
         np.maximum(np.max(np.abs(u), axis=1), least) for u in (left, (left + right) / 2, right)
     )
     mean = (first + 4 * middle + last) / 6  # Simpson's rule
     slower = first if len(first) == len(path.inputs) else np.append(first, last[-1])
-    edges = np.append(0.0, np.cumsum(free.mesh.widths * path.duration * mean))
-    fast = free.on(Mesh(edges / edges[-1]))
-    motion = replace(path, duration=float(edges[-1]), inputs=path.inputs / slower[:, None])
-    own = on_mesh(job, free, uniform(_stepped(max(DENSER * len(mean), FAST))))
-    return own, transferred(fast, motion, own)
+    return np.append(0.0, np.cumsum(mesh.widths * path.duration * mean)), slower
 
 
 def on_mesh(job: Task, free: Task, mesh: Mesh) -> Task:

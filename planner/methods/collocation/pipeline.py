@@ -32,6 +32,7 @@ from planner.methods.collocation.path import (
     FoundPath,
     Search,
     clock,
+    clock_times,
     halve_mesh,
     needed_duration,
     on_mesh,
@@ -108,7 +109,7 @@ class RefinedPath:
 
     def clock_s(self, job: Task) -> float:
         """Seconds that it takes where at every time one input is at its limit."""
-        return clock(job, self.free, self.solution.iterate)[1].duration
+        return float(clock_times(job.problem, self.free.mesh, self.solution.iterate)[0][-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -321,9 +322,11 @@ class Pipeline:
             if needed > min([most, *(each.solution.iterate.duration for each in motions)]):
                 return
             free, solution = halve_mesh(path.free, path.solution)
+            if limited:
+                yield path.found, *clock(job, free, solution.iterate)
+                continue
             own = on_mesh(job, free, free.mesh)
-            start = transferred(free, solution.iterate, own)
-            yield path.found, *(clock(job, free, solution.iterate) if limited else (own, start))
+            yield path.found, own, transferred(free, solution.iterate, own)
 
     def _rough_starts(
         self, job: Task, paths: RoutePaths

@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import Any, Literal, get_args, get_origin
 
 import numpy as np
+from pydantic.fields import FieldInfo
 
 from planner.explorer.control import Control, rounded, span, travel_range, z2_reach
 from planner.explorer.state import State
@@ -22,6 +23,7 @@ from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.problem.tables.kinds import parse_file
 from planner.problem.tables.machine_effects import EFFECTS, Effect, MachineTable
+from planner.problem.tables.method_options import NO_SLIDER, Slider
 
 MOTION = "Goal"
 PATH = "Method"
@@ -295,52 +297,28 @@ def _first(value: Any) -> float:
 
 METHOD = "Solver"
 
-RANGES: Mapping[str, tuple[float, float]] = {
-    "intervals": (5, 120),
-    "degree": (1, 5),
-    "starts": (1, 6),
-    "attempts": (1, 24),
-    "pieces": (10, 200),
-    "slots": (1, 20),
-    "amplitude": (-1.5, 1.5),
-    "passive": (0.0, 10.0),
-    "terminal": (0.0, 10.0),
-    "path": (0.0, 10.0),
-    "backoff": (0.0, 4.0),
-}
-"""Ends of sliders; other positive numbers get a logarithmic slider about their default."""
-
-HIDDEN = frozenset(
-    [
-        *("points", "travel", "offset", "shares"),
-        *("allow_singular", "scan", "edge", "solver", "tolerance", "accuracy", "refinements"),
-        *("max_iterations", "variations", "max_cuts", "max_steps"),
-        *("gain", "bias", "delay_s", "stretch", "start_deg", "start_m", "gear"),
-    ]
-)
-"""No slider is for these: they are set elsewhere on the screen, or say how hard a solver tries."""
-
 
 def option_controls(state: State, plan: Plan | None) -> list[Control]:
     """One control per option of the present method."""
     table = METHODS[state.method].options
     found = []
     for name, field in table.model_fields.items():
-        if name in HIDDEN:
-            continue
         key = f"method.{state.method}.{name}"
         default = field.get_default(call_default_factory=True)
         whole = state.value(key, default)
-        control = _control(name, key, whole, default, field.annotation, plan)
+        control = _control(name, key, whole, default, field, plan)
         if control is not None:
             found.append(replace(control, help=field.description or ""))
     return found
 
 
 def _control(
-    name: str, key: str, whole: Any, default: Any, annotation: Any, plan: Plan | None
+    name: str, key: str, whole: Any, default: Any, field: FieldInfo, plan: Plan | None
 ) -> Control | None:
-    label = name.replace("_", " ")
+    label, annotation = name.replace("_", " "), field.annotation
+    ends = next((each for each in field.metadata if isinstance(each, Slider)), None)
+    if ends is NO_SLIDER:
+        return None
     if annotation is bool:
         return Control(METHOD, label, "switch", key, whole, shown=bool(whole))
     if get_origin(annotation) is Literal:
@@ -348,11 +326,12 @@ def _control(
         return Control(METHOD, label, "choice", key, whole, shown=whole, choices=words)
     number = whole if isinstance(whole, int | float) else _noted(plan, name)
     plain = isinstance(default, int | float)
-    if isinstance(whole, list) or not (plain or name in RANGES):
+    if isinstance(whole, list) or not (plain or ends):
         return None
     off = {} if plain else {"on": whole != default, "off": default, "off_word": default or "auto"}
-    log = name not in RANGES and default > 0
-    low, high = RANGES.get(name) or (span(float(default)) if log else (0.0, 1.0))
+    log = ends is None and default > 0
+    usual = span(float(default)) if log else (0.0, 1.0)
+    low, high = usual if ends is None else (ends.low, ends.high)
     integer = isinstance(low, int)
     shown = low if number is None else number
     return Control(

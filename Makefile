@@ -20,6 +20,7 @@
 #   make installed  built, installed and run on every Python here that pyproject.toml declares
 #   make check     lint and types only
 #   make format    put the code into the house format
+#   make generated  write the files that come from tables (editors' options, the layout for C)
 #   make clean     remove what make has made
 
 PYTHON ?= python3
@@ -31,7 +32,7 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
 .DEFAULT_GOAL := compare
 .PHONY: compare suite bench stress coverage mutants paper robustness sensitivity compensation report explorer notebook docs test \
-  processors installed check lint format clean
+  processors installed check lint format generated clean
 
 compare: $(VENV)/.run
 	@$(BIN)/planner compare problems/paper.toml --out out/compare
@@ -106,6 +107,9 @@ check lint: $(VENV)/.dev
 
 format: $(VENV)/.dev
 	@$(BIN)/ruff check --quiet --fix . ; $(BIN)/ruff format .
+
+generated: $(VENV)/.dev
+	@$(BIN)/python tests/generated.py
 
 clean:
 	@rm -rf $(VENV) out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

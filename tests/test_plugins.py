@@ -338,7 +338,7 @@ SYSTEM_REFUSALS: list[tuple[Any, Callable[[], Any], str]] = [
     ("a\u202eb", lambda: SledFile, "system kind 'ab' cannot be registered"),
     (None, lambda: SledFile, "system kind 'None' cannot be registered"),
     ("sled", lambda: Unicycle, "<class .*Unicycle'> is not a subclass of ProblemFile"),
-    ("sled", without_build, "HalfFile lacks angles_deg, build_system, joint_limits"),
+    ("sled", without_build, "HalfFile lacks build_system"),
     ("sledge", lambda: SledFile, r"SledFile.system has no key kind of type Literal\['sledge'\]"),
     ("sled", lambda: changed(goal=Options), "OtherFile.goal is not a table, .* of GoalTable"),
     ("sled", lambda: changed(summary=""), "OtherFile.summary is not a text"),

@@ -17,6 +17,7 @@ import re
 import threading
 from collections.abc import Iterator
 from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 from typing import Any, Optional, Union, cast, get_args
 
 from pydantic import TypeAdapter
@@ -24,11 +25,9 @@ from pydantic.fields import FieldInfo
 
 from planner.errors import InputError
 from planner.problem.requirements.requirement import Requirement
-from planner.problem.tables.arms import BallGearFile, ManipulatorFile
-from planner.problem.tables.custom import CustomFile
+from planner.problem.tables import arms, custom, vehicles
 from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.problem_file import BaseLimits, GoalTable, ProblemFile
-from planner.problem.tables.vehicles import CarFile, TrailersFile, UnicycleFile
 from planner.support.tables import brief, line
 from planner.support.user_tables import Table, nearest, parse
 
@@ -101,14 +100,7 @@ def unknown_elsewhere(*used: str) -> list[str]:
     return [what for what in used if what in _plugins.elsewhere_unknown]
 
 
-FILES: dict[str, type[ProblemFile]] = {
-    "manipulator": ManipulatorFile,
-    "ball-gear": BallGearFile,
-    "unicycle": UnicycleFile,
-    "car": CarFile,
-    "trailers": TrailersFile,
-    "custom": CustomFile,
-}
+FILES: dict[str, type[ProblemFile]] = {**arms.FILES, **vehicles.FILES, **custom.FILES}
 """By `system.kind`. What plugins register is in it once the first problem is read."""
 
 REQUIREMENTS: dict[str, type[Requirement]] = {}
@@ -125,6 +117,12 @@ def all_files() -> dict[str, type[ProblemFile]]:
     """
     load_plugins()
     return FILES
+
+
+def example_of(kind: str) -> str:
+    """First part of the file that `planner new` writes: the class's `example`, or `examples/`."""
+    shipped = Path(__file__).parent / "examples" / f"{kind}.toml"
+    return FILES[kind].example.strip() or shipped.read_text(encoding="utf-8").strip()
 
 
 def register_system(kind: str, file: type[ProblemFile]) -> None:

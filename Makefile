@@ -30,6 +30,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
+KERNEL := planner/machine/kernel.c planner/machine/dynamic.c planner/machine/layout.h
+
 .DEFAULT_GOAL := compare
 .PHONY: compare suite bench stress coverage mutants paper robustness sensitivity compensation report explorer notebook docs test \
   processors installed check lint format generated clean
@@ -123,11 +125,11 @@ $(VENV)/bin/python:
 	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
 	  echo "python3 -m venv failed; on Debian and Ubuntu: apt install python3-venv"; exit 1; }
 
-$(VENV)/.run: pyproject.toml setup.py planner/machine/kernel.c planner/machine/dynamic.c | $(VENV)/bin/python
+$(VENV)/.run: pyproject.toml setup.py $(KERNEL) | $(VENV)/bin/python
 	@$(PIP) install --editable .
 	@touch $@
 
-$(VENV)/.dev: pyproject.toml setup.py planner/machine/kernel.c planner/machine/dynamic.c | $(VENV)/bin/python
+$(VENV)/.dev: pyproject.toml setup.py $(KERNEL) | $(VENV)/bin/python
 	@$(PIP) install --editable '.[dev]'
 	@touch $@ $(VENV)/.run
 

@@ -1,6 +1,7 @@
 """Files that are written from tables of the package: `make generated`.
 
-`planner/methods/options.pyi` is what editors and type checkers know of the keywords of `solve`.
+`planner/methods/options.pyi` is what editors and type checkers know of the keywords of `solve`;
+`planner/machine/layout.h` is what Python hands over to compiled code.
 """
 
 from __future__ import annotations
@@ -8,11 +9,12 @@ from __future__ import annotations
 import inspect
 import json
 import types
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import planner
+from planner.machine import compiled
 from planner.methods.registry import METHODS
 
 HOME = Path(planner.__file__).parent
@@ -44,7 +46,7 @@ _FORM = """
 
 def files() -> dict[Path, str]:
     """By path: what each file is to hold."""
-    return {HOME / "methods" / "options.pyi": stub()}
+    return {HOME / "methods" / "options.pyi": stub(), HOME / "machine" / "layout.h": layout()}
 
 
 def stub() -> str:
@@ -85,6 +87,93 @@ def _spelled(annotation: Any) -> str:
     if origin is Literal:
         return f"Literal[{', '.join(map(json.dumps, parts))}]"
     return "None" if annotation is types.NoneType else str(annotation.__name__)
+
+
+_LAYOUT = """\
+/* What Python hands over. Written from the tables of compiled.py by `make generated`. */
+
+#ifndef LAYOUT_H
+#define LAYOUT_H
+
+#include <stdint.h>
+
+#ifdef _WIN32
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+#ifdef _MSC_VER
+#define INLINE static __forceinline
+#else
+#define INLINE static inline __attribute__((always_inline))
+#endif
+
+"""
+
+
+def layout() -> str:
+    """The header that kernel.c and dynamic.c include."""
+    return _LAYOUT + "\n".join(_layout()) + "\n\n#endif\n"
+
+
+def _layout() -> Iterator[str]:
+    limited, plays, most = compiled.LIMITED, compiled.PLAYS, compiled.MOST_PASSIVE
+    sizes = {"BODIES": compiled.ROWS["bodies"], "LIMITED": limited, "PLAYS": plays}
+    sizes |= {"LAWS": compiled.MOVING["pieces"], "STATE": compiled.ROWS["count"]}
+    yield f"#define VERSION {compiled.VERSION}"
+    yield "#define MOTORS 2"
+    yield f"#define JOINTS {most} /* passive ones, at most; of the following as many as then */"
+    yield from (f"#define {name} {a + b * most}" for name, (a, b) in sizes.items())
+    fields = [f"int64_t {', '.join(compiled.COUNTS)};", "double k_g, gamma;"]
+    yield from _struct("Model", fields + [f"{t} *{name};" for name, t in compiled.ARRAYS.items()])
+    yield from _struct(
+        "Commands", ["const double *value;", f"int64_t {', '.join(compiled.STRIDES)};"]
+    )
+    yield from _pointers("Own", "parameters", compiled.OWN)
+    yield from _pointers("Held", "state", compiled.HELD)
+    yield from _pointers("Moving", "moving", compiled.MOVING)
+    yield from _struct(
+        "Masses", [f"double {name}[{a + b * most}];" for name, (a, b) in compiled.MASSES.items()]
+    )
+    yield "INLINE Masses masses_of(int m, const double *from, int64_t samples)"
+    yield "{\n    Masses p;"
+    at = 0, 0
+    for name, (a, b) in compiled.MASSES.items():
+        yield f"    for (int i = 0; i < {_sum(a, b)}; i++)"
+        yield f"        p.{name}[i] = from[({_sum(*at)} + i) * samples];"
+        at = at[0] + a, at[1] + b
+    yield "    return p;\n}"
+    rows = {**compiled.ROWS, "limited": limited, "plays": plays}
+    yield from _struct("Rows", [f"int m, {', '.join(rows)};"])
+    yield "INLINE Rows rows_of(int m)\n{\n    Rows r;\n    r.m = m;"
+    yield from (f"    r.{name} = {_sum(*size)};" for name, size in rows.items())
+    yield "    return r;\n}"
+
+
+def _struct(name: str, fields: Sequence[str]) -> Iterator[str]:
+    yield "\ntypedef struct {"
+    yield from (f"    {field}" for field in fields)
+    yield f"}} {name};\n"
+
+
+def _pointers(name: str, array: str, table: dict[str, tuple[int, int]]) -> Iterator[str]:
+    """A struct that points to the parts of one sample's numbers, and how it is got."""
+    kind = f"{compiled.ARRAYS[array]} *"
+    yield from _struct(name, [f"{kind}{part}; /* {_sum(*size)} */" for part, size in table.items()])
+    yield f"INLINE {name} {name.lower()}(const Model *model, int64_t sample)\n{{"
+    whole = _sum(*(sum(size) for size in zip(*table.values(), strict=True)))
+    yield "    int64_t m = model->joints - 1;"
+    yield f"    {kind}at = model->{array} + sample * ({whole});\n    {name} out;"
+    a, b = 0, 0
+    for part, (more, each) in table.items():
+        yield f"    out.{part} = at + {_sum(a, b)};"
+        a, b = a + more, b + each
+    yield "    return out;\n}"
+
+
+def _sum(a: int, b: int) -> str:
+    each = "m" if b == 1 else f"{b} * m"
+    return str(a) if not b else f"{a} + {each}" if a else each
 
 
 if __name__ == "__main__":

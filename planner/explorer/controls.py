@@ -14,7 +14,7 @@ from typing import Any, Literal, get_args, get_origin
 import numpy as np
 from pydantic.fields import FieldInfo
 
-from planner.explorer.control import Control, rounded, span, travel_range, z2_reach
+from planner.explorer.control import Control, rounded, span, travel_range, worded, z2_reach
 from planner.explorer.state import State
 from planner.machine.feedforward.aim import compensable
 from planner.machine.machine import Machine
@@ -61,7 +61,7 @@ def _travel(state: State, problem: Problem, plan: Plan | None) -> Control:
     shown = float(problem.travel_change(travel)[key]) if whole == "free" else whole
     ends = [float(problem.travel_change(end)[key]) for end in (low, high)]
     coordinate = problem.system.coordinates[0]
-    label = "travel" if key.endswith("travel") else key.rsplit(".", 1)[-1].replace("_m", "")
+    label = "travel" if key.endswith("travel") else worded(key.rsplit(".", 1)[-1])[0]
     return Control(
         MOTION,
         label,
@@ -211,11 +211,7 @@ def _effect(name: str, first: Machine, now: Machine) -> Control:
 
 
 def _label(name: str, part: tuple[str, ...]) -> str:
-    for ending in (*UNITS, "_s", "_per_nm", "_nm_per_rad", "_nms_per_rad", "_nm"):
-        if name.endswith(ending):
-            name = name.removesuffix(ending)
-            break
-    return name.replace("_", " ") + (" (spread)" if part == ("spread",) else "")
+    return worded(name)[0] + (" (spread)" if part == ("spread",) else "")
 
 
 def _ends(effect: Effect, usual: float, *, spread: bool) -> tuple[float, float]:
@@ -226,16 +222,6 @@ def _ends(effect: Effect, usual: float, *, spread: bool) -> tuple[float, float]:
 
 
 LIMITS = "Limits"
-
-UNITS = {
-    "_rad_s2": "rad/s²",
-    "_rad_s": "rad/s",
-    "_m_s2": "m/s²",
-    "_m_s": "m/s",
-    "_deg": "deg",
-    "_m": "m",
-}
-"""Unit by the ending of a key."""
 
 USUAL: Mapping[str, float] = {"deg": 80.0, "": 0.01, "m": 0.02}
 """Where a limit starts when it is switched on, by unit; 1 of other units."""
@@ -263,14 +249,6 @@ def limit_controls(state: State, problem: Problem) -> list[Control]:
             usual = start[k] if isinstance(start, list) and len(start) == len(whole) else value
             found.append(_slider(f"{label} {names[k]}", key, whole, (k,), value, usual, **about))
     return found
-
-
-def worded(name: str) -> tuple[str, str]:
-    """Label and unit of a key: "input_rate_rad_s2" gives ("input rate", "rad/s²")."""
-    for ending, unit in UNITS.items():
-        if name.endswith(ending):
-            return name.removesuffix(ending).replace("_", " "), unit
-    return name.replace("_", " "), ""
 
 
 def _slider(

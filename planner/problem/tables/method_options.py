@@ -234,6 +234,10 @@ class SinusoidStepsOptions(LawOptions):
         return amplitude
 
 
+SolverName = Literal["fatrop", "ipopt"]
+"""Solvers of `planner/methods/collocation/solvers.py`."""
+
+
 class CollocationOptions(Table):
     """Options of direct collocation."""
 
@@ -306,7 +310,7 @@ class CollocationOptions(Table):
     refinements: Annotated[int, Field(ge=0, le=10), NO_SLIDER] = Field(
         4, description="Largest number of mesh refinements; 0 keeps the initial mesh."
     )
-    solver: Annotated[Literal["auto", "fatrop", "ipopt"], NO_SLIDER] = Field(
+    solver: Annotated[Literal["auto", SolverName], NO_SLIDER] = Field(
         "auto",
         description="Solver of the nonlinear program. auto: Fatrop, which uses the stage"
         " structure, close to a solution and for simple problems with a given"

@@ -16,6 +16,7 @@ import math
 import re
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, Optional, Union, cast, get_args
@@ -30,6 +31,7 @@ from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.problem_file import BaseLimits, GoalTable, ProblemFile
 from planner.support.tables import brief, line
 from planner.support.user_tables import Table, nearest, parse
+from planner.systems.triangular_system import TriangularSystem
 
 GROUP = "planner.plugins"
 
@@ -260,7 +262,7 @@ def parse_file(data: dict[str, Any], source: str) -> ProblemFile:
     """Validate a problem file's tables.
 
     Raises:
-        InputError: One line an error; see `parse`. If a plugin fails.
+        InputError: One line an error; see `parse`. If a plugin fails, or the kind is not complete.
     """
     load_plugins()
     _refuse_extremes(data, source)
@@ -271,7 +273,29 @@ def parse_file(data: dict[str, Any], source: str) -> ProblemFile:
     if not isinstance(kind, str) or kind not in FILES:
         hint = nearest(str(kind), list(FILES))
         raise InputError(f"{source}: 'system.kind' = {kind!r:.60}: {hint}")
-    return parse(FILES[kind], data, source)
+    with _complete(kind):
+        return parse(FILES[kind], data, source)
+
+
+def system_of(tables: ProblemFile) -> TriangularSystem:
+    """The system that a problem file describes.
+
+    Raises:
+        InputError: If its class lacks what every system has; names that.
+    """
+    with _complete(tables.system.kind):
+        return tables.build_system()
+
+
+@contextmanager
+def _complete(kind: str) -> Iterator[None]:
+    """Name what the classes of a kind lack; `register_system` asks those of plugins beforehand."""
+    try:
+        yield
+    except TypeError as error:
+        if "instantiate abstract class" not in str(error):
+            raise
+        raise InputError(f"system kind '{kind}' is not complete: {error}") from error
 
 
 LEAST, MOST = 1e-15, 1e15

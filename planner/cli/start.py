@@ -202,7 +202,7 @@ def problem_text(
     parts = [f"{_LEGEND}{head}"]
     if brief:
         about = "Methods, feedback and the emulated machine have keys too: planner new OTHER"
-        return f"{parts[0]}\n{_prose(f'{about} --system {kind}')}"
+        return f"{parts[0]}\n#   {about} --system {kind}\n"
     for name, method in all_methods().items():
         options = _keys(method.options, _defaults(method.options))
         parts.append(f"[method.{name}]\n{_prose(method.summary)}{options}")

@@ -316,10 +316,8 @@ def _parameters(system: Manipulator, draws: Draws) -> dict[str, Array]:
 
 
 def _flags(draws: Draws, own: dict[str, Array]) -> dict[str, int]:
-    lagging, soft = (
-        draws.on("servo_bandwidth_rad_s"),
-        np.isfinite(own["shaft_stiffness_nm_per_rad"]).all(),
-    )
+    lagging = draws.on("servo_bandwidth_rad_s")
+    soft = np.isfinite(own["shaft_stiffness_nm_per_rad"]).all()
     flags = {
         "lagging": lagging,
         "second": lagging and draws.on("servo_damping"),

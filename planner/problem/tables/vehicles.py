@@ -16,6 +16,7 @@ from planner.problem.tables.problem_file import (
     GoalTable,
     NamedFile,
     ProblemFile,
+    bound,
 )
 from planner.support.arrays import Array
 from planner.support.user_tables import Positive, Table
@@ -60,15 +61,14 @@ class VehicleLimits(BaseLimits):
 
     def inputs(self) -> Array:
         """Largest |u|, shape (2,), m/s and rad/s."""
-        return _bounds(self.speed_m_s, getattr(self, f"{self.second}_rate_rad_s"))
+        return self._both("speed_m_s", f"{self.second}_rate_rad_s")
 
     def input_rates(self) -> Array:
         """Largest |du/dt|, shape (2,), m/s² and rad/s²."""
-        return _bounds(self.acceleration_m_s2, getattr(self, f"{self.second}_acceleration_rad_s2"))
+        return self._both("acceleration_m_s2", f"{self.second}_acceleration_rad_s2")
 
-
-def _bounds(*values: float | None) -> Array:
-    return np.array([np.inf if value is None else value for value in values])
+    def _both(self, *keys: str) -> Array:
+        return np.concatenate([bound(getattr(self, key), 1) for key in keys])
 
 
 class VehicleFile(NamedFile):

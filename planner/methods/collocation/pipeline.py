@@ -28,7 +28,6 @@ from planner.methods.collocation.long_arms.bridges import PieceChain
 from planner.methods.collocation.long_arms.held import can_hold, chain_of, held
 from planner.methods.collocation.long_arms.ladder import climbed
 from planner.methods.collocation.path import (
-    FAST,
     FoundPath,
     Search,
     clock,
@@ -46,7 +45,7 @@ from planner.methods.collocation.path import (
 )
 from planner.methods.collocation.refine import Polished, polish
 from planner.methods.collocation.task import Solution, Task, stretched, transferred
-from planner.methods.collocation.transcription.form import Mesh, uniform
+from planner.methods.collocation.transcription.form import Mesh
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.feasibility import travel_window
 from planner.problem.problem import Problem
@@ -205,8 +204,6 @@ class Pipeline:
             yield self._slowed_down(holds)
         elif self._free:
             yield self._by_ladder()
-        if self.fastest is None:
-            yield self._along(self.routes, rough=True)
 
     def _straight(self) -> list[Answer]:
         """From the straight line at once, where the motion can be one way in a given time.
@@ -232,11 +229,10 @@ class Pipeline:
             out.append(Answer(name, "straight line", later, solution))
         return [self._shared_out(answer) for answer in out]
 
-    def _along(self, routes: list[Problem], rough: bool = False) -> list[Answer]:
+    def _along(self, routes: list[Problem]) -> list[Answer]:
         """Motions of these routes along the paths that guesses lead to.
 
-        Branches of one goal share the paths that are enough, and none is timed twice. Rough ones,
-        which no solver draws inside the limits, may come inside once they are timed.
+        Branches of one goal share the paths that are enough, and none is timed twice.
         """
         out, known = list[Answer](), list[FoundPath]()
         for problem in routes:
@@ -244,9 +240,7 @@ class Pipeline:
             paths = self._paths_of(problem, job)
             log = [dict(entry) for entry in paths.search.log]
             progress.tell("timing the most promising paths")
-            for path, own, start in (
-                self._rough_starts(job, paths) if rough else self._starts(job, paths, out)
-            ):
+            for path, own, start in self._starts(job, paths, out):
                 if problem.free and any(same_path(path.solution.objective, one) for one in known):
                     continue
                 known.append(path)
@@ -327,15 +321,6 @@ class Pipeline:
                 continue
             own = on_mesh(job, free, free.mesh)
             yield path.found, own, transferred(free, solution.iterate, own)
-
-    def _rough_starts(
-        self, job: Task, paths: RoutePaths
-    ) -> Iterator[tuple[FoundPath, Task, Iterate]]:
-        """The shortest paths as they were found, on meshes as fine as they want."""
-        for path in [] if self._meshed(job) else paths.search.found[:ALIKE]:
-            iterate = path.solution.iterate
-            own = job.on(uniform(max(path_intervals(paths.free, iterate), FAST)))
-            yield path, own, transferred(paths.free, iterate, own)
 
     def _by_ladder(self) -> list[Answer]:
         """The motion along a path by way of shorter arms."""

@@ -129,7 +129,9 @@ MOST_PASSIVE = 16
 """Passive joints that `dynamic.c` has room for."""
 
 VERSION = zlib.crc32(
-    repr((COUNTS, ARRAYS, STRIDES, OWN, HELD, MOVING, MASSES, ROWS, MOST_PASSIVE)).encode()
+    repr(
+        (COUNTS, ARRAYS, STRIDES, OWN, HELD, MOVING, MASSES, ROWS, LIMITED, PLAYS, MOST_PASSIVE)
+    ).encode()
 )
 """Of all that; a kernel with another layout is not used, and a warning says so."""
 

@@ -16,7 +16,7 @@
 #define INLINE static inline __attribute__((always_inline))
 #endif
 
-#define VERSION 3993923381
+#define VERSION 42399819
 #define MOTORS 2
 #define JOINTS 16 /* passive ones, at most; of the following as many as then */
 #define BODIES 52

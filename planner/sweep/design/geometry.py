@@ -55,14 +55,14 @@ class Design:
         state = f"; cannot be built: {self.refused}" if self.refused else ""
         return (
             f"Design({self.name}: {self.joints} joints, rho {number(g.rho)}, kappa"
-            f" {number(kappa_of(g))}; r1 {number(g.r1)}, R {number(g.R)}, r3 {number(g.r3)},"
+            f" {number(g.k(1))}; r1 {number(g.r1)}, R {number(g.R)}, r3 {number(g.r3)},"
             f" lambda {number(g.lam)}, eta {number(g.eta)}{state})"
         )
 
 
-def kappa_of(gear: Gear) -> float:
-    """κ = λR/(ηr₃), how much a joint turns for a turn of the disk before it; k₂ = κρ."""
-    return gear.lam * gear.R / (gear.eta * gear.r3)
+def gear_table(gear: Gear) -> dict[str, float]:
+    """Radii and ratios by their names in files."""
+    return {"r1": gear.r1, "R": gear.R, "r3": gear.r3, "lambda": gear.lam, "eta": gear.eta}
 
 
 def gear_of(values: Mapping[str, Any], base: Gear) -> Gear:

@@ -252,21 +252,7 @@ def read_design(source: Mapping[str, Any] | str | Path) -> StudyInput:
         data["problem"] = given.to_dict()
     table = parse(DesignFile, plain(data), named)
     base = base_problem(table.problem, table.changes, named, given)
-    if not isinstance(base.system, Manipulator):
-        raise InputError(
-            f"{named}: the mechanism of system.kind = '{base.system.kind}' has no friction"
-            " disks; a design study needs a 'manipulator'"
-        )
-    if base.travel is not None:
-        raise InputError(
-            f"{named}: goal.travel = {base.travel:.4g} of the problem is for one mechanism; leave"
-            ' it free, as in set = { "goal.travel" = "free" }'
-        )
-    if "tip_m" in base.to_dict()["goal"]:
-        raise InputError(
-            f"{named}: goal.tip_m of the problem is for the links of one mechanism; give"
-            " goal.theta_deg in its place"
-        )
+    system = _arm(base, named)
     specs = parse_specs(base, table.methods)
     if any(spec.compensated for spec in specs):
         raise InputError(
@@ -282,7 +268,7 @@ def read_design(source: Mapping[str, Any] | str | Path) -> StudyInput:
             raise InputError(f"{named}: front: unknown figure '{key}'; {nearest(key, [*figures])}")
         if table.front.count(key) > 1:
             raise InputError(f"{named}: front names '{key}' twice")
-    designs = _designs(table, base, base.system, named)
+    designs = _designs(table, base, system, named)
     if all(each.refused for each in designs):
         why = designs[0]
         raise InputError(f"{named}: no design can be built; {why.name}: {why.refused}")
@@ -298,6 +284,26 @@ def read_design(source: Mapping[str, Any] | str | Path) -> StudyInput:
         figures=tuple(figures.values()),
         front_by=tuple(figures[key] for key in table.front),
     )
+
+
+def _arm(base: Problem, source: str) -> Manipulator:
+    """The arm, where the problem leaves its mechanism open."""
+    if not isinstance(base.system, Manipulator):
+        raise InputError(
+            f"{source}: the mechanism of system.kind = '{base.system.kind}' has no friction"
+            " disks; a design study needs a 'manipulator'"
+        )
+    if base.travel is not None:
+        raise InputError(
+            f"{source}: goal.travel = {base.travel:.4g} of the problem is for one mechanism; leave"
+            ' it free, as in set = { "goal.travel" = "free" }'
+        )
+    if "tip_m" in base.to_dict()["goal"]:
+        raise InputError(
+            f"{source}: goal.tip_m of the problem is for the links of one mechanism; give"
+            " goal.theta_deg in its place"
+        )
+    return base.system
 
 
 def _designs(

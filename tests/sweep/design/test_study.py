@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import planner
+from planner.cli.app import main
 from planner.report import plot_design
 
 Tables = dict[str, Any]
@@ -237,6 +238,16 @@ def test_a_goal_that_leaves_a_joint_free_has_no_window_and_is_planned() -> None:
 def asked(quick: Tables, **tables: Any) -> Any:
     """What is planned of designs and tasks, none of which can be solved."""
     return planner.design_study({**quick, **tables}, workers=0).asked
+
+
+def test_the_dry_run_refuses_unknown_figures_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "x.toml"
+    paper = json.dumps(str(Path("problems/paper.toml").resolve()))
+    file.write_text(f'problem = {paper}\nfront = ["effrt"]\n[grid]\nrho = [1.0]\n')
+    assert main(["design", str(file), "--dry-run"]) == 2
+    assert "unknown figure 'effrt'" in capsys.readouterr().err
 
 
 def test_tasks_are_drawn_alike_for_every_design_and_more_begin_with_the_same(quick: Tables) -> None:

@@ -65,6 +65,11 @@ def test_a_design_that_is_better_and_slips_is_told(known: Known) -> None:
     assert f"{SLIPS} has effort 0.05 rad^2/s, but its contacts would slip (loaded to 1.2)." in said
 
 
+def test_the_mechanism_as_it_is_is_told(known: Known) -> None:
+    study = known([[results(1.0, 1.0)], [results(0.5, 1.0)]], present=True, grid={"rho": [1.2]})
+    assert "The mechanism as it is: effort 1 rad^2/s, spread 1 deg." in study.reason
+
+
 def test_where_all_slip_the_least_loss_is_taken_and_told(known: Known) -> None:
     study = known([[results(1.0, 1.0, load=2.0)] * 2, [results(2.0, 2.0, load=3.0)] * 2])
     assert study.recommended is study.rows[0]

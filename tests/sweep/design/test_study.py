@@ -185,6 +185,11 @@ def changed(**tables: Any) -> Tables:
     return {**STUDY, **tables}
 
 
+UNEVEN = {
+    "system": {"kind": "manipulator", "joints": 4, "K": [0.8, 0.5, 0.7], "k_g": 0.7},
+    "start": {"theta_deg": [10] * 4},
+    "goal": {"theta_deg": [30] * 4, "duration": 3.0},
+}
 TIP = {
     "system": {**SYSTEM, "link_lengths": [1.0, 1.0]},
     "goal": {"tip_m": [1.2, 1.2], "duration": 3.0},
@@ -216,6 +221,7 @@ BOX = {"start_deg": [5, 15], "goal_deg": [20, 45]}
         (changed(problem="problems/unicycle.toml"), "a design study needs a 'manipulator'"),
         (changed(set={"goal.travel": 0.5}), "goal.travel = 0.5 of the problem is for one"),
         (changed(problem={**PROBLEM, **TIP}), "goal.tip_m of the problem is for the links of one"),
+        (changed(problem={**PROBLEM, **UNEVEN}), "belong to stages of different radii; give the"),
         (changed(replay={"samples": 0}), "'replay.samples' = 0: must be at least 2"),
         (changed(grid={"kappa": [1, 1]}), "has the value 1 twice"),
     ],
@@ -275,6 +281,11 @@ def test_the_problems_own_task_and_mechanism_are_taken_where_nothing_else_is_sai
     assert (first.name, first.values) == ("as it is", {})
     system = own.posed(first, own.tasks[2][0]).system
     assert system.k_g * system.K == pytest.approx([0.56])
+    gear = {"r1": 0.03, "R": 0.04, "r3": 0.03, "lambda": 1.0, "eta": 1.0}
+    arm = {"kind": "manipulator", "joints": 2, "gear": gear, "link_lengths": [0.3, 0.2]}
+    shaped = {**quick["problem"], "system": arm}
+    linked = asked(quick, problem=shaped, grid={"kappa": [1.0]}, present=True)
+    assert [each.link_lengths for each in linked.designs] == [(0.3, 0.2)] * 2
     same = asked(quick, present=True, grid={"kappa": [0.56, 1.0]})
     assert [each.name for each in same.designs] == ["kappa = 0.56", "kappa = 1"]
 

@@ -269,6 +269,18 @@ def test_two_runs_into_one_file_do_not_disturb_each_other(tables: Tables, db: Pa
     assert len(column(db, "key")) == 10
 
 
+def test_a_run_waits_for_one_that_makes_the_same_file(tables: Tables, db: Path) -> None:
+    maker = sqlite3.connect(db, isolation_level=None, check_same_thread=False)
+    maker.execute("BEGIN IMMEDIATE")
+    release = threading.Timer(0.3, maker.execute, ["COMMIT"])
+    release.start()
+    try:
+        assert run_sweep(tables, db, workers=0).ran == 10
+    finally:
+        release.join()
+        maker.close()
+
+
 def test_an_interrupt_keeps_what_is_done_for_exports_too(
     tables: Tables, db: Path, tmp_path: Path
 ) -> None:

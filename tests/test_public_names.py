@@ -68,6 +68,34 @@ def test_the_root_holds_the_package() -> None:
     assert Path(planner.__file__).parent == ROOT / "planner"
 
 
+HEAVY = ("casadi", "matplotlib", "numpy", "osqp", "pandas", "pydantic", "rich", "scipy")
+
+COMMAND = "import sys, planner_start; sys.argv = sys.argv[:1] + {words}; planner_start.main()"
+
+
+@pytest.mark.parametrize(
+    ("code", "loaded"),
+    [
+        ("import planner", set()),
+        (COMMAND.format(words=["--help"]), {"numpy", "rich"}),
+        (COMMAND.format(words=["--version"]), {"numpy", "rich"}),
+        (COMMAND.format(words=["new"]), {"casadi", "numpy", "pydantic", "rich", "scipy"}),
+    ],
+    ids=["import planner", "--help", "--version", "new"],
+)
+def test_what_is_loaded(code: str, loaded: set[str], tmp_path: Path) -> None:
+    code += f"\nimport sys; print(*(name for name in {HEAVY} if name in sys.modules))"
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert set(done.stdout.splitlines()[-1].split()) == loaded
+
+
+def test_import_planner_loads_nothing_else() -> None:
+    code = "import sys, planner; print(*(n for n in sys.modules if n.startswith('planner')))"
+    words = [sys.executable, "-c", code]
+    assert subprocess.run(words, capture_output=True, text=True, check=True).stdout == "planner\n"
+
+
 def test_what_processes_of_a_sweep_start_without() -> None:
     code = """
 import sys, planner.sweep.pools

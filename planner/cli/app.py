@@ -13,26 +13,22 @@ import traceback
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from typing import Annotated, Any, TextIO
 
 import typer
+from typer.core import TyperGroup
 
-from planner.cli.compare import budget, compare
-from planner.cli.files import animate, export, report
 from planner.cli.output import (
     INTERRUPTED,
+    Command,
     Told,
     interrupted,
     print_json,
     say,
     with_volume,
 )
-from planner.cli.paper import calibrate, reproduce
-from planner.cli.plan import check, plan
-from planner.cli.sensitivity import sensitivity
 from planner.cli.standard_output import ReaderGoneError, results_alone
-from planner.cli.start import methods, new, schema, systems
-from planner.cli.sweep import design, sweep
 from planner.errors import NO_MEMORY, InputWarning, MethodError, PlannerError, lacks_memory
 from planner.support.files import written
 from planner.support.interrupts import Terminated, hear_signals, hearing
@@ -47,8 +43,48 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 # Typer brings its own copy of click in some versions; this is the base of usage errors in all.
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 
+COMMANDS = {
+    "new": ("start", "Write a commented problem file that can be solved as it is."),
+    "plan": ("plan", "Make a plan, verify it and print its properties."),
+    "check": ("plan", "Find out whether there is a plan; if not, say why not."),
+    "compare": ("compare", "Compare methods on the same emulated machines."),
+    "budget": ("compare", "Compute how much error each effect of the machine causes."),
+    "sensitivity": ("sensitivity", "Compute how errors shift the end of a plan."),
+    "sweep": ("sweep", "Run those cases of a sweep that are not yet in the database."),
+    "design": ("sweep", "Compare designs of the mechanism, and recommend one."),
+    "export": ("files", "Write a plan as a CSV, JSON, ROS 2 or MATLAB file."),
+    "animate": ("files", "Write plans as a film (GIF or MP4) with a common clock."),
+    "report": ("files", "Write a comparison as one HTML page."),
+    "calibrate": ("paper", "Fit the emulated prototype to the paper's experiment."),
+    "reproduce": ("paper", "Regenerate the paper's figures and check its printed numbers."),
+    "methods": ("start", "List the planning methods, one per line."),
+    "systems": ("start", "List the kinds of systems, one per line."),
+    "schema": ("start", "Print the JSON Schema of a kind of file."),
+}
+"""Each command's file, and the first line of its docstring, so that a list needs no file."""
+
+
+def function_of(name: str) -> Command:
+    """The function of a command; its file, and what that imports, is loaded now."""
+    function: Command = getattr(import_module(f"planner.cli.{COMMANDS[name][0]}"), name)
+    return function
+
+
+class _Commands(TyperGroup):
+    """Knows the names and first lines of all commands, and loads the one that is run."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
+        name, _, rest = super().resolve_command(ctx, args)
+        if name is None:  # of an unfinished line that a shell asks about
+            return None, None, rest
+        alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+        alone.command(name)(with_volume(function_of(name)))
+        return name, typer.main.get_command(alone), rest
+
+
 app = typer.Typer(
     name="planner",
+    cls=_Commands,
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -85,25 +121,12 @@ def _top(
     """
 
 
-for _command in (
-    new,
-    plan,
-    check,
-    compare,
-    budget,
-    sensitivity,
-    sweep,
-    design,
-    export,
-    animate,
-    report,
-    calibrate,
-    reproduce,
-    methods,
-    systems,
-    schema,
-):
-    app.command()(with_volume(_command))
+def _unloaded() -> None:
+    """Stands in the list of commands for one whose file is not loaded."""
+
+
+for _name, (_, _line) in COMMANDS.items():
+    app.command(_name, help=_line)(_unloaded)
 
 
 def main(arguments: Sequence[str] | None = None, *, last: bool = False) -> int:
@@ -120,6 +143,8 @@ def main(arguments: Sequence[str] | None = None, *, last: bool = False) -> int:
     for name in ("stdout", "stderr"):  # None where the caller has closed it
         if getattr(sys, name) is None:
             setattr(sys, name, _nowhere())
+    if (name := next((word for word in words if not word.startswith("-")), "")) in COMMANDS:
+        function_of(name)  # here, where `planner_start` still has the signals
     try:
         alone = "--json" in words and not {"-h", "--help", "--version"} & set(words)
         with hear_signals(last), _warnings_told(), results_alone(alone, last):

@@ -8,6 +8,7 @@ from __future__ import annotations
 import functools
 import inspect
 import json
+import math
 import os
 import sys
 import threading
@@ -19,7 +20,6 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
-import numpy as np
 import typer
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
@@ -110,7 +110,7 @@ def facts(rows: Sequence[tuple[str, str]]) -> Table:
 
 def number(value: float | None) -> str:
     """Four significant digits; a dash where undefined."""
-    return "-" if value is None or np.isnan(value) else f"{value:.4g}"
+    return "-" if value is None or math.isnan(value) else f"{value:.4g}"
 
 
 def finish(
@@ -364,7 +364,8 @@ def with_volume(command: Command) -> Command:
             raise InputError("--quiet and --verbose contradict each other; give one of them")
         volume.quiet, volume.verbose = quiet, verbose
         began = time.monotonic()
-        detail(", ".join(f"{name} {number}" for name, number in versions().items()))
+        if verbose:
+            detail(", ".join(f"{name} {number}" for name, number in versions().items()))
         try:
             return command(*words, **options)
         finally:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 import textwrap
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from operator import itemgetter
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,7 +23,6 @@ from planner.cli.output import note, print_json, print_text
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.methods.registry import all_methods
-from planner.plan.plan_file import plan_schema
 from planner.problem.tables.arms import MOST_JOINTS, ArmFile
 from planner.problem.tables.kinds import all_files, json_schema, limits_of, parse_file
 from planner.problem.tables.machine_effects import MachineTable
@@ -31,8 +30,6 @@ from planner.problem.tables.problem_file import CompensationTable, FeedbackTable
 from planner.support.files import refuse_unwritable, toml, write_text
 from planner.support.tables import Column, terminal_table
 from planner.support.user_tables import nearest
-from planner.sweep.design.design_file import design_schema
-from planner.sweep.sweep_file import sweep_schema
 from planner.systems.manipulator import prototype_ratios
 
 
@@ -118,7 +115,7 @@ def schema(
         typer.Argument(
             metavar="problem|sweep|design|plan",
             help="Kind of file: problem, sweep, design or plan.",
-            autocompletion=lambda: list(_SCHEMAS),
+            autocompletion=lambda: list(SCHEMAS),
         ),
     ] = "problem",
     as_json: Annotated[
@@ -134,18 +131,19 @@ def schema(
       planner schema design > design.schema.json
       planner schema plan > plan.schema.json
     """
-    if of not in _SCHEMAS:
-        raise InputError(f"no schema of '{of}'; {nearest(of, list(_SCHEMAS))}")
-    print_json(_SCHEMAS[of]())
+    if of not in SCHEMAS:
+        raise InputError(f"no schema of '{of}'; {nearest(of, SCHEMAS)}")
+    # What `planner new` can do without.
+    from planner.plan.plan_file import plan_schema
+    from planner.sweep.design.design_file import design_schema
+    from planner.sweep.sweep_file import sweep_schema
+
+    made = (json_schema, sweep_schema, design_schema, lambda: plan_schema(json_schema()))
+    print_json(dict(zip(SCHEMAS, made, strict=True))[of]())
     return 0
 
 
-_SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
-    "problem": json_schema,
-    "sweep": sweep_schema,
-    "design": design_schema,
-    "plan": lambda: plan_schema(json_schema()),
-}
+SCHEMAS = ("problem", "sweep", "design", "plan")
 
 
 def _list(what: str, found: dict[str, str], as_json: bool) -> int:

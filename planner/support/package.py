@@ -11,7 +11,6 @@ import shlex
 import tomllib
 from collections.abc import Callable
 from functools import cache
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +39,8 @@ def version() -> str:
     """
     if found := _checkout():
         return found
+    from importlib import metadata  # slow to import
+
     try:
         return metadata.version(NAME)
     except metadata.PackageNotFoundError:  # copied, not installed
@@ -79,6 +80,8 @@ LIBRARIES = ("casadi", "numpy", "scipy", "osqp")
 
 def versions() -> dict[str, str]:
     """Versions of the planner, of Python, and of the libraries that numbers depend on."""
+    from importlib import metadata
+
     return {
         "planner": version(),
         "python": platform.python_version(),

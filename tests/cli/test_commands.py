@@ -11,6 +11,7 @@ import sys
 import time
 import tomllib
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -211,7 +212,7 @@ def test_values_of_set(pair: str, value: Any) -> None:
 
 def module(command: str) -> Any:
     """The module behind a command; its name in the package is taken by the function."""
-    return sys.modules[f"planner.cli.{command}"]
+    return import_module(f"planner.cli.{command}")
 
 
 def test_a_bug_is_one_short_message(run: Callable, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import sys
 from collections.abc import Callable
@@ -12,10 +13,9 @@ from typing import Any
 import pytest
 
 import planner
-from planner.cli.app import app, main
+from planner.cli.app import COMMANDS, function_of, main
 
 PAPER = Path(__file__).parents[2] / "problems/paper.toml"
-COMMANDS = [command.name or command.callback.__name__ for command in app.registered_commands]
 FAST = ("plan", PAPER, "-m", "polynomial", "--set", "goal.travel=0.82", "--set", "limits={}")
 
 
@@ -28,6 +28,11 @@ def test_help_of_every_command(command: str, run: Callable) -> None:
     assert f"  planner {command}" in text
     assert text.isascii()
     assert command in run("--help").out
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_list_says_of_a_command_what_the_command_says(command: str) -> None:
+    assert COMMANDS[command][1] == (inspect.getdoc(function_of(command)) or "").splitlines()[0]
 
 
 @pytest.mark.parametrize("command", ["plan", "new", "compare", "systems"])

@@ -24,9 +24,10 @@ from planner.cli.output import (
     Command,
     Told,
     interrupted,
+    manner,
     print_json,
     say,
-    with_volume,
+    with_manner,
 )
 from planner.cli.standard_output import ReaderGoneError, results_alone
 from planner.errors import NO_MEMORY, InputWarning, MethodError, PlannerError, lacks_memory
@@ -78,7 +79,7 @@ class _Commands(TyperGroup):
         if name is None:  # of an unfinished line that a shell asks about
             return None, None, rest
         alone = typer.Typer(add_completion=False, rich_markup_mode=None)
-        alone.command(name)(with_volume(function_of(name)))
+        alone.command(name)(with_manner(function_of(name)))
         return name, typer.main.get_command(alone), rest
 
 
@@ -187,6 +188,7 @@ def _nowhere() -> TextIO:
 def _run(words: list[str]) -> int:
     """The outcome; from the moment it is decided on, no signal disturbs telling it."""
     written.clear()
+    manner.as_json = "--json" in words  # of a usage error, too
     try:
         command = typer.main.get_command(app)
         status = command.main(words, prog_name="planner", standalone_mode=False)
@@ -202,42 +204,41 @@ def _run(words: list[str]) -> int:
         return _failed(error, words)
     hearing.over = True
     if status == INTERRUPTED and not isinstance(status, Told):
-        return _interrupted("--json" in words)
+        return _interrupted()
     return int(status or 0) if words else 2  # no command: older versions of click say 0
 
 
 def _failed(error: BaseException, words: list[str]) -> int:
-    as_json = "--json" in words
     # Compiled code swallows signals and says that there is no plan; modules that are being loaded
     # make an error of their own of them. A command that told what it kept has the last word.
     told = isinstance(error, PlannerError) and error.exit_status >= INTERRUPTED
     ended = isinstance(error, KeyboardInterrupt | Terminated | typer.Abort)
     if ended or (interrupted() and not told):
-        return _interrupted(as_json)
+        return _interrupted()
     if isinstance(error, PlannerError):
         if isinstance(error, MethodError) and _debugging(words):
             sys.stderr.write(clean(error.traceback))
         kind = getattr(error, "status", "bad_input")
-        return _refuse(as_json, error.exit_status, kind, str(error))
+        return _refuse(error.exit_status, kind, str(error))
     if isinstance(error, UsageError):
-        return _usage(as_json, error)
+        return _usage(error)
     if isinstance(error, OSError) and error.errno in FULL:
         where = error.filename or "standard output"
-        return _refuse(as_json, 2, "bad_input", f"cannot write {where}: {error.strerror}")
+        return _refuse(2, "bad_input", f"cannot write {where}: {error.strerror}")
     if lacks_memory(error):
-        return _refuse(as_json, 2, "bad_input", NO_MEMORY.format(str(error) or "MemoryError"))
-    return _bug(as_json, words, error)
+        return _refuse(2, "bad_input", NO_MEMORY.format(str(error) or "MemoryError"))
+    return _bug(words, error)
 
 
-def _interrupted(as_json: bool) -> int:
+def _interrupted() -> int:
     what = "interrupted" if hearing.status == INTERRUPTED else "terminated"
     there = [str(path) for path in written if path.exists()]
     left = f"{', '.join(there)} was written before" if there else "nothing written"
-    return _refuse(as_json, hearing.status, what, f"{what}, {left}")
+    return _refuse(hearing.status, what, f"{what}, {left}")
 
 
-def _refuse(as_json: bool, status: int, kind: str, message: str) -> int:
-    if as_json:
+def _refuse(status: int, kind: str, message: str) -> int:
+    if manner.as_json:
         try:
             print_json({"status": kind, "error": message, "exit_status": status})
         except PlannerError as error:
@@ -246,8 +247,8 @@ def _refuse(as_json: bool, status: int, kind: str, message: str) -> int:
     return status
 
 
-def _usage(as_json: bool, error: Any) -> int:
-    if as_json:
+def _usage(error: Any) -> int:
+    if manner.as_json:
         print_json({"status": "bad_input", "error": error.format_message(), "exit_status": 2})
     shown = io.StringIO()
     error.show(file=shown)
@@ -259,11 +260,11 @@ def _debugging(words: list[str]) -> bool:
     return "--debug" in words or bool(os.environ.get("PLANNER_DEBUG"))
 
 
-def _bug(as_json: bool, words: list[str], error: BaseException) -> int:
+def _bug(words: list[str], error: BaseException) -> int:
     if _debugging(words):
         traceback.print_exception(error)
     message = (
         f"a bug in planner {installed_version()}: {type(error).__name__}: {error}. Please report it"
         " with the problem file and this command; `planner --debug ...` shows the traceback."
     )
-    return _refuse(as_json, 1, "bug", message)
+    return _refuse(1, "bug", message)

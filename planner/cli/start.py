@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 import textwrap
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from operator import itemgetter
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,8 +18,7 @@ from typing import Annotated, Any
 import typer
 from pydantic import BaseModel
 
-from planner.cli.arguments import Json
-from planner.cli.output import note, print_json, print_text
+from planner.cli.output import manner, note, print_json, print_text
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.methods.registry import all_methods
@@ -59,7 +58,6 @@ def new(
         ),
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace FILE if it exists.")] = False,
-    as_json: Json = False,
 ) -> int:
     """Write a commented problem file that can be solved as it is.
 
@@ -76,14 +74,14 @@ def new(
     text = problem_text(system, joints=joints, brief=brief).replace("FILE", str(file))
     if file.exists() and not force:
         raise InputError(f"{file} exists; name another file, or replace it with --force")
-    written = str(write_text(file, text))
-    if as_json:
+    written = write_text(file, text)
+    if manner.as_json:
         print_json({"written": written, "system": system, "exit_status": 0})
     note(f"written to {file}; next: planner check {file}")
     return 0
 
 
-def methods(as_json: Json = False) -> int:
+def methods() -> int:
     """List the planning methods, one per line.
 
     \b
@@ -91,17 +89,17 @@ def methods(as_json: Json = False) -> int:
       planner methods
     """
     found = {name: method.summary for name, method in all_methods().items()}
-    return _list("method", found, as_json)
+    return _list("method", found)
 
 
-def systems(as_json: Json = False) -> int:
+def systems() -> int:
     """List the kinds of systems, one per line.
 
     \b
     Example:
       planner systems
     """
-    return _list("system.kind", _summaries(), as_json)
+    return _list("system.kind", _summaries())
 
 
 def _summaries() -> dict[str, str]:
@@ -138,16 +136,21 @@ def schema(
     from planner.sweep.design.design_file import design_schema
     from planner.sweep.sweep_file import sweep_schema
 
-    made = (json_schema, sweep_schema, design_schema, lambda: plan_schema(json_schema()))
-    print_json(dict(zip(SCHEMAS, made, strict=True))[of]())
+    made: dict[str, Callable[[], dict[str, Any]]] = {
+        "problem": json_schema,
+        "sweep": sweep_schema,
+        "design": design_schema,
+        "plan": lambda: plan_schema(json_schema()),
+    }
+    print_json(made[of]())
     return 0
 
 
 SCHEMAS = ("problem", "sweep", "design", "plan")
 
 
-def _list(what: str, found: dict[str, str], as_json: bool) -> int:
-    if as_json:
+def _list(what: str, found: dict[str, str]) -> int:
+    if manner.as_json:
         print_json(found)
         return 0
     heads = (what, "what it is")

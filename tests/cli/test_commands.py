@@ -312,11 +312,11 @@ def test_progress_shows_on_a_terminal_only_and_after_a_while(
     output = module("output")
     monkeypatch.setattr(output, "PATIENCE_S", patience_s)
     monkeypatch.setattr(sys, "stderr", stream)
-    with output.waiting("planning with patience") as notice:
+    with output.job("planning with patience") as notice:
         notice("still planning")
         time.sleep(0.3)
     assert ("still planning" in stream.getvalue()) == shown
-    with output.progress_bar() as tell:
+    with output.job() as tell:
         tell("replaying", 0.25)
         tell("replaying", 0.5)
     assert ("replaying" in stream.getvalue()) == shown

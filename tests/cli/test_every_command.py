@@ -45,6 +45,13 @@ def test_quiet_and_verbose_exclude_each_other(command: str, run: Callable) -> No
     )
 
 
+def test_the_next_command_names_the_file_as_it_was_given(
+    run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run("new", "a{0}.toml").err == "written to a{0}.toml; next: planner check a{0}.toml\n"
+
+
 def test_quiet_says_only_the_result(run: Callable, tmp_path: Path) -> None:
     normal, quiet = run("new", tmp_path / "a.toml"), run("new", tmp_path / "b.toml", "-q")
     assert "written to" in normal.err

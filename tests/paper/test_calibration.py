@@ -11,8 +11,8 @@ import pytest
 
 import planner.paper.calibrate as calibration
 import planner.paper.fit as fitting
+from planner import Machine
 from planner.cli.app import main
-from planner.machine.machine import Machine
 from planner.paper.calibrate import Calibration, calibrate, write
 from planner.paper.fit import BOUNDS, TOLERANCES, Fit, said
 from planner.paper.statements import FITTED, FIXED, coordinates, move, nominal, values

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import io
+from typing import Any
 
 import numpy as np
 import pytest
 from rich.console import Console
 
 import planner
-from planner.machine.machine import Machine
+from planner.machine.machine import Draws, Machine
 from planner.machine.replay import replay
+from planner.machine.simulate import Recording, simulate_draws
 from planner.problem.tables.machine_effects import EFFECTS
 from planner.robustness.budget import Budget, error_budget
 
@@ -100,6 +102,26 @@ def test_the_same_seed_gives_the_same_budget(plan: planner.Plan) -> None:
 
     assert data(1) == data(1)
     assert data(1) != data(2)
+
+
+def test_many_machines_are_looked_at_block_by_block(
+    plan: planner.Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    machine = Machine.prototype(step_s=STEP).only("backlash_deg", "encoder_resolution_deg")
+
+    def data() -> object:
+        return error_budget(plan, machine, samples=20, base=2).to_dict()
+
+    together, sizes = data(), list[int]()
+
+    def counted(of: planner.Plan, there: Machine, draws: Draws, **more: Any) -> Recording:
+        sizes.append(draws.count)
+        return simulate_draws(of, there, draws, **more)
+
+    monkeypatch.setattr("planner.robustness.budget.BLOCK", 3)
+    monkeypatch.setattr("planner.robustness.budget.simulate_draws", counted)
+    assert data() == together
+    assert max(sizes) <= 3 * (2 + 2 * len(machine.effects))
 
 
 def test_refusals(plan: planner.Plan, unlimited: planner.Problem) -> None:

@@ -199,6 +199,7 @@ def test_the_side_of_a_limit_that_only_the_certificate_sees(plan: planner.Plan) 
     assert planner.verify(narrow).ok
     (v,) = judge(narrow)[1].violations
     assert (v.limit, v.value) == (-0.5, pytest.approx(-1.0, abs=1e-6))
+    assert v.scaled == pytest.approx(1.0, abs=1e-5)  # 0.5 beyond it, in units of 0.5
 
 
 # -- compensated plans -----------------------------------------------------------------------------
@@ -289,9 +290,11 @@ def test_limits_hold_on_the_machines_motion_between_the_breaks(compensated: plan
     machine = planner.Machine.from_table(compensated.compensation.machine)
     run = planner.replay(compensated, machine.nominal(), record_s=machine.step_s)
     weights = np.array([0.6, -0.5, 0.1, -0.6])
-    peak = float(np.max(run.q[0, run.t <= compensated.duration] @ weights))
+    values = run.q[0, run.t <= compensated.duration] @ weights
+    peak, when = float(np.max(values)), float(run.t[np.argmax(values)])
     own = float(np.max(compensated.q(compensated.t) @ weights))
     assert peak > own + 1e-4
     (v,) = planner.verify(asked(compensated, Mixed((peak + own) / 2))).violations
     assert v.value == pytest.approx(peak, abs=1e-5)
+    assert v.time_s == pytest.approx(when, abs=2 * machine.step_s)
     assert planner.verify(asked(compensated, Mixed(peak + 1e-5))).ok

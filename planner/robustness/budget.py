@@ -254,9 +254,7 @@ class _BudgetRun:
         ]
         return [np.concatenate(each) for each in zip(*blocks, strict=True)]
 
-    def _block(
-        self, changes: Sequence[frozenset[str]], samples: NDArray[np.int64]
-    ) -> list[Array]:
+    def _block(self, changes: Sequence[frozenset[str]], samples: NDArray[np.int64]) -> list[Array]:
         """The same of a few samples at once.
 
         Those that may share a simulation do; machines that are all alike are simulated once.

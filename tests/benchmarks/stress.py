@@ -205,9 +205,9 @@ Versions: {versions}.
 """
 
 
-KNOWN = """Each is run again by `python tests/benchmarks/stress.py --failed`. A given duration is so many
-times the free answer of the version that was first asked: a motion that takes it exists, also where a
-later version refuses it.
+KNOWN = """Each is run again by `python tests/benchmarks/stress.py --failed`. A given duration is so
+many times the free answer of the version that was first asked: a motion that takes it exists, also
+where a later version refuses it.
 """
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ from rich.console import Console
 
 import planner
 from planner import Budget, Machine, error_budget, replay
+from planner.machine.machine import Draws
+from planner.machine.simulate import Recording, simulate_draws
 from planner.problem.tables.machine_effects import EFFECTS
 
 STEP = 0.01
@@ -98,6 +101,26 @@ def test_the_same_seed_gives_the_same_budget(plan: planner.Plan) -> None:
 
     assert data(1) == data(1)
     assert data(1) != data(2)
+
+
+def test_many_machines_are_looked_at_block_by_block(
+    plan: planner.Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    machine = Machine.prototype(step_s=STEP).only("backlash_deg", "encoder_resolution_deg")
+
+    def data() -> object:
+        return error_budget(plan, machine, samples=20, base=2).to_dict()
+
+    together, sizes = data(), list[int]()
+
+    def counted(of: planner.Plan, there: Machine, draws: Draws, **more: Any) -> Recording:
+        sizes.append(draws.count)
+        return simulate_draws(of, there, draws, **more)
+
+    monkeypatch.setattr("planner.robustness.budget.BLOCK", 3)
+    monkeypatch.setattr("planner.robustness.budget.simulate_draws", counted)
+    assert data() == together
+    assert max(sizes) <= 3 * (2 + 2 * len(machine.effects))
 
 
 def test_refusals(plan: planner.Plan) -> None:

@@ -14,13 +14,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.plan.curves import polynomial_range, polynomial_roots
 from planner.plan.quadrature import greatest, jumps, largest, own_input, read, slopes
 from planner.plan.retimed import RetimedTrajectory
-from planner.plan.trajectory import ChainedTrajectory, Trajectory
+from planner.plan.trajectory import Trajectory
 from planner.problem.requirements.requirement import At, Requirement
 from planner.support.arrays import Array
-from planner.support.one_variable import maximum, minimum, sample_times, zeros
+from planner.support.calculus.extremes import maximum, minimum, sample_times, zeros
 from planner.systems.chained_form import chained_form
 
 _GAUSS = np.polynomial.legendre.leggauss(4)
@@ -242,9 +241,6 @@ def _outside(trajectory: Trajectory) -> DomainReport:
 
 
 def _z2(trajectory: Trajectory, times: Array) -> tuple[list[float], float, float]:
-    if isinstance(trajectory, ChainedTrajectory):
-        return polynomial_roots(trajectory.z_curve, 1), *polynomial_range(trajectory.z_curve, 1)
-
     def z2(t: Array) -> Array:
         return np.asarray(trajectory.z(t)[..., 1])
 

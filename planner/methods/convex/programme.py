@@ -14,7 +14,6 @@ from typing import Literal
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.optimize import nnls
 
 from planner.methods.convex.paths import Frame
 from planner.support.arrays import Array
@@ -196,6 +195,8 @@ def _farkas(G: Array, h: Array, raw: Array, radius: float) -> Farkas | None:
 
 
 def _by_active_set(G: Array, h: Array, radius: float) -> Optimum | Farkas | None:
+    from scipy.optimize import nnls  # slow to import
+
     target = np.zeros(G.shape[1] + 1)
     target[-1] = 1.0
     stacked = -np.concatenate([G.T, h[None]])

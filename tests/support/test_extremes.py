@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from planner.support.one_variable import maximum, minimum, sample_times, zeros
+from planner.support.calculus.extremes import maximum, minimum, sample_times, zeros
 
 
 def test_samples_cover_both_sides_of_every_break() -> None:

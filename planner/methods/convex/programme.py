@@ -5,6 +5,12 @@ least-distance programming (Lawson and Hanson, *Solving Least Squares Problems*,
 SciPy's non-negative least squares, an active-set method that ends at rounding error and yields a
 Farkas vector when there is no solution; and OSQP (operator splitting, polished). Neither's word is
 taken: the residuals, the bound and the certificate are computed here from the vectors.
+
+OSQP cannot be the only one. Of 2,301 programmes (all shipped problems and 17 random arms, both
+objectives) the active set solves or refutes every one within the tolerances; OSQP solves 1,800 in
+24 times the CPU time, and with one active-set step from its answer 1,937: it leaves 209 that have a
+solution, and proves none of the 155 that have none. Where both are accurate their optima agree to
+1e-9. So the active set is asked first.
 """
 
 from __future__ import annotations

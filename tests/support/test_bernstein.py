@@ -11,6 +11,7 @@ import pytest
 from scipy.interpolate import BPoly
 
 from planner.support.calculus.bernstein import Bernstein, elevate, part, split
+from planner.support.calculus.chebyshev import integration, points
 
 SHAPES: list[tuple[int, ...]] = [(), (3,), (2, 2)]
 
@@ -39,9 +40,7 @@ def test_values_derivatives_and_integrals_are_those_of_scipy(
     ours, theirs, rng = pair(degree, pieces, shape)
     t = places(ours.x, rng)
     compared = [(ours, theirs), (ours.antiderivative(), theirs.antiderivative())]
-    for order in range(1, 4):
-        last = compared[-1][0] if order > 1 else ours
-        compared.append((last.derivative(), theirs.derivative(order)))
+    compared += [(ours.derivative(k), theirs.derivative(k)) for k in (1, 2, 3)]
     for mine, other in compared:
         expected = other(t)
         size = np.max(np.abs(other.c))
@@ -132,3 +131,12 @@ def test_a_plan_starts_without_the_slow_parts_of_scipy() -> None:
     )
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert said.stdout.splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize("count", [15, 16, 29])
+def test_integrals_by_values_begin_with_nothing_and_are_exact(count: int) -> None:
+    x = points(count)
+    np.testing.assert_array_equal(integration(count)[0], 0.0)
+    for power in range(count):
+        integral = integration(count) @ x**power
+        np.testing.assert_allclose(integral, x ** (power + 1) / (power + 1), rtol=0, atol=1e-15)

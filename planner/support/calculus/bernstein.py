@@ -102,11 +102,12 @@ class Bernstein:
             out = np.swapaxes(weights @ np.swapaxes(c, 0, 1), 0, 1)
         return np.asarray(out.reshape(*fraction.shape, *self.c.shape[2:]))
 
-    def derivative(self) -> Bernstein:
-        """dp/dt, one degree lower."""
-        if not self.degree:
-            return Bernstein(np.zeros_like(self.c), self.x)
-        return Bernstein(self.degree * np.diff(self.c, axis=0) / self._wide, self.x)
+    def derivative(self, order: int = 1) -> Bernstein:
+        """The derivative of an order in time, so many degrees lower."""
+        c = self.c
+        for _ in range(order):
+            c = (len(c) - 1) * np.diff(c, axis=0) / self._wide if len(c) > 1 else np.zeros_like(c)
+        return Bernstein(c, self.x)
 
     def antiderivative(self) -> Bernstein:
         """∫ p dt from the first break, one degree higher; its pieces meet to the last bit."""

@@ -45,9 +45,9 @@ def resampling(count: int, new: int) -> Array:
 
 @lru_cache(maxsize=16)
 def integration(count: int) -> Array:
-    """Values at the points → values there of the integral from 0."""
+    """Values at the points → values there of the integral from 0, which begins with zero."""
     integrals = chebyshev.chebint(np.eye(count), lbnd=-1) / 2
-    return np.asarray(from_series(count + 1, count) @ integrals @ to_series(count))
+    return np.asarray(chebyshev.chebval(2 * points(count) - 1, integrals).T @ to_series(count))
 
 
 @lru_cache(maxsize=16)

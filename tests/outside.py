@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import planner
-from planner.support.one_variable import sample_times
+from planner.support.calculus.extremes import sample_times
 
 Array = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from outside import integrate
 import planner
 from planner.plan.plan_file import read_plan
 from planner.plan.trajectory import StateTrajectory
-from planner.support.one_variable import elevate
+from planner.support.calculus.bernstein import elevate
 
 Array = NDArray[np.float64]
 

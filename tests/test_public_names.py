@@ -79,7 +79,7 @@ COMMAND = "import sys, planner_start; sys.argv = sys.argv[:1] + {words}; planner
         ("import planner", set()),
         (COMMAND.format(words=["--help"]), {"numpy", "rich"}),
         (COMMAND.format(words=["--version"]), {"numpy", "rich"}),
-        (COMMAND.format(words=["new"]), {"casadi", "numpy", "pydantic", "rich", "scipy"}),
+        (COMMAND.format(words=["new"]), {"casadi", "numpy", "pydantic", "rich"}),
     ],
     ids=["import planner", "--help", "--version", "new"],
 )

@@ -27,7 +27,7 @@ from planner.errors import InputError
 from planner.machine.machine import Draws, Machine, draw, machine_for, sample_numbers
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.support.arrays import Array
-from planner.support.one_variable import sample_times
+from planner.support.calculus.extremes import sample_times
 from planner.systems.manipulator import Manipulator, gravity_torques
 
 INSTANTS = 100

@@ -32,6 +32,7 @@ from planner.machine.march import GAMMA, March, begin
 from planner.machine.servos import Servos
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
+from planner.support.calculus import runge_kutta
 from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem
 
@@ -189,13 +190,8 @@ class Direct:
         """
         points = np.swapaxes(speed, 1, 2)
         start, end = points[0], points[-1]
-        middle = points[1] if len(points) > 2 else (start + end) / 2
-        rates, q = self._system.rates, self._q
-        k1 = rates(q, start)
-        k2 = rates(q + h / 2 * k1, middle)
-        k3 = rates(q + h / 2 * k2, middle)
-        k4 = rates(q + h * k3, end)
-        self._q = q + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        speeds = start, points[1] if len(points) > 2 else (start + end) / 2, end
+        self._q = runge_kutta.step(lambda q, k: self._system.rates(q, speeds[k]), self._q, h)
 
 
 class DynamicChain:

@@ -23,7 +23,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from planner.machine.machine import Machine
 from planner.paper.statements import FITTED, STATEMENTS, PaperReplays, move, nominal, values
@@ -86,6 +85,8 @@ def fit(plan: Plan) -> Fit:
 
     A bound inside the search would be a kink in it, at which least squares ends too early.
     """
+    from scipy.optimize import least_squares  # slow to import
+
     slopes: dict[bytes, Array] = {}
     counted, x, evaluations = ~BOUNDS, np.zeros(len(FITTED)), 0
 

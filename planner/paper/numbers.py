@@ -13,7 +13,6 @@ import numpy as np
 from planner.methods.laws.legs import Leg, Point, steer
 from planner.methods.laws.scores import score
 from planner.paper.cases import POINT, Cases, paper_problem
-from planner.plan.curves import polynomial_roots
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan
 from planner.plan.trajectory import ChainedTrajectory
@@ -21,6 +20,7 @@ from planner.problem.feasibility import travel_window
 from planner.problem.nonholonomy import paper_recursion
 from planner.solve import solve
 from planner.support.arrays import Array
+from planner.support.calculus.extremes import sample_times, zeros
 from planner.systems.chained_form import chained_form
 from planner.systems.controllability import controllability
 from planner.systems.manipulator import Manipulator
@@ -260,7 +260,8 @@ def scan() -> Scan:
     times = np.concatenate([np.linspace(0.5, 9.5, 37), np.linspace(3.8, 4.2, 9)])
     tried, inside = 0, []
     for travel in travels.tolist():
-        if not polynomial_roots(_curve(travel, []).z_curve, 1):
+        plain = _curve(travel, [])
+        if not zeros(lambda t, z=plain.z: z(t)[..., 1], sample_times(plain.breaks)):  # type: ignore[misc]
             continue
         curves = [_curve(travel, [Point(time, POINT[1])]) for time in times.tolist()]
         tried += len(curves)

@@ -19,7 +19,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BPoly
 
 from planner.errors import NotConvergedError
 from planner.plan.measures import slowing
@@ -29,7 +28,8 @@ from planner.plan.trajectory import Trajectory
 from planner.problem.asked import Limits
 from planner.problem.requirements.requirement import Requirement
 from planner.support.arrays import Array
-from planner.support.one_variable import DEGREE, Grid
+from planner.support.calculus.bernstein import Bernstein
+from planner.support.calculus.chebyshev import DEGREE, Grid
 
 _HELD = [0, DEGREE // 2, DEGREE]
 """Points of each interval at which the programme holds the rates."""
@@ -66,7 +66,7 @@ class Stretch:
     dw: Array
 
 
-def cut(path: Trajectory, length: BPoly, scale: Array, intervals: int, rest: bool) -> Stretch:
+def cut(path: Trajectory, length: Bernstein, scale: Array, intervals: int, rest: bool) -> Stretch:
     """Cut a path into about `intervals` intervals, finer where its direction turns."""
     edges = np.append(length.c[0], length.c[-1, -1])
     rough = _directions(path, length, Grid(edges))
@@ -103,7 +103,7 @@ def _spaced(count: int, first: bool, last: bool) -> Array:
     return np.asarray(1 - (1 - x) ** 2) if last else x
 
 
-def fastest(stretch: Stretch, top: Array, rate: Array) -> BPoly:
+def fastest(stretch: Stretch, top: Array, rate: Array) -> Bernstein:
     """The clock s(t), piecewise quadratic.
 
     Limits are held at three points of each interval; where one is exceeded between, it is tightened
@@ -130,7 +130,7 @@ def fastest(stretch: Stretch, top: Array, rate: Array) -> BPoly:
     return _clock(stretch.nodes, b)
 
 
-def _directions(path: Trajectory, length: BPoly, grid: Grid) -> Array:
+def _directions(path: Trajectory, length: Bernstein, grid: Grid) -> Array:
     """w at the grid's points, each piece's ends a little inside it."""
     left, right = grid.breaks[:-1, None], grid.breaks[1:, None]
     nudge = 1e-7 * (right - left)
@@ -141,7 +141,7 @@ def _directions(path: Trajectory, length: BPoly, grid: Grid) -> Array:
     return np.asarray(path.u(sigma) / inverse.slope(sigma)[..., None])
 
 
-def _stations(length: BPoly, nodes: Array) -> Array:
+def _stations(length: Bernstein, nodes: Array) -> Array:
     """Own times at the nodes, exact at the pieces' edges."""
     edges = np.append(length.c[0], length.c[-1, -1])
     k = np.minimum(np.searchsorted(edges, nodes, side="right") - 1, len(edges) - 2)
@@ -215,12 +215,12 @@ _QUIET: dict[str, Any] = {
 }
 
 
-def _clock(nodes: Array, b: Array) -> BPoly:
+def _clock(nodes: Array, b: Array) -> Bernstein:
     """s(t) with ds/dt = √b at the nodes and constant acceleration between."""
     speed, step = np.sqrt(b), np.diff(nodes)
     times = 2 * step / (speed[:-1] + speed[1:])
     c = np.stack([nodes[:-1], nodes[:-1] + speed[:-1] * times / 2, nodes[1:]])
-    return BPoly(c, np.concatenate([[0.0], np.cumsum(times)]))
+    return Bernstein(c, np.concatenate([[0.0], np.cumsum(times)]))
 
 
 Moving = NDArray[np.bool_]
@@ -280,7 +280,7 @@ def _without_rates(path: Trajectory, limits: Limits, moving: Moving) -> RetimedT
     scale = np.where(moving, limits.input, 1.0)
     length = arc_length(path, scale, "max")
     edges = np.append(length.c[0], length.c[-1, -1])
-    clock = BPoly(np.stack([edges[:-1], edges[1:]]), edges)
+    clock = Bernstein(np.stack([edges[:-1], edges[1:]]), edges)
     return RetimedTrajectory(path, length, clock, length.x)
 
 

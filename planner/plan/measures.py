@@ -9,18 +9,17 @@ lies in (0, 1]; it is smooth where every one lies in (0, 1). `domain_report` tes
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.plan.curves import polynomial_range, polynomial_roots
 from planner.plan.quadrature import greatest, jumps, largest, own_input, read, slopes
 from planner.plan.retimed import RetimedTrajectory
-from planner.plan.trajectory import ChainedTrajectory, Trajectory
+from planner.plan.trajectory import Trajectory
 from planner.problem.requirements.requirement import At, Requirement
 from planner.support.arrays import Array
-from planner.support.one_variable import maximum, minimum, sample_times, zeros
+from planner.support.calculus.extremes import maximum, minimum, sample_times, zeros
 from planner.systems.chained_form import chained_form
 
 _GAUSS = np.polynomial.legendre.leggauss(4)
@@ -206,7 +205,7 @@ def _inside(trajectory: Trajectory) -> DomainReport | None:
         return None
     worst = int(np.argmax(tops[:-2]))
     high, low = float(tops[-2]), -float(tops[-1])
-    crossings = _z2(trajectory, sample_times(trajectory.breaks))[0] if low <= 0 <= high else []
+    crossings = zeros(_z2(trajectory), sample_times(trajectory.breaks)) if low <= 0 <= high else []
     return DomainReport(
         ok=True,
         margin=-float(tops[worst]),
@@ -228,24 +227,18 @@ def _outside(trajectory: Trajectory) -> DomainReport:
     margin, when = minimum(worst, times)
     row = trajectory.margins(when)
     index = int(np.argmin(np.where(np.isnan(row), np.inf, row)))
-    crossings, low, high = _z2(trajectory, times)
+    z2 = _z2(trajectory)
     return DomainReport(
         ok=margin > 0,
         margin=margin,
         time_s=when,
         label=trajectory.system.margin_labels[index][1],
         exits_s=tuple(zeros(worst, times)),
-        z2_crossings_s=tuple(crossings),
-        z2_max=high,
-        z2_min=low,
+        z2_crossings_s=tuple(zeros(z2, times)),
+        z2_max=maximum(z2, times)[0],
+        z2_min=minimum(z2, times)[0],
     )
 
 
-def _z2(trajectory: Trajectory, times: Array) -> tuple[list[float], float, float]:
-    if isinstance(trajectory, ChainedTrajectory):
-        return polynomial_roots(trajectory.z_curve, 1), *polynomial_range(trajectory.z_curve, 1)
-
-    def z2(t: Array) -> Array:
-        return np.asarray(trajectory.z(t)[..., 1])
-
-    return zeros(z2, times), minimum(z2, times)[0], maximum(z2, times)[0]
+def _z2(trajectory: Trajectory) -> Callable[[Array], Array]:
+    return lambda t: np.asarray(trajectory.z(t)[..., 1])

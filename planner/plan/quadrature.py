@@ -1,24 +1,32 @@
 """Functions of time as Chebyshev series on cells, and the motion under an input by quadrature.
 
 A function is held by its values at the Chebyshev–Lobatto points of every cell, shape (P, C, …):
-points first, so that one small matrix acts on all cells at once (Trefethen, "Spectral Methods in
-MATLAB", 2000, ch. 6 and 12). The judge's own: the planners share neither its points nor its code.
+points first, so that one small matrix acts on all cells at once. No planner uses its points.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
-from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from planner.plan.curves import Cells, Pieces, joined, product
+from planner.plan.curves import Cells, joined
 from planner.plan.trajectory import Trajectory
 from planner.support import deadline
 from planner.support.arrays import Array
+from planner.support.calculus.bernstein import Pieces
+from planner.support.calculus.chebyshev import (
+    apply,
+    from_series,
+    integration,
+    points,
+    resampling,
+    series_slopes,
+    to_series,
+)
 from planner.systems.triangular_system import TriangularSystem
 
 POINTS = 16
@@ -128,7 +136,7 @@ def tails(values: Array) -> Array:
 
     NaN where a value is not finite.
     """
-    last = apply(_to_series()[-3:], values)
+    last = apply(to_series(POINTS)[-3:], values)
     with np.errstate(invalid="ignore"):
         share = np.max(np.abs(last), axis=0) / np.maximum(np.max(np.abs(values), axis=0), 1.0)
     return np.asarray(np.max(share, axis=-1))
@@ -161,11 +169,11 @@ class Motion:
     @cached_property
     def series(self) -> Array:
         """Chebyshev coefficients of q, shape (16, C, N)."""
-        return apply(_to_series(), self.q)
+        return apply(to_series(POINTS), self.q)
 
     def samples(self) -> tuple[Array, Array]:
         """Points x (33,) in [−1, 1] and q (33, C, N) there in every cell."""
-        return 2 * points(SAMPLES) - 1, apply(_resampling(SAMPLES), self.q)
+        return 2 * points(SAMPLES) - 1, apply(resampling(POINTS, SAMPLES), self.q)
 
     def at(self, cell: Pieces, x: Array) -> Array:
         """q (…, R, N) at x (…, R) in [−1, 1] of cells (R,)."""
@@ -221,11 +229,11 @@ def _read_twice(
         cells, hidden = reading.cells, np.zeros((count, len(reading.cells.piece)))
         q, u = trajectory.inside(cells.piece, cells.fractions(points(count)))
         peaks = np.max(np.abs(reading.u), axis=(0, 1))
-        away = np.abs(u - apply(_resampling(count), reading.u))
+        away = np.abs(u - apply(resampling(POINTS, count), reading.u))
         away = np.max(away / np.maximum(peaks, max(LESSER * np.max(peaks), 1e-12)), axis=-1)
         for function in values:
             own, between = function(reading.q, reading.u), function(q, u)
-            gap = np.abs(between - apply(_resampling(count), own))
+            gap = np.abs(between - apply(resampling(POINTS, count), own))
             hidden = np.maximum(hidden, np.max(gap / np.maximum(np.max(np.abs(own)), 1.0), axis=-1))
         split = (np.max(np.maximum(away, hidden), axis=0) > AGREED) & (cells.size > 0.25**SPLITS)
         if not np.any(split) or len(cells.piece) > MOST_CELLS:
@@ -248,9 +256,9 @@ def _integrated(
     width = cells.width[:, None]
     q = _settled(system, start, width, np.where(np.isfinite(reading.q), reading.q, start), u)
     rates = system.rates(q, u)
-    tail = np.sum(width * np.max(np.abs(apply(_to_series()[-3:], rates)), axis=0), axis=0)
+    tail = np.sum(width * np.max(np.abs(apply(to_series(POINTS)[-3:], rates)), axis=0), axis=0)
     # the same integral at other points, through the interpolated motion
-    between = again = apply(_resampling(len(control.q)), q)
+    between = again = apply(resampling(POINTS, len(control.q)), q)
     for _ in range(2):  # so that an error of one coordinate reaches those that read it
         again = _integral(start, width, system.rates(again, control.u))
     error = np.max(np.abs(again - between)) + np.max(tail)
@@ -260,7 +268,7 @@ def _integrated(
 
 
 def _integral(start: Array, width: Array, rates: Array) -> Array:
-    own = apply(_integration(len(rates)), rates) * width
+    own = apply(integration(len(rates)), rates) * width
     ends = np.cumsum(own[-1], axis=0)
     own[:, 1:] += ends[:-1]
     return np.asarray(own + start)
@@ -279,11 +287,11 @@ def _settled(system: TriangularSystem, start: Array, width: Array, q: Array, u: 
         change, q = float(np.max(np.abs(new - q))), new
         if not change > SETTLED * max(1.0, float(np.max(np.abs(q)))):
             return q
-    growth = apply(_integration(POINTS), _jacobian(system, q, u)) * width[..., None]
+    growth = apply(integration(POINTS), _jacobian(system, q, u)) * width[..., None]
     across = growth[-1] + np.eye(system.size)
     for _ in range(SWEEPS):
         deadline.check_stopped()
-        own = apply(_integration(POINTS), system.rates(q, u)) * width
+        own = apply(integration(POINTS), system.rates(q, u)) * width
         miss = q[0] + own[-1]
         miss[:-1] -= q[0, 1:]
         shift = np.zeros_like(miss)
@@ -316,7 +324,7 @@ def greatest(cells: Cells, values: Array) -> tuple[Array, Array]:
     the closer samples that may still be next to the greatest, Newton's method goes to the top.
     NaN where a function is not finite.
     """
-    series, samples = apply(_to_series(), values), apply(_resampling(SAMPLES), values)
+    series, samples = apply(to_series(POINTS), values), apply(resampling(POINTS, SAMPLES), values)
     order = np.arange(POINTS)[:, None]
     bend = apply(np.asarray(order.T**2.0), np.abs(series))[0]
     tops, best = np.max(samples, axis=0), np.max(samples, axis=(0, 1))
@@ -326,7 +334,7 @@ def greatest(cells: Cells, values: Array) -> tuple[Array, Array]:
         may[np.argmax(tops, axis=0), np.arange(len(best))] = True  # one of each function at least
         cell, which = np.nonzero(may)
         series = series[:, cell, which]
-        closer = _closer() @ series
+        closer = from_series(POINTS, CLOSER) @ series
         np.maximum.at(enough, which, np.max(closer, axis=0))
         may = closer + bend[cell, which] * _hidden(CLOSER) > enough[which]
         may[np.argmax(closer, axis=0), np.arange(len(cell))] = True
@@ -363,65 +371,14 @@ def slopes(cells: Cells, values: Array) -> Array:
     plateau of rounding at a series' end would be most of the slope in a short cell: what is not
     above ten times the last three coefficients is left out, from the end.
     """
-    series = apply(_to_series(), values)
+    series = apply(to_series(POINTS), values)
     size = np.abs(series)
     above = size > 10 * np.max(size[-3:], axis=0)
     shape = np.logical_or.accumulate(above[::-1])[::-1]
-    slope = apply(_slopes_at_points(), np.where(shape, series, 0.0))
-    return np.asarray(np.where(np.isnan(values), np.nan, slope) * (2 / cells.width[:, None]))
-
-
-# -- the matrices, all from values or series on [−1, 1] ------------------------------------------
-
-
-def apply(matrix: Array, values: Array) -> Array:
-    """A matrix (M, P) on the first axis of values (P, …)."""
-    return product(matrix, values.reshape(len(values), -1)).reshape(len(matrix), *values.shape[1:])
-
-
-@lru_cache(maxsize=8)
-def points(count: int) -> Array:
-    """Chebyshev–Lobatto points on [0, 1]."""
-    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.arange(count) / (count - 1)))
-
-
-@lru_cache(maxsize=8)
-def _to_series(count: int = POINTS) -> Array:
-    """Values at the points → Chebyshev coefficients."""
-    return np.asarray(np.linalg.inv(chebyshev.chebvander(2 * points(count) - 1, count - 1)))
-
-
-@lru_cache(maxsize=8)
-def _resampling(count: int) -> Array:
-    """Values at the 16 points → values at `count` points."""
-    return np.asarray(chebyshev.chebvander(2 * points(count) - 1, POINTS - 1) @ _to_series())
-
-
-@lru_cache(maxsize=1)
-def _closer() -> Array:
-    """Series → values at the closer samples."""
-    return np.asarray(chebyshev.chebvander(2 * points(CLOSER) - 1, POINTS - 1))
+    slope = apply(series_slopes(POINTS), np.where(shape, series, 0.0))
+    return np.asarray(np.where(np.isnan(values), np.nan, slope) / cells.width[:, None])
 
 
 def _hidden(count: int) -> float:
     """How far a top may lie above the next of so many samples, for |d²/dθ²| ≤ 1."""
     return (np.pi / (count - 1)) ** 2 / 8
-
-
-@lru_cache(maxsize=8)
-def _integration(count: int) -> Array:
-    """Values → values of the integral from the beginning, for a cell of width 1."""
-    integrals = chebyshev.chebint(np.eye(count), lbnd=-1) / 2
-    return np.asarray(chebyshev.chebval(2 * points(count) - 1, integrals).T @ _to_series(count))
-
-
-@lru_cache(maxsize=1)
-def _derivative() -> Array:
-    """Series → series of its derivative by x."""
-    return np.asarray(np.vstack([chebyshev.chebder(np.eye(POINTS)), np.zeros(POINTS)]))
-
-
-@lru_cache(maxsize=1)
-def _slopes_at_points() -> Array:
-    """Series → its derivative by x at the 16 points."""
-    return np.asarray(chebyshev.chebvander(2 * points(POINTS) - 1, POINTS - 1) @ _derivative())

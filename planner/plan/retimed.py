@@ -16,20 +16,13 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import BPoly, PPoly
 
-from planner.plan.curves import (
-    Pieces,
-    at_times,
-    curve_from_dict,
-    curve_to_dict,
-    expect_curve,
-    on_pieces,
-    undefined,
-)
+from planner.plan.curves import expect_curve, undefined
 from planner.plan.trajectory import Trajectory, trajectory_from_dict
 from planner.support.arrays import Array
-from planner.support.one_variable import Grid, sample_times, zeros
+from planner.support.calculus.bernstein import Bernstein, Pieces, basis
+from planner.support.calculus.chebyshev import Grid
+from planner.support.calculus.extremes import sample_times, zeros
 from planner.systems.triangular_system import TriangularSystem
 
 SAME = 1e-12
@@ -45,8 +38,8 @@ class RetimedTrajectory(Trajectory):
 
     Attributes:
         path: The trajectory whose path it follows.
-        length: BPoly of the length s over the path's own time σ, scalar, increasing.
-        clock: BPoly of s over time t, scalar, increasing; it ends at the whole length.
+        length: Bernstein of the length s over the path's own time σ, scalar, increasing.
+        clock: Bernstein of s over time t, scalar, increasing; it ends at the whole length.
         stations: σ at the clock's breaks, shape (K+1,); every break of `length` is one of them, and
             every break of the path is one of `length`.
 
@@ -57,8 +50,8 @@ class RetimedTrajectory(Trajectory):
 
     kind: ClassVar[str] = "retimed"
     path: Trajectory
-    length: BPoly
-    clock: BPoly
+    length: Bernstein
+    clock: Bernstein
     stations: Array
 
     @property
@@ -72,15 +65,15 @@ class RetimedTrajectory(Trajectory):
         return np.asarray(self.clock.x)
 
     def __post_init__(self) -> None:
-        expect_curve("length", self.length, ())
-        expect_curve("clock", self.clock, ())
+        for name in ("length", "clock"):
+            object.__setattr__(self, name, expect_curve(name, getattr(self, name), ()))
         if np.shape(self.stations) != np.shape(self.clock.x):
             raise ValueError("there must be one station for each break of the clock")
 
     @property
     def degree(self) -> int:
         """The highest one of its path, length and clock."""
-        return max(self.path.degree, len(self.length.c) - 1, len(self.clock.c) - 1)
+        return max(self.path.degree, self.length.degree, self.clock.degree)
 
     @property
     def in_coordinates(self) -> bool:
@@ -150,8 +143,8 @@ class RetimedTrajectory(Trajectory):
     def inside(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
         """The path's own where the clock is, with its inputs times dσ/dt."""
         low, high = self.stations[piece], self.stations[piece + 1]
-        own = self._inverse(on_pieces(self.clock, piece, fraction), low, high)
-        sigma, pace = self._paced(own, low, high, on_pieces(self._rate, piece, fraction))
+        own = self._inverse(self.clock.inside(piece, fraction), low, high)
+        sigma, pace = self._paced(own, low, high, self._rate.inside(piece, fraction))
         breaks = self.path.breaks
         at = np.clip(np.searchsorted(breaks, low, side="right") - 1, 0, len(breaks) - 2)
         left, right = breaks[at], breaks[at + 1]
@@ -164,16 +157,15 @@ class RetimedTrajectory(Trajectory):
 
     def slowed(self, factor: float) -> RetimedTrajectory:
         """The same path in `factor` times the time."""
-        clock = BPoly(self.clock.c, self.clock.x * factor)
-        return RetimedTrajectory(self.path, self.length, clock, self.stations)
+        return RetimedTrajectory(self.path, self.length, self.clock.slowed(factor), self.stations)
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready form."""
         return {
             "kind": self.kind,
             "path": self.path.to_dict(),
-            "length": curve_to_dict(self.length),
-            "clock": curve_to_dict(self.clock),
+            "length": self.length.to_dict(),
+            "clock": self.clock.to_dict(),
             "stations": self.stations.tolist(),
         }
 
@@ -181,7 +173,7 @@ class RetimedTrajectory(Trajectory):
     def from_dict(cls, system: TriangularSystem, data: Mapping[str, Any]) -> RetimedTrajectory:
         """Read back what `to_dict` wrote."""
         path = trajectory_from_dict(system, data["path"])
-        length, clock = curve_from_dict(data["length"]), curve_from_dict(data["clock"])
+        length, clock = (Bernstein.from_dict(data[name]) for name in ("length", "clock"))
         return cls(path, length, clock, np.asarray(data["stations"], dtype=float))
 
     @cached_property
@@ -189,7 +181,7 @@ class RetimedTrajectory(Trajectory):
         return Inverse(self.length)
 
     @cached_property
-    def _rate(self) -> BPoly:
+    def _rate(self) -> Bernstein:
         return self.clock.derivative()
 
     def place(self, t: ArrayLike) -> Array:
@@ -211,8 +203,7 @@ class RetimedTrajectory(Trajectory):
         return float((low + high) / 2)
 
     def _between(self, times: Array) -> tuple[Array, Array]:
-        k = np.searchsorted(self.clock.x, times, side="right") - 1
-        k = np.minimum(k, len(self.stations) - 2)
+        k = self.clock.piece(times)
         return self.stations[k], self.stations[k + 1]
 
     def _pace(self, t: ArrayLike) -> tuple[Array, Array]:
@@ -247,7 +238,7 @@ _NEGLIGIBLE = 1e-10
 """Tail that does not count, over the mean of the whole path."""
 
 
-def arc_length(path: Trajectory, scale: Array, norm: Norm) -> BPoly:
+def arc_length(path: Trajectory, scale: Array, norm: Norm) -> Bernstein:
     """s over the path's own time, increasing from 0; its pieces are smooth.
 
     Args:
@@ -273,35 +264,43 @@ class Inverse:
 
     Args:
         length: As `arc_length` returns it.
+
+    Attributes:
+        slope: ds/dσ.
     """
 
-    def __init__(self, length: BPoly) -> None:
-        self._length, self._slope = length, length.derivative()
-        self._quick = PPoly.from_bernstein_basis(length)  # faster, good to about 1e-9
-        self._quick_slope = self._quick.derivative()
-
-    def slope(self, sigma: Array) -> Array:
-        """ds/dσ, shape as sigma."""
-        return at_times(self._slope, sigma)
+    def __init__(self, length: Bernstein) -> None:
+        self._length, self.slope = length, length.derivative()
 
     def __call__(self, s: Array, low: Array, high: Array) -> Array:
         """σ at lengths s (…), known to lie between own times low and high (…) of one piece."""
-        high = np.nextafter(high, low)  # at the very end the next piece would answer
-        base, top = self._quick(low), self._quick(high)
-        at = low + (high - low) * np.clip((s - base) / np.maximum(top - base, 1e-300), 0.0, 1.0)
+        high = np.nextafter(high, low)  # at the very end the path's next piece would answer
+        piece = self._length.piece(low)
+        c = self._length.c[:, piece]
+        c = c.reshape(len(c), *[1] * (s.ndim - low.ndim), *low.shape)
+        begin, width = self._length.x[piece], np.diff(self._length.x)[piece]
+        rise, degree = np.diff(c, axis=0), len(c) - 1
+
+        def gap_and_slope(at: Array) -> tuple[Array, Array]:
+            fraction = (at - begin) / width
+            weights = basis(degree - 1, fraction)
+            up = np.sum(weights * rise, axis=0)
+            return np.sum(weights * c[:-1], axis=0) + fraction * up - s, degree * up / width
+
         left, right = low, high
+        (below, _), (above, _) = (gap_and_slope(np.broadcast_to(t, s.shape)) for t in (low, high))
+        share = np.clip(below / np.minimum(below - above, -1e-300), 0.0, 1.0)
+        at = low + (high - low) * share
         for _ in range(60):
-            gap = self._quick(at) - s
+            gap, slope = gap_and_slope(at)
             left, right = np.where(gap <= 0, at, left), np.where(gap >= 0, at, right)
-            new = _step(at, gap, self._quick_slope(at))
+            new = _step(at, gap, slope)
             new = np.where((new >= left) & (new <= right), new, (left + right) / 2)
             moved, at = np.abs(new - at), new
             if np.all(moved <= 1e-8 * (high - low)):
                 break
-        for _ in range(2):
-            new = np.clip(_step(at, at_times(self._length, at) - s, self.slope(at)), low, high)
-            at = np.where(np.isnan(new), at, new)
-        return np.asarray(at)
+        new = np.clip(_step(at, *gap_and_slope(at)), low, high)
+        return np.where(np.isnan(new), at, new)
 
 
 def _step(at: Array, gap: Array, slope: Array) -> Array:

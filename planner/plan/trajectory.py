@@ -1,6 +1,6 @@
 """Curves in time that evaluate anywhere: the continuous form of every plan.
 
-Both kinds store piecewise polynomials in the Bernstein basis (`scipy.interpolate.BPoly`), whose
+Both kinds store piecewise polynomials in the Bernstein basis (`Bernstein`), whose
 coefficients bound the curve, and derive the rest through the system's chained form.
 """
 
@@ -14,19 +14,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import BPoly
 
 from planner.errors import InputError
-from planner.plan.curves import (
-    Pieces,
-    curve_from_dict,
-    curve_to_dict,
-    expect_curve,
-    on_longer_clock,
-    on_pieces,
-    undefined,
-)
+from planner.plan.curves import expect_curve, undefined
 from planner.support.arrays import Array, jsonable
+from planner.support.calculus.bernstein import Bernstein, Pieces
 from planner.systems.chained_form import chained_form
 from planner.systems.triangular_system import TriangularSystem
 
@@ -141,8 +133,8 @@ class ChainedTrajectory(Trajectory):
 
     Attributes:
         system: The system it belongs to.
-        z_curve: BPoly of z, values (N,).
-        v_curve: BPoly of v, values (2,), on the same breaks.
+        z_curve: Bernstein of z, values (N,).
+        v_curve: Bernstein of v, values (2,), on the same breaks.
         branch: Signs (N,) of the chart's branch.
 
     Raises:
@@ -152,13 +144,13 @@ class ChainedTrajectory(Trajectory):
 
     kind: ClassVar[str] = "chained"
     system: TriangularSystem
-    z_curve: BPoly
-    v_curve: BPoly
+    z_curve: Bernstein
+    v_curve: Bernstein
     branch: Array
 
     def __post_init__(self) -> None:
-        expect_curve("z_curve", self.z_curve, (self.system.size,))
-        expect_curve("v_curve", self.v_curve, (2,))
+        for name, values in (("z_curve", self.system.size), ("v_curve", 2)):
+            object.__setattr__(self, name, expect_curve(name, getattr(self, name), (values,)))
         if not np.array_equal(self.z_curve.x, self.v_curve.x):
             raise ValueError("z_curve and v_curve must have the same breaks")
         if np.shape(self.branch) != (self.system.size,):
@@ -172,7 +164,7 @@ class ChainedTrajectory(Trajectory):
     @property
     def degree(self) -> int:
         """The higher one of its two curves."""
-        return max(len(self.z_curve.c), len(self.v_curve.c)) - 1
+        return max(self.z_curve.degree, self.v_curve.degree)
 
     @property
     def flaw(self) -> str:
@@ -181,11 +173,11 @@ class ChainedTrajectory(Trajectory):
 
     def z(self, t: ArrayLike) -> Array:
         """The polynomials themselves."""
-        return np.asarray(self.z_curve(self._clip(t)))
+        return self.z_curve(self._clip(t))
 
     def v(self, t: ArrayLike) -> Array:
         """The polynomials themselves; zero outside [0, duration]."""
-        return np.asarray(self.v_curve(self._clip(t))) * self._running(t)
+        return self.v_curve(self._clip(t)) * self._running(t)
 
     def q(self, t: ArrayLike) -> Array:
         """By the inverse chart; NaN outside its domain."""
@@ -194,7 +186,7 @@ class ChainedTrajectory(Trajectory):
     def u(self, t: ArrayLike) -> Array:
         """By the feedback transformation."""
         times = self._clip(t)
-        z, v = np.asarray(self.z_curve(times)), np.asarray(self.v_curve(times))
+        z, v = self.z_curve(times), self.v_curve(times)
         u = chained_form(self.system).inputs(z, v, self.branch)
         return np.where(self._running(t) > 0, u, 0.0)
 
@@ -204,16 +196,12 @@ class ChainedTrajectory(Trajectory):
 
     def inside(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
         """By the inverse chart and the feedback transformation; NaN outside the chart's domain."""
-        z = on_pieces(self.z_curve, piece, fraction)
-        v = on_pieces(self.v_curve, piece, fraction)
+        z, v = self.z_curve.inside(piece, fraction), self.v_curve.inside(piece, fraction)
         return chained_form(self.system).both(z, v, self.branch)
 
     def slowed(self, factor: float) -> ChainedTrajectory:
         """The same path in `factor` times the time."""
-        z, v = (
-            on_longer_clock(self.z_curve, factor),
-            on_longer_clock(self.v_curve, factor, 1 / factor),
-        )
+        z, v = self.z_curve.slowed(factor), self.v_curve.slowed(factor, 1 / factor)
         return ChainedTrajectory(self.system, z, v, self.branch)
 
     def to_dict(self) -> dict[str, Any]:
@@ -221,15 +209,15 @@ class ChainedTrajectory(Trajectory):
         return {
             "kind": self.kind,
             "branch": self.branch.tolist(),
-            "z": curve_to_dict(self.z_curve),
-            "v": curve_to_dict(self.v_curve),
+            "z": self.z_curve.to_dict(),
+            "v": self.v_curve.to_dict(),
         }
 
     @classmethod
     def from_dict(cls, system: TriangularSystem, data: Mapping[str, Any]) -> ChainedTrajectory:
         """Read back what `to_dict` wrote."""
         branch = np.asarray(data["branch"], dtype=float)
-        return cls(system, curve_from_dict(data["z"]), curve_from_dict(data["v"]), branch)
+        return cls(system, Bernstein.from_dict(data["z"]), Bernstein.from_dict(data["v"]), branch)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -238,8 +226,8 @@ class StateTrajectory(Trajectory):
 
     Attributes:
         system: The system it belongs to.
-        q_curve: BPoly of q, values (N,).
-        u_curve: BPoly of u, values (2,), on the same breaks.
+        q_curve: Bernstein of q, values (N,).
+        u_curve: Bernstein of u, values (2,), on the same breaks.
 
     Raises:
         ValueError: If the curves differ in their breaks or have another number of values, or the
@@ -248,12 +236,12 @@ class StateTrajectory(Trajectory):
 
     kind: ClassVar[str] = "state"
     system: TriangularSystem
-    q_curve: BPoly
-    u_curve: BPoly
+    q_curve: Bernstein
+    u_curve: Bernstein
 
     def __post_init__(self) -> None:
-        expect_curve("q_curve", self.q_curve, (self.system.size,))
-        expect_curve("u_curve", self.u_curve, (2,))
+        for name, values in (("q_curve", self.system.size), ("u_curve", 2)):
+            object.__setattr__(self, name, expect_curve(name, getattr(self, name), (values,)))
         if not np.array_equal(self.q_curve.x, self.u_curve.x):
             raise ValueError("q_curve and u_curve must have the same breaks")
 
@@ -265,7 +253,7 @@ class StateTrajectory(Trajectory):
     @property
     def degree(self) -> int:
         """The higher one of its two curves."""
-        return max(len(self.q_curve.c), len(self.u_curve.c)) - 1
+        return max(self.q_curve.degree, self.u_curve.degree)
 
     @property
     def flaw(self) -> str:
@@ -274,11 +262,11 @@ class StateTrajectory(Trajectory):
 
     def q(self, t: ArrayLike) -> Array:
         """The polynomials themselves."""
-        return np.asarray(self.q_curve(self._clip(t)))
+        return self.q_curve(self._clip(t))
 
     def u(self, t: ArrayLike) -> Array:
         """The polynomials themselves; zero outside [0, duration]."""
-        return np.asarray(self.u_curve(self._clip(t))) * self._running(t)
+        return self.u_curve(self._clip(t)) * self._running(t)
 
     def z(self, t: ArrayLike) -> Array:
         """By the chart, which is defined at every configuration."""
@@ -295,28 +283,25 @@ class StateTrajectory(Trajectory):
 
     def inside(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
         """The polynomials themselves."""
-        return on_pieces(self.q_curve, piece, fraction), on_pieces(self.u_curve, piece, fraction)
+        return self.q_curve.inside(piece, fraction), self.u_curve.inside(piece, fraction)
 
     def slowed(self, factor: float) -> StateTrajectory:
         """The same path in `factor` times the time."""
-        q, u = (
-            on_longer_clock(self.q_curve, factor),
-            on_longer_clock(self.u_curve, factor, 1 / factor),
-        )
+        q, u = self.q_curve.slowed(factor), self.u_curve.slowed(factor, 1 / factor)
         return StateTrajectory(self.system, q, u)
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready form."""
         return {
             "kind": self.kind,
-            "q": curve_to_dict(self.q_curve),
-            "u": curve_to_dict(self.u_curve),
+            "q": self.q_curve.to_dict(),
+            "u": self.u_curve.to_dict(),
         }
 
     @classmethod
     def from_dict(cls, system: TriangularSystem, data: Mapping[str, Any]) -> StateTrajectory:
         """Read back what `to_dict` wrote."""
-        return cls(system, curve_from_dict(data["q"]), curve_from_dict(data["u"]))
+        return cls(system, Bernstein.from_dict(data["q"]), Bernstein.from_dict(data["u"]))
 
     @property
     def in_coordinates(self) -> bool:

@@ -29,13 +29,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from planner.errors import InputError
 from planner.plan.plan import Plan, refuse_compensated, refuse_inexecutable
 from planner.support.arrays import Array
+from planner.support.calculus import runge_kutta
+from planner.support.calculus.extremes import maximum, sample_times
 from planner.support.compiled_calls import Pointwise
-from planner.support.one_variable import maximum, sample_times
 from planner.systems.ball_gear import BallGear
 from planner.systems.linearised import linearised, parameters
 from planner.systems.manipulator import Manipulator
@@ -222,25 +222,14 @@ def sensitivity(plan: Plan, samples: int = 2000) -> Sensitivity:
     first = names.index(f"start {system.coordinates[0].name}")
     S[0, :, first : first + system.size] = np.eye(system.size)
     ends = np.where(np.isin(t[1:], plan.t[1:-1]), np.nextafter(t[1:], 0.0), t[1:])
-    left, middle, right = (_linearised(plan, at) for at in (t[:-1], (t[:-1] + t[1:]) / 2, ends))
+    places = (t[:-1], (t[:-1] + t[1:]) / 2, ends)
+    A, B = zip(*(_linearised(plan, at) for at in places), strict=True)
     for k, h in enumerate(np.diff(t)):
-        S[k + 1] = _runge_kutta(S[k], h, *((A[k], B[k]) for A, B in (left, middle, right)))
+        S[k + 1] = runge_kutta.step(lambda S, j, k=k: A[j][k] @ S + B[j][k], S[k], h)  # type: ignore[misc]
     return Sensitivity(plan, t, S, names, units)
 
 
-Linear = tuple[Array, Array]
-
-
-def _runge_kutta(S: Array, h: float, start: Linear, middle: Linear, end: Linear) -> Array:
-    """One classical step of Ṡ = A S + B with A, B given at its start, middle and end."""
-    k1 = start[0] @ S + start[1]
-    k2 = middle[0] @ (S + h / 2 * k1) + middle[1]
-    k3 = middle[0] @ (S + h / 2 * k2) + middle[1]
-    k4 = end[0] @ (S + h * k3) + end[1]
-    return np.asarray(S + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4))
-
-
-def _linearised(plan: Plan, t: Array) -> Linear:
+def _linearised(plan: Plan, t: Array) -> tuple[Array, Array]:
     """A (m, N, N) and B (m, N, P) at the times t (m,)."""
     system = plan.problem.system
     size = system.size
@@ -339,6 +328,8 @@ def indicators(plan: Plan, period_s: float = 0.01) -> Indicators:
 
 def held_end(plan: Plan, period_s: float) -> Array:
     """q(T), shape (N,), of the ideal machine under the input sampled and held every period."""
+    from scipy.integrate import solve_ivp  # slow to import
+
     system, q = plan.problem.system, plan.problem.start
     count = int(np.ceil(plan.duration / period_s * (1 - 1e-12)))
     edges = np.append(period_s * np.arange(count), plan.duration)

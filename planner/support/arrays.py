@@ -41,3 +41,18 @@ def hashable(value: Any) -> Any:
 
 
 Array = NDArray[np.float64]
+
+
+def product(matrix: Array, columns: Array) -> Array:
+    """The matrix times columns (K, M), a few at a time.
+
+    OpenBLAS starts threads for products of more than 2^18 multiplications (its default,
+    GEMM_MULTITHREAD_THRESHOLD 4); on a computer that is busy they cost more than they gain.
+    """
+    most = max(1, 2**18 // matrix.size)
+    if columns.shape[1] <= most:
+        return np.asarray(matrix @ columns)
+    out = np.empty((len(matrix), columns.shape[1]))
+    for k in range(0, columns.shape[1], most):
+        np.matmul(matrix, columns[:, k : k + most], out=out[:, k : k + most])
+    return out

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.support.arrays import Array
+from planner.support.calculus.inverse import Preimage, inverse
 from planner.support.compiled_calls import Pointwise
-from planner.support.one_variable import Preimage, inverse
 from planner.systems.expressions import FUNCTIONS, parse_expression, write_expression
 from planner.systems.triangular_system import Coordinate, TriangularSystem
 

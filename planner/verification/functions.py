@@ -7,14 +7,15 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from scipy.interpolate import BPoly
 
 from planner.plan.curves import Cells
 from planner.support import deadline
 from planner.support.arrays import Array
+from planner.support.calculus.bernstein import Bernstein, part
+from planner.support.calculus.chebyshev import from_bernstein
 from planner.verification import balls as f
 from planner.verification.balls import Ball, polynomial_balls
-from planner.verification.models import INFLATE, UNIT, Model, from_bernstein
+from planner.verification.models import INFLATE, UNIT, Model
 
 Given = Sequence[Sequence[Ball] | Mapping[int, Ball]]
 """Balls of each argument's entries."""
@@ -163,18 +164,18 @@ _KNOWN = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *_CIRCULAR, *_PLAIN}
 # -- piecewise polynomials -------------------------------------------------------------------------
 
 
-def polynomials(curve: BPoly, cells: Cells, order: int = 0) -> list[Model]:
+def polynomials(curve: Bernstein, cells: Cells, order: int = 0) -> list[Model]:
     """The components of a piecewise polynomial with values (k,), or of a scalar one, or of a
     derivative of it in time."""
     return [Model(*pair) for pair in zip(*_restricted(curve, cells, order), strict=True)]
 
 
-def on(curve: BPoly, cells: Cells, order: int = 0) -> list[Ball]:
+def on(curve: Bernstein, cells: Cells, order: int = 0) -> list[Ball]:
     """Piecewise polynomials on the cells as balls."""
     return polynomial_balls(*_restricted(curve, cells, order))
 
 
-def derivative(curve: BPoly, order: int) -> tuple[Array, Array]:
+def derivative(curve: Bernstein, order: int) -> tuple[Array, Array]:
     """Bernstein coefficients (d+1, P, k) of a derivative, and what rounding did to them (P, k)."""
     c = curve.c.reshape(*curve.c.shape[:2], -1)
     width, size = np.diff(curve.x)[:, None], np.max(np.abs(c), axis=0)
@@ -185,41 +186,27 @@ def derivative(curve: BPoly, order: int) -> tuple[Array, Array]:
     return c, 6 * order * UNIT * size
 
 
-def refined(curve: BPoly, breaks: Array) -> BPoly:
+def refined(curve: Bernstein, breaks: Array) -> Bernstein:
     """The same curve on more pieces, to rounding; every break of the curve is one of `breaks`."""
     if np.array_equal(curve.x, breaks):
         return curve
     k = np.searchsorted(curve.x, (breaks[:-1] + breaks[1:]) / 2) - 1
     low, high = ((x - curve.x[k]) / np.diff(curve.x)[k] for x in (breaks[:-1], breaks[1:]))
-    return BPoly(_part(curve.c.transpose(2, 1, 0)[:, k], low, high).transpose(2, 1, 0), breaks)
+    return Bernstein(part(curve.c[:, k], low[:, None], high[:, None]), breaks)
 
 
-def _restricted(curve: BPoly, cells: Cells, order: int) -> tuple[Array, Array]:
+def _restricted(curve: Bernstein, cells: Cells, order: int) -> tuple[Array, Array]:
     """Chebyshev coefficients (k, C, d+1) on the cells, wrong by no more than (k, C) together."""
     c, slip = derivative(curve, order)
-    c = c.transpose(2, 1, 0)[:, cells.piece]
-    size, degree = np.max(np.abs(c), axis=2), c.shape[2] - 1
-    slips = slip.T[:, cells.piece]
+    c, degree = c[:, cells.piece], len(c) - 1
+    size, slips = np.max(np.abs(c), axis=0).T, slip.T[:, cells.piece]
     if degree == 0:
-        return c, slips
+        return c.transpose(2, 1, 0), slips
     whole = np.all(cells.size == 1)
     if not whole:
-        c = _part(c, cells.low, cells.low + cells.size)
+        c = part(c, cells.low[:, None], (cells.low + cells.size)[:, None])
     matrix = from_bernstein(degree + 1)
     steps = degree + 4 + (0 if whole else 8 * degree)
-    return c @ matrix.T, steps * np.sum(np.abs(matrix)) * UNIT * size + slips * INFLATE
-
-
-def _part(c: Array, low: Array, high: Array) -> Array:
-    """Coefficients (k, C, d+1) on [low, high], each (C,), of those on [0, 1]."""
-    c = _left_of(c, high[:, None])
-    return _left_of(c[:, :, ::-1], 1 - (low / high)[:, None])[:, :, ::-1]
-
-
-def _left_of(c: Array, at: Array) -> Array:
-    """Coefficients (…, C, d+1) on [0, at] of those on [0, 1], by de Casteljau; at is (C, 1)."""
-    out, row, rest = [c[..., :1]], c, 1 - at
-    for _ in range(c.shape[-1] - 1):
-        row = rest * row[..., :-1] + at * row[..., 1:]
-        out.append(row[..., :1])
-    return np.concatenate(out, axis=-1)
+    return c.transpose(2, 1, 0) @ matrix.T, steps * np.sum(
+        np.abs(matrix)
+    ) * UNIT * size + slips * INFLATE

@@ -20,12 +20,13 @@ from functools import lru_cache
 
 import casadi as ca
 import numpy as np
-from scipy.interpolate import BPoly
 
 from planner.plan.curves import Cells
 from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import ChainedTrajectory, StateTrajectory, Trajectory
 from planner.support.arrays import Array
+from planner.support.calculus.bernstein import Bernstein
+from planner.support.calculus.chebyshev import from_bernstein
 from planner.systems.chained_form import chained_form
 from planner.systems.triangular_system import TriangularSystem
 from planner.verification.balls import Ball, polynomial_balls, reciprocal
@@ -45,7 +46,6 @@ from planner.verification.models import (
     Index,
     Model,
     evaluation,
-    from_bernstein,
     interpolation,
     least,
     nodes,
@@ -197,7 +197,7 @@ def _retimed(trajectory: RetimedTrajectory) -> Source:
 Law = Callable[..., list[Ball]]
 
 
-def _law(path: Trajectory) -> tuple[list[BPoly], Law, Law]:
+def _law(path: Trajectory) -> tuple[list[Bernstein], Law, Law]:
     """Curves of a path; its inputs from their balls, and the inputs' slopes from these and theirs.
 
     A subclass may evaluate in its own way, of which nothing is known.
@@ -350,7 +350,7 @@ def clocked(trajectory: RetimedTrajectory, cells: Cells) -> tuple[Ball, Ball, Ba
 
 
 def at(
-    curve: BPoly, order: int, trajectory: RetimedTrajectory, cells: Cells, sigma: Ball
+    curve: Bernstein, order: int, trajectory: RetimedTrajectory, cells: Cells, sigma: Ball
 ) -> list[Ball]:
     """A derivative of a piecewise polynomial of the path's own time, at balls of it.
 

@@ -20,9 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cached_property, lru_cache
-from math import comb
 from typing import Any
 
 import numpy as np
@@ -187,27 +185,6 @@ LEBESGUE *= 1 + 1e-12
 
 REACHES = float(np.max(np.sum(np.abs(integration()), axis=1))) * (1 + 1e-12)
 """No integral of an interpolant exceeds this times the greatest value."""
-
-
-@lru_cache(maxsize=64)
-def from_bernstein(width: int) -> Array:
-    """Bernstein coefficients to Chebyshev coefficients of the same degree, (width, width).
-
-    The basis is C(d, i) (1+τ)^i (1−τ)^{d−i} / 2^d, and τⁿ = 2^{1−n} Σ C(n, (n−k)/2) Tₖ over the k
-    of n's parity, the term of T₀ halved; in whole numbers, as above.
-    """
-    d = width - 1
-    out = np.zeros((width, width))
-    for i in range(width):
-        power = [0] * width
-        for a in range(i + 1):
-            for b in range(d - i + 1):
-                power[a + b] += comb(i, a) * comb(d - i, b) * (-1) ** b
-        for k in range(width):
-            terms = ((n, comb(n, (n - k) // 2)) for n in range(k, width, 2))
-            total = sum(Fraction(2 * power[n] * c, 2**n) for n, c in terms)
-            out[k, i] = float(total * comb(d, i) / 2**d / (2 if k == 0 else 1))
-    return out
 
 
 # -- the least value -----------------------------------------------------------------------------

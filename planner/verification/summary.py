@@ -10,7 +10,7 @@ import numpy as np
 from planner.errors import NoPlanError, Violation
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan
-from planner.support.one_variable import sample_times
+from planner.support.calculus.extremes import sample_times
 from planner.verification.verify import Check, verify
 
 KEYS = (

@@ -18,13 +18,15 @@ import numpy as np
 from planner.errors import Violation
 from planner.plan.curves import Cells
 from planner.plan.plan import Plan, expect_plan
-from planner.plan.quadrature import POINTS, Motion, greatest, integrate, jumps, points, slopes
+from planner.plan.quadrature import POINTS, Motion, greatest, integrate, jumps, slopes
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.problem import Problem
 from planner.problem.requirements.ends import Duration, Goal, Start
 from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.support import deadline
 from planner.support.arrays import Array
+from planner.support.calculus.chebyshev import points
+from planner.support.calculus.extremes import FLAT, narrowed
 from planner.support.tables import Column, html_table
 
 GOAL_TOLERANCE = 2e-5
@@ -317,13 +319,6 @@ def _not_judged(plan: Plan, violation: Violation) -> Check:
     )
 
 
-FLAT = 1e-13
-"""Depth of a dip, metres or radians, that is rounding: a distance may be the same all the time."""
-
-_ROUNDS = 11
-"""Rounds that each narrow a dip eight times: to 1e-10 of the distance between samples."""
-
-
 def _passes(
     problem: Problem, motion: Motion, tolerance: float, lead_s: float
 ) -> Iterator[_Finding]:
@@ -359,14 +354,13 @@ def _least(motion: Motion, function: Callable[[Array], Array]) -> tuple[Array, A
     dips &= (deep > FLAT) | (values == least)
     sample, cell, which = np.nonzero(dips)
     low, high = grid[np.maximum(sample - 1, 0)], grid[np.minimum(sample + 1, len(grid) - 1)]
-    share, row = np.linspace(0.0, 1.0, 17)[:, None], np.arange(len(cell))
-    for _ in range(_ROUNDS):
+    row = np.arange(len(cell))
+
+    def own_values(x: Array) -> Array:
         deadline.check_stopped()
-        x = low + (high - low) * share
-        found = function(motion.at(cell, x))[:, row, which]
-        k = np.argmin(found, axis=0)
-        best, at = found[k, row], x[k, row]
-        low, high = x[np.maximum(k - 1, 0), row], x[np.minimum(k + 1, 16), row]
+        return function(motion.at(cell, x))[:, row, which]
+
+    best, at = narrowed(own_values, low, high)
     out = np.full(values.shape[-1], np.nan), np.full(values.shape[-1], np.nan)
     for f in range(values.shape[-1]):
         own = np.flatnonzero(which == f)

@@ -16,6 +16,7 @@ from scipy.linalg import expm
 from planner.plan import quadrature
 from planner.plan.curves import Cells
 from planner.plan.trajectory import Pieces
+from planner.support.calculus.chebyshev import points
 from planner.systems.vehicles import Unicycle
 
 Array = NDArray[np.float64]
@@ -45,9 +46,7 @@ def test_cells_lie_one_behind_the_other_and_skip_what_takes_no_time() -> None:
     np.testing.assert_allclose(times[-1], [0.375, 1.5, 2.0, 4.5], rtol=1e-15)
     np.testing.assert_allclose(cells.time(np.array(3), np.array(0.5)), 2.0 + 0.75 * 2.5)
     x = (1 - np.cos(np.pi * np.arange(5) / 4)) / 2
-    np.testing.assert_allclose(
-        cells.fractions(quadrature.points(5))[:, 1], 0.25 + 0.75 * x, rtol=1e-15
-    )
+    np.testing.assert_allclose(cells.fractions(points(5))[:, 1], 0.25 + 0.75 * x, rtol=1e-15)
 
 
 def test_a_cell_is_split_into_four_of_the_same_width() -> None:

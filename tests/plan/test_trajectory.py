@@ -3,7 +3,6 @@ import pytest
 from scipy.interpolate import BPoly
 
 import planner
-from planner.plan.curves import polynomial_range, polynomial_roots
 from planner.plan.trajectory import ChainedTrajectory, StateTrajectory, trajectory_from_dict
 
 
@@ -81,15 +80,6 @@ def test_chained_curve_and_kinematics_agree(chained: ChainedTrajectory) -> None:
     difference = (chained.q(t + h) - chained.q(t - h)) / (2 * h)
     rates = chained.system.rates(chained.q(t), chained.u(t))
     np.testing.assert_allclose(difference, rates, atol=1e-7)
-
-
-def test_polynomial_roots_and_range() -> None:
-    # (t-1)(t-3) on [0, 2] and [2, 4], second component constant
-    pieces = np.array([[[3.0, 5], [-1, 5]], [[-1, 5], [-1, 5]], [[-1, 5], [3, 5]]])
-    curve = BPoly(pieces, [0.0, 2.0, 4.0])
-    np.testing.assert_allclose(polynomial_roots(curve, 0), [1.0, 3.0], atol=1e-12)
-    assert polynomial_range(curve, 0) == pytest.approx((-1.0, 3.0))
-    assert polynomial_roots(curve, 1) == []
 
 
 def test_unknown_kind_is_refused(paper: planner.Problem) -> None:

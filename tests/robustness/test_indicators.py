@@ -24,7 +24,7 @@ def _end(plan: planner.Plan, start: Array) -> Array:
     system = plan.problem.system
     motion = solve_ivp(
         lambda t, q: system.rates(q, plan.u(t)), (0, plan.duration), start, "DOP853",
-        rtol=1e-11, atol=1e-13,
+        rtol=1e-13, atol=1e-15,
     )  # fmt: skip
     return np.asarray(motion.y[:, -1])
 

@@ -14,6 +14,7 @@ from scipy.interpolate import BPoly
 import planner
 from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import ChainedTrajectory, StateTrajectory, Trajectory
+from planner.support.calculus.bernstein import Bernstein
 from planner.verification import places_proven
 from planner.verification.models import halved
 
@@ -344,7 +345,7 @@ def _mutated(plan: planner.Plan, rng: np.random.Generator) -> planner.Plan:
         inner = _mutated(replace(plan, trajectory=trajectory.path), rng)
         return _with(plan, path=inner.trajectory)
     size = 10.0 ** rng.uniform(-6, 0)
-    names = [n for n in vars(trajectory) if isinstance(vars(trajectory)[n], BPoly)]
+    names = [n for n in vars(trajectory) if isinstance(vars(trajectory)[n], Bernstein)]
     names = [n for n in names if not n.startswith("_")]
     if trajectory.kind == "retimed" and rng.random() < 0.2:
         stations = trajectory.stations.copy()

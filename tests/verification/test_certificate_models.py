@@ -12,13 +12,14 @@ from scipy.interpolate import BPoly
 
 from planner.plan.curves import Cells
 from planner.plan.trajectory import StateTrajectory
+from planner.support.calculus.chebyshev import from_bernstein
 from planner.systems.chained_form import chained_form
 from planner.systems.manipulator import Manipulator
 from planner.systems.vehicles import Unicycle
 from planner.verification.balls import CUT, RADIUS, Ball, models, polynomial_balls
 from planner.verification.functions import Expression, UnboundedError, derivative, polynomials
 from planner.verification.input_models import Source, _feedback, resolve, root, source_of
-from planner.verification.models import POINTS, from_bernstein, least
+from planner.verification.models import POINTS, least
 
 x = ca.SX.sym("x")
 

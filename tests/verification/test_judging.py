@@ -21,7 +21,7 @@ from planner.plan.curves import Pieces
 from planner.plan.measures import peak_inputs, peak_rates
 from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import StateTrajectory, Trajectory
-from planner.support.one_variable import elevate
+from planner.support.calculus.bernstein import elevate
 
 Array = NDArray[np.float64]
 

@@ -14,8 +14,9 @@ import pytest
 from registered import Bump, restored
 
 import planner
-from planner.plan.quadrature import CONTROL_POINTS, POINTS, points
+from planner.plan.quadrature import CONTROL_POINTS, POINTS
 from planner.problem.requirements.requirement import At, Part, Requirement
+from planner.support.calculus.chebyshev import points
 from planner.verification.verdict import judge
 
 WIDTHS = [0.1, 0.01, 5e-4, 1e-5, 1e-7]

@@ -25,7 +25,6 @@ The limits that hold for this motion hold for the tracker's commands too (`input
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from planner.errors import InputError, UntrackableError
 from planner.machine.feedback.course import RunUp, first_motion, turns_back
@@ -171,6 +170,7 @@ class _Approach:
 
     def solved(self) -> RunUp:
         """The run-up whose nominal motion ends at the plan's start."""
+        from scipy.optimize import least_squares  # slow to import
 
         def miss(drives: Array) -> Array:
             return np.asarray((self._motion(self._inputs(drives))[-1] - self._start)[2:])

@@ -32,7 +32,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import BPoly
 
 from planner.machine.feedback.course import DEFAULT_TICK_S, first_motion, turned, turns_back
 from planner.machine.feedback.means import (
@@ -48,6 +47,7 @@ from planner.plan.plan import Plan
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.tables.problem_file import CompensationTable
 from planner.support.arrays import Array
+from planner.support.calculus.bernstein import Bernstein
 from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem
 
@@ -188,8 +188,8 @@ class MotorCommands:
     def along(self, system: TriangularSystem, q: Array) -> StateTrajectory:
         """The trajectory with these inputs and coordinates (K+1, N) at the ends of the ticks."""
         after = np.concatenate([self.u[1:], self.u[-1:]]) if self.straight else self.u
-        q_curve = BPoly(np.stack([q[:-1], q[1:]]), self.t)
-        return StateTrajectory(system, q_curve, BPoly(np.stack([self.u, after]), self.t))
+        q_curve = Bernstein(np.stack([q[:-1], q[1:]]), self.t)
+        return StateTrajectory(system, q_curve, Bernstein(np.stack([self.u, after]), self.t))
 
 
 def shaped(

@@ -8,14 +8,11 @@ from functools import lru_cache
 import numpy as np
 
 from planner.methods.collocation.task import Solution, Task
-from planner.methods.collocation.transcription.form import (
-    Kind,
-    bernstein_values,
-    scheme,
-)
+from planner.methods.collocation.transcription.form import Kind, scheme
 from planner.methods.collocation.transcription.unknowns import STEPS, Iterate
 from planner.problem.requirements.requirement import At, Requirement
 from planner.support.arrays import Array
+from planner.support.calculus.bernstein import basis
 
 INTERPOLANT = 10.0
 """How much more the interpolant may differ inside the motion than at its end."""
@@ -67,7 +64,7 @@ def look(task: Task, solution: Solution) -> Look:
 def _basis(kind: Kind, degree: int) -> Array:
     """Values at the left edge and the collocation points to samples in the interval, (M, d+1)."""
     tau = np.arange(STEPS + 1) / STEPS
-    return np.asarray(bernstein_values(degree, tau) @ scheme(kind, degree).bernstein)
+    return np.asarray(basis(degree, tau).T @ scheme(kind, degree).bernstein)
 
 
 def clears(task: Task, solution: Solution) -> bool:

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from planner.problem.problem import Problem
 from planner.support.arrays import Array
+from planner.support.calculus.bernstein import elevate, split
 from planner.systems.manipulator import Manipulator
 
 DEFAULT_FLOOR = 1e-4
@@ -148,27 +149,26 @@ def floor_excess(band: Band, z2: Array, tolerance: float, proof: bool) -> Excess
     """
     if not np.isfinite(band.floor):
         return NO_EXCESS
-    polynomial = band.floor - band.sign * z2.T
-    return _search(polynomial, np.zeros((len(polynomial), 1)), None, tolerance, proof)
+    return _search(band.floor - band.sign * z2, np.zeros_like(z2[:1]), None, tolerance, proof)
 
 
 def cap_excess(band: Band, z2: Array, z3: Array, tolerance: float, proof: bool) -> Excess:
     """Where p rises above the cap; with z₃ by Bernstein coefficients (e+1, pieces) beside z₂."""
     if not band.complete:
         return NO_EXCESS
-    return _search(band.sign * z2.T, z3.T, band, tolerance, proof)
+    return _search(band.sign * z2, z3, band, tolerance, proof)
 
 
 def _search(p: Array, z: Array, band: Band | None, tolerance: float, proof: bool) -> Excess:
-    """Branch and bound on all pieces at once; p (pieces, d+1), z (pieces, e+1)."""
-    pieces = len(p)
-    p = _elevate(p, z.shape[1] - 1)
+    """Branch and bound on all pieces at once; p (d+1, pieces), z (e+1, pieces)."""
+    pieces = p.shape[1]
+    p = elevate(p, max(len(p), len(z)) - 1)
     best, where = np.full(pieces, -np.inf), np.zeros(pieces)
     proven = -np.inf
     piece, low, width = np.arange(pieces), np.zeros(pieces), 1.0
     for _ in range(MAX_HALVINGS):
         for end, at in ((0, low), (-1, low + width)):
-            value = p[:, end] - (0.0 if band is None else band.cap(z[:, end]))
+            value = p[end] - (0.0 if band is None else band.cap(z[end]))
             _keep_best(best, where, piece, value, at)
         bound = _upper_bound(p, z, band)
         broken = best[piece] > 0 if proof else True
@@ -177,7 +177,7 @@ def _search(p: Array, z: Array, band: Band | None, tolerance: float, proof: bool
         proven = max(proven, float(np.max(bound[~open_], initial=-np.inf)))
         if not open_.any():
             break
-        p, z = _halves(p[open_]), _halves(z[open_])
+        p, z = (np.concatenate(split(c[:, open_], 0.5), axis=1) for c in (p, z))
         width /= 2
         piece = np.concatenate([piece[open_]] * 2)
         low = np.concatenate([low[open_], low[open_] + width])
@@ -199,32 +199,12 @@ def _keep_best(best: Array, where: Array, piece: Indices, value: Array, at: Arra
 
 def _upper_bound(p: Array, z: Array, band: Band | None) -> Array:
     if band is None:
-        return np.asarray(p.max(axis=1))
-    low, high = z.min(axis=1), z.max(axis=1)
+        return np.asarray(p.max(axis=0))
+    low, high = z.min(axis=0), z.max(axis=0)
     at_low, at_high = band.cap(low), band.cap(high)
     rise = high - low
     slope = np.divide(at_high - at_low, rise, out=np.zeros_like(rise), where=rise > 0)
-    chord = at_low[:, None] + slope[:, None] * (z - low[:, None])
+    chord = at_low + slope * (z - low)
     inside = (low >= band.z3_range[0]) & (high <= band.z3_range[1])
-    chord[~inside] = 0.0  # beyond its domain the cap is taken as zero, which is not concave
-    return np.asarray((p - chord).max(axis=1))
-
-
-def _elevate(c: Array, degree: int) -> Array:
-    """Bernstein coefficients (k, d+1) written at a higher degree."""
-    while c.shape[1] - 1 < degree:
-        share = np.arange(c.shape[1] + 1) / c.shape[1]
-        c = share * np.concatenate([c[:, :1], c], 1) + (1 - share) * np.concatenate(
-            [c, c[:, -1:]], 1
-        )
-    return c
-
-
-def _halves(c: Array) -> Array:
-    """Both halves of every interval by de Casteljau: (k, d+1) to (2k, d+1), left halves first."""
-    left, right, row = [c[:, 0]], [c[:, -1]], c
-    while row.shape[1] > 1:
-        row = (row[:, 1:] + row[:, :-1]) / 2
-        left.append(row[:, 0])
-        right.append(row[:, -1])
-    return np.concatenate([np.stack(left, 1), np.stack(right[::-1], 1)])
+    chord[:, ~inside] = 0.0  # beyond its domain the cap is taken as zero, which is not concave
+    return np.asarray((p - chord).max(axis=0))

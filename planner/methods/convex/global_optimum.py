@@ -18,7 +18,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from planner.methods.convex.band import Band, cap_excess, floor_excess
 from planner.methods.convex.paths import Frame
@@ -277,6 +276,8 @@ def search_travels(solve: Solve, travels: Array, prune: bool = True) -> BestTrav
 
 
 def _refine(at: Callable[[float], float], best: ClassOptimum, travels: Array) -> None:
+    from scipy.optimize import minimize_scalar  # slow to import
+
     centre = best.frame.travel
     worse = 1e3 * abs(best.value) + 1.0
     step = min(float(travels[1] - travels[0]), 0.999 * abs(centre))  # zero is another class
@@ -287,6 +288,8 @@ def _refine(at: Callable[[float], float], best: ClassOptimum, travels: Array) ->
 
 def _approach(at: Callable[[float], float], found: BestTravel) -> None:
     """Between the travels tried, seek one with a plan where the certificates are weakest."""
+    from scipy.optimize import minimize_scalar  # slow to import
+
     found.refusals.sort(key=lambda r: r.frame.travel)
     k = int(np.argmin([r.proof.margin for r in found.refusals]))
     ends = (found.refusals[max(k - 1, 0)], found.refusals[min(k + 1, len(found.refusals) - 1)])

@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import BPoly
 
 from planner.errors import InfeasibleError, InputError, NoPlanError, NotConvergedError
 from planner.methods.convex.band import Band, band_of
@@ -34,7 +33,8 @@ from planner.problem.feasibility import travel_window
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import ConvexOptions
 from planner.support.arrays import Array
-from planner.support.one_variable import elevate, sample_times
+from planner.support.calculus.bernstein import Bernstein, elevate
+from planner.support.calculus.extremes import sample_times
 from planner.systems.manipulator import Manipulator
 
 NAME = "convex"
@@ -171,7 +171,9 @@ def _path(problem: Problem, frame: Frame, y: Array) -> ChainedTrajectory:
     z = np.stack([elevate(c, degree) for c in (z1, *rest)], axis=-1)
     v = np.stack([np.full_like(omega, frame.travel), omega], axis=-1) / duration
     times = breaks * duration
-    return ChainedTrajectory(problem.system, BPoly(z, times), BPoly(v, times), problem.branch)
+    return ChainedTrajectory(
+        problem.system, Bernstein(z, times), Bernstein(v, times), problem.branch
+    )
 
 
 def _timed(problem: Problem, path: ChainedTrajectory) -> tuple[Trajectory, str]:

@@ -20,6 +20,7 @@ from math import factorial
 import numpy as np
 
 from planner.support.arrays import Array
+from planner.support.calculus.bernstein import integral
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +145,8 @@ class Frame:
         width = 1.0 / self.shape.pieces
         for i in range(1, len(self.start)):
             rate = out[-1] * (self.travel if i > 1 else 1.0)
-            grown = np.cumsum(rate, axis=0) * width / len(rate)
-            left = self.start[i] + np.concatenate([[0.0], np.cumsum(grown[-1])[:-1]])
-            out.append(left + np.concatenate([np.zeros((1, grown.shape[1])), grown]))
+            grown = integral(rate) * width
+            out.append(self.start[i] + np.append(0.0, np.cumsum(grown[-1])[:-1]) + grown)
         return out
 
     def peak(self, y: Array) -> float:

@@ -5,6 +5,12 @@ least-distance programming (Lawson and Hanson, *Solving Least Squares Problems*,
 SciPy's non-negative least squares, an active-set method that ends at rounding error and yields a
 Farkas vector when there is no solution; and OSQP (operator splitting, polished). Neither's word is
 taken: the residuals, the bound and the certificate are computed here from the vectors.
+
+OSQP cannot be the only one. Of 2,301 programmes (all shipped problems and 17 random arms, both
+objectives) the active set solves or refutes every one within the tolerances; OSQP solves 1,800 in
+24 times the CPU time, and with one active-set step from its answer 1,937: it leaves 209 that have a
+solution, and proves none of the 155 that have none. Where both are accurate their optima agree to
+1e-9. So the active set is asked first.
 """
 
 from __future__ import annotations
@@ -14,7 +20,6 @@ from typing import Literal
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.optimize import nnls
 
 from planner.methods.convex.paths import Frame
 from planner.support.arrays import Array
@@ -196,6 +201,8 @@ def _farkas(G: Array, h: Array, raw: Array, radius: float) -> Farkas | None:
 
 
 def _by_active_set(G: Array, h: Array, radius: float) -> Optimum | Farkas | None:
+    from scipy.optimize import nnls  # slow to import
+
     target = np.zeros(G.shape[1] + 1)
     target[-1] = 1.0
     stacked = -np.concatenate([G.T, h[None]])

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from planner.errors import InfeasibleError, InputError, SingularError
 from planner.methods.laws.law import Ends
@@ -172,6 +171,8 @@ def _edge(problem: Problem, inner: float, outer: float, make: Make) -> float:
 def _best(
     problem: Problem, make: Make, ranges: tuple[tuple[float, float], ...], criterion: Criterion
 ) -> float:
+    from scipy.optimize import minimize_scalar  # slow to import
+
     ends = end_margin(problem), end_slack(problem)
 
     def scores(travels: Array) -> Scores:

@@ -13,10 +13,9 @@ from functools import lru_cache
 from math import comb
 
 import numpy as np
-from scipy.interpolate import BPoly
 
 from planner.support.arrays import Array
-from planner.support.one_variable import elevate
+from planner.support.calculus.bernstein import Bernstein, basis, elevate, integral
 
 
 @dataclass(frozen=True)
@@ -47,15 +46,15 @@ class LegMotion:
     """The solved motion: z and v as piecewise polynomials, and how well the ends are met.
 
     Attributes:
-        z: BPoly with values (N,).
-        v: BPoly with values (2,).
+        z: Bernstein with values (N,).
+        v: Bernstein with values (2,).
         residual: Largest |zᵢ(T) − goalᵢ| of the solved motion, each over the largest |zᵢ| on the
             way (or 1 if that is less).
         condition: Condition number of the scaled linear system.
     """
 
-    z: BPoly
-    v: BPoly
+    z: Bernstein
+    v: Bernstein
     residual: float
     condition: float
 
@@ -110,23 +109,16 @@ def _basis(terms: int) -> Array:
     return out
 
 
-def _integral(c: Array, duration: float) -> Array:
-    """Bernstein coefficients of the integral from the leg's start, one degree higher."""
-    return np.concatenate([np.zeros_like(c[:1]), np.cumsum(c, axis=0)]) * duration / len(c)
-
-
 def _propagate(start: Array, legs: Sequence[Leg], v2: Sequence[Array]) -> list[Array]:
     """Bernstein coefficients of z on every leg, each (degree+1, N, …), from start (N, …)."""
     out = []
     for leg, w in zip(legs, v2, strict=True):
         columns = [
             np.stack([start[0], start[0] + leg.travel]),
-            start[1] + _integral(w, leg.duration),
+            start[1] + integral(w) * leg.duration,
         ]
         for i in range(2, len(start)):
-            columns.append(
-                start[i] + _integral(columns[-1], leg.duration) * leg.travel / leg.duration
-            )
+            columns.append(start[i] + integral(columns[-1]) * leg.travel)
         degree = len(columns[-1]) - 1
         out.append(np.stack([elevate(c, degree) for c in columns], axis=1))
         start = out[-1][-1]
@@ -158,8 +150,7 @@ def _z2_at(z: Sequence[Array], legs: Sequence[Leg], time: float) -> Array:
     ends = np.cumsum([leg.duration for leg in legs])
     k = min(int(np.searchsorted(ends, time)), len(legs) - 1)
     x = 1 - (ends[k] - time) / legs[k].duration
-    d = len(z[k]) - 1
-    weights = [comb(d, i) * x**i * (1 - x) ** (d - i) for i in range(d + 1)]
+    weights = basis(len(z[k]) - 1, np.array(x))
     return np.asarray(np.tensordot(weights, z[k][:, 1], axes=1))
 
 
@@ -170,7 +161,7 @@ def _inputs(legs: Sequence[Leg], v2: Sequence[Array]) -> list[Array]:
     return out
 
 
-def _stack(pieces: Sequence[Array], legs: Sequence[Leg]) -> BPoly:
+def _stack(pieces: Sequence[Array], legs: Sequence[Leg]) -> Bernstein:
     degree = max(len(c) - 1 for c in pieces)
     breaks = np.concatenate([[0.0], np.cumsum([leg.duration for leg in legs])])
-    return BPoly(np.stack([elevate(c, degree) for c in pieces], axis=1), breaks)
+    return Bernstein(np.stack([elevate(c, degree) for c in pieces], axis=1), breaks)

@@ -12,9 +12,6 @@ from functools import lru_cache
 from typing import Literal
 
 import numpy as np
-from scipy.interpolate import BPoly
-from scipy.optimize import minimize
-from scipy.special import comb
 
 from planner.plan.measures import worst_margin
 from planner.plan.trajectory import ChainedTrajectory
@@ -22,6 +19,8 @@ from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import At
 from planner.support import deadline
 from planner.support.arrays import Array
+from planner.support.calculus.bernstein import Bernstein, basis
+from planner.support.calculus.chebyshev import points
 from planner.systems.chained_form import chained_form
 
 _CLOSE = 0.1
@@ -144,7 +143,7 @@ def _scored(
     return Scores(*out)
 
 
-def _sampled(curves: Sequence[BPoly], samples: int) -> Array:
+def _sampled(curves: Sequence[Bernstein], samples: int) -> Array:
     """Values (C, S, D) of curves with the same pieces, crowded towards each piece's ends.
 
     The ends themselves belong to both neighbours, each with its own limit.
@@ -155,14 +154,9 @@ def _sampled(curves: Sequence[BPoly], samples: int) -> Array:
     return np.asarray(values.reshape(len(c), -1, c.shape[-1]))
 
 
-def _count(samples: int, curve: BPoly) -> int:
+def _count(samples: int, curve: Bernstein) -> int:
     """Samples of each piece."""
     return max(9, samples // len(curve.x[1:]))
-
-
-def _points(count: int) -> Array:
-    """Chebyshev–Lobatto points of the unit interval."""
-    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.arange(count) / (count - 1)))
 
 
 def _dips(values: Array) -> Array:
@@ -171,7 +165,7 @@ def _dips(values: Array) -> Array:
     A dip can be narrower than the samples are apart; a parabola through the three around each local
     minimum follows it. Beside a margin of −∞ there is none lower.
     """
-    step = np.diff(_points(values.shape[-1]))
+    step = np.diff(points(values.shape[-1]))
     before, after, width = step[:-1], step[1:], step[:-1] + step[1:]
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = np.diff(values, axis=-1) / step
@@ -185,9 +179,7 @@ def _dips(values: Array) -> Array:
 @lru_cache(maxsize=64)
 def _weights(degree: int, count: int) -> Array:
     """Bernstein polynomials (count, degree+1) at Chebyshev–Lobatto points of the unit interval."""
-    x = _points(count)[:, None]
-    i = np.arange(degree + 1)
-    return np.asarray(comb(degree, i) * x**i * (1 - x) ** (degree - i))
+    return np.ascontiguousarray(basis(degree, points(count)).T)
 
 
 def end_margin(problem: Problem) -> float:
@@ -274,6 +266,8 @@ def search_candidates(
         criterion: What to make best; domain and limits come first.
         starts: How many of the best candidates to refine; 0 to scan only.
     """
+    from scipy.optimize import minimize  # slow to import
+
     ends = end_margin(problem), end_slack(problem)
     tried = 0
 

@@ -23,7 +23,6 @@ from dataclasses import dataclass
 from math import factorial, pi
 
 import numpy as np
-from scipy.interpolate import BPoly
 
 from planner.errors import InputError, SingularError
 from planner.methods.laws.free_numbers import Swing, choose_swing
@@ -33,7 +32,8 @@ from planner.plan.trajectory import ChainedTrajectory
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import SinusoidOptions, SinusoidStepsOptions
 from planner.support.arrays import Array
-from planner.support.one_variable import Grid
+from planner.support.calculus.bernstein import Bernstein
+from planner.support.calculus.chebyshev import Grid
 
 SINUSOID = "sinusoid"
 
@@ -153,14 +153,14 @@ class StepsMotion:
     """A motion made step by step; see `steps`.
 
     Attributes:
-        z: BPoly with values (N,).
-        v: BPoly with values (2,).
+        z: Bernstein with values (N,).
+        v: Bernstein with values (2,).
         betas: β of every period, shape (N−2,).
         residual: Largest |zᵢ(T) − goalᵢ|, each over the largest |zᵢ| on the way (or 1).
     """
 
-    z: BPoly
-    v: BPoly
+    z: Bernstein
+    v: Bernstein
     betas: Array
     residual: float
 
@@ -289,7 +289,7 @@ def propagate(grid: Grid, start: Array, v1: Array, v2: Array) -> Array:
     return np.stack(columns, axis=2)
 
 
-def joined_curves(curves: list[BPoly]) -> BPoly:
+def joined_curves(curves: list[Bernstein]) -> Bernstein:
     """Curves of one degree that follow each other in time, as one."""
     breaks = np.concatenate([curves[0].x[:1], *(c.x[1:] for c in curves)])
-    return BPoly(np.concatenate([c.c for c in curves], axis=1), breaks)
+    return Bernstein(np.concatenate([c.c for c in curves], axis=1), breaks)

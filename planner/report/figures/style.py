@@ -18,7 +18,7 @@ from planner.comparison.rows import FEEDBACK
 from planner.errors import InputError
 from planner.plan.plan import Plan, expect_plan
 from planner.support.arrays import Array
-from planner.support.one_variable import sample_times
+from planner.support.calculus.extremes import sample_times
 from planner.support.tables import clean
 from planner.systems.triangular_system import Coordinate
 

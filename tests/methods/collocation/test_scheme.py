@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import BPoly
 
-from planner.methods.collocation.transcription.form import Kind, bernstein_values, scheme
+from planner.methods.collocation.transcription.form import Kind, scheme
+from planner.support.calculus.bernstein import basis
 
 ALL = [(kind, d) for kind in ("radau", "legendre") for d in range(1, 6)]
 
@@ -42,4 +43,4 @@ def test_radau_ends_on_the_interval_and_legendre_does_not(degree: int) -> None:
 
 def test_bernstein_polynomials_sum_to_one() -> None:
     tau = np.linspace(0, 1, 5)
-    np.testing.assert_allclose(bernstein_values(4, tau).sum(axis=1), 1.0, atol=1e-15)
+    np.testing.assert_allclose(basis(4, tau).sum(axis=0), 1.0, atol=1e-15)

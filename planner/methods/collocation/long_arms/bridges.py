@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from planner.problem.problem import Problem
 from planner.support.arrays import Array
+from planner.support.calculus import runge_kutta
 from planner.support.compiled_calls import IpoptCall
 from planner.systems.triangular_system import TriangularSystem
 
@@ -305,7 +306,7 @@ def piece(system: TriangularSystem) -> Piece:
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     end = q
     for _ in range(STEPS):
-        end = _runge_kutta(system, end, u, 1.0 / STEPS)
+        end = runge_kutta.step(lambda x, _: ca.vertcat(*system.rates_expr(x, u)), end, 1.0 / STEPS)
     jacobians = [ca.densify(ca.jacobian(end, q)), ca.densify(ca.jacobian(end, u))]
     dual = ca.SX.sym("dual", system.size)
     hessian = ca.densify(ca.hessian(ca.dot(dual, end), ca.vertcat(q, u))[0])
@@ -319,14 +320,3 @@ def piece(system: TriangularSystem) -> Piece:
 def ends_of(system: TriangularSystem, q: Array, u: Array) -> Array:
     """Where pieces lead, shape (M, N), from q (M, N) under u (M, 2)."""
     return np.asarray(piece(system).end.map(len(q))(q.T, u.T)).T
-
-
-def _runge_kutta(system: TriangularSystem, q: Any, u: Any, h: float) -> Any:
-    def rates(at: Any) -> Any:
-        return ca.vertcat(*system.rates_expr(at, u))
-
-    k1 = rates(q)
-    k2 = rates(q + h / 2 * k1)
-    k3 = rates(q + h / 2 * k2)
-    k4 = rates(q + h * k3)
-    return q + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)

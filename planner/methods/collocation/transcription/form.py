@@ -18,7 +18,6 @@ from typing import Literal
 
 import casadi as ca
 import numpy as np
-from scipy.special import comb
 
 from planner.errors import InputError
 from planner.methods.collocation.transcription.augmented import Augmented
@@ -26,6 +25,7 @@ from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Requirement
 from planner.problem.tables.method_options import CollocationOptions
 from planner.support.arrays import Array
+from planner.support.calculus.bernstein import basis
 
 Kind = Literal["radau", "legendre"]
 
@@ -68,7 +68,7 @@ def scheme(kind: Kind, degree: int) -> Scheme:
     derivative, end = (np.array(m) for m in ca.collocation_coeff(points.tolist())[:2])
     powers = np.arange(degree)
     moments = points ** powers[:, None]
-    values = bernstein_values(degree, np.array([0.0, *points]))
+    values = basis(degree, np.array([0.0, *points])).T
     return Scheme(
         kind=kind,
         degree=degree,
@@ -79,13 +79,6 @@ def scheme(kind: Kind, degree: int) -> Scheme:
         end=end.ravel(),
         bernstein=np.asarray(np.linalg.inv(values), dtype=float),
     )
-
-
-def bernstein_values(degree: int, tau: Array) -> Array:
-    """Bernstein polynomials of that degree at tau (m,): shape (m, degree+1)."""
-    j = np.arange(degree + 1)
-    x = tau[:, None]
-    return np.asarray(comb(degree, j) * x**j * (1 - x) ** (degree - j))
 
 
 InputKind = Literal["constant", "linear"]

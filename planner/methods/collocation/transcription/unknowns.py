@@ -24,12 +24,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BPoly
 
 from planner.methods.collocation.transcription.augmented import Moved
 from planner.methods.collocation.transcription.form import Form, Mesh
 from planner.plan.trajectory import StateTrajectory
 from planner.support.arrays import Array
+from planner.support.calculus import runge_kutta
+from planner.support.calculus.bernstein import Bernstein
 from planner.support.compiled_calls import Call
 from planner.systems.triangular_system import TriangularSystem
 
@@ -128,10 +129,10 @@ def layout(form: Form, size: int, lifted: tuple[int, ...]) -> Layout:
 def curve(system: TriangularSystem, form: Form, mesh: Mesh, iterate: Iterate) -> StateTrajectory:
     """The motion of a system, which may not be all that moves."""
     q, u = pieces(form, mesh, iterate)
-    return StateTrajectory(system, BPoly(q.c[..., : system.size], q.x), u)
+    return StateTrajectory(system, Bernstein(q.c[..., : system.size], q.x), u)
 
 
-def pieces(form: Form, mesh: Mesh, iterate: Iterate) -> tuple[BPoly, BPoly]:
+def pieces(form: Form, mesh: Mesh, iterate: Iterate) -> tuple[Bernstein, Bernstein]:
     """Piecewise polynomials in time: all states of degree d, u of degree 0 or 1."""
     breaks = mesh.edges * iterate.duration
     values = np.concatenate([iterate.nodes[:-1, None], iterate.points], axis=1)
@@ -139,7 +140,7 @@ def pieces(form: Form, mesh: Mesh, iterate: Iterate) -> tuple[BPoly, BPoly]:
     q[0], q[-1] = iterate.nodes[:-1], iterate.nodes[1:]
     left, right = iterate.input_ends()
     u = np.stack([left, right]) if form.input == "linear" else left[None]
-    return BPoly(q, breaks), BPoly(u, breaks)
+    return Bernstein(q, breaks), Bernstein(u, breaks)
 
 
 STEPS = 12
@@ -206,15 +207,10 @@ def _interval(system: Moved) -> Any:
 
 @lru_cache(maxsize=32)
 def _step(system: Moved) -> Any:
-    """One step of the classical Runge–Kutta method of order 4."""
     q, h = ca.SX.sym("q", system.size), ca.SX.sym("h")
     u = [ca.SX.sym(name, 2) for name in ("first", "middle", "last")]
 
-    def rates(q: Any, u: Any) -> Any:
-        return ca.vertcat(*system.rates_expr(q, u))
+    def rates(q: Any, k: int) -> Any:
+        return ca.vertcat(*system.rates_expr(q, u[k]))
 
-    a = rates(q, u[0])
-    b = rates(q + h / 2 * a, u[1])
-    c = rates(q + h / 2 * b, u[1])
-    d = rates(q + h * c, u[2])
-    return ca.Function("step", [q, h, *u], [q + h / 6 * (a + 2 * b + 2 * c + d)])
+    return ca.Function("step", [q, h, *u], [runge_kutta.step(rates, q, h)])

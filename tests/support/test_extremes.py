@@ -1,7 +1,9 @@
 import numpy as np
 import pytest
 
-from planner.support.one_variable import Grid, inverse, maximum, minimum, sample_times, zeros
+from planner.support.calculus.chebyshev import Grid
+from planner.support.calculus.extremes import maximum, minimum, sample_times, zeros
+from planner.support.calculus.inverse import inverse
 
 
 def test_samples_cover_both_sides_of_every_break() -> None:

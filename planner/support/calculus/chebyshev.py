@@ -1,0 +1,152 @@
+"""Functions by their values at Chebyshev–Lobatto points, and as Chebyshev series.
+
+At these points products are exact up to the degree, and integrals and derivatives are one small
+matrix (Trefethen, "Spectral Methods in MATLAB", 2000, ch. 6 and 12). Everything is on [0, 1]; a
+series' argument there is 2x − 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from math import comb
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from planner.support.arrays import Array, product
+from planner.support.calculus.bernstein import Bernstein, elevate
+
+
+@lru_cache(maxsize=64)
+def points(count: int) -> Array:
+    """The points, increasing, shape (count,)."""
+    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.arange(count) / (count - 1)))
+
+
+@lru_cache(maxsize=16)
+def to_series(count: int) -> Array:
+    """Values at the points → coefficients."""
+    return np.asarray(np.linalg.inv(chebyshev.chebvander(2 * points(count) - 1, count - 1)))
+
+
+@lru_cache(maxsize=16)
+def from_series(width: int, count: int) -> Array:
+    """Coefficients → values at `count` points."""
+    return np.asarray(chebyshev.chebvander(2 * points(count) - 1, width - 1))
+
+
+@lru_cache(maxsize=16)
+def resampling(count: int, new: int) -> Array:
+    """Values at the points → values at `new` points."""
+    return np.asarray(from_series(count, new) @ to_series(count))
+
+
+@lru_cache(maxsize=16)
+def integration(count: int) -> Array:
+    """Values at the points → values there of the integral from 0, which begins with zero."""
+    integrals = chebyshev.chebint(np.eye(count), lbnd=-1) / 2
+    return np.asarray(chebyshev.chebval(2 * points(count) - 1, integrals).T @ to_series(count))
+
+
+@lru_cache(maxsize=16)
+def series_slopes(count: int) -> Array:
+    """Coefficients → the derivative's values at the points."""
+    return np.asarray(from_series(count - 1, count) @ (2 * chebyshev.chebder(np.eye(count))))
+
+
+@lru_cache(maxsize=16)
+def differentiation(count: int) -> Array:
+    """Values at the points → the derivative's values there."""
+    return np.asarray(series_slopes(count) @ to_series(count))
+
+
+@lru_cache(maxsize=16)
+def to_bernstein(count: int) -> Array:
+    """Values at the points → Bernstein coefficients.
+
+    Tₙ(2x−1) has the coefficients (−1)^{n−i} C(2n, 2i)/C(n, i) at its own degree; they are raised to
+    the common one.
+    """
+    out = np.zeros((count, count))
+    for n in range(count):
+        own = np.array([(-1.0) ** (n - i) * comb(2 * n, 2 * i) / comb(n, i) for i in range(n + 1)])
+        out[:, n] = elevate(own, count - 1)
+    out = out @ to_series(count)
+    out[0], out[-1] = np.eye(count)[[0, -1]]  # ends exact, so that pieces join
+    return np.asarray(out)
+
+
+@lru_cache(maxsize=64)
+def from_bernstein(width: int) -> Array:
+    """Bernstein coefficients → coefficients of the same degree, (width, width), in whole numbers.
+
+    With τ = 2x − 1 the basis is C(d, i) (1+τ)^i (1−τ)^{d−i} / 2^d, and τⁿ = 2^{1−n} Σ C(n, (n−k)/2)
+    Tₖ over the k of n's parity, the term of T₀ halved.
+    """
+    d = width - 1
+    out = np.zeros((width, width))
+    for i in range(width):
+        power = [0] * width
+        for a in range(i + 1):
+            for b in range(d - i + 1):
+                power[a + b] += comb(i, a) * comb(d - i, b) * (-1) ** b
+        for k in range(width):
+            terms = ((n, comb(n, (n - k) // 2)) for n in range(k, width, 2))
+            total = sum(Fraction(2 * power[n] * c, 2**n) for n, c in terms)
+            out[k, i] = float(total * comb(d, i) / 2**d / (2 if k == 0 else 1))
+    return out
+
+
+def apply(matrix: Array, values: Array) -> Array:
+    """A matrix (M, P) on the first axis of values (P, …)."""
+    return product(matrix, values.reshape(len(values), -1)).reshape(len(matrix), *values.shape[1:])
+
+
+DEGREE = 14
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Pieces, and DEGREE + 1 points on each; functions on them are values (P, DEGREE+1, …).
+
+    Attributes:
+        breaks: Times between the pieces, shape (P+1,).
+    """
+
+    breaks: Array
+
+    @property
+    def times(self) -> Array:
+        """The points, shape (P, DEGREE+1); piece ends appear twice."""
+        left, width = self.breaks[:-1, None], np.diff(self.breaks)[:, None]
+        return np.asarray(left + width * points(DEGREE + 1))
+
+    def integral(self, f: Array) -> Array:
+        """∫ f from the first break to every point."""
+        own = _on_pieces(integration(DEGREE + 1), f) * self._width(f)
+        before = np.cumsum(own[:, -1], axis=0) - own[:, -1]
+        return own + before[:, None]
+
+    def derivative(self, f: Array) -> Array:
+        """df/dt at the points."""
+        return _on_pieces(differentiation(DEGREE + 1), f) / self._width(f)
+
+    def tail(self, f: Array) -> Array:
+        """Largest of the last two coefficients, shape (P, …)."""
+        return np.asarray(np.max(np.abs(_on_pieces(to_series(DEGREE + 1)[-2:], f)), axis=1))
+
+    def curve(self, f: Array) -> Bernstein:
+        """The interpolating piecewise polynomial."""
+        c = _on_pieces(to_bernstein(DEGREE + 1), f)
+        return Bernstein(np.swapaxes(c, 0, 1), self.breaks)
+
+    def _width(self, f: Array) -> Array:
+        return np.diff(self.breaks).reshape(-1, *[1] * (f.ndim - 1))
+
+
+def _on_pieces(matrix: Array, f: Array) -> Array:
+    """The matrix (M, D) on the second axis of f (P, D, …)."""
+    flat = matrix @ f.reshape(*f.shape[:2], -1)
+    return np.asarray(flat.reshape(len(f), len(matrix), *f.shape[2:]))

@@ -1,0 +1,139 @@
+"""Extremes and zeros of a function of time, between samples as well as on them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.support.arrays import Array
+from planner.support.calculus.chebyshev import points
+
+Function = Callable[[Array], Array]
+
+
+def sample_times(breaks: Array, count: int = 2000) -> Array:
+    """About `count` times over the pieces between `breaks`, crowded towards each piece's ends.
+
+    The crowding (Chebyshev–Lobatto) finds the short, steep starts that plans have close to a
+    singularity. Interior breaks appear from both sides.
+    """
+    per_piece = max(9, count // (len(breaks) - 1))
+    left, right = breaks[:-1, None], np.nextafter(breaks[1:, None], -np.inf)
+    times = np.minimum(left + (breaks[1:, None] - left) * points(per_piece), right).ravel()
+    times[-1] = breaks[-1]
+    return times
+
+
+FLAT = 1e-13
+"""Depth of a dip that is rounding, where a function is of order one."""
+
+_ROUNDS = 11
+"""Rounds that each narrow a dip eight times: to 1e-10 of the distance between samples."""
+
+_SECTIONS = 13
+"""Rounds that each narrow a change of sign 16 times: to rounding of the distance."""
+
+
+def minimum(function: Function, times: Array) -> tuple[float, float]:
+    """Least value of `function` and its time.
+
+    Every dip between samples is narrowed but those that would have to fall by more than twice their
+    sides.
+
+    Args:
+        function: Vectorised, times (m,) to values (m,); NaN values are passed over.
+        times: Increasing samples.
+
+    Returns:
+        (value, time); (nan, nan) if every value is NaN.
+    """
+    values = function(times)
+    if np.all(np.isnan(values)):
+        return np.nan, np.nan
+    filled = np.where(np.isnan(values), np.inf, values)
+    best = int(np.argmin(filled))
+    dips, depth = _dips(filled)
+    deep = (depth > FLAT) & (filled[dips] - 2 * depth <= filled[best])
+    lowest, when = _narrowed(function, times, dips[deep])
+    lowest, when = np.append(filled[best], lowest), np.append(times[best], when)
+    k = int(np.argmin(lowest))
+    return float(lowest[k]), float(when[k])
+
+
+def maximum(function: Function, times: Array) -> tuple[float, float]:
+    """Greatest value of `function` and its time; see `minimum`."""
+    value, time = minimum(lambda t: -function(t), times)
+    return -value, time
+
+
+def zeros(function: Function, times: Array) -> list[float]:
+    """Times at which `function` changes sign, to rounding; on the side where it is not positive.
+
+    Dips between two samples of the same sign are narrowed first, so that a short excursion between
+    samples is not missed. NaN counts as negative.
+    """
+    values = _nan_negative(function(times))
+    extra: list[float] = []
+    for sign in (1.0, -1.0):
+        sided = np.where(sign * values > 0, sign * values, np.inf)
+        dips, depth = _dips(sided)
+        near = dips[sided[dips] < 2 * depth]
+        lowest, when = _narrowed(lambda t, s=sign: s * _nan_negative(function(t)), times, near)  # type: ignore[misc]
+        extra += when[lowest < 0].tolist()
+    grid = np.unique(np.concatenate([times, extra]))
+    inside = _nan_negative(function(grid)) > 0
+    changes = np.flatnonzero(inside[1:] != inside[:-1])
+    low, high, falls = grid[changes], grid[changes + 1], inside[changes]
+    row = np.arange(len(changes))
+    for _ in range(_SECTIONS if len(changes) else 0):
+        x = np.vstack([low + (high - low) * np.linspace(0.0, 1.0, 17)[:-1, None], high])
+        inside = _nan_negative(function(x.ravel())).reshape(x.shape) > 0
+        inside[0], inside[-1] = falls, ~falls
+        k = np.argmax(inside != falls, axis=0)
+        low, high = x[k - 1, row], x[k, row]
+    return [float(t) for t in np.where(falls, high, low)]
+
+
+def _nan_negative(values: Array) -> Array:
+    return np.where(np.isnan(values), -1.0, values)
+
+
+def _dips(values: Array) -> tuple[NDArray[np.int_], Array]:
+    """Indices of finite interior local minima, and how far the higher finite side is above each."""
+    middle, sides = values[1:-1], np.stack([values[:-2], values[2:]])
+    with np.errstate(invalid="ignore"):
+        is_dip = np.all(middle <= sides, axis=0) & np.isfinite(middle)
+        depth = np.max(np.where(np.isfinite(sides), sides - middle, 0.0), axis=0)
+    return np.flatnonzero(is_dip) + 1, depth[is_dip]
+
+
+def _narrowed(function: Function, times: Array, dips: NDArray[np.int_]) -> tuple[Array, Array]:
+    """Least values between the samples beside each dip, and when."""
+
+    def together(x: Array) -> Array:
+        return function(x.ravel()).reshape(x.shape)
+
+    return narrowed(together, times[dips - 1], times[dips + 1])
+
+
+def narrowed(function: Function, low: Array, high: Array) -> tuple[Array, Array]:
+    """Least values of functions that dip once between `low` and `high` (M,), and where.
+
+    Args:
+        function: From x (R, M), a column for each dip, to values (R, M); NaN is passed over.
+        low: Before each dip.
+        high: After it.
+    """
+    row, share = np.arange(len(low)), np.linspace(0.0, 1.0, 17)[:, None]
+    value, where = np.full(len(low), np.inf), (low + high) / 2
+    for _ in range(_ROUNDS if len(low) else 0):
+        x = low + (high - low) * share
+        with np.errstate(invalid="ignore"):  # beside the dip it may be infinite
+            values = function(x)
+        values = np.where(np.isnan(values), np.inf, values)
+        k = np.argmin(values, axis=0)
+        value, where = values[k, row], x[k, row]
+        low, high = x[np.maximum(k - 1, 0), row], x[np.minimum(k + 1, 16), row]
+    return value, where

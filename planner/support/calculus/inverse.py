@@ -1,0 +1,116 @@
+"""Where f(x) = y, on the stretch of an interval where f rises, or falls; many at once.
+
+f may turn once in the interval. The search needs no turning point beforehand: a point beyond it is
+known by the sign of f' and counts as too far. Newton's method inside a shrinking bracket, with
+bisection wherever a Newton step leaves the bracket, the stretch, or does not halve the last step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.support.arrays import Array
+
+WithSlope = Callable[[Array], tuple[Array, Array]]
+"""From x (M,) to f(x) and f'(x), each (M,)."""
+
+INSET = 1e-10
+"""How far inside an open interval its ends are evaluated, relative to its width."""
+
+_STEPS = 200
+
+
+@dataclass(frozen=True)
+class Preimage:
+    """Where f(x) = value on the stretch.
+
+    Attributes:
+        x: The solution, shape (M,), or the nearest point of the stretch where there is none; NaN
+            where f' has the wanted sign nowhere, and where the value is NaN.
+        exists: Whether there is one.
+        short_low: By how much the value lies below f at the interval's low end (on the scale
+            sign·f), where that is why there is none; 0 elsewhere.
+        short_high: The same above f at the high end.
+        short_turn: The same beyond f at its turning point.
+    """
+
+    x: Array
+    exists: NDArray[np.bool_]
+    short_low: Array
+    short_high: Array
+    short_turn: Array
+
+
+def inverse(function: WithSlope, value: Array, low: float, high: float, sign: float) -> Preimage:
+    """Solve f(x) = value where sign·f' > 0 in the open interval (low, high).
+
+    Args:
+        function: f and f', with at most one turning point in the interval.
+        value: Right-hand sides, shape (M,).
+        low: Low end of the interval.
+        high: High end.
+        sign: 1 for the stretch where f rises, −1 where it falls.
+    """
+    inset = INSET * (high - low)
+    a, b = np.full(value.shape, low + inset), np.full(value.shape, high - inset)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        (gap_a, at_a), (gap_b, at_b) = (_look(function, x, value, sign)[:2] for x in (a, b))
+        under, over = at_a & (gap_a <= 0), at_b & (gap_b >= 0)
+        none = (~at_a & ~at_b) | np.isnan(value)
+        outside = none | (at_a & (gap_a > 0)) | (at_b & (gap_b < 0))
+        x, under_seen, over_seen = _search(
+            function, value, sign, (a, b), (at_a, at_b), (under, over), ~outside
+        )
+        exists = under_seen & over_seen & ~outside
+        x = np.where(at_a & (gap_a > 0), a, np.where(at_b & (gap_b < 0), b, x))
+        at_turn = ~exists & ~outside
+        gap = sign * (function(x)[0] - value)
+    return Preimage(
+        x=np.where(none, np.nan, x),
+        exists=exists,
+        short_low=np.where(~none & at_a & (gap_a > 0), gap_a, 0.0),
+        short_high=np.where(~none & at_b & (gap_b < 0), -gap_b, 0.0),
+        short_turn=np.where(at_turn, np.abs(gap), 0.0),
+    )
+
+
+def _look(
+    function: WithSlope, x: Array, value: Array, sign: float
+) -> tuple[Array, NDArray[np.bool_], Array]:
+    """sign·(f − value), whether x is on the stretch, and the Newton step's target."""
+    f, slope = function(x)
+    return sign * (f - value), sign * slope > 0, x - (f - value) / slope
+
+
+def _search(
+    function: WithSlope,
+    value: Array,
+    sign: float,
+    bracket: tuple[Array, Array],
+    on_stretch: tuple[NDArray[np.bool_], NDArray[np.bool_]],
+    seen: tuple[NDArray[np.bool_], NDArray[np.bool_]],
+    active: NDArray[np.bool_],
+) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
+    """The bracketed iteration; also whether values under and over were met on the stretch."""
+    (low, high), (under, over) = bracket, seen
+    turn_is_high = on_stretch[0] & ~on_stretch[1]
+    x, last = 0.5 * (low + high), high - low
+    for _ in range(_STEPS):
+        gap, on, newton = _look(function, x, value, sign)
+        under, over = under | (on & (gap <= 0)), over | (on & (gap >= 0))
+        too_far = np.where(on, gap > 0, turn_is_high)
+        low, high = np.where(too_far, low, x), np.where(too_far, x, high)
+        safe = on & (newton >= low) & (newton <= high) & (np.abs(newton - x) < 0.5 * np.abs(last))
+        settled = active & safe & (np.abs(newton - x) <= 2e-16 * (1e-6 + np.abs(x)))
+        under, over = under | settled, over | settled
+        following = np.where(safe, newton, 0.5 * (low + high))
+        active = active & ~(on & (np.abs(gap) <= 1e-16 * np.abs(value)))
+        last, x = np.where(active, following - x, 0.0), np.where(active, following, x)
+        active = active & (np.abs(last) > 2e-16 * (1e-6 + np.abs(x)))
+        if not np.any(active):
+            break
+    return x, under, over

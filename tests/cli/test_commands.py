@@ -24,7 +24,11 @@ from planner.cli.arguments import parse_changes
 PROBLEMS = Path(__file__).parents[2] / "problems"
 PAPER = PROBLEMS / "paper.toml"
 SOLVED = ("plan", PAPER, "-m", "polynomial", "--set", "goal.travel=0.82", "--set", "limits={}")
-FIGURES = {"status", "verified", "executable", "travel_rad", "peak_u_rad_s", "violations", "advice"}
+FIGURES = {
+    "method", "status", "objective", "solve_time_s", "build_time_s", "iterations", "duration_s",
+    "travel_rad", "terminal_error_deg", "peak_u_rad_s", "domain_ok", "domain_margin", "z2_max",
+    "singular_times_s", "verified", "violations", "reason", "advice", "direction", "terminal_error",
+}  # fmt: skip
 
 
 def lacking(text: str, *pieces: str) -> list[str]:
@@ -52,7 +56,13 @@ def test_a_plan_as_json_and_file(run: Callable, tmp_path: Path) -> None:
     result = run(*SOLVED, "--json", "--out", out)
     data = result.json
     assert data.keys() >= FIGURES
-    assert data["verified"] is True
+    assert (data["verified"], data["domain_ok"], data["duration_s"]) == (True, True, 10.0)
+    assert (data["direction"], data["violations"], data["singular_times_s"]) == ("one way", [], [])
+    assert data["terminal_error"].keys() == {"phi2", "theta1", "theta2", "theta3"}
+    assert np.max(np.abs(data["terminal_error_deg"])) < 1e-3
+    assert data["peak_u_rad_s"][1] == pytest.approx(40, rel=0.02)
+    assert 0 < data["domain_margin"] <= np.sin(np.deg2rad(1)) ** 2 + 1e-12
+    assert data["z2_max"] == pytest.approx(-0.0324, abs=1e-4)
     assert result.status == data["exit_status"] == 0
     assert data["written"] == str(out)
     assert result.err == f"plan written to {out}\n"
@@ -74,8 +84,11 @@ def test_refused_plans_as_json(run: Callable, tmp_path: Path) -> None:
         assert result.json["advice"]
         assert result.json["written"] is None
     assert path.json["peak_u_rad_s"][1] == pytest.approx(40, rel=0.02)
-    assert path.json["violations"][0]["label"] == "input u2"
-    assert none.json["travel_rad"] is None
+    (broken,) = path.json["violations"]
+    assert (broken["label"], broken["limit"]) == ("input u2", 0.5)
+    assert "rad/s" in broken["text"]
+    known = {name for name in FIGURES if none.json[name] not in (None, [])}
+    assert known == {"method", "status", "verified", "reason", "advice"}
     assert list(tmp_path.iterdir()) == []
 
 
@@ -88,11 +101,17 @@ def test_a_singular_path_is_shown_for_study_only(run: Callable, tmp_path: Path) 
     assert "For study only, not executable" in result.out
     data = run(*words, "--json").json
     assert (data["status"], data["verified"], data["executable"]) == ("singular", False, False)
+    assert data["domain_ok"] is False
     assert data["peak_u_rad_s"] == [None, None]
     assert data["terminal_error_deg"] == [None, None, None]
     np.testing.assert_allclose(data["singular_times_s"], [0.3057, 2.2975, 8.6790], atol=1e-4)
     assert planner.load_plan(out).status == "singular"
     assert not planner.load_plan(out).verified
+
+
+def test_the_direction_counts_turns(run: Callable) -> None:
+    study = ("--set", "goal.travel=0", "--set", "method.polynomial.allow_singular=true", "--json")
+    assert run(*SOLVED[:4], "--set", "limits={}", *study).json["direction"] == "turns once"
 
 
 def test_check_for_people_and_as_json(run: Callable) -> None:

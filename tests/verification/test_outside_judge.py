@@ -9,7 +9,7 @@ from outside_judge import campaign
 
 
 @pytest.mark.parametrize(
-    ("plans", "damages"), [(3, 20), pytest.param(200, 500, marks=pytest.mark.campaign)]
+    ("plans", "damages"), [(2, 16), pytest.param(200, 500, marks=pytest.mark.campaign)]
 )
 def test_both_judges_agree(plans: int, damages: int, tmp_path: Path) -> None:
     """No false accept, no false refusal; and there is something of both to tell apart."""

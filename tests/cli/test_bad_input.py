@@ -61,7 +61,7 @@ BAD: list[Case] = [
     ),
     (END, "z2_margin = 0.1", "z2 at the start is -0.0324", "lower limits.z2_margin to 0.0321, or"),
     (END, '[machine]\npreset = "toy"', "'machine.preset' = 'toy'", "'ideal'"),
-    (END, f"{POINTS}[[12.0, -0.2]]", "method.polynomial.points", "time 12 s", "(0, 10) s"),
+    (END, f"{POINTS}[[10.0, -0.2]]", "method.polynomial.points", "time 10 s", "(0, 10) s"),
     (END, f"{POINTS}[[5.0, -0.2], [5.0, -0.3]]", "points", "two points at one time"),
     (END, "[method.polynomial]\nponits = 1", "'method.polynomial.ponits'", "mean 'points'?"),
     # numbers and texts that are hostile

@@ -1,6 +1,7 @@
 """Plans made against errors: better than the known optima, within limits, honest refusals."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -222,13 +223,16 @@ def test_a_plan_next_to_one_known_comes_from_it(one_way: planner.Plan) -> None:
         planner.solve(near, "desensitised", warm=other)
 
 
-def test_a_spread_that_does_not_fit(paper: planner.Problem) -> None:
-    with pytest.raises(planner.InputError, match=r"start_deg has 2 values; give one number, or 3"):
-        planner.solve(paper, "desensitised", start_deg=[0.5, 0.5])
-    with pytest.raises(planner.InputError, match="all standard deviations are zero"):
-        planner.solve(paper, "desensitised", start_deg=0.0, gain=0.0)
-
-
-def test_constant_input_contradicts_rest(paper: planner.Problem) -> None:
-    with pytest.raises(planner.InputError, match="contradicts rest = true"):
-        planner.solve(paper, "desensitised", rest=True, input="constant")
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"start_deg": [0.5, 0.5]}, "start_deg has 2 values; give one number, or 3"),
+        ({"start_deg": 0.0, "gain": 0.0}, "all standard deviations are zero"),
+        ({"rest": True, "input": "constant"}, "contradicts rest = true"),
+    ],
+)
+def test_options_that_do_not_fit(
+    paper: planner.Problem, options: dict[str, Any], says: str
+) -> None:
+    with pytest.raises(planner.InputError, match=says):
+        planner.solve(paper, "desensitised", **options)

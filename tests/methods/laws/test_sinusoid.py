@@ -156,15 +156,6 @@ def test_together_on_the_paper(unlimited: planner.Problem) -> None:
     np.testing.assert_allclose(again.z(times), plan.z(times), rtol=0, atol=1e-12)
 
 
-def test_plan_survives_a_file(unlimited: planner.Problem, tmp_path: object) -> None:
-    problem = unlimited.changed({"goal.travel": 0.85})
-    plan = planner.solve(problem, "sinusoid", amplitude=0.04, allow_singular=True)
-    back = planner.load_plan(plan.save(tmp_path / "plan.json"))  # type: ignore[operator]
-    times = np.linspace(0, 10, 50)
-    np.testing.assert_array_equal(back.z(times), plan.z(times))
-    assert back.notes == plan.notes
-
-
 def test_steps_on_the_paper(unlimited: planner.Problem) -> None:
     """It stays inside the domain, at a price: u₂ passes 100 rad/s."""
     problem = unlimited.changed({"goal.travel": 0.761506})

@@ -51,17 +51,7 @@ RESULTS: Mapping[str, str] = {
     "solved": "INTEGER NOT NULL",
     "why": "TEXT",
     "advice": "TEXT",
-    "travel_rad": "REAL",
-    "duration_s": "REAL",
-    "effort": "REAL",
-    "peak_u1_rad_s": "REAL",
-    "peak_u2_rad_s": "REAL",
-    "domain_margin": "REAL",
-    "terminal_error_deg": "REAL",
-    "E_median_deg": "REAL",
-    "E_p95_deg": "REAL",
-    "end_median_deg": "REAL",
-    "end_p95_deg": "REAL",
+    **dict.fromkeys(rows.swept(), "REAL"),
     "end_spread_deg": "REAL",
     "contact_torque_nm": "REAL",
     "contact_load": "REAL",
@@ -226,8 +216,7 @@ def _on_the_machine(plan: Plan, samples: int, seed: int) -> Row:
     record = max(RECORD_S, plan.duration / 500)
     runs = replay(plan, samples=samples, seed=seed, record_s=record, motions=0)
     if runs.angles:
-        row["E_median_deg"], row["E_p95_deg"] = np.percentile(runs.index_E_deg, [50, 95])
-        row["end_median_deg"], row["end_p95_deg"] = np.percentile(runs.terminal_E_deg, [50, 95])
+        row |= rows.on_machines(runs, sweep=True)
         row["end_spread_deg"] = np.max(np.std(runs.terminal_error_deg, axis=0))
     if isinstance(plan.problem.system, Manipulator):
         load = contact_load(plan, samples=CONTACTS, seed=seed)

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.comparison.rows import effort_unit
 from planner.errors import expect
 from planner.report.figures.style import COLOURS, grid, heading, legend, symbol
 from planner.robustness.budget import Budget, Cost, total
@@ -24,6 +23,7 @@ from planner.robustness.trade_off import TradeOff
 from planner.robustness.trade_off_points import TradeOffPoint
 from planner.support.arrays import Array
 from planner.support.tables import number
+from planner.verification.summary import effort_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from planner.comparison.comparison import Comparison
-from planner.comparison.rows import effort_unit
 from planner.plan.measures import worst_margin
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
@@ -27,6 +26,7 @@ from planner.report.figures.over_time import has_band, view
 from planner.report.figures.style import Curve, curves, shown, times
 from planner.report.page.words import places, subscripted
 from planner.support.arrays import Array, jsonable
+from planner.verification.summary import effort_unit
 
 POINTS = 500
 """About how many times a curve is drawn at."""

@@ -9,12 +9,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.comparison.comparison import Comparison
-from planner.comparison.rows import Row, effort_unit
+from planner.comparison.rows import Row
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Part
 from planner.report.figures.style import shown
 from planner.support.tables import number
 from planner.systems.triangular_system import Coordinate
+from planner.verification.summary import effort_unit
 
 COLOURS = 9
 """Colours that the page has for plans."""

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import copy
-import tempfile
 import threading
 import time
 import traceback
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -206,7 +204,7 @@ def _run(request: Request) -> Row:
     if request["samples"] and plan.executable:
         row |= _on_the_machine(plan, request["samples"], request["seed"])
     if request["keep_plan"] and plan.verified:
-        row["plan"] = _text(plan)
+        row["plan"] = plan.to_json()
     return row
 
 
@@ -249,8 +247,3 @@ def _number(value: Any) -> Any:
     if isinstance(value, np.generic):
         value = value.item()
     return None if isinstance(value, float) and np.isnan(value) else value
-
-
-def _text(plan: Plan) -> str:
-    with tempfile.TemporaryDirectory() as folder:
-        return plan.save(Path(folder) / "plan.json").read_text(encoding="utf-8")

@@ -23,7 +23,7 @@ from planner.report.charts.panels import (
 )
 from planner.report.figures.arm import body, drawable, tips_to_pass
 from planner.report.figures.over_time import view
-from planner.report.figures.style import shown, times
+from planner.report.figures.style import colour_numbers, shown, times
 from planner.report.page.words import subscripted
 from planner.support.arrays import Array
 
@@ -43,6 +43,7 @@ def picture(outcome: ScreenOutcome) -> dict[str, Any]:
     plan = outcome.plan
     if plan is None:
         return {"plans": [], "panels": []}
+    name = f"{plan.method} compensated" if plan.compensates else plan.method
     t = times(plan, SAMPLES)
     z, q, u = plan.z(t), plan.q(t), plan.u(t)
     found = [_z2(plan, t, z), *_rest(z), _angles(plan, q), _inputs(plan, t, u)]
@@ -53,7 +54,7 @@ def picture(outcome: ScreenOutcome) -> dict[str, Any]:
     drawn = {
         "label": plan.method,
         "refused": outcome.error is not None,
-        "colour": 0,
+        "colour": colour_numbers([name])[name],
         "duration": plan.duration,
         "t": to_screen_digits(t),
     }

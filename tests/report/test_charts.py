@@ -14,6 +14,7 @@ from planner.explorer.screen import Screen
 from planner.explorer.state import State
 from planner.report import charts
 from planner.report.charts.panels import CHARTS, SCRIPTS, STYLE, band, near, source
+from planner.report.figures.style import COLOURS, METHODS, PALETTE, colour_numbers, curves
 from planner.report.folders import replay_data
 from planner.report.page.page import report_page
 from planner.report.page.series import page_data
@@ -29,8 +30,42 @@ def test_every_script_is_in_the_page_and_in_the_explorer() -> None:
     for name in SCRIPTS:
         assert source(CHARTS, name) in page
         assert source(CHARTS, name) in widget.Explorer._esm
-    assert source(CHARTS, STYLE) in page
-    assert source(CHARTS, STYLE) in widget.Explorer._css
+    rules = [line for line in source(CHARTS, STYLE).splitlines() if "$" not in line]
+    assert len(rules) > 50
+    for line in rules:
+        assert line in page
+        assert line in widget.Explorer._css
+
+
+def test_a_method_has_one_colour_in_pictures_on_the_page_and_in_the_explorer() -> None:
+    widget = pytest.importorskip("planner.explorer.widget", reason="needs the extra 'notebook'")
+    assert set(METHODS) == {*planner.METHODS, "compensated"}
+    assert len(set(METHODS.values())) == len(METHODS) < len(PALETTE)
+    found = quick_comparison()
+    numbers = {plan["label"]: plan["colour"] for plan in page_data(found, {})["plans"]}
+    assert {k: COLOURS[n] for k, n in numbers.items()} == {
+        c.label: c.colour for c in curves(found.plans)
+    }
+    for text in (report_page(found, {}, {}), widget.Explorer._css):
+        for k, (_, light, dark) in enumerate(PALETTE):
+            assert re.findall(rf"--plan-{k}: (#\w+);", text) == [light, dark]
+            assert f".charts .plan-{k} {{ color: var(--plan-{k}); }}" in text
+    problem = planner.load_problem(PROBLEM)
+    (plan,) = Screen(State.of(problem, "collocation", 0)).picture()["plans"]
+    assert plan["colour"] == METHODS["collocation"]
+
+
+def test_colours_of_what_is_drawn_together_differ_and_feedback_keeps_its_plans() -> None:
+    labels = ["polynomial:travel=middle", "mine", "polynomial", "collocation:degree=2"]
+    labels += ["collocation compensated:rest=true", "2: convex", "polynomial + feedback"]
+    numbers = colour_numbers(labels)
+    assert numbers[labels[0]] == METHODS["polynomial"]
+    assert numbers[labels[3]] == METHODS["collocation"]
+    assert numbers[labels[4]] == METHODS["compensated"]
+    assert numbers[labels[5]] == METHODS["convex"]
+    assert numbers["polynomial + feedback"] == numbers["polynomial"]
+    assert len(set(numbers.values())) == len(labels) - 1
+    assert len(colour_numbers([str(k) for k in range(12)])) == 12
 
 
 def test_no_name_is_defined_twice_where_scripts_are_joined() -> None:

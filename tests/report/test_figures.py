@@ -312,8 +312,9 @@ def test_preparations_lie_before_time_zero(paper: planner.Problem) -> None:
 
 def test_a_plan_keeps_its_colour_in_all_figures(plans: dict[str, planner.Plan]) -> None:
     mixed = {"outside": outside(), "missing": None, **plans}
-    assert [c.colour for c in curves(mixed)] == [COLOURS[0], COLOURS[2], COLOURS[3]]
-    assert [c.colour for c in curves(mixed, executable=True)] == [COLOURS[2], COLOURS[3]]
+    all_three = [c.colour for c in curves(mixed)]
+    assert len(set(all_three)) == 3
+    assert [c.colour for c in curves(mixed, executable=True)] == all_three[1:]
 
 
 def test_titles_and_legends_fit_into_the_figure() -> None:

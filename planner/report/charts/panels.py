@@ -21,12 +21,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
+from string import Template
 from typing import Any
 
 import numpy as np
 
 from planner.plan.plan import Plan
 from planner.report.figures.over_time import has_band, z2_band
+from planner.report.figures.style import PALETTE
 from planner.support.arrays import Array
 from planner.systems.triangular_system import Coordinate
 
@@ -50,6 +52,17 @@ def script(room: str, names: Sequence[str]) -> str:
     """The charts' scripts, and after them those of a package, as one."""
     charts = [source(CHARTS, name) for name in SCRIPTS]
     return "\n".join(charts + [source(room, name) for name in names])
+
+
+def stylesheet(room: str, name: str) -> str:
+    """The charts' style, and after it that of a package; both with the colours of plans."""
+    text = Template(source(CHARTS, STYLE) + source(room, name))
+    each = range(len(PALETTE))
+    return text.substitute(
+        classes=" ".join(f".charts .plan-{k} {{ color: var(--plan-{k}); }}" for k in each),
+        light=" ".join(f"--plan-{k}: {PALETTE[k][1]};" for k in each),
+        dark=" ".join(f"--plan-{k}: {PALETTE[k][2]};" for k in each),
+    )
 
 
 def source(package: str, name: str) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from planner.comparison.comparison import Comparison
 from planner.comparison.rows import CLOSED, Row
 from planner.errors import InputError
-from planner.report.charts.panels import CHARTS, STYLE, script, source
+from planner.report.charts.panels import script, source, stylesheet
 from planner.report.figures.mechanism import mechanism_svg
 from planner.report.page.series import page_data
 from planner.report.page.words import (
@@ -72,7 +72,7 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], made: Mappin
     data = json.dumps(page_data(comparison, replays), separators=(",", ":"), ensure_ascii=False)
     return Template(source(ROOM, "page.html")).substitute(
         title=html.escape(comparison.problem.name),
-        style=source(CHARTS, STYLE) + source(ROOM, "page.css"),
+        style=stylesheet(ROOM, "page.css"),
         question=question(comparison.problem),
         verdict=verdict_html(comparison),
         answers=_answers(comparison),

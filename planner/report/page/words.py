@@ -12,13 +12,10 @@ from planner.comparison.comparison import Comparison
 from planner.comparison.rows import Row
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Part
-from planner.report.figures.style import shown
+from planner.report.figures.style import colour_numbers, shown
 from planner.support.tables import number
 from planner.systems.triangular_system import Coordinate
 from planner.verification.summary import effort_unit
-
-COLOURS = 9
-"""Colours that the page has for plans."""
 
 _LETTERS = {"theta": "θ", "phi": "φ", "alpha": "α", "beta": "β"}
 _DIGITS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
@@ -35,9 +32,7 @@ def subscripted(name: str) -> str:
 
 def places(comparison: Comparison) -> dict[str, int]:
     """Number of each row's colour; a row with feedback has that of the plan it follows."""
-    open_loop = [row.label for row in comparison.rows if not row.feedback]
-    known = {label: k % COLOURS for k, label in enumerate(open_loop)}
-    return {row.label: known.get(row.spec, 0) for row in comparison.rows}
+    return colour_numbers([row.label for row in comparison.rows])
 
 
 def question(problem: Problem) -> str:

@@ -16,7 +16,7 @@ from planner.explorer.state import State
 from planner.explorer.worker import worker
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
-from planner.report.charts.panels import script, stylesheet
+from planner.report.charts.scripts import script, stylesheet
 
 QUICK_S = 0.05
 """Errors on the machine that took less than this come with the picture; others follow it."""

@@ -1,6 +1,7 @@
 """Figures, films and pages of plans and comparisons.
 
 `figures` (one `plot_*` each), `film`, `charts` (in a browser), `page` (a comparison there),
+`panels` (what of plans is drawn, for all of these),
 `folders` (all of it in a folder) and `saved` (read back), `export` (a plan for other programs).
 
 Every `plot_*` function takes plans (or replays), draws into axes of yours or a new figure, and
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from planner.report.figures.design import plot_design
     from planner.report.figures.mechanism import plot_mechanism
     from planner.report.figures.on_the_machine import plot_efforts, plot_errors, plot_replays
-    from planner.report.figures.over_time import plot_inputs, plot_joints, plot_z
+    from planner.report.figures.over_time import plot_inputs, plot_joints, plot_map, plot_z
     from planner.report.figures.robustness import (
         plot_budget,
         plot_machine_sensitivity,
@@ -34,7 +35,7 @@ _HOMES = {
     "figures.design": "plot_design",
     "figures.mechanism": "plot_mechanism",
     "figures.on_the_machine": "plot_efforts plot_errors plot_replays",
-    "figures.over_time": "plot_inputs plot_joints plot_z",
+    "figures.over_time": "plot_inputs plot_joints plot_map plot_z",
     "figures.robustness": "plot_budget plot_machine_sensitivity plot_responses "
     "plot_sensitivity plot_trade_off",
     "film": "animate",
@@ -54,6 +55,7 @@ __all__ = [
     "plot_inputs",
     "plot_joints",
     "plot_machine_sensitivity",
+    "plot_map",
     "plot_mechanism",
     "plot_replays",
     "plot_responses",

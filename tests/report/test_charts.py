@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +14,12 @@ import planner
 from planner.explorer.screen import Screen
 from planner.explorer.state import State
 from planner.report import charts
-from planner.report.charts.panels import CHARTS, SCRIPTS, STYLE, band, near, source
+from planner.report.charts.scripts import CHARTS, SCRIPTS, STYLE, source
 from planner.report.figures.style import COLOURS, METHODS, PALETTE, colour_numbers, curves
 from planner.report.folders import replay_data
 from planner.report.page.page import report_page
 from planner.report.page.series import page_data
+from planner.report.panels import FIGURES, Figure, Panel, Sampled, near, over_time, together
 
 PROBLEM = Path(__file__).parents[2] / "problems/paper.toml"
 
@@ -82,12 +84,18 @@ def test_panels_have_one_shape() -> None:
     problem = planner.load_problem(PROBLEM, {"goal.travel": 0.82})
     screen = Screen(State.of(problem, "polynomial", 2))
     explorer = [*screen.picture()["panels"], screen.errors()]
-    allowed = {"kind", "title", "unit", "series", "band", "limits", "floor", "zero", "ends"}
+    allowed = {"id", "kind", "title", "unit", "series", "band", "limits", "floor", "zero", "ends"}
     allowed |= {"stops", "marks", "view", "notes", "note"}  # those that `panels` names
     for panel in (p for p in (*page, *explorer) if p and p["kind"] == "time"):
-        assert panel.keys() - {"id", "handles"} <= allowed
+        assert panel.keys() - {"handles"} <= allowed
         for series in panel["series"]:
             assert {"plan", "y"} <= series.keys() <= {"plan", "y", "t", "name", "colour", "machine"}
+    flat = [p for p in (*page, *explorer) if p and p["kind"] == "plane"]
+    assert [p["id"] for p in flat] == ["map", "plane", "map"]
+    allowed = {"id", "kind", "title", "unit", "series", "across", "names", "ends", "view", "key"}
+    for panel in flat:
+        assert panel.keys() <= allowed | {"region", "limits", "poses", "discs", "tips", "note"}
+        assert all(series.keys() == {"plan", "x", "y"} for series in panel["series"])
 
 
 def test_a_limit_is_drawn_on_the_side_that_is_near() -> None:
@@ -99,7 +107,49 @@ def test_a_limit_is_drawn_on_the_side_that_is_near() -> None:
 
 def test_the_band_marks_where_its_edge_is_crossed() -> None:
     plan = outside()
-    t = np.linspace(0, plan.duration, 50)
-    found = band(plan, t, name="there")
-    assert [t for t, _ in found["marks"]] == list(plan.domain.exits_s)
-    assert found["band"]["name"] == "there"
+    (z2, *_) = FIGURES["z"].panels([Sampled(0, plan, np.linspace(0, plan.duration, 50))])
+    assert [t for t, _ in z2["marks"]] == list(plan.domain.exits_s)
+
+
+def test_a_figure_is_one_entry_and_is_drawn_everywhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    def speeds(drawn: Sequence[Sampled]) -> list[Panel]:
+        one = [s.curve(np.gradient(s.q[:, 1], s.t)) for s in drawn]
+        return [over_time("speed", "speed of theta1", "rad/s", one)]
+
+    speed = Figure("speed", speeds, "Speeds", "How fast the first joint turns.")
+    monkeypatch.setitem(FIGURES, "speed", speed)
+    found = quick_comparison()
+    (panel,) = next(f["panels"] for f in page_data(found, {})["figures"] if f["id"] == "speed")
+    assert [series["plan"] for series in panel["series"]] == [0, 1]
+    page = report_page(found, {}, {})
+    assert '<figure id="fig-speed" hidden>' in page
+    assert "<b>Speeds.</b> How fast the first joint turns." in page
+    picture = found.figures()["speed"]
+    assert picture.get_suptitle().startswith("Speeds: ")
+    assert len(picture.axes[0].lines) == 2
+    problem = planner.load_problem(PROBLEM, {"goal.travel": 0.82})
+    panels = Screen(State.of(problem, "polynomial", 0)).picture()["panels"]
+    assert "speed" in [panel["id"] for panel in panels]
+
+
+def test_panels_of_one_id_and_unit_become_one() -> None:
+    plan = quick_comparison()["polynomial"].plan
+    assert plan is not None
+    drawn = [Sampled(0, plan, np.linspace(0, plan.duration, 50))]
+    (one,) = together(FIGURES["inputs"].panels(drawn))
+    assert [(s["name"], s["colour"]) for s in one["series"]] == [("u1", 0), ("u2", 1)]
+    assert one["limits"] == [-0.6, 0.6]
+    views = [panel["view"] for panel in FIGURES["inputs"].panels(drawn)]
+    assert one["view"] == [min(v[0] for v in views), max(v[1] for v in views)]
+    car = planner.solve(planner.load_problem(PROBLEM.with_name("car.toml")), "polynomial")
+    drawn = [Sampled(0, car, np.linspace(0, car.duration, 50))]
+    ids = [panel["id"] for panel in together(FIGURES["joints"].panels(drawn))]
+    assert ids == ["joints", "joints m"]
+
+
+def test_several_plans_to_a_free_goal_have_no_common_end_on_the_map() -> None:
+    plan = planner.solve(planner.load_problem(PROBLEM.with_name("tip.toml")))
+    drawn = [Sampled(k, plan, np.linspace(0, plan.duration, 50)) for k in range(2)]
+    (one,), (both,) = (FIGURES["map"].panels(some) for some in (drawn[:1], drawn))
+    np.testing.assert_allclose(one["ends"][1], np.rad2deg(plan.q(plan.duration)[1:3]), atol=1e-9)
+    assert both["ends"] == one["ends"][:1]

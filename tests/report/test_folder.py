@@ -11,7 +11,7 @@ from compared import quick_comparison
 import planner
 from planner.report import folders as report_folder
 
-FIGURES = ("z", "joints", "inputs", "arm", "errors", "effort", "replay")
+FIGURES = ("z", "joints", "inputs", "map", "arm", "errors", "effort", "replay")
 
 
 @pytest.fixture(scope="module")

@@ -236,6 +236,19 @@ def symbol(name: str) -> str:
     return f"${letter if len(letter) == 1 else chr(92) + letter}_{{{number}}}$"
 
 
+_LETTERS = {"theta": "θ", "phi": "φ", "alpha": "α", "beta": "β"}
+_DIGITS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+
+
+def as_words(name: str) -> str:
+    """theta1 becomes θ₁, u2 u₂; other names lose their underscores."""
+    found = re.fullmatch(r"(theta|phi|alpha|beta|[a-z])(\d+)", name)
+    if not found:
+        return name.replace("_", " ")
+    letter, digits = found.groups()
+    return _LETTERS.get(letter, letter) + digits.translate(_DIGITS)
+
+
 def as_text(text: str) -> str:
     """Foreign text as Matplotlib draws it letter by letter; between two $ it reads mathematics."""
     return clean(text).replace("$", r"\$")
@@ -243,8 +256,12 @@ def as_text(text: str) -> str:
 
 def axis_label(coordinate: Coordinate) -> str:
     """Name and unit; angles are drawn in degrees."""
-    unit = "deg" if coordinate.unit == "rad" else coordinate.unit
-    return f"{symbol(coordinate.name)} ({as_text(unit)})"
+    return f"{symbol(coordinate.name)} ({as_text(unit_of(coordinate))})"
+
+
+def unit_of(coordinate: Coordinate) -> str:
+    """The unit a coordinate is shown in."""
+    return "deg" if coordinate.unit == "rad" else coordinate.unit
 
 
 def shown(values: Array, unit: str) -> Array:

@@ -242,7 +242,6 @@ def test_the_map_shows_every_path_and_reads_them_at_one_time(opened: Callable) -
     assert rings.count("M") == 2
     page.locator(".legend input").first.uncheck()
     assert panel.locator("path.curve").count() == 1
-    assert panel.locator(".cross").get_attribute("d").count("M") == 1
 
 
 def test_shares_and_points_are_those_of_the_replays(opened: Callable) -> None:

@@ -21,6 +21,7 @@ from planner.report import folders as report_folder
 from planner.report.figures.style import as_words
 from planner.report.page.page import report_page, write_report
 from planner.report.page.series import page_data
+from planner.report.panels import FIGURES
 from planner.report.saved import load_comparison
 
 PAPER = Path(__file__).parents[2] / "problems/paper.toml"
@@ -79,7 +80,7 @@ def test_curves_of_the_page_are_those_of_the_plans(saved: Path) -> None:
     json.dumps(data, allow_nan=False)
     assert [plan["refused"] for plan in data["plans"]] == [True, False]
     figures = {figure["id"]: figure["panels"] for figure in data["figures"]}
-    assert list(figures) == ["z", "joints", "inputs", "map", "trade", "errors"]
+    assert list(figures) == [*FIGURES, "trade", "errors"]
     plan = quick_comparison()["polynomial"].plan
     assert plan is not None
     t = np.array(data["plans"][1]["t"])

@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from planner.comparison.comparison import Comparison
-from planner.comparison.rows import FEEDBACK, Row, on_machines
+from planner.comparison.rows import FEEDBACK, Row, machine_figures
 from planner.errors import (
     InfeasibleError,
     InputError,
@@ -194,7 +194,7 @@ class _ComparisonRun:
             row = replace(row, effort=float(np.median(runs.effort)), peak_u=(first, second))
         if not runs.angles:
             return row
-        return replace(row, **on_machines(runs))
+        return replace(row, **machine_figures(runs))
 
 
 def specs(problem: Problem, methods: str | Sequence[str] | None) -> list[Spec]:

@@ -102,7 +102,7 @@ class Row(PlanFigures):
             check: Its verification.
             why: Reason of the refusal, or what ended the search early.
         """
-        known = cls.taken(plan, check)
+        known = cls.measure(plan, check)
         away = np.rad2deg(plan.notes["compensation"]["path_rad"]) if plan.compensates else 0.0
         if plan.executable and away > OTHER_WAY_DEG:
             known["note"] = f"takes another path, up to {away:.3g} deg from the original plan"
@@ -147,7 +147,7 @@ class Row(PlanFigures):
         return dict(jsonable(data))
 
 
-def on_machines(run: Replay, *, sweep: bool = False) -> dict[str, Any]:
+def machine_figures(run: Replay, *, sweep: bool = False) -> dict[str, Any]:
     """The figures that replays of a plan with angles give, by name; if `sweep`, those it keeps."""
     known = figures(Row).items()
     return {n: f.replay(run) for n, f in known if f.replay and (f.sweep or not sweep)}
@@ -203,7 +203,7 @@ def _fact(name: str) -> Column[Row]:
     return Column(name, "", attrgetter(name), shown=None)
 
 
-def swept() -> list[str]:
+def sweep_columns() -> list[str]:
     """Names of the numbers that sweeps keep of a plan and of its replays, as in CSV."""
     kept = {name: one for name, one in figures(Row).items() if one.sweep}
     return [key for n, f in kept.items() for key in ([h.key or n for h in f.headings] or [n])]

@@ -15,18 +15,17 @@ from planner.report.figures.style import colour_numbers, times
 from planner.report.panels import (
     FIGURES,
     Panel,
-    Sampled,
+    PlanCurves,
+    merge,
     over_time,
-    plain,
+    screen_data,
     to_screen_digits,
-    together,
 )
 
 SAMPLES = 160
 """Instants a curve is drawn by, where it is not finer by itself."""
 
 POSES = 10
-
 
 TITLES = {"z2": "z₂ and its domain", "z": "the other chained coordinates"}
 """Of panels that hold more than their title says."""
@@ -42,15 +41,13 @@ def picture(outcome: ScreenOutcome) -> dict[str, Any]:
     if plan is None:
         return {"plans": [], "panels": []}
     name = f"{plan.method} compensated" if plan.compensates else plan.method
-    one = Sampled(0, plan, times(plan, SAMPLES))
+    one = PlanCurves(0, plan, times(plan, SAMPLES))
     system = plan.problem.system
     fit = [figure for figure in FIGURES.values() if figure.fits(system)]
-    found = {p["id"]: p for figure in fit for p in together(figure.panels([one]))}
+    found = {p["id"]: p for figure in fit for p in merge(figure.panels([one]))}
     _add_words(found, one)
     if drawable(system):
-        after = [key for key in found if key == "map"]
         found["plane"] = _plane(one)
-        found |= {key: found.pop(key) for key in after}
     drawn = {
         "label": plan.method,
         "refused": outcome.error is not None,
@@ -58,10 +55,10 @@ def picture(outcome: ScreenOutcome) -> dict[str, Any]:
         "duration": plan.duration,
         "t": to_screen_digits(one.t),
     }
-    return {"plans": [drawn], "panels": [plain(panel) for panel in found.values()]}
+    return {"plans": [drawn], "panels": [screen_data(panel) for panel in found.values()]}
 
 
-def _add_words(found: dict[str, Panel], one: Sampled) -> None:
+def _add_words(found: dict[str, Panel], one: PlanCurves) -> None:
     """What the screen has besides: handles, the margin's limit, words beside the titles."""
     problem = one.plan.problem
     margin = problem.limits.z2_margin
@@ -98,7 +95,7 @@ def error_panel(run: Replay | None) -> dict[str, Any] | None:
         note=f"E median {run.percentile(50):.3g} deg, 95 % {run.percentile(95):.3g} deg",
         zero=True,
     )
-    return plain(panel)
+    return screen_data(panel)
 
 
 def _handles(plan: Plan) -> list[dict[str, Any]]:
@@ -123,7 +120,7 @@ def _peaks(panel: Panel) -> str:
     return "peaks: " + ", ".join(peaks)
 
 
-def _plane(one: Sampled) -> Panel:
+def _plane(one: PlanCurves) -> Panel:
     plan = one.plan
     poses = body(plan.problem, plan.q(np.linspace(0, plan.duration, POSES)))
     path = body(plan.problem, one.q)[:, -1]

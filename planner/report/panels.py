@@ -18,7 +18,7 @@ Of kind "plane" a series has a path `x`, `y` at the plan's times, and a panel `a
 of both axes, and perhaps `ends`; `view`, of both axes; `region`: a box, outside of which is shaded;
 `limits`: [axis, value]; `poses`, `discs` and `tips`; and a `key`: kinds of lines, and words.
 
-Panels of one `id` can be drawn as one, see `together`. Angles are in degrees, times in seconds from
+Panels of one `id` can be drawn as one, see `merge`. Angles are in degrees, times in seconds from
 the plan's beginning, numbers that do not exist are not a number.
 """
 
@@ -53,7 +53,7 @@ FAR = 5.0
 
 
 @dataclass(frozen=True, eq=False)
-class Sampled:
+class PlanCurves:
     """A plan and the times it is drawn at.
 
     Attributes:
@@ -86,7 +86,7 @@ class Sampled:
         return {"plan": self.number, "y": values, **more}
 
 
-Drawn = Sequence[Sampled]
+Drawn = Sequence[PlanCurves]
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ class Figure:
 # -- chained coordinates ------------------------------------------------------------------------
 
 
-def chained(drawn: Drawn) -> list[Panel]:
+def chained_panels(drawn: Drawn) -> list[Panel]:
     """z₂ with its domain (one panel a plan), the least margin where it says more, z₃ … z_N."""
     system = drawn[0].plan.problem.system
     panels = []
@@ -161,7 +161,7 @@ def z2_band(plan: Plan, t: Array) -> Array:
     return np.sort(np.array(edges), axis=0)
 
 
-def _domain(one: Sampled) -> Mapping[str, Any]:
+def _domain(one: PlanCurves) -> Mapping[str, Any]:
     """Where a real θ₁ exists, and where the path leaves or enters that."""
     plan = one.plan
     low, high = z2_band(plan, one.t)
@@ -173,7 +173,7 @@ def _domain(one: Sampled) -> Mapping[str, Any]:
 # -- coordinates and inputs ---------------------------------------------------------------------
 
 
-def joints(drawn: Drawn) -> list[Panel]:
+def joint_panels(drawn: Drawn) -> list[Panel]:
     """Each coordinate after the first, with start, goal, waypoints, and limits that are near."""
     problem = drawn[0].plan.problem
     panels = []
@@ -193,7 +193,7 @@ def joints(drawn: Drawn) -> list[Panel]:
     return panels
 
 
-def inputs(drawn: Drawn) -> list[Panel]:
+def input_panels(drawn: Drawn) -> list[Panel]:
     """u₁ and u₂ under their limits; peaks far beyond are cut off and noted."""
     problem = drawn[0].plan.problem
     panels = []
@@ -240,7 +240,7 @@ def view(values: Sequence[tuple[Any, Array, Array]], limit: float) -> tuple[floa
 # -- the chart ----------------------------------------------------------------------------------
 
 
-def chart(drawn: Drawn) -> list[Panel]:
+def map_panels(drawn: Drawn) -> list[Panel]:
     """Where paths run in (θ₁, θ₂), and where the chart that the start lies in ends."""
     problem = drawn[0].plan.problem
     limits = np.rad2deg(problem.limits.joint[1:3])
@@ -308,29 +308,29 @@ FIGURES = {
     for figure in (
         Figure(
             "z",
-            chained,
+            chained_panels,
             "Chained coordinates",
-            "Shaded around z₂: where a real θ₁ exists, given the later angles. A curve outside or a"
-            " margin below zero, is a path that has left the domain of the chart.",
+            "Shaded around z₂: where a real θ₁ exists, given the later angles. Curves outside, and"
+            " margins below zero, are of paths that have left the domain of the chart.",
             executable=False,
             columns=True,
         ),
         Figure(
             "joints",
-            joints,
+            joint_panels,
             "Coordinates",
             "Dots: start and goal; diamonds: waypoints with a time. Thin lines: the machine of"
             " median error.",
         ),
         Figure(
             "inputs",
-            inputs,
+            input_panels,
             "Inputs and limits",
             "Dotted: the limits. Peaks outside the view are named above it.",
         ),
         Figure(
             "map",
-            chart,
+            map_panels,
             "Map of the first two joints",
             "Shaded: outside the chart that the start lies in. Dotted: the joints' limits.",
             fits=lambda system: hasattr(system, "arm_points") and system.size > 2,
@@ -346,7 +346,7 @@ def over_time(id: str, title: str, unit: str, series: Sequence[Panel], **more: A
     return {"id": id, **values, **more}
 
 
-def together(panels: Sequence[Panel]) -> Iterator[Panel]:
+def merge(panels: Sequence[Panel]) -> Iterator[Panel]:
     """Panels of one plan with those of the same id and unit as one, a colour a curve."""
     groups: dict[tuple[str, str], list[Panel]] = {}
     for panel in panels:
@@ -382,24 +382,24 @@ DIGITS = 5
 """More significant digits than a screen shows."""
 
 
-def plain(panel: Mapping[str, Any]) -> Panel:
+def screen_data(panel: Mapping[str, Any]) -> Panel:
     """A panel as JSON holds it, with names to be read; arrays have a screen's digits."""
-    out: Panel = {key: _plain(value) for key, value in panel.items()}
+    out: Panel = {key: _screen_value(value) for key, value in panel.items()}
     out["title"] = as_words(panel["title"])
     if "names" in panel:
         out["names"] = [as_words(name) for name in panel["names"]]
     return out
 
 
-def _plain(value: Any) -> Any:
+def _screen_value(value: Any) -> Any:
     match value:
         case np.ndarray():
             return to_screen_digits(value)
         case dict():
-            inner = {key: _plain(item) for key, item in value.items()}
+            inner = {key: _screen_value(item) for key, item in value.items()}
             return inner | {"name": as_words(value["name"])} if "name" in value else inner
         case list() | tuple():
-            return [_plain(item) for item in value]
+            return [_screen_value(item) for item in value]
     return jsonable(value)
 
 

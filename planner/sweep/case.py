@@ -49,7 +49,7 @@ RESULTS: Mapping[str, str] = {
     "solved": "INTEGER NOT NULL",
     "why": "TEXT",
     "advice": "TEXT",
-    **dict.fromkeys(rows.swept(), "REAL"),
+    **dict.fromkeys(rows.sweep_columns(), "REAL"),
     "end_spread_deg": "REAL",
     "contact_torque_nm": "REAL",
     "contact_load": "REAL",
@@ -214,7 +214,7 @@ def _on_the_machine(plan: Plan, samples: int, seed: int) -> Row:
     record = max(RECORD_S, plan.duration / 500)
     runs = replay(plan, samples=samples, seed=seed, record_s=record, motions=0)
     if runs.angles:
-        row |= rows.on_machines(runs, sweep=True)
+        row |= rows.machine_figures(runs, sweep=True)
         row["end_spread_deg"] = np.max(np.std(runs.terminal_error_deg, axis=0))
     if isinstance(plan.problem.system, Manipulator):
         load = contact_load(plan, samples=CONTACTS, seed=seed)

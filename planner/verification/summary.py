@@ -122,7 +122,7 @@ class PlanFigures:
     terminal_error_deg: float = figure(plan=lambda _, check: _largest(check.terminal_error_deg))
 
     @classmethod
-    def taken(cls, plan: Plan, check: Check) -> dict[str, Any]:
+    def measure(cls, plan: Plan, check: Check) -> dict[str, Any]:
         """The figures of a plan by name; those it has none of are missing."""
         return {
             name: one.plan(plan, check)

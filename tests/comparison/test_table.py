@@ -13,7 +13,7 @@ from rich.console import Console
 import planner
 from planner.comparison import comparison
 from planner.comparison.comparison import comparison_csv as csv_text
-from planner.comparison.rows import Row, swept
+from planner.comparison.rows import Row, sweep_columns
 from planner.report.page.page import report_page
 from planner.support.tables import Column, number
 from planner.sweep.case import RESULTS
@@ -172,7 +172,7 @@ def test_a_figure_of_a_plan_stands_in_one_place_and_is_everywhere() -> None:
         assert not one.sweep or set(keys) <= RESULTS.keys()
         assert one.executable or name in summary
         assert name == "terminal_error_deg" or one.executable or summary[name] == getattr(row, name)
-    assert set(swept()) <= RESULTS.keys()
+    assert set(sweep_columns()) <= RESULTS.keys()
     # One error an angle in a summary, the largest of them in a table.
     assert row.terminal_error_deg == max(abs(e) for e in summary["terminal_error_deg"])
 

@@ -19,7 +19,7 @@ from planner.report.figures.style import COLOURS, METHODS, PALETTE, colour_numbe
 from planner.report.folders import replay_data
 from planner.report.page.page import report_page
 from planner.report.page.series import page_data
-from planner.report.panels import FIGURES, Figure, Panel, Sampled, near, over_time, together
+from planner.report.panels import FIGURES, Figure, Panel, PlanCurves, merge, near, over_time
 
 PROBLEM = Path(__file__).parents[2] / "problems/paper.toml"
 
@@ -91,7 +91,7 @@ def test_panels_have_one_shape() -> None:
         for series in panel["series"]:
             assert {"plan", "y"} <= series.keys() <= {"plan", "y", "t", "name", "colour", "machine"}
     flat = [p for p in (*page, *explorer) if p and p["kind"] == "plane"]
-    assert [p["id"] for p in flat] == ["map", "plane", "map"]
+    assert [p["id"] for p in flat] == ["map", "map", "plane"]
     allowed = {"id", "kind", "title", "unit", "series", "across", "names", "ends", "view", "key"}
     for panel in flat:
         assert panel.keys() <= allowed | {"region", "limits", "poses", "discs", "tips", "note"}
@@ -107,12 +107,12 @@ def test_a_limit_is_drawn_on_the_side_that_is_near() -> None:
 
 def test_the_band_marks_where_its_edge_is_crossed() -> None:
     plan = outside()
-    (z2, *_) = FIGURES["z"].panels([Sampled(0, plan, np.linspace(0, plan.duration, 50))])
+    (z2, *_) = FIGURES["z"].panels([PlanCurves(0, plan, np.linspace(0, plan.duration, 50))])
     assert [t for t, _ in z2["marks"]] == list(plan.domain.exits_s)
 
 
 def test_a_figure_is_one_entry_and_is_drawn_everywhere(monkeypatch: pytest.MonkeyPatch) -> None:
-    def speeds(drawn: Sequence[Sampled]) -> list[Panel]:
+    def speeds(drawn: Sequence[PlanCurves]) -> list[Panel]:
         one = [s.curve(np.gradient(s.q[:, 1], s.t)) for s in drawn]
         return [over_time("speed", "speed of theta1", "rad/s", one)]
 
@@ -135,21 +135,21 @@ def test_a_figure_is_one_entry_and_is_drawn_everywhere(monkeypatch: pytest.Monke
 def test_panels_of_one_id_and_unit_become_one() -> None:
     plan = quick_comparison()["polynomial"].plan
     assert plan is not None
-    drawn = [Sampled(0, plan, np.linspace(0, plan.duration, 50))]
-    (one,) = together(FIGURES["inputs"].panels(drawn))
+    drawn = [PlanCurves(0, plan, np.linspace(0, plan.duration, 50))]
+    (one,) = merge(FIGURES["inputs"].panels(drawn))
     assert [(s["name"], s["colour"]) for s in one["series"]] == [("u1", 0), ("u2", 1)]
     assert one["limits"] == [-0.6, 0.6]
     views = [panel["view"] for panel in FIGURES["inputs"].panels(drawn)]
     assert one["view"] == [min(v[0] for v in views), max(v[1] for v in views)]
     car = planner.solve(planner.load_problem(PROBLEM.with_name("car.toml")), "polynomial")
-    drawn = [Sampled(0, car, np.linspace(0, car.duration, 50))]
-    ids = [panel["id"] for panel in together(FIGURES["joints"].panels(drawn))]
+    drawn = [PlanCurves(0, car, np.linspace(0, car.duration, 50))]
+    ids = [panel["id"] for panel in merge(FIGURES["joints"].panels(drawn))]
     assert ids == ["joints", "joints m"]
 
 
 def test_several_plans_to_a_free_goal_have_no_common_end_on_the_map() -> None:
     plan = planner.solve(planner.load_problem(PROBLEM.with_name("tip.toml")))
-    drawn = [Sampled(k, plan, np.linspace(0, plan.duration, 50)) for k in range(2)]
+    drawn = [PlanCurves(k, plan, np.linspace(0, plan.duration, 50)) for k in range(2)]
     (one,), (both,) = (FIGURES["map"].panels(some) for some in (drawn[:1], drawn))
     np.testing.assert_allclose(one["ends"][1], np.rad2deg(plan.q(plan.duration)[1:3]), atol=1e-9)
     assert both["ends"] == one["ends"][:1]

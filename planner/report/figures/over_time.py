@@ -32,7 +32,7 @@ from planner.report.figures.style import (
     time_label,
     times,
 )
-from planner.report.panels import FIGURES, Panel, Sampled
+from planner.report.panels import FIGURES, Panel, PlanCurves
 from planner.support.arrays import Array
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ def plot(name: str, plans: Plans, axes: Any = None) -> tuple[Figure, Any]:
 
 def _panels(kind: panels.Figure, drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
     """All plans in each panel."""
-    found = kind.panels(_sampled(drawn))
+    found = kind.panels(_plan_curves(drawn))
     over_time = found[0]["kind"] == "time"
     share: tuple[Sharing, Sharing] = ("all" if over_time else "none", "none")
     figure, axes = grid(*shape(len(found)), axes, size=SIZES.get(kind.id, (3.4, 2.6)), share=share)
@@ -169,7 +169,7 @@ def _panels(kind: panels.Figure, drawn: Sequence[Curve], axes: Any) -> tuple[Fig
 
 def _columns(kind: panels.Figure, drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
     """A column a plan, its panels of one id on the same axes."""
-    found = [kind.panels([sampled]) for sampled in _sampled(drawn)]
+    found = [kind.panels([one]) for one in _plan_curves(drawn)]
     columns = [[list(same) for _, same in groupby(each, key=_id)] for each in found]
     figure, axes = grid(len(columns[0]), len(drawn), axes, share=("col", "row"))
     for k, (curve, own) in enumerate(zip(drawn, columns, strict=True)):
@@ -192,8 +192,8 @@ def shape(count: int) -> tuple[int, int]:
     return rows, -(-count // rows)
 
 
-def _sampled(drawn: Sequence[Curve]) -> list[Sampled]:
-    return [Sampled(k, curve.plan, times(curve.plan)) for k, curve in enumerate(drawn)]
+def _plan_curves(drawn: Sequence[Curve]) -> list[PlanCurves]:
+    return [PlanCurves(k, curve.plan, times(curve.plan)) for k, curve in enumerate(drawn)]
 
 
 # -- panels on axes -----------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from planner.report.figures.arm import body, drawable, tips_to_pass
 from planner.report.figures.on_the_machine import far_apart, spread
 from planner.report.figures.style import Curve, as_words, curves, shown, times, unit_of
 from planner.report.page.words import places
-from planner.report.panels import FIGURES, Panel, Sampled, plain, to_screen_digits
+from planner.report.panels import FIGURES, Panel, PlanCurves, screen_data, to_screen_digits
 from planner.support.arrays import Array, jsonable
 from planner.verification.summary import effort_unit
 
@@ -93,7 +93,7 @@ def _figures(
     """Every figure of `FIGURES`; those with feedback follow the plans that are drawn already."""
     system = drawn[0].plan.problem.system
     every = [
-        Sampled(k, one.plan, _times(one.plan))
+        PlanCurves(k, one.plan, _times(one.plan))
         for k, one in enumerate(drawn)
         if one.label not in closed
     ]
@@ -105,7 +105,7 @@ def _figures(
         if figure.id == "joints":
             for i, panel in enumerate(panels, start=1):
                 panel["series"] += _on_the_machine(drawn, replays, i)
-        yield {"id": figure.id, "panels": [plain(panel) for panel in panels]}
+        yield {"id": figure.id, "panels": [screen_data(panel) for panel in panels]}
 
 
 def _on_the_machine(

@@ -15,7 +15,7 @@ import typer
 from planner.errors import InputError
 from planner.methods.registry import all_methods, find_method
 from planner.problem.problem import Problem, load_problem
-from planner.support.files import DEEPEST, parse_toml
+from planner.support.files import DEEPEST, toml_value
 from planner.support.tables import brief
 
 ProblemPath = Annotated[
@@ -139,9 +139,6 @@ def dry_run_option(help: str) -> Any:
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the random machines.")]
 
 
-_BARE = re.compile(r"[A-Za-z_][\w.+-]*")
-
-
 def read_problem(path: Path, changes: list[str] | None) -> Problem:
     """The problem with `--set` applied.
 
@@ -204,13 +201,9 @@ def _mentions(message: str, key: str) -> bool:
 
 def _value(pair: str, text: str) -> Any:
     try:
-        parsed = parse_toml(f"value = {text}")
-        if parsed.keys() == {"value"}:
-            return parsed["value"]
+        return toml_value(text)
     except ValueError:
-        if _BARE.fullmatch(text):
-            return text
-    raise InputError(
-        f"--set {pair}: cannot read the value {brief(text)!r}; write a number, true, a [list]"
-        " or a text in quotes"
-    )
+        raise InputError(
+            f"--set {pair}: cannot read the value {brief(text)!r}; write a number, true, a [list]"
+            " or a text in quotes"
+        ) from None

@@ -25,7 +25,14 @@ from planner.machine.machine import Machine
 from planner.methods.registry import all_methods
 from planner.plan.plan_file import plan_schema
 from planner.problem.tables.arms import MOST_JOINTS, ArmFile
-from planner.problem.tables.kinds import all_files, json_schema, limits_of, parse_file
+from planner.problem.tables.kinds import (
+    all_files,
+    example_of,
+    json_schema,
+    limits_of,
+    parse_file,
+    system_of,
+)
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.problem_file import CompensationTable, FeedbackTable, ProblemFile
 from planner.support.files import refuse_unwritable, toml, write_text
@@ -187,15 +194,15 @@ def problem_text(
     if kind not in kinds:
         raise InputError(f"no system '{kind}'; {nearest(kind, list(kinds))}")
     file = kinds[kind]
-    last = parse_file(tomllib.loads(file.example), kind).build_system().coordinates[-1]
-    head = _with_limits(f"{file.example.strip()}\n", limits_of(file))
+    last = system_of(parse_file(tomllib.loads(example_of(kind)), kind)).coordinates[-1]
+    head = _with_limits(f"{example_of(kind)}\n", limits_of(file))
     head += file.places.replace("COORDINATE", last.name)
     if joints is not None:
         head = _with_joints(head, kind, file, joints)
     parts = [f"{_LEGEND}{head}"]
     if brief:
         about = "Methods, feedback and the emulated machine have keys too: planner new OTHER"
-        return f"{parts[0]}\n{_prose(f'{about} --system {kind}')}"
+        return f"{parts[0]}\n#   {about} --system {kind}\n"
     for name, method in all_methods().items():
         options = _keys(method.options, _defaults(method.options))
         parts.append(f"[method.{name}]\n{_prose(method.summary)}{options}")

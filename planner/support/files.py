@@ -300,6 +300,23 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise _shorter(error) from None
 
 
+def toml_value(text: str) -> Any:
+    """One value as in TOML; a plain word may go without quotes.
+
+    Raises:
+        ValueError: If it is neither.
+    """
+    try:
+        table = parse_toml(f"value = {text}")
+    except ValueError:
+        table = {}
+    if table.keys() == {"value"}:
+        return table["value"]
+    if re.fullmatch(r"[A-Za-z_][\w.+-]*", text):
+        return text
+    raise ValueError("is not a value")
+
+
 def read_json(path: str | Path, otherwise: str = "") -> dict[str, Any]:
     """The object in a JSON file.
 

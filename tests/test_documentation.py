@@ -7,10 +7,9 @@ import shlex
 from pathlib import Path
 
 import pytest
-from typer.main import get_command
 
 import planner
-from planner.cli.app import app, main
+from planner.cli.app import COMMANDS, main
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -60,7 +59,7 @@ def test_a_quoted_message_is_what_the_command_prints(
     assert status == (3 if "no plan (" in block else 2)
 
 
-@pytest.mark.parametrize("name", list(get_command(app).commands))  # type: ignore[attr-defined]
+@pytest.mark.parametrize("name", COMMANDS)
 def test_the_examples_of_a_command_stand_on_lines_of_their_own(
     name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

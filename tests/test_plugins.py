@@ -622,6 +622,10 @@ def breaks_down(problem: planner.Problem, options: Options) -> planner.Plan:
     raise ZeroDivisionError("no\x07 way")
 
 
+def refuses_input(problem: planner.Problem, options: Options) -> planner.Plan:
+    raise InputError("'goal.duration' = 20: too long for mine")
+
+
 def exits(problem: planner.Problem, options: Options) -> planner.Plan:
     sys.exit(0)
 
@@ -654,6 +658,7 @@ def undecided(*_: Any) -> Any:
 
 BREAKDOWNS: list[tuple[Any, str]] = [
     (breaks_down, "failed: ZeroDivisionError: no way"),
+    (refuses_input, "failed: InputError: 'goal.duration' = 20: too long for mine"),
     (exits, "failed: SystemExit: 0"),
     (plans_nothing, "returned None, which is no plan"),
     (plans_another, "returned a plan of another problem"),

@@ -136,6 +136,22 @@ def refuse_unwritable_folder(path: str | Path) -> None:
         raise InputError(f"cannot write {target}: no permission to write in {ground}")
 
 
+def make_folder(path: str | Path) -> Path:
+    """The folder, made when missing, to which several runs add.
+
+    Raises:
+        InputError: If it is a file or cannot be made.
+    """
+    place = named(path)
+    if place.exists() and not place.is_dir():
+        raise InputError(f"{place} is a file; name a folder")
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot write {place}: {error.strerror or error}") from None
+    return place
+
+
 @contextmanager
 def folder(path: str | Path) -> Iterator[Path]:
     """A folder to fill that takes the place of `path` when the block ends, and only then.

@@ -93,6 +93,7 @@ TAKE_PLANS: dict[str, Callable[[Any], Any]] = {
     "plot_arm": report.plot_arm,
     "plot_inputs": report.plot_inputs,
     "plot_joints": report.plot_joints,
+    "plot_map": report.plot_map,
     "plot_z": report.plot_z,
 }
 TAKE_PROBLEMS: dict[str, Callable[[Any], Any]] = {
@@ -231,7 +232,7 @@ def test_copies_are_still_made(plan: planner.Plan) -> None:
 
 def test_every_figure_is_drawn_into_axes_of_ones_own_by_the_same_word() -> None:
     figures = [name for name in report.__all__ if name.startswith("plot_")]
-    assert len(figures) == 14
+    assert len(figures) == 15
     for name in figures:
         keyword = inspect.signature(getattr(report, name)).parameters["axes"]
         assert keyword.kind is inspect.Parameter.KEYWORD_ONLY

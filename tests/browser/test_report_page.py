@@ -230,6 +230,20 @@ def test_the_legend_hides_a_plan_in_all_figures(opened: Callable) -> None:
     assert curves.count() == before
 
 
+def test_the_map_shows_every_path_and_reads_them_at_one_time(opened: Callable) -> None:
+    page = opened()
+    panel = page.locator("#fig-map .panel")
+    assert panel.locator("path.curve").count() == 2
+    panel.locator("svg").focus()
+    page.keyboard.press("End")
+    rows = panel.locator(".tip tr").all_inner_texts()
+    assert [row.split("\t")[-1].strip() for row in rows] == ["30, 30 deg"] * 2
+    rings = panel.locator(".cross").get_attribute("d")
+    assert rings.count("M") == 2
+    page.locator(".legend input").first.uncheck()
+    assert panel.locator("path.curve").count() == 1
+
+
 def test_shares_and_points_are_those_of_the_replays(opened: Callable) -> None:
     page = opened()
     row = quick_comparison()[SOLVED]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from planner.problem.problem import Problem
+from planner import Problem
 
 sys.path.append(str(Path(__file__).parent / "benchmarks"))
 

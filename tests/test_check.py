@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.check import check
+from planner import check
 from planner.support.arrays import jsonable
 
 PROBLEMS = Path(__file__).parents[1] / "problems"

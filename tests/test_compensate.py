@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import planner
+from planner import Plan
 from planner.machine.feedforward import aim
 from planner.plan.measures import peak_inputs
-from planner.plan.plan import Plan
 from planner.plan.trajectory import StateTrajectory
 
 ROOT = Path(__file__).parents[1]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.errors import Violation
+from planner import Violation
 
 
 def violation(value: float, limit: float, unit: str) -> Violation:

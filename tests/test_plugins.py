@@ -21,13 +21,12 @@ import pytest
 from registered import restored
 
 import planner
+from planner import METHODS, InputError, Unicycle
 from planner.cli.app import main
 from planner.cli.start import problem_text
-from planner.errors import InputError
 from planner.explorer.controls import limit_controls
 from planner.explorer.state import State
 from planner.methods.refusal import on_other_paths
-from planner.methods.registry import METHODS
 from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.problem.tables import kinds as plugins
 from planner.problem.tables.kinds import FILES, REQUIREMENTS, json_schema
@@ -35,7 +34,6 @@ from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.vehicles import UnicycleFile
 from planner.report.page.words import asked_for
 from planner.support.user_tables import Positive, Table
-from planner.systems.vehicles import Unicycle
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = Path(__file__).parent / "plugin"

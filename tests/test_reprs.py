@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import planner
+from planner import TradeOff
 from planner.plan.samples import sample
 from planner.problem.tables.method_options import DesensitisedOptions
-from planner.robustness.trade_off import TradeOff
 from planner.support.tables import Column, html_table
 
 LONGEST = 500

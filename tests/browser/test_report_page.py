@@ -14,11 +14,11 @@ import pytest
 from compared import outside, quick_comparison, refused_comparison
 
 import planner
-from planner.comparison.comparison import Comparison
+from planner import Comparison
 from planner.comparison.rows import Row
 from planner.report import folders as report_folder
+from planner.report import write_report
 from planner.report.figures.arm import body
-from planner.report.page.page import write_report
 
 SOLVED = "polynomial"
 JOINTS = "#fig-joints .panel"

@@ -10,9 +10,8 @@ from typing import Any
 import pytest
 from handmade import arm_problem, smooth_plan_of
 
+from planner import Plan, Problem
 from planner.machine import compiled
-from planner.plan.plan import Plan
-from planner.problem.problem import Problem
 
 SOURCES = [str(Path(compiled.__file__).with_name(f"{n}.c")) for n in ("kernel", "dynamic")]
 

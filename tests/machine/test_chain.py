@@ -9,10 +9,9 @@ import pytest
 from handmade import draws_of
 from scipy.integrate import solve_ivp
 
+from planner import Manipulator
 from planner.machine.disk_chain import DiskChain
 from planner.machine.stepwise import Direct
-from planner.support.arrays import Array
-from planner.systems.manipulator import Manipulator
 
 T = 1.0
 
@@ -21,22 +20,22 @@ def arm(n: int) -> Manipulator:
     return Manipulator([0.87 * 0.8 ** (i - 2) for i in range(2, n + 1)], 0.67)
 
 
-def start(n: int) -> Array:
+def start(n: int) -> np.ndarray:
     return np.deg2rad(np.array([0.0, *np.linspace(10, 20, n)]))[:, None]
 
 
-def speed(t: Array | float) -> Array:
+def speed(t: np.ndarray | float) -> np.ndarray:
     """Of both motors, (2, …)."""
     t = np.asarray(t)
     return np.stack([0.6 * np.cos(2 * t), 0.5 * np.sin(3 * t) + 0.2])
 
 
-def travel(t: float) -> Array:
+def travel(t: float) -> np.ndarray:
     """Its integral from 0."""
     return np.array([0.3 * np.sin(2 * t), (1 - np.cos(3 * t)) / 6 + 0.2 * t])
 
 
-def ran(plant: DiskChain | Direct, steps: int, points: int = 3) -> Array:
+def ran(plant: DiskChain | Direct, steps: int, points: int = 3) -> np.ndarray:
     """Coordinates (N, S) after so many steps under `speed`, given at so many points of each."""
     h = T / steps
     for k in range(steps):
@@ -46,7 +45,7 @@ def ran(plant: DiskChain | Direct, steps: int, points: int = 3) -> Array:
     return plant.q
 
 
-def exact(system: Manipulator, q: Array) -> Array:
+def exact(system: Manipulator, q: np.ndarray) -> np.ndarray:
     motion = solve_ivp(
         lambda t, q: system.rates(q, speed(t)), (0, T), q[:, 0], "DOP853", rtol=1e-13, atol=1e-14
     )
@@ -75,7 +74,7 @@ def test_gear_ratio_errors_scale_one_joint_each() -> None:
     )
 
 
-def first_rates(n: int, **effects: Any) -> Array:
+def first_rates(n: int, **effects: Any) -> np.ndarray:
     """Rates of all coordinates under unit motor speeds, at the start, over the ideal ones."""
     system, q = arm(n), start(n)
     plant = DiskChain(system, draws_of(n, **effects), q)
@@ -94,7 +93,7 @@ def test_creep_is_lost_at_every_contact(n: int) -> None:
         assert ratios[i] == pytest.approx((1 - xi) ** (i + 1), abs=1e-5)
 
 
-def constant(plant: DiskChain, u1: float, steps: int, h: float = 1e-3) -> Array:
+def constant(plant: DiskChain, u1: float, steps: int, h: float = 1e-3) -> np.ndarray:
     """History (steps+1, N) of sample 0 with motor 1 at constant speed and motor 2 at rest."""
     points = np.zeros((3, 2, 1))
     points[:, 0] = u1
@@ -116,7 +115,9 @@ def test_creep_scales_the_travel() -> None:
     assert ratio == pytest.approx([1 - xi, (1 - xi) ** 3], abs=1e-12)
 
 
-def contact_torques(system: Manipulator, q: Array, friction: list[float]) -> tuple[Array, Array]:
+def contact_torques(
+    system: Manipulator, q: np.ndarray, friction: list[float]
+) -> tuple[np.ndarray, np.ndarray]:
     """By power: torque at disk B of each stage of all later joints, and of its own alone."""
     rates = system.rates(q, np.array([1.0, 0.0]))[2:]
     k = system.k_g * system.K
@@ -142,7 +143,7 @@ def test_slip_stops_what_needs_more_than_the_contacts_carry(stiffness: float) ->
     stage, _ = contact_torques(system, q[:, 0], load)
     assert stage[0] > 0.1 * system.k_g
 
-    def moved(capacity: float) -> Array:
+    def moved(capacity: float) -> np.ndarray:
         effects: dict[str, Any] = {
             "friction_capacity_nm": capacity,
             "coulomb_friction_nm": load,

@@ -10,7 +10,7 @@ import pytest
 from handmade import draws_of, inputs
 from scipy.interpolate import BPoly
 
-from planner.errors import InputError
+from planner import InputError
 from planner.machine.commands import (
     Command,
     Continuous,
@@ -20,7 +20,6 @@ from planner.machine.commands import (
     snapped,
     subdivided,
 )
-from planner.support.arrays import Array
 
 STOPS = np.array([0.0, 1.0, 1.5])
 
@@ -28,7 +27,7 @@ STOPS = np.array([0.0, 1.0, 1.5])
 def plan_of(u: BPoly) -> Any:
     """As much of a plan as a command needs."""
 
-    def value(times: Array) -> Array:
+    def value(times: np.ndarray) -> np.ndarray:
         t = np.asarray(times)
         on = (t >= 0) & (t <= u.x[-1])
         return np.where(on[..., None], u(np.clip(t, 0, u.x[-1])), 0.0)
@@ -43,13 +42,13 @@ STEPS = plan_of(
 )
 
 
-def values(command: Command, part: int, sample: int = 0) -> Array:
+def values(command: Command, part: int, sample: int = 0) -> np.ndarray:
     """What every step asks for at its first point (0), or at its last (-1), shape (M, 2)."""
     steps = [command.at(k) for k in range(len(command.t) - 1)]
     return np.array([s[part, :, min(sample, s.shape[2] - 1)] for s in steps])
 
 
-def middles(command: Command) -> Array:
+def middles(command: Command) -> np.ndarray:
     return (command.t[1:] + command.t[:-1]) / 2
 
 
@@ -125,7 +124,7 @@ def test_resolution_rounds_to_the_nearest_step() -> None:
 
 
 def test_an_infinite_input_is_refused_with_its_time() -> None:
-    def value(t: Array) -> Array:
+    def value(t: np.ndarray) -> np.ndarray:
         return np.stack([0 * t, np.where(np.asarray(t) < 0.5, 0.0, np.inf)], axis=-1)
 
     curve = SimpleNamespace(u=value)
@@ -136,7 +135,7 @@ def test_an_infinite_input_is_refused_with_its_time() -> None:
 
 
 def test_tabulated_command_agrees_with_its_source() -> None:
-    def wave(times: Array) -> Array:
+    def wave(times: np.ndarray) -> np.ndarray:
         return np.stack([np.sin(times), times**2], axis=-1)
 
     wave.jumps = subdivided(np.array([0.0, 1.0]), 1e-3)  # type: ignore[attr-defined]
@@ -189,7 +188,7 @@ def test_snapped() -> None:
 def test_refined_until_simpson_is_right_on_a_spike() -> None:
     scale = 1e-5  # the derivative of sqrt(scale + t): 158 at first, gone after a few scales
 
-    def spike(times: Array) -> Array:
+    def spike(times: np.ndarray) -> np.ndarray:
         return np.stack([0.5 / np.sqrt(scale + times), 0 * times], axis=-1)
 
     coarse = np.linspace(0, 1, 101)

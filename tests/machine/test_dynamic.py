@@ -9,12 +9,8 @@ import pytest
 from driven import INERTIA, SOFT, arm, chain, constant, drive, start
 from handmade import arm_problem, draws_of, inputs, plan_from
 
+from planner import Machine, Plan, Problem, replay
 from planner.machine.disk_chain import DiskChain
-from planner.machine.machine import Machine
-from planner.machine.replay import replay
-from planner.plan.plan import Plan
-from planner.problem.problem import Problem
-from planner.support.arrays import Array
 
 
 @pytest.fixture(scope="module")
@@ -215,7 +211,7 @@ def test_a_free_link_coasts_through_its_play() -> None:
     assert speed == pytest.approx(speed[0] * decay, rel=2e-3)
 
 
-def record(plant: Any) -> Array:
+def record(plant: Any) -> np.ndarray:
     """Link 2, its place in the play, and the torque of its shaft."""
     return np.array([plant.q[2, 0], plant.gap[0, 0], plant.shaft_torque[0, 0]])
 

@@ -10,8 +10,6 @@ from driven import EVENTS, SOFT, chain, drive, swung
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.support.arrays import Array
-
 
 @pytest.mark.parametrize("name", EVENTS)
 def test_work_is_stored_or_lost_the_better_the_shorter_the_step(name: str) -> None:
@@ -93,11 +91,11 @@ def test_the_gap_never_pulls(
     plant = chain(n, **effects)
     half = np.deg2rad(effects.get("backlash_deg", 0.0)) / 2
 
-    def speed(t: float) -> Array:
+    def speed(t: float) -> np.ndarray:
         wave = np.sin(np.array(rate) * t)
         return np.array(size) * (np.sign(wave) if square else wave)
 
-    def look() -> Array:
+    def look() -> np.ndarray:
         return np.stack([plant.gap[:, 0], plant.shaft_torque[:, 0]])
 
     gap, torque = drive(plant, 150, speed, 150 * step, look).transpose(1, 0, 2)

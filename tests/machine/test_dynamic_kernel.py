@@ -10,15 +10,13 @@ import pytest
 from driven import EVENTS, chain, drive
 from handmade import arm_problem, inputs, plan_from
 
+from planner import Machine, replay
 from planner.machine import compiled
 from planner.machine import stepwise as dynamic
 from planner.machine.bodies import StageLaws
-from planner.machine.machine import Machine
-from planner.machine.replay import replay
-from planner.support.arrays import Array
 
 
-def jumps(t: float) -> Array:
+def jumps(t: float) -> np.ndarray:
     return np.array([0.8, 0.5]) * np.sign(np.sin(np.array([9.0, 13.0]) * t + 0.1))
 
 
@@ -89,7 +87,7 @@ def test_whole_replays_are_the_same(
 # -- the solver ----------------------------------------------------------------------------
 
 
-def imbalance(stage: StageLaws, v: Array) -> Array:
+def imbalance(stage: StageLaws, v: np.ndarray) -> np.ndarray:
     """Torque left over at every body, (rows, S), N m."""
     rows, m = stage.rows, stage.rows.m
     held, pressed = stage.torques(v)
@@ -110,7 +108,7 @@ def test_every_stage_balances_all_torques(monkeypatch: pytest.MonkeyPatch, full_
     """Also when each pass goes only as far as the convex function falls."""
     solve, worst, passes = StageLaws.solve, [], []
 
-    def checked(self: StageLaws, pieces: Array) -> tuple[Array, Array]:
+    def checked(self: StageLaws, pieces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         v, found = solve(self, pieces)
         worst.append(np.max(np.abs(imbalance(self, v))))
         passes.append(np.any(found != pieces))

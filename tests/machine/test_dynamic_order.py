@@ -7,8 +7,6 @@ import pytest
 from driven import EVENTS, chain, drive, swung
 from scipy.integrate import solve_ivp
 
-from planner.support.arrays import Array
-
 STEPS = (125, 250, 500, 1000)
 FINE = 4000
 
@@ -43,7 +41,7 @@ def test_it_converges_to_the_differential_equations() -> None:
     lever = 0.67 * 0.87 * np.cos(plant.q[1, 0]) ** 3
     begin = plant.q[2, 0]
 
-    def rates(t: float, x: Array) -> list[float]:
+    def rates(t: float, x: np.ndarray) -> list[float]:
         theta, omega, gap = x
         speed, axis = 0.4 * lever * np.sin(6 * t), 0.4 * lever * (1 - np.cos(6 * t)) / 6
         slip = speed - omega + k / c * (axis - theta - gap)

@@ -11,10 +11,8 @@ import numpy as np
 import pytest
 from handmade import arm_problem, inputs, plan_from
 
+from planner import Machine, Plan, Replay, replay
 from planner.machine import compiled
-from planner.machine.machine import Machine
-from planner.machine.replay import Replay, replay
-from planner.plan.plan import Plan
 
 JUMPS = inputs(
     ([1.2], [0.5, 0.1]), ([-0.8], [0.3]), ([1.0], [-0.4, 0.2]), breaks=[0.0, 0.5, 1.2, 2]

@@ -9,13 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 from handmade import arm_problem, inputs, plan_from
-from numpy.typing import NDArray
 
-from planner.errors import InputError
-from planner.machine.machine import Machine
-from planner.machine.replay import Replay, replay
-from planner.plan.plan import Plan
-from planner.support.arrays import Array
+from planner import InputError, Machine, Plan, Replay, replay
 
 PERIOD, TICK, END = 0.1, 0.02, 2.0
 RAMP = inputs(([0.3, 0.1], [-0.2, 0.4]), breaks=[0.0, END])
@@ -27,32 +22,35 @@ class Scripted:
     period_s, tick_s = PERIOD, TICK
 
     def __init__(
-        self, rule: Callable[[Array, Array], Array], lead: float = 0.0, end: float = END
+        self,
+        rule: Callable[[np.ndarray, np.ndarray], np.ndarray],
+        lead: float = 0.0,
+        end: float = END,
     ) -> None:
         self.rule, self.lead_s, self.end_s = rule, lead, end
-        self.read: list[tuple[float, Array]] = []
+        self.read: list[tuple[float, np.ndarray]] = []
         self.fallbacks = np.zeros(0, dtype=np.int64)
 
-    def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> Scripted:
+    def start(self, plan: Plan, machine: Machine, numbers: np.ndarray) -> Scripted:
         self.fallbacks = numbers + 7
         return self
 
-    def __call__(self, t: float, measured: Array) -> Array:
+    def __call__(self, t: float, measured: np.ndarray) -> np.ndarray:
         self.read.append((t, measured.copy()))
         return self.rule(t + TICK * np.arange(round(PERIOD / TICK)), measured)
 
 
-def wave(times: Array, measured: Array) -> Array:
+def wave(times: np.ndarray, measured: np.ndarray) -> np.ndarray:
     """Differs from tick to tick and from sample to sample."""
     factor = 1 + np.arange(measured.shape[1])
     u = np.stack([0.3 * np.cos(3 * times), 0.2 * np.sin(5 * times) + 0.1], axis=-1)
     return u[:, :, None] * factor
 
 
-def to_plan(plan: Plan) -> Callable[[Array, Array], Array]:
+def to_plan(plan: Plan) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
     """The plan's input, and joint 1 driven towards the plan by motor 2."""
 
-    def rule(times: Array, measured: Array) -> Array:
+    def rule(times: np.ndarray, measured: np.ndarray) -> np.ndarray:
         u = np.repeat(plan.u(times)[:, :, None], measured.shape[1], axis=2)
         u[:, 1] += 4.0 * (plan.trajectory.q(times[0])[1] - measured[1])
         return u
@@ -73,7 +71,7 @@ def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     return str(request.param)
 
 
-def turned(run: Replay) -> Array:
+def turned(run: Replay) -> np.ndarray:
     """Travel of joint 1, which is the integral of motor 2, (S,)."""
     return np.asarray(run.q[:, -1, 1] - run.q[:, 0, 1])
 
@@ -167,7 +165,7 @@ def test_chunks_do_not_matter_in_closed_loop(
     ("value", "text"), [(np.nan, r"not finite at t = 0\.3 s"), (np.zeros(2), "shape")]
 )
 def test_commands_that_are_none_are_refused(plan: Plan, value: Any, text: str) -> None:
-    def rule(times: Array, measured: Array) -> Array:
+    def rule(times: np.ndarray, measured: np.ndarray) -> np.ndarray:
         if times[0] < 0.29:
             return np.zeros((len(times), 2, 1))
         return np.asarray(value) * np.ones((len(times), 2, 1)) if np.ndim(value) == 0 else value

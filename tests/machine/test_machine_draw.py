@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from planner.errors import InputError
-from planner.machine.machine import Machine, draw
+from planner import InputError, Machine
+from planner.machine.machine import draw
 from planner.problem.tables.machine_effects import EFFECTS
 
 

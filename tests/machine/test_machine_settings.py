@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 from handmade import arm_problem
 
-from planner.errors import InputError
-from planner.machine.machine import Machine
+from planner import InputError, Machine
 from planner.problem.tables.machine_effects import EFFECTS, MachineTable
 
 

@@ -10,12 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.errors import InputError
+from planner import InputError, Machine, Plan, Replay, replay
 from planner.machine import compiled
-from planner.machine.machine import Machine
-from planner.machine.replay import Replay, replay
-from planner.plan.plan import Plan
-from planner.report.figures.on_the_machine import plot_replays
+from planner.report import plot_replays
 
 SIMULATE = sys.modules["planner.machine.simulate"]
 COARSE: dict[str, Any] = {"step_s": 0.01}

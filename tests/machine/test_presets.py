@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.machine.machine import Machine
-from planner.machine.replay import Replay, replay
+from planner import Machine, Plan, Replay, replay
 from planner.plan.measures import peak_inputs
-from planner.plan.plan import Plan
 
 
 @pytest.fixture(scope="module")

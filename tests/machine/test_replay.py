@@ -10,10 +10,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.errors import InputError, SingularError
-from planner.machine.machine import Machine
-from planner.machine.replay import Replay, replay
-from planner.plan.plan import Plan
+from planner import InputError, Machine, Plan, Replay, SingularError, replay
 from planner.solve import solve_and_check
 
 PROTOTYPE = Machine.prototype(step_s=0.005)

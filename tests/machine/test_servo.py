@@ -10,7 +10,6 @@ from handmade import draws_of
 from scipy.integrate import solve_ivp
 
 from planner.machine.servos import Servos
-from planner.support.arrays import Array
 
 H = 1e-3
 
@@ -20,7 +19,7 @@ def run(
     command: Callable[[float], tuple[float, float]],
     steps: int,
     running: bool = True,
-) -> tuple[Array, Array]:
+) -> tuple[np.ndarray, np.ndarray]:
     """Speeds (steps+1, 2) and travels (steps+1, 2) of sample 0 under a command of time."""
     speeds, travels = [np.zeros(2)], [np.zeros(2)]
     for k in range(steps):
@@ -63,7 +62,7 @@ def test_second_order_step_and_ramp(damping: float) -> None:
     servos = Servos(draws_of(servo_bandwidth_rad_s=b, servo_damping=damping))
     speeds, travels = run(servos, lambda t: (1.0, 3 * t), 150)
 
-    def rates(t: float, x: Array, reference: Callable[[float], float]) -> Array:
+    def rates(t: float, x: np.ndarray, reference: Callable[[float], float]) -> np.ndarray:
         return np.array([x[1], x[2], b * b * (reference(t) - x[1]) - 2 * damping * b * x[2]])
 
     t = np.arange(151) * H

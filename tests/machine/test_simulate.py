@@ -10,12 +10,9 @@ import pytest
 from handmade import arm_problem, draws_of, inputs, plan_from
 from outside import integrate
 
-from planner.errors import InputError
-from planner.machine.machine import Machine, draw
-from planner.machine.replay import replay
+from planner import InputError, Machine, Plan, Problem, replay
+from planner.machine.machine import draw
 from planner.machine.stepwise import REPORT_EVERY
-from planner.plan.plan import Plan
-from planner.problem.problem import Problem
 
 JUMPS = inputs(
     ([0.3], [0.5, 0.1]), ([-0.2], [0.3]), ([0.1], [-0.4, 0.2]), breaks=[0.0, 0.5, 1.2, 2]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.systems.chained_form import chained_form
+from planner import chained_form
 
 
 def _at(problem: planner.Problem, travel: float, points: list[list[float]]) -> planner.Plan:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.errors import InputError
+from planner import InputError
 from planner.problem.tables.kinds import FILES, json_schema
 
 ROOT = Path(__file__).parents[2]

@@ -11,11 +11,11 @@ from scipy.interpolate import BPoly
 from scipy.optimize import minimize
 
 import planner
+from planner import Manipulator
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.requirements.requirement import At
 from planner.problem.requirements.self_collision import SelfCollision
-from planner.support.arrays import Array
-from planner.systems.manipulator import Manipulator, prototype_ratios
+from planner.systems.manipulator import prototype_ratios
 
 LENGTHS = [0.3, 0.2, 0.2, 0.3]
 
@@ -36,16 +36,16 @@ def clearance_of(problem: planner.Problem) -> SelfCollision:
     return problem.self_collision
 
 
-def by_search(a: Array, b: Array, c: Array, d: Array) -> float:
+def by_search(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> float:
     """The distance of two segments, by a convex programme."""
 
-    def gap(s: Array) -> float:
+    def gap(s: np.ndarray) -> float:
         return float(np.sum((a + s[0] * (b - a) - c - s[1] * (d - c)) ** 2))
 
     return float(np.sqrt(minimize(gap, (0.5, 0.5), bounds=[(0, 1)] * 2, tol=1e-14).fun))
 
 
-def poses(count: int, joints: int = 4) -> Iterator[Array]:
+def poses(count: int, joints: int = 4) -> Iterator[np.ndarray]:
     rng, system = np.random.default_rng(3), arm(joints)
     yield from system.arm_points(rng.uniform(-1.5, 1.5, (count, joints)))
     yield from system.arm_points(rng.uniform(1.2, 1.5, (count, joints)))

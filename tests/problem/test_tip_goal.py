@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import planner
-from planner.problem.feasibility import chart_ends_report, least_duration, travel_window
+from planner import travel_window
+from planner.problem.feasibility import chart_ends_report, least_duration
 from planner.problem.nonholonomy import nonholonomy
 from planner.problem.reach import goal_reach
 from planner.problem.tables.kinds import json_schema

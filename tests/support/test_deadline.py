@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from planner.errors import InputError
+from planner import InputError
 from planner.support import deadline
 from planner.support.compiled_calls import IpoptCall, within
 from planner.support.deadline import TimeUpError, limited, share

@@ -10,10 +10,8 @@ import pytest
 from every_system import NAMES, SYSTEMS, few, inputs, points
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
-from planner.systems.chained_form import chained_form
-from planner.systems.manipulator import Manipulator
+from planner import Manipulator, chained_form
 
 every_system = pytest.mark.parametrize("name", NAMES)
 
@@ -24,14 +22,14 @@ def _jacobian(name: str) -> Any:
     return ca.Function("J", [x], [ca.jacobian(chained_form(SYSTEMS[name]).z_expr(x), x)])
 
 
-def z_jacobian(name: str, q: NDArray[np.float64]) -> NDArray[np.float64]:
+def z_jacobian(name: str, q: np.ndarray) -> np.ndarray:
     return np.array(_jacobian(name)(q).full())
 
 
 @every_system
 @few
 @given(data=st.data(), u=inputs)
-def test_chained_identities(name: str, data: st.DataObject, u: NDArray[np.float64]) -> None:
+def test_chained_identities(name: str, data: st.DataObject, u: np.ndarray) -> None:
     """ż₁ = v₁, ż₂ = v₂, żᵢ = zᵢ₋₁v₁ along the NumPy rates, which the chart knows nothing of."""
     system = SYSTEMS[name]
     q = data.draw(points(system))
@@ -48,7 +46,7 @@ def test_chained_identities(name: str, data: st.DataObject, u: NDArray[np.float6
 @few
 @given(data=st.data(), u=inputs)
 def test_feedback_is_what_finite_differences_see(
-    name: str, data: st.DataObject, u: NDArray[np.float64]
+    name: str, data: st.DataObject, u: np.ndarray
 ) -> None:
     system = SYSTEMS[name]
     q = data.draw(points(system, 0.3, 1.0))
@@ -200,7 +198,7 @@ def test_methods_broadcast_over_leading_axes(name: str) -> None:
 
 @given(K2=st.floats(0.1, 5), K3=st.floats(0.1, 5), k_g=st.floats(0.1, 5), data=st.data(), u=inputs)
 def test_three_joints_by_the_papers_formulas(
-    K2: float, K3: float, k_g: float, data: st.DataObject, u: NDArray[np.float64]
+    K2: float, K3: float, k_g: float, data: st.DataObject, u: np.ndarray
 ) -> None:
     """Eqs (23), (24), with v₁ = k_g cosθ₁ u₁."""
     system = Manipulator([K2, K3], k_g)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from every_system import NAMES, SYSTEMS
 
-from planner.systems.chained_form import chained_form
+from planner import chained_form
 
 
 @pytest.mark.parametrize("name", NAMES)

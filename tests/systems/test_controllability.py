@@ -7,19 +7,18 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from planner.errors import InputError
-from planner.problem.nonholonomy import paper_recursion
-from planner.systems.ball_gear import BallGear
-from planner.systems.controllability import (
-    bracket_name,
-    brackets,
+from planner import (
+    BallGear,
+    Car,
+    InputError,
+    Manipulator,
+    Trailers,
+    TriangularSystem,
+    Unicycle,
     controllability,
-    lyndon_words,
-    split,
 )
-from planner.systems.manipulator import Manipulator
-from planner.systems.triangular_system import TriangularSystem
-from planner.systems.vehicles import Car, Trailers, Unicycle
+from planner.problem.nonholonomy import paper_recursion
+from planner.systems.controllability import bracket_name, brackets, lyndon_words, split
 
 HALF = sp.Rational(1, 2)
 ARM = Manipulator([0.75, 0.5], 0.5)

@@ -9,14 +9,18 @@ import pytest
 from every_system import NAMES, SYSTEMS, few, inputs, points
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
-from planner.errors import InputError
-from planner.systems.ball_gear import BallGear
-from planner.systems.chained_form import chained_form
-from planner.systems.manipulator import Gear, Manipulator
-from planner.systems.triangular_system import TriangularSystem
-from planner.systems.vehicles import Car, Trailers, Unicycle
+from planner import (
+    BallGear,
+    Car,
+    Gear,
+    InputError,
+    Manipulator,
+    Trailers,
+    TriangularSystem,
+    Unicycle,
+    chained_form,
+)
 
 every_system = pytest.mark.parametrize("name", NAMES)
 INDEPENDENT = [name for name in NAMES if not name.startswith("custom")]
@@ -34,9 +38,7 @@ def symbolic(name: str) -> tuple[ca.Function, ca.Function]:
 @every_system
 @few
 @given(data=st.data(), u=inputs)
-def test_symbolic_and_numeric_rates_agree(
-    name: str, data: st.DataObject, u: NDArray[np.float64]
-) -> None:
+def test_symbolic_and_numeric_rates_agree(name: str, data: st.DataObject, u: np.ndarray) -> None:
     system = SYSTEMS[name]
     q = data.draw(points(system, 0.0, 1.5))
     rates, path = symbolic(name)
@@ -49,9 +51,7 @@ def test_symbolic_and_numeric_rates_agree(
 @every_system
 @few
 @given(data=st.data(), u=inputs)
-def test_rates_have_the_triangular_form(
-    name: str, data: st.DataObject, u: NDArray[np.float64]
-) -> None:
+def test_rates_have_the_triangular_form(name: str, data: st.DataObject, u: np.ndarray) -> None:
     """q̇₁ = γu₁, q̇₂ = u₂, q̇ᵢ = fᵢ q̇₁, and fᵢ reads qᵢ₋₁ and later coordinates only."""
     system = SYSTEMS[name]
     q = data.draw(points(system, 0.0, 1.3))
@@ -84,7 +84,7 @@ def test_rates_stay_finite_where_the_chart_ends(name: str) -> None:
 @pytest.mark.parametrize("name", ["unicycle", "car", "trailers-1", "trailers-3"])
 @given(data=st.data(), u=inputs)
 def test_wheels_roll_without_slip_and_bodies_are_rigid(
-    name: str, data: st.DataObject, u: NDArray[np.float64]
+    name: str, data: st.DataObject, u: np.ndarray
 ) -> None:
     """Mechanics, not the chart: no axle moves sideways, and axles keep their distances."""
     system = SYSTEMS[name]
@@ -105,7 +105,7 @@ def test_wheels_roll_without_slip_and_bodies_are_rigid(
     assert speed == pytest.approx(abs(u[0]), abs=1e-7)
 
 
-def _headings(system: TriangularSystem, q: NDArray[np.float64]) -> NDArray[np.float64]:
+def _headings(system: TriangularSystem, q: np.ndarray) -> np.ndarray:
     """Of the wheels at each of `axle_points`, front wheels first."""
     if isinstance(system, Unicycle):
         return q[1:2]

@@ -10,19 +10,17 @@ import pytest
 import scipy.sparse as sp
 
 import planner
+from planner import Machine, Plan
 from planner.machine.feedback.means import input_scale
 from planner.machine.feedback.programme import TrackingProgramme, _changes
 from planner.machine.feedback.reference import Reference, regulator
 from planner.machine.feedback.tracker import TrackerDesign, _weights, design
-from planner.machine.machine import Machine
-from planner.plan.plan import Plan
 from planner.problem.tables.problem_file import FeedbackTable
-from planner.support.arrays import Array
 
 
 def written_out(
-    task: TrackerDesign, plan: Plan, machine: Machine, k: int, state: Array, horizon: int
-) -> Array:
+    task: TrackerDesign, plan: Plan, machine: Machine, k: int, state: np.ndarray, horizon: int
+) -> np.ndarray:
     """Corrections of every period to the end, (K−k, 2), from the cost as it is defined.
 
     Nothing is eliminated: unknowns are all deviations and all corrections, limits hold for the
@@ -78,7 +76,7 @@ def written_out(
     return np.asarray((found.x * scale).reshape(count, wide)[:, size:])
 
 
-def error(task: TrackerDesign, theta_deg: list[float], rate: float = 0.0) -> Array:
+def error(task: TrackerDesign, theta_deg: list[float], rate: float = 0.0) -> np.ndarray:
     """A state ξ, (n, 1), with these deviations."""
     size = task.ref.q.shape[1]
     state = np.zeros((size + 2 + task.ref.E.shape[-1], 1))
@@ -137,7 +135,7 @@ def task_with(
     return TrackingProgramme(ref, law, 10, options.max_iterations)
 
 
-def after(task: TrackerDesign, k: int, state: Array, corrections: Array) -> Array:
+def after(task: TrackerDesign, k: int, state: np.ndarray, corrections: np.ndarray) -> np.ndarray:
     """Deviations of θ₁ after each period, (H,)."""
     q, out = state[:4, 0], []
     for j, v in enumerate(corrections[:, :, 0]):

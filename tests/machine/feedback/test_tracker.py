@@ -8,15 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import planner
-from planner.errors import InputError
-from planner.machine.feedback.tracker import Tracker, TrackerControl
-from planner.machine.machine import Machine
-from planner.machine.replay import Replay, replay
-from planner.plan.plan import Plan
-from planner.support.arrays import Array
+from planner import InputError, Machine, Plan, Replay, Tracker, replay
+from planner.machine.feedback.tracker import TrackerControl
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
 SAMPLES = 40
@@ -25,17 +20,19 @@ SAMPLES = 40
 class Watched(Tracker):
     """A tracker that remembers its commands, and may lose or falsify readings."""
 
-    def __init__(self, tamper: Callable[[int, Array], Array] | None = None, **options: Any) -> None:
+    def __init__(
+        self, tamper: Callable[[int, np.ndarray], np.ndarray] | None = None, **options: Any
+    ) -> None:
         super().__init__(**options)
         self.tamper = tamper
-        self.commands: list[Array] = []
+        self.commands: list[np.ndarray] = []
 
-    def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> TrackerControl:
+    def start(self, plan: Plan, machine: Machine, numbers: np.ndarray) -> TrackerControl:
         control = super().start(plan, machine, numbers)
         watched = self
 
         class Spy(TrackerControl):
-            def __call__(self, t: float, measured: Array) -> Array:
+            def __call__(self, t: float, measured: np.ndarray) -> np.ndarray:
                 k = len(watched.commands)
                 read = measured if watched.tamper is None else watched.tamper(k, measured)
                 watched.commands.append(super().__call__(t, read))
@@ -152,7 +149,7 @@ def test_the_margin_of_z2_is_kept_while_the_plan_runs(
 def test_lost_readings_cost_little(smooth: Plan, machine: Machine) -> None:
     rng = np.random.default_rng(5)
 
-    def lose(k: int, measured: Array) -> Array:
+    def lose(k: int, measured: np.ndarray) -> np.ndarray:
         lost = rng.random(measured.shape[1]) < 0.05
         return np.where(lost, np.nan, measured)
 

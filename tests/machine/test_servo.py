@@ -129,18 +129,3 @@ def test_gain_and_bias() -> None:
     assert speeds[1:] == pytest.approx(np.tile([1.15, 1.6], (5, 1)))
     still, _ = run(servos, lambda t: (0.0, 0.0), 5, running=False)
     assert np.all(still == 0)
-
-
-def test_samples_do_not_mix() -> None:
-    spread = {"value": 60.0, "spread": 10.0}
-    both = draws_of(samples=2, servo_bandwidth_rad_s=spread)
-    together = Servos(both)
-    apart = [Servos(both.part(slice(i, i + 1))) for i in range(2)]
-    for k in range(20):
-        command = np.full((3, 2, 1), np.sin(0.3 * k))
-        speed, travel = together.step(command, H, True)
-        for i, servos in enumerate(apart):
-            own_speed, own_travel = servos.step(command, H, True)
-            assert np.array_equal(speed[..., i], own_speed[..., 0])
-            assert np.array_equal(travel[..., i], own_travel[..., 0])
-    assert not np.array_equal(speed[..., 0], speed[..., 1])

@@ -170,22 +170,6 @@ def test_index_of_error_is_the_maximum_over_all_steps(jumping: Plan) -> None:
     assert coarse.terminal_error == pytest.approx(fine.terminal_error, abs=1e-9)
 
 
-def test_chunks_do_not_matter(jumping: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
-    machine = Machine.prototype(step_s=0.005, delay_s={"value": 0.005, "spread": 0.002})
-    whole = replay(jumping, machine, samples=7, seed=3, record_s=0.5)
-    monkeypatch.setattr(sys.modules["planner.machine.simulate"], "CHUNK", 3)
-    seen: list[tuple[int, int]] = []
-    parts = replay(
-        jumping, machine, samples=7, seed=3, record_s=0.5, progress=lambda *x: seen.append(x)
-    )
-    assert np.array_equal(whole.q, parts.q)
-    assert np.array_equal(whole.motor_rates, parts.motor_rates)
-    assert np.array_equal(whole.deviation, parts.deviation)
-    assert np.array_equal(whole.saturated_s, parts.saturated_s)
-    assert seen == sorted(seen)
-    assert seen[-1][0] == seen[-1][1]
-
-
 def test_samples_are_paired_between_plans_and_numbers(jumping: Plan) -> None:
     machine = Machine.prototype()
     machine = machine.with_(step_s=0.005)

@@ -128,36 +128,24 @@ def test_a_file_says_it_and_no_more_is_asked_by_default() -> None:
 
 
 @pytest.mark.parametrize(
-    ("problem", "changes", "said"),
+    ("problem", "clearance", "changes", "said"),
     [
-        (folding(None), {"limits.self_clearance_m": 0.0}, "limits.self_clearance_m"),
-        (
-            folding(None),
-            {"limits.self_clearance_m": 0.2},
-            "'limits.self_clearance_m': 0.2 m is not less than the shortest link between two",
-        ),
-        (
-            planner.Problem.manipulator([10, 20], [20, 30]),
-            {"limits.self_clearance_m": 0.1},
-            "'limits.self_clearance_m': an arm of 2 links has none that are no neighbours",
-        ),
-        (
-            folding(None),
-            {"limits.self_clearance_m": 0.1, "goal.theta_deg": [5, 80, 80, 70]},
-            "contradiction: at the goal the clearance of",
-        ),
-        (
-            folding(None),
-            {"limits.self_clearance_m": 0.1, "start.theta_deg": [5, 80, 80, 89]},
-            "contradiction: at the start links cross (",
-        ),
+        (folding(None), 0.0, {}, "limits.self_clearance_m"),
+        (folding(None), 0.2, {},
+         "'limits.self_clearance_m': 0.2 m is not less than the shortest link between two"),
+        (planner.Problem.manipulator([10, 20], [20, 30]), 0.1, {},
+         "'limits.self_clearance_m': an arm of 2 links has none that are no neighbours"),
+        (folding(None), 0.1, {"goal.theta_deg": [5, 80, 80, 70]},
+         "contradiction: at the goal the clearance of"),
+        (folding(None), 0.1, {"start.theta_deg": [5, 80, 80, 89]},
+         "contradiction: at the start links cross ("),
     ],
-)
+)  # fmt: skip
 def test_contradictions_are_named(
-    problem: planner.Problem, changes: dict[str, Any], said: str
+    problem: planner.Problem, clearance: float, changes: dict[str, Any], said: str
 ) -> None:
     with pytest.raises(planner.InputError) as refused:
-        problem.changed(changes)
+        problem.changed({"limits.self_clearance_m": clearance, **changes})
     assert said in str(refused.value)
 
 

@@ -642,12 +642,13 @@ def test_a_method_that_breaks_down_is_a_row_that_names_its_package(
     named = f"method 'mine' of module {__name__} {says}"
     with pytest.raises(planner.MethodError, match=re.escape(named)):
         planner.solve(paper, "mine")
+    if plan not in (breaks_down, plans_another):  # all that follows asks the same function
+        return
     found = planner.compare(paper, ["mine", "polynomial"], samples=2)
     assert [row.solved for row in found.rows] == [False, True]
     assert found.rows[0].why.startswith(named)
-    assert {o["method"]: o["status"] for o in planner.check(paper, ["mine"]).outcomes} == {
-        "mine": "method_failed"
-    }
+    (outcome,) = planner.check(paper, ["mine"]).outcomes
+    assert (outcome["method"], outcome["status"]) == ("mine", "method_failed")
     tables = {"problem": paper.to_dict(), "methods": ["mine"], "grid": {"goal.duration": [20, 21]}}
     outcome = planner.run_sweep(tables, tmp_path / "x.sqlite", workers=0)
     assert outcome.statuses == {"method_failed": 2}

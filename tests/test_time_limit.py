@@ -361,7 +361,7 @@ def test_candidates_are_made_only_while_there_is_time(
     paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock, made = Clock(monkeypatch), []
-    trajectory = planner.solve(paper, "polynomial", points="auto").trajectory
+    trajectory = planner.solve(paper.changed({"limits": {}}), "polynomial", points=[]).trajectory
 
     def candidates() -> object:
         for k in range(10):
@@ -379,7 +379,7 @@ def test_samples_go_through_the_chart_a_part_at_a_time(
 ) -> None:
     from planner.methods.laws import scores
 
-    plan = planner.solve(paper, "polynomial", points="auto")
+    plan = planner.solve(paper.changed({"limits": {}}), "polynomial", points=[])
     whole = score(paper, [plan.trajectory, None, plan.trajectory])
     monkeypatch.setattr(scores, "MOST_SAMPLES", 1)
     parts = score(paper, [plan.trajectory, None, plan.trajectory])

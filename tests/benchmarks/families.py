@@ -5,15 +5,18 @@
 The families: arms of three and four joints within 40 and 80 degrees, each with a free duration and
 with one that is given (1.02, 1.5 and 4 times the free answer, in turn). Whether a stage of the
 search decides one case in a thousand is asked of each family by itself. A finished case is a line
-of results/stress/families.txt; the same command goes on where the last one ended. At the end
-results/stress/families.md is written; beside the version before, if families-before.txt is there,
-which that version writes by this script: `--records results/stress/families-before.txt`.
+of results/stress/families.txt, with the commit that last changed collocation (a "+" where there
+are changes beside it); the same command goes on where the last one ended, and a line that is
+deleted is made anew. At the end results/stress/families.md is written; beside the version before,
+if families-before.txt is there, which that version writes by this script:
+`--records results/stress/families-before.txt`.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import subprocess
 import sys
 import time
 from collections import Counter
@@ -37,7 +40,10 @@ SEED = 77
 
 @dataclass(frozen=True)
 class Outcome:
-    """A line of the records; seconds are of CPU, the motion is the duration or the effort."""
+    """A line of the records.
+
+    Seconds are of CPU, the motion is the duration or the effort, the version that of collocation.
+    """
 
     joints: int
     limit_deg: float
@@ -48,11 +54,12 @@ class Outcome:
     cpu: float
     duration: float
     motion: float
+    version: str = "unrecorded"
 
     def __str__(self) -> str:
         figures = f"{self.cpu:.3g} {self.duration:.8g} {self.motion:.8g}"
         key = f"{self.joints} {self.limit_deg:g} {self.share:g} {self.number}"
-        return f"{key} {self.outcome} {self.stage} {figures}"
+        return f"{key} {self.outcome} {self.stage} {figures} {self.version}"
 
     @property
     def key(self) -> tuple[int, float, float, int]:
@@ -74,15 +81,16 @@ def main() -> int:
     given = parser.parse_args()
     part, parts = map(int, given.share.split("/"))
     planner.solve(planner.load_problem("problems/paper.toml"), "collocation")  # imports
-    known = {each.key: each for each in read(given.records)}
+    known, version = {each.key: each for each in read(given.records)}, collocation_version()
     for number in range(part - 1, given.pairs, parts):
         for joints, limit in FAMILIES:
             free = known.get((joints, limit, 0.0, number))
             if free is None:
-                free = run(given.records, joints, limit, 0.0, number, None)
+                free = run(given.records, joints, limit, 0.0, number, None, version)
             share = SHARES[number % len(SHARES)]
             if free.outcome == "verified" and (joints, limit, share, number) not in known:
-                run(given.records, joints, limit, share, number, round(free.duration * share, 6))
+                duration = round(free.duration * share, 6)
+                run(given.records, joints, limit, share, number, duration, version)
     if given.records.name == "families.txt":
         before = given.records.with_name("families-before.txt")
         text = page(list(read(given.records)), {each.key: each for each in read(before)})
@@ -93,13 +101,31 @@ def main() -> int:
 def read(path: Path) -> Iterator[Outcome]:
     """The records of a file."""
     for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
-        joints, limit, share, number, outcome, stage, *figures = line.split()
+        joints, limit, share, number, outcome, stage, cpu, seconds, motion, *version = line.split()
         key = int(joints), float(limit), float(share), int(number)
-        yield Outcome(*key, outcome, stage, *map(float, figures))
+        yield Outcome(*key, outcome, stage, float(cpu), float(seconds), float(motion), *version)
+
+
+def collocation_version() -> str:
+    """The commit that last changed collocation, with a "+" where something differs from it."""
+    folder = Path(planner.__file__).parent / "methods" / "collocation"
+    root = Path(planner.__file__).parents[1]
+
+    def git(*words: str) -> str:
+        made = subprocess.run(["git", "-C", root, *words, folder], capture_output=True, text=True)
+        return made.stdout.strip() if made.returncode == 0 else "-"
+
+    return git("log", "-1", "--format=%h", "--") + "+" * bool(git("status", "--short", "--"))
 
 
 def run(
-    path: Path, joints: int, limit: float, share: float, number: int, duration: float | None
+    path: Path,
+    joints: int,
+    limit: float,
+    share: float,
+    number: int,
+    duration: float | None,
+    version: str,
 ) -> Outcome:
     """Plan a case and write it down; judging is not in the time."""
     rng = np.random.default_rng((SEED, joints, int(limit), number))
@@ -115,7 +141,7 @@ def run(
         stage, figures = plan.notes["stage"].replace(" ", "-"), (plan.duration, plan.objective)
     except planner.NoPlanError as error:
         outcome, cpu = error.status, time.process_time() - began
-    done = Outcome(joints, limit, share, number, outcome, stage, cpu, *figures)
+    done = Outcome(joints, limit, share, number, outcome, stage, cpu, *figures, version)
     with path.open("a", encoding="utf-8") as out:
         out.write(f"{done}\n")
     return done
@@ -126,6 +152,7 @@ HEAD = """# Random pairs by family
 Made by `python tests/benchmarks/families.py`. Start and goal are drawn within 15/16 of the joint
 limits; inputs up to 0.5 rad/s; collocation with its defaults; seed {seed}. "Given" durations are
 1.02, 1.5 and 4 times the free answer, in turn. CPU s are those of the search in one thread.
+Cases by version of collocation: {versions}.
 Percentages are of the cases ordered: half, or 95 % of them, stay below. {done} of 100 pairs of each
 family are done; the same command goes on.
 """
@@ -159,7 +186,9 @@ def page(now: Sequence[Outcome], before: dict[tuple[int, float, float, int], Out
             figures = [f"{old:.3g} → {new:.3g}", f"{spent:.2f}", *(f"{r:.3f}" for r in ratio)]
             beside.append([*name, len(both), won, lost, *figures])
     done = min(sum(e.key[:3] == (*f, 0.0) for e in now) for f in FAMILIES)
-    text = HEAD.format(seed=SEED, done=done) + "\n"
+    counts = Counter(each.version for each in now)
+    versions = ", ".join(f"{version} {count}" for version, count in counts.items())
+    text = HEAD.format(seed=SEED, done=done, versions=versions) + "\n"
     text += table(
         ["joints", "limit", "duration", "pairs", "verified", "CPU 50 %", "95 %", "most", *stages],
         rows,

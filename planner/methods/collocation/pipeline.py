@@ -27,27 +27,11 @@ from planner.methods.collocation.candidates import guess, rebalanced, seeds
 from planner.methods.collocation.long_arms.bridges import PieceChain
 from planner.methods.collocation.long_arms.held import can_hold, chain_of, held
 from planner.methods.collocation.long_arms.ladder import climbed
-from planner.methods.collocation.path import (
-    FAST,
-    FoundPath,
-    Search,
-    clock,
-    clock_times,
-    halve_mesh,
-    needed_duration,
-    on_mesh,
-    one_way,
-    path_intervals,
-    path_task,
-    refine_path,
-    same_path,
-    search,
-    timed,
-)
+from planner.methods.collocation.path import FoundPath, one_way, same_path, search, timed
 from planner.methods.collocation.refine import Polished, polish
-from planner.methods.collocation.task import Solution, Task, stretched, transferred
-from planner.methods.collocation.transcription.form import Mesh, uniform
-from planner.methods.collocation.transcription.unknowns import Iterate
+from planner.methods.collocation.route_paths import HASTE, RoutePaths
+from planner.methods.collocation.task import Solution, Task, stretched
+from planner.methods.collocation.transcription.form import Mesh
 from planner.problem.feasibility import travel_window
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import CollocationOptions
@@ -55,17 +39,6 @@ from planner.support import deadline, progress
 
 DIRECT, SEARCHED = 14, 40
 """Mesh intervals near a straight line in a given time, and for what may wind more than once."""
-
-TIMED, REFINED_INTERVALS = 2, 200
-"""Paths that are timed, and intervals of all meshes on which paths are refined: what a refined path
-takes says well what its motion will take, but long paths each take long to refine."""
-
-ALIKE = 6
-"""Paths that are timed on a mesh that is given: nothing says beforehand which is the fastest."""
-
-HASTE = 0.95
-"""What a motion may take less than the path at the speed of its clock, or than the fastest found:
-timing shortens a path by a few hundredths."""
 
 SHARINGS = 6
 """Times that the duration is shared out anew among the parts between waypoints."""
@@ -93,38 +66,6 @@ class Answer:
     stage: str
     task: Task
     solution: Solution
-
-
-@dataclass(frozen=True, eq=False)
-class RefinedPath:
-    """A path, and what refining made of it: its own task, and the solution of that."""
-
-    found: FoundPath
-    free: Task
-    solution: Solution
-
-    def needed(self, job: Task) -> float:
-        """Seconds that it takes, all of it slowed or hastened alike."""
-        return needed_duration(job.problem, self.free.mesh, self.solution.iterate)
-
-    def clock_s(self, job: Task) -> float:
-        """Seconds that it takes where at every time one input is at its limit."""
-        return float(clock_times(job.problem, self.free.mesh, self.solution.iterate)[0][-1])
-
-
-@dataclass(frozen=True, eq=False)
-class RoutePaths:
-    """The paths of a route: a function of the system, the ends and the geometry alone.
-
-    Attributes:
-        free: The path task of the coarse mesh that all were found on.
-        search: What the search left.
-        refined: The most promising.
-    """
-
-    free: Task
-    search: Search
-    refined: list[RefinedPath]
 
 
 class Pipeline:
@@ -205,8 +146,6 @@ class Pipeline:
             yield self._slowed_down(holds)
         elif self._free:
             yield self._by_ladder()
-        if self.fastest is None:
-            yield self._along(self.routes, rough=True)
 
     def _straight(self) -> list[Answer]:
         """From the straight line at once, where the motion can be one way in a given time.
@@ -232,21 +171,18 @@ class Pipeline:
             out.append(Answer(name, "straight line", later, solution))
         return [self._shared_out(answer) for answer in out]
 
-    def _along(self, routes: list[Problem], rough: bool = False) -> list[Answer]:
+    def _along(self, routes: list[Problem]) -> list[Answer]:
         """Motions of these routes along the paths that guesses lead to.
 
-        Branches of one goal share the paths that are enough, and none is timed twice. Rough ones,
-        which no solver draws inside the limits, may come inside once they are timed.
+        Branches of one goal share the paths that are enough, and none is timed twice.
         """
-        out, known = list[Answer](), list[FoundPath]()
+        out, motions, known = list[Answer](), list[Solution](), list[FoundPath]()
         for problem in routes:
             job = self.make(problem, self.options, SEARCHED, False)
             paths = self._paths_of(problem, job)
             log = [dict(entry) for entry in paths.search.log]
             progress.tell("timing the most promising paths")
-            for path, own, start in (
-                self._rough_starts(job, paths) if rough else self._starts(job, paths, out)
-            ):
+            for path, own, start in paths.starts(job, motions):
                 if problem.free and any(same_path(path.solution.objective, one) for one in known):
                     continue
                 known.append(path)
@@ -254,6 +190,7 @@ class Pipeline:
                 answer = Answer(path.seed + _towards(problem), "guesses", own, solution)
                 if solution.ok and clears(own, solution):
                     out.append(self._shared_out(answer))
+                    motions.append(out[-1].solution)
                     self.pathless = False
                 elif not solution.ok:
                     self.pathless, self.last = False, (own, solution)
@@ -277,65 +214,9 @@ class Pipeline:
         enough = -(-enough // len(self.routes)) if problem.free else enough
         guesses = seeds(options.start, options.attempts)
         found = search(job, guesses, enough, self._free and not problem.divided)
-        free, refined, spent = path_task(job), list[RefinedPath](), 0
-        for path in [] if self._meshed(job) else found.found:
-            count = path_intervals(free, path.solution.iterate)
-            if refined and spent + count > REFINED_INTERVALS:
-                break
-            progress.tell(f"refining the path of '{path.seed}'")
-            spent += count
-            if both := refine_path(free, path.solution):
-                refined.append(RefinedPath(path, *both))
-            elif spent > 2 * REFINED_INTERVALS:
-                break
-        self._paths[k] = RoutePaths(free, found, refined)
+        mesh_given = bool(job.mesh.marks) or options.intervals != "auto"
+        self._paths[k] = RoutePaths.of(job, found, mesh_given)
         return self._paths[k]
-
-    def _meshed(self, job: Task) -> bool:
-        """Whether the job's mesh is what is asked for: by waypoints, or by the options."""
-        return bool(job.mesh.marks) or self.options.intervals != "auto"
-
-    def _starts(
-        self, job: Task, paths: RoutePaths, motions: list[Answer]
-    ) -> Iterator[tuple[FoundPath, Task, Iterate]]:
-        """The most promising paths, each as a motion to start from and on a mesh for it.
-
-        In a duration that is long enough for them those of least effort; where they lead nowhere
-        the fastest. One that takes longer than a motion in hand is not timed.
-        """
-        if self._meshed(job):
-            for one in paths.search.found[:ALIKE]:
-                yield one, job, transferred(paths.free, one.solution.iterate, job)
-            return
-        wanted, limited = job.problem.duration, bool(np.isfinite(job.problem.limits.input).all())
-        slow = [each for each in paths.refined if each.needed(job) <= (wanted or 0.0)]
-        for path in sorted(slow, key=lambda each: each.solution.objective)[:TIMED]:
-            free, solution = halve_mesh(path.free, path.solution)
-            own = on_mesh(job, free, free.mesh)
-            yield path.found, own, transferred(free, solution.iterate, own)
-        if wanted and motions:
-            return
-        seconds = RefinedPath.clock_s if limited else RefinedPath.needed
-        most = wanted / HASTE if wanted else math.inf
-        fast = [(seconds(each, job), each) for each in paths.refined if each not in slow]
-        for needed, path in sorted(fast, key=lambda each: each[0])[:TIMED]:
-            if needed > min([most, *(each.solution.iterate.duration for each in motions)]):
-                return
-            free, solution = halve_mesh(path.free, path.solution)
-            if limited:
-                yield path.found, *clock(job, free, solution.iterate)
-                continue
-            own = on_mesh(job, free, free.mesh)
-            yield path.found, own, transferred(free, solution.iterate, own)
-
-    def _rough_starts(
-        self, job: Task, paths: RoutePaths
-    ) -> Iterator[tuple[FoundPath, Task, Iterate]]:
-        """The shortest paths as they were found, on meshes as fine as they want."""
-        for path in [] if self._meshed(job) else paths.search.found[:ALIKE]:
-            iterate = path.solution.iterate
-            own = job.on(uniform(max(path_intervals(paths.free, iterate), FAST)))
-            yield path, own, transferred(paths.free, iterate, own)
 
     def _by_ladder(self) -> list[Answer]:
         """The motion along a path by way of shorter arms."""

@@ -127,6 +127,20 @@ def test_long_arms_climb_by_several_joints() -> None:
     assert ends(problem.system, q[:-1], u) == pytest.approx(q[1:], abs=2e-6)
 
 
+def test_an_arm_climbs_within_narrow_limits() -> None:
+    """The path of the shorter arm runs along its limits; what joint 1 adds needs room there."""
+    arm = {"kind": "manipulator", "joints": 4, "K": [0.87, 0.71, 0.58], "k_g": 0.67}
+    start, goal = [4.6, -27.8, 34.2, -30.3], [-7.4, 12.2, 29.5, -3.1]
+    narrow = {"start.theta_deg": start, "goal.theta_deg": goal, "limits.joint_deg": 40.0}
+    free = {"goal.travel": "free", "goal.duration": "free"}
+    problem = PROBLEM.changed({"system": arm, **narrow, **free})
+    found = ladder._by_shorter(collocation_task(problem, CollocationOptions(), 40))
+    assert found is not None
+    assert np.max(np.abs(found[0].q[:, 1:])) <= np.deg2rad(40.0) + 1e-9
+    q, u = found[0].q, found[0].u
+    assert ends(problem.system, q[:-1], u) == pytest.approx(q[1:], abs=2e-6)
+
+
 def test_what_is_no_arm_has_no_shorter_one() -> None:
     car = planner.load_problem(Path(__file__).parents[3] / "problems" / "car.toml")
     assert climbed(collocation_task(car, CollocationOptions(), 40), 5e-6) is None

@@ -1,0 +1,130 @@
+"""The paths of a route: the most promising are refined, ranked, and made motions to start from.
+
+What a refined path takes says well what its motion will take, so that one or two are timed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.methods.collocation.path import (
+    FoundPath,
+    Search,
+    clock,
+    clock_times,
+    halve_mesh,
+    needed_duration,
+    on_mesh,
+    path_intervals,
+    path_task,
+    refine_path,
+)
+from planner.methods.collocation.task import Solution, Task, transferred
+from planner.methods.collocation.transcription.unknowns import Iterate
+from planner.support import progress
+
+TIMED, REFINED_INTERVALS = 2, 200
+"""Paths that are timed, and intervals of all meshes on which paths are refined: long paths each
+take long to refine."""
+
+ALIKE = 6
+"""Paths that are timed on a mesh that is given: nothing says beforehand which is the fastest."""
+
+HASTE = 0.95
+"""What a motion may take less than the path at the speed of its clock, or than the fastest found:
+timing shortens a path by a few hundredths."""
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedPath:
+    """A path, and what refining made of it: its own task, and the solution of that."""
+
+    found: FoundPath
+    free: Task
+    solution: Solution
+
+    def needed(self, job: Task) -> float:
+        """Seconds that it takes, all of it slowed or hastened alike."""
+        return needed_duration(job.problem, self.free.mesh, self.solution.iterate)
+
+    def clock_s(self, job: Task) -> float:
+        """Seconds that it takes where at every time one input is at its limit."""
+        return float(clock_times(job.problem, self.free.mesh, self.solution.iterate)[0][-1])
+
+
+@dataclass(frozen=True, eq=False)
+class RoutePaths:
+    """The paths of a route: a function of the system, the ends and the geometry alone.
+
+    Attributes:
+        free: The path task of the coarse mesh that all were found on.
+        search: What the search left.
+        refined: The most promising; None where the mesh is given, on which all are timed.
+    """
+
+    free: Task
+    search: Search
+    refined: list[RefinedPath] | None
+
+    @classmethod
+    def of(cls, job: Task, found: Search, mesh_given: bool) -> RoutePaths:
+        """Those that a search left, the most promising of them refined."""
+        free, refined, spent = path_task(job), list[RefinedPath](), 0
+        if mesh_given:
+            return cls(free, found, None)
+        for path in found.found:
+            count = path_intervals(free, path.solution.iterate)
+            if refined and spent + count > REFINED_INTERVALS:
+                break
+            progress.tell(f"refining the path of '{path.seed}'")
+            spent += count
+            if both := refine_path(free, path.solution):
+                refined.append(RefinedPath(path, *both))
+            elif spent > 2 * REFINED_INTERVALS:
+                break
+        return cls(free, found, refined)
+
+    def starts(
+        self, job: Task, motions: Sequence[Solution]
+    ) -> Iterator[tuple[FoundPath, Task, Iterate]]:
+        """The most promising paths, each as a motion to start from and on a mesh for it.
+
+        In a duration that is long enough for them those of least effort; where they lead nowhere
+        the fastest. One that takes longer than a motion in hand is not timed.
+
+        Args:
+            job: What is asked for.
+            motions: Those in hand; may grow between two starts.
+        """
+        if self.refined is None:
+            for one in self.search.found[:ALIKE]:
+                yield one, job, transferred(self.free, one.solution.iterate, job)
+            return
+        wanted, limited = job.problem.duration, bool(np.isfinite(job.problem.limits.input).all())
+        slow = [each for each in self.refined if each.needed(job) <= (wanted or 0.0)]
+        for path in sorted(slow, key=lambda each: each.solution.objective)[:TIMED]:
+            yield _as_it_is(path, job)
+        if wanted and motions:
+            return
+        seconds = RefinedPath.clock_s if limited else RefinedPath.needed
+        most = wanted / HASTE if wanted else math.inf
+        fast = [(seconds(each, job), each) for each in self.refined if each not in slow]
+        for needed, path in sorted(fast, key=lambda each: each[0])[:TIMED]:
+            if needed > min([most, *(each.iterate.duration for each in motions)]):
+                return
+            if limited:
+                free, solution = halve_mesh(path.free, path.solution)
+                yield path.found, *clock(job, free, solution.iterate)
+            else:
+                yield _as_it_is(path, job)
+
+
+def _as_it_is(path: RefinedPath, job: Task) -> tuple[FoundPath, Task, Iterate]:
+    """A path at its own speed on its own mesh."""
+    free, solution = halve_mesh(path.free, path.solution)
+    own = on_mesh(job, free, free.mesh)
+    return path.found, own, transferred(free, solution.iterate, own)

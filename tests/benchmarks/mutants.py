@@ -110,7 +110,7 @@ GROUPS = {
         " tests/machine/test_simulate.py tests/machine/test_loop.py"
         " tests/machine/test_direct.py tests/machine/test_dynamic.py"
         " tests/machine/test_kernel.py tests/machine/test_replay.py"
-        " tests/machine/test_dynamic_energy.py"
+        " tests/machine/test_dynamic_energy.py tests/machine/test_memory.py"
         " tests/machine/test_dynamic_kernel.py",
     ),
 }

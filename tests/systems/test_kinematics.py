@@ -164,6 +164,7 @@ def test_arm_points_are_a_chain_of_links() -> None:
     theta = np.array([[0.1, 0.2, -0.4], [0.0, 0.0, 0.0]])
     found = arm.arm_points(theta)
     assert found.shape == (2, 4, 2)
+    np.testing.assert_array_equal(arm.arm_points(theta[0]), found[0])
     np.testing.assert_allclose(found[1], [[0, 0], [1, 0], [3, 0], [3.5, 0]])
     np.testing.assert_allclose(np.linalg.norm(np.diff(found[0], axis=0), axis=-1), [1.0, 2.0, 0.5])
     same = Manipulator([0.8, 0.7], link_lengths=[1.0, 2.0, 0.5]).arm_points(theta)

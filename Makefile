@@ -20,6 +20,7 @@
 #   make installed  built, installed and run on every Python here that pyproject.toml declares
 #   make check     lint and types only
 #   make format    put the code into the house format
+#   make generated  write the files that come from tables (editors' options, the layout for C)
 #   make clean     remove what make has made
 
 PYTHON ?= python3
@@ -29,9 +30,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
+KERNEL := planner/machine/kernel.c planner/machine/dynamic.c planner/machine/layout.h
+
 .DEFAULT_GOAL := compare
 .PHONY: compare suite bench stress coverage mutants paper robustness sensitivity compensation report explorer notebook docs test \
-  processors installed check lint format clean
+  processors installed check lint format generated clean
 
 compare: $(VENV)/.run
 	@$(BIN)/planner compare problems/paper.toml --out out/compare
@@ -108,6 +111,9 @@ check lint: $(VENV)/.dev
 format: $(VENV)/.dev
 	@$(BIN)/ruff check --quiet --fix . ; $(BIN)/ruff format .
 
+generated: $(VENV)/.dev
+	@$(BIN)/python tests/generated.py
+
 clean:
 	@rm -rf $(VENV) out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +
@@ -120,11 +126,11 @@ $(VENV)/bin/python:
 	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
 	  echo "python3 -m venv failed; on Debian and Ubuntu: apt install python3-venv"; exit 1; }
 
-$(VENV)/.run: pyproject.toml setup.py planner/machine/kernel.c planner/machine/dynamic.c | $(VENV)/bin/python
+$(VENV)/.run: pyproject.toml setup.py $(KERNEL) | $(VENV)/bin/python
 	@$(PIP) install --editable .
 	@touch $@
 
-$(VENV)/.dev: pyproject.toml setup.py planner/machine/kernel.c planner/machine/dynamic.c | $(VENV)/bin/python
+$(VENV)/.dev: pyproject.toml setup.py $(KERNEL) | $(VENV)/bin/python
 	@$(PIP) install --editable '.[dev]'
 	@touch $@ $(VENV)/.run
 

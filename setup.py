@@ -34,6 +34,7 @@ class Build(build_ext):
 KERNEL = Extension(
     "planner.machine._kernel",
     ["planner/machine/kernel.c", "planner/machine/dynamic.c"],
+    depends=["planner/machine/layout.h"],
     py_limited_api=True,
     optional=True,
 )

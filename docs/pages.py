@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 from unittest import mock
 
-import typer
 from pydantic import BaseModel
 
 import planner
-from planner.cli.app import app, main
+from planner.cli.app import COMMANDS, main
 from planner.problem.tables.kinds import FILES
 from planner.problem.tables.machine_effects import EFFECTS, MachineTable
 from planner.problem.tables.problem_file import CompensationTable, FeedbackTable
@@ -75,8 +74,7 @@ def escaped(line: str) -> str:
 def commands() -> str:
     """The help text of every command."""
     parts = ["# Commands\n", "What `planner COMMAND --help` prints.\n"]
-    names = typer.main.get_command(app).commands  # type: ignore[attr-defined]
-    parts += [f"## planner {name}\n\n```text\n{_help(name)}\n```\n" for name in names]
+    parts += [f"## planner {name}\n\n```text\n{_help(name)}\n```\n" for name in COMMANDS]
     return "\n".join(parts)
 
 

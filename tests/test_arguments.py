@@ -213,7 +213,7 @@ def test_copies_are_still_made(plan: planner.Plan) -> None:
     assert copy.copy(planner.Machine.prototype()) == planner.Machine.prototype()
 
 
-# -- one word for axes, and public names -----------------------------------------------------------
+# -- one word for axes --------------------------------------------------------------------------
 
 
 def test_every_figure_is_drawn_into_axes_of_ones_own_by_the_same_word() -> None:
@@ -226,15 +226,6 @@ def test_every_figure_is_drawn_into_axes_of_ones_own_by_the_same_word() -> None:
     drawing = [path.read_text() for path in Path("planner/report/figures").glob("*.py")]
     public = [text.count("\ndef plot_") for text in drawing]
     assert sum(public) == len(figures)
-
-
-def test_listing_a_package_shows_its_public_names() -> None:
-    import planner.plan.samples  # a module that is imported is no public name
-
-    assert planner.plan.samples
-    shown = {name for name in dir(planner) if not name.startswith("__")}
-    assert shown == {*planner.__all__, "report"}
-    assert {name for name in dir(report) if not name.startswith("__")} == set(report.__all__)
 
 
 LISTENED: list[Callable[[planner.Plan, Any], Any]] = [

@@ -18,6 +18,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 import pytest
+from pydantic import Field
 from registered import restored
 
 import planner
@@ -31,9 +32,10 @@ from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.problem.tables import kinds as plugins
 from planner.problem.tables.kinds import FILES, REQUIREMENTS, json_schema
 from planner.problem.tables.method_options import MethodsTable
-from planner.problem.tables.vehicles import UnicycleFile
+from planner.problem.tables.vehicles import UnicycleFile, UnicycleLimits, VehicleFile
 from planner.report.page.words import asked_for
 from planner.support.user_tables import Positive, Table
+from planner.systems.triangular_system import Coordinate, TangentSystem
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = Path(__file__).parent / "plugin"
@@ -336,7 +338,7 @@ SYSTEM_REFUSALS: list[tuple[Any, Callable[[], Any], str]] = [
     ("a\u202eb", lambda: SledFile, "system kind 'ab' cannot be registered"),
     (None, lambda: SledFile, "system kind 'None' cannot be registered"),
     ("sled", lambda: Unicycle, "<class .*Unicycle'> is not a subclass of ProblemFile"),
-    ("sled", without_build, "HalfFile lacks angles_deg, build_system, joint_limits"),
+    ("sled", without_build, "HalfFile lacks build_system"),
     ("sledge", lambda: SledFile, r"SledFile.system has no key kind of type Literal\['sledge'\]"),
     ("sled", lambda: changed(goal=Options), "OtherFile.goal is not a table, .* of GoalTable"),
     ("sled", lambda: changed(summary=""), "OtherFile.summary is not a text"),
@@ -353,6 +355,35 @@ def test_what_is_no_system_is_refused(kind: Any, make: Callable[[], Any], says: 
     with pytest.raises(InputError, match=says):
         planner.register_system(kind, make())
     assert before == FILES
+
+
+class Half(TangentSystem):
+    kind = "sled"
+    coordinates = Coordinate("x", "m"), Coordinate("heading", "rad"), Coordinate("y", "m")
+
+
+class NoBuildFile(VehicleFile):
+    system: SledTable
+    limits: UnicycleLimits = Field(default_factory=UnicycleLimits)
+
+
+class HalfSystemFile(SledFile):
+    def build_system(self) -> Any:
+        return Half()  # type: ignore[abstract]
+
+
+@pytest.mark.usefixtures("clean")
+@pytest.mark.parametrize(
+    ("file", "says"),
+    [
+        (NoBuildFile, r"system kind 'sled' is not complete: .*NoBuildFile.*\bbuild_system\b"),
+        (HalfSystemFile, r"system kind 'sled' is not complete: .*Half.*\bslopes_expr\b"),
+    ],
+)
+def test_what_a_kind_of_the_planner_lacks_is_named(file: Any, says: str) -> None:
+    FILES["sled"] = file
+    with pytest.raises(InputError, match=says):
+        planner.Problem.from_dict(tomllib.loads(SledFile.example))
 
 
 @dataclass(frozen=True)
@@ -589,6 +620,10 @@ def breaks_down(problem: planner.Problem, options: Options) -> planner.Plan:
     raise ZeroDivisionError("no\x07 way")
 
 
+def refuses_input(problem: planner.Problem, options: Options) -> planner.Plan:
+    raise InputError("'goal.duration' = 20: too long for mine")
+
+
 def exits(problem: planner.Problem, options: Options) -> planner.Plan:
     sys.exit(0)
 
@@ -621,6 +656,7 @@ def undecided(*_: Any) -> Any:
 
 BREAKDOWNS: list[tuple[Any, str]] = [
     (breaks_down, "failed: ZeroDivisionError: no way"),
+    (refuses_input, "failed: InputError: 'goal.duration' = 20: too long for mine"),
     (exits, "failed: SystemExit: 0"),
     (plans_nothing, "returned None, which is no plan"),
     (plans_another, "returned a plan of another problem"),

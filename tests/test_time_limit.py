@@ -15,7 +15,7 @@ import pytest
 import planner
 from planner.cli import output
 from planner.cli.app import main
-from planner.cli.output import Waiting, ends_with_the_best
+from planner.cli.output import Job, ends_with_the_best
 from planner.explorer.outcome import path
 from planner.explorer.state import State
 from planner.machine.feedforward import aim
@@ -169,7 +169,7 @@ def test_progress_and_log(paper: planner.Problem, caplog: pytest.LogCaptureFixtu
 
 
 def test_the_command_says_that_ctrl_c_takes_what_is_held() -> None:
-    notice, progress = Waiting("planning"), Progress("refining", 3.0, 5, "effort 0.101")
+    notice, progress = Job("planning"), Progress("refining", 3.0, 5, "effort 0.101")
     notice.hear(progress)
     assert "Ctrl-C" not in notice.line
     with ends_with_the_best():
@@ -197,16 +197,16 @@ def test_a_redirected_job_says_a_line_now_and_then(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(output, "EVERY_S", 0.01)
-    with output.waiting("planning"):
+    with output.job("planning"):
         time.sleep(0.2)
-    with output.progress_bar() as tell:
+    with output.job() as tell:
         tell("replaying", 0.25)
         time.sleep(0.2)
     said = capsys.readouterr().err.splitlines()
     assert said[0] == "planner: 0 s: planning"
     assert said[-1] == "planner: 0 s: replaying, 25% of all done"
-    monkeypatch.setattr(output.volume, "quiet", True)
-    with output.waiting("planning"):
+    monkeypatch.setattr(output.manner, "quiet", True)
+    with output.job("planning"):
         time.sleep(0.1)
     assert capsys.readouterr().err == ""
 

@@ -13,26 +13,23 @@ import traceback
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from typing import Annotated, Any, TextIO
 
 import typer
+from typer.core import TyperGroup
 
-from planner.cli.compare import budget, compare
-from planner.cli.files import animate, export, report
 from planner.cli.output import (
     INTERRUPTED,
+    Command,
     Told,
     interrupted,
+    manner,
     print_json,
     say,
-    with_volume,
+    with_manner,
 )
-from planner.cli.paper import calibrate, reproduce
-from planner.cli.plan import check, plan
-from planner.cli.sensitivity import sensitivity
 from planner.cli.standard_output import ReaderGoneError, results_alone
-from planner.cli.start import methods, new, schema, systems
-from planner.cli.sweep import design, sweep
 from planner.errors import NO_MEMORY, InputWarning, MethodError, PlannerError, lacks_memory
 from planner.support.files import written
 from planner.support.interrupts import Terminated, hear_signals, hearing
@@ -47,8 +44,48 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 # Typer brings its own copy of click in some versions; this is the base of usage errors in all.
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 
+COMMANDS = {
+    "new": ("start", "Write a commented problem file that can be solved as it is."),
+    "plan": ("plan", "Make a plan, verify it and print its properties."),
+    "check": ("plan", "Find out whether there is a plan; if not, say why not."),
+    "compare": ("compare", "Compare methods on the same emulated machines."),
+    "budget": ("compare", "Compute how much error each effect of the machine causes."),
+    "sensitivity": ("sensitivity", "Compute how errors shift the end of a plan."),
+    "sweep": ("sweep", "Run those cases of a sweep that are not yet in the database."),
+    "design": ("sweep", "Compare designs of the mechanism, and recommend one."),
+    "export": ("files", "Write a plan as a CSV, JSON, ROS 2 or MATLAB file."),
+    "animate": ("files", "Write plans as a film (GIF or MP4) with a common clock."),
+    "report": ("files", "Write a comparison as one HTML page."),
+    "calibrate": ("paper", "Fit the emulated prototype to the paper's experiment."),
+    "reproduce": ("paper", "Regenerate the paper's figures and check its printed numbers."),
+    "methods": ("start", "List the planning methods, one per line."),
+    "systems": ("start", "List the kinds of systems, one per line."),
+    "schema": ("start", "Print the JSON Schema of a kind of file."),
+}
+"""Each command's file, and the first line of its docstring, so that a list needs no file."""
+
+
+def function_of(name: str) -> Command:
+    """The function of a command; its file, and what that imports, is loaded now."""
+    function: Command = getattr(import_module(f"planner.cli.{COMMANDS[name][0]}"), name)
+    return function
+
+
+class _Commands(TyperGroup):
+    """Knows the names and first lines of all commands, and loads the one that is run."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
+        name, _, rest = super().resolve_command(ctx, args)
+        if name is None:  # of an unfinished line that a shell asks about
+            return None, None, rest
+        alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+        alone.command(name)(with_manner(function_of(name)))
+        return name, typer.main.get_command(alone), rest
+
+
 app = typer.Typer(
     name="planner",
+    cls=_Commands,
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -85,25 +122,12 @@ def _top(
     """
 
 
-for _command in (
-    new,
-    plan,
-    check,
-    compare,
-    budget,
-    sensitivity,
-    sweep,
-    design,
-    export,
-    animate,
-    report,
-    calibrate,
-    reproduce,
-    methods,
-    systems,
-    schema,
-):
-    app.command()(with_volume(_command))
+def _unloaded() -> None:
+    """Stands in the list of commands for one whose file is not loaded."""
+
+
+for _name, (_, _line) in COMMANDS.items():
+    app.command(_name, help=_line)(_unloaded)
 
 
 def main(arguments: Sequence[str] | None = None, *, last: bool = False) -> int:
@@ -120,6 +144,8 @@ def main(arguments: Sequence[str] | None = None, *, last: bool = False) -> int:
     for name in ("stdout", "stderr"):  # None where the caller has closed it
         if getattr(sys, name) is None:
             setattr(sys, name, _nowhere())
+    if (name := next((word for word in words if not word.startswith("-")), "")) in COMMANDS:
+        function_of(name)  # here, where `planner_start` still has the signals
     try:
         alone = "--json" in words and not {"-h", "--help", "--version"} & set(words)
         with hear_signals(last), _warnings_told(), results_alone(alone, last):
@@ -162,6 +188,7 @@ def _nowhere() -> TextIO:
 def _run(words: list[str]) -> int:
     """The outcome; from the moment it is decided on, no signal disturbs telling it."""
     written.clear()
+    manner.as_json = "--json" in words  # of a usage error, too
     try:
         command = typer.main.get_command(app)
         status = command.main(words, prog_name="planner", standalone_mode=False)
@@ -177,42 +204,41 @@ def _run(words: list[str]) -> int:
         return _failed(error, words)
     hearing.over = True
     if status == INTERRUPTED and not isinstance(status, Told):
-        return _interrupted("--json" in words)
+        return _interrupted()
     return int(status or 0) if words else 2  # no command: older versions of click say 0
 
 
 def _failed(error: BaseException, words: list[str]) -> int:
-    as_json = "--json" in words
     # Compiled code swallows signals and says that there is no plan; modules that are being loaded
     # make an error of their own of them. A command that told what it kept has the last word.
     told = isinstance(error, PlannerError) and error.exit_status >= INTERRUPTED
     ended = isinstance(error, KeyboardInterrupt | Terminated | typer.Abort)
     if ended or (interrupted() and not told):
-        return _interrupted(as_json)
+        return _interrupted()
     if isinstance(error, PlannerError):
         if isinstance(error, MethodError) and _debugging(words):
             sys.stderr.write(clean(error.traceback))
         kind = getattr(error, "status", "bad_input")
-        return _refuse(as_json, error.exit_status, kind, str(error))
+        return _refuse(error.exit_status, kind, str(error))
     if isinstance(error, UsageError):
-        return _usage(as_json, error)
+        return _usage(error)
     if isinstance(error, OSError) and error.errno in FULL:
         where = error.filename or "standard output"
-        return _refuse(as_json, 2, "bad_input", f"cannot write {where}: {error.strerror}")
+        return _refuse(2, "bad_input", f"cannot write {where}: {error.strerror}")
     if lacks_memory(error):
-        return _refuse(as_json, 2, "bad_input", NO_MEMORY.format(str(error) or "MemoryError"))
-    return _bug(as_json, words, error)
+        return _refuse(2, "bad_input", NO_MEMORY.format(str(error) or "MemoryError"))
+    return _bug(words, error)
 
 
-def _interrupted(as_json: bool) -> int:
+def _interrupted() -> int:
     what = "interrupted" if hearing.status == INTERRUPTED else "terminated"
     there = [str(path) for path in written if path.exists()]
     left = f"{', '.join(there)} was written before" if there else "nothing written"
-    return _refuse(as_json, hearing.status, what, f"{what}, {left}")
+    return _refuse(hearing.status, what, f"{what}, {left}")
 
 
-def _refuse(as_json: bool, status: int, kind: str, message: str) -> int:
-    if as_json:
+def _refuse(status: int, kind: str, message: str) -> int:
+    if manner.as_json:
         try:
             print_json({"status": kind, "error": message, "exit_status": status})
         except PlannerError as error:
@@ -221,8 +247,8 @@ def _refuse(as_json: bool, status: int, kind: str, message: str) -> int:
     return status
 
 
-def _usage(as_json: bool, error: Any) -> int:
-    if as_json:
+def _usage(error: Any) -> int:
+    if manner.as_json:
         print_json({"status": "bad_input", "error": error.format_message(), "exit_status": 2})
     shown = io.StringIO()
     error.show(file=shown)
@@ -234,11 +260,11 @@ def _debugging(words: list[str]) -> bool:
     return "--debug" in words or bool(os.environ.get("PLANNER_DEBUG"))
 
 
-def _bug(as_json: bool, words: list[str], error: BaseException) -> int:
+def _bug(words: list[str], error: BaseException) -> int:
     if _debugging(words):
         traceback.print_exception(error)
     message = (
         f"a bug in planner {installed_version()}: {type(error).__name__}: {error}. Please report it"
         " with the problem file and this command; `planner --debug ...` shows the traceback."
     )
-    return _refuse(as_json, 1, "bug", message)
+    return _refuse(1, "bug", message)

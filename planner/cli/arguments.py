@@ -15,24 +15,18 @@ import typer
 from planner.errors import InputError
 from planner.methods.registry import all_methods, find_method
 from planner.problem.problem import Problem, load_problem
-from planner.support.files import DEEPEST, parse_toml
+from planner.support.files import DEEPEST, toml_value
 from planner.support.tables import brief
 
-ProblemPath = Annotated[
-    Path, typer.Argument(metavar="PROBLEM", help="A problem file (TOML).", show_default=False)
-]
+ProblemPath = Annotated[Path, typer.Argument(metavar="PROBLEM", help="A problem file (TOML).")]
 PlanPath = Annotated[
-    Path,
-    typer.Argument(
-        metavar="PLAN", help="A plan file (JSON) of `planner plan --out`.", show_default=False
-    ),
+    Path, typer.Argument(metavar="PLAN", help="A plan file (JSON) of `planner plan --out`.")
 ]
 PlanOrProblemPath = Annotated[
     Path,
     typer.Argument(
         metavar="PROBLEM|PLAN",
         help="A problem file (TOML), or a plan file (JSON) of `planner plan --out`.",
-        show_default=False,
     ),
 ]
 Changes = Annotated[
@@ -42,18 +36,11 @@ Changes = Annotated[
         metavar="KEY=VALUE",
         help="Change a key of the problem file, for example goal.travel=0.8; repeatable. The"
         " value is TOML; a bare word is taken as text.",
-        show_default=False,
     ),
 ]
 Workers = Annotated[
     int | None,
-    typer.Option(
-        "--workers",
-        "-j",
-        min=1,
-        help="Number of processes. Default: one per core.",
-        show_default=False,
-    ),
+    typer.Option("--workers", "-j", min=1, help="Number of processes. Default: one per core."),
 ]
 Cluster = Annotated[
     str | None,
@@ -61,11 +48,7 @@ Cluster = Annotated[
         "--cluster",
         metavar="ADDRESS",
         help="Run on the Dask cluster of this scheduler, for example tcp://host:8786.",
-        show_default=False,
     ),
-]
-Json = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")
 ]
 
 
@@ -84,7 +67,6 @@ MethodNames = Annotated[
         metavar="A,B,C",
         autocompletion=complete_methods,
         help="Methods to try. Default: all that do not start from another method's plan.",
-        show_default=False,
     ),
 ]
 PlannedMethods = Annotated[
@@ -95,7 +77,6 @@ PlannedMethods = Annotated[
         autocompletion=complete_methods,
         help="Methods, each with options if needed (polynomial:travel=middle) or followed by the"
         " word compensated ('collocation compensated'); or all.",
-        show_default=False,
     ),
 ]
 TimeLimit = Annotated[
@@ -106,7 +87,6 @@ TimeLimit = Annotated[
         help="Seconds for planning and compensation, in `compare` for each method. Then the best"
         " verified plan found so far is taken, uncompensated if need be; without one, a refusal"
         " says how far the search got.",
-        show_default=False,
     ),
 ]
 
@@ -137,9 +117,6 @@ def dry_run_option(help: str) -> Any:
 
 
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the random machines.")]
-
-
-_BARE = re.compile(r"[A-Za-z_][\w.+-]*")
 
 
 def read_problem(path: Path, changes: list[str] | None) -> Problem:
@@ -204,13 +181,9 @@ def _mentions(message: str, key: str) -> bool:
 
 def _value(pair: str, text: str) -> Any:
     try:
-        parsed = parse_toml(f"value = {text}")
-        if parsed.keys() == {"value"}:
-            return parsed["value"]
+        return toml_value(text)
     except ValueError:
-        if _BARE.fullmatch(text):
-            return text
-    raise InputError(
-        f"--set {pair}: cannot read the value {brief(text)!r}; write a number, true, a [list]"
-        " or a text in quotes"
-    )
+        raise InputError(
+            f"--set {pair}: cannot read the value {brief(text)!r}; write a number, true, a [list]"
+            " or a text in quotes"
+        ) from None

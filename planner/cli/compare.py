@@ -16,7 +16,6 @@ import typer
 
 from planner.cli.arguments import (
     Changes,
-    Json,
     PlannedMethods,
     PlanOrProblemPath,
     ProblemPath,
@@ -33,12 +32,12 @@ from planner.cli.output import (
     Told,
     finish,
     interrupted,
+    job,
+    manner,
     note,
     print_json,
     print_text,
-    progress_bar,
     say,
-    waiting,
 )
 from planner.cli.standard_output import ReaderGoneError
 from planner.comparison.compare import compare as run
@@ -73,7 +72,6 @@ def compare(
             min=0,
             help="Replay only on the random machine of this number, for example the worst one;"
             " repeatable.",
-            show_default=False,
         ),
     ] = None,
     feedback: Annotated[
@@ -101,7 +99,6 @@ def compare(
             "--report", help="Also write report.html, an interactive page, to the folder of --out."
         ),
     ] = False,
-    as_json: Json = False,
 ) -> int:
     """Compare methods on the same emulated machines.
 
@@ -123,7 +120,7 @@ def compare(
     _refuse_in_time(out, budget, report)
     found: Comparison | None = None
     try:
-        with progress_bar() as progress:
+        with job() as progress:
             found = run(
                 task,
                 methods,
@@ -139,28 +136,28 @@ def compare(
     assert found is not None
     # A reader of the table who leaves (`| head`) does not take the folder away.
     gone = nullcontext() if out is None else suppress(ReaderGoneError)
-    if not as_json:  # before budgets and figures, which take a while
+    if not manner.as_json:  # before budgets and figures, which take a while
         with gone:
             _print(found)
     shares: dict[str, Budget] = {}
     complete = found.complete and not interrupted() and (not budget or _fill(shares, found))
-    if not as_json:
+    if not manner.as_json:
         with gone:
             for share in shares.values():
                 print_text(share.table(), "")
-    # After Ctrl-C `waiting` would end the command before what is done is written.
-    with waiting("drawing figures") if out and complete else nullcontext():
-        written = None if out is None else str(found.save(out, report=report))
+    # After Ctrl-C `job` would end the command before what is done is written.
+    with job("drawing figures") if out and complete else nullcontext():
+        written = out and found.save(out, report=report)
         if out is not None and shares:
             save_budget(shares, out / "budget")
     solved = any(row.solved for row in found.rows)
     status = (0 if solved else NoPlanError.exit_status) if complete else Told(INTERRUPTED)
-    if as_json:
+    if manner.as_json:
         extra: dict[str, Any] = {"complete": complete, "exit_status": status, "written": written}
         if budget:
             extra["budgets"] = {label: each.to_dict() for label, each in shares.items()}
         print_json({"file": task.source, **found.to_dict(), **extra})
-    _say_the_rest(found, complete, written, report, changes or [])
+    _say_the_rest(found, complete, written, report, changes)
     return status
 
 
@@ -175,7 +172,7 @@ def _refuse_in_time(out: Path | None, budget: bool, report: bool) -> None:
 
 
 def _say_the_rest(
-    found: Comparison, complete: bool, written: str | None, report: bool, changes: list[str]
+    found: Comparison, complete: bool, written: Path | None, report: bool, changes: list[str] | None
 ) -> None:
     """Where the results are, whether all are there, and what would help where no method has one."""
     if not complete:
@@ -185,18 +182,22 @@ def _say_the_rest(
         look = f"open {written}/report.html" if report else f"pictures in {written}/figures"
         note(f"written to {written}; {look}")
     if complete and not any(row.solved for row in found.rows):
-        sets = [word for change in changes for word in ("--set", change)]
-        asked = shlex.join(["planner", "check", found.problem.source, *sets])
+        asked = shlex.join(["planner", "check", found.problem.source, *_sets(changes)])
         tried = any("(tried)" in advice for advice in found.advice.values())
         help_ = f"what would help stands after 'Try', more by: {asked}"
         note(f"no method has a plan; {help_ if tried else f'what would help: {asked}'}")
+
+
+def _sets(changes: list[str] | None) -> list[str]:
+    """The words with which a command says the changes again."""
+    return [word for change in changes or [] for word in ("--set", change)]
 
 
 def _fill(shares: dict[str, Budget], found: Comparison) -> bool:
     """Add the budget of each plan; whether that went on to the end, without Ctrl-C."""
     plans = executable(found.rows)
     try:
-        with progress_bar() as progress:
+        with job() as progress:
             # What is done before Ctrl-C stays: pairs go in one by one.
             shares.update(
                 budgets(plans, found.machine, BUDGET_SAMPLES, BUDGET_BASE, found.seed, progress)
@@ -231,7 +232,6 @@ def budget(
     out: Annotated[
         Path | None, out_option("FOLDER", "Save tables, figures and data in this folder.")
     ] = None,
-    as_json: Json = False,
 ) -> int:
     """Compute how much error each effect of the machine causes.
 
@@ -246,31 +246,22 @@ def budget(
     refuse_without_salib()
     if out is not None:
         refuse_unwritable_folder(out)
-    with progress_bar() as progress:
+    with job() as progress:
         plans = _plans(subject, methods, changes, partial(_part, progress, 0.0, 0.3))
         problem = next(iter(plans.values())).problem.changed(parse_changes(changes or []))
         machine = Machine.from_table(problem.machine)
         told = partial(_part, progress, 0.3, 1.0)
         found = dict(budgets(plans, machine, samples, base, seed, told))
-    written = None
-    if out is not None:
-        words = ["planner", "budget", str(subject), *(["--methods", methods] if methods else [])]
-        words += ["--samples", str(samples), "--base", str(base), "--seed", str(seed)]
-        for change in changes or []:
-            words += ["--set", change]
-        written = str(save_budget(found, out, shlex.join([*words, "--out", str(out)])))
+    words = ["planner", "budget", str(subject), *(["--methods", methods] if methods else [])]
+    words += ["--samples", str(samples), "--base", str(base), "--seed", str(seed), *_sets(changes)]
+    written = out and save_budget(found, out, shlex.join([*words, "--out", str(out)]))
     data = {label: each.to_dict() for label, each in found.items()}
     tables = [part for each in found.values() for part in (each.table(), "")]
-    return finish(as_json, {"file": str(subject), "written": written, "budgets": data}, *tables)
+    return finish({"file": subject, "written": written, "budgets": data}, *tables)
 
 
 def budgets(
-    plans: dict[str, Plan],
-    machine: Machine,
-    samples: int,
-    base: int,
-    seed: int,
-    progress: Progress,
+    plans: dict[str, Plan], machine: Machine, samples: int, base: int, seed: int, progress: Progress
 ) -> Iterator[tuple[str, Budget]]:
     """Labels of plans and their budgets, each as soon as it is done."""
     for k, (label, plan) in enumerate(plans.items()):

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from planner.cli.arguments import Json, PlanPath, out_option
-from planner.cli.output import finish, progress_bar, waiting
+from planner.cli.arguments import PlanPath, out_option
+from planner.cli.output import finish, job
 from planner.plan.plan import Plan
 from planner.plan.samples import RATE_HZ
 from planner.report.export import FORMATS, find_format
@@ -43,10 +43,8 @@ def export(
             "--joints",
             metavar="A,B",
             help="For ros2: the two joint names that the robot's controller knows.",
-            show_default=False,
         ),
     ] = None,
-    as_json: Json = False,
 ) -> int:
     """Write a plan as a CSV, JSON, ROS 2 or MATLAB file.
 
@@ -63,10 +61,10 @@ def export(
     name = find_format(out, format)
     refuse_unwritable(out)
     names = None if joints is None else joints.split(",")
-    with waiting(f"writing {name}"):
+    with job(f"writing {name}"):
         found = load_plan(plan, strict=True)
-        written = str(write(found, out, name, rate_hz=rate, joint_names=names))
-    return finish(as_json, {"plan": str(plan), "format": name, "written": written})
+        written = write(found, out, name, rate_hz=rate, joint_names=names)
+    return finish({"plan": plan, "format": name, "written": written})
 
 
 def animate(
@@ -79,7 +77,6 @@ def animate(
     speed: Annotated[
         float, typer.Option("--speed", help="Speed: seconds of motion per second of the film.")
     ] = 1.0,
-    as_json: Json = False,
 ) -> int:
     """Write plans as a film (GIF or MP4) with a common clock.
 
@@ -92,15 +89,13 @@ def animate(
     """
     check_film(out, fps, speed)
     found = _labelled(plans)
-    with progress_bar() as tell:
-        written = film(
-            found,
-            out,
-            fps=fps,
-            speed=speed,
-            progress=lambda done, total: tell("drawing frames", done / total),
-        )
-    return finish(as_json, {"plans": [str(p) for p in plans], "written": str(written)})
+    with job() as tell:
+
+        def drawn(done: int, total: int) -> None:
+            tell("drawing frames", done / total)
+
+        written = film(found, out, fps=fps, speed=speed, progress=drawn)
+    return finish({"plans": plans, "written": written})
 
 
 def _labelled(paths: Sequence[Path]) -> dict[str, Plan]:
@@ -118,15 +113,11 @@ def _labelled(paths: Sequence[Path]) -> dict[str, Plan]:
 
 def report(
     folder: Annotated[
-        Path,
-        typer.Argument(
-            metavar="FOLDER", help="A folder of `planner compare --out`.", show_default=False
-        ),
+        Path, typer.Argument(metavar="FOLDER", help="A folder of `planner compare --out`.")
     ],
     out: Annotated[
         Path | None, out_option("FILE", "The page. Default: report.html in FOLDER.")
     ] = None,
-    as_json: Json = False,
 ) -> int:
     """Write a comparison as one HTML page.
 
@@ -140,7 +131,7 @@ def report(
       planner report out/paper
       planner report out/paper --out paper.html
     """
-    with waiting("writing the page"):
-        written = str(write_report(folder, out))
-    data = {"folder": str(folder), "written": written}
-    return finish(as_json, data, where="written to {}; open it in a browser")
+    with job("writing the page"):
+        written = write_report(folder, out)
+    data = {"folder": folder, "written": written}
+    return finish(data, where="written to {}; open it in a browser")

@@ -1,6 +1,6 @@
 """What commands print: results on standard output, everything else on standard error.
 
-Every command has `--quiet` and `--verbose`.
+Every command has `--json`, `--quiet` and `--verbose`.
 """
 
 from __future__ import annotations
@@ -8,23 +8,30 @@ from __future__ import annotations
 import functools
 import inspect
 import json
+import math
 import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
 from operator import itemgetter
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
-import numpy as np
 import typer
 from rich.console import Console, ConsoleOptions, RenderableType
-from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    SpinnerColumn,
+    TaskProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+)
 from rich.progress import Progress as Bar
 from rich.segment import Segment
+from rich.table import Column as TableColumn
 from rich.table import Table
 from rich.text import Text
 
@@ -75,25 +82,32 @@ def print_text(*parts: str | Text | Table) -> None:
 
 
 @dataclass
-class Volume:
-    """How much is said besides the result; `--quiet` and `--verbose` set it."""
+class Manner:
+    """How a command prints; `--json`, `--quiet` and `--verbose` set it.
 
+    Attributes:
+        as_json: Whether the result is one JSON object.
+        quiet: Whether nothing is said beside the result, warnings and errors.
+        verbose: Whether it is said what is being done and how long it takes.
+    """
+
+    as_json: bool = False
     quiet: bool = False
     verbose: bool = False
 
 
-volume = Volume()
+manner = Manner()
 
 
 def note(text: str) -> None:
     """A message that one can do without (written to ...), on standard error."""
-    if not volume.quiet:
+    if not manner.quiet:
         say(text)
 
 
 def detail(text: str) -> None:
     """What only `--verbose` says, on standard error."""
-    if volume.verbose:
+    if manner.verbose:
         say(text, "dim")
 
 
@@ -103,34 +117,29 @@ def say(text: str, style: str = "") -> None:
     console.print(Text(text, style=style), highlight=False, soft_wrap=True)
 
 
-def facts(rows: Sequence[tuple[str, str]]) -> Table:
+def facts(rows: Iterable[tuple[str, str]]) -> Table:
     """A two-column table without headers."""
     return terminal_table([Column("", "", itemgetter(k), left=True) for k in (0, 1)], rows)
 
 
 def number(value: float | None) -> str:
     """Four significant digits; a dash where undefined."""
-    return "-" if value is None or np.isnan(value) else f"{value:.4g}"
+    return "-" if value is None or math.isnan(value) else f"{value:.4g}"
 
 
 def finish(
-    as_json: bool,
-    data: Mapping[str, Any],
-    *parts: str | Table,
-    status: int = 0,
-    where: str = "written to {}",
+    data: Mapping[str, Any], *parts: str | Table, status: int = 0, where: str = "written to {}"
 ) -> int:
     """End a command: print its result, say where it is written, return the exit status.
 
     Args:
-        as_json: Whether the result is one JSON object.
-        data: This object; `exit_status` is added. Its key `written` is where the result was
-            written, or None.
+        data: The result as one JSON object; `exit_status` is added. Its key `written` is where the
+            result was written, or None.
         parts: Lines and tables that are printed otherwise.
         status: The exit status.
         where: The words around `written`, for people.
     """
-    if as_json:
+    if manner.as_json:
         print_json({**data, "exit_status": status})
     elif parts:
         print_text(*parts)
@@ -139,118 +148,77 @@ def finish(
     return status
 
 
-class Waiting:
-    """Says what is going on once a job takes long, on a terminal only; see `waiting`."""
+class Job:
+    """What is going on, in words and, once its share of the whole is told, as a bar; see `job`."""
 
     def __init__(self, text: str) -> None:
-        self._status = _console(stderr=True).status(text)
-        self._shown = False
-        self.text, self.line, self._doing = text, text, ""
-
-    def __call__(self, text: str) -> None:
-        """Replace the text."""
         self.text = self.line = text
-        self._status.update(text)
-        detail(text)
+        self._share: float | None = None
+        self._search = ""
+        self.bar = Bar(
+            SpinnerColumn(style="status.spinner"),
+            TextColumn("{task.description}", markup=False, table_column=TableColumn()),  # wraps
+            console=_console(stderr=True),
+            transient=True,
+            redirect_stdout=False,
+            redirect_stderr=False,
+        )
+        self._task = self.bar.add_task(text, total=1.0)
+
+    def __call__(self, text: str, share: float | None = None) -> None:
+        """Say what is done now, and which share of the whole is done, 0 … 1."""
+        if text != self.text:
+            detail(text)
+        if share is not None and self._share is None:
+            columns = BarColumn(), TaskProgressColumn(), TimeElapsedColumn()
+            self.bar.columns = TextColumn("{task.description}", markup=False), *columns
+        self.text, self._share = text, share
+        self.line = text if share is None else f"{text}, {share:.0%} of all done"
+        self.bar.update(self._task, description=text, completed=share)
 
     def hear(self, progress: Progress) -> None:
         """Add what a search tells."""
         takes = "; Ctrl-C verifies and takes it" if progress.best and _ends_with_the_best() else ""
         self.line = f"{self.text}: {progress}{takes}"
-        self._status.update(self.line)
-        if progress.doing != self._doing:
-            self._doing = progress.doing
+        if self._share is not None:
+            return
+        self.bar.update(self._task, description=self.line)
+        if progress.doing != self._search:
+            self._search = progress.doing
             detail(progress.doing)
 
-    def _show(self) -> None:
-        self._shown = True
-        self._status.start()
-
 
 @contextmanager
-def waiting(text: str) -> Iterator[Waiting]:
-    """Run a job that may take long.
+def job(text: str = "") -> Iterator[Job]:
+    """Run a job that may take long, and show how far it is: on a terminal once it takes a while.
 
-    What libraries print meanwhile goes to standard error, so that standard output holds results
-    only.
+    Elsewhere, as in a log, a line says so every ten seconds. What libraries print meanwhile goes to
+    standard error, so that standard output holds results only.
     """
-    notice = Waiting(text)
-    detail(text)
-    timer = threading.Timer(PATIENCE_S, notice._show)
-    timer.daemon = True
-    if _lively():
-        timer.start()
+    now, done, began = Job(text), threading.Event(), time.monotonic()
+
+    def show() -> None:
+        if _lively():
+            if not done.wait(PATIENCE_S):
+                now.bar.start()
+        elif not manner.quiet:
+            while not done.wait(EVERY_S):
+                say(f"planner: {time.monotonic() - began:.0f} s: {now.line}")
+
+    if text:
+        detail(text)
+    thread = threading.Thread(target=show, daemon=True)
+    thread.start()
     try:
-        with redirect_stdout(sys.stderr), listening(notice.hear), _lines(lambda: notice.line):
-            yield notice
-    finally:
-        timer.cancel()
-        if notice._shown:
-            notice._status.stop()
-    if interrupted():  # CasADi's solvers swallow the exception and return
-        raise hearing.exception
-
-
-@contextmanager
-def progress_bar() -> Iterator[Callable[[str, float], None]]:
-    """Run a job that reports what it does and its share done, 0 … 1; otherwise as `waiting`."""
-    began = time.monotonic()
-    bar = Bar(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TaskProgressColumn(),
-        TimeElapsedColumn(),
-        console=_console(stderr=True),
-        transient=True,
-        redirect_stdout=False,
-        redirect_stderr=False,
-    )
-    task = bar.add_task("", total=1.0)
-    patient, last, line = _lively(), "", ""
-
-    def tell(doing: str, share: float) -> None:
-        nonlocal last, line
-        line = f"{doing}, {share:.0%} of all done"
-        if doing != last:
-            detail(doing)
-            last = doing
-        bar.update(task, description=doing, completed=share)
-        if patient and not bar.live.is_started and time.monotonic() - began > PATIENCE_S:
-            bar.start()
-
-    def hear(progress: Progress) -> None:
-        nonlocal line
-        line = f"{last}: {progress}"
-
-    try:
-        with redirect_stdout(sys.stderr), listening(hear), _lines(lambda: line):
-            yield tell
-    finally:
-        if bar.live.is_started:
-            bar.stop()
-    if interrupted():
-        raise hearing.exception
-
-
-@contextmanager
-def _lines(line: Callable[[], str]) -> Iterator[None]:
-    """Say a line every ten seconds while a job runs, where nothing moves on a terminal."""
-    if _lively() or volume.quiet:
-        yield
-        return
-    done, began = threading.Event(), time.monotonic()
-
-    def tell() -> None:
-        while not done.wait(EVERY_S):
-            say(f"planner: {time.monotonic() - began:.0f} s: {line()}")
-
-    teller = threading.Thread(target=tell, daemon=True)
-    teller.start()
-    try:
-        yield
+        with redirect_stdout(sys.stderr), listening(now.hear):
+            yield now
     finally:
         done.set()
-        teller.join()
+        thread.join()
+        if now.bar.live.is_started:
+            now.bar.stop()
+    if interrupted():  # CasADi's solvers swallow the exception and return
+        raise hearing.exception
 
 
 class Interrupted(PlannerError):  # noqa: N818 (not an error)
@@ -312,7 +280,7 @@ def ended_with_the_best() -> bool:
 
 def _lively() -> bool:
     """Whether progress may move about: on a terminal, unless told to be quiet or to say it all."""
-    return sys.stderr.isatty() and not volume.quiet and not volume.verbose
+    return sys.stderr.isatty() and not manner.quiet and not manner.verbose
 
 
 class _Door(Console):
@@ -335,9 +303,12 @@ def _console(stderr: bool) -> Console:
 Command = Callable[..., int]
 
 _OPTIONS = {
-    "quiet": Annotated[
+    "as_json": Annotated[
         bool,
-        typer.Option("--quiet", "-q", help="Print only the result, warnings and errors."),
+        typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
+    ],
+    "quiet": Annotated[
+        bool, typer.Option("--quiet", "-q", help="Print only the result, warnings and errors.")
     ],
     "verbose": Annotated[
         bool,
@@ -350,28 +321,33 @@ _OPTIONS = {
 }
 
 
-def with_volume(command: Command) -> Command:
-    """The command with both options after its own."""
-    signature = inspect.signature(command)
-    extra = [
+def with_manner(command: Command) -> Command:
+    """The command with the options of all commands after its own; one of that name is its own."""
+    hints = get_type_hints(command, include_extras=True)
+    own = [
+        each.replace(annotation=hints[each.name])
+        for each in inspect.signature(command).parameters.values()
+    ]
+    added = [
         inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=option)
         for name, option in _OPTIONS.items()
+        if name not in hints
     ]
 
     @functools.wraps(command)
-    def run(*words: Any, quiet: bool = False, verbose: bool = False, **options: Any) -> int:
-        if quiet and verbose:
+    def run(**options: Any) -> int:
+        for name in _OPTIONS:
+            setattr(manner, name, options.pop(name, False))
+        if manner.quiet and manner.verbose:
             raise InputError("--quiet and --verbose contradict each other; give one of them")
-        volume.quiet, volume.verbose = quiet, verbose
         began = time.monotonic()
-        detail(", ".join(f"{name} {number}" for name, number in versions().items()))
+        if manner.verbose:
+            detail(", ".join(f"{name} {number}" for name, number in versions().items()))
         try:
-            return command(*words, **options)
+            return command(**options)
         finally:
             detail(f"{command.__name__}: {time.monotonic() - began:.3g} s in all")
 
-    hints = get_type_hints(command, include_extras=True)
-    own = [p.replace(annotation=hints[p.name]) for p in signature.parameters.values()]
-    run.__signature__ = signature.replace(parameters=[*own, *extra])  # type: ignore[attr-defined]
-    run.__annotations__ = {**hints, **_OPTIONS}
+    run.__signature__ = inspect.Signature([*own, *added])  # type: ignore[attr-defined]
+    run.__annotations__ = {**hints, **{each.name: each.annotation for each in added}}
     return run

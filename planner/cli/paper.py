@@ -10,8 +10,8 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Annotated
 
-from planner.cli.arguments import Json, Seed, out_option, samples_option
-from planner.cli.output import finish, progress_bar
+from planner.cli.arguments import Seed, out_option, samples_option
+from planner.cli.output import finish, job
 from planner.paper.calibrate import calibrate as run_calibration
 from planner.paper.calibrate import left, write
 from planner.paper.reproduce import reproduce as run_reproduction
@@ -26,7 +26,6 @@ def reproduce(
     ),
     samples: Annotated[int, samples_option("Number of random machines for Figs 9 and 10.")] = 200,
     seed: Seed = 0,
-    as_json: Json = False,
 ) -> int:
     """Regenerate the paper's figures and check its printed numbers.
 
@@ -34,15 +33,15 @@ def reproduce(
     Example:
       planner reproduce --out results/paper
     """
-    with progress_bar() as progress:
+    with job() as progress:
         made = run_reproduction(out, samples, seed, progress)
     columns = [
         Column(head, "", attrgetter(head), left=True)
         for head in ("where", "printed", "ours", "verdict")
     ]
     rows = [vars(f) for f in made.findings]
-    data = {"written": str(made.path), "seed": seed, "samples": samples, "findings": rows}
-    return finish(as_json, data, terminal_table(columns, made.findings))
+    data = {"written": made.path, "seed": seed, "samples": samples, "findings": rows}
+    return finish(data, terminal_table(columns, made.findings))
 
 
 def calibrate(
@@ -50,7 +49,6 @@ def calibrate(
         Path | None, out_option("FOLDER", "Also save a page and a figure in this folder.")
     ] = None,
     seed: Seed = 0,
-    as_json: Json = False,
 ) -> int:
     """Fit the emulated prototype to the paper's experiment.
 
@@ -62,7 +60,7 @@ def calibrate(
     """
     if out is not None:
         refuse_unwritable_folder(out)
-    with progress_bar() as progress:
+    with job() as progress:
         found = run_calibration(progress, seed)
         if out is not None:
             progress("writing", 0.95)
@@ -78,10 +76,8 @@ def calibrate(
         f"{s.text}: {value:.2f} {s.unit} (target {s.wanted})"
         for s, value in zip(STATEMENTS, found.fit.found, strict=True)
     ]
-    data = {**found.to_dict(), "written": None if out is None else str(out)}
     return finish(
-        as_json,
-        data,
+        {**found.to_dict(), "written": out},
         terminal_table(columns, FITTED),
         *met,
         "last columns: share of the range that remains, given that statement; 1 = not identifiable",

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,7 +18,6 @@ from planner.check import Analysis
 from planner.check import check as analyse
 from planner.cli.arguments import (
     Changes,
-    Json,
     MethodNames,
     ProblemPath,
     TimeLimit,
@@ -35,9 +34,9 @@ from planner.cli.output import (
     facts,
     finish,
     interrupted,
+    job,
     number,
     say,
-    waiting,
 )
 from planner.errors import NoPlanError
 from planner.methods.registry import find_method
@@ -60,7 +59,6 @@ def plan(
     time_limit: TimeLimit = None,
     changes: Changes = None,
     out: Annotated[Path | None, out_option("FILE", "Save the plan in this JSON file.")] = None,
-    as_json: Json = False,
 ) -> int:
     """Make a plan, verify it and print its properties.
 
@@ -81,31 +79,30 @@ def plan(
     if out is not None:
         refuse_unwritable(out)
     try:
-        with waiting(f"planning with {name}"), ends_with_the_best():
+        with job(f"planning with {name}"), ends_with_the_best():
             began = time.perf_counter()
             found, check = solve_and_check(task, name, time_limit_s=time_limit)
             took = time.perf_counter() - began
             summary = plan_summary(found, check)
     except NoPlanError as error:
-        return _refused(task, name, error, as_json)
-    summary |= _heading(task) | {"written": None if out is None else str(found.save(out))}
+        return _refused(task, name, error)
+    summary |= _heading(task) | {"written": out and found.save(out)}
     status = 0
     if ended_with_the_best():
         status = Told(INTERRUPTED)
         say("planner: interrupted: this is the best plan found so far")
-    table = _table(task, summary, took)
+    table = facts(_properties(task, summary, took))
     parts = (f"{task.name}: {name}", table, "", _verdict(found))
-    return finish(as_json, summary, *parts, status=status, where="plan written to {}")
+    return finish(summary, *parts, status=status, where="plan written to {}")
 
 
-def _refused(problem: Problem, method: str, error: NoPlanError, as_json: bool) -> int:
+def _refused(problem: Problem, method: str, error: NoPlanError) -> int:
     if interrupted() or ended_with_the_best():
         raise hearing.exception
     say(f"planner: no plan ({error.status.replace('_', ' ')})", "bold red")
     say(str(error))
-    told = {"error": str(error), "written": None}
-    summary = {**_heading(problem), **refusal_summary(error, method), **told}
-    return finish(as_json, summary, status=error.exit_status)
+    summary = _heading(problem) | refusal_summary(error, method)
+    return finish({**summary, "error": str(error), "written": None}, status=error.exit_status)
 
 
 def _heading(problem: Problem) -> dict[str, Any]:
@@ -127,61 +124,54 @@ def _verdict(plan: Plan) -> str:
     )
 
 
-def _table(problem: Problem, summary: dict[str, Any], took: float) -> Table:
+Rows = Iterator[tuple[str, str]]
+
+
+def _properties(problem: Problem, summary: dict[str, Any], took: float) -> Rows:
     system, notes = problem.system, summary["notes"]
     path = system.coordinates[0]
     status = summary["status"].replace("_", " ") + (", verified" if summary["verified"] else "")
-    rows = [
-        ("status", status),
-        (
-            f"travel of {path.name}",
-            f"{number(summary['travel_rad'])} {path.unit}, {summary['direction']}",
-        ),
-        ("duration", f"{number(summary['duration_s'])} s"),
-        ("objective", f"{number(summary['objective'])}, {summary['objective_name']}"),
-    ]
+    yield "status", status
+    travel = number(summary["travel_rad"])
+    yield f"travel of {path.name}", f"{travel} {path.unit}, {summary['direction']}"
+    yield "duration", f"{number(summary['duration_s'])} s"
+    yield "objective", f"{number(summary['objective'])}, {summary['objective_name']}"
     for c, most, peak in zip(
         system.inputs, problem.limits.input, summary["peak_u_rad_s"], strict=True
     ):
         allowed = f", allowed {number(most)}" if np.isfinite(most) else ""
         found = "undefined" if np.isnan(peak) else f"{number(peak)} {c.unit}"
-        rows.append((f"peak |{c.name}|", found + allowed))
-    rows.append(("largest error at the goal", _worst_error(problem, summary["terminal_error"])))
+        yield f"peak |{c.name}|", found + allowed
+    yield "largest error at the goal", _worst_error(problem, summary["terminal_error"])
     if angles := notes.get("goal_theta_deg"):
-        rows.append(("joints at the goal", f"{_degrees(angles)} deg"))
+        yield "joints at the goal", f"{_degrees(angles)} deg"
     margin = f"smallest margin {number(summary['domain_margin'])}"
     if summary["domain_ok"]:
-        rows.append(("chart", f"inside the domain, {margin}"))
+        yield "chart", f"inside the domain, {margin}"
     else:
         times = ", ".join(number(t) for t in summary["singular_times_s"][:6])
-        where = f"leaves the domain or touches its edge at t = {times} s"
-        rows.append(("chart", f"{where}, {margin}"))
-    rows.append(("largest z2", number(summary["z2_max"])))
+        yield "chart", f"leaves the domain or touches its edge at t = {times} s, {margin}"
+    yield "largest z2", number(summary["z2_max"])
     if "start" in notes:
         tried = len(notes.get("tried", ()))
         rivals = f", the best of {tried}" if tried > 1 else ""
-        rows.append(("first guess", notes["start"] + rivals))
+        yield "first guess", notes["start"] + rivals
     if made := notes.get("compensation"):
         lead, tail = number(made["lead_s"]), number(made["tail_s"])
         before = f"{lead} s of preparatory motion, then " if made["lead_s"] else ""
         after = f", then {tail} s of drive reversal" if made["tail_s"] else ""
         aim = f"the plan, made {made['plans']} times to aim at the goal"
-        rows.append(("compensated", f"{before}{aim}{after}"))
+        yield "compensated", f"{before}{aim}{after}"
     if proof := notes.get("optimality"):
         gap = proof["relative_gap"]
         within = "" if gap is None else f", within {gap:.1e} of the proven lower bound"
-        rows.append(("optimum", f"{proof['kind']}, of its class of paths{within}"))
+        yield "optimum", f"{proof['kind']}, of its class of paths{within}"
     if proven := summary["certificate"]:
-        rows.append(("certificate", proven["text"]))
-    rows.append(
-        (
-            "time",
-            f"{number(took)} s in all, with verification; of these"
-            f" {number(summary['solve_time_s'])} s to solve, {number(summary['build_time_s'])} s to"
-            f" prepare; {summary['iterations']} iterations",
-        )
-    )
-    return facts(rows)
+        yield "certificate", proven["text"]
+    solve, build = number(summary["solve_time_s"]), number(summary["build_time_s"])
+    of_these = f"of these {solve} s to solve, {build} s to prepare"
+    whole = f"{number(took)} s in all, with verification"
+    yield "time", f"{whole}; {of_these}; {summary['iterations']} iterations"
 
 
 def _worst_error(problem: Problem, errors: dict[str, float]) -> str:
@@ -203,7 +193,6 @@ def check(
     changes: Changes = None,
     method_names: MethodNames = None,
     time_limit: TimeLimit = None,
-    as_json: Json = False,
 ) -> int:
     """Find out whether there is a plan; if not, say why not.
 
@@ -218,13 +207,12 @@ def check(
     """
     names = parse_methods(method_names)
     task = read_problem(problem, changes)
-    with waiting("checking") as notice:
+    with job("checking") as notice:
         analysis = analyse(task, names, progress=notice, time_limit_s=time_limit)
     status = 0 if analysis.has_plan else NoPlanError.exit_status
     return finish(
-        as_json,
         {"file": task.source, **analysis.to_dict()},
-        *(task.name, "", _facts(analysis), "", _methods(analysis)),
+        *(task.name, "", facts(_findings(analysis)), "", _methods(analysis)),
         *_not_promised(analysis),
         *_refusals(analysis),
         *("", analysis.verdict),
@@ -232,29 +220,28 @@ def check(
     )
 
 
-def _facts(analysis: Analysis) -> Table:
-    problem = analysis.problem
-    rows = [("system", _system(problem.system))]
+def _findings(analysis: Analysis) -> Rows:
+    yield "system", _system(analysis.problem.system)
     for end in analysis.ends:
         if analysis.reach is None or end.name != "goal":
-            rows += _end(problem.system, end)
-    rows += _reach(analysis)
-    rows += _window(analysis)
-    rows.append(("reversal", f"{analysis.reversal.verdict}: {analysis.reversal.reason}"))
-    if analysis.duration_bound.reason:
-        bound = analysis.duration_bound
-        rows.append(("least duration", f"{number(bound.seconds)} s: {bound.reason}"))
+            yield from _end(analysis.problem.system, end)
+    yield from _reach(analysis)
+    yield from _window(analysis)
+    yield "reversal", f"{analysis.reversal.verdict}: {analysis.reversal.reason}"
+    bound = analysis.duration_bound
+    if bound.reason:
+        yield "least duration", f"{number(bound.seconds)} s: {bound.reason}"
     if analysis.plain_polynomial is not None:
         travel, report = analysis.plain_polynomial
         crossings = ", ".join(number(t) for t in report.z2_crossings_s)
         zero = f"z2 = 0 at t = {crossings} s" if crossings else "z2 keeps its sign"
         exits = ", ".join(number(t) for t in report.exits_s) or number(report.time_s)
-        text = f"at travel {number(travel)}: leaves the chart's domain at t = {exits} s; {zero}"
-        rows.append(("plain polynomial", text))
-    rows += [(f"at {place.name}", str(place)) for place in analysis.nonholonomy.places]
+        leaves = f"leaves the chart's domain at t = {exits} s"
+        yield "plain polynomial", f"at travel {number(travel)}: {leaves}; {zero}"
+    for place in analysis.nonholonomy.places:
+        yield f"at {place.name}", str(place)
     if analysis.nonholonomy.recursion is not None:
-        rows.append(("paper's (12)-(15)", analysis.nonholonomy.recursion_verdict))
-    return facts(rows)
+        yield "paper's (12)-(15)", analysis.nonholonomy.recursion_verdict
 
 
 def _system(system: TriangularSystem) -> str:
@@ -273,7 +260,7 @@ def _constant(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _end(system: TriangularSystem, end: End) -> list[tuple[str, str]]:
+def _end(system: TriangularSystem, end: End) -> Rows:
     z = ", ".join(number(value) if np.isfinite(value) else "free" for value in end.z)
     label, least = min(end.margins.items(), key=lambda item: item[1])
     if end.singular:
@@ -284,21 +271,19 @@ def _end(system: TriangularSystem, end: End) -> list[tuple[str, str]]:
         where = f"on another branch of the chart than the start: {', '.join(end.crossed)}"
     else:
         where = f"inside the chart, nearest edge {number(least)} ({label})"
-    return [(f"{end.name} z", f"({z})"), (f"{end.name} chart", where)]
+    yield f"{end.name} z", f"({z})"
+    yield f"{end.name} chart", where
 
 
-def _reach(analysis: Analysis) -> list[tuple[str, str]]:
+def _reach(analysis: Analysis) -> Rows:
     problem, reach = analysis.problem, analysis.reach
     if reach is None:
-        return []
+        return
     free = [problem.system.coordinates[i].name for i in problem.free]
-    goal = f"{problem.tip}; " * (problem.tip is not None) + f"{', '.join(free)} free"
-    rows = [("goal", goal)]
+    yield "goal", f"{problem.tip}; " * (problem.tip is not None) + f"{', '.join(free)} free"
     if problem.tip is not None and problem.tip.place is not None:
         away = float(np.hypot(*problem.tip.place))
-        rows.append(
-            ("reach", f"{number(away)} m from the base; the arm is {reach.reach:.4g} m long")
-        )
+        yield "reach", f"{number(away)} m from the base; the arm is {reach.reach:.4g} m long"
     if reach.branches:
         count = len(reach.branches)
         said = f"elbows can bend in {count} way{'s' * (count > 1)}, the one nearest to the start"
@@ -315,15 +300,16 @@ def _reach(analysis: Analysis) -> list[tuple[str, str]]:
         said += (
             f"; {reach.blocked} more break{'s' * (reach.blocked == 1)} a limit or touch something"
         )
-    return [*rows, ("places of the joints", said)]
+    yield "places of the joints", said
 
 
-def _window(analysis: Analysis) -> list[tuple[str, str]]:
+def _window(analysis: Analysis) -> Rows:
     window, problem = analysis.window, analysis.problem
     given = "free" if problem.travel is None else number(problem.travel)
     name, unit = problem.system.coordinates[0].name, problem.system.coordinates[0].unit
     if window is None:
-        return [(f"travel of {name}", f"{given} {unit}".replace("free " + unit, "free"))]
+        yield f"travel of {name}", f"{given} {unit}".replace("free " + unit, "free")
+        return
     text = given if problem.travel is None else f"{given} {unit}"
     if problem.travel is not None and not window.empty:
         text += ", inside the window" if problem.travel in window else ", outside the window"
@@ -332,7 +318,8 @@ def _window(analysis: Analysis) -> list[tuple[str, str]]:
     span += "" if window.exact else "; necessary, not sufficient"
     if window.empty:
         span = f"empty: {window.reason}"
-    return [(f"travel of {name}", text), ("travels without reversal", span)]
+    yield f"travel of {name}", text
+    yield "travels without reversal", span
 
 
 Outcome = dict[str, Any]
@@ -375,14 +362,12 @@ def _not_promised(analysis: Analysis) -> list[str]:
     return ["", *out, f"{', '.join(kept)}: every motion found keeps all"] if kept else ["", *out]
 
 
-def _refusals(analysis: Analysis) -> list[str]:
-    out = []
+def _refusals(analysis: Analysis) -> Iterator[str]:
     for o in analysis.outcomes:
         if o["verified"] or o["reason"] is None:
             continue
         reason = str(o["reason"]).removeprefix(f"{analysis.problem.source}: ")
         broken = [] if o["status"] == "singular" else o["violations"][:4]  # the reason says it
-        out += ["", f"{o['method']}: {reason}", *(f"  - {v['text']}" for v in broken)]
+        yield from ("", f"{o['method']}: {reason}", *(f"  - {v['text']}" for v in broken))
         if o["advice"]:
-            out.append(f"  Try: {o['advice']}")
-    return out
+            yield f"  Try: {o['advice']}"

@@ -16,7 +16,6 @@ from rich.table import Table
 
 from planner.cli.arguments import (
     Changes,
-    Json,
     PlanOrProblemPath,
     Seed,
     is_plan,
@@ -25,7 +24,7 @@ from planner.cli.arguments import (
     read_problem,
     samples_option,
 )
-from planner.cli.output import finish, number, progress_bar, resumable, waiting
+from planner.cli.output import finish, job, number, resumable
 from planner.errors import InputError
 from planner.methods.desensitised.method import spreads
 from planner.methods.registry import find_method
@@ -69,7 +68,6 @@ def sensitivity(
             metavar="effort|duration|peak",
             autocompletion=lambda: ["effort", "duration", "peak"],
             help="Trace the least sensitivity against this quantity; needs a problem and --out.",
-            show_default=False,
         ),
     ] = None,
     points: Annotated[int, typer.Option("--points", min=3, help="Number of points.")] = 10,
@@ -84,7 +82,6 @@ def sensitivity(
             "Save plans, figures and data in this folder; an interrupted curve continues from it.",
         ),
     ] = None,
-    as_json: Json = False,
 ) -> int:
     """Compute how errors shift the end of a plan.
 
@@ -101,28 +98,24 @@ def sensitivity(
       planner sensitivity problems/paper.toml --pareto effort --out out/trade-off
     """
     if pareto is not None:
-        return run_trade_off(
-            source, pareto, points, (samples, seed), changes=changes, out=out, as_json=as_json
-        )
+        return run_trade_off(source, pareto, points, (samples, seed), changes=changes, out=out)
     if out is not None:
         refuse_unwritable_folder(out)
-    with waiting("planning") as notice:
+    with job("planning") as notice:
         plan = _plan(source, method, changes)
         notice("differentiating")
         spread = spreads(plan.problem.system, design(plan))
         found = analyse(plan)
         on_machine = machine_sensitivity(plan) if machine else None
         heading = {"source": str(source), "method": plan.method, "duration_s": plan.duration}
-        written = None
-        if out is not None:
-            written = str(save_sensitivity(found, on_machine, spread, out, heading))
+        written = out and save_sensitivity(found, on_machine, spread, out, heading)
     data = {**heading, **found.to_dict(spread), "written": written}
     data["machine"] = None if on_machine is None else on_machine.to_dict()
     title = f"{plan.problem.name}: {plan.method}"
     parts: list[str | Table] = [title, "", _matrix(found, spread), "", _sums(found, spread)]
     if on_machine is not None:
         parts += ["", _on_machine(on_machine), "", _machine_sums(on_machine)]
-    return finish(as_json, data, *parts)
+    return finish(data, *parts)
 
 
 def design(plan: Plan) -> DesensitisedOptions:
@@ -212,7 +205,6 @@ def run_trade_off(
     *,
     changes: list[str] | None,
     out: Path | None,
-    as_json: bool,
 ) -> int:
     """Trace the curve and print it.
 
@@ -229,7 +221,7 @@ def run_trade_off(
         raise InputError(f"{source} is a plan; --pareto needs a problem file")
     problem = read_problem(source, changes)
     named = next(k for k in KINDS if k == kind)
-    with resumable("points", out), progress_bar() as progress:
+    with resumable("points", out), job() as progress:
         curve = trade_off(
             problem, named, points, out, samples=drawn[0], seed=drawn[1], progress=progress
         )
@@ -237,10 +229,9 @@ def run_trade_off(
         curve.figure().savefig(drawing, format="png", dpi=110)
         write_bytes(out / PICTURE, drawing.getvalue())
         write_text(out / TABLE, csv_table(_columns(curve), curve.points))
-    data = {**curve.to_dict(), "written": str(out)}
     table = terminal_table(_columns(curve), curve.points)
     title = f"{problem.name}: least sensitivity against {kind}"
-    return finish(as_json, data, title, "", table, "", _knee(curve))
+    return finish({**curve.to_dict(), "written": out}, title, "", table, "", _knee(curve))
 
 
 def _columns(curve: TradeOff) -> list[Column[TradeOffPoint]]:

@@ -18,21 +18,24 @@ from typing import Annotated, Any
 import typer
 from pydantic import BaseModel
 
-from planner.cli.arguments import Json
-from planner.cli.output import note, print_json, print_text
+from planner.cli.output import manner, note, print_json, print_text
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.methods.registry import all_methods
-from planner.plan.plan_file import plan_schema
 from planner.problem.tables.arms import MOST_JOINTS, ArmFile
-from planner.problem.tables.kinds import all_files, json_schema, limits_of, parse_file
+from planner.problem.tables.kinds import (
+    all_files,
+    example_of,
+    json_schema,
+    limits_of,
+    parse_file,
+    system_of,
+)
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.problem_file import CompensationTable, FeedbackTable, ProblemFile
 from planner.support.files import refuse_unwritable, toml, write_text
 from planner.support.tables import Column, terminal_table
 from planner.support.user_tables import nearest
-from planner.sweep.design.design_file import design_schema
-from planner.sweep.sweep_file import sweep_schema
 from planner.systems.manipulator import prototype_ratios
 
 
@@ -62,7 +65,6 @@ def new(
         ),
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace FILE if it exists.")] = False,
-    as_json: Json = False,
 ) -> int:
     """Write a commented problem file that can be solved as it is.
 
@@ -79,14 +81,14 @@ def new(
     text = problem_text(system, joints=joints, brief=brief).replace("FILE", str(file))
     if file.exists() and not force:
         raise InputError(f"{file} exists; name another file, or replace it with --force")
-    written = str(write_text(file, text))
-    if as_json:
+    written = write_text(file, text)
+    if manner.as_json:
         print_json({"written": written, "system": system, "exit_status": 0})
     note(f"written to {file}; next: planner check {file}")
     return 0
 
 
-def methods(as_json: Json = False) -> int:
+def methods() -> int:
     """List the planning methods, one per line.
 
     \b
@@ -94,17 +96,17 @@ def methods(as_json: Json = False) -> int:
       planner methods
     """
     found = {name: method.summary for name, method in all_methods().items()}
-    return _list("method", found, as_json)
+    return _list("method", found)
 
 
-def systems(as_json: Json = False) -> int:
+def systems() -> int:
     """List the kinds of systems, one per line.
 
     \b
     Example:
       planner systems
     """
-    return _list("system.kind", _summaries(), as_json)
+    return _list("system.kind", _summaries())
 
 
 def _summaries() -> dict[str, str]:
@@ -118,7 +120,7 @@ def schema(
         typer.Argument(
             metavar="problem|sweep|design|plan",
             help="Kind of file: problem, sweep, design or plan.",
-            autocompletion=lambda: list(_SCHEMAS),
+            autocompletion=lambda: list(SCHEMAS),
         ),
     ] = "problem",
     as_json: Annotated[
@@ -134,22 +136,28 @@ def schema(
       planner schema design > design.schema.json
       planner schema plan > plan.schema.json
     """
-    if of not in _SCHEMAS:
-        raise InputError(f"no schema of '{of}'; {nearest(of, list(_SCHEMAS))}")
-    print_json(_SCHEMAS[of]())
+    if of not in SCHEMAS:
+        raise InputError(f"no schema of '{of}'; {nearest(of, SCHEMAS)}")
+    # What `planner new` can do without.
+    from planner.plan.plan_file import plan_schema
+    from planner.sweep.design.design_file import design_schema
+    from planner.sweep.sweep_file import sweep_schema
+
+    made: dict[str, Callable[[], dict[str, Any]]] = {
+        "problem": json_schema,
+        "sweep": sweep_schema,
+        "design": design_schema,
+        "plan": lambda: plan_schema(json_schema()),
+    }
+    print_json(made[of]())
     return 0
 
 
-_SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
-    "problem": json_schema,
-    "sweep": sweep_schema,
-    "design": design_schema,
-    "plan": lambda: plan_schema(json_schema()),
-}
+SCHEMAS = ("problem", "sweep", "design", "plan")
 
 
-def _list(what: str, found: dict[str, str], as_json: bool) -> int:
-    if as_json:
+def _list(what: str, found: dict[str, str]) -> int:
+    if manner.as_json:
         print_json(found)
         return 0
     heads = (what, "what it is")
@@ -187,15 +195,15 @@ def problem_text(
     if kind not in kinds:
         raise InputError(f"no system '{kind}'; {nearest(kind, list(kinds))}")
     file = kinds[kind]
-    last = parse_file(tomllib.loads(file.example), kind).build_system().coordinates[-1]
-    head = _with_limits(f"{file.example.strip()}\n", limits_of(file))
+    last = system_of(parse_file(tomllib.loads(example_of(kind)), kind)).coordinates[-1]
+    head = _with_limits(f"{example_of(kind)}\n", limits_of(file))
     head += file.places.replace("COORDINATE", last.name)
     if joints is not None:
         head = _with_joints(head, kind, file, joints)
     parts = [f"{_LEGEND}{head}"]
     if brief:
         about = "Methods, feedback and the emulated machine have keys too: planner new OTHER"
-        return f"{parts[0]}\n{_prose(f'{about} --system {kind}')}"
+        return f"{parts[0]}\n#   {about} --system {kind}\n"
     for name, method in all_methods().items():
         options = _keys(method.options, _defaults(method.options))
         parts.append(f"[method.{name}]\n{_prose(method.summary)}{options}")

@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from planner.cli.arguments import Cluster, Json, Workers, dry_run_option, out_option
-from planner.cli.output import facts, finish, progress_bar, resumable, say
+from planner.cli.arguments import Cluster, Workers, dry_run_option, out_option
+from planner.cli.output import facts, finish, job, resumable, say
 from planner.sweep.description import Sweep
 from planner.sweep.design.design_file import StudyInput, read_design
 from planner.sweep.design.study import CASES, design_study
@@ -19,16 +19,13 @@ from planner.sweep.run import run_sweep
 
 
 def sweep(
-    file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="A sweep file (TOML).", show_default=False)
-    ],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A sweep file (TOML).")],
     db: Annotated[
         Path | None,
         typer.Option(
             "--db",
             metavar="X.sqlite",
             help="Database file. Default: FILE's name with .sqlite, in the current folder.",
-            show_default=False,
         ),
     ] = None,
     workers: Workers = None,
@@ -40,22 +37,17 @@ def sweep(
             metavar="STATUS",
             help="Run again the cases that ended with this status, for example bug or"
             " not_converged; repeatable.",
-            show_default=False,
         ),
     ] = None,
     export_to: Annotated[
         Path | None,
         typer.Option(
-            "--export",
-            metavar="OUT",
-            help="Save the results in this .csv or .parquet file.",
-            show_default=False,
+            "--export", metavar="OUT", help="Save the results in this .csv or .parquet file."
         ),
     ] = None,
     dry_run: Annotated[
         bool, dry_run_option("Check the file and count its cases, but run none.")
     ] = False,
-    as_json: Json = False,
 ) -> int:
     """Run those cases of a sweep that are not yet in the database.
 
@@ -71,15 +63,15 @@ def sweep(
     """
     task = Sweep.load(file)
     if dry_run:
-        return _count_cases(task, as_json)
+        return _count_cases(task)
     path = Path(f"{file.stem}.sqlite") if db is None else db
     if export_to is not None:
         refuse_unexportable(export_to)
-    with resumable("cases", path), progress_bar() as progress:
+    with resumable("cases", path), job() as progress:
         outcome = run_sweep(
             task, path, workers=workers, cluster=cluster, retry=retry or (), progress=progress
         )
-    written = None if export_to is None else str(export(path, export_to))
+    written = export_to and export(path, export_to)
     if outcome.bugs:
         say(f"{outcome.bugs} cases ended with a bug; see the column 'traceback'", "red")
     same = outcome.points - outcome.cases
@@ -91,11 +83,11 @@ def sweep(
         ("ran", f"{outcome.ran} in {outcome.elapsed_s:.3g} s{each}"),
         *((k.replace("_", " "), str(n)) for k, n in outcome.statuses.items()),
     ]
-    data = {**asdict(outcome), "file": str(file), "written": written}
-    return finish(as_json, data, task.name, facts(rows), status=1 if outcome.bugs else 0)
+    data = {**asdict(outcome), "file": file, "written": written}
+    return finish(data, task.name, facts(rows), status=1 if outcome.bugs else 0)
 
 
-def _count_cases(task: Sweep, as_json: bool) -> int:
+def _count_cases(task: Sweep) -> int:
     labels = [spec.label for spec in task.methods]
     rows = [
         ("varies", ", ".join(task.keys)),
@@ -104,13 +96,11 @@ def _count_cases(task: Sweep, as_json: bool) -> int:
     ]
     counts = {"points": len(task.points), "methods": labels, "runs": len(task)}
     data = {"name": task.name, "keys": task.keys, **counts}
-    return finish(as_json, data, task.name, facts(rows))
+    return finish(data, task.name, facts(rows))
 
 
 def design(
-    file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="A design file (TOML).", show_default=False)
-    ],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A design file (TOML).")],
     out: Annotated[
         Path | None,
         out_option(
@@ -124,7 +114,6 @@ def design(
     dry_run: Annotated[
         bool, dry_run_option("Check the file and count designs and cases; plan none.")
     ] = False,
-    as_json: Json = False,
 ) -> int:
     """Compare designs of the mechanism, and recommend one.
 
@@ -142,9 +131,9 @@ def design(
       planner design problems/designs/gear-ratios.toml --dry-run
     """
     if dry_run:
-        return _count_designs(read_design(file), as_json)
+        return _count_designs(read_design(file))
     folder = Path(file.stem) if out is None else out
-    with resumable("cases", folder / CASES), progress_bar() as progress:
+    with resumable("cases", folder / CASES), job() as progress:
         study = design_study(file, folder, workers=workers, cluster=cluster, progress=progress)
         study.save(folder)
     parts: list[str | Table] = [study.title, "", study.table()]
@@ -154,13 +143,12 @@ def design(
     if study.bugs:
         say(f"{study.bugs} cases met a bug; see the column 'traceback' of {folder / CASES}", "red")
     status = 1 if study.bugs else 0 if study.recommended else 3
-    data = {**study.to_dict(), "written": str(folder)}
-    return finish(as_json, data, *parts, study.reason, status=status)
+    data = {**study.to_dict(), "written": folder}
+    return finish(data, *parts, study.reason, status=status)
 
 
-def _count_designs(asked: StudyInput, as_json: bool) -> int:
-    built = [each for each in asked.designs if not each.refused]
-    runs = sum(len(asked.tasks[each.joints]) for each in built) * len(asked.methods)
+def _count_designs(asked: StudyInput) -> int:
+    runs = len(asked.pairs) * len(asked.methods)
     refused = {each.name: each.refused for each in asked.designs if each.refused}
     rows = [
         ("designs", str(len(asked.designs))),
@@ -170,4 +158,4 @@ def _count_designs(asked: StudyInput, as_json: bool) -> int:
     ]
     counts = {"designs": len(asked.designs), "refused": refused, "runs": runs}
     data = {"title": asked.title, "methods": asked.methods, **counts}
-    return finish(as_json, data, asked.title, facts(rows))
+    return finish(data, asked.title, facts(rows))

@@ -140,7 +140,30 @@ MOST_SHOWN = 6
 REACH: Mapping[str, float] = {"theta": 89.0, "steering": 80.0, "hitch": 120.0, "heading": 180.0}
 """Ends of sliders of angles, degrees."""
 
-UNITS = {"_deg": "deg", "_m": "m", "_rad": "rad"}
+UNITS = {
+    "_nms_per_rad": "N m s/rad",
+    "_nm_per_rad": "N m/rad",
+    "_per_nm": "1/(N m)",
+    "_rad_s2": "rad/s²",
+    "_rad_s": "rad/s",
+    "_m_s2": "m/s²",
+    "_m_s": "m/s",
+    "_deg": "deg",
+    "_rad": "rad",
+    "_nm": "N m",
+    "_m": "m",
+    "_s": "s",
+}
+"""Unit by the ending of a key; the longest first."""
+
+
+def worded(key: str) -> tuple[str, str]:
+    """Words and unit of a key: "input_rate_rad_s2" gives ("input rate", "rad/s²")."""
+    for ending, unit in UNITS.items():
+        if key.endswith(ending):
+            return key.removesuffix(ending).replace("_", " "), unit
+    return key.replace("_", " "), ""
+
 
 ELSEWHERE = frozenset({"phi_rad", "travel", "duration"})
 """Has a control of its own, or (the disk's first angle) changes no motion."""
@@ -169,10 +192,7 @@ def task_controls(state: State, travel_key: str) -> list[Control]:
 
 def _sliders(group: str, key: str, now: Any, usual: Any, help_text: str) -> Iterator[Control]:
     """One for the number under a key, or one for each in its list; none for anything else."""
-    name, unit = key.rsplit(".", 1)[-1], ""
-    for ending, of in UNITS.items():
-        if name.endswith(ending):
-            name, unit = name.removesuffix(ending), of
+    name, unit = worded(key.rsplit(".", 1)[-1])
     listed = isinstance(now, list)
     for k, value in enumerate(now if listed else [now]):
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -181,7 +201,7 @@ def _sliders(group: str, key: str, now: Any, usual: Any, help_text: str) -> Iter
             return
         size = usual[min(k, len(usual) - 1)] if listed else usual
         size = abs(value if isinstance(size, str) else size)
-        label = name.replace("_", " ") if len(name) > 3 else name
+        label = name if len(name) > 3 else name.replace(" ", "_")  # k_g, as in formulas
         if listed:  # the first joint has a motor of its own, so that gears begin with K2
             number = k + (2 if name == "K" else 1)
             counted = f"{label.removesuffix('s')} {number}"

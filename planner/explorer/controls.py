@@ -12,8 +12,9 @@ from dataclasses import replace
 from typing import Any, Literal, get_args, get_origin
 
 import numpy as np
+from pydantic.fields import FieldInfo
 
-from planner.explorer.control import Control, rounded, span, travel_range, z2_reach
+from planner.explorer.control import Control, rounded, span, travel_range, worded, z2_reach
 from planner.explorer.state import State
 from planner.machine.feedforward.aim import compensable
 from planner.machine.machine import Machine
@@ -22,6 +23,7 @@ from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.problem.tables.kinds import parse_file
 from planner.problem.tables.machine_effects import EFFECTS, Effect, MachineTable
+from planner.problem.tables.method_options import NO_SLIDER, Slider
 
 MOTION = "Goal"
 PATH = "Method"
@@ -59,7 +61,7 @@ def _travel(state: State, problem: Problem, plan: Plan | None) -> Control:
     shown = float(problem.travel_change(travel)[key]) if whole == "free" else whole
     ends = [float(problem.travel_change(end)[key]) for end in (low, high)]
     coordinate = problem.system.coordinates[0]
-    label = "travel" if key.endswith("travel") else key.rsplit(".", 1)[-1].replace("_m", "")
+    label = "travel" if key.endswith("travel") else worded(key.rsplit(".", 1)[-1])[0]
     return Control(
         MOTION,
         label,
@@ -209,11 +211,7 @@ def _effect(name: str, first: Machine, now: Machine) -> Control:
 
 
 def _label(name: str, part: tuple[str, ...]) -> str:
-    for ending in (*UNITS, "_s", "_per_nm", "_nm_per_rad", "_nms_per_rad", "_nm"):
-        if name.endswith(ending):
-            name = name.removesuffix(ending)
-            break
-    return name.replace("_", " ") + (" (spread)" if part == ("spread",) else "")
+    return worded(name)[0] + (" (spread)" if part == ("spread",) else "")
 
 
 def _ends(effect: Effect, usual: float, *, spread: bool) -> tuple[float, float]:
@@ -224,16 +222,6 @@ def _ends(effect: Effect, usual: float, *, spread: bool) -> tuple[float, float]:
 
 
 LIMITS = "Limits"
-
-UNITS = {
-    "_rad_s2": "rad/s²",
-    "_rad_s": "rad/s",
-    "_m_s2": "m/s²",
-    "_m_s": "m/s",
-    "_deg": "deg",
-    "_m": "m",
-}
-"""Unit by the ending of a key."""
 
 USUAL: Mapping[str, float] = {"deg": 80.0, "": 0.01, "m": 0.02}
 """Where a limit starts when it is switched on, by unit; 1 of other units."""
@@ -263,14 +251,6 @@ def limit_controls(state: State, problem: Problem) -> list[Control]:
     return found
 
 
-def worded(name: str) -> tuple[str, str]:
-    """Label and unit of a key: "input_rate_rad_s2" gives ("input rate", "rad/s²")."""
-    for ending, unit in UNITS.items():
-        if name.endswith(ending):
-            return name.removesuffix(ending).replace("_", " "), unit
-    return name.replace("_", " "), ""
-
-
 def _slider(
     label: str, key: str, whole: Any, part: tuple[int, ...], shown: float, usual: float, **rest: Any
 ) -> Control:
@@ -295,52 +275,28 @@ def _first(value: Any) -> float:
 
 METHOD = "Solver"
 
-RANGES: Mapping[str, tuple[float, float]] = {
-    "intervals": (5, 120),
-    "degree": (1, 5),
-    "starts": (1, 6),
-    "attempts": (1, 24),
-    "pieces": (10, 200),
-    "slots": (1, 20),
-    "amplitude": (-1.5, 1.5),
-    "passive": (0.0, 10.0),
-    "terminal": (0.0, 10.0),
-    "path": (0.0, 10.0),
-    "backoff": (0.0, 4.0),
-}
-"""Ends of sliders; other positive numbers get a logarithmic slider about their default."""
-
-HIDDEN = frozenset(
-    [
-        *("points", "travel", "offset", "shares"),
-        *("allow_singular", "scan", "edge", "solver", "tolerance", "accuracy", "refinements"),
-        *("max_iterations", "variations", "max_cuts", "max_steps"),
-        *("gain", "bias", "delay_s", "stretch", "start_deg", "start_m", "gear"),
-    ]
-)
-"""No slider is for these: they are set elsewhere on the screen, or say how hard a solver tries."""
-
 
 def option_controls(state: State, plan: Plan | None) -> list[Control]:
     """One control per option of the present method."""
     table = METHODS[state.method].options
     found = []
     for name, field in table.model_fields.items():
-        if name in HIDDEN:
-            continue
         key = f"method.{state.method}.{name}"
         default = field.get_default(call_default_factory=True)
         whole = state.value(key, default)
-        control = _control(name, key, whole, default, field.annotation, plan)
+        control = _control(name, key, whole, default, field, plan)
         if control is not None:
             found.append(replace(control, help=field.description or ""))
     return found
 
 
 def _control(
-    name: str, key: str, whole: Any, default: Any, annotation: Any, plan: Plan | None
+    name: str, key: str, whole: Any, default: Any, field: FieldInfo, plan: Plan | None
 ) -> Control | None:
-    label = name.replace("_", " ")
+    label, annotation = name.replace("_", " "), field.annotation
+    ends = next((each for each in field.metadata if isinstance(each, Slider)), None)
+    if ends is NO_SLIDER:
+        return None
     if annotation is bool:
         return Control(METHOD, label, "switch", key, whole, shown=bool(whole))
     if get_origin(annotation) is Literal:
@@ -348,11 +304,12 @@ def _control(
         return Control(METHOD, label, "choice", key, whole, shown=whole, choices=words)
     number = whole if isinstance(whole, int | float) else _noted(plan, name)
     plain = isinstance(default, int | float)
-    if isinstance(whole, list) or not (plain or name in RANGES):
+    if isinstance(whole, list) or not (plain or ends):
         return None
     off = {} if plain else {"on": whole != default, "off": default, "off_word": default or "auto"}
-    log = name not in RANGES and default > 0
-    low, high = RANGES.get(name) or (span(float(default)) if log else (0.0, 1.0))
+    log = ends is None and default > 0
+    usual = span(float(default)) if log else (0.0, 1.0)
+    low, high = usual if ends is None else (ends.low, ends.high)
     integer = isinstance(low, int)
     shown = low if number is None else number
     return Control(

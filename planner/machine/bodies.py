@@ -28,7 +28,7 @@ speeds: after one pass in most steps, since pieces seldom change.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -95,6 +95,8 @@ class StateRows:
 class Masses:
     """Parameters of S arms; every array is (rows, S).
 
+    Compiled code has them in this order; `rows` (a, b) says a + b m rows for m passive joints.
+
     Attributes:
         inertia: Of all bodies, kg m^2.
         gain: Torque of the velocity loops for each rad/s behind, (2, S), N m s/rad.
@@ -115,22 +117,22 @@ class Masses:
             `gravity_torques`.
     """
 
-    inertia: Array
-    gain: Array
-    integral: Array
-    limit: Array
-    stiffness: Array
-    damping: Array
-    half_gap: Array
-    coulomb: Array
-    viscous: Array
-    k: Array
-    disk: Array
-    kept: Array
-    creep: Array
-    capacity: Array
-    lateral: Array
-    weights: Array
+    inertia: Array = field(metadata={"rows": (4, 3)})
+    gain: Array = field(metadata={"rows": (2, 0)})
+    integral: Array = field(metadata={"rows": (2, 0)})
+    limit: Array = field(metadata={"rows": (2, 0)})
+    stiffness: Array = field(metadata={"rows": (2, 1)})
+    damping: Array = field(metadata={"rows": (2, 1)})
+    half_gap: Array = field(metadata={"rows": (2, 1)})
+    coulomb: Array = field(metadata={"rows": (1, 1)})
+    viscous: Array = field(metadata={"rows": (0, 1)})
+    k: Array = field(metadata={"rows": (0, 1)})
+    disk: Array = field(metadata={"rows": (0, 1)})
+    kept: Array = field(metadata={"rows": (1, 0)})
+    creep: Array = field(metadata={"rows": (1, 0)})
+    capacity: Array = field(metadata={"rows": (1, 0)})
+    lateral: Array = field(metadata={"rows": (1, 0)})
+    weights: Array = field(metadata={"rows": (1, 1)})
 
     def part(self, chosen: NDArray[np.intp]) -> Masses:
         """The parameters of some samples."""

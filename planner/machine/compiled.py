@@ -10,34 +10,30 @@ from __future__ import annotations
 import ctypes
 import logging
 import os
+import zlib
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import fields
 from functools import cache
 from importlib.machinery import EXTENSION_SUFFIXES
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.machine.bodies import StateRows
+from planner.machine.bodies import Masses, StateRows
 from planner.machine.commands import Orders, Steps, lengths
 from planner.machine.contact_load import gear_constants, weights
 from planner.machine.disk_chain import CHANGING, DiskChain
 from planner.machine.machine import Draws
 from planner.machine.march import GAMMA, begin
+from planner.problem.tables.machine_effects import EFFECTS
 from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
-VERSION = 4
-"""Of the structures below; a kernel of another version is not used, and a warning says so."""
-
 SAMPLES, STEPS = 32, 2000
 """How much one call does: short enough to share the work among threads and to heed Ctrl-C."""
-
-FLAGS = ("lagging", "second", "limited", "ramped", "geared_1", "geared_2", "lagged", "soft",
-         "damped", "creeping", "loaded", "inclined", "dynamic", "coordinates")  # fmt: skip
-ARRAYS = ("parameters", "length", "running", "desired", "row", "state", "q", "speed", "masses",
-          "moving")  # fmt: skip
 
 SLOW = (
     "planner: the compiled replay is {}, so replays are about ten times slower (50 machines at"
@@ -49,30 +45,121 @@ OTHER = SLOW.format(
     "of another version", "run make in the project's folder, or install this package again"
 )
 
+# -- what is handed over -------------------------------------------------------------------------
+# `make generated` writes layout.h from these tables, which kernel.c and dynamic.c include.
+
+FLAGS = ("lagging", "second", "limited", "ramped", "geared_1", "geared_2", "lagged", "soft",
+         "damped", "creeping", "loaded", "inclined")  # fmt: skip
+"""Which effects are on: the same for all samples."""
+
+COUNTS = ("samples", "joints", "points", "steps", "rows", *FLAGS, "dynamic", "coordinates", "heavy")
+"""Of Model. dynamic: rows of a dynamic state, 0 if quasi-static; coordinates: where its coordinates
+begin; heavy: numbers of `Masses`."""
+
+ARRAYS = {
+    "parameters": "const double",  # (samples, see `Own`)
+    "length": "const double",  # (steps)
+    "running": "const uint8_t",  # (steps)
+    "desired": "const double",  # (steps + 1, joints)
+    "row": "const int64_t",  # (steps + 1): where to record, or -1
+    "state": "double",  # (samples, see `Held`)
+    "q": "double",  # (samples, rows, joints + 1)
+    "speed": "double",  # (samples, rows, 2)
+    "masses": "const double",  # (samples, see `Masses`)
+    "moving": "double",  # (samples, see `Moving`)
+}
+"""Of Model, with the type of an element in C."""
+
+STRIDES = ("step", "point", "motor", "sample")
+"""Of Commands: in numbers, 0 where all are alike."""
+
+Size = tuple[int, int]
+"""(a, b): a + b m numbers, for m passive joints."""
+
+MACHINE, MOTORS, PASSIVE, JOINTS = (1, 0), (2, 0), (0, 1), (1, 1)
+
+OWN: dict[str, Size] = {
+    **{
+        name: {"machine": MACHINE, "motor": MOTORS, "passive": PASSIVE, "joint": JOINTS}[effect.per]
+        for name, effect in EFFECTS.items()
+        if not effect.dynamic
+    },
+    **dict.fromkeys(("gain", "gearhead_half"), MOTORS),
+    **dict.fromkeys(("k", "half_gap", "rest"), PASSIVE),
+    "weights": JOINTS,
+}
+"""One machine's numbers: the effects but for those of inertia, and what `_parameters` adds."""
+
+HELD: dict[str, Size] = {
+    **dict.fromkeys(("speed", "slope", "saturated"), MOTORS),
+    "disk": (2, 0),  # gearhead of motor 1: theta, axis
+    "first": (1, 0),  # coordinate of the last disk
+    **dict.fromkeys(("theta", "axis", "wound", "gap"), JOINTS),  # gap: largest deviation
+}
+"""One sample's state."""
+
+MASSES: dict[str, Size] = {each.name: each.metadata["rows"] for each in fields(Masses)}
+
+LIMITED, PLAYS = (3, 3), (2, 1)
+"""Laws of `StageLaws`."""
+
+
+def _row_numbers(m: int) -> dict[str, int]:
+    """Where the parts of a dynamic state begin, `StateRows`."""
+    state, bodies = StateRows(m), StateRows(m).bodies
+    speeds = {"axes": bodies.axes.start, "disk": bodies.disk, "links": bodies.links.start}
+    speeds |= {"stages": bodies.stages.start, "bodies": bodies.count}
+    rest = ("behind", "twist", "gap", "reference", "q", "torque")
+    return {**speeds, **{name: getattr(state, name).start for name in rest}, "count": state.count}
+
+
+_NONE, _ONE = _row_numbers(0), _row_numbers(1)
+ROWS: dict[str, Size] = {name: (_NONE[name], _ONE[name] - _NONE[name]) for name in _NONE}
+
+MOVING: dict[str, Size] = {
+    "y": ROWS["count"],
+    "pieces": (LIMITED[0] + PLAYS[0], LIMITED[1] + PLAYS[1]),
+    "gained": PASSIVE,
+    "energy": (2, 0),
+    "last": (1, 0),
+}
+"""One sample's dynamic state: `March`, and the length of the last step."""
+
 MOST_PASSIVE = 16
 """Passive joints that `dynamic.c` has room for."""
 
+VERSION = zlib.crc32(
+    repr(
+        (COUNTS, ARRAYS, STRIDES, OWN, HELD, MOVING, MASSES, ROWS, LIMITED, PLAYS, MOST_PASSIVE)
+    ).encode()
+)
+"""Of all that; a kernel with another layout is not used, and a warning says so."""
+
+
+def places(table: dict[str, Size], m: int) -> dict[str, slice]:
+    """Where each part of a table is, for m passive joints."""
+    ends = accumulate(a + b * m for a, b in table.values())
+    return {
+        name: slice(end - a - b * m, end)
+        for (name, (a, b)), end in zip(table.items(), ends, strict=True)
+    }
+
 
 class _KernelModel(ctypes.Structure):
-    """`Model` of kernel.c."""
+    """`Model` of layout.h."""
 
     _fields_ = [
-        *((name, ctypes.c_int64) for name in ("samples", "joints", "points", "steps", "rows")),
-        *((name, ctypes.c_int64) for name in FLAGS),
+        *((name, ctypes.c_int64) for name in COUNTS),
         ("k_g", ctypes.c_double),
         ("gamma", ctypes.c_double),
         *((name, ctypes.c_void_p) for name in ARRAYS),
-        ("heavy", ctypes.c_int64),
     ]
 
 
 class _KernelCommands(ctypes.Structure):
-    """`Commands` of kernel.c."""
+    """`Commands` of layout.h."""
 
-    _fields_ = [
-        ("value", ctypes.c_void_p),
-        *((name, ctypes.c_int64) for name in ("step", "point", "motor", "sample")),
-    ]
+    _fields_ = [("value", ctypes.c_void_p), *((name, ctypes.c_int64) for name in STRIDES)]
 
 
 @cache
@@ -150,10 +237,8 @@ class Compiled:
         row = np.full(steps + 1, -1, dtype=np.int64)
         row[rows] = np.arange(len(rows))
         parameters = _parameters(system, draws)
-        self._n, self._state = (
-            n,
-            _state(system, draws, start, np.nan_to_num(np.abs(start[1:] - desired[0]))),
-        )
+        self._places = places(HELD, n - 1)
+        self._state = _state(system, draws, start, np.nan_to_num(np.abs(start[1:] - desired[0])))
         self._arrays = {  # kept here as long as the kernel points into them
             "parameters": np.concatenate([*parameters.values()]).T.copy(),
             "length": np.array(lengths(orders.t)),
@@ -176,17 +261,17 @@ class Compiled:
     @property
     def now(self) -> Array:
         """See `MachineMotion`."""
-        return self._state[:, 8 : 9 + self._n].T.copy()
+        return np.concatenate([self._state[:, self._places[k]].T for k in ("first", "theta")])
 
     @property
     def deviation(self) -> Array:
         """See `MachineMotion`."""
-        return self._state[:, 9 + 3 * self._n :]
+        return self._state[:, self._places["gap"]]
 
     @property
     def saturated_s(self) -> Array:
         """See `MachineMotion`."""
-        return self._state[:, 4:6]
+        return self._state[:, self._places["saturated"]]
 
     def advance(self, last: int, tell: Steps | None = None) -> None:
         """See `MachineMotion`."""
@@ -214,49 +299,37 @@ class Compiled:
 
 
 def _parameters(system: Manipulator, draws: Draws) -> dict[str, Array]:
-    """Each machine's numbers in the order of `Own` in kernel.c, (count, S)."""
-    motors = {
-        "gain": 1 + draws["input_gain_error"],
-        "bias": draws["input_bias_rad_s"],
-        "limit": draws["velocity_limit_rad_s"],
-        "ramp": draws["acceleration_limit_rad_s2"],
-        "bandwidth": draws["servo_bandwidth_rad_s"],
-        "damping": draws["servo_damping"],
-        "half": np.deg2rad(draws["gearhead_backlash_deg"]) / 2,
-    }
-    contacts = {name: draws[name] for name in ("creep", *CHANGING)}
+    """Each machine's numbers, (count, S), as in `OWN`."""
+    m = len(system.K)
     half_gap = np.deg2rad(draws["backlash_deg"]) / 2
-    stiffness, coulomb = draws["shaft_stiffness_nm_per_rad"], draws["coulomb_friction_nm"]
-    joints = {
+    weighed = weights(draws, m + 1)
+    made = {
+        "gain": 1 + draws["input_gain_error"],
+        "gearhead_half": np.deg2rad(draws["gearhead_backlash_deg"]) / 2,
         "k": gear_constants(system, draws),
         "half_gap": half_gap,
-        "rest": half_gap + coulomb / stiffness,
-        "stiffness": stiffness,
-        "coulomb": coulomb,
-        "viscous": draws["viscous_friction_nms_per_rad"],
+        "rest": half_gap + draws["coulomb_friction_nm"] / draws["shaft_stiffness_nm_per_rad"],
+        "weights": np.zeros((m + 1, 1)) if weighed is None else weighed,
     }
-    count = len(system.K)
-    weighed = weights(draws, count + 1)
-    arm = {"weights": np.zeros((count + 1, 1)) if weighed is None else weighed}
     return {
-        name: np.broadcast_to(values, (size, draws.count))
-        for size, table in ((2, motors), (1, contacts), (count, joints), (count + 1, arm))
-        for name, values in table.items()
+        name: np.broadcast_to(made[name] if name in made else draws[name], (a + b * m, draws.count))
+        for name, (a, b) in OWN.items()
     }
 
 
 def _flags(draws: Draws, own: dict[str, Array]) -> dict[str, int]:
-    lagging, soft = draws.on("servo_bandwidth_rad_s"), np.isfinite(own["stiffness"]).all()
+    lagging = draws.on("servo_bandwidth_rad_s")
+    soft = np.isfinite(own["shaft_stiffness_nm_per_rad"]).all()
     flags = {
         "lagging": lagging,
         "second": lagging and draws.on("servo_damping"),
         "limited": draws.on("velocity_limit_rad_s"),
         "ramped": draws.on("acceleration_limit_rad_s2"),
-        "geared_1": own["half"][0].any(),
-        "geared_2": own["half"][1].any(),
-        "lagged": soft and own["viscous"].any(),
+        "geared_1": own["gearhead_half"][0].any(),
+        "geared_2": own["gearhead_half"][1].any(),
+        "lagged": soft and own["viscous_friction_nms_per_rad"].any(),
         "soft": soft,
-        "damped": not soft and own["viscous"].any(),
+        "damped": not soft and own["viscous_friction_nms_per_rad"].any(),
         "creeping": draws.on("creep"),
         "loaded": any(draws.on(name) for name in CHANGING),
         "inclined": own["weights"].any(),
@@ -265,12 +338,13 @@ def _flags(draws: Draws, own: dict[str, Array]) -> dict[str, int]:
 
 
 def _state(system: Manipulator, draws: Draws, start: Array, gap: Array) -> Array:
-    """The state at the start in the order of `Held` in kernel.c, (S, 9 + 4 n)."""
-    n = len(start) - 1
-    state = np.zeros((draws.count, 9 + 4 * n))
-    state[:, 8], state[:, 9 : 9 + n] = start[0], start[1:].T
-    state[:, 9 + n : 9 + 2 * n] = DiskChain(system, draws, start).axes.T
-    state[:, 9 + 3 * n :] = gap.T
+    """The state at the start as in `HELD`, (S, numbers)."""
+    place = places(HELD, len(start) - 2)
+    state = np.zeros((draws.count, place["gap"].stop))
+    parts = {"first": start[:1], "theta": start[1:], "gap": gap}
+    parts["axis"] = DiskChain(system, draws, start).axes
+    for name, values in parts.items():
+        state[:, place[name]] = values.T
     return state
 
 

@@ -10,35 +10,10 @@
 #include <stdint.h>
 #include <string.h>
 
-#ifdef _WIN32
-#define EXPORT __declspec(dllexport)
-#else
-#define EXPORT __attribute__((visibility("default")))
-#endif
-
-#define JOINTS 16 /* passive ones, at most; beyond, NumPy does it */
-#define BODIES (4 + 3 * JOINTS)
-#define LIMITED (3 + 3 * JOINTS)
-#define PLAYS (2 + JOINTS)
-#define LAWS (LIMITED + PLAYS)
-#define STATE (12 + 4 * JOINTS + BODIES)
+#include "layout.h"
 
 static const double DRAG = 1e-6, UPRIGHT = 1e-9, STICK = 1e8, EDGE_NM = 1e-8, EDGE_RAD = 1e-16;
 static const int PASSES = 12, MOST_PASSES = 100, HALVINGS = 40;
-
-/* One machine's parameters, in the order of `Masses`. */
-typedef struct {
-    double inertia[BODIES], gain[2], integral[2], limit[2];
-    double stiffness[PLAYS], damping[PLAYS], half_gap[PLAYS];
-    double coulomb[1 + JOINTS], viscous[JOINTS], k[JOINTS], disk[JOINTS], kept, creep, capacity;
-    double lateral, weights[1 + JOINTS];
-} Masses;
-
-/* Rows of the speeds (`Rows`) and of the rest of the state (`_State`), for m passive joints. */
-typedef struct {
-    int m, axes, disk, links, stages, bodies, limited, plays;
-    int behind, twist, gap, reference, q, torque, count;
-} Rows;
 
 typedef struct {
     double first[JOINTS], second[JOINTS], slope[2 * JOINTS], limit[2 * JOINTS];
@@ -50,19 +25,6 @@ typedef struct {
     double offset[LIMITED], slope[LIMITED], limit[LIMITED];
     double ahead[PLAYS], stiff[PLAYS], half_gap[PLAYS];
 } Stage;
-
-static Rows rows_of(int m)
-{
-    Rows r = {m, 2, 2 + m, 3 + m, 4 + 2 * m, 4 + 3 * m, 3 + 3 * m, 2 + m, 0, 0, 0, 0, 0, 0, 0};
-    r.behind = r.bodies;
-    r.twist = r.behind + 2;
-    r.gap = r.twist + r.plays;
-    r.reference = r.gap + r.plays;
-    r.q = r.reference + 2;
-    r.torque = r.q + m + 2;
-    r.count = r.torque + r.plays;
-    return r;
-}
 
 static double clip(double x, double most) { return x > most ? most : x < -most ? -most : x; }
 static double larger(double a, double b) { return a > b ? a : b; }
@@ -256,12 +218,12 @@ static void gears(const Rows *r, const Masses *p, const double *y, const double 
     int m = r->m;
     for (int j = 0; j < m; j++) {
         double c = cos(y[r->q + 1 + j] + h / 2 * y[r->links + j]);
-        double straight = 1 - c * c, kept = p->kept - p->lateral * sqrt(larger(straight, 0.0));
+        double straight = 1 - c * c, kept = *p->kept - *p->lateral * sqrt(larger(straight, 0.0));
         kept = larger(kept, 0.0);
         double first = c * kept, second = p->k[j] * c * c * kept * kept;
         double disk = fabs(y[driver(r, j)] + lead * gained[j]);
         double both = larger(fabs(first * second), UPRIGHT);
-        double share = p->creep * disk / p->disk[j], limit = p->capacity * p->disk[j];
+        double share = *p->creep * disk / p->disk[j], limit = *p->capacity * p->disk[j];
         g->first[j] = first;
         g->second[j] = second;
         g->slope[j] = 1 / (share * first * first + 1 / STICK);
@@ -388,40 +350,16 @@ static void step(const Rows *r, const Masses *p, const double *mean, const doubl
     memcpy(pieces, late, size);
 }
 
-static const double *take(const double *from, double *to, int count, int64_t samples)
+static void take(const double *from, double *to, int count, int64_t samples)
 {
     for (int i = 0; i < count; i++)
         to[i] = from[i * samples];
-    return from + count * samples;
 }
 
 static void put(const double *from, double *to, int count, int64_t samples)
 {
     for (int i = 0; i < count; i++)
         to[i * samples] = from[i];
-}
-
-static Masses masses_of(const Rows *r, const double *at, int64_t samples)
-{
-    Masses p;
-    int m = r->m;
-    at = take(at, p.inertia, r->bodies, samples);
-    at = take(at, p.gain, 2, samples);
-    at = take(at, p.integral, 2, samples);
-    at = take(at, p.limit, 2, samples);
-    at = take(at, p.stiffness, r->plays, samples);
-    at = take(at, p.damping, r->plays, samples);
-    at = take(at, p.half_gap, r->plays, samples);
-    at = take(at, p.coulomb, 1 + m, samples);
-    at = take(at, p.viscous, m, samples);
-    at = take(at, p.k, m, samples);
-    at = take(at, p.disk, m, samples);
-    at = take(at, &p.kept, 1, samples);
-    at = take(at, &p.creep, 1, samples);
-    at = take(at, &p.capacity, 1, samples);
-    at = take(at, &p.lateral, 1, samples);
-    take(at, p.weights, 1 + m, samples);
-    return p;
 }
 
 /* Advance all samples by a step. Arrays are (rows, samples), those of y as many as given. Returns -1
@@ -438,7 +376,7 @@ EXPORT int planner_dynamic_march(int64_t m, int64_t rows, int64_t samples, doubl
     for (int64_t k = 0; k < samples; k++) {
         double own[STATE], own_pieces[LAWS], own_gained[JOINTS], own_energy[2];
         double own_mean[2], own_swing[2];
-        Masses p = masses_of(&r, masses + k, samples);
+        Masses p = masses_of((int)m, masses + k, samples);
         take(y + k, own, r.count, samples);
         take(pieces + k, own_pieces, laws, samples);
         take(gained + k, own_gained, r.m, samples);

@@ -10,75 +10,19 @@
 #include <stdint.h>
 #include <stdlib.h>
 
-#ifdef _WIN32
-#define EXPORT __declspec(dllexport)
-#else
-#define EXPORT __attribute__((visibility("default")))
-#endif
-#ifdef _MSC_VER
-#define INLINE static __forceinline
-#else
-#define INLINE static inline __attribute__((always_inline))
-#endif
+#include "layout.h"
 
-#define VERSION 4 /* of the structures below; compiled.py has the same */
 #define KEPT 8    /* lengths of steps whose exponentials are kept */
 #define MOTORS 2
 #define POINTS 3 /* at most, of a step */
 
 static const double HELD_RAD_S = 1e-12, TOUCH = 1e-9, TINY_NM = 1e-30;
 
-/* Which effects are on: the same for all samples. Mirrored in compiled.py. */
-typedef struct {
-    int64_t samples, joints, points, steps, rows;
-    int64_t lagging, second, limited, ramped;      /* servos */
-    int64_t geared[MOTORS], lagged, soft, damped;  /* play */
-    int64_t creeping, loaded, inclined;            /* friction, gravity */
-    int64_t dynamic, coordinates;                  /* rows of a dynamic state, 0: quasi-static; */
-    double k_g, gamma;                             /* where its coordinates begin */
-    const double *parameters; /* (samples, see `own`) */
-    const double *length;     /* (steps) */
-    const uint8_t *running;   /* (steps) */
-    const double *desired;    /* (steps + 1, joints) */
-    const int64_t *row;       /* (steps + 1): where to record, or -1 */
-    double *state;            /* (samples, see `held`) */
-    double *q;                /* (samples, rows, joints + 1) */
-    double *speed;            /* (samples, rows, 2) */
-    const double *masses;     /* (samples, `heavy`), see dynamic.c */
-    double *moving;           /* (samples, see `moving`) */
-    int64_t heavy;
-} Model;
-
 /* Of dynamic.c. */
 int planner_dynamic_march(int64_t m, int64_t rows, int64_t samples, double h, double lead,
                           double gamma, double k_g, const double *masses, const double *mean,
                           const double *swing, double *y, double *pieces, double *gained,
                           double *energy);
-
-/* Commands of steps first ... last - 1: strides in numbers, 0 where all are alike. */
-typedef struct {
-    const double *value;
-    int64_t step, point, motor, sample;
-} Commands;
-
-/* One sample's parameters, in the order of compiled.py. */
-typedef struct {
-    const double *gain, *bias, *limit, *ramp, *bandwidth, *damping; /* (2) each */
-    const double *half;                                             /* of the gearheads (2) */
-    const double *contact; /* creep, creep_per_nm, capacity, lateral_creep */
-    const double *k;       /* (joints - 1), as the following */
-    const double *half_gap, *rest, *stiffness, *coulomb, *viscous;
-    const double *weights; /* of the links (joints) */
-} Own;
-
-/* One sample's state, in the order of compiled.py. */
-typedef struct {
-    double *speed, *slope, *saturated; /* (2) each */
-    double *disk;                      /* gearhead of motor 1: theta, axis */
-    double *first;                     /* coordinate of the last disk */
-    double *theta, *axis, *wound;      /* (joints) each */
-    double *gap;                       /* largest deviation, (joints) */
-} Held;
 
 /* What depends on the length of a step alone: (2 x 4) of the servos, (2 each) of joints 2 ... n. */
 typedef struct {
@@ -101,25 +45,6 @@ INLINE double between(double x, double low, double high)
 {
     double y = x > low ? x : low;
     return y < high ? y : high;
-}
-
-INLINE Own own(const Model *m, int64_t sample)
-{
-    int64_t n = m->joints - 1;
-    const double *p = m->parameters + sample * (7 * MOTORS + 5 + 7 * n);
-    const double *k = p + 18;
-    Own o = {p, p + 2, p + 4, p + 6, p + 8, p + 10, p + 12, p + 14,
-             k, k + n, k + 2 * n, k + 3 * n, k + 4 * n, k + 5 * n, k + 6 * n};
-    return o;
-}
-
-INLINE Held held(const Model *m, int64_t sample)
-{
-    double *s = m->state + sample * (3 * MOTORS + 3 + 4 * m->joints);
-    double *theta = s + 9;
-    int64_t n = m->joints;
-    Held x = {s, s + 2, s + 4, s + 6, s + 8, theta, theta + n, theta + 2 * n, theta + 3 * n};
-    return x;
 }
 
 /* -- factors of a step's length ------------------------------------------------------------ */
@@ -162,12 +87,13 @@ static void factors(const Model *m, const Own *o, double h, Factors *f)
     f->length = h;
     for (int i = 0; i < MOTORS && m->lagging; i++) {
         if (m->second)
-            oscillator(o->bandwidth[i], o->damping[i], part, f->servo[i]);
+            oscillator(o->servo_bandwidth_rad_s[i], o->servo_damping[i], part, f->servo[i]);
         else
-            f->servo[i][0] = exp(-o->bandwidth[i] * part);
+            f->servo[i][0] = exp(-o->servo_bandwidth_rad_s[i] * part);
     }
     for (int64_t j = 0; j <= last && m->lagged; j++)
-        weigh(o->viscous[j] / o->stiffness[j], j < last ? part : h, f->weight + 2 * j);
+        weigh(o->viscous_friction_nms_per_rad[j] / o->shaft_stiffness_nm_per_rad[j],
+              j < last ? part : h, f->weight + 2 * j);
 }
 
 /* -- servos -------------------------------------------------------------------------------- */
@@ -197,18 +123,18 @@ INLINE double second_order(const Factors *f, int i, double b, double z, double r
 INLINE double motor(const Model *m, const Own *o, const Held *x, const Factors *f, int i,
                     double r0, double r1, double h)
 {
-    double before = x->speed[i], b = o->bandwidth[i], travel, free_ = r1;
+    double before = x->speed[i], b = o->servo_bandwidth_rad_s[i], travel, free_ = r1;
     if (!m->lagging)
         travel = (r0 + r1) * (h / 2);
     else if (m->second)
-        free_ = second_order(f, i, b, o->damping[i], r0, r1, h, before, x->slope + i, &travel);
+        free_ = second_order(f, i, b, o->servo_damping[i], r0, r1, h, before, x->slope + i, &travel);
     else
         free_ = first_order(f, i, b, r0, r1, h, before, &travel);
-    double new_ = m->second && m->limited ? clip(free_, o->limit[i]) : free_;
+    double new_ = m->second && m->limited ? clip(free_, o->velocity_limit_rad_s[i]) : free_;
     if (m->ramped) {
-        new_ = before + clip(new_ - before, o->ramp[i] * h);
+        new_ = before + clip(new_ - before, o->acceleration_limit_rad_s2[i] * h);
         if (!m->lagging)
-            travel -= (r0 - before) * fabs(r0 - before) / (2 * o->ramp[i]);
+            travel -= (r0 - before) * fabs(r0 - before) / (2 * o->acceleration_limit_rad_s2[i]);
     }
     x->speed[i] = new_;
     if (fabs(new_ - free_) > HELD_RAD_S) {
@@ -238,10 +164,10 @@ INLINE void servo(const Model *m, const Own *o, const Held *x, const Factors *f,
     double r[POINTS];
     int64_t points = m->points;
     for (int64_t p = 0; p < points; p++) {
-        r[p] = o->gain[i] * command[p * stride] + (running ? o->bias[i] : 0.0);
-        if (p == points / 2 && fabs(r[p]) > o->limit[i])
+        r[p] = o->gain[i] * command[p * stride] + (running ? o->input_bias_rad_s[i] : 0.0);
+        if (p == points / 2 && fabs(r[p]) > o->velocity_limit_rad_s[i])
             x->saturated[i] += h;
-        r[p] = clip(r[p], o->limit[i]);
+        r[p] = clip(r[p], o->velocity_limit_rad_s[i]);
     }
     if (!m->lagging && !m->ramped) {
         for (int64_t p = 0; p < points; p++)
@@ -282,10 +208,10 @@ INLINE double share(const Model *m, double steady, double rising, double capacit
 
 INLINE double kept(const Own *o, double whole, double cosine)
 {
-    double straight = o->contact[3] > 0 ? 1 - cosine * cosine : 0.0;
+    double straight = *o->lateral_creep > 0 ? 1 - cosine * cosine : 0.0;
     double sine = straight > 0 ? sqrt(straight) : 0.0;
-    double carried = fabs(whole) < o->contact[2] ? fabs(whole) : o->contact[2];
-    double part = 1.0 - o->contact[0] - o->contact[1] * carried - o->contact[3] * sine;
+    double carried = fabs(whole) < *o->friction_capacity_nm ? fabs(whole) : *o->friction_capacity_nm;
+    double part = 1.0 - *o->creep - *o->creep_per_nm * carried - *o->lateral_creep * sine;
     return part > 0 ? part : 0.0;
 }
 
@@ -297,15 +223,15 @@ INLINE void passed(const Model *m, const Own *o, const Held *x, double speed, Co
     double *steady = c->stage, *rising = c->branch; /* used up before they are filled */
     for (int64_t j = 0; j < count; j++) {
         double ahead = (x->axis[j + 1] - x->theta[j + 1]) * turning;
-        double against = o->coulomb[j] - c->load[j + 1] * turning;
+        double against = o->coulomb_friction_nm[j] - c->load[j + 1] * turning;
         int touching = (ahead >= o->half_gap[j] - TOUCH || against < 0) && turning != 0;
         if (m->soft)
-            steady[j] = o->stiffness[j] * (ahead - clip(ahead, o->half_gap[j]));
+            steady[j] = o->shaft_stiffness_nm_per_rad[j] * (ahead - clip(ahead, o->half_gap[j]));
         else
             steady[j] = touching ? against : 0.0;
         if (m->damped) {
             double cosine = c->cosine[j], rate = o->k[j] * cosine * cosine * cosine * disk;
-            rising[j] = touching ? o->viscous[j] * rate : 0.0;
+            rising[j] = touching ? o->viscous_friction_nms_per_rad[j] * rate : 0.0;
             disk *= cosine;
         }
     }
@@ -316,8 +242,8 @@ INLINE void passed(const Model *m, const Own *o, const Held *x, double speed, Co
     for (int64_t j = 0; j < count; j++) {
         double more1 = m->damped ? c->rising1[j] : 0.0, more2 = m->damped ? c->rising2[j] : 0.0;
         double part = kept(o, c->steady2[j] + more2, c->cosine[j]);
-        double at1 = share(m, c->steady1[j], more1, o->contact[2]);
-        double at2 = share(m, c->steady2[j], more2, o->contact[2]);
+        double at1 = share(m, c->steady1[j], more1, *o->friction_capacity_nm);
+        double at2 = share(m, c->steady2[j], more2, *o->friction_capacity_nm);
         c->disk = before;
         before = at1 < before ? at1 : before;
         c->stage[j] = kept(o, c->steady1[j] + more1, c->cosine[j]);
@@ -351,9 +277,9 @@ INLINE void bear(const Model *m, const Own *o, const Held *x, const Contacts *c)
     }
     for (int64_t i = m->joints - 1; i >= 0; i--)
         c->load[i] = load -= c->load[i];
-    rest(c, 0, o->half[1], 0.0, INFINITY);
+    rest(c, 0, o->gearhead_half[1], 0.0, INFINITY);
     for (int64_t j = 0; j < m->joints - 1; j++)
-        rest(c, j + 1, o->half_gap[j], o->coulomb[j], o->stiffness[j]);
+        rest(c, j + 1, o->half_gap[j], o->coulomb_friction_nm[j], o->shaft_stiffness_nm_per_rad[j]);
 }
 
 /* Turn joint i by `travel`; returns its angle. Joint 0 has the gearhead of motor 2 alone. */
@@ -362,7 +288,7 @@ INLINE double turn(const Model *m, const Held *x, const Factors *f, const Contac
 {
     double axis = x->axis[i] += travel, least = c->least[i], most = c->most[i];
     if (i == 0)
-        return x->theta[0] = m->geared[1] ? taken(x->theta[0], axis, least, most) : axis;
+        return x->theta[0] = m->geared_2 ? taken(x->theta[0], axis, least, most) : axis;
     int64_t j = i - 1;
     double moved = taken(x->theta[i], axis, least, most);
     if (m->lagged) {
@@ -377,11 +303,11 @@ INLINE double turn(const Model *m, const Held *x, const Factors *f, const Contac
 /* Speed of the first disk at the points, in place: less what the gearhead's play takes up. */
 INLINE void geared(const Model *m, const Own *o, const Held *x, double *speed, double travel)
 {
-    if (!m->geared[0])
+    if (!m->geared_1)
         return;
     double before = x->disk[0];
     x->disk[1] += travel;
-    x->disk[0] = taken(before, x->disk[1], -o->half[0], o->half[0]);
+    x->disk[0] = taken(before, x->disk[1], -o->gearhead_half[0], o->gearhead_half[0]);
     if (travel == 0)
         return;
     double turned = (x->disk[0] - before) / travel;
@@ -428,21 +354,6 @@ INLINE void chain(const Model *m, const Own *o, const Held *x, const Factors *f,
 }
 
 /* -- with inertia -------------------------------------------------------------------------- */
-
-/* One sample's dynamic state, in the order of compiled.py: `March` of march.py, and the length of
- * the last step. */
-typedef struct {
-    double *y, *pieces, *gained, *energy, *last;
-} Moving;
-
-INLINE Moving moving(const Model *m, int64_t sample)
-{
-    int64_t passive = m->joints - 1, laws = 5 + 4 * passive;
-    double *y = m->moving + sample * (m->dynamic + laws + passive + 3);
-    double *pieces = y + m->dynamic, *gained = pieces + laws, *energy = gained + passive;
-    Moving out = {y, pieces, gained, energy, energy + 2};
-    return out;
-}
 
 /* One step of the dynamic manipulator; the servos say what its motors aim at. */
 INLINE void dynamic(const Model *m, const Held *x, int64_t sample, double h,
@@ -493,7 +404,7 @@ INLINE void run(const Model *m, const Commands *u, int64_t sample, int64_t first
         kept_[i].length = -1;
     for (int64_t j = 0; j < m->joints - 1; j++) {
         c->cosine[j] = cos(x.theta[j]);
-        c->stage[j] = 1 - o.contact[0];
+        c->stage[j] = 1 - *o.creep;
         c->branch[j] = c->stage[j] * c->stage[j];
     }
     c->disk = 1.0;

@@ -26,7 +26,6 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
 
 from planner.errors import InputError, expect, made_by
 from planner.problem.tables.machine_effects import EFFECTS, MachineTable, Spread
@@ -352,6 +351,8 @@ def at_quantiles(name: str, quantity: Quantity, joints: int, uniform: Array) -> 
     Raises:
         InputError: If a list of the quantity does not match the system's joints.
     """
+    from scipy.special import ndtr, ndtri  # slow to import
+
     effect = EFFECTS[name]
     for given in (quantity.value, quantity.spread):
         wrong = effect.mismatch(f"machine.{name}", given, joints)

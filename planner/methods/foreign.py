@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, cast, get_args
 
-from planner.errors import InputError, MethodError, PlannerError
+from planner.errors import InputError, MethodError, NoPlanError
 from planner.methods.keeping import Keeping, Keeps
 from planner.plan.plan import Plan
 from planner.plan.plan_file import PlanFile
@@ -43,11 +43,11 @@ class Foreign:
         """What a function of the package returns.
 
         Raises:
-            MethodError: If it raises anything but an error of this package.
+            MethodError: If it raises anything but a refusal.
         """
         try:
             return function(*given)
-        except (PlannerError, TimeUpError):
+        except (NoPlanError, TimeUpError):
             raise
         except (Exception, SystemExit) as error:
             why = line(f"{type(error).__name__}: {error}", LONGEST)

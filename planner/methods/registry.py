@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from importlib import import_module
-from typing import Any, Literal, Protocol, TypedDict, Unpack, cast, overload
+from typing import TYPE_CHECKING, Any, cast
 
 from planner.errors import InputError
 from planner.methods import keeping
@@ -28,9 +28,11 @@ from planner.problem.tables.method_options import (
     SinusoidStepsOptions,
 )
 from planner.support.arrays import plain
-from planner.support.progress import Listener
 from planner.support.tables import brief, line
 from planner.support.user_tables import Table, nearest, parse
+
+if TYPE_CHECKING:
+    from planner.methods.options import Solve
 
 
 @dataclass(frozen=True)
@@ -139,170 +141,11 @@ _ALL = (
     ),
 )
 
-# -- their options as keywords -------------------------------------------------------------------
-# For editors and type checkers. The tables in planner/problem/tables/method_options.py check them,
-# and hold meaning and ranges; a test compares both. A method that is registered from outside has
-# its options checked all the same.
-
-
-class SolveKeywords(TypedDict, total=False):
-    """Keywords of `solve` that every method takes."""
-
-    warm: Plan | None
-    time_limit_s: float | None
-    progress: Listener | None
-
-
-class _Law(SolveKeywords, total=False):
-    """Keys of every closed form."""
-
-    criterion: Literal["peak", "margin"]
-    allow_singular: bool
-
-
-class _Legs(_Law, total=False):
-    """Keys of closed forms that go in one or two legs."""
-
-    travel: Literal["auto", "middle"]
-    offset: float | Literal["auto", "mean"]
-
-
-class Polynomial(_Legs, total=False):
-    """Keys of `[method.polynomial]`."""
-
-    points: list[list[float]] | Literal["auto"]
-
-
-class Piecewise(_Legs, total=False):
-    """Keys of `[method.piecewise]`."""
-
-    slots: int | None
-
-
-class Sinusoid(_Law, total=False):
-    """Keys of `[method.sinusoid]`."""
-
-    amplitude: float | Literal["auto"]
-
-
-class SinusoidSteps(_Law, total=False):
-    """Keys of `[method.sinusoid_steps]`."""
-
-    amplitude: float | list[float] | Literal["auto"]
-    shares: list[float] | None
-
-
-class Collocation(SolveKeywords, total=False):
-    """Keys of `[method.collocation]`."""
-
-    intervals: int | Literal["auto"]
-    degree: int
-    scheme: Literal["radau", "legendre"]
-    input: Literal["auto", "linear", "constant"]
-    rest: bool
-    objective: Literal["auto", "effort", "smooth", "edge", "time", "mixed"]
-    effort_weight: float
-    smoothness_weight: float
-    edge_weight: float
-    start: Literal["auto", "straight", "polynomial", "convex", "bump", "reverse", "wander"]
-    starts: int
-    variations: int
-    attempts: int
-    accuracy: float
-    refinements: int
-    solver: Literal["auto", "fatrop", "ipopt"]
-    tolerance: float
-    max_iterations: int
-
-
-class Convex(SolveKeywords, total=False):
-    """Keys of `[method.convex]`."""
-
-    objective: Literal["smooth", "peak"]
-    pieces: int
-    input: Literal["auto", "constant", "linear"]
-    travel: Literal["auto", "middle"]
-    scan: int
-    edge: float
-    solver: Literal["auto", "osqp"]
-    max_cuts: int
-
-
-class Desensitised(SolveKeywords, total=False):
-    """Keys of `[method.desensitised]`."""
-
-    passive: float
-    terminal: float
-    path: float
-    effort: float
-    time: float
-    effort_limit: float | None
-    gain: float | list[float]
-    bias: float | list[float]
-    delay_s: float | list[float]
-    stretch: float | list[float]
-    start_deg: float | list[float]
-    start_m: float | list[float]
-    gear: float | list[float]
-    backoff: float
-    reversal: bool
-    starts: int
-    intervals: int
-    input: Literal["auto", "constant", "linear"]
-    rest: bool
-    accuracy: float
-    tolerance: float
-    max_iterations: int
-
-
-class Solve(Protocol):
-    """`planner.solve`, with the keywords of the method that is named."""
-
-    @overload
-    def __call__(
-        self, problem: Problem, method: Literal["collocation"] = ..., **options: Unpack[Collocation]
-    ) -> Plan: ...
-
-    @overload
-    def __call__(
-        self, problem: Problem, method: Literal["polynomial"], **options: Unpack[Polynomial]
-    ) -> Plan: ...
-
-    @overload
-    def __call__(
-        self, problem: Problem, method: Literal["piecewise"], **options: Unpack[Piecewise]
-    ) -> Plan: ...
-
-    @overload
-    def __call__(
-        self, problem: Problem, method: Literal["sinusoid"], **options: Unpack[Sinusoid]
-    ) -> Plan: ...
-
-    @overload
-    def __call__(
-        self, problem: Problem, method: Literal["sinusoid_steps"], **options: Unpack[SinusoidSteps]
-    ) -> Plan: ...
-
-    @overload
-    def __call__(
-        self, problem: Problem, method: Literal["convex"], **options: Unpack[Convex]
-    ) -> Plan: ...
-
-    @overload
-    def __call__(
-        self, problem: Problem, method: Literal["desensitised"], **options: Unpack[Desensitised]
-    ) -> Plan: ...
-
-    @overload
-    def __call__(self, problem: Problem, method: str = ..., **options: Any) -> Plan: ...
-
 
 def typed(solve: Callable[..., Plan]) -> Solve:
-    """The function itself, which takes those keywords."""
+    """The function itself; editors know its keywords, method by method, from `options.pyi`."""
     return cast("Solve", solve)
 
-
-# -- the registry --------------------------------------------------------------------------------
 
 METHODS = {method.name: method for method in _ALL}
 """By name. What plugins register is in it once the first problem is read."""

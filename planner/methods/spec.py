@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 from planner.errors import InputError
 from planner.methods.registry import find_method, merged_options
 from planner.problem.problem import Problem
-from planner.support.files import parse_toml
+from planner.support.files import toml_value
 from planner.support.tables import brief, line
 
 COMPENSATED = "compensated"
@@ -93,17 +92,12 @@ def parse_specs(problem: Problem, specs: str | Sequence[str]) -> list[Spec]:
 
 def _value(text: str, key: str, value: str) -> Any:
     try:
-        table = parse_toml(f"value = {value}")
+        return toml_value(value)
     except ValueError:
-        table = {}
-    if table.keys() == {"value"}:
-        return table["value"]
-    if re.fullmatch(r"[A-Za-z][\w.+-]*", value):
-        return value
-    raise InputError(
-        f"'{text}': option '{key}' = {value} is not a value; write a number, true, false, a"
-        " word, or a list such as [[5.0, -0.2]]"
-    )
+        raise InputError(
+            f"'{text}': option '{key}' = {value} is not a value; write a number, true, false, a"
+            " word, or a list such as [[5.0, -0.2]]"
+        ) from None
 
 
 def _split(text: str, separator: str) -> Iterator[str]:

@@ -38,7 +38,7 @@ from planner.problem.requirements.limits import (
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import Demand, Part, Requirement
 from planner.problem.requirements.self_collision import SelfCollision
-from planner.problem.tables.kinds import parse_file
+from planner.problem.tables.kinds import parse_file, system_of
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.problem_file import CompensationTable, FeedbackTable
@@ -117,7 +117,7 @@ class Problem:
         """
         expect(Mapping, data, "planner.load_problem(path) reads the tables of a file")
         tables = parse_file(plain(data), source)
-        system = tables.build_system()
+        system = system_of(tables)
         mismatch = tables.machine.mismatch(system.size - 1)
         if mismatch:
             raise InputError(f"{source}: {mismatch}")

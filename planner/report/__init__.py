@@ -8,57 +8,6 @@ returns both: `figure, axes = plot_z({"one": plan, "other": plan2})`. `plot_mech
 `plot_design` a study of designs.
 """
 
-from typing import TYPE_CHECKING
+import lazy_loader
 
-from planner.support.package import import_when_used
-
-if TYPE_CHECKING:
-    from planner.report.figures.arm import plot_arm
-    from planner.report.figures.design import plot_design
-    from planner.report.figures.mechanism import plot_mechanism
-    from planner.report.figures.on_the_machine import plot_efforts, plot_errors, plot_replays
-    from planner.report.figures.over_time import plot_inputs, plot_joints, plot_z
-    from planner.report.figures.robustness import (
-        plot_budget,
-        plot_machine_sensitivity,
-        plot_responses,
-        plot_sensitivity,
-        plot_trade_off,
-    )
-    from planner.report.film import animate
-    from planner.report.page.page import write_report
-    from planner.report.saved import load_comparison
-
-_HOMES = {
-    "figures.arm": "plot_arm",
-    "figures.design": "plot_design",
-    "figures.mechanism": "plot_mechanism",
-    "figures.on_the_machine": "plot_efforts plot_errors plot_replays",
-    "figures.over_time": "plot_inputs plot_joints plot_z",
-    "figures.robustness": "plot_budget plot_machine_sensitivity plot_responses "
-    "plot_sensitivity plot_trade_off",
-    "film": "animate",
-    "page.page": "write_report",
-    "saved": "load_comparison",
-}
-import_when_used(__name__, _HOMES)
-
-__all__ = [
-    "animate",
-    "load_comparison",
-    "plot_arm",
-    "plot_budget",
-    "plot_design",
-    "plot_efforts",
-    "plot_errors",
-    "plot_inputs",
-    "plot_joints",
-    "plot_machine_sensitivity",
-    "plot_mechanism",
-    "plot_replays",
-    "plot_responses",
-    "plot_sensitivity",
-    "plot_trade_off",
-    "plot_z",
-    "write_report",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.machine.machine import Draws, Machine, draw, machine_for, sample_numbers
@@ -45,6 +46,9 @@ Interval = tuple[float, float]
 
 SCREENED = 16
 """Machines on which an effect must change something to be looked at further."""
+
+BLOCK = 1000
+"""Machines that are looked at together, so that a million need no more memory than these."""
 
 IDLE_DEG = 1e-6
 """What counts as something, degrees."""
@@ -243,11 +247,19 @@ class _BudgetRun:
         return none, whole, alone, dict(zip(effects, rest[len(effects) :], strict=True))
 
     def _variants(self, changes: Sequence[frozenset[str]], count: int) -> list[Array]:
-        """E of the first samples, (S,), with each of these sets of effects off.
+        """E of the first samples, (S,), with each of these sets of effects off."""
+        blocks = [
+            self._block(changes, np.arange(k, min(k + BLOCK, count)))
+            for k in range(0, count, BLOCK)
+        ]
+        return [np.concatenate(each) for each in zip(*blocks, strict=True)]
+
+    def _block(self, changes: Sequence[frozenset[str]], samples: NDArray[np.int64]) -> list[Array]:
+        """The same of a few samples at once.
 
         Those that may share a simulation do; machines that are all alike are simulated once.
         """
-        effects = self.machine.effects
+        effects, count = self.machine.effects, len(samples)
         sizes = [
             count if any(q.varies for name, q in effects.items() if name not in off) else 1
             for off in changes
@@ -259,7 +271,7 @@ class _BudgetRun:
         out: list[Array] = [np.empty(0)] * len(changes)
         for shared, members in groups.items():
             there = self.machine.without(*sorted(shared))
-            numbers = np.concatenate([np.arange(sizes[k]) for k in members])
+            numbers = np.concatenate([samples[: sizes[k]] for k in members])
             draws = draw(there, self.plan.problem.system.size - 1, numbers, self.seed)
             where = np.repeat(members, [sizes[k] for k in members])
             flags = {name: np.array([name in changes[k] for k in where]) for name in effects}

@@ -25,7 +25,7 @@ from planner.problem.tables.method_options import DesensitisedOptions
 from planner.robustness.sensitivity import sensitivity
 from planner.solve import compensated, judged
 from planner.support.arrays import jsonable
-from planner.support.files import read_json, write_text
+from planner.support.files import make_folder, read_json, write_text
 from planner.verification.load_plan import load_plan
 
 
@@ -211,12 +211,7 @@ class PointStore:
         write_text(self.path / INDEX, json.dumps(data, indent=1, allow_nan=False) + "\n")
 
     def _open(self, path: Path) -> None:
-        if path.exists() and not path.is_dir():
-            raise InputError(f"{path} is a file; name a folder")
-        try:
-            (path / "plans").mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot write {path}: {error.strerror or error}") from None
+        make_folder(make_folder(path) / "plans")
         index = path / INDEX
         if not index.exists():
             if any(p.name != "plans" for p in path.iterdir()) or any((path / "plans").iterdir()):

@@ -136,6 +136,22 @@ def refuse_unwritable_folder(path: str | Path) -> None:
         raise InputError(f"cannot write {target}: no permission to write in {ground}")
 
 
+def make_folder(path: str | Path) -> Path:
+    """The folder, made when missing, to which several runs add.
+
+    Raises:
+        InputError: If it is a file or cannot be made.
+    """
+    place = named(path)
+    if place.exists() and not place.is_dir():
+        raise InputError(f"{place} is a file; name a folder")
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot write {place}: {error.strerror or error}") from None
+    return place
+
+
 @contextmanager
 def folder(path: str | Path) -> Iterator[Path]:
     """A folder to fill that takes the place of `path` when the block ends, and only then.
@@ -298,6 +314,23 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise
     except ValueError as error:
         raise _shorter(error) from None
+
+
+def toml_value(text: str) -> Any:
+    """One value as in TOML; a plain word may go without quotes.
+
+    Raises:
+        ValueError: If it is neither.
+    """
+    try:
+        table = parse_toml(f"value = {text}")
+    except ValueError:
+        table = {}
+    if table.keys() == {"value"}:
+        return table["value"]
+    if re.fullmatch(r"[A-Za-z_][\w.+-]*", text):
+        return text
+    raise ValueError("is not a value")
 
 
 def read_json(path: str | Path, otherwise: str = "") -> dict[str, Any]:

@@ -1,9 +1,6 @@
-"""A package whose public names are imported when they are first used.
+"""The package as it was installed: its name on the index, its version, how to add an extra.
 
-Importing everything at once costs more than a plan does. A public name may be that of the module it
-lives in (`planner.check` is the function `check` of planner/check.py): it always means the object.
-
-The package as it was installed: its name on the index, its version, and how to add an extra.
+What results hand themselves to: functions that are imported when they are used.
 """
 
 from __future__ import annotations
@@ -11,43 +8,11 @@ from __future__ import annotations
 import importlib
 import platform
 import shlex
-import sys
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cache
-from importlib import metadata
-from importlib.util import find_spec
 from pathlib import Path
-from types import ModuleType
 from typing import Any
-
-
-class LazyPackage(ModuleType):
-    """A module that knows where its public names live."""
-
-    _homes: dict[str, str]
-    _faces: tuple[str, ...]
-
-    def __getattr__(self, name: str) -> Any:
-        if name in self._homes:
-            value = getattr(importlib.import_module(self._homes[name]), name)
-        elif not name.startswith("_") and find_spec(f"{self.__name__}.{name}"):
-            value = importlib.import_module(f"{self.__name__}.{name}")
-        else:
-            raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
-        setattr(self, name, value)
-        return value
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        """Python binds an imported module under its name: the object of that name comes first."""
-        if isinstance(value, ModuleType) and self._homes.get(name) == value.__name__:
-            value = getattr(value, name)
-        super().__setattr__(name, value)
-
-    def __dir__(self) -> list[str]:
-        """The public names; not the modules that happen to be imported."""
-        own = {name for name in vars(self) if name.startswith("__")}
-        return sorted({*self._homes, *self._faces, *own})
 
 
 def handed_to(function: str) -> Callable[..., Any]:
@@ -59,20 +24,6 @@ def handed_to(function: str) -> Callable[..., Any]:
     module, _, name = function.rpartition(".")
     found: Callable[..., Any] = getattr(importlib.import_module(module), name)
     return found
-
-
-def import_when_used(package: str, names: Mapping[str, str], faces: tuple[str, ...] = ()) -> None:
-    """Make a package lazy.
-
-    Args:
-        package: Its `__name__`.
-        names: Names of its modules to the public names that live there, separated by spaces.
-        faces: Packages in it that have public names of their own.
-    """
-    module = sys.modules[package]
-    homes = {name: f"{package}.{home}" for home, all_ in names.items() for name in all_.split()}
-    module.__dict__["_homes"], module.__dict__["_faces"] = homes, faces
-    module.__class__ = LazyPackage
 
 
 NAME = "nonholonomic-planner"
@@ -88,6 +39,8 @@ def version() -> str:
     """
     if found := _checkout():
         return found
+    from importlib import metadata  # slow to import
+
     try:
         return metadata.version(NAME)
     except metadata.PackageNotFoundError:  # copied, not installed
@@ -120,11 +73,15 @@ def _checkout() -> str | None:
         return None
 
 
+__version__ = version()
+
 LIBRARIES = ("casadi", "numpy", "scipy", "osqp")
 
 
 def versions() -> dict[str, str]:
     """Versions of the planner, of Python, and of the libraries that numbers depend on."""
+    from importlib import metadata
+
     return {
         "planner": version(),
         "python": platform.python_version(),

@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import os
 import sqlite3
+import time
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
@@ -108,7 +109,7 @@ class Database:
     def _prepare(self, create: bool) -> None:
         (tables,) = self.db.execute("SELECT count(*) FROM sqlite_master").fetchone()
         if create and tables == 0:
-            self.db.execute("PRAGMA journal_mode = WAL")
+            self._log_ahead()
             with self.transaction():
                 # Another process may have been faster.
                 if not self._has_version():
@@ -121,6 +122,19 @@ class Database:
         self._complete()
         # A commit survives the end of the process; to survive a power cut as well costs 10 ms each.
         self.db.execute("PRAGMA synchronous = NORMAL")
+
+    def _log_ahead(self) -> None:
+        """Turn write-ahead logging on; for this SQLite itself waits for no other process."""
+        end = time.monotonic() + WAIT_S
+        while True:
+            try:
+                self.db.execute("PRAGMA journal_mode = WAL")
+            except sqlite3.OperationalError as error:
+                if error.sqlite_errorcode != sqlite3.SQLITE_BUSY or time.monotonic() > end:
+                    raise
+                time.sleep(0.01)
+            else:
+                return
 
     def _empty(self) -> bool:
         """Whether nothing has been kept in it, by another process either."""

@@ -288,9 +288,12 @@ def positive(name: str, values: Sequence[float]) -> Array:
     Raises:
         InputError: If one is not, or there is none; names it.
     """
-    array = np.asarray(values, dtype=float)
+    try:
+        array = np.asarray(values, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        array = np.empty(0)
     if array.ndim != 1 or array.size == 0 or not np.all(np.isfinite(array) & (array > 0)):
-        raise InputError(f"{name} = {list(np.ravel(values))} must be positive finite numbers")
+        raise InputError(f"{name} = {values!r:.60} must be positive finite numbers")
     return array
 
 

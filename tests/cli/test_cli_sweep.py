@@ -101,7 +101,7 @@ def test_after_ctrl_c_it_says_where_the_finished_cases_are(
         result = run("sweep", file)
     assert result.status == 130
     assert "finished cases are in short.sqlite; the same command runs the rest" in result.err
-    monkeypatch.setattr(sys.modules["planner.cli.sweep"], "export", lambda *_: press(hidden))
+    monkeypatch.setattr("planner.cli.sweep.export", lambda *_: press(hidden))
     result = run("sweep", file, "--workers", "1", "--export", "out.csv")
     assert result.status == 130
     assert result.err.endswith("planner: interrupted, short.sqlite was written before\n")
@@ -110,8 +110,6 @@ def test_after_ctrl_c_it_says_where_the_finished_cases_are(
 def test_ctrl_c_before_there_is_a_database_says_nothing_of_one(
     run: Callable[..., Any], file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(
-        sys.modules["planner.cli.sweep"], "run_sweep", lambda *_, **__: press(False)
-    )
+    monkeypatch.setattr("planner.cli.sweep.run_sweep", lambda *_, **__: press(False))
     result = run("sweep", file)
     assert (result.status, result.err) == (130, "planner: interrupted, nothing written\n")

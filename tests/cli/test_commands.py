@@ -11,6 +11,7 @@ import sys
 import time
 import tomllib
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -211,7 +212,7 @@ def test_values_of_set(pair: str, value: Any) -> None:
 
 def module(command: str) -> Any:
     """The module behind a command; its name in the package is taken by the function."""
-    return sys.modules[f"planner.cli.{command}"]
+    return import_module(f"planner.cli.{command}")
 
 
 def test_a_bug_is_one_short_message(run: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -311,11 +312,11 @@ def test_progress_shows_on_a_terminal_only_and_after_a_while(
     output = module("output")
     monkeypatch.setattr(output, "PATIENCE_S", patience_s)
     monkeypatch.setattr(sys, "stderr", stream)
-    with output.waiting("planning with patience") as notice:
+    with output.job("planning with patience") as notice:
         notice("still planning")
         time.sleep(0.3)
     assert ("still planning" in stream.getvalue()) == shown
-    with output.progress_bar() as tell:
+    with output.job() as tell:
         tell("replaying", 0.25)
         tell("replaying", 0.5)
     assert ("replaying" in stream.getvalue()) == shown

@@ -117,7 +117,7 @@ def test_ctrl_c_in_the_budgets_keeps_the_comparison(
         asked.append(words)
         return planner.error_budget(*words, **{**options, "samples": 3, "base": 2})
 
-    monkeypatch.setattr(sys.modules["planner.cli.compare"], "error_budget", pressed)
+    monkeypatch.setattr("planner.cli.compare.error_budget", pressed)
     monkeypatch.setattr(sys.modules["planner.report.folders"], "_write_figures", lambda *_: None)
     words = ("compare", PAPER, "--methods", "polynomial,polynomial:travel=middle", *QUICK)
     result = run(*words, "--budget", "--out", tmp_path / "run", "--json")

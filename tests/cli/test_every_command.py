@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import sys
 from collections.abc import Callable
@@ -12,10 +13,9 @@ from typing import Any
 import pytest
 
 import planner
-from planner.cli.app import app, main
+from planner.cli.app import COMMANDS, function_of, main
 
 PAPER = Path(__file__).parents[2] / "problems/paper.toml"
-COMMANDS = [command.name or command.callback.__name__ for command in app.registered_commands]
 FAST = ("plan", PAPER, "-m", "polynomial", "--set", "goal.travel=0.82", "--set", "limits={}")
 
 
@@ -30,6 +30,11 @@ def test_help_of_every_command(command: str, run: Callable) -> None:
     assert command in run("--help").out
 
 
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_list_says_of_a_command_what_the_command_says(command: str) -> None:
+    assert COMMANDS[command][1] == (inspect.getdoc(function_of(command)) or "").splitlines()[0]
+
+
 @pytest.mark.parametrize("command", ["plan", "new", "compare", "systems"])
 def test_quiet_and_verbose_exclude_each_other(command: str, run: Callable) -> None:
     words = [command, *([PAPER] if command in ("plan", "compare") else []), "-q", "-v"]
@@ -38,6 +43,13 @@ def test_quiet_and_verbose_exclude_each_other(command: str, run: Callable) -> No
     assert result.err == (
         "planner: --quiet and --verbose contradict each other; give one of them\n"
     )
+
+
+def test_the_next_command_names_the_file_as_it_was_given(
+    run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run("new", "a{0}.toml").err == "written to a{0}.toml; next: planner check a{0}.toml\n"
 
 
 def test_quiet_says_only_the_result(run: Callable, tmp_path: Path) -> None:

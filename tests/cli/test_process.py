@@ -18,7 +18,7 @@ PLANNER = [sys.executable, "-m", "planner"]
 # Stands in for a long job: it says that it runs, then waits to be interrupted.
 LONG_JOB = """
 import sys, time
-import planner.cli.app
+import planner.cli.app, planner.cli.{command}
 
 def long_job(*_, **__):
     print("running", file=sys.stderr, flush=True)
@@ -87,7 +87,7 @@ def test_ctrl_c_ends_other_commands_quietly_too(
     def pressed(*_: object, **__: object) -> None:
         signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(sys.modules[f"planner.cli.{module}"], name, pressed)
+    monkeypatch.setattr(f"planner.cli.{module}.{name}", pressed)
     out = [] if command == "check" else ["--out", tmp_path / "out"]
     result = run(command, PROBLEMS / "paper.toml", "--json", *out)
     assert result.status == 130

@@ -249,7 +249,7 @@ def test_an_error_that_hides_a_signal_is_no_bug(
         except BaseException:
             raise ImportError("initialization failed") from None
 
-    monkeypatch.setattr(sys.modules["planner.cli.plan"], "solve_and_check", hides)
+    monkeypatch.setattr("planner.cli.plan.solve_and_check", hides)
     result = run("plan", PAPER, "--method", "polynomial")
     assert result.status == 128 + number
     assert result.err == f"planner: {SAID[number]}, nothing written\n"
@@ -261,7 +261,7 @@ def test_what_was_written_before_a_signal_is_told(
     def pressed(text: str) -> None:
         signal.raise_signal(signal.SIGTERM)
 
-    monkeypatch.setattr(sys.modules["planner.cli.start"], "note", pressed)
+    monkeypatch.setattr("planner.cli.start.note", pressed)
     target = tmp_path / "problem.toml"
     result = run("new", target)
     assert result.status == 143

@@ -15,12 +15,10 @@ import pytest
 from compared import SAMPLES, paper_comparison, refused_comparison
 
 import planner
-from planner import compare as compare_function
+from planner import METHODS, Machine
 from planner.comparison import compare as compare_module
 from planner.comparison.compare import default_methods
 from planner.comparison.differences import markdown_differences
-from planner.machine.machine import Machine
-from planner.methods.registry import METHODS
 from planner.plan.measures import effort
 from planner.report.folders import replay_data
 from planner.report.folders import save as save_comparison
@@ -30,6 +28,12 @@ from planner.support.arrays import jsonable
 MIDDLE, BEST, OPTIMAL = "polynomial:travel=middle", "polynomial", "collocation"
 COMPENSATED = "collocation compensated"
 ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def quick(unlimited: planner.Problem) -> planner.Problem:
+    changes = {"goal.duration": 1.0, "goal.travel": 0.81, "machine.step_s": 0.01}
+    return unlimited.changed(changes)
 
 
 def test_default_methods_show_what_the_polynomial_and_what_compensation_can_do(
@@ -96,8 +100,6 @@ def test_small_differences_are_neither_better_nor_worse(compensated: planner.Com
     assert markdown_differences(compensated).count("| worse |") == 1
     alike = replace(compensated, threshold_deg=9.0)
     assert "no difference that matters" in markdown_differences(alike)
-    with pytest.raises(planner.InputError, match="threshold_deg"):
-        planner.compare(compensated.problem, [OPTIMAL], samples=1, threshold_deg=-1.0)
 
 
 def test_feedback_closes_the_last_plan_which_is_compensated(
@@ -105,7 +107,7 @@ def test_feedback_closes_the_last_plan_which_is_compensated(
 ) -> None:
     module = sys.modules["planner.machine.replay"]
     monkeypatch.setattr(module, "_feedback", lambda on, plan: _Held() if on else None)
-    labels = [row.label for row in compare_function(quick, samples=1, feedback=True).rows]
+    labels = [row.label for row in planner.compare(quick, samples=1, feedback=True).rows]
     assert [label for label in labels if "feedback" in label] == [
         "collocation compensated + feedback"
     ]
@@ -113,6 +115,8 @@ def test_feedback_closes_the_last_plan_which_is_compensated(
 
 def test_polynomials_are_refused_with_the_reason_and_collocation_is_solved() -> None:
     result = paper_comparison()
+    with pytest.raises(planner.InputError, match="no row 'nothing'"):
+        result["nothing"]
     assert result[OPTIMAL].solved
     assert result[OPTIMAL].why == ""
     assert result[OPTIMAL].plan is not None
@@ -159,11 +163,9 @@ def test_every_plan_meets_the_same_machines() -> None:
             np.testing.assert_array_equal(other.draws.values[name], values)
 
 
-def test_same_seed_same_errors_other_seed_other_errors(unlimited: planner.Problem) -> None:
-    quick = unlimited.changed({"goal.duration": 1.0, "goal.travel": 0.81, "machine.step_s": 0.01})
-
+def test_same_seed_same_errors_other_seed_other_errors(quick: planner.Problem) -> None:
     def errors(seed: int) -> np.ndarray:
-        result = compare_function(quick, ["polynomial"], samples=4, seed=seed)
+        result = planner.compare(quick, ["polynomial"], samples=4, seed=seed)
         assert result.rows[0].replay is not None
         return result.rows[0].replay.index_E_deg
 
@@ -174,7 +176,7 @@ def test_same_seed_same_errors_other_seed_other_errors(unlimited: planner.Proble
 def test_a_plan_outside_the_domain_is_not_replayed(paper: planner.Problem) -> None:
     fixed = paper.changed({"goal.travel": float(np.pi / 4), "limits": {}})
     for spec in ("polynomial", "polynomial:allow_singular=true"):
-        row = compare_function(fixed, [spec], samples=2).rows[0]
+        row = planner.compare(fixed, [spec], samples=2).rows[0]
         assert not row.solved
         assert row.plan is not None
         assert row.plan.status == "singular"
@@ -186,7 +188,7 @@ def test_a_plan_outside_the_domain_is_not_replayed(paper: planner.Problem) -> No
 
 def test_no_plan_at_all_gives_a_row_with_the_reason(paper: planner.Problem) -> None:
     backwards = paper.changed({"goal.theta_deg": [30, 30, -30], "limits": {}})
-    row = compare_function(backwards, ["polynomial:travel=middle"], samples=2).rows[0]
+    row = planner.compare(backwards, ["polynomial:travel=middle"], samples=2).rows[0]
     assert row.plan is None
     assert "no motion without reversal exists" in row.why
     assert str(backwards.source) not in row.why
@@ -202,7 +204,7 @@ def test_an_unfinished_iterate_is_not_kept_as_a_plan(
         raise planner.NotConvergedError("stopped after 3 iterations", plan=iterate)
 
     monkeypatch.setitem(METHODS, "polynomial", replace(METHODS["polynomial"], made_by=give_up))
-    row = compare_function(unlimited, ["polynomial"], samples=2).rows[0]
+    row = planner.compare(unlimited, ["polynomial"], samples=2).rows[0]
     assert (row.plan, row.replay, row.why) == (None, None, "stopped after 3 iterations")
 
 
@@ -230,14 +232,13 @@ def test_the_time_is_that_from_question_to_answer(
         return solve_and_check(*given, **options)
 
     monkeypatch.setattr(compare_module, "solve_and_check", slow)
-    row = compare_function(unlimited, ["polynomial"], samples=1).rows[0]
+    row = planner.compare(unlimited, ["polynomial"], samples=1).rows[0]
     assert row.took_s > 0.3 + row.solve_time_s
 
 
-def test_progress_rises_to_the_end_and_names_the_method(unlimited: planner.Problem) -> None:
-    quick = unlimited.changed({"goal.duration": 1.0, "goal.travel": 0.81, "machine.step_s": 0.01})
+def test_progress_rises_to_the_end_and_names_the_method(quick: planner.Problem) -> None:
     told: list[tuple[str, float]] = []
-    compare_function(
+    planner.compare(
         quick, ["polynomial"], samples=1, progress=lambda doing, share: told.append((doing, share))
     )
     shares = [share for _, share in told]
@@ -246,20 +247,23 @@ def test_progress_rises_to_the_end_and_names_the_method(unlimited: planner.Probl
     assert told[0][0] == "planning polynomial"
 
 
-@pytest.mark.parametrize("samples", [0, -1, 1.5, True])
-def test_bad_sample_numbers_are_refused(paper: planner.Problem, samples: object) -> None:
-    with pytest.raises(planner.InputError, match="samples"):
-        compare_function(paper, ["polynomial"], samples=samples)  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        *(({"samples": samples}, "samples") for samples in (0, -1, 1.5, True)),
+        ({"methods": ["polynomial", "polynomal"]}, "did you mean 'polynomial'"),
+        ({"threshold_deg": -1.0}, "threshold_deg"),
+    ],
+)
+def test_wrong_words_are_refused_before_planning(
+    paper: planner.Problem, words: dict[str, Any], says: str
+) -> None:
+    with pytest.raises(planner.InputError, match=says):
+        planner.compare(paper, **{"methods": ["polynomial"], **words})
 
 
-def test_wrong_specs_are_refused_before_planning(paper: planner.Problem) -> None:
-    with pytest.raises(planner.InputError, match="did you mean 'polynomial'"):
-        compare_function(paper, ["polynomial", "polynomal"])
-
-
-def test_the_machine_can_be_given(unlimited: planner.Problem) -> None:
-    quick = unlimited.changed({"goal.duration": 1.0, "goal.travel": 0.81, "machine.step_s": 0.01})
-    row = compare_function(quick, ["polynomial"], machine=Machine.ideal(), samples=2).rows[0]
+def test_the_machine_can_be_given(quick: planner.Problem) -> None:
+    row = planner.compare(quick, ["polynomial"], machine=Machine.ideal(), samples=2).rows[0]
     assert row.E_p95_deg < np.rad2deg(1e-6)
 
 
@@ -281,25 +285,14 @@ def test_jsonable_turns_numpy_into_plain_values() -> None:
     assert jsonable(mixed) == {"a": None, "b": [0, 1], "c": [None, True, None, "x"]}
 
 
-def test_unknown_rows_are_named() -> None:
-    with pytest.raises(planner.InputError, match="no row 'nothing'"):
-        paper_comparison()["nothing"]
-
-
 def test_refusals_that_apply_to_every_method_fill_every_row(paper: planner.Problem) -> None:
     hurried = paper.changed({"goal.duration": 0.5})
-    result = compare_function(hurried, ["polynomial", "polynomial:travel=middle"], samples=1)
+    result = planner.compare(hurried, ["polynomial", "polynomial:travel=middle"], samples=1)
     assert not any(row.solved for row in result.rows)
     assert all("takes" in row.why and row.status == "infeasible" for row in result.rows)
 
 
 # -- many methods, feedback, worst machines, Ctrl-C -----------------------------------------
-
-
-@pytest.fixture
-def quick(unlimited: planner.Problem) -> planner.Problem:
-    changes = {"goal.duration": 1.0, "goal.travel": 0.81, "machine.step_s": 0.01}
-    return unlimited.changed(changes)
 
 
 def instead(methods: Mapping[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -320,11 +313,11 @@ def test_all_means_every_method_and_one_that_does_not_fit_stops_none(
         raise planner.InputError(f"{problem.source}: works on cars only")
 
     instead({"sinusoid": unfit, "polynomial": plan}, monkeypatch)
-    result = compare_function(quick, "all", samples=2)
+    result = planner.compare(quick, "all", samples=2)
     assert [row.label for row in result.rows] == ["sinusoid", "polynomial"]
     assert (result.rows[0].why, result.rows[1].solved) == ("works on cars only", True)
     with pytest.raises(planner.InputError, match="cars"):
-        compare_function(quick, ["sinusoid"], samples=2)
+        planner.compare(quick, ["sinusoid"], samples=2)
 
 
 def test_every_method_of_the_registry_is_meant_by_all(
@@ -335,15 +328,15 @@ def test_every_method_of_the_registry_is_meant_by_all(
 
     names = list(METHODS)
     instead(dict.fromkeys(names, refuse), monkeypatch)
-    result = compare_function(quick, "all", samples=2)
+    result = planner.compare(quick, "all", samples=2)
     assert [row.method for row in result.rows] == names
 
 
 def test_the_worst_machine_is_the_worst_when_replayed_alone(quick: planner.Problem) -> None:
-    row = compare_function(quick, ["polynomial"], samples=12, seed=4).rows[0]
+    row = planner.compare(quick, ["polynomial"], samples=12, seed=4).rows[0]
     assert row.replay is not None
     assert row.worst is not None
-    again = compare_function(quick, ["polynomial"], samples=[row.worst], seed=4)
+    again = planner.compare(quick, ["polynomial"], samples=[row.worst], seed=4)
     assert (again.samples, again.chosen) == (1, (row.worst,))
     assert again.rows[0].E_median_deg == row.replay.index_E_deg.max()
 
@@ -372,7 +365,7 @@ def test_rows_with_feedback_stand_beside_those_without(
 ) -> None:
     module = sys.modules["planner.machine.replay"]
     monkeypatch.setattr(module, "_feedback", lambda on, plan: _Held() if on else None)
-    result = compare_function(quick, ["polynomial"], samples=3, feedback=True)
+    result = planner.compare(quick, ["polynomial"], samples=3, feedback=True)
     free, closed = result.rows
     assert (free.label, closed.label) == ("polynomial", "polynomial + feedback")
     assert (free.feedback, closed.feedback) == (False, True)
@@ -390,7 +383,7 @@ def test_a_plan_that_feedback_cannot_follow_is_refused_with_the_reason(
     quick: planner.Problem,
 ) -> None:
     problem = quick.changed({"goal.duration": 10.0, "machine.velocity_limit_rad_s": 0.05})
-    result = compare_function(problem, ["polynomial"], samples=2, feedback=True)
+    result = planner.compare(problem, ["polynomial"], samples=2, feedback=True)
     free, closed = result.rows
     assert free.replay is not None
     assert closed.replay is None
@@ -424,7 +417,7 @@ def test_ctrl_c_keeps_what_is_done(quick: planner.Problem, doing: str) -> None:
         if what == f"{doing} {specs[1]}":
             raise KeyboardInterrupt
 
-    result = compare_function(quick, specs, samples=2, progress=press)
+    result = planner.compare(quick, specs, samples=2, progress=press)
     assert not result.complete
     assert result.rows[0].replay is not None
     assert [row.label for row in result.rows] == specs[: 1 if doing == "planning" else 2]
@@ -440,7 +433,7 @@ def test_ctrl_c_before_anything_is_done_is_as_usual(quick: planner.Problem) -> N
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        compare_function(quick, ["polynomial"], samples=2, progress=press)
+        planner.compare(quick, ["polynomial"], samples=2, progress=press)
 
 
 def test_a_reason_that_ends_in_a_list_stops_before_it(
@@ -450,7 +443,7 @@ def test_a_reason_that_ends_in_a_list_stops_before_it(
         raise planner.NotConvergedError("it takes 10.98 s. In 10 s it breaks:\n  - input u1")
 
     monkeypatch.setitem(METHODS, "polynomial", replace(METHODS["polynomial"], made_by=refuse))
-    row = compare_function(unlimited, ["polynomial"], samples=2).rows[0]
+    row = planner.compare(unlimited, ["polynomial"], samples=2).rows[0]
     assert row.why == "it takes 10.98 s"
 
 

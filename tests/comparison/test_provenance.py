@@ -11,9 +11,9 @@ import pytest
 from compared import ROOT, quick_comparison
 
 import planner
-from planner.comparison.comparison import Comparison, command
+from planner import Comparison, Machine
+from planner.comparison.comparison import command
 from planner.comparison.rows import Row
-from planner.machine.machine import Machine
 
 PAPER = ROOT / "problems/paper.toml"
 

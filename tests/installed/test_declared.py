@@ -94,7 +94,7 @@ def test_hints_fit_how_it_was_installed(monkeypatch: pytest.MonkeyPatch, tmp_pat
     monkeypatch.setattr(distribution, "ROOT", tmp_path / "site-packages")
     installed = "pip install 'nonholonomic-planner[video]'"
     assert distribution.how_to_install("video") == installed
-    monkeypatch.setattr(distribution.metadata, "version", {distribution.NAME: "1.2"}.__getitem__)
+    monkeypatch.setattr("importlib.metadata.version", {distribution.NAME: "1.2"}.__getitem__)
     assert distribution.version() == "1.2"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import sys
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +11,13 @@ import pytest
 
 import planner.paper.calibrate as calibration
 import planner.paper.fit as fitting
+from planner import Machine
 from planner.cli.app import main
-from planner.machine.machine import Machine
 from planner.paper.calibrate import Calibration, calibrate, write
 from planner.paper.fit import BOUNDS, TOLERANCES, Fit, said
 from planner.paper.statements import FITTED, FIXED, coordinates, move, nominal, values
 
-COMMAND = sys.modules["planner.cli.paper"]
+COMMAND = import_module("planner.cli.paper")
 
 
 @pytest.fixture(scope="module")

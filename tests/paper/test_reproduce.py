@@ -160,8 +160,6 @@ def test_nothing_is_left_when_drawing_fails(
     known = {"cases": made.cases, "findings": list(made.findings), "figures": {"one": Figure()}}
     for name, value in known.items():
         monkeypatch.setattr(f"planner.paper.reproduce.{name}", lambda *_, value=value: value)
-    from planner.errors import InputError
-
-    with pytest.raises(InputError, match="No space left"):
+    with pytest.raises(planner.InputError, match="No space left"):
         reproduce(tmp_path / "paper", samples=1)
     assert list(tmp_path.iterdir()) == []

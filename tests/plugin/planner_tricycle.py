@@ -18,7 +18,6 @@ from planner.methods.laws.legs import Leg, LegMotion, steer
 from planner.plan.trajectory import ChainedTrajectory
 from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.problem.tables.method_options import TravelOptions
-from planner.problem.tables.problem_file import bound_deg
 from planner.problem.tables.vehicles import CarGoal, CarLimits, CarStart, VehicleFile
 from planner.support.arrays import Array
 from planner.support.user_tables import Positive, Table
@@ -110,13 +109,6 @@ steering_deg = 60
 
     def build_system(self) -> Tricycle:
         return Tricycle(self.system.wheelbase_m)
-
-    def angles_deg(self, at: Any) -> list[float]:
-        return [at.steering_deg, at.heading_deg]
-
-    def joint_limits(self) -> Array:
-        steering, heading = self.limits.steering_deg, self.limits.heading_deg
-        return np.array([np.inf, *bound_deg(steering, 1), *bound_deg(heading, 1), np.inf])
 
 
 # -- the method --------------------------------------------------------------------------------

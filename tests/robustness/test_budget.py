@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import io
+from typing import Any
 
 import numpy as np
 import pytest
 from rich.console import Console
 
 import planner
-from planner.machine.machine import Machine
-from planner.machine.replay import replay
+from planner import Budget, Machine, error_budget, replay
+from planner.machine.machine import Draws
+from planner.machine.simulate import Recording, simulate_draws
 from planner.problem.tables.machine_effects import EFFECTS
-from planner.robustness.budget import Budget, error_budget
 
 STEP = 0.01
 
@@ -102,17 +103,33 @@ def test_the_same_seed_gives_the_same_budget(plan: planner.Plan) -> None:
     assert data(1) != data(2)
 
 
-def test_refusals(plan: planner.Plan, unlimited: planner.Problem) -> None:
+def test_many_machines_are_looked_at_block_by_block(
+    plan: planner.Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    machine = Machine.prototype(step_s=STEP).only("backlash_deg", "encoder_resolution_deg")
+
+    def data() -> object:
+        return error_budget(plan, machine, samples=20, base=2).to_dict()
+
+    together, sizes = data(), list[int]()
+
+    def counted(of: planner.Plan, there: Machine, draws: Draws, **more: Any) -> Recording:
+        sizes.append(draws.count)
+        return simulate_draws(of, there, draws, **more)
+
+    monkeypatch.setattr("planner.robustness.budget.BLOCK", 3)
+    monkeypatch.setattr("planner.robustness.budget.simulate_draws", counted)
+    assert data() == together
+    assert max(sizes) <= 3 * (2 + 2 * len(machine.effects))
+
+
+def test_refusals(plan: planner.Plan) -> None:
     with pytest.raises(planner.InputError, match="no effects"):
         error_budget(plan, Machine.ideal())
     with pytest.raises(planner.InputError, match="samples = 0"):
         error_budget(plan, samples=0)
     with pytest.raises(planner.InputError, match="no effect 'nothing'"):
         error_budget(plan, Machine.ideal(step_s=STEP, delay_s=0.1), samples=1, base=2)["nothing"]
-    outside = unlimited.changed({"goal.travel": float(np.pi / 4)})
-    singular = planner.solve(outside, "polynomial", allow_singular=True)
-    with pytest.raises(planner.InputError, match="no real inputs"):
-        error_budget(singular)
 
 
 @pytest.mark.parametrize("width", [80, 200])

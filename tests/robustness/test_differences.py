@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import planner
-from planner.robustness.machine_sensitivity import machine_sensitivity
-from planner.robustness.sensitivity import sensitivity
+from planner import machine_sensitivity, sensitivity
+from planner.problem.tables.machine_effects import EFFECTS
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +51,6 @@ def test_prototype_matches_replays_of_two_machines(plan: planner.Plan) -> None:
 
 
 def test_every_parameter_of_the_machine_is_there(plan: planner.Plan) -> None:
-    from planner.problem.tables.machine_effects import EFFECTS
-
     machine = planner.Machine.prototype()
     found = machine_sensitivity(plan, machine)
     told = {e.effect for e in found.entries} | set(found.omitted)
@@ -72,10 +70,3 @@ def test_total_predicts_the_spread_of_replays_of_smooth_errors(plan: planner.Pla
     run = planner.replay(plan, machine, samples=1000, record_s=None)
     seen = np.sqrt(np.sum(np.var(run.terminal_error_deg, axis=0)))
     assert found.total_deg == pytest.approx(seen, rel=0.05)
-
-
-def test_a_path_outside_the_chart_is_refused(unlimited: planner.Problem) -> None:
-    problem = unlimited.changed({"goal.travel": float(np.pi / 4)})
-    outside = planner.solve(problem, "polynomial", allow_singular=True)
-    with pytest.raises(planner.InputError, match="no real inputs"):
-        machine_sensitivity(outside)

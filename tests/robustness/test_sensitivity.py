@@ -1,12 +1,15 @@
 """First-order sensitivities against re-integration of the perturbed machine."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 from perturbed import draws, motions
 from scipy.integrate import solve_ivp
 
 import planner
-from planner.robustness.sensitivity import sensitivity
+from planner import sensitivity
 
 STEP = 1e-4
 
@@ -133,8 +136,19 @@ def test_unknown_names_are_listed(plan: planner.Plan) -> None:
         sensitivity(plan).entry("theta1", "gain u3")
 
 
-def test_path_outside_the_chart_is_refused(unlimited: planner.Problem) -> None:
+@pytest.mark.parametrize(
+    "ask",
+    [
+        planner.sensitivity,
+        planner.machine_sensitivity,
+        planner.indicators,
+        planner.error_budget,
+    ],
+)
+def test_a_path_outside_the_chart_is_refused(
+    unlimited: planner.Problem, ask: Callable[[planner.Plan], Any]
+) -> None:
     problem = unlimited.changed({"goal.travel": float(np.pi / 4)})
     plan = planner.solve(problem, "polynomial", allow_singular=True)
     with pytest.raises(planner.InputError, match="no real inputs"):
-        sensitivity(plan)
+        ask(plan)

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.errors import InputError
-from planner.machine.machine import Draws, Machine, draw
+from planner import InputError, Machine
+from planner.machine.machine import Draws, draw
 from planner.problem.tables.machine_effects import EFFECTS
 from planner.robustness import sobol
 from planner.robustness.sobol import Index, indices

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 import planner
+from planner import TradeOff, trade_off
 from planner.plan.measures import effort, peak_inputs
 from planner.report.figures.robustness import apart, bought, reversals
-from planner.robustness.trade_off import TradeOff, knee, trade_off
+from planner.robustness.trade_off import knee
 from planner.robustness.trade_off_points import allowed_for
 
 SETTINGS = {"samples": 20, "intervals": 12}

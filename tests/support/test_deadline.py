@@ -140,6 +140,16 @@ def test_ctrl_c_ends_a_search_that_holds_an_answer() -> None:
     assert search.why == "Ctrl-C"
     assert 0 < search.end - time.monotonic() <= deadline.LEAST_FINISH_S
     assert not deadline.stop()
+
+
+def test_after_ctrl_c_a_long_search_refines_for_a_quarter_of_its_time() -> None:
+    with limited(None, holds=lambda: True) as search:
+        search.began -= 100.0
+        assert deadline.stop()
+        assert 24.0 < deadline.remaining() <= 25.1
+
+
+def test_the_outermost_search_says_whether_there_is_an_answer() -> None:
     with limited(None, holds=lambda: False), limited(None, holds=lambda: True):
         assert not deadline.stop()  # the outermost says so
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from planner.support.one_variable import maximum, minimum, sample_times, zeros
+from planner.support.one_variable import Grid, inverse, maximum, minimum, sample_times, zeros
 
 
 def test_samples_cover_both_sides_of_every_break() -> None:
@@ -76,3 +76,26 @@ def test_all_short_excursions_are_found() -> None:
 
     ends = np.sort(np.concatenate([centres - 0.002, centres + 0.002]))
     np.testing.assert_allclose(zeros(corners, times), ends, atol=1e-9)
+
+
+def test_an_inverse_is_found_by_newton_and_not_by_halving() -> None:
+    asked = 0
+
+    def tangent(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        nonlocal asked
+        asked += 1
+        return np.tan(x), 1 / np.cos(x) ** 2
+
+    values = np.array([-3.0, -0.2, 0.1, 0.7, 20.0])
+    found = inverse(tangent, values, -np.pi / 2, np.pi / 2, 1.0)
+    np.testing.assert_allclose(found.x, np.arctan(values), rtol=1e-14)
+    assert asked < 20  # halving takes 52
+
+
+def test_pieces_of_a_curve_join_exactly() -> None:
+    grid = Grid(np.array([0.0, 0.7, 1.0, 3.0]))
+    values = np.sin(5 * grid.times)
+    values[1:, 0] = values[:-1, -1]
+    curve = grid.curve(values)
+    np.testing.assert_array_equal(curve.c[0], values[:, 0])
+    np.testing.assert_array_equal(curve.c[-1], values[:, -1])

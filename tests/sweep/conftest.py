@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +18,7 @@ import planner
 ROOT = Path(__file__).parents[2]
 
 Tables = dict[str, Any]
+Process = subprocess.Popen[Any]
 
 
 @pytest.fixture
@@ -38,3 +44,25 @@ def written(tmp_path: Path) -> Callable[[str], Path]:
         return path
 
     return write
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Callable[..., Process]]:
+    """Starts `python -m …` in its own session; ended with the test."""
+    begun: list[Process] = []
+
+    def begin(*words: str, **options: Any) -> Process:
+        log = (tmp_path / f"{len(begun)}.log").open("w")
+        options = {"stdout": log, "stderr": log, **options}
+        process: Process = subprocess.Popen(
+            [sys.executable, "-m", *words], cwd=tmp_path, start_new_session=True, **options
+        )
+        log.close()
+        begun.append(process)
+        return process
+
+    yield begin
+    for process in begun:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import numpy as np
 import pytest
 
 import planner
-from planner.sweep.description import Sweep
-from planner.sweep.sweep_file import sweep_schema
+from planner import Sweep
+from planner.cli.app import main
 
 Tables = dict[str, Any]
 GOOD = """
@@ -80,6 +82,7 @@ def test_a_value_that_only_clashes_with_others_is_left_to_its_case(tables: Table
     assert len(Sweep.from_dict({**tables, "grid": grid})) == 2
 
 
+ENDS, EVEN = {"from": 0, "to": 1, "count": 2}, {"uniform": [0, 1]}
 SAMPLE = {"count": 4, "goal.travel": {"uniform": [0.8, 0.82]}}
 
 
@@ -91,16 +94,10 @@ SAMPLE = {"count": 4, "goal.travel": {"uniform": [0.8, 0.82]}}
         ({"methods": ["polynomail"]}, "did you mean 'polynomial'"),
         ({"methods": ["polynomial", "polynomial"]}, "named twice"),
         ({"methods": ["polynomial:point=1"]}, "did you mean 'points'"),
-        (
-            {"problem": "nowhere.toml"},
-            "there is no file nowhere.toml; the name is relative to the file that",
-        ),
+        ({"problem": "nowhere.toml"}, "no file nowhere.toml; the name is relative to"),
         ({"problem": {}}, "missing key 'system.kind'"),
         ({"grid": {}}, "nothing varies"),
-        (
-            {"grid": {"goal.travel": []}},
-            "'grid.goal.travel' = \\[\\]: must be a list of at least 1",
-        ),
+        ({"grid": {"goal.travel": []}}, "'grid.goal.travel' = \\[\\]: must be a list of at"),
         ({"grid": {"goal.travel": 0.8}}, "'grid.goal.travel' = 0.8: must be a list"),
         ({"grid": {"goal.travell": [0.8]}}, "unknown key 'goal.travell'.*did you mean 'travel'"),
         ({"grid": {"gaol.travel": [0.8]}}, "unknown key 'gaol'.*did you mean 'goal'"),
@@ -118,10 +115,7 @@ SAMPLE = {"count": 4, "goal.travel": {"uniform": [0.8, 0.82]}}
         ({"grid": {"method.polynomial.travle": ["auto"]}}, "did you mean 'travel'"),
         ({"grid": {"goal.travel": {"from": 1, "to": 2}}}, "missing key 'grid.goal.travel.count'"),
         ({"grid": {"goal.travel": {"from": 1, "to": 1, "count": 2}}}, "are the same"),
-        (
-            {"grid": {"goal.travel": {"from": 0, "to": 1, "count": 2, "spacing": "log"}}},
-            "both ends have one sign",
-        ),
+        ({"grid": {"goal.travel": {**ENDS, "spacing": "log"}}}, "both ends have one sign"),
         ({"set": {"goal.travell": 1}}, "unknown key 'goal.travell'"),
         ({"cases": [{"goal.travel": 0.8}, {"goal.travell": 0.8}]}, "unknown key 'goal.travell'"),
         ({"cases": [{"goal.duration": 1.0}]}, "'goal.duration' varies in two of"),
@@ -133,18 +127,12 @@ SAMPLE = {"count": 4, "goal.travel": {"uniform": [0.8, 0.82]}}
         ({"sample": {"count": 4, "goal.travel": {"uniform": [1, 0]}}}, "must be the lower"),
         ({"sample": {"count": 4, "goal.travel": {"uniform": [0, 99]}}}, "looks like degrees"),
         ({"sample": {"count": 4, "goal.travel": {"unifrom": [0, 1]}}}, "did you mean 'uniform'"),
-        (
-            {"sample": {"count": 4, "goal.travel": {"uniform": [0, 1], "normal": [0, 1]}}},
-            "exactly one of",
-        ),
+        ({"sample": {"count": 4, "goal.travel": {**EVEN, "normal": [0, 1]}}}, "exactly one of"),
         ({"sample": {"count": 4, "goal.travel": {"log_uniform": [0, 1]}}}, "must be positive"),
         ({"replay": {"samples": -1}}, "'replay.samples' = -1: must be at least 0"),
-        (
-            {"grid": {f"limits.{k}": {"from": 1, "to": 2, "count": 2000} for k in ("a", "b")}},
-            "4000000 points are more than 1000000",
-        ),
+        ({"grid": {f"limits.{k}": {**ENDS, "count": 2000} for k in "ab"}}, "4000000 points are"),
     ],
-)
+)  # fmt: skip
 def test_bad_descriptions_are_named(tables: Tables, changes: Tables, says: str) -> None:
     with pytest.raises(planner.InputError, match=says) as info:
         Sweep.from_dict({**tables, **changes})
@@ -177,22 +165,24 @@ def test_missing_files_are_named(tmp_path: Path) -> None:
 SHIPPED = sorted((Path(__file__).parents[2] / "problems/sweeps").glob("*.toml"))
 
 
+@pytest.fixture
+def schema(capsys: pytest.CaptureFixture[str]) -> Any:
+    assert main(["schema", "sweep"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
-def test_the_shipped_sweeps_are_good(path: Path) -> None:
-    import jsonschema  # slow
-
+def test_the_shipped_sweeps_are_good(path: Path, schema: Any) -> None:
     assert len(Sweep.load(path)) > 1
-    jsonschema.validate(tomllib.loads(path.read_text(encoding="utf-8")), sweep_schema())
+    jsonschema.validate(tomllib.loads(path.read_text(encoding="utf-8")), schema)
 
 
-def test_the_schema_refuses_what_the_program_refuses(tables: Tables) -> None:
-    import jsonschema  # slow
-
-    jsonschema.validate({**tables, "sample": SAMPLE}, sweep_schema())
+def test_the_schema_refuses_what_the_program_refuses(tables: Tables, schema: Any) -> None:
+    jsonschema.validate({**tables, "sample": SAMPLE}, schema)
     for bad in (
         {"grids": {}},
         {"sample": {**SAMPLE, "count": 0}},
         {"sample": {"count": 3, "a.b": 1}},
     ):
         with pytest.raises(jsonschema.ValidationError):
-            jsonschema.validate({**tables, **bad}, sweep_schema())
+            jsonschema.validate({**tables, **bad}, schema)

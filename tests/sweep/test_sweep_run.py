@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sqlite3
 import threading
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from pathlib import Path
@@ -12,33 +14,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from databases import alive, column, finished, query
 
 import planner
+from planner import run_sweep
 from planner.machine.contact_load import contact_load
 from planner.support.interrupts import hear_signals
-from planner.support.package import ROOT
-from planner.sweep import case as case_module
-from planner.sweep import pools
-from planner.sweep import results as table_module
-from planner.sweep.case import case_at, cases, run_case
-from planner.sweep.description import Sweep
-from planner.sweep.pools import LocalPool
-from planner.sweep.results import load_case_plan
-from planner.sweep.run import run_sweep
+from planner.sweep.results import export, load_case_plan
 
 Tables = dict[str, Any]
-
-
-def column(db: Path, name: str) -> list[Any]:
-    return [record[name] for record in table_module.read(db)[1]]
-
-
-def query(db: Path, text: str) -> list[tuple[Any, ...]]:
-    connection = sqlite3.connect(db)
-    try:
-        return connection.execute(text).fetchall()
-    finally:
-        connection.close()
 
 
 @pytest.fixture
@@ -46,17 +30,13 @@ def db(tmp_path: Path) -> Path:
     return tmp_path / "x.sqlite"
 
 
-def test_every_case_is_a_row_with_its_reason(tables: Tables, db: Path) -> None:
+def test_every_case_is_a_row_with_its_reason_and_runs_once(tables: Tables, db: Path) -> None:
     outcome = run_sweep(tables, db, workers=0)
     assert (outcome.ran, outcome.kept, outcome.cases) == (10, 0, 10)
     assert outcome.statuses == {"infeasible": 10}
     assert column(db, "goal.duration") == [round(0.01 * k, 2) for k in range(1, 11)]
     assert all(why.startswith("no plan of any kind exists") for why in column(db, "why"))
     assert not any(column(db, "solved"))
-
-
-def test_a_second_run_does_nothing(tables: Tables, db: Path) -> None:
-    run_sweep(tables, db, workers=0)
     first = query(db, "SELECT * FROM cases")
     outcome = run_sweep(tables, db, workers=0)
     assert (outcome.ran, outcome.kept) == (0, 10)
@@ -69,8 +49,8 @@ def test_a_changed_description_runs_only_what_is_new(tables: Tables, db: Path) -
     outcome = run_sweep({**tables, "title": "other", "grid": grid}, db, workers=0)
     assert (outcome.ran, outcome.kept, outcome.cases) == (1, 2, 3)
     assert column(db, "goal.duration") == [0.01, 0.02, 0.5]
-    assert len(table_module.read(db, which=0)[1]) == 10
-    assert query(db, "SELECT count(*) FROM cases") == [(11,)]
+    assert query(db, "SELECT count(*) FROM points WHERE sweep = 1") == [(10,)]
+    assert finished(db) == 11
 
 
 def test_points_that_come_to_the_same_run_once(tables: Tables, db: Path) -> None:
@@ -85,8 +65,8 @@ def test_points_that_come_to_the_same_run_once(tables: Tables, db: Path) -> None
     more = {**tables, "grid": {}, "cases": rows, "methods": ["polynomial", "polynomial:offset=1"]}
     outcome = run_sweep(more, db, workers=0)
     assert (outcome.points, outcome.cases, outcome.ran) == (8, 2, 2)
-    assert len(column(db, "case")) == 8
-    assert len(set(column(db, "case"))) == 2
+    assert len(column(db, "key")) == 8
+    assert len(set(column(db, "key"))) == 2
 
 
 def test_options_of_other_methods_do_not_make_another_case(tables: Tables, db: Path) -> None:
@@ -98,9 +78,11 @@ def test_options_of_other_methods_do_not_make_another_case(tables: Tables, db: P
     assert outcome.cases == 3
 
 
-def test_keys_depend_on_all_that_matters(tables: Tables) -> None:
+def test_cases_are_the_same_where_all_that_matters_is(tables: Tables, db: Path) -> None:
     def key(**changes: Any) -> str:
-        return next(cases(Sweep.from_dict({**tables, **changes}))).key
+        one = {**tables, "grid": {"goal.duration": [0.01]}, **changes}
+        run_sweep(one, db, workers=0)
+        return str(column(db, "key")[0])
 
     plain = key()
     assert key() == plain
@@ -132,7 +114,8 @@ def test_a_solved_case_has_its_figures(unlimited: planner.Problem, db: Path) -> 
         "plans": True,
     }
     assert run_sweep(tables, db, workers=0).statuses == {"solved": 1}
-    (record,) = table_module.read(db)[1]
+    names = [name for _, name, *_ in query(db, "PRAGMA table_info(cases)")]
+    record = dict(zip(names, query(db, "SELECT * FROM cases")[0], strict=True))
     problem = unlimited.changed({**tables["set"], "goal.travel": 0.82})  # type: ignore[dict-item]
     comparison = planner.compare(problem, "polynomial", samples=3, seed=4)
     row = comparison["polynomial"]
@@ -151,7 +134,7 @@ def test_a_solved_case_has_its_figures(unlimited: planner.Problem, db: Path) -> 
     assert record["contact_torque_nm"] == pytest.approx(np.median(load.torque_nm))
     assert record["contact_load"] == pytest.approx(np.percentile(load.share, 99))
     assert '"casadi"' in record["versions"]
-    plan = load_case_plan(db, record["case"][:12])
+    plan = load_case_plan(db, record["key"][:12])
     assert plan.verified
     assert plan.q(3.0) == pytest.approx(row.plan.q(3.0))  # type: ignore[union-attr]
 
@@ -176,18 +159,28 @@ def test_refusals_keep_status_reason_and_figures(paper: planner.Problem, db: Pat
     assert column(db, "peak_u2_rad_s")[0] == pytest.approx(16.76, abs=0.01)
     assert column(db, "effort")[1] is None
     with pytest.raises(planner.InputError, match="holds no plan"):
-        load_case_plan(db, column(db, "case")[0])
+        load_case_plan(db, column(db, "key")[0])
     with pytest.raises(planner.InputError, match="3 cases have a key '"):
         load_case_plan(db, "")
 
 
-def test_a_bug_is_a_row_with_its_traceback(
-    tables: Tables, db: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def broken(*_: Any, **__: Any) -> None:
-        raise ZeroDivisionError("made for this test")
+@pytest.fixture
+def fail(monkeypatch: pytest.MonkeyPatch) -> Callable[[Exception], None]:
+    """Lets every case end with an error."""
 
-    monkeypatch.setattr(case_module, "solve_and_check", broken)
+    def failing(error: Exception) -> None:
+        def broken(*_: Any, **__: Any) -> None:
+            raise error
+
+        monkeypatch.setattr("planner.sweep.case.solve_and_check", broken)
+
+    return failing
+
+
+def test_a_bug_is_a_row_with_its_traceback(
+    tables: Tables, db: Path, fail: Callable[[Exception], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fail(ZeroDivisionError("made for this test"))
     outcome = run_sweep(tables, db, workers=0)
     assert outcome.bugs == 10
     assert column(db, "why")[0] == "ZeroDivisionError: made for this test"
@@ -199,12 +192,9 @@ def test_a_bug_is_a_row_with_its_traceback(
 
 
 def test_a_lack_of_memory_is_no_bug(
-    tables: Tables, db: Path, monkeypatch: pytest.MonkeyPatch
+    tables: Tables, db: Path, fail: Callable[[Exception], None]
 ) -> None:
-    def greedy(*_: Any, **__: Any) -> None:
-        raise MemoryError("Unable to allocate 12 GiB")
-
-    monkeypatch.setattr(case_module, "solve_and_check", greedy)
+    fail(MemoryError("Unable to allocate 12 GiB"))
     assert run_sweep(tables, db, workers=0).bugs == 0
     assert "not enough memory" in column(db, "why")[0]
     assert column(db, "status")[0] == "bad_input"
@@ -215,18 +205,23 @@ def test_plans_wanted_later_are_made_for_solved_cases_only(
 ) -> None:
     run_sweep(tables, db, workers=0)
     assert run_sweep({**tables, "plans": True}, db, workers=0).ran == 0
-    connection = sqlite3.connect(db)
-    with connection:
-        connection.execute("UPDATE cases SET status = 'solved', solved = 1")
-    connection.close()
+    query(db, "UPDATE cases SET status = 'solved', solved = 1")
     assert run_sweep({**tables, "plans": True}, db, workers=0).ran == 10
 
 
-def test_processes_give_the_rows_this_process_gives(tables: Tables, tmp_path: Path) -> None:
+def test_processes_give_the_rows_this_process_gives_and_are_not_left_behind(
+    tables: Tables, tmp_path: Path
+) -> None:
+    def children() -> set[int]:
+        return {child for child, parent in alive().items() if parent == os.getpid()}
+
     here, there = tmp_path / "here.sqlite", tmp_path / "there.sqlite"
     run_sweep(tables, here, workers=0)
-    outcome = run_sweep(tables, there, workers=2)
-    assert outcome.ran == 10
+    threads, processes, seen = threading.active_count(), children(), set[int]()
+    run_sweep(tables, there, workers=2, progress=lambda *_: seen.update(children() - processes))
+    assert bool(seen) == bool(alive())
+    assert children() == processes
+    assert threading.active_count() == threads
     same = "SELECT key, description, status, why, versions FROM cases ORDER BY key"
     assert query(here, same) == query(there, same)
 
@@ -263,19 +258,31 @@ def test_processes_that_cannot_start_are_told_and_make_no_rows(
     says = "no process for the cases can start with .* status 1 .*casadi"
     with pytest.raises(planner.InputError, match=says):
         run_sweep(tables, db, workers=2)
-    assert query(db, "SELECT count(*) FROM cases") == [(0,)]
+    assert finished(db) == 0
 
 
 def test_two_runs_into_one_file_do_not_disturb_each_other(tables: Tables, db: Path) -> None:
     with ThreadPoolExecutor(2) as threads:
         runs = [threads.submit(run_sweep, tables, db, workers=0) for _ in range(2)]
     assert all(run.result().statuses == {"infeasible": 10} for run in runs)
-    assert query(db, "SELECT count(*) FROM cases") == [(10,)]
-    assert len(column(db, "case")) == 10
+    assert finished(db) == 10
+    assert len(column(db, "key")) == 10
 
 
-def test_an_interrupt_keeps_what_is_done(
-    tables: Tables, db: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_run_waits_for_one_that_makes_the_same_file(tables: Tables, db: Path) -> None:
+    maker = sqlite3.connect(db, isolation_level=None, check_same_thread=False)
+    maker.execute("BEGIN IMMEDIATE")
+    release = threading.Timer(0.3, maker.execute, ["COMMIT"])
+    release.start()
+    try:
+        assert run_sweep(tables, db, workers=0).ran == 10
+    finally:
+        release.join()
+        maker.close()
+
+
+def test_an_interrupt_keeps_what_is_done_for_exports_too(
+    tables: Tables, db: Path, tmp_path: Path
 ) -> None:
     def stop(doing: str, share: float) -> None:
         if share >= 0.4:
@@ -283,7 +290,7 @@ def test_an_interrupt_keeps_what_is_done(
 
     with pytest.raises(KeyboardInterrupt):
         run_sweep(tables, db, workers=0, progress=stop)
-    assert query(db, "SELECT count(*) FROM cases") == [(4,)]
+    assert len(export(db, tmp_path / "out.csv").read_text().splitlines()) == 1 + finished(db) == 5
     assert run_sweep(tables, db, workers=0).ran == 6
 
 
@@ -311,21 +318,9 @@ def test_an_interrupt_between_two_steps_of_a_transaction_loses_nothing(
     with pytest.raises(KeyboardInterrupt), hear_signals() if heard else nullcontext():
         run_sweep(tables, db, workers=0)
     monkeypatch.undo()
-    kept = query(db, "SELECT count(*) FROM cases")[0][0]
+    kept = finished(db)
     assert 4 <= kept < 10
     assert run_sweep(tables, db, workers=0).kept == kept
-
-
-def test_no_process_or_thread_is_left_behind(tables: Tables, db: Path) -> None:
-    before = threading.active_count()
-    pool = LocalPool(1)
-    case = case_at(Sweep.from_dict(tables), 0)
-    row = pool.submit(case.request).result()
-    assert row == {**run_case(case.request), "case_time_s": row["case_time_s"]}
-    (worker,) = pool._workers
-    pool.close()
-    assert not worker.alive
-    assert threading.active_count() == before
 
 
 def test_workers_run_this_package_among_any_others(
@@ -335,10 +330,10 @@ def test_workers_run_this_package_among_any_others(
     beside, other = tmp_path / "site", tmp_path / "other"
     for folder in (beside, other / "planner"):
         folder.mkdir(parents=True)
-    (beside / "planner").symlink_to(ROOT / "planner")
+    (beside / "planner").symlink_to(Path(planner.__file__).parent)
     for module in (beside / "queue.py", beside / "json.py", other / "planner/__init__.py"):
         module.write_text("raise ImportError('this is not the one')")
-    monkeypatch.setattr(pools, "ROOT", beside)
+    monkeypatch.setattr("planner.sweep.pools.ROOT", beside)
     monkeypatch.setenv("PYTHONPATH", str(other))
     assert run_sweep(tables, db, workers=1).statuses == {"infeasible": 10}
 

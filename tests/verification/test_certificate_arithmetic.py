@@ -378,6 +378,15 @@ def test_whole_powers_are_products_whatever_the_number_s_type() -> None:
         assert np.array_equal(getattr(squared, name), getattr(product, name))
 
 
+@pytest.mark.parametrize("a", [2.5, 12.0, -1.5])
+@pytest.mark.parametrize("reach", [0.3, 0.6, 0.9])
+def test_powers_of_wide_discs_hold_their_edges(a: float, reach: float) -> None:
+    one = np.ones((1, COLUMNS))
+    found = balls.power(Ball(one, 0 * one, reach * one), a)
+    for value in (1 - reach, 1 + reach):
+        assert all(_holds(found, 0, k, mp.mpf(0), mp.mpf(value) ** a) for k in range(COLUMNS))
+
+
 @pytest.mark.parametrize("reach", [0.1, 1.9, 2.1, 3.0, 10.0, 300.0, 9e5])
 def test_the_exponential_of_what_is_wide(reach: float) -> None:
     """Its greatest value is within, and it is small where the whole disc is far below zero."""

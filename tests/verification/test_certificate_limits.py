@@ -57,6 +57,24 @@ def test_a_hair_over_a_joint_limit(arc: planner.Plan, excess: float, status: str
     assert claim.attained == pytest.approx(-excess, abs=1e-9)
 
 
+@pytest.mark.parametrize("length", [0.5, 2.0])
+def test_the_way_to_a_disc_beyond_the_tip_of_links_of_any_length(
+    paper: planner.Problem, length: float
+) -> None:
+    changes = {"system.link_lengths": 3 * [length], "goal.duration": 10.0}
+    bare = planner.solve(paper.changed(changes), "collocation")
+    theta = bare.q(np.linspace(0.0, bare.duration, 2001))[:, 1:]
+    tips = bare.problem.system.arm_points(theta)[:, -1]
+    centre = 1.3 * tips[len(tips) // 2]
+    away = float(np.min(np.linalg.norm(tips - centre, axis=1)))
+    for radius, status in ((away - 1e-5 * length, "proven"), (away + 1e-5 * length, "violated")):
+        disc = {"centre_m": centre.tolist(), "radius_m": radius}
+        plan = replace(bare, problem=bare.problem.changed({"obstacles": [disc]}))
+        claim = planner.certify(plan)["clearance of link 3 from obstacle 1"]
+        assert claim.status == status
+        assert claim.attained == pytest.approx(away - radius, abs=1e-6)  # sampled
+
+
 def test_the_verdict_names_what_is_open(arc: planner.Plan) -> None:
     """The arc misses its goal, so that the certificate as a whole must not hold."""
     certificate = planner.certify(arc)

@@ -87,6 +87,8 @@ def test_coefficients_times_one_and_a_half(plan: planner.Plan, tmp_path: Path) -
     back = planner.load_plan(path)
     assert (back.verified, back.status, back.certificate) == (False, "verification_failed", None)
     assert "allowed" in back.why
+    more = len(planner.verify(back).violations) - 1
+    assert back.why.endswith(f" (and {more} more)" if more else "")
     assert f"not verified, status verification_failed: {back.why}" in repr(back)
     again = planner.load_plan(back.save(tmp_path / "y.json"))
     assert (again.verified, again.status, again.why) == (False, back.status, back.why)

@@ -199,6 +199,7 @@ def test_the_side_of_a_limit_that_only_the_certificate_sees(plan: planner.Plan) 
     assert planner.verify(narrow).ok
     (v,) = judge(narrow)[1].violations
     assert (v.limit, v.value) == (-0.5, pytest.approx(-1.0, abs=1e-6))
+    assert v.scaled == pytest.approx(1.0, abs=1e-5)  # 0.5 beyond it, in units of 0.5
 
 
 # -- compensated plans -----------------------------------------------------------------------------
@@ -270,9 +271,10 @@ def test_a_compensated_plan_is_judged_between_its_breaks_and_inside(
 
 @dataclass(frozen=True)
 class Mixed(Requirement):
-    """0.6 q₁ − 0.5 θ₁ + 0.1 θ₂ − 0.6 θ₃ ≤ most."""
+    """A sum of the coordinates ≤ most."""
 
     most: float
+    weights: tuple[float, ...] = (0.6, -0.5, 0.1, -0.6)
     reads = frozenset({"q"})
 
     @property
@@ -280,7 +282,7 @@ class Mixed(Requirement):
         return (Part("mixed", "rad", -np.inf, self.most, 1.0),)
 
     def rows(self, at: At) -> Sequence[Any]:
-        return [0.6 * at.q[0] - 0.5 * at.q[1] + 0.1 * at.q[2] - 0.6 * at.q[3]]
+        return [sum(w * at.q[i] for i, w in enumerate(self.weights))]
 
 
 def test_limits_hold_on_the_machines_motion_between_the_breaks(compensated: planner.Plan) -> None:
@@ -289,9 +291,19 @@ def test_limits_hold_on_the_machines_motion_between_the_breaks(compensated: plan
     machine = planner.Machine.from_table(compensated.compensation.machine)
     run = planner.replay(compensated, machine.nominal(), record_s=machine.step_s)
     weights = np.array([0.6, -0.5, 0.1, -0.6])
-    peak = float(np.max(run.q[0, run.t <= compensated.duration] @ weights))
+    values = run.q[0, run.t <= compensated.duration] @ weights
+    peak, when = float(np.max(values)), float(run.t[np.argmax(values)])
     own = float(np.max(compensated.q(compensated.t) @ weights))
     assert peak > own + 1e-4
     (v,) = planner.verify(asked(compensated, Mixed((peak + own) / 2))).violations
     assert v.value == pytest.approx(peak, abs=1e-5)
+    assert v.time_s == pytest.approx(when, abs=2 * machine.step_s)
     assert planner.verify(asked(compensated, Mixed(peak + 1e-5))).ok
+    for weights in np.random.default_rng(0).normal(size=(20, 4)):
+        values = run.q[0, run.t <= compensated.duration] @ weights
+        peak, when = float(np.max(values)), float(run.t[np.argmax(values)])
+        mixed = Mixed(peak - 1e-3, tuple(weights.tolist()))
+        (v,) = planner.verify(asked(compensated, mixed)).violations
+        assert v.value == pytest.approx(peak, abs=1e-5)
+        if np.sum(values > peak - 1e-6) < 5:  # not at rest
+            assert v.time_s == pytest.approx(when, abs=2 * machine.step_s)

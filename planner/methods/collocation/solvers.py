@@ -16,10 +16,9 @@ import numpy as np
 from planner.methods.collocation.transcription.bounds import Bounds
 from planner.methods.collocation.transcription.form import TERMS
 from planner.methods.collocation.transcription.transcription import Program, Transcription
+from planner.problem.tables.method_options import SolverName
 from planner.support.arrays import Array
 from planner.support.compiled_calls import IpoptCall, within
-
-SolverName = Literal["fatrop", "ipopt"]
 
 NEAR = 1e-4
 """Distance to the bounds to begin with when the start is near the answer."""
@@ -68,7 +67,7 @@ class Settings:
     max_iterations: int = 500
     near: bool = False
     direct: bool = False
-    solver: Literal["auto", "fatrop", "ipopt"] = "auto"
+    solver: Literal["auto", SolverName] = "auto"
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,15 +166,6 @@ def names(made: Transcription, settings: Settings) -> tuple[SolverName, ...]:
 
 Backend = Callable[[Array, Bounds], SolverAnswer]
 """From a start (size,) and the problem's numbers to an answer."""
-
-
-def backend(made: Transcription, settings: Settings) -> Backend:
-    """The solver that the settings name, made once for each transcription and settings."""
-    if settings not in made.solvers:
-        kind = _Fatrop if settings.solver == "fatrop" else _Ipopt
-        made.solvers[settings] = kind(made, settings)
-    found: Backend = made.solvers[settings]
-    return found
 
 
 class _Ipopt:
@@ -289,6 +279,21 @@ class _Fatrop:
         if pattern not in self._memories:
             self._memories[pattern] = self._call.buffer()
         return self._memories[pattern]
+
+
+SOLVERS: dict[SolverName, Callable[[Transcription, Settings], Backend]] = {
+    "fatrop": _Fatrop,
+    "ipopt": _Ipopt,
+}
+
+
+def backend(made: Transcription, settings: Settings) -> Backend:
+    """The solver that the settings name, made once for each transcription and settings."""
+    if settings not in made.solvers:
+        assert settings.solver != "auto", "`names` says who that is"
+        made.solvers[settings] = SOLVERS[settings.solver](made, settings)
+    found: Backend = made.solvers[settings]
+    return found
 
 
 def _drawn_in(lower: Array, upper: Array) -> tuple[Array, Array]:

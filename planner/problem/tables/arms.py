@@ -1,8 +1,6 @@
-"""What the problem files of both arms share: start, goal and limits in joint angles.
+"""The tables of problem files for arms: `system.kind = "manipulator"` and `"ball-gear"`.
 
-The tables of a problem file for `system.kind = "ball-gear"`.
-
-The tables of a problem file for `system.kind = "manipulator"`.
+They share start, goal and limits in joint angles.
 """
 
 from __future__ import annotations
@@ -262,6 +260,14 @@ class ArmFile(ProblemFile):
         return self.obstacles
 
 
+def _counted(n: int, K: list[float] | None, link_lengths: list[float] | None) -> None:
+    """Refuse lists of other lengths than n joints need."""
+    if K is not None and len(K) != n - 1:
+        raise ValueError(f"joints = {n} needs {n - 1} values in K (K2 ... K{n}), not {len(K)}")
+    if link_lengths is not None and len(link_lengths) != n:
+        raise ValueError(f"link_lengths needs {n} values, not {len(link_lengths)}")
+
+
 class BallGearTable(Table):
     """Nakamura's manipulator."""
 
@@ -273,13 +279,7 @@ class BallGearTable(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> BallGearTable:
-        n = self.joints
-        if len(self.K) != n - 1:
-            raise ValueError(
-                f"joints = {n} needs {n - 1} values in K (K2 ... K{n}), not {len(self.K)}"
-            )
-        if self.link_lengths is not None and len(self.link_lengths) != n:
-            raise ValueError(f"link_lengths needs {n} values, not {len(self.link_lengths)}")
+        _counted(self.joints, self.K, self.link_lengths)
         return self
 
 
@@ -287,36 +287,6 @@ class BallGearFile(ArmFile):
     """A problem file for the ball-gear manipulator."""
 
     summary: ClassVar[str] = "arm of n joints and two motors, driven through ball gears (Nakamura)"
-    example: ClassVar[str] = """
-# Nakamura's manipulator: n joints, two motors, balls that transmit the sine and cosine of the joint
-# angles. Its chart covers every angle below 90 degrees, so the arm may start stretched out.
-title = "my ball-gear manipulator"
-
-[system]
-kind = "ball-gear"
-joints = 3
-K = [0.870125, 0.711625]     # K2 ... Kn: rates of joints 2 ... n per turn of the last ball
-k_g = 0.668811               # drive constant: it only scales u1
-#link_lengths = [1.0, 1.0, 1.0]     # metres, n numbers: for obstacles, the tip, drawing
-
-[start]
-theta_deg = [0, 0, 0]        # joint angles in degrees, each within (-90, 90)
-#phi_rad = 0.0               # angle of the last ball in radians
-
-[goal]
-theta_deg = [30, 30, 30]
-#   Or leave joints to the planner, theta_deg = [20, "free", "free"], and with link_lengths say
-#   where the tip is to end; with all joints free, theta_deg may go. The method collocation finds
-#   the rest.
-# tip_m = [1.2, 2.0]           # x, y in metres from the base
-# tip_angle_deg = 90           # direction of the last link: the sum of all angles
-travel = 2.2                 # change of the last ball's angle in radians, or "free"
-duration = 10.0              # seconds, or "free"
-
-[limits]                     # all are optional
-input_rad_s = [1.0, 1.0]     # largest |u1|, |u2|
-joint_deg = 80               # largest |theta|: one number, or one per joint
-"""
 
     system: BallGearTable
 
@@ -358,30 +328,10 @@ class ManipulatorTable(Table):
     def _consistent(self) -> ManipulatorTable:
         if (self.K is None) == (self.gear is None):
             raise ValueError("give either K (with k_g) or gear, exactly one of them")
-        if self.K is not None and len(self.K) != self.joints - 1:
-            raise ValueError(
-                f"joints = {self.joints} needs {self.joints - 1} values in K"
-                f" (K2 ... K{self.joints}), not {len(self.K)}"
-            )
+        _counted(self.joints, self.K, self.link_lengths)
         if self.K is not None and self.k_g is None:
             raise ValueError("K needs k_g too")
-        if self.link_lengths is not None and len(self.link_lengths) != self.joints:
-            raise ValueError(
-                f"link_lengths needs {self.joints} values, not {len(self.link_lengths)}"
-            )
         return self
-
-    def build(self) -> Manipulator:
-        """The system described."""
-        if self.gear is not None:
-            g = self.gear
-            gear = Gear(g.r1, g.R, g.r3, g.lam, g.eta)
-            return Manipulator.from_gear(
-                self.joints, gear, k_g=self.k_g, rule=self.k_g_rule, link_lengths=self.link_lengths
-            )
-        assert self.K is not None
-        assert self.k_g is not None
-        return Manipulator(self.K, self.k_g, self.link_lengths)
 
 
 class ManipulatorFile(ArmFile):
@@ -390,44 +340,23 @@ class ManipulatorFile(ArmFile):
     summary: ClassVar[str] = (
         "arm of n joints and two motors, driven through friction disks (the paper's)"
     )
-    example: ClassVar[str] = """
-# The paper's manipulator: n joints, two motors, friction disks. Motor 2 turns joint 1; motor 1
-# drives the chain of disks, which turns all other joints at once.
-title = "my manipulator"
-
-[system]
-kind = "manipulator"
-joints = 3
-K = [0.870125, 0.711625]     # K2 ... Kn: rates of joints 2 ... n per turn of the last disk
-k_g = 0.668811               # drive constant: it only scales u1
-#   Instead of K and k_g, the geometry of the gears (k_g_rule: "chain", or "printed" for the
-#   paper's misprint rho^2):
-#gear = { r1 = 30.0, R = 36.68, r3 = 35.0, lambda = 1.0, eta = 1.2 }
-#k_g_rule = "chain"
-#link_lengths = [1.0, 1.0, 1.0]     # metres, n numbers: for obstacles, the tip, drawing
-
-[start]
-theta_deg = [1, 1, 1]        # joint angles in degrees, each within (-90, 90)
-#phi_rad = 0.0               # disk angle in radians
-
-[goal]
-theta_deg = [30, 30, 30]
-#   Or leave joints to the planner, theta_deg = [20, "free", "free"], and with link_lengths say
-#   where the tip is to end; with all joints free, theta_deg may go. The method collocation finds
-#   the rest.
-# tip_m = [1.2, 2.0]           # x, y in metres from the base
-# tip_angle_deg = 90           # direction of the last link: the sum of all angles
-travel = "free"              # change of the disk angle in radians, or "free"
-duration = 10.0              # seconds, or "free"
-
-[limits]                     # all are optional
-input_rad_s = [0.5, 0.5]     # largest |u1|, |u2|
-joint_deg = 80               # largest |theta|: one number, or one per joint
-"""
 
     system: ManipulatorTable
     limits: LimitsTable = Field(default_factory=LimitsTable)
 
     def build_system(self) -> Manipulator:
         """The system described."""
-        return self.system.build()
+        table = self.system
+        if table.gear is not None:
+            g, rule = table.gear, table.k_g_rule
+            gear, lengths = Gear(g.r1, g.R, g.r3, g.lam, g.eta), table.link_lengths
+            return Manipulator.from_gear(
+                table.joints, gear, k_g=table.k_g, rule=rule, link_lengths=lengths
+            )
+        assert table.K is not None
+        assert table.k_g is not None
+        return Manipulator(table.K, table.k_g, table.link_lengths)
+
+
+FILES: dict[str, type[ProblemFile]] = {"manipulator": ManipulatorFile, "ball-gear": BallGearFile}
+"""By `system.kind`."""

@@ -16,6 +16,7 @@ from planner.problem.tables.problem_file import (
     GoalTable,
     NamedFile,
     PerInput,
+    ProblemFile,
     bound,
 )
 from planner.support.arrays import Array
@@ -168,35 +169,6 @@ class CustomFile(OwnFile):
     """A problem file for the user's own system, given by expressions."""
 
     summary: ClassVar[str] = "any triangular two-input system, given by its expressions"
-    example: ClassVar[str] = """
-# Your own system, given by expressions: q1' = drive u1, q2' = u2, and qi' = slope_i q1' for
-# i = 3, 4 ... Each slope_i depends on q(i-1) and on later coordinates only (triangular form). The
-# example is a robot with two driven wheels that measures the area under its path (a planimeter).
-title = "my own system"
-
-[system]
-kind = "custom"
-name = "planimeter"
-coordinates = ["x", "heading", "y", "area"]     # in triangular order
-units = ["m", "rad", "m", "m2"]                 # angles, "rad", are shown in degrees
-slopes = ["tan(heading)", "y"]                  # y' = tan(heading) x', area' = y x'
-drive = "cos(heading)"                          # x' = cos(heading) u1
-intervals = { y = [-3.0, 3.0] }                 # where the slopes are inverted
-inputs = ["speed", "turn_rate"]
-input_units = ["m/s", "rad/s"]
-
-[start]
-q = { x = 0.0, heading = 0.0, y = 0.0, area = 0.0 }
-
-[goal]
-q = { heading = 0.0, y = 0.0, area = 0.5 }      # each coordinate but the first
-travel = 2.0                 # change of the first coordinate, or "free"
-duration = 10.0              # seconds, or "free"
-
-[limits]                     # all are optional
-input = [0.5, 1.0]           # largest |u1|, |u2|
-#q = { heading = 1.4 }       # largest |coordinate| by name
-"""
 
     system: CustomTable
 
@@ -208,3 +180,7 @@ input = [0.5, 1.0]           # largest |u1|, |u2|
     def build_system(self) -> CustomSystem:
         """The system described."""
         return self.system.build()
+
+
+FILES: dict[str, type[ProblemFile]] = {"custom": CustomFile}
+"""By `system.kind`."""

@@ -16,7 +16,9 @@ import math
 import re
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 from typing import Any, Optional, Union, cast, get_args
 
 from pydantic import TypeAdapter
@@ -24,13 +26,12 @@ from pydantic.fields import FieldInfo
 
 from planner.errors import InputError
 from planner.problem.requirements.requirement import Requirement
-from planner.problem.tables.arms import BallGearFile, ManipulatorFile
-from planner.problem.tables.custom import CustomFile
+from planner.problem.tables import arms, custom, vehicles
 from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.problem_file import BaseLimits, GoalTable, ProblemFile
-from planner.problem.tables.vehicles import CarFile, TrailersFile, UnicycleFile
 from planner.support.tables import brief, line
 from planner.support.user_tables import Table, nearest, parse
+from planner.systems.triangular_system import TriangularSystem
 
 GROUP = "planner.plugins"
 
@@ -101,14 +102,7 @@ def unknown_elsewhere(*used: str) -> list[str]:
     return [what for what in used if what in _plugins.elsewhere_unknown]
 
 
-FILES: dict[str, type[ProblemFile]] = {
-    "manipulator": ManipulatorFile,
-    "ball-gear": BallGearFile,
-    "unicycle": UnicycleFile,
-    "car": CarFile,
-    "trailers": TrailersFile,
-    "custom": CustomFile,
-}
+FILES: dict[str, type[ProblemFile]] = {**arms.FILES, **vehicles.FILES, **custom.FILES}
 """By `system.kind`. What plugins register is in it once the first problem is read."""
 
 REQUIREMENTS: dict[str, type[Requirement]] = {}
@@ -125,6 +119,12 @@ def all_files() -> dict[str, type[ProblemFile]]:
     """
     load_plugins()
     return FILES
+
+
+def example_of(kind: str) -> str:
+    """First part of the file that `planner new` writes: the class's `example`, or `examples/`."""
+    shipped = Path(__file__).parent / "examples" / f"{kind}.toml"
+    return FILES[kind].example.strip() or shipped.read_text(encoding="utf-8").strip()
 
 
 def register_system(kind: str, file: type[ProblemFile]) -> None:
@@ -262,7 +262,7 @@ def parse_file(data: dict[str, Any], source: str) -> ProblemFile:
     """Validate a problem file's tables.
 
     Raises:
-        InputError: One line an error; see `parse`. If a plugin fails.
+        InputError: One line an error; see `parse`. If a plugin fails, or the kind is not complete.
     """
     load_plugins()
     _refuse_extremes(data, source)
@@ -273,7 +273,29 @@ def parse_file(data: dict[str, Any], source: str) -> ProblemFile:
     if not isinstance(kind, str) or kind not in FILES:
         hint = nearest(str(kind), list(FILES))
         raise InputError(f"{source}: 'system.kind' = {kind!r:.60}: {hint}")
-    return parse(FILES[kind], data, source)
+    with _complete(kind):
+        return parse(FILES[kind], data, source)
+
+
+def system_of(tables: ProblemFile) -> TriangularSystem:
+    """The system that a problem file describes.
+
+    Raises:
+        InputError: If its class lacks what every system has; names that.
+    """
+    with _complete(tables.system.kind):
+        return tables.build_system()
+
+
+@contextmanager
+def _complete(kind: str) -> Iterator[None]:
+    """Name what the classes of a kind lack; `register_system` asks those of plugins beforehand."""
+    try:
+        yield
+    except TypeError as error:
+        if "instantiate abstract class" not in str(error):
+            raise
+        raise InputError(f"system kind '{kind}' is not complete: {error}") from error
 
 
 LEAST, MOST = 1e-15, 1e15

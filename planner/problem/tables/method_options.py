@@ -1,10 +1,13 @@
 """The `[method.*]` tables: the options of each method.
 
-The `[method.desensitised]` table.
+All there is to say of an option stands here, once: type, range, default, words, and whether the
+explorer has a slider for it. What editors complete, `planner/methods/options.pyi`, is written from
+these tables by `make generated`.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
@@ -12,9 +15,27 @@ from pydantic.fields import FieldInfo
 
 from planner.support.user_tables import Table
 
-Weight = Annotated[float, Field(ge=0)]
+
+@dataclass(frozen=True)
+class Slider:
+    """Ends of the explorer's slider for a number; without one it is logarithmic, about the default.
+
+    Ends that are whole numbers make a slider of whole numbers.
+    """
+
+    low: float
+    high: float
+
+
+NO_SLIDER = Slider(0, 0)
+"""No slider: the option is set elsewhere on the screen, or says how hard a solver tries."""
+
+Weight = Annotated[float, Field(ge=0), Slider(0.0, 10.0)]
 Size = Annotated[float, Field(ge=0)]
-Sizes = Size | Annotated[list[Size], Field(min_length=1)]
+Sizes = Annotated[Size | Annotated[list[Size], Field(min_length=1)], NO_SLIDER]
+Intervals = Annotated[Annotated[int, Field(ge=1, le=2000)] | Literal["auto"], Slider(5, 120)]
+Accuracy = Annotated[float, Field(gt=0, lt=1e-2), NO_SLIDER]
+Iterations = Annotated[int, Field(ge=1), NO_SLIDER]
 
 
 class DesensitisedOptions(Table):
@@ -66,7 +87,7 @@ class DesensitisedOptions(Table):
     gear: Sizes = Field(
         0.0, description="Standard deviation of K2 ... Kn (fraction); one number, or n-1."
     )
-    backoff: Annotated[float, Field(ge=0, le=6)] = Field(
+    backoff: Annotated[float, Field(ge=0, le=6), Slider(0.0, 4.0)] = Field(
         0.0,
         description="Limits of joints and z2 are kept along the whole path with a margin of this"
         " many standard deviations, caused by the errors above.",
@@ -77,23 +98,25 @@ class DesensitisedOptions(Table):
         " Each turn costs passive joints their backlash and shaft torsion, of which the response"
         " knows nothing: true is for machines without.",
     )
-    starts: Annotated[int, Field(ge=1, le=20)] = Field(
+    starts: Annotated[int, Field(ge=1, le=20), Slider(1, 6)] = Field(
         4, description="Number of first guesses; the best plan is returned."
     )
-    intervals: Annotated[int, Field(ge=4, le=1000)] = Field(40, description="Mesh intervals.")
+    intervals: Annotated[int, Field(ge=4, le=1000), Slider(5, 120)] = Field(
+        40, description="Mesh intervals."
+    )
     input: Literal["auto", "constant", "linear"] = Field(
         "auto",
         description="Input in an interval: constant, or continuous and linear. auto: linear when a"
         " rate limit or rest asks for continuity.",
     )
     rest: bool = Field(False, description="Inputs zero at both ends.")
-    accuracy: Annotated[float, Field(gt=0, lt=1e-2)] = Field(
+    accuracy: Accuracy = Field(
         5e-6,
         description="Largest allowed difference at the end, in radians, between the plan's q(t)"
         " and the integral of its inputs; the mesh is refined until it is met.",
     )
-    tolerance: Annotated[float, Field(gt=0, lt=1e-2)] = Field(1e-8, description="Solver tolerance.")
-    max_iterations: Annotated[int, Field(ge=1)] = Field(
+    tolerance: Accuracy = Field(1e-8, description="Solver tolerance.")
+    max_iterations: Iterations = Field(
         200,
         description="Solver iterations per first guess. After that many, a motion that keeps"
         " every limit is used even if it is not optimal yet.",
@@ -115,7 +138,7 @@ class LawOptions(Table):
         " domain and within limits: the smallest peak input (over its limit where it has one), or"
         " the largest margin to the domain's edge, ties to the smaller peak.",
     )
-    allow_singular: bool = Field(
+    allow_singular: Annotated[bool, NO_SLIDER] = Field(
         False,
         description="Return a path outside the chart's domain, for study; it cannot be executed.",
     )
@@ -124,7 +147,7 @@ class LawOptions(Table):
 class TravelOptions(LawOptions):
     """Options of closed-form methods whose only free number is the travel."""
 
-    travel: Literal["auto", "middle"] = Field(
+    travel: Annotated[Literal["auto", "middle"], NO_SLIDER] = Field(
         "auto",
         description="If goal.travel is free: the best travel by `criterion` (auto), or the"
         " middle of the widest range of travels inside the chart's domain"
@@ -162,7 +185,7 @@ class PolynomialOptions(LegOptions):
 class PiecewiseOptions(LegOptions):
     """Options of the piecewise constant (multirate) method."""
 
-    slots: Annotated[int, Field(ge=1, le=200)] | None = Field(
+    slots: Annotated[Annotated[int, Field(ge=1, le=200)] | None, Slider(1, 20)] = Field(
         None,
         description="Number of intervals with constant v2, per leg; at least N-1, which is the"
         " default. With more, the solution with the least integral of v2^2 is"
@@ -173,7 +196,7 @@ class PiecewiseOptions(LegOptions):
 class SinusoidOptions(LawOptions):
     """Options of the sinusoids all at once."""
 
-    amplitude: float | Literal["auto"] = Field(
+    amplitude: Annotated[float | Literal["auto"], Slider(-1.5, 1.5)] = Field(
         "auto",
         description="a1/omega in the unit of z1, not zero: z1 deviates from its straight line by"
         " up to twice this. 'auto': chosen by `criterion` together with a free"
@@ -191,7 +214,7 @@ class SinusoidOptions(LawOptions):
 class SinusoidStepsOptions(LawOptions):
     """Options of the sinusoids step by step."""
 
-    amplitude: float | list[float] | Literal["auto"] = Field(
+    amplitude: Annotated[float | list[float] | Literal["auto"], Slider(-1.5, 1.5)] = Field(
         "auto",
         description="alpha/omega in the unit of z1, not zero, one number or one per step: z1"
         " oscillates by twice this in each period. 'auto': one number chosen by"
@@ -211,16 +234,20 @@ class SinusoidStepsOptions(LawOptions):
         return amplitude
 
 
+SolverName = Literal["fatrop", "ipopt"]
+"""Solvers of `planner/methods/collocation/solvers.py`."""
+
+
 class CollocationOptions(Table):
     """Options of direct collocation."""
 
-    intervals: Annotated[int, Field(ge=1, le=2000)] | Literal["auto"] = Field(
+    intervals: Intervals = Field(
         "auto",
         description="Initial number of mesh intervals. auto: 14 for simple problems with a given"
         " duration and linear inputs; otherwise 40 for paths, and for motions a"
         " number by their length, at least 80 if the duration is free.",
     )
-    degree: Annotated[int, Field(ge=1, le=5)] = Field(
+    degree: Annotated[int, Field(ge=1, le=5), Slider(1, 5)] = Field(
         3, description="Collocation points per interval."
     )
     scheme: Literal["radau", "legendre"] = Field(
@@ -262,37 +289,35 @@ class CollocationOptions(Table):
         " deprecated, the same as auto (plans of those methods gave no better"
         " motions).",
     )
-    starts: Annotated[int, Field(ge=1)] = Field(
+    starts: Annotated[int, Field(ge=1), Slider(1, 6)] = Field(
         10,
         description="Number of paths to find before the best is used (start = 'auto' or"
         " 'wander'). With 'auto' the search also ends with a path without"
         " reversal, or when the same path is found three times.",
     )
-    variations: Annotated[int, Field(ge=0)] = Field(
+    variations: Annotated[int, Field(ge=0), NO_SLIDER] = Field(
         0, description="Deprecated, without effect. Use more `attempts` for a longer search."
     )
-    attempts: Annotated[int, Field(ge=1)] = Field(
+    attempts: Annotated[int, Field(ge=1), Slider(1, 24)] = Field(
         16, description="Largest number of first guesses."
     )
-    accuracy: Annotated[float, Field(gt=0, lt=1e-2)] = Field(
+    accuracy: Accuracy = Field(
         5e-6,
         description="Largest allowed difference at the end, in radians, between the plan's q(t)"
         " and the integral of its inputs (ten times as much before the end); the"
         " mesh is refined until it is met.",
     )
-    refinements: Annotated[int, Field(ge=0, le=10)] = Field(
+    refinements: Annotated[int, Field(ge=0, le=10), NO_SLIDER] = Field(
         4, description="Largest number of mesh refinements; 0 keeps the initial mesh."
     )
-    solver: Literal["auto", "fatrop", "ipopt"] = Field(
+    solver: Annotated[Literal["auto", SolverName], NO_SLIDER] = Field(
         "auto",
         description="Solver of the nonlinear program. auto: Fatrop, which uses the stage"
         " structure, close to a solution and for simple problems with a given"
         " duration; IPOPT otherwise and where Fatrop fails.",
     )
-    tolerance: Annotated[float, Field(gt=0, lt=1e-2)] = Field(1e-9, description="Solver tolerance.")
-    max_iterations: Annotated[int, Field(ge=1)] = Field(
-        500, description="Solver iterations a start."
-    )
+    tolerance: Accuracy = Field(1e-9, description="Solver tolerance.")
+    max_iterations: Iterations = Field(500, description="Solver iterations a start.")
     time_limit_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(
         None,
         description="Seconds for planning; no limit by default. Then the best verified plan"
@@ -315,7 +340,7 @@ class ConvexOptions(Table):
         " v1, travel and duration equivalent to that of v2^2), or the largest |v2|"
         " with v1 constant.",
     )
-    pieces: Annotated[int, Field(ge=2, le=400)] = Field(
+    pieces: Annotated[int, Field(ge=2, le=400), Slider(10, 200)] = Field(
         60, description="Number of equal pieces of v2."
     )
     input: Literal["auto", "constant", "linear"] = Field(
@@ -323,25 +348,25 @@ class ConvexOptions(Table):
         description="v2/v1 constant on each piece, or continuous and linear. auto: linear when"
         " input rates have a limit, since a jump has no finite rate.",
     )
-    travel: Literal["auto", "middle"] = Field(
+    travel: Annotated[Literal["auto", "middle"], NO_SLIDER] = Field(
         "auto",
         description="If goal.travel is free: the travel with the best objective (auto), or the"
         " middle of the range of travels that have a path (middle).",
     )
-    scan: Annotated[int, Field(ge=3, le=1000)] = Field(
+    scan: Annotated[int, Field(ge=3, le=1000), NO_SLIDER] = Field(
         25, description="Number of travels tried before the search is refined around the best."
     )
-    edge: Annotated[float, Field(ge=0, lt=0.1)] = Field(
+    edge: Annotated[float, Field(ge=0, lt=0.1), NO_SLIDER] = Field(
         1e-6,
         description="Least distance from the edge of the chart: sin^2 of theta1 for n = 2 and 3,"
         " otherwise every margin; at most half of the distance of start and goal.",
     )
-    solver: Literal["auto", "osqp"] = Field(
+    solver: Annotated[Literal["auto", "osqp"], NO_SLIDER] = Field(
         "auto",
         description="Solver of the quadratic programs: an active-set method, and OSQP where that"
         " is not accurate (auto); or OSQP first.",
     )
-    max_cuts: Annotated[int, Field(ge=1)] = Field(
+    max_cuts: Iterations = Field(
         100, description="Largest number of rounds of cutting planes for one travel."
     )
 

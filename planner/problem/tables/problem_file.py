@@ -227,7 +227,8 @@ class ProblemFile(Table):
     Attributes:
         summary: One line about the system, for listings.
         example: First part of the file that `planner new` writes: a problem that can be solved,
-            with its `[limits]`. Limits that it does not name are added there as comments.
+            with its `[limits]`. Limits that it does not name are added there as comments. The
+            planner's own kinds have a file `examples/KIND.toml` for it.
         places: The next part, all comments: waypoints, obstacles. The word COORDINATE becomes the
             name of the system's last one.
     """

@@ -5,7 +5,6 @@ They share positions in m, headings in degrees, and x as the path coordinate.
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -16,8 +15,8 @@ from planner.problem.tables.problem_file import (
     Free,
     GoalTable,
     NamedFile,
+    ProblemFile,
     bound,
-    bound_deg,
 )
 from planner.support.arrays import Array
 from planner.support.user_tables import Positive, Table
@@ -47,6 +46,9 @@ class PoseGoal(GoalTable):
 class VehicleLimits(BaseLimits):
     """Limits every plan must keep at all times; each may be left out."""
 
+    second: ClassVar[str] = "turn"
+    """What the second input changes: its keys are SECOND_rate_rad_s, SECOND_acceleration_rad_s2."""
+
     speed_m_s: Positive | None = Field(None, description="Largest speed, either way, in m/s.")
     acceleration_m_s2: Positive | None = Field(
         None,
@@ -57,36 +59,50 @@ class VehicleLimits(BaseLimits):
         None, description="Largest |heading| in degrees.", examples=[80]
     )
 
-    @abstractmethod
-    def turn(self) -> tuple[float | None, float | None]:
-        """Limit of the turning input and of its rate, rad/s and rad/s²."""
-
     def inputs(self) -> Array:
         """Largest |u|, shape (2,), m/s and rad/s."""
-        return np.array([*bound(self.speed_m_s, 1), *bound(self.turn()[0], 1)])
+        return self._both("speed_m_s", f"{self.second}_rate_rad_s")
 
     def input_rates(self) -> Array:
         """Largest |du/dt|, shape (2,), m/s² and rad/s²."""
-        return np.array([*bound(self.acceleration_m_s2, 1), *bound(self.turn()[1], 1)])
+        return self._both("acceleration_m_s2", f"{self.second}_acceleration_rad_s2")
+
+    def _both(self, *keys: str) -> Array:
+        return np.concatenate([bound(getattr(self, key), 1) for key in keys])
 
 
 class VehicleFile(NamedFile):
-    """A problem file whose path coordinate is x: the travel is goal.x_m − start.x_m."""
+    """A problem file whose path coordinate is x: the travel is goal.x_m − start.x_m.
+
+    In `start`, `goal` and `limits` an angle of the system has the key NAME_deg, and those that are
+    numbered, NAME1, NAME2 ..., one for all of them: a number, or a list. A key may be left out.
+    """
 
     start: PoseStart = Field(default_factory=PoseStart)
     goal: PoseGoal
 
-    @abstractmethod
-    def angles_deg(self, at: Any) -> list[float]:
-        """The angles of `start` or `goal` in triangular order, the heading last."""
+    def angles(self, table: Any, missing: float) -> list[float]:
+        """The system's angles in a table, radians, in triangular order; `missing` if left out."""
+        found = []
+        for name in [c.name for c in self.build_system().coordinates[1:-1]]:
+            word = name.rstrip("0123456789")
+            given = getattr(table, f"{word}_deg", None)
+            if isinstance(given, list):
+                given = given[int(name.removeprefix(word)) - 1]
+            found.append(missing if given is None else float(np.deg2rad(given)))
+        return found
 
     def start_state(self) -> Array:
         """q(0), shape (N,), in m and radians."""
-        return np.array([self.start.x_m, *np.deg2rad(self.angles_deg(self.start)), self.start.y_m])
+        return np.array([self.start.x_m, *self.angles(self.start, 0.0), self.start.y_m])
 
     def goal_state(self) -> Array:
         """q(T), shape (N,); NaN first, since the travel speaks of that coordinate."""
-        return np.array([np.nan, *np.deg2rad(self.angles_deg(self.goal)), self.goal.y_m])
+        return np.array([np.nan, *self.angles(self.goal, 0.0), self.goal.y_m])
+
+    def joint_limits(self) -> Array:
+        """Largest |q|, shape (N,); infinite where there is none, as of x and y."""
+        return np.array([np.inf, *self.angles(self.limits, np.inf), np.inf])
 
     def path_travel(self) -> float | None:
         """goal.x_m − start.x_m in m, or None when free."""
@@ -119,6 +135,8 @@ class CarGoal(PoseGoal):
 class CarLimits(VehicleLimits):
     """Limits every plan must keep at all times; each may be left out."""
 
+    second: ClassVar[str] = "steering"
+
     steering_rate_rad_s: Positive | None = Field(
         None, description="Largest steering rate in rad/s."
     )
@@ -129,41 +147,11 @@ class CarLimits(VehicleLimits):
         None, description="Largest |steering angle| in degrees, below 90."
     )
 
-    def turn(self) -> tuple[float | None, float | None]:
-        """Limits of the steering rate."""
-        return self.steering_rate_rad_s, self.steering_acceleration_rad_s2
-
 
 class CarFile(VehicleFile):
     """A problem file for the car."""
 
     summary: ClassVar[str] = "car, driven at its rear axle and steered at the front"
-    example: ClassVar[str] = """
-# A car with steered front wheels. x and y are the position of the rear axle.
-title = "my car"
-
-[system]
-kind = "car"
-wheelbase_m = 2.7            # distance between the axles
-
-[start]
-x_m = 0.0
-y_m = 0.0
-heading_deg = 0              # from the x axis
-steering_deg = 0
-
-[goal]
-x_m = 25.0                   # or "free"
-y_m = 3.0
-heading_deg = 0
-steering_deg = 0
-duration = 6.0               # seconds, or "free"
-
-[limits]                     # all are optional
-speed_m_s = 5.0
-steering_rate_rad_s = 0.5
-steering_deg = 35
-"""
 
     system: CarTable
     start: CarStart = Field(default_factory=CarStart)
@@ -173,16 +161,6 @@ steering_deg = 35
     def build_system(self) -> Car:
         """The system described."""
         return Car(self.system.wheelbase_m)
-
-    def angles_deg(self, at: Any) -> list[float]:
-        """Steering and heading."""
-        return [at.steering_deg, at.heading_deg]
-
-    def joint_limits(self) -> Array:
-        """Largest |q|, shape (4,); x and y have none."""
-        limits = self.limits
-        angles = [*bound_deg(limits.steering_deg, 1), *bound_deg(limits.heading_deg, 1)]
-        return np.array([np.inf, *angles, np.inf])
 
 
 _HITCH = "Hitch angles in degrees, first trailer first; by default all zero."
@@ -223,37 +201,6 @@ class TrailersFile(VehicleFile):
     """A problem file for the car with trailers; x, y and heading are the last trailer's."""
 
     summary: ClassVar[str] = "car with trailers, each hitched to the axle in front of it"
-    example: ClassVar[str] = """
-# A car with trailers, each hitched to the axle in front of it. x, y and heading belong to the last
-# trailer.
-title = "my car with trailers"
-
-[system]
-kind = "trailers"
-wheelbase_m = 2.0            # of the car
-trailer_lengths_m = [2.0, 1.5]     # from axle to axle, the first behind the car
-
-[start]
-x_m = 0.0
-y_m = 0.0
-heading_deg = 0              # from the x axis
-hitch_deg = [0, 0]           # one angle per trailer
-steering_deg = 0
-
-[goal]
-x_m = 20.0                   # or "free"
-y_m = 3.0
-heading_deg = 0
-hitch_deg = [0, 0]
-steering_deg = 0
-duration = 15.0              # seconds, or "free"
-
-[limits]                     # all are optional
-speed_m_s = 2.0
-steering_rate_rad_s = 1.0
-steering_deg = 45
-hitch_deg = 60
-"""
 
     system: TrailersTable
     start: TrailersStart = Field(default_factory=TrailersStart)
@@ -275,18 +222,6 @@ hitch_deg = 60
         """The system described."""
         return Trailers(self.system.trailer_lengths_m, self.system.wheelbase_m)
 
-    def angles_deg(self, at: Any) -> list[float]:
-        """Steering, hitch angles and heading."""
-        straight = [0.0] * len(self.system.trailer_lengths_m)
-        return [at.steering_deg, *(at.hitch_deg or straight), at.heading_deg]
-
-    def joint_limits(self) -> Array:
-        """Largest |q|, shape (N,); x and y have none."""
-        limits = self.limits
-        hitches = bound_deg(limits.hitch_deg, len(self.system.trailer_lengths_m))
-        steering, heading = bound_deg(limits.steering_deg, 1), bound_deg(limits.heading_deg, 1)
-        return np.array([np.inf, *steering, *hitches, *heading, np.inf])
-
 
 class UnicycleTable(Table):
     """The unicycle; it has no constants."""
@@ -302,37 +237,11 @@ class UnicycleLimits(VehicleLimits):
         None, description="Largest rate of the turn rate in rad/s^2.", examples=[2.0]
     )
 
-    def turn(self) -> tuple[float | None, float | None]:
-        """Limits of the turn rate."""
-        return self.turn_rate_rad_s, self.turn_acceleration_rad_s2
-
 
 class UnicycleFile(VehicleFile):
     """A problem file for the unicycle."""
 
     summary: ClassVar[str] = "robot with two driven wheels"
-    example: ClassVar[str] = """
-# The unicycle: a robot with two driven wheels. It drives along its heading and turns on the spot.
-title = "my unicycle"
-
-[system]
-kind = "unicycle"
-
-[start]
-x_m = 0.0
-y_m = 0.0
-heading_deg = 0              # from the x axis
-
-[goal]
-x_m = 2.0                    # or "free"
-y_m = 1.0
-heading_deg = 0
-duration = 5.0               # seconds, or "free"
-
-[limits]                     # all are optional
-speed_m_s = 1.0
-turn_rate_rad_s = 1.0
-"""
 
     system: UnicycleTable
     limits: UnicycleLimits = Field(default_factory=UnicycleLimits)
@@ -341,10 +250,10 @@ turn_rate_rad_s = 1.0
         """The system described."""
         return Unicycle()
 
-    def angles_deg(self, at: Any) -> list[float]:
-        """The heading."""
-        return [at.heading_deg]
 
-    def joint_limits(self) -> Array:
-        """Largest |q|, shape (3,): only the heading has one."""
-        return np.array([np.inf, *bound_deg(self.limits.heading_deg, 1), np.inf])
+FILES: dict[str, type[ProblemFile]] = {
+    "unicycle": UnicycleFile,
+    "car": CarFile,
+    "trailers": TrailersFile,
+}
+"""By `system.kind`."""

@@ -156,9 +156,8 @@ def _titled(study: DesignStudy, figure: Figure) -> str:
 def _value(study: DesignStudy, figure: Figure, row: DesignRow) -> tuple[float, str]:
     """The value and how it is written."""
     value = row.figures.get(figure.key, np.nan)
-    counted = figure.key == "one_way" or figure.key.startswith("solved ")
-    if counted and np.isfinite(value):
-        return value * study.tasks, f"{value * study.tasks:.0f}"
+    if figure.over == "part":
+        return value * study.tasks, number(value * study.tasks, 4)
     return value, number(value, 2)
 
 

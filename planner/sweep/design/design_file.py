@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,13 +17,14 @@ from planner.problem.asked import with_changes
 from planner.problem.problem import Problem
 from planner.problem.tables.arms import GearTable, Joints
 from planner.problem.tables.problem_file import AngleDeg
-from planner.support.arrays import Array, plain
+from planner.support.arrays import plain
 from planner.support.files import read_toml
 from planner.support.tables import line, number
 from planner.support.user_tables import Positive, Table, nearest, parse
 from planner.sweep.description import base_problem
-from planner.sweep.design.geometry import Design, design, gear_of
-from planner.sweep.sweep_file import Range, SweepFile, Whole, points, varied
+from planner.sweep.design.figures import Figure, figures_of
+from planner.sweep.design.geometry import Design, design, gear_of, gear_table
+from planner.sweep.sweep_file import Point, Range, SweepFile, Whole, points, varied
 from planner.systems.manipulator import Gear, Manipulator, stage_gears
 
 MOST_TASKS = 1000
@@ -179,6 +180,8 @@ class StudyInput:
         designs: The mechanisms, including those that cannot be built.
         tasks: For each number of joints, the tasks.
         methods: As written; with `compensated`, the last one compensates.
+        figures: The figures that compare the designs.
+        front_by: Those that are traded.
     """
 
     title: str
@@ -188,22 +191,30 @@ class StudyInput:
     designs: tuple[Design, ...]
     tasks: Mapping[int, tuple[Task, ...]]
     methods: tuple[str, ...]
+    figures: tuple[Figure, ...]
+    front_by: tuple[Figure, ...]
+
+    @property
+    def pairs(self) -> list[tuple[Design, Task]]:
+        """What is planned by each method: every task on every design that can be built."""
+        built = [each for each in self.designs if not each.refused]
+        return [(each, task) for each in built for task in self.tasks[each.joints]]
 
     def changes(self, design: Design, task: Task) -> dict[str, Any]:
         """Dotted keys of the problem that pose a task to a design."""
-        g = design.gear
-        links = design.link_lengths or (1.0,) * design.joints
         out = {
             "system.joints": design.joints,
-            "system.gear": {"r1": g.r1, "R": g.R, "r3": g.r3, "lambda": g.lam, "eta": g.eta},
-            "system.link_lengths": list(links),
+            "system.gear": gear_table(design.gear),
+            "system.link_lengths": list(design.link_lengths or (1.0,) * design.joints),
             "start.theta_deg": task[0],
             "goal.theta_deg": task[1],
         }
         if self.table.contact_force_n is not None:
-            out["machine.friction_capacity_nm"] = _capacity(
-                self.base, self.table.contact_force_n * g.r1
-            )
+            # With the relative spread of the problem's machine.
+            known = Machine.from_table(self.base.machine).effects.get("friction_capacity_nm")
+            spread = known.spread[0] / known.value[0] if known is not None else 0.0
+            torque = self.table.contact_force_n * design.gear.r1
+            out["machine.friction_capacity_nm"] = {"value": torque, "spread": spread * torque}
         return out
 
     def posed(self, design: Design, task: Task) -> Problem:
@@ -216,14 +227,12 @@ class StudyInput:
         return Problem.from_dict(with_changes(tables, self.changes(design, task)), self.source)
 
     def sweep(self) -> dict[str, Any]:
-        """The sweep that plans every task on every design that can be built, design by design."""
-        built = [each for each in self.designs if not each.refused]
-        rows = [(each, task) for each in built for task in self.tasks[each.joints]]
+        """The tables of the sweep that plans all `pairs`."""
         return {
             "title": self.title,
-            "problem": self.posed(*rows[0]),
+            "problem": self.posed(*self.pairs[0]),
             "methods": list(self.methods),
-            "cases": [self.changes(*row) for row in rows],
+            "cases": [self.changes(*pair) for pair in self.pairs],
             "replay": self.table.replay.model_dump(),
         }
 
@@ -232,8 +241,8 @@ def read_design(source: Mapping[str, Any] | str | Path) -> StudyInput:
     """Read a design file, or its tables, and check what can be checked before anything is planned.
 
     Raises:
-        InputError: If a key or value is wrong, nothing varies, a variable does not exist or has an
-            impossible value, or no design can be built.
+        InputError: If a key or value is wrong, nothing varies, a variable or figure does not exist,
+            a variable has an impossible value, or no design can be built.
     """
     named = "design" if isinstance(source, Mapping) else str(source)
     data = dict(source if isinstance(source, Mapping) else read_toml(source, "a design file"))
@@ -243,24 +252,23 @@ def read_design(source: Mapping[str, Any] | str | Path) -> StudyInput:
         data["problem"] = given.to_dict()
     table = parse(DesignFile, plain(data), named)
     base = base_problem(table.problem, table.changes, named, given)
-    if not isinstance(base.system, Manipulator):
-        raise InputError(
-            f"{named}: the mechanism of system.kind = '{base.system.kind}' has no friction"
-            " disks; a design study needs a 'manipulator'"
-        )
-    if base.travel is not None:
-        raise InputError(
-            f"{named}: goal.travel = {base.travel:.4g} of the problem is for one mechanism; leave"
-            ' it free, as in set = { "goal.travel" = "free" }'
-        )
+    system = _arm(base, named)
     specs = parse_specs(base, table.methods)
     if any(spec.compensated for spec in specs):
         raise InputError(
             f"{named}: name methods without '{COMPENSATED}'; compensated = true asks for it"
         )
-    first, *options = specs[0].label.split(":", 1)
-    extra = [":".join([f"{first} {COMPENSATED}", *options])] if table.compensated else []
-    designs = _designs(table, base, named)
+    methods = [spec.label for spec in specs]
+    if table.compensated:
+        first, *options = methods[0].split(":", 1)
+        methods.append(":".join([f"{first} {COMPENSATED}", *options]))
+    figures = {figure.key: figure for figure in figures_of(methods, table.compensated)}
+    for key in table.front:
+        if key not in figures:
+            raise InputError(f"{named}: front: unknown figure '{key}'; {nearest(key, [*figures])}")
+        if table.front.count(key) > 1:
+            raise InputError(f"{named}: front names '{key}' twice")
+    designs = _designs(table, base, system, named)
     if all(each.refused for each in designs):
         why = designs[0]
         raise InputError(f"{named}: no design can be built; {why.name}: {why.refused}")
@@ -272,81 +280,94 @@ def read_design(source: Mapping[str, Any] | str | Path) -> StudyInput:
         base=base,
         designs=designs,
         tasks={n: _tasks(table.tasks, base, n, named) for n in joints},
-        methods=(*(spec.label for spec in specs), *extra),
+        methods=tuple(methods),
+        figures=tuple(figures.values()),
+        front_by=tuple(figures[key] for key in table.front),
     )
 
 
-def _designs(table: DesignFile, base: Problem, source: str) -> tuple[Design, ...]:
+def _arm(base: Problem, source: str) -> Manipulator:
+    """The arm, where the problem leaves its mechanism open."""
+    if not isinstance(base.system, Manipulator):
+        raise InputError(
+            f"{source}: the mechanism of system.kind = '{base.system.kind}' has no friction"
+            " disks; a design study needs a 'manipulator'"
+        )
+    if base.travel is not None:
+        raise InputError(
+            f"{source}: goal.travel = {base.travel:.4g} of the problem is for one mechanism; leave"
+            ' it free, as in set = { "goal.travel" = "free" }'
+        )
+    if "tip_m" in base.to_dict()["goal"]:
+        raise InputError(
+            f"{source}: goal.tip_m of the problem is for the links of one mechanism; give"
+            " goal.theta_deg in its place"
+        )
+    return base.system
+
+
+def _designs(
+    table: DesignFile, base: Problem, system: Manipulator, source: str
+) -> tuple[Design, ...]:
     rows = SweepFile.model_construct(problem="", methods=[], cases=table.cases, grid=table.grid)
-    keys = varied(rows)
-    for key in keys:
-        if key not in VARIABLES:
-            raise InputError(
-                f"{source}: unknown design variable '{key}'; {nearest(key, VARIABLES)}"
-            )
-    if not keys:
+    if not varied(rows):
         raise InputError(
             f"{source}: the file names no design; give [grid] or [[cases]], as in [grid]"
             " rho = [0.8, 1.0]"
         )
-    gear, links, inferred = _present(table, base, source)
-    if inferred and table.contact_force_n is not None:
-        raise InputError(
-            f"{source}: contact_force_n needs radii in metres; give the table [gear] of the"
-            " mechanism"
-        )
-    system = base.system
-    assert isinstance(system, Manipulator)
-    out = []
-    for point in points(rows, source):
-        name = ", ".join(f"{key} = {_shown(value)}" for key, value in point.items())
-        parse(VariablesTable, point, f"{source}: design {name}")
-        n = point.get("joints", system.n)
-        own = point.get("link_lengths", links if n == system.n else None)
+    gear, links = _present(table, base, system, source)
+
+    def made(name: str, values: Point) -> Design:
+        n = values.get("joints", system.n)
+        own = values.get("link_lengths", links if n == system.n else None)
         if own is not None and len(own) != n:
             raise InputError(
                 f"{source}: design {name}: link_lengths has {len(own)} values for {n} joints"
             )
-        out.append(design(name, point, gear_of(point, gear), _bends(base, n), own, table.clearance))
-    if table.present and not any(_same(each, gear, system.n) for each in out):
-        bends = _bends(base, system.n)
-        out.insert(0, design("as it is", {}, gear, bends, links, table.clearance))
+        bends = base.limits.joint[1:]  # infinite where there is no limit
+        bends = bends if len(bends) == n else np.full(n, float(np.max(bends)))
+        return design(name, values, gear_of(values, gear), bends, own, table.clearance)
+
+    out = []
+    for point in points(rows, source):
+        name = ", ".join(f"{key} = {_shown(value)}" for key, value in point.items())
+        parse(VariablesTable, point, f"{source}: design {name}")
+        out.append(made(name, point))
+    present = made("as it is", {})
+    if table.present and not any(
+        each.joints == system.n and np.allclose(astuple(each.gear), astuple(gear), rtol=1e-9)
+        for each in out
+    ):
+        out.insert(0, present)
     return tuple(out)
 
 
-def _present(table: DesignFile, base: Problem, source: str) -> tuple[Gear, Any, bool]:
-    """The mechanism as it is: gear, links where they share its unit, and whether it is inferred."""
-    system = base.system
-    assert isinstance(system, Manipulator)
+def _present(
+    table: DesignFile, base: Problem, system: Manipulator, source: str
+) -> tuple[Gear, Any]:
+    """The mechanism as it is: its gear, and its links where they share the gear's unit."""
     if table.gear is not None:
         g = table.gear
-        return Gear(g.r1, g.R, g.r3, g.lam, g.eta), None, False
-    gears, _ = stage_gears(system)
-    radii = [g.r3 for g in gears]
+        return Gear(g.r1, g.R, g.r3, g.lam, g.eta), None
+    (gear, *others), _ = stage_gears(system)
+    radii = [g.r3 for g in (gear, *others)]
     if max(radii) > min(radii) * (1 + UNEVEN):
         raise InputError(
             f"{source}: the problem's K belong to stages of different radii; give the table [gear]"
             " of the mechanism that designs are to differ from"
         )
-    if system.gear is None:
-        return gears[0], None, True
-    links = base.to_dict()["system"].get("link_lengths")
-    return gears[0], links, False
+    if system.gear is not None:
+        return gear, base.to_dict()["system"].get("link_lengths")
+    if table.contact_force_n is not None:
+        raise InputError(
+            f"{source}: contact_force_n needs radii in metres; give the table [gear] of the"
+            " mechanism"
+        )
+    return gear, None
 
 
 UNEVEN = 1e-4
 """Ratios in problem files have six digits; stages that differ by more are meant to."""
-
-
-def _same(each: Design, gear: Gear, joints: int) -> bool:
-    own, other = (np.array([g.r1, g.R, g.r3, g.lam, g.eta]) for g in (each.gear, gear))
-    return each.joints == joints and bool(np.allclose(own, other, rtol=1e-9))
-
-
-def _bends(base: Problem, joints: int) -> Array:
-    """Largest |θ| of each joint, (n,), rad; infinite where there is no limit."""
-    own = base.limits.joint[1:]
-    return own if len(own) == joints else np.full(joints, float(np.max(own)))
 
 
 def _shown(value: Any) -> str:
@@ -358,17 +379,13 @@ def _shown(value: Any) -> str:
 def _tasks(table: TasksTable | None, base: Problem, joints: int, source: str) -> tuple[Task, ...]:
     if table is None:
         tables = base.to_dict()
-        given: Sequence[Task] = [(tables["start"]["theta_deg"], tables["goal"]["theta_deg"])]
+        given = [(tables["start"]["theta_deg"], tables["goal"]["theta_deg"])]
     elif table.count is not None:
-        assert table.start_deg is not None
-        assert table.goal_deg is not None
+        boxes: Any = [[table.start_deg], [table.goal_deg]]
+        low, high = np.moveaxis(np.array(boxes), -1, 0)
         rng = np.random.default_rng([table.seed, joints])
-        given = []
-        for _ in range(table.count):
-            boxes = (table.start_deg, table.goal_deg)
-            ends = (rng.uniform(low, high, joints) for low, high in boxes)
-            start, goal = (np.round(end, 2).tolist() for end in ends)
-            given.append((start, goal))
+        ends = np.round(rng.uniform(low, high, (table.count, 2, joints)), 2)
+        given = [(start, goal) for start, goal in ends.tolist()]
     else:
         given = [(pair.start_deg, pair.goal_deg) for pair in table.pairs]
     for k, task in enumerate(given):
@@ -379,10 +396,3 @@ def _tasks(table: TasksTable | None, base: Problem, joints: int, source: str) ->
                     f" {joints} joints; draw tasks with count, or give each number its own study"
                 )
     return tuple(given)
-
-
-def _capacity(base: Problem, torque: float) -> dict[str, float]:
-    """The contacts' capacity, with the relative spread of the problem's machine."""
-    known = Machine.from_table(base.machine).effects.get("friction_capacity_nm")
-    spread = known.spread[0] / known.value[0] if known is not None else 0.0
-    return {"value": torque, "spread": spread * torque}

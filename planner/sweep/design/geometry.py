@@ -51,18 +51,15 @@ class Design:
     refused: str
 
     def __repr__(self) -> str:
-        g = self.gear
+        ratios = f"rho {number(self.gear.rho)}, kappa {number(self.gear.k(1))}"
+        gear = ", ".join(f"{key} {number(v)}" for key, v in gear_table(self.gear).items())
         state = f"; cannot be built: {self.refused}" if self.refused else ""
-        return (
-            f"Design({self.name}: {self.joints} joints, rho {number(g.rho)}, kappa"
-            f" {number(kappa_of(g))}; r1 {number(g.r1)}, R {number(g.R)}, r3 {number(g.r3)},"
-            f" lambda {number(g.lam)}, eta {number(g.eta)}{state})"
-        )
+        return f"Design({self.name}: {self.joints} joints, {ratios}; {gear}{state})"
 
 
-def kappa_of(gear: Gear) -> float:
-    """κ = λR/(ηr₃), how much a joint turns for a turn of the disk before it; k₂ = κρ."""
-    return gear.lam * gear.R / (gear.eta * gear.r3)
+def gear_table(gear: Gear) -> dict[str, float]:
+    """Radii and ratios by their names in files."""
+    return {"r1": gear.r1, "R": gear.R, "r3": gear.r3, "lambda": gear.lam, "eta": gear.eta}
 
 
 def gear_of(values: Mapping[str, Any], base: Gear) -> Gear:
@@ -97,25 +94,16 @@ def design(
         clearance: How much room parts need beyond their radii, likewise.
     """
     bends = np.minimum(bends, np.pi / 2)
+    links = None if link_lengths is None else tuple(map(float, link_lengths))
     needs = _needs(gear, bends, clearance)
-    refused = _hidden_axle(gear, bends, clearance)
-    if not refused and link_lengths is not None:
-        for link, least, what in needs:
-            if not link_lengths[link - 1] > least:
-                refused = (
-                    f"{what} = {number(least, 4)} does not hold: l{link} ="
-                    f" {number(float(link_lengths[link - 1]), 4)}"
-                )
-                break
-    return Design(
-        name=name,
-        values=dict(values),
-        joints=len(bends),
-        gear=gear,
-        link_lengths=None if link_lengths is None else tuple(map(float, link_lengths)),
-        least_link=max(least for _, least, _ in needs),
-        refused=refused,
+    short = (
+        f"{what} = {number(least, 4)} does not hold: l{j} = {number(links[j - 1], 4)}"
+        for j, least, what in needs
+        if links is not None and not links[j - 1] > least
     )
+    refused = _hidden_axle(gear, bends, clearance) or next(short, "")
+    longest = max(least for _, least, _ in needs)
+    return Design(name, dict(values), len(bends), gear, links, longest, refused)
 
 
 def _hidden_axle(gear: Gear, bends: Array, clearance: float) -> str:

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from html import escape
+from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from planner.errors import InputError
 from planner.plan.samples import imported
 from planner.support.arrays import jsonable
-from planner.support.files import named, write_bytes, write_text
+from planner.support.files import make_folder, write_bytes, write_text
 from planner.support.package import handed_to, versions
 from planner.support.tables import (
     Column,
@@ -24,14 +23,12 @@ from planner.support.tables import (
     markdown,
     markdown_table,
     number,
+    short,
     terminal_table,
 )
 from planner.sweep.design.design_file import StudyInput
-from planner.sweep.design.figures import (
-    DesignRow,
-    Figure,
-)
-from planner.sweep.design.geometry import kappa_of
+from planner.sweep.design.figures import DesignRow, Figure
+from planner.sweep.design.geometry import gear_table
 
 if TYPE_CHECKING:
     import pandas
@@ -70,12 +67,10 @@ class DesignStudy:
         return f"DesignStudy({self.asked.title!r}, {len(self.rows)} designs, {tasks}: {said})"
 
     def __getitem__(self, name: str) -> DesignRow:
-        for row in self.rows:
-            if row.design.name == name:
-                return row
-        raise InputError(
-            f"no design '{name}'; there are: {'; '.join(r.design.name for r in self.rows)}"
-        )
+        by_name = {row.design.name: row for row in self.rows}
+        if name not in by_name:
+            raise InputError(f"no design '{name}'; there are: {'; '.join(by_name)}")
+        return by_name[name]
 
     @property
     def title(self) -> str:
@@ -113,7 +108,11 @@ class DesignStudy:
             "front_by": [figure.key for figure in self.front_by],
             "recommended": None if self.recommended is None else self.recommended.design.name,
             "reason": self.reason,
-            "designs": [_row(row) for row in self.rows],
+            "designs": [
+                {k: v for k, v in _flat(row).items() if k not in row.figures}
+                | {"values": row.design.values, "figures": row.figures, "why": row.why}
+                for row in self.rows
+            ],
             "study": self.asked.table.model_dump(mode="json", by_alias=True, exclude_unset=True),
             "versions": versions(),
         }
@@ -127,8 +126,7 @@ class DesignStudy:
         Raises:
             InputError: If pandas is not installed.
         """
-        rows = [_flat(row) for row in self.rows]
-        frame = imported("pandas").DataFrame.from_records(rows)
+        frame = imported("pandas").DataFrame.from_records([_flat(row) for row in self.rows])
         frame.attrs = {"title": self.title, "tasks": self.tasks}
         return frame.set_index("design")
 
@@ -136,9 +134,8 @@ class DesignStudy:
         """For a terminal: `rich.print(study.table())`."""
         narrow = {"design", "front", *(figure.title for figure in self.front_by), *TERMINAL}
         narrow |= {f"solved, {method}" for method in self.asked.methods[:2]}
-        shown = [c for c in self.columns if c.title in narrow]
         return terminal_table(
-            shown,
+            [column for column in self.columns if column.title in narrow],
             self.rows,
             caption=self._explained,
             ruled=True,
@@ -148,16 +145,14 @@ class DesignStudy:
 
     def markdown(self) -> str:
         """The table and the recommendation as Markdown text."""
-        refused = [
-            f"- {markdown(row.design.name)}: {markdown(row.design.refused)}"
-            for row in self.rows
-            if row.design.refused
-        ]
-        cannot = ["", "Cannot be built:", "", *refused] if refused else []
-        lines = [f"# {markdown(self.title)}", "", self.reason, ""]
         built = [row for row in self.rows if not row.design.refused]
-        lines += [markdown_table(self.columns, built), *cannot, "", self._explained]
-        return "\n".join(lines) + "\n"
+        lines = [f"# {markdown(self.title)}", "", self.reason, ""]
+        lines.append(markdown_table(self.columns, built))
+        if len(built) < len(self.rows):
+            lines += ["", "Cannot be built:", ""]
+        for each in (row.design for row in self.rows if row.design.refused):
+            lines.append(f"- {markdown(each.name)}: {markdown(each.refused)}")
+        return "\n".join([*lines, "", self._explained]) + "\n"
 
     def _repr_html_(self) -> str:
         """The table, as a notebook shows it."""
@@ -180,10 +175,8 @@ class DesignStudy:
 
     def plot(self, *, axes: Any = None) -> tuple[Picture, Any]:
         """One picture for a designer; see `planner.report.plot_design`."""
-        drawn: tuple[Picture, Any] = handed_to("planner.report.figures.design.plot_design")(
-            self, axes=axes
-        )
-        return drawn
+        draw = handed_to("planner.report.figures.design.plot_design")
+        return cast("tuple[Picture, Any]", draw(self, axes=axes))
 
     def save(self, folder: str | Path) -> Path:
         """Write design.md, design.csv, design.json and design.png to a folder, made when missing.
@@ -193,63 +186,42 @@ class DesignStudy:
         Raises:
             InputError: If the folder or a file cannot be written.
         """
-        place = folder_made(folder)
+        place = make_folder(folder)
         write_text(place / "design.md", self.markdown() + "\n![The study](design.png)\n")
         write_text(place / "design.csv", csv_table(self.columns, self.rows))
         text = json.dumps(self.to_dict(), indent=1, allow_nan=False, ensure_ascii=False)
         write_text(place / "design.json", text + "\n")
-        write_bytes(place / "design.png", _png(self.plot()[0]))
+        picture = BytesIO()
+        self.plot()[0].savefig(picture, format="png", dpi=110)
+        write_bytes(place / "design.png", picture.getvalue())
         return place
 
 
 TERMINAL = ("effort", "one-way", "contacts", "error at the end")
 """Columns of a terminal, beside those of the figures traded."""
 
-GEAR = {"r1": "r1", "R": "R", "r3": "r3", "lam": "lambda", "eta": "eta"}
-"""Attributes of a gear, and their names in files."""
-
-
-def _of_gear(key: str, row: DesignRow) -> float:
-    return float(getattr(row.design.gear, key))
-
 
 def _columns(study: DesignStudy) -> list[Column[DesignRow]]:
-    def of(key: str) -> Callable[[DesignRow], float]:
-        return lambda row: row.figures.get(key, np.nan)
+    def column(key: str, title: str = "", unit: str = "", shown: Any = None) -> Column[DesignRow]:
+        name = key.replace(" ", "_")
+        return Column(title or key, unit, lambda r: _flat(r).get(key, np.nan), shown, key=name)
 
     def counted(value: float) -> str:
         return f"{value * study.tasks:.0f} of {study.tasks}" if np.isfinite(value) else "-"
 
-    def percent(value: float) -> str:
-        return f"{100 * value:.3g}" if np.isfinite(value) else "-"
-
-    out: list[Column[DesignRow]] = [
+    out = [
         Column("design", "", lambda row: row.design.name, left=True),
         Column("front", "", lambda row: "take" if row is study.recommended else "*" * row.on_front),
-        Column("rho", "", lambda row: row.design.gear.rho),
-        Column("kappa", "", lambda row: kappa_of(row.design.gear)),
-        *(Column(name, "", partial(_of_gear, key), shown=None) for key, name in GEAR.items()),
-        Column("joints", "", lambda row: row.design.joints, shown=None),
+        column("rho", shown=short),
+        column("kappa", shown=short),
+        *map(column, ("r1", "R", "r3", "lambda", "eta", "joints")),
     ]
-    solved = [f for f in study.figures if f.key.startswith("solved")]
-    for figure in [*solved, *(f for f in study.figures if f not in solved)]:
-        shown: Any = number
-        unit = figure.unit
-        if figure.key == "one_way" or figure in solved:
-            shown = counted
-        elif figure.key == "window":
-            shown, unit = percent, "%"
-        out.append(
-            Column(figure.title, unit, of(figure.key), shown, key=figure.key.replace(" ", "_"))
-        )
-    out.append(Column("refused", "", lambda row: row.design.refused, shown=None))
-    return out
-
-
-def _row(row: DesignRow) -> dict[str, Any]:
-    own = _flat(row)
-    figures = {key: own.pop(key) for key in row.figures}
-    return {**own, "values": dict(row.design.values), "figures": figures, "why": row.why}
+    for figure in sorted(study.figures, key=lambda f: not f.key.startswith("solved")):
+        unit, shown = figure.unit, counted if figure.over == "part" else number
+        if figure.key == "window":
+            unit, shown = "%", lambda value: number(100 * value)
+        out.append(column(figure.key, figure.title, unit, shown))
+    return [*out, column("refused")]
 
 
 def _flat(row: DesignRow) -> dict[str, Any]:
@@ -258,34 +230,10 @@ def _flat(row: DesignRow) -> dict[str, Any]:
         "design": each.name,
         "joints": each.joints,
         "rho": each.gear.rho,
-        "kappa": kappa_of(each.gear),
-        **{name: getattr(each.gear, key) for key, name in GEAR.items()},
+        "kappa": each.gear.k(1),
+        **gear_table(each.gear),
         "link_lengths": None if each.link_lengths is None else list(each.link_lengths),
         **row.figures,
         "on_front": row.on_front,
         "refused": each.refused,
     }
-
-
-def folder_made(folder: str | Path) -> Path:
-    """The folder, made when missing.
-
-    Raises:
-        InputError: If it is a file or cannot be made.
-    """
-    place = named(folder)
-    if place.exists() and not place.is_dir():
-        raise InputError(f"{place} is a file; name a folder")
-    try:
-        place.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot write {place}: {error.strerror or error}") from None
-    return place
-
-
-def _png(figure: Picture) -> bytes:
-    from io import BytesIO
-
-    stream = BytesIO()
-    figure.savefig(stream, format="png", dpi=110)
-    return stream.getvalue()

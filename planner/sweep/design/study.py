@@ -3,35 +3,20 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping
 from contextlib import nullcontext
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from planner.problem.feasibility import TravelWindow, travel_window
+from planner.problem.feasibility import travel_window
+from planner.support.files import make_folder
 from planner.support.progress import expect_listener
-from planner.sweep.design.design_file import StudyInput, read_design
-from planner.sweep.design.figures import (
-    DesignRow,
-    Figure,
-    TaskOutcome,
-    able,
-    best,
-    chosen,
-    commonest,
-    judged_by,
-    pareto,
-    reason,
-)
-from planner.sweep.design.result import DesignStudy, folder_made
+from planner.sweep.design.design_file import read_design
+from planner.sweep.design.figures import DesignRow, outcome, recommend
+from planner.sweep.design.result import DesignStudy
 from planner.sweep.results import read
-from planner.sweep.run import run_sweep
-
-Progress = Callable[[str, float], None]
-"""Called with the current step and the completed share, 0 … 1."""
+from planner.sweep.run import Progress, run_sweep
 
 CASES = "cases.sqlite"
 """The database of finished cases in a study's folder."""
@@ -72,61 +57,25 @@ def design_study(
     tell = progress or (lambda _, __: None)
     tell("reading", 0.0)
     asked = read_design(design)
-    first, *others = asked.methods
-    compensated = others.pop() if asked.table.compensated else None
-    judged = judged_by([first, *others], compensated)
-    figures = [figure for figure, _ in judged]
-    link = Figure("least_link", "least link")
-    traded = chosen(asked.table.front, [*figures, link], asked.source)
-    windows = _windows(asked)
-    place = tempfile.TemporaryDirectory() if folder is None else nullcontext(folder_made(folder))
+    # An impossible task is refused before anything is planned.
+    windows = iter([travel_window(asked.posed(*pair)) for pair in asked.pairs])
+    place = tempfile.TemporaryDirectory() if folder is None else nullcontext(make_folder(folder))
     with place as made:
         db = Path(made) / CASES
-        outcome = run_sweep(asked.sweep(), db, workers=workers, cluster=cluster, progress=progress)
+        run = run_sweep(asked.sweep(), db, workers=workers, cluster=cluster, progress=progress)
         tell("comparing", 1.0)
-        records = iter(read(db)[1])
+        cases = iter(read(db)[1])
     rows = []
     for each in asked.designs:
         if each.refused:
             rows.append(DesignRow(each, {}))
             continue
-        outcomes = [
-            TaskOutcome(window, {method: next(records) for method in asked.methods})
-            for window in windows[each.name]
-        ]
-        values = {figure.key: value(outcomes) for figure, value in judged}
-        values[link.key] = each.least_link
-        rows.append(DesignRow(each, values, why=commonest(outcomes, first)))
-    return replace(_recommended(asked, rows, [*figures, link], traded), bugs=outcome.bugs)
-
-
-def _windows(asked: StudyInput) -> dict[str, list[TravelWindow]]:
-    """Of every task on each design that can be built; raises for an impossible problem."""
-    out: dict[str, list[TravelWindow]] = {}
-    for each in asked.designs:
-        if not each.refused:
-            posed = (asked.posed(each, task) for task in asked.tasks[each.joints])
-            found = map(travel_window, posed)
-            out[each.name] = [window for window in found if window is not None]
-    return out
-
-
-def _recommended(
-    asked: StudyInput, rows: list[DesignRow], figures: Sequence[Figure], traded: Sequence[Figure]
-) -> DesignStudy:
-    kept = able(rows, traded, f"solved {asked.methods[0]}")
-    taken = best(rows, kept, traded) if kept else None
-    values = np.array([rows[k][figure.key] for k in kept for figure in traded])
-    unbeaten = pareto(values.reshape(len(kept), len(traded)), [f.better for f in traded])
-    for k, on_front in zip(kept, unbeaten, strict=True):
-        rows[k] = replace(rows[k], on_front=bool(on_front))
+        of_tasks = [{m: next(cases) for m in asked.methods} for _ in asked.tasks[each.joints]]
+        outcomes = [outcome(each, next(windows), of_methods) for of_methods in of_tasks]
+        first = [of_methods[asked.methods[0]] for of_methods in of_tasks]
+        whys = Counter(case["why"] for case in first if not case["solved"]).most_common(1)
+        values = {figure.key: figure.value(outcomes) for figure in asked.figures}
+        rows.append(DesignRow(each, values, why=whys[0][0] if whys else ""))
     tasks = len(next(iter(asked.tasks.values())))
-    said = reason(rows, taken, kept, traded, asked.methods, tasks)
-    return DesignStudy(
-        asked=asked,
-        rows=tuple(rows),
-        figures=tuple(figures),
-        front_by=tuple(traded),
-        recommended=None if taken is None else rows[taken],
-        reason=said,
-    )
+    marked, taken, reason = recommend(rows, asked.front_by, asked.methods, tasks)
+    return DesignStudy(asked, marked, asked.figures, asked.front_by, taken, reason, run.bugs)

@@ -1,114 +1,130 @@
-"""The front and the recommendation on figures known beforehand."""
+"""The front and the recommendation, on figures known beforehand."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 import pytest
 
-from planner import Gear
-from planner.problem.feasibility import TravelWindow
-from planner.sweep.case import RESULTS
-from planner.sweep.design.figures import (
-    LOAD,
-    DesignRow,
-    Figure,
-    TaskOutcome,
-    able,
-    best,
-    judged_by,
-    pareto,
-    reason,
-)
-from planner.sweep.design.geometry import design
+import planner
 
-EFFORT, SPREAD = Figure("effort", "effort", "rad^2/s"), Figure("spread_deg", "spread", "deg")
-GEAR = Gear(1.0, 1.0, 1.0, 1.0, 1.0)
+Known = Callable[..., planner.DesignStudy]
+Tasks = list[Mapping[str, Any] | None]
+
+CALM, GOOD, EAGER, SLIPS, FAILS = (f"rho = {rho}" for rho in ("1", "1.01", "1.02", "1.03", "1.04"))
 
 
-def test_the_front_is_what_no_other_beats() -> None:
-    values = np.array([[1.0, 5.0], [2.0, 3.0], [2.5, 3.0], [4.0, 1.0], [4.0, 1.0], [np.nan, 0.0]])
-    assert pareto(values, [-1, -1]).tolist() == [True, True, False, True, True, False]
-    assert pareto(values * [1, -1], [-1, 1]).tolist() == [True, True, False, True, True, False]
-    assert pareto(values[:, :1], [1]).tolist() == [False, False, False, True, True, False]
+def results(effort: float | None, spread: float, load: float = 0.5, **more: float) -> Any:
+    return {"effort": effort, "end_spread_deg": spread, "contact_load": load, **more}
 
 
-def test_the_front_agrees_with_the_definition() -> None:
-    values = np.random.default_rng(1).random((40, 3))
-    for k, kept in enumerate(pareto(values, [-1, 1, -1])):
-        cost = values * [1, -1, 1]
-        beaten = [
-            (cost[j] <= cost[k]).all() and (cost[j] < cost[k]).any() for j in range(40) if j != k
-        ]
-        assert kept == (not any(beaten))
-
-
-def row(name: str, effort: float, spread: float, load: float = 0.5, solved: float = 1.0) -> Any:
-    figures = {"effort": effort, "spread_deg": spread, LOAD: load, "solved a": solved}
-    made = design(name, {"rho": 1.0}, GEAR, np.full(3, 1.4))
-    return DesignRow(made, {**figures, "one_way": 1.0})
-
-
-ROWS = [
-    row("calm", 1.0, 1.0),
-    row("good", 0.2, 1.1),
-    row("eager", 0.18, 1.5),
-    row("slips", 0.05, 1.0, load=1.2),
-    row("fails", 0.01, 0.9, solved=0.5),
-    DesignRow(design("none", {}, GEAR, np.full(3, 1.4), [1.0] * 3), {}),
+DESIGNS: list[Tasks] = [
+    [results(1.0, 1.0)] * 4,
+    [results(0.2, 1.1)] * 4,
+    [results(0.18, 1.5)] * 4,
+    [results(0.05, 1.0, load=1.2)] * 4,
+    [results(0.01, 0.9)] * 3 + [None],
 ]
 
 
-def test_the_one_to_take_solves_most_holds_and_loses_least() -> None:
-    kept = able(ROWS, [EFFORT, SPREAD], "solved a")
-    assert [ROWS[k].design.name for k in kept] == ["calm", "good", "eager"]
-    assert best(ROWS, kept, [EFFORT, SPREAD]) == 1
-    assert best(ROWS, kept, [EFFORT]) == 2
-    assert best(ROWS, kept, [SPREAD]) == 0
-    said = reason(ROWS, 1, kept, [EFFORT, SPREAD], ["a"], 4)
-    assert said.startswith("Take good. It solves 4 of 4 tasks by a, as 3 of 5 designs do whose")
-    assert "effort 0.2 rad^2/s, spread 1.1 deg" in said
-    assert "fails has effort 0.01 rad^2/s, but it solves fewer tasks." in said
+def test_the_front_is_what_no_other_beats(known: Known) -> None:
+    draws = np.random.default_rng(1).random((40, 3))
+    draws[1] = draws[0]
+    draws[2, 0] = np.nan
+    rows = [[results(None if np.isnan(e) else e, s, domain_margin=m)] for e, s, m in draws]
+    study = known(rows, front=["effort", "spread_deg", "margin"])
+    cost = draws * [1, 1, -1]
+    for k, row in enumerate(study.rows):
+        beaten = [(c <= cost[k]).all() and (c < cost[k]).any() for c in cost]
+        assert row.on_front == (not any(beaten) and k != 2), "none is as good, and better in one"
+    assert np.isnan(study.rows[2]["effort"])
+    assert study.recommended in study.front
 
 
-def test_where_all_slip_the_least_loss_is_taken_and_told() -> None:
-    rows = [row("x", 1.0, 1.0, load=2.0), row("y", 2.0, 2.0, load=3.0)]
-    kept = able(rows, [EFFORT, SPREAD], "solved a")
-    assert kept == [0, 1]
-    said = reason(rows, 0, kept, [EFFORT, SPREAD], ["a"], 4)
-    assert said.startswith("Take x, with larger contact forces.")
-    assert "all load their contacts beyond capacity" in said
+def test_the_one_to_take_solves_most_holds_and_loses_least(known: Known) -> None:
+    study = known(DESIGNS)
+    assert [row.design.name for row in study.front] == [CALM, GOOD, EAGER]
+    assert study.recommended is study[GOOD]
+    said = study.reason
+    assert said.startswith(
+        f"Take {GOOD}. It solves 4 of 4 tasks by polynomial, as 3 of 5 designs do whose contacts do"
+        " not slip. Of these it has the least total loss, with equal weight for a percent of effort"
+        " and spread: effort 0.2 rad^2/s, spread 1.1 deg. Its contacts are loaded to 0.5 of their"
+    )
+    assert f"{FAILS} has effort 0.01 rad^2/s, but it solves fewer tasks." in said
+    alone = known(DESIGNS, front=["effort"])
+    assert alone.recommended is alone[EAGER]
+    assert "Of these it has the best effort: effort 0.18 rad^2/s" in alone.reason
+    assert known(DESIGNS, front=["spread_deg"]).recommended.design.name == CALM  # type: ignore[union-attr]
 
 
-def test_where_none_solves_a_task_it_says_so() -> None:
-    rows = [row("x", np.nan, np.nan, solved=0.0)]
-    assert able(rows, [EFFORT], "solved a") == []
-    assert reason(rows, None, [], [EFFORT], ["a"], 4) == "No design solves a task by a."
-    few = [row("x", np.nan, np.nan, solved=0.25)]
-    assert able(few, [EFFORT], "solved a") == []
-    said = reason(few, None, [], [EFFORT], ["a"], 4)
-    assert said == "No design solves half of the tasks by a or has effort otherwise."
+def test_a_design_that_is_better_and_slips_is_told(known: Known) -> None:
+    said = known(DESIGNS[:4]).reason
+    assert f"{SLIPS} has effort 0.05 rad^2/s, but its contacts would slip (loaded to 1.2)." in said
 
 
-def outcome(solved: bool, effort: float, window: TravelWindow) -> TaskOutcome:
-    columns = dict.fromkeys(RESULTS, 1.0) | {"effort": effort, "peak_u1_rad_s": effort, "why": ""}
-    return TaskOutcome(window, {"a": {**columns, "solved": solved}})
+def test_the_mechanism_as_it_is_is_told(known: Known) -> None:
+    study = known([[results(1.0, 1.0)], [results(0.5, 1.0)]], present=True, grid={"rho": [1.2]})
+    assert "The mechanism as it is: effort 1 rad^2/s, spread 1 deg." in study.reason
 
 
-def test_an_unsolved_task_counts_as_worse_than_any() -> None:
-    there, none = TravelWindow(0.9, 1.1, True), TravelWindow(np.nan, np.nan, True, "no")
-    tasks = [outcome(True, 1.0, there), outcome(True, 3.0, there), outcome(False, 0.1, none)]
-    values = {figure.key: value(tasks) for figure, value in judged_by(["a"], None)}
-    assert values["effort"] == 3.0
-    assert values["peak_u1_rad_s"] == 3.0
-    assert values["solved a"] == pytest.approx(2 / 3)
-    assert values["one_way"] == pytest.approx(2 / 3)
-    assert values["window"] == pytest.approx(0.2)
-    endless = [outcome(True, 1.0, TravelWindow(0.9, np.inf, True))]
-    values = {figure.key: value(endless) for figure, value in judged_by(["a"], None)}
-    assert values["window"] == 2.0
-    worse = [tasks[0], tasks[2], tasks[2]]
-    values = {figure.key: value(worse) for figure, value in judged_by(["a"], None)}
-    assert np.isnan(values["effort"])
-    assert values["peak_u1_rad_s"] == 1.0
+def test_where_all_slip_the_least_loss_is_taken_and_told(known: Known) -> None:
+    study = known([[results(1.0, 1.0, load=2.0)] * 2, [results(2.0, 2.0, load=3.0)] * 2])
+    assert study.recommended is study.rows[0]
+    assert study.reason.startswith(f"Take {CALM}, with larger contact forces.")
+    assert "all load their contacts beyond capacity" in study.reason
+
+
+def test_where_the_best_of_a_figure_is_nothing_the_others_decide(known: Known) -> None:
+    study = known([[results(2.0, 0.0)], [results(1.0, 0.0)], [results(0.5, 0.1)]])
+    assert study.recommended is study.rows[1]
+
+
+def test_where_few_tasks_are_solved_it_says_so(known: Known) -> None:
+    study = known([[results(1.0, 1.0), None, None, None]])
+    assert study.recommended is None
+    assert study.reason.startswith(
+        "No design solves half of the tasks by polynomial or has effort and spread otherwise: no"
+        " plan of any kind exists"
+    )
+
+
+def test_an_unsolved_task_counts_as_worse_than_any(known: Known, quick: dict[str, Any]) -> None:
+    names = ("effort", "duration_s", "domain_margin", "peak_u1_rad_s", "peak_u2_rad_s")
+    names += ("contact_torque_nm", "contact_load", "E_median_deg", "end_p95_deg", "end_spread_deg")
+    one, three, five = ({n: k * (i + 1) for i, n in enumerate(names)} for k in (1.0, 3.0, 5.0))
+    problem = {
+        **quick["problem"],
+        "system": {"kind": "manipulator", "joints": 3, "K": [0.8, 0.7], "k_g": 0.7},
+        "start": {"theta_deg": [10, 10, 10]},
+    }
+    goals = ([30, 30, 30], [30, 20, 20], [30, 20, 5])  # joints that turn apart are not one-way
+    pairs = [{"start_deg": [10, 10, 10], "goal_deg": goal} for goal in goals]
+    problem["goal"] = {"theta_deg": goals[0], "duration": 0.01}
+    tables = {"problem": problem, "tasks": {"pairs": pairs}}
+    many = [one, five, three, five, None, None]  # each as it is, and compensated
+    few = [one, None, None, None, None, None]
+    study = known([many, few], compensated=True, **tables)
+    more, less = study.rows
+    part = pytest.approx(2 / 3)
+    assert {k: v for k, v in more.figures.items() if k not in ("window", "least_link")} == {
+        "effort": 3.0, "duration_s": 6.0, "one_way": part, "margin": 3.0,
+        "peak_u1_rad_s": 12.0, "peak_u2_rad_s": 15.0, "contact_torque_nm": 18.0,
+        "contact_load": 21.0, "E_deg": 24.0, "end_deg": 27.0, "spread_deg": 30.0,
+        "compensated_end_deg": 45.0, "compensated_spread_deg": 50.0,
+        "solved polynomial": part, "solved polynomial compensated": part,
+    }  # fmt: skip
+    assert np.isnan([less["effort"], less["margin"], less["compensated_end_deg"]]).all()
+    assert less["peak_u1_rad_s"] == 4.0
+    posed = (study.asked.posed(less.design, task) for task in study.asked.tasks[3])
+    *windows, none = map(planner.travel_window, posed)
+    assert none is not None
+    assert none.empty
+    widths = [(w.high - w.low) / ((w.high + w.low) / 2) for w in windows if w is not None]
+    assert less["window"] == pytest.approx(min(widths))  # the middle one: that of none is 0
+    endless = known([[one]])
+    assert (endless.rows[0]["window"], endless.rows[0]["one_way"]) == (2.0, 1.0)
+    assert "For 1 of the 3 tasks no one-way motion exists with it" in study.reason
+    assert "one-way" not in endless.reason

@@ -11,10 +11,8 @@ import numpy as np
 import pytest
 
 import planner
-from planner.machine.contact_load import contact_load
+from planner.cli.app import main
 from planner.report import plot_design
-from planner.sweep.design import study as study_module
-from planner.sweep.design.design_file import read_design
 
 Tables = dict[str, Any]
 TASKS = [
@@ -70,8 +68,6 @@ def test_its_figures_are_those_of_the_plans(study: planner.DesignStudy) -> None:
     runs = [planner.replay(plan, samples=4) for plan in plans]
     spreads = [np.max(run.terminal_error_deg.std(axis=0)) for run in runs]
     assert fast["spread_deg"] == pytest.approx(np.median(spreads), rel=1e-3)
-    torques = [np.median(contact_load(plan, samples=1000).torque_nm) for plan in plans]
-    assert fast["contact_torque_nm"] == pytest.approx(np.max(torques), rel=1e-3)
     assert fast["contact_load"] > slow["contact_load"]
     assert slow["effort"] > fast["effort"]
     assert fast["solved collocation"] == 1.0
@@ -111,24 +107,23 @@ def test_it_is_a_frame_and_a_folder(study: planner.DesignStudy, tmp_path: Path) 
         study.save(tmp_path / "file")
 
 
-def test_the_same_call_goes_on_where_it_was_ended(
-    study: planner.DesignStudy, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    db = folder / "cases.sqlite"
-    connection = sqlite3.connect(db)
-    with connection:  # as if it had been ended before its last case
-        connection.execute("DELETE FROM cases WHERE rowid = (SELECT max(rowid) FROM cases)")
-    connection.close()
-    ran = []
-    run = study_module.run_sweep
+def test_the_same_call_goes_on_where_it_was_ended(study: planner.DesignStudy, folder: Path) -> None:
+    def finished(*statements: str) -> list[Any]:
+        connection = sqlite3.connect(folder / "cases.sqlite")
+        with connection:
+            for statement in statements:
+                connection.execute(statement)
+            rows = connection.execute("SELECT key, finished_at FROM cases ORDER BY rowid")
+            found = rows.fetchall()
+        connection.close()
+        return found
 
-    def counted(*words: Any, **options: Any) -> Any:
-        ran.append(run(*words, **options))
-        return ran[-1]
-
-    monkeypatch.setattr(study_module, "run_sweep", counted)
+    # As if it had been ended before its last case.
+    kept = finished("DELETE FROM cases WHERE rowid = (SELECT max(rowid) FROM cases)")
     again = planner.design_study(STUDY, folder, workers=0)
-    assert (ran[0].kept, ran[0].ran) == (3, 1)
+    assert len(kept) == 3
+    assert finished()[:3] == kept
+    assert len(finished()) == 4
     assert again.reason == study.reason
     assert again.rows[1].figures == pytest.approx(study.rows[1].figures, nan_ok=True)
 
@@ -174,15 +169,14 @@ def test_what_cannot_be_built_is_named_and_not_planned(
     assert "Cannot be built:" in found.markdown()
     found.plot()
     with pytest.raises(planner.InputError, match=r"no design can be built; .* l1 = 1.2"):
-        read_design({**tables, "cases": cases[:1]})
+        planner.design_study({**tables, "cases": cases[:1]}, workers=0)
 
 
-def test_where_no_task_can_be_solved_it_says_so(tmp_path: Path) -> None:
-    tables = {**STUDY, "set": {"goal.duration": 0.01}}
-    found = planner.design_study(tables, tmp_path, workers=0)
+def test_where_no_task_can_be_solved_it_says_so(quick: Tables) -> None:
+    found = planner.design_study({**quick, "grid": {"kappa": [0.7, 1.5]}}, workers=0)
     assert found.recommended is None
     assert found.front == ()
-    assert found.reason.startswith("No design solves a task by collocation: no plan of any kind")
+    assert found.reason.startswith("No design solves a task by polynomial: no plan of any kind")
     assert "no design solves a task" in repr(found)
     found.plot()
 
@@ -191,13 +185,22 @@ def changed(**tables: Any) -> Tables:
     return {**STUDY, **tables}
 
 
+UNEVEN = {
+    "system": {"kind": "manipulator", "joints": 4, "K": [0.8, 0.5, 0.7], "k_g": 0.7},
+    "start": {"theta_deg": [10] * 4},
+    "goal": {"theta_deg": [30] * 4, "duration": 3.0},
+}
+TIP = {
+    "system": {**SYSTEM, "link_lengths": [1.0, 1.0]},
+    "goal": {"tip_m": [1.2, 1.2], "duration": 3.0},
+}
 BOX = {"start_deg": [5, 15], "goal_deg": [20, 45]}
 
 
 @pytest.mark.parametrize(
     ("tables", "says"),
     [
-        (changed(grid={"kapa": [1.0]}), "unknown design variable 'kapa'; did you mean 'kappa'"),
+        (changed(grid={"kapa": [1.0]}), "unknown key 'kapa' .*; did you mean 'kappa'"),
         (changed(grid={}), "the file names no design; give"),
         (changed(grid={"r1": [1.0, -2.0]}), r"design r1 = -2: 'r1' = -2.0: must be greater than 0"),
         (changed(grid={"rho": []}), r"'grid.rho' = \[\]: must be a list of at least 1"),
@@ -217,6 +220,8 @@ BOX = {"start_deg": [5, 15], "goal_deg": [20, 45]}
         (changed(problem="nowhere.toml"), "there is no file nowhere.toml"),
         (changed(problem="problems/unicycle.toml"), "a design study needs a 'manipulator'"),
         (changed(set={"goal.travel": 0.5}), "goal.travel = 0.5 of the problem is for one"),
+        (changed(problem={**PROBLEM, **TIP}), "goal.tip_m of the problem is for the links of one"),
+        (changed(problem={**PROBLEM, **UNEVEN}), "belong to stages of different radii; give the"),
         (changed(replay={"samples": 0}), "'replay.samples' = 0: must be at least 2"),
         (changed(grid={"kappa": [1, 1]}), "has the value 1 twice"),
     ],
@@ -226,38 +231,69 @@ def test_bad_studies_are_named_before_anything_is_planned(tables: Tables, says: 
         planner.design_study(tables, workers=0)
 
 
-def test_tasks_are_drawn_alike_for_every_design_and_more_begin_with_the_same() -> None:
-    tables = changed(grid={"joints": [2, 4]}, tasks={"count": 3, "seed": 5, **BOX})
-    asked = read_design(tables)
-    assert sorted(asked.tasks) == [2, 4]
-    for n, tasks in asked.tasks.items():
+def test_a_goal_that_leaves_a_joint_free_has_no_window_and_is_planned() -> None:
+    goal = {"goal.theta_deg": [30, "free"]}
+    kept = {key: value for key, value in STUDY.items() if key != "tasks"}
+    found = planner.design_study({**kept, "methods": ["collocation"], "set": goal}, workers=0)
+    assert found.recommended is not None
+    assert found.rows[0]["solved collocation"] == 1.0
+    assert np.isnan(found.rows[0]["one_way"])
+    assert "one-way" not in found.reason
+
+
+def asked(quick: Tables, **tables: Any) -> Any:
+    """What is planned of designs and tasks, none of which can be solved."""
+    return planner.design_study({**quick, **tables}, workers=0).asked
+
+
+def test_the_dry_run_refuses_unknown_figures_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "x.toml"
+    paper = json.dumps(str(Path("problems/paper.toml").resolve()))
+    file.write_text(f'problem = {paper}\nfront = ["effrt"]\n[grid]\nrho = [1.0]\n')
+    assert main(["design", str(file), "--dry-run"]) == 2
+    assert "unknown figure 'effrt'" in capsys.readouterr().err
+
+
+def test_tasks_are_drawn_alike_for_every_design_and_more_begin_with_the_same(quick: Tables) -> None:
+    drawn = {"count": 3, "seed": 5, **BOX}
+    few = asked(quick, grid={"joints": [2, 4]}, tasks=drawn)
+    assert sorted(few.tasks) == [2, 4]
+    for n, tasks in few.tasks.items():
         assert all(5 <= angle <= 15 for task in tasks for angle in task[0])
         assert all(20 <= angle <= 45 for task in tasks for angle in task[1])
         assert {len(angles) for task in tasks for angles in task} == {n}
-    more = read_design({**tables, "tasks": {**tables["tasks"], "count": 5}})
-    assert more.tasks[4][:3] == asked.tasks[4]
-    system = asked.posed(asked.designs[1], asked.tasks[4][0]).system
-    assert np.asarray(system.K) == pytest.approx(
-        [0.56] * 3
-    )  # rho = 1 of two joints, kappa = k_g K2
+    more = asked(quick, grid={"joints": [2, 4]}, tasks={**drawn, "count": 5})
+    assert more.tasks[4][:3] == few.tasks[4]
+    system = few.posed(few.designs[1], few.tasks[4][0]).system
+    # rho = 1 of two joints, kappa = k_g K2
+    assert np.asarray(system.K) == pytest.approx([0.56] * 3)
 
 
-def test_the_problems_own_task_and_mechanism_are_taken_where_nothing_else_is_said() -> None:
-    kept = {key: v for key, v in STUDY.items() if key not in ("tasks", "present")}
-    asked = read_design({**kept, "problem": planner.Problem.from_dict(PROBLEM)})
-    assert asked.tasks == {2: (([10, 10], [30, 30]),)}
-    first = asked.designs[0]
+def test_the_problems_own_task_and_mechanism_are_taken_where_nothing_else_is_said(
+    quick: Tables,
+) -> None:
+    problem = planner.Problem.from_dict(quick["problem"])
+    own = asked(quick, problem=problem, grid={"kappa": [0.7, 1.5]}, present=True)
+    assert own.tasks == {2: (([10, 10], [30, 30]),)}
+    first = own.designs[0]
     assert (first.name, first.values) == ("as it is", {})
-    own = asked.posed(first, asked.tasks[2][0]).system
-    assert own.k_g * own.K == pytest.approx([0.56])
-    same = read_design({**STUDY, "present": True, "grid": {"kappa": [0.56, 1.0]}})
+    system = own.posed(first, own.tasks[2][0]).system
+    assert system.k_g * system.K == pytest.approx([0.56])
+    gear = {"r1": 0.03, "R": 0.04, "r3": 0.03, "lambda": 1.0, "eta": 1.0}
+    arm = {"kind": "manipulator", "joints": 2, "gear": gear, "link_lengths": [0.3, 0.2]}
+    shaped = {**quick["problem"], "system": arm}
+    linked = asked(quick, problem=shaped, grid={"kappa": [1.0]}, present=True)
+    assert [each.link_lengths for each in linked.designs] == [(0.3, 0.2)] * 2
+    same = asked(quick, present=True, grid={"kappa": [0.56, 1.0]})
     assert [each.name for each in same.designs] == ["kappa = 0.56", "kappa = 1"]
 
 
-def test_a_given_force_makes_larger_wheels_transmit_more() -> None:
+def test_a_given_force_makes_larger_wheels_transmit_more(quick: Tables) -> None:
     gear = {"r1": 0.03, "R": 0.04, "r3": 0.03, "lambda": 1.0, "eta": 1.0}
-    asked = read_design(changed(gear=gear, contact_force_n=50.0, grid={"r1": [0.03, 0.06]}))
-    problems = [asked.posed(each, asked.tasks[2][0]) for each in asked.designs]
+    found = asked(quick, gear=gear, contact_force_n=50.0, grid={"r1": [0.03, 0.06]})
+    problems = [found.posed(each, found.tasks[2][0]) for each in found.designs]
     quantities = [
         planner.Machine.from_table(p.machine).effects["friction_capacity_nm"] for p in problems
     ]

@@ -1,0 +1,253 @@
+/* What Python hands over. Written from the tables of compiled.py by `make generated`. */
+
+#ifndef LAYOUT_H
+#define LAYOUT_H
+
+#include <stdint.h>
+
+#ifdef _WIN32
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+#ifdef _MSC_VER
+#define INLINE static __forceinline
+#else
+#define INLINE static inline __attribute__((always_inline))
+#endif
+
+#define VERSION 42399819
+#define MOTORS 2
+#define JOINTS 16 /* passive ones, at most; of the following as many as then */
+#define BODIES 52
+#define LIMITED 51
+#define PLAYS 18
+#define LAWS 69
+#define STATE 128
+
+typedef struct {
+    int64_t samples, joints, points, steps, rows, lagging, second, limited, ramped, geared_1, geared_2, lagged, soft, damped, creeping, loaded, inclined, dynamic, coordinates, heavy;
+    double k_g, gamma;
+    const double *parameters;
+    const double *length;
+    const uint8_t *running;
+    const double *desired;
+    const int64_t *row;
+    double *state;
+    double *q;
+    double *speed;
+    const double *masses;
+    double *moving;
+} Model;
+
+
+typedef struct {
+    const double *value;
+    int64_t step, point, motor, sample;
+} Commands;
+
+
+typedef struct {
+    const double *control_period_s; /* 1 */
+    const double *delay_s; /* 1 */
+    const double *velocity_resolution_rad_s; /* 2 */
+    const double *input_gain_error; /* 2 */
+    const double *input_bias_rad_s; /* 2 */
+    const double *velocity_limit_rad_s; /* 2 */
+    const double *acceleration_limit_rad_s2; /* 2 */
+    const double *servo_bandwidth_rad_s; /* 2 */
+    const double *servo_damping; /* 2 */
+    const double *creep; /* 1 */
+    const double *creep_per_nm; /* 1 */
+    const double *lateral_creep; /* 1 */
+    const double *friction_capacity_nm; /* 1 */
+    const double *gear_ratio_error; /* m */
+    const double *gearhead_backlash_deg; /* 2 */
+    const double *backlash_deg; /* m */
+    const double *initial_play; /* m */
+    const double *shaft_stiffness_nm_per_rad; /* m */
+    const double *coulomb_friction_nm; /* m */
+    const double *viscous_friction_nms_per_rad; /* m */
+    const double *incline_deg; /* 1 */
+    const double *link_moment_kgm; /* 1 + m */
+    const double *initial_angle_error_deg; /* 1 + m */
+    const double *encoder_resolution_deg; /* 1 + m */
+    const double *gain; /* 2 */
+    const double *gearhead_half; /* 2 */
+    const double *k; /* m */
+    const double *half_gap; /* m */
+    const double *rest; /* m */
+    const double *weights; /* 1 + m */
+} Own;
+
+INLINE Own own(const Model *model, int64_t sample)
+{
+    int64_t m = model->joints - 1;
+    const double *at = model->parameters + sample * (31 + 13 * m);
+    Own out;
+    out.control_period_s = at + 0;
+    out.delay_s = at + 1;
+    out.velocity_resolution_rad_s = at + 2;
+    out.input_gain_error = at + 4;
+    out.input_bias_rad_s = at + 6;
+    out.velocity_limit_rad_s = at + 8;
+    out.acceleration_limit_rad_s2 = at + 10;
+    out.servo_bandwidth_rad_s = at + 12;
+    out.servo_damping = at + 14;
+    out.creep = at + 16;
+    out.creep_per_nm = at + 17;
+    out.lateral_creep = at + 18;
+    out.friction_capacity_nm = at + 19;
+    out.gear_ratio_error = at + 20;
+    out.gearhead_backlash_deg = at + 20 + m;
+    out.backlash_deg = at + 22 + m;
+    out.initial_play = at + 22 + 2 * m;
+    out.shaft_stiffness_nm_per_rad = at + 22 + 3 * m;
+    out.coulomb_friction_nm = at + 22 + 4 * m;
+    out.viscous_friction_nms_per_rad = at + 22 + 5 * m;
+    out.incline_deg = at + 22 + 6 * m;
+    out.link_moment_kgm = at + 23 + 6 * m;
+    out.initial_angle_error_deg = at + 24 + 7 * m;
+    out.encoder_resolution_deg = at + 25 + 8 * m;
+    out.gain = at + 26 + 9 * m;
+    out.gearhead_half = at + 28 + 9 * m;
+    out.k = at + 30 + 9 * m;
+    out.half_gap = at + 30 + 10 * m;
+    out.rest = at + 30 + 11 * m;
+    out.weights = at + 30 + 12 * m;
+    return out;
+}
+
+typedef struct {
+    double *speed; /* 2 */
+    double *slope; /* 2 */
+    double *saturated; /* 2 */
+    double *disk; /* 2 */
+    double *first; /* 1 */
+    double *theta; /* 1 + m */
+    double *axis; /* 1 + m */
+    double *wound; /* 1 + m */
+    double *gap; /* 1 + m */
+} Held;
+
+INLINE Held held(const Model *model, int64_t sample)
+{
+    int64_t m = model->joints - 1;
+    double *at = model->state + sample * (13 + 4 * m);
+    Held out;
+    out.speed = at + 0;
+    out.slope = at + 2;
+    out.saturated = at + 4;
+    out.disk = at + 6;
+    out.first = at + 8;
+    out.theta = at + 9;
+    out.axis = at + 10 + m;
+    out.wound = at + 11 + 2 * m;
+    out.gap = at + 12 + 3 * m;
+    return out;
+}
+
+typedef struct {
+    double *y; /* 16 + 7 * m */
+    double *pieces; /* 5 + 4 * m */
+    double *gained; /* m */
+    double *energy; /* 2 */
+    double *last; /* 1 */
+} Moving;
+
+INLINE Moving moving(const Model *model, int64_t sample)
+{
+    int64_t m = model->joints - 1;
+    double *at = model->moving + sample * (24 + 12 * m);
+    Moving out;
+    out.y = at + 0;
+    out.pieces = at + 16 + 7 * m;
+    out.gained = at + 21 + 11 * m;
+    out.energy = at + 21 + 12 * m;
+    out.last = at + 23 + 12 * m;
+    return out;
+}
+
+typedef struct {
+    double inertia[52];
+    double gain[2];
+    double integral[2];
+    double limit[2];
+    double stiffness[18];
+    double damping[18];
+    double half_gap[18];
+    double coulomb[17];
+    double viscous[16];
+    double k[16];
+    double disk[16];
+    double kept[1];
+    double creep[1];
+    double capacity[1];
+    double lateral[1];
+    double weights[17];
+} Masses;
+
+INLINE Masses masses_of(int m, const double *from, int64_t samples)
+{
+    Masses p;
+    for (int i = 0; i < 4 + 3 * m; i++)
+        p.inertia[i] = from[(0 + i) * samples];
+    for (int i = 0; i < 2; i++)
+        p.gain[i] = from[(4 + 3 * m + i) * samples];
+    for (int i = 0; i < 2; i++)
+        p.integral[i] = from[(6 + 3 * m + i) * samples];
+    for (int i = 0; i < 2; i++)
+        p.limit[i] = from[(8 + 3 * m + i) * samples];
+    for (int i = 0; i < 2 + m; i++)
+        p.stiffness[i] = from[(10 + 3 * m + i) * samples];
+    for (int i = 0; i < 2 + m; i++)
+        p.damping[i] = from[(12 + 4 * m + i) * samples];
+    for (int i = 0; i < 2 + m; i++)
+        p.half_gap[i] = from[(14 + 5 * m + i) * samples];
+    for (int i = 0; i < 1 + m; i++)
+        p.coulomb[i] = from[(16 + 6 * m + i) * samples];
+    for (int i = 0; i < m; i++)
+        p.viscous[i] = from[(17 + 7 * m + i) * samples];
+    for (int i = 0; i < m; i++)
+        p.k[i] = from[(17 + 8 * m + i) * samples];
+    for (int i = 0; i < m; i++)
+        p.disk[i] = from[(17 + 9 * m + i) * samples];
+    for (int i = 0; i < 1; i++)
+        p.kept[i] = from[(17 + 10 * m + i) * samples];
+    for (int i = 0; i < 1; i++)
+        p.creep[i] = from[(18 + 10 * m + i) * samples];
+    for (int i = 0; i < 1; i++)
+        p.capacity[i] = from[(19 + 10 * m + i) * samples];
+    for (int i = 0; i < 1; i++)
+        p.lateral[i] = from[(20 + 10 * m + i) * samples];
+    for (int i = 0; i < 1 + m; i++)
+        p.weights[i] = from[(21 + 10 * m + i) * samples];
+    return p;
+}
+
+typedef struct {
+    int m, axes, disk, links, stages, bodies, behind, twist, gap, reference, q, torque, count, limited, plays;
+} Rows;
+
+INLINE Rows rows_of(int m)
+{
+    Rows r;
+    r.m = m;
+    r.axes = 2;
+    r.disk = 2 + m;
+    r.links = 3 + m;
+    r.stages = 4 + 2 * m;
+    r.bodies = 4 + 3 * m;
+    r.behind = 4 + 3 * m;
+    r.twist = 6 + 3 * m;
+    r.gap = 8 + 4 * m;
+    r.reference = 10 + 5 * m;
+    r.q = 12 + 5 * m;
+    r.torque = 14 + 6 * m;
+    r.count = 16 + 7 * m;
+    r.limited = 3 + 3 * m;
+    r.plays = 2 + m;
+    return r;
+}
+
+#endif

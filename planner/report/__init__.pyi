@@ -1,0 +1,19 @@
+# The public names; see planner/__init__.pyi.
+
+from .figures.arm import plot_arm as plot_arm
+from .figures.design import plot_design as plot_design
+from .figures.mechanism import plot_mechanism as plot_mechanism
+from .figures.on_the_machine import plot_efforts as plot_efforts
+from .figures.on_the_machine import plot_errors as plot_errors
+from .figures.on_the_machine import plot_replays as plot_replays
+from .figures.over_time import plot_inputs as plot_inputs
+from .figures.over_time import plot_joints as plot_joints
+from .figures.over_time import plot_z as plot_z
+from .figures.robustness import plot_budget as plot_budget
+from .figures.robustness import plot_machine_sensitivity as plot_machine_sensitivity
+from .figures.robustness import plot_responses as plot_responses
+from .figures.robustness import plot_sensitivity as plot_sensitivity
+from .figures.robustness import plot_trade_off as plot_trade_off
+from .film import animate as animate
+from .page.page import write_report as write_report
+from .saved import load_comparison as load_comparison

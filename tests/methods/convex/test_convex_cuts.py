@@ -115,7 +115,8 @@ def test_a_travel_theory_calls_infeasible_has_a_path(printed: planner.Problem) -
     assert plan.verified
     assert plan.domain.ok
     assert plan.domain.z2_max <= -0.01
-    assert plan.notes["optimality"]["objective"] == pytest.approx(6.46285, abs=1e-4)
+    # A plan keeps a hair away from the edge, which costs a trifle.
+    assert 6.46285 < plan.notes["optimality"]["objective"] < 6.46285 * (1 + 1e-4)
 
 
 @pytest.mark.parametrize(

@@ -44,6 +44,7 @@ def test_a_plan_for_people(run: Callable) -> None:
         "0.82 rad, one way",
         "inside the domain",
         "The plan reaches the goal and keeps every limit",
+        "requirements proven between the nodes",
     )
     took, solved = re.findall(r"([\d.e-]+) s (?:in all|to solve)", " ".join(result.out.split()))
     assert float(took) > float(solved)
@@ -58,6 +59,8 @@ def test_a_plan_as_json_and_file(run: Callable, tmp_path: Path) -> None:
     assert data.keys() >= FIGURES
     assert (data["verified"], data["domain_ok"], data["duration_s"]) == (True, True, 10.0)
     assert (data["direction"], data["violations"], data["singular_times_s"]) == ("one way", [], [])
+    assert data["certificate"]["ok"] is True
+    assert {claim["status"] for claim in data["certificate"]["claims"]} == {"proven"}
     assert data["terminal_error"].keys() == {"phi2", "theta1", "theta2", "theta3"}
     assert np.max(np.abs(data["terminal_error_deg"])) < 1e-3
     assert data["peak_u_rad_s"][1] == pytest.approx(40, rel=0.02)

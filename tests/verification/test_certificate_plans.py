@@ -12,7 +12,6 @@ from outside import integrate
 from scipy.interpolate import BPoly
 
 import planner
-from planner.cli.app import main
 from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import ChainedTrajectory, StateTrajectory
 from planner.problem.requirements.ends import TipGoal
@@ -20,7 +19,6 @@ from planner.problem.requirements.places import Waypoint
 from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.support import deadline
 from planner.support.deadline import TimeUpError, limited
-from planner.verification.certify import certify
 from planner.verification.input_models import enclosed
 from planner.verification.known import STANDSTILL
 from planner.verification.places_proven import distance
@@ -228,19 +226,7 @@ def test_a_certificate_is_saved_and_read_back(optimal: planner.Plan, tmp_path: P
     assert again.claims[0] == certificate.claims[0]
 
 
-def test_the_command_shows_and_gives_it(capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["plan", str(PROBLEMS / "paper.toml")]
-    assert main(words) == 0
-    lines = [x for x in capsys.readouterr().out.splitlines() if x.startswith("certificate")]
-    assert len(lines) == 1
-    assert "all 12 requirements proven between the nodes" in lines[0]
-    assert main([*words, "--json"]) == 0
-    given = json.loads(capsys.readouterr().out)["certificate"]
-    assert given["ok"] is True
-    assert {c["status"] for c in given["claims"]} == {"proven"}
-
-
-@pytest.mark.parametrize("judged", [planner.verify, certify])
+@pytest.mark.parametrize("judged", [planner.verify, planner.certify])
 def test_a_stop_ends_it_and_a_time_limit_does_not(judged: Any, optimal: planner.Plan) -> None:
     with limited(1e-9):
         judged(optimal)

@@ -10,7 +10,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from every_system import SYSTEMS
-from numpy.typing import NDArray
 from outside import integrate
 from scipy.interpolate import BPoly
 from scipy.special import comb
@@ -23,7 +22,7 @@ from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import StateTrajectory, Trajectory
 from planner.support.calculus.bernstein import elevate
 
-Array = NDArray[np.float64]
+Array = np.ndarray
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 SPEED = {"input_rad_s": [0.5, 0.4]}

@@ -15,10 +15,6 @@ from compared import quick_comparison
 
 import planner
 from planner.cli.app import main
-from planner.plan.measures import objective_of
-from planner.report import folders as report_folder
-from planner.report.page.page import write_report
-from planner.report.saved import load_comparison
 
 Edit = Callable[[dict[str, Any]], object]
 
@@ -226,22 +222,31 @@ def test_a_false_objective_is_corrected_with_a_warning(plan: planner.Plan, tmp_p
     ids=["time", "mixed"],
 )
 def test_objectives_of_time_are_told_by_their_names(
-    paper: planner.Problem, changes: dict[str, Any]
+    paper: planner.Problem, tmp_path: Path, changes: dict[str, Any]
 ) -> None:
     plan = planner.solve(paper.changed(changes))
-    found = objective_of(plan.trajectory, plan.objective_name)
-    assert found == pytest.approx(plan.objective, rel=1e-6)
+    path = edited(plan, tmp_path / "x.json", put("objective", 0.9 * plan.objective))
+    with pytest.warns(planner.InputWarning, match="the objective is said to be"):
+        assert planner.load_plan(path).objective == pytest.approx(plan.objective, rel=1e-6)
 
 
-def test_what_no_motion_tells_is_no_objective_of_it(optimal: planner.Plan) -> None:
-    for name in (
+@pytest.mark.parametrize(
+    "name",
+    [
         "smooth: integral of (du1/dt)^2 + (du2/dt)^2 dt",
         "mixed: duration + 0.5 x integral of (du1/dt)^2 + (du2/dt)^2 dt",
         "time: duration + 1 x integral of u1^2 dt + peak |v2|",
         "duration",
         "",
-    ):
-        assert objective_of(optimal.trajectory, name) is None
+    ],
+)
+def test_what_no_motion_tells_is_no_objective_of_it(
+    optimal: planner.Plan, tmp_path: Path, name: str
+) -> None:
+    path = edited(
+        optimal, tmp_path / "x.json", lambda d: d.update(objective_name=name, objective=1)
+    )
+    assert planner.load_plan(path).objective == 1
 
 
 # -- comparison folders --------------------------------------------------------------------------
@@ -249,7 +254,7 @@ def test_what_no_motion_tells_is_no_objective_of_it(optimal: planner.Plan) -> No
 
 @pytest.fixture
 def saved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(report_folder, "_write_figures", lambda *_: None)
+    monkeypatch.setattr("planner.report.folders._write_figures", lambda *_: None)
     return quick_comparison().save(tmp_path / "paper")
 
 
@@ -268,7 +273,7 @@ def test_a_plan_in_a_folder_is_judged_too(
     data = json.loads(path.read_text())
     edit(data)
     path.write_text(json.dumps(data))
-    found = load_comparison(saved)
+    found = planner.report.load_comparison(saved)
     row = found["polynomial"]
     assert not row.solved
     assert row.why.startswith("plans/polynomial.json was changed after it was made: ")
@@ -277,7 +282,7 @@ def test_a_plan_in_a_folder_is_judged_too(
     before = quick_comparison().rows[0]
     assert (found.rows[0].why, found.rows[0].plan.status) == (before.why, before.plan.status)  # type: ignore[union-attr]
     with pytest.raises(planner.InputError, match=says):
-        write_report(saved)
+        planner.report.write_report(saved)
     assert main(["report", str(saved)]) == 2
     assert says in capsys.readouterr().err
     assert not (saved / "report.html").exists()

@@ -14,8 +14,6 @@ from scipy.integrate import solve_ivp
 import planner
 from planner.plan.measures import peak_inputs, peak_rates
 from planner.problem.requirements.requirement import At, Part, Requirement
-from planner.problem.tables.method_options import ConvexOptions
-from planner.solve import solve_and_check
 
 PIECES = 20
 
@@ -64,7 +62,7 @@ def test_free_travel_is_the_best_of_fixed_ones(
 def plan_only(problem: planner.Problem, **options: object) -> planner.Plan:
     """The method's plan, without the verification that other tests make."""
     method = planner.METHODS["convex"]
-    return method.plan(problem, ConvexOptions(pieces=PIECES).model_copy(update=options))
+    return method.plan(problem, method.options(**{"pieces": PIECES, **options}))
 
 
 def test_input_limits_are_kept_by_the_clock(
@@ -175,7 +173,7 @@ def test_a_path_whose_input_jumps_keeps_no_limit_on_rates(paper: planner.Problem
         paper.changed({"goal.duration": "free", "goal.travel": 0.829}), further=(RatesTogether(),)
     )
     with pytest.raises(planner.NotConvergedError, match="something else is asked of their rates"):
-        solve_and_check(free, "convex", advice=False, pieces=PIECES, input="constant")
+        planner.solve(free, "convex", pieces=PIECES, input="constant")
 
 
 def two_joints(start: list[float], goal: list[float]) -> planner.Problem:

@@ -10,7 +10,7 @@ from scipy.interpolate import BPoly
 
 import planner
 from planner.methods.collocation.transcription.augmented import Augmented
-from planner.robustness.sensitivity import PAPER_SPREAD, sensitivity
+from planner.robustness.sensitivity import PAPER_SPREAD
 from planner.systems.linearised import parameters
 
 
@@ -68,7 +68,7 @@ def _responses(system: planner.TriangularSystem) -> tuple[NDArray[np.float64], p
 )
 def test_response_is_the_sensitivity(name: str) -> None:
     W, plan = _responses(SYSTEMS[name])
-    found = sensitivity(plan, samples=3000)
+    found = planner.sensitivity(plan, samples=3000)
     # the path coordinate's row is kept only where something depends on it
     rows = slice(1, None)
     np.testing.assert_allclose(W[rows], found.terminal[rows], atol=1e-6)
@@ -76,6 +76,6 @@ def test_response_is_the_sensitivity(name: str) -> None:
 
 def test_programme_measures_what_sensitivity_measures(paper: planner.Problem) -> None:
     plan = planner.solve(paper, "desensitised", starts=1, effort=1.0)
-    found = sensitivity(plan)
+    found = planner.sensitivity(plan)
     assert plan.notes["passive_deg"] == pytest.approx(found.passive_block_deg(), abs=1e-5)
     assert plan.notes["total_deg"] == pytest.approx(found.total_deg(PAPER_SPREAD), abs=1e-5)

@@ -15,7 +15,6 @@ from planner.methods.laws.scores import (
     search_candidates,
 )
 from planner.plan.trajectory import ChainedTrajectory
-from planner.support.arrays import Array
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +22,7 @@ def auto(paper: planner.Problem) -> planner.Plan:
     return planner.solve(paper, "polynomial", points="auto")
 
 
-def _peaks(plan: planner.Plan) -> Array:
+def _peaks(plan: planner.Plan) -> np.ndarray:
     return np.asarray(np.max(np.abs(plan.u(np.linspace(0, plan.duration, 20001))), axis=0))
 
 
@@ -147,7 +146,7 @@ def test_scores_agree_with_the_plan(auto: planner.Plan, paper: planner.Problem) 
 
 
 def test_search_survives_laws_without_solution(unlimited: planner.Problem) -> None:
-    def nothing(_: Array) -> None:
+    def nothing(_: np.ndarray) -> None:
         return None
 
     found = search_candidates(unlimited, nothing, np.zeros((3, 1)), np.ones(1))

@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 import planner
 from planner.methods.laws.legs import Leg, steer
 
-Array = NDArray[np.float64]
-
+Array = np.ndarray
 boundary = st.lists(st.floats(-1, 1), min_size=8, max_size=8).map(np.array)
 travels = st.one_of(st.floats(0.2, 2.0), st.floats(-2.0, -0.2))
 

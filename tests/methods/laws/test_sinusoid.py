@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import planner
 from planner.methods.laws.scores import end_margin
 from planner.methods.laws.sinusoids import sinusoids, steps
 
-Array = NDArray[np.float64]
-
+Array = np.ndarray
 boundary = st.lists(st.floats(-1, 1), min_size=8, max_size=8).map(np.array)
 travels = st.one_of(st.just(0.0), st.floats(0.2, 2.0), st.floats(-2.0, -0.2))
 amplitudes = st.one_of(st.floats(0.2, 2.0), st.floats(-2.0, -0.2))

@@ -43,16 +43,6 @@ def test_compare_without_a_plan_tells_why_and_ends_with_3(run: Callable) -> None
     assert result.err == f"{advice}{PAPER} --set goal.travel=0.82 --set goal.duration=2.5\n"
 
 
-def test_same_seed_same_numbers(run: Callable) -> None:
-    rows = [run(*WORDS, "--seed", seed, "--json").json["rows"] for seed in ("1", "1", "2")]
-    for row in rows:
-        assert row[0]["solved"] is False
-        for name in ("took_s", "solve_time_s"):
-            row[0].pop(name)
-    assert rows[0] == rows[1]
-    assert rows[0] != rows[2]
-
-
 TWO = ("compare", PAPER, "--methods", "polynomial,polynomial:travel=middle", *QUICK)
 
 

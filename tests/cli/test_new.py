@@ -25,13 +25,13 @@ New = Callable[..., str]
 
 
 @pytest.fixture
-def new(run: Callable, tmp_path: Path) -> New:
+def new(run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> New:
     """The text of a new file."""
+    monkeypatch.chdir(tmp_path)
 
     def text(kind: str, *words: str | int) -> str:
-        path = tmp_path / "new.toml"
-        assert run("new", path, "--system", kind, "--force", *words).status == 0
-        return path.read_text()
+        assert run("new", "new.toml", "--system", kind, "--force", *words).status == 0
+        return Path("new.toml").read_text()
 
     return text
 

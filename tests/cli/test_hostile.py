@@ -65,6 +65,7 @@ def test_no_format_shows_raw_controls(compared: Path) -> None:
             assert not RAW.search(path.read_text(encoding="utf-8")), path.name
         if path.suffix == ".svg":
             ET.parse(path)
+    assert list((compared / "figures").glob("*.svg"))
     assert "<script>a</script>" not in (compared / "report.html").read_text(encoding="utf-8")
     heading = (compared / "table.md").read_text(encoding="utf-8").partition("\n")[0]
     assert r"\<script\>" in heading

@@ -277,6 +277,19 @@ def test_a_microsecond_between_the_points_it_is_read_at(paper: planner.Problem) 
     assert planner.verify(replace(plan, problem=later, trajectory=trajectory)).ok
 
 
+def test_inputs_that_are_no_numbers_have_no_peak(optimal: planner.Plan) -> None:
+    path = optimal.trajectory
+    assert isinstance(path, StateTrajectory)
+    for place in (slice(None), (0, 3)):
+        c = path.u_curve.c.copy()
+        c[place] = np.nan
+        broken = replace(path, u_curve=BPoly(c, path.u_curve.x))
+        assert np.any(np.isnan(peak_inputs(broken)))
+        check = planner.verify(replace(optimal, trajectory=broken))
+        assert not check.ok
+        assert not check.integration_error < 1e-10
+
+
 def test_times_that_run_back_or_begin_late(paper: planner.Problem) -> None:
     plan = planner.solve(paper)
     path = plan.trajectory

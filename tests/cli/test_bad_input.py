@@ -199,7 +199,10 @@ LONG, ARMS = "n" * 300, "an arm here has 2 to 8 joints"
         ("compare paper.toml --methods ''", "''"),
         ("compare paper.toml --methods polynomial,polynomial", "twice"),
         ("compare paper.toml --methods polynomial:travle=middle", "travle"),
-        ("budget paper.toml --methods polynomial --base 100", "base = 100: must be a power of 2"),
+        (
+            "budget paper.toml --methods polynomial -n 2 --base 100",
+            "base = 100: must be a power of 2",
+        ),
         ("budget plan.json --methods polynomial", "is a plan"),
         ("export paper.toml -o y.csv", "paper.toml is not JSON"),
         ("export paper.toml -o y.csv", "`planner plan PROBLEM --out FILE` writes a plan file"),

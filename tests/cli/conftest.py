@@ -15,7 +15,6 @@ import planner
 from planner.cli import output
 from planner.cli.app import main
 
-PAPER = Path(__file__).parents[2] / "problems/paper.toml"
 RAW = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 
 

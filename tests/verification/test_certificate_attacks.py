@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,8 +16,6 @@ from planner.plan.trajectory import ChainedTrajectory, StateTrajectory, Trajecto
 from planner.support.calculus.bernstein import Bernstein
 from planner.verification import places_proven
 from planner.verification.models import halved
-
-PROBLEMS = Path(__file__).parents[2] / "problems"
 
 
 @pytest.fixture(scope="module")

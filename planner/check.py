@@ -48,7 +48,7 @@ class Remedy:
     Attributes:
         changes: Dotted keys to values, as `Problem.changed` takes them.
         method: The method that then has a plan.
-        plan: Summary of that plan, see `planner.verification.summary.KEYS`.
+        plan: Summary of that plan, see `planner.verification.summary.SUMMARY_KEYS`.
         words: The changes in words.
     """
 
@@ -83,7 +83,7 @@ class Analysis:
         nonholonomy: Controllability at the start, at the goal and at θ₁ = 0.
         not_promised: For each method the labels of the requirements that it does not promise to
             keep (known before it searches, see `planner.methods.keeping`).
-        outcomes: A summary for each method; keys: `planner.verification.summary.KEYS`.
+        outcomes: A summary for each method; keys: `planner.verification.summary.SUMMARY_KEYS`.
         remedy: If no method has a plan, a change of the problem that gives one, if one was found.
         ended_early: What ended the search early, in words; None if it was completed.
     """
@@ -229,7 +229,7 @@ def find_remedy(
 
 
 def _outcome(problem: Problem, name: str) -> dict[str, Any]:
-    """One method's summary either way, see `planner.verification.summary.KEYS`."""
+    """One method's summary either way, see `planner.verification.summary.SUMMARY_KEYS`."""
     try:
         return plan_summary(*solve_and_check(problem, name, advice=False))
     except NoPlanError as error:

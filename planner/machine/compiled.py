@@ -80,9 +80,11 @@ MACHINE, MOTORS, PASSIVE, JOINTS = (1, 0), (2, 0), (0, 1), (1, 1)
 
 OWN: dict[str, Size] = {
     **{
-        name: {"machine": MACHINE, "motor": MOTORS, "passive": PASSIVE, "joint": JOINTS}[effect.per]
+        name: {"machine": MACHINE, "motor": MOTORS, "passive": PASSIVE, "joint": JOINTS}[
+            effect.owner
+        ]
         for name, effect in EFFECTS.items()
-        if not effect.dynamic
+        if not effect.dynamic_only
     },
     **dict.fromkeys(("gain", "gearhead_half"), MOTORS),
     **dict.fromkeys(("k", "half_gap", "rest"), PASSIVE),

@@ -155,7 +155,9 @@ class Machine:
 
     def mean(self, name: str) -> Array:
         """Mean of an effect, one number or one per motor or joint; its neutral value when off."""
-        return np.array(self.effects[name].value if name in self.effects else [EFFECTS[name].off])
+        return np.array(
+            self.effects[name].value if name in self.effects else [EFFECTS[name].off_value]
+        )
 
     # -- looking -------------------------------------------------------------------------------
 
@@ -257,7 +259,7 @@ class Draws:
         """Values (c, S) of an effect that is on; its neutral value, (1, 1), when it is off."""
         if name in self.values:
             return self.values[name]
-        return np.array([[EFFECTS[name].off]])
+        return np.array([[EFFECTS[name].off_value]])
 
     def part(self, chosen: slice) -> Draws:
         """The draws of a range of samples."""

@@ -90,7 +90,7 @@ def on_other_paths(problem: Problem) -> list[Change]:
     """One requirement on the path left out after the other, but for the travel."""
     limits, out = problem.to_dict().get("limits", {}), dict[str, Change]()
     for demand in reversed(problem.demands):
-        if found := demand.without(limits):
+        if found := demand.removal(limits):
             keys, words, what = found
             out[what] = Change(keys, words, what)
     return list(out.values())
@@ -201,5 +201,5 @@ def asked_instead(plan: Plan, broken: Sequence[Violation]) -> str:
             ((key, value),) = problem.travel_change(plan.travel).items()
             parts.append(f"{key} = {value:.6g}")
         elif own and kind not in (Start, Goal):
-            parts.append(kind.eased(sorted(own, key=lambda each: each[2].label)))
+            parts.append(kind.easing(sorted(own, key=lambda each: each[2].label)))
     return " and ".join(words for words in parts if words)

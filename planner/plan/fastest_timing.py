@@ -25,7 +25,7 @@ from planner.plan.measures import slowing
 from planner.plan.quadrature import JUMP
 from planner.plan.retimed import Inverse, RetimedTrajectory, arc_length
 from planner.plan.trajectory import Trajectory
-from planner.problem.asked import Limits
+from planner.problem.conditions import Limits
 from planner.problem.requirements.requirement import Requirement
 from planner.support.arrays import Array
 from planner.support.calculus.bernstein import Bernstein

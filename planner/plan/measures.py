@@ -17,7 +17,7 @@ import numpy as np
 from planner.plan.quadrature import greatest, jumps, largest, own_input, read, slopes
 from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import Trajectory
-from planner.problem.requirements.requirement import At, Requirement
+from planner.problem.requirements.requirement import MotionPoint, Requirement
 from planner.support.arrays import Array
 from planner.support.calculus.extremes import maximum, minimum, sample_times, zeros
 from planner.systems.chained_form import chained_form
@@ -113,19 +113,19 @@ def slowing(requirements: Sequence[Requirement], trajectory: Trajectory) -> floa
     system, factors = trajectory.system, [0.0]
 
     def shaped(q: Array, u: Array) -> Array:
-        at = At.of(system, q, u, np.zeros_like(u))
-        return np.stack([v for r in asked if not r.plain for v in r.values(at)], axis=-1)
+        point = MotionPoint.of(system, q, u, np.zeros_like(u))
+        return np.stack([v for r in asked if not r.is_direct for v in r.values(point)], axis=-1)
 
-    reading = read(trajectory, own_input, *[shaped] * any(not r.plain for r in asked))
+    reading = read(trajectory, own_input, *[shaped] * any(not r.is_direct for r in asked))
     cells = reading.cells
-    at = At.of(system, reading.q, reading.u, slopes(cells, reading.u))
+    point = MotionPoint.of(system, reading.q, reading.u, slopes(cells, reading.u))
     for required in asked:
-        values = np.stack(required.values(at), axis=-1)
+        values = np.stack(required.values(point), axis=-1)
         top, _ = greatest(cells, np.concatenate([values, -values], axis=-1))
         most, below = np.split(top, 2)
-        found = required.slower(-below, most)
+        found = required.slowing_factor(-below, most)
         jumping = jumps(cells, reading.u) if "du" in required.reads else np.zeros(2, bool)
-        own = [part.index for part in required.parts] if required.plain else [0, 1]
+        own = [part.index for part in required.parts] if required.is_direct else [0, 1]
         factors.append(np.inf if any(jumping[own]) else float(np.max(found)))
     return float(np.max(factors))
 

@@ -196,7 +196,7 @@ class _BudgetRun:
         """Compute the whole budget."""
         self.tell("looking for effects without influence", 0.0)
         on, static = self.machine.effects, self.machine.fidelity == "quasi-static"
-        every = [k for k, e in EFFECTS.items() if k in on and not (static and e.dynamic)]
+        every = [k for k, e in EFFECTS.items() if k in on and not (static and e.dynamic_only)]
         none, whole, alone, without = self._one_by_one(every, min(self.samples, SCREENED))
         active = [
             k for k in every if np.max(np.abs([alone[k] - none, without[k] - whole])) >= IDLE_DEG

@@ -125,9 +125,9 @@ class Manipulator(TriangularSystem):
             raise InputError(f"k_g_rule = {rule!r} is unknown; use 'chain' or 'printed'")
         value, said = (k_g, "given") if k_g is not None else rules[rule]
         K = [gear.k(i) / value for i in range(2, n + 1)]
-        made = cls(K, value, link_lengths, said)
-        made.gear = gear
-        return made
+        manipulator = cls(K, value, link_lengths, said)
+        manipulator.gear = gear
+        return manipulator
 
     def shorter(self) -> Manipulator:
         """The arm of joints 2 … n.

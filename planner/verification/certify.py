@@ -21,7 +21,7 @@ from planner.problem.problem import Problem
 from planner.problem.requirements.ends import Duration, Goal, Start
 from planner.problem.requirements.limits import ChartDomain
 from planner.problem.requirements.places import Obstacle, Waypoint
-from planner.problem.requirements.requirement import At, Demand, Part, Requirement
+from planner.problem.requirements.requirement import Demand, MotionPoint, Part, Requirement
 from planner.problem.requirements.self_collision import SelfCollision
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
@@ -154,10 +154,10 @@ def _undecided(demand: Demand, why: str, required: bool = True) -> list[Claim]:
 def _(required: Requirement, evidence: Evidence) -> Iterable[Proof]:
     """By its rows: at all times, or at the end alone."""
     reads = required.reads
-    if not required.smooth or ("du" in reads and not required.plain):
+    if not required.smooth or ("du" in reads and not required.is_direct):
         return _undecided(required, "no proof is written for this kind of requirement")
     motion = evidence.motion_for(reads)
-    if required.plain:
+    if required.is_direct:
         models = (
             motion.enclosure.states
             if "q" in reads
@@ -218,7 +218,7 @@ def _rows(system: TriangularSystem, required: Requirement | ChartDomain) -> Expr
     """The rows of a requirement, of what it reads in alphabetical order."""
     sizes = {"q": system.size, "u": 2, "du": 2}
     read = {name: ca.SX.sym(name, sizes[name]) for name in sorted(required.reads)}
-    rows = required.rows(At(system, **read))
+    rows = required.rows(MotionPoint(system, **read))
     if not rows:
         raise UnboundedError(f"the chart margins of system '{system.kind}'")
     return Expression(list(read.values()), ca.vertcat(*rows))
@@ -307,7 +307,7 @@ def _(required: SelfCollision, evidence: Evidence) -> Iterable[Proof]:
     excluded: by continuity an end of one would first touch the other.
     """
     points = joints(evidence.plan.problem.system, evidence.path.enclosure)
-    for part, (place, link) in zip(required.parts, required.near, strict=True):
+    for part, (place, link) in zip(required.parts, required.joint_link_pairs, strict=True):
         centre = points[2 * place : 2 * place + 2]
         yield from _clearance_claims(evidence, centre, [link - 1], (part,), required.clearance)
 

@@ -51,7 +51,7 @@ def plan_summary(plan: Plan, check: Check | None = None) -> dict[str, Any]:
         check: What `verify` found, if it was asked already.
 
     Returns:
-        A value for each of `SUMMARY_KEYS`: numbers, texts, lists, dictionaries; NaN where undefined.
+        A value for each of `SUMMARY_KEYS`: number, text, list or dictionary; NaN where undefined.
     """
     check = verify(plan) if check is None else check
     names = [c.name for c in plan.problem.system.coordinates]

@@ -14,7 +14,7 @@ import numpy as np
 from planner.errors import Violation
 from planner.plan.claims import Certificate, Claim
 from planner.plan.plan import Plan
-from planner.problem.requirements.requirement import At, Demand, Part, Requirement
+from planner.problem.requirements.requirement import Demand, MotionPoint, Part, Requirement
 from planner.verification.certify import PLAN_DEVIATION, certify
 from planner.verification.verify import LIMIT_TOLERANCE, Check, verify
 
@@ -65,6 +65,6 @@ def _breaks_upper_limit(plan: Plan, demand: Demand | None, part: Part, claim: Cl
     if not isinstance(demand, Requirement) or np.isinf(part.low) or np.isinf(part.high):
         return bool(np.isfinite(part.high))
     time_s, path = claim.time_s or 0.0, plan.trajectory
-    point = At.of(plan.problem.system, path.q(time_s), path.u(time_s), np.zeros(2))
+    point = MotionPoint.of(plan.problem.system, path.q(time_s), path.u(time_s), np.zeros(2))
     value = float(demand.values(point)[demand.parts.index(part)])
     return value - part.high >= part.low - value

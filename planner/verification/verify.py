@@ -22,7 +22,7 @@ from planner.plan.quadrature import POINTS, Motion, greatest, integrate, jumps, 
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.problem import Problem
 from planner.problem.requirements.ends import Duration, Goal, Start
-from planner.problem.requirements.requirement import At, Part, Requirement
+from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.support import deadline
 from planner.support.arrays import Array
 from planner.support.calculus.chebyshev import points
@@ -130,10 +130,10 @@ def verify(plan: Plan) -> Check:
         (outside,) = (v for f in _chart_findings(plan) if (v := f.violation()))
         return _failed_check(plan, outside)
     problem = plan.problem
-    to_resolve = [r for r in problem.requirements if r.smooth and not r.plain]
+    to_resolve = [r for r in problem.requirements if r.smooth and not r.is_direct]
 
     def row_values(q: Array, u: Array) -> Array:
-        point = At.of(problem.system, q, u, np.zeros_like(u))
+        point = MotionPoint.of(problem.system, q, u, np.zeros_like(u))
         return np.stack(
             [
                 value / part.scale
@@ -223,7 +223,7 @@ def _motion_findings(
                 missed = abs(float(error[part.index]))
                 out.append(_Finding(part, missed, 0.0, plan.duration, tolerance))
         elif isinstance(demand, Requirement) and demand.final:
-            reached = demand.values(At.of(plan.problem.system, end))
+            reached = demand.values(MotionPoint.of(plan.problem.system, end))
             for part, value in zip(demand.parts, map(float, reached), strict=True):
                 upper = value - part.high >= part.low - value
                 limit, slack = part.high if upper else part.low, tolerance * part.scale
@@ -263,7 +263,7 @@ def _chart_findings(plan: Plan) -> Iterator[_Finding]:
 def _limit_findings(plan: Plan, motion: Motion) -> list[_Finding]:
     """What holds at all times, by the extremes of its series, all at once."""
     problem, cells = plan.problem, motion.cells
-    point = At.of(problem.system, motion.q, motion.u, slopes(cells, motion.u))
+    point = MotionPoint.of(problem.system, motion.q, motion.u, slopes(cells, motion.u))
     wanted = [
         (required, part, value)
         for required in problem.requirements
@@ -279,7 +279,7 @@ def _limit_findings(plan: Plan, motion: Motion) -> list[_Finding]:
         below = part.low + minus_least > most - part.high
         upper = not below or part.low == -part.high  # what is symmetric is told by its size
         value = (minus_least if upper else -minus_least) if below else most
-        if "du" in required.reads and (jumping[part.index] if required.plain else any(jumping)):
+        if "du" in required.reads and (jumping[part.index] if required.is_direct else any(jumping)):
             value = np.inf
         limit = part.high if upper else part.low
         time_s = when[below] if "q" in required.reads else None
@@ -293,12 +293,12 @@ def _corner_findings(plan: Plan, motion: Motion) -> list[_Finding]:
     for required in plan.problem.requirements:
         if required.smooth:
             continue
-        parts, settled = required.parts, required.settled(system)
+        parts, settled = required.parts, required.values_out_of_reach(system)
         values, times = np.array(settled or []), np.zeros(len(parts))
         if settled is None:
             values, times = _least_values(
                 motion,
-                lambda q, r=required: np.stack(r.values(At.of(system, q)), axis=-1),  # type: ignore[misc]
+                lambda q, r=required: np.stack(r.values(MotionPoint.of(system, q)), axis=-1),  # type: ignore[misc]
             )
         for part, value, when in zip(parts, values.tolist(), times.tolist(), strict=True):
             slack = LIMIT_TOLERANCE * part.scale

@@ -100,7 +100,7 @@ def test_one_value_each(joints: int) -> None:
     draws = draw(Machine.prototype(), joints, np.arange(4), 0)
     count = {"machine": 1, "motor": 2, "joint": joints, "passive": joints - 1}
     for name, values in draws.values.items():
-        assert values.shape == (count[EFFECTS[name].per], 4), name
+        assert values.shape == (count[EFFECTS[name].owner], 4), name
 
 
 def test_lists_must_fit_the_system() -> None:

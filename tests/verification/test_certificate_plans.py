@@ -17,7 +17,7 @@ from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import ChainedTrajectory, StateTrajectory
 from planner.problem.requirements.ends import TipGoal
 from planner.problem.requirements.places import Waypoint
-from planner.problem.requirements.requirement import At, Part, Requirement
+from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.support import deadline
 from planner.support.deadline import TimeUpError, limited
 from planner.verification.certify import certify
@@ -112,8 +112,8 @@ class _Turning(Requirement):
     def parts(self) -> tuple[Part, ...]:
         return (Part("square of a rate", "", -np.inf, 1.0, 1.0),)
 
-    def rows(self, at: At) -> list[Any]:
-        return [at.du[0] ** 2]
+    def rows(self, point: MotionPoint) -> list[Any]:
+        return [point.du[0] ** 2]
 
 
 def test_a_function_of_the_rates_is_undecided_and_says_why(optimal: planner.Plan) -> None:

@@ -154,7 +154,7 @@ def way(made: Transcription, settings: Settings) -> Way:
         return WAYS["far"]
     if not short:
         return WAYS["far, long chain"]
-    winding = any("q" in required.reads and not required.plain for required in form.kept)
+    winding = any("q" in required.reads and not required.is_direct for required in form.kept)
     drawn = form.inner or (form.intervals > COARSE and not form.free_duration)
     return WAYS["far, winding" if winding or drawn else "far"]
 

@@ -51,7 +51,7 @@ class CustomTable(Table):
     input_units: Names = Field(default_factory=lambda: ["", ""], description="Their units.")
 
     @model_validator(mode="after")
-    def _builds(self) -> CustomTable:
+    def _check_expressions(self) -> CustomTable:
         if len(self.units) != len(self.coordinates):
             raise ValueError(
                 f"units has {len(self.units)} entries for {len(self.coordinates)} coordinates"
@@ -131,7 +131,7 @@ class OwnFile(NamedFile):
         return [c.name for c in self.build_system().coordinates]
 
     @model_validator(mode="after")
-    def _named(self) -> OwnFile:
+    def _check_names(self) -> OwnFile:
         every, tail = self.names, self.names[1:]
         wanted = {"start.q": (self.start.q, every), "goal.q": (self.goal.q, tail)}
         for key, (given, names) in {**wanted, "limits.q": (self.limits.q, tail)}.items():

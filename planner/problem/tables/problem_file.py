@@ -59,13 +59,13 @@ class CompensationTable(Table):
     )
 
 
-def _two(value: float | list[float] | None) -> float | list[float] | None:
+def _check_two_values(value: float | list[float] | None) -> float | list[float] | None:
     if isinstance(value, list) and len(value) != 2:
         raise ValueError(f"has {len(value)} values; give one, or one for each of the 2 inputs")
     return value
 
 
-PerInput = Annotated[Positive | list[Positive] | None, AfterValidator(_two)]
+PerInput = Annotated[Positive | list[Positive] | None, AfterValidator(_check_two_values)]
 
 
 def bound(value: float | Sequence[float] | None, size: int) -> Array:
@@ -195,7 +195,7 @@ class JointWaypoint(WaypointTable):
 
     @field_validator("theta_deg")
     @classmethod
-    def _says_something(cls, angles: list[float | str]) -> list[float | str]:
+    def _check_angles(cls, angles: list[float | str]) -> list[float | str]:
         if all(isinstance(angle, str) for angle in angles):
             raise ValueError("leaves every joint free; give at least one angle")
         return angles

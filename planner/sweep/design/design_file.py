@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.methods.spec import COMPENSATED, parse_specs
-from planner.problem.asked import with_changes
+from planner.problem.conditions import with_changes
 from planner.problem.problem import Problem
 from planner.problem.tables.arms import GearTable, Joints
 from planner.problem.tables.problem_file import AngleDeg

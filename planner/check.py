@@ -26,7 +26,7 @@ from planner.problem.nonholonomy import Nonholonomy, nonholonomy
 from planner.problem.problem import Problem, expect_problem
 from planner.problem.reach import Reach, goal_reach
 from planner.solve import solve, solve_and_check
-from planner.support.deadline import limited, share
+from planner.support.deadline import time_limit, time_share
 from planner.support.progress import expect_listener
 from planner.verification.summary import plan_summary, refusal_summary
 
@@ -179,11 +179,11 @@ def check(
     names = own if methods is None else [find_method(m).name for m in methods]
     window, reach = travel_window(problem), goal_reach(problem)
     outcomes, remedy = [], None
-    with limited(time_limit_s) as span:
+    with time_limit(time_limit_s) as span:
         words = f"its share of {span.why}" if time_limit_s is not None else ""
         for k, name in enumerate(names):
             say(f"trying {name}")
-            with share(1 / (len(names) - k + 1), words):
+            with time_share(1 / (len(names) - k + 1), words):
                 outcomes.append(_outcome(problem, name))
         found = any(o["verified"] for o in outcomes)
         if not found:
@@ -202,7 +202,7 @@ def check(
         not_promised={name: _not_promised(problem, name) for name in names},
         outcomes=tuple(outcomes),
         remedy=remedy,
-        ended_early=f"{span.why} ended the search" if span.reached else None,
+        ended_early=f"{span.why} ended the search" if span.was_reached else None,
     )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from planner.errors import InputError, SingularError, VerificationError, expect
 from planner.plan.claims import Certificate
-from planner.plan.fastest_timing import Moving, fastest_motion
+from planner.plan.fastest_timing import InputMask, fastest_motion
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan, refuse_compensated
 from planner.problem.problem import Problem
@@ -114,7 +114,7 @@ def _over(problem: Problem, certificate: Certificate) -> float:
     return factor
 
 
-def _refuse_unlimited(problem: Problem, moving: Moving, rest: bool) -> None:
+def _refuse_unlimited(problem: Problem, moving: InputMask, rest: bool) -> None:
     limits = problem.limits
     for i in np.flatnonzero(moving & limits.unlimited):
         raise InputError(

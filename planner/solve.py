@@ -16,23 +16,23 @@ from planner.errors import InputError, NoPlanError, TimeLimitError, Verification
 from planner.methods.keeping import not_promised, refuse_unkept
 from planner.methods.refusal import BY_COLLOCATION, Change, advise, asked_instead, lasting
 from planner.methods.registry import METHODS, Method, find_method, merged_options, typed
-from planner.plan.plan import Plan, cut_short, expect_plan
+from planner.plan.plan import Plan, expect_plan, mark_cut_short
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
 from planner.problem.requirements.ends import Goal, TipGoal
 from planner.problem.requirements.requirement import Requirement
 from planner.problem.tables.problem_file import CompensationTable
 from planner.support.deadline import (
-    MORE_TIME,
-    SEARCH,
+    MORE_TIME_ADVICE,
+    SEARCH_SHARE,
     TimeUpError,
-    checked,
+    check_seconds,
     holds_answer,
     is_over,
-    limited,
-    share,
+    time_limit,
+    time_share,
 )
-from planner.support.progress import Listener, listening, now, tell
+from planner.support.progress import Listener, current_progress, progress_listener, tell
 from planner.verification.verdict import judge
 from planner.verification.verify import Check, verify
 
@@ -113,7 +113,7 @@ def solve_and_check(
     expect_problem(problem)
     entry = find_method(method)
     if time_limit_s is not None:
-        time_limit_s = checked(time_limit_s)
+        time_limit_s = check_seconds(time_limit_s)
         if "time_limit_s" in entry.options.model_fields:
             options["time_limit_s"] = time_limit_s
     own = merged_options(problem, entry, options)
@@ -124,18 +124,21 @@ def solve_and_check(
         given = {} if change.defaults else options
         return judged(_made(changed, entry, merged_options(changed, entry, given), None))[0]
 
-    with limited(getattr(own, "time_limit_s", time_limit_s)) as span, listening(progress):
+    with (
+        time_limit(getattr(own, "time_limit_s", time_limit_s)) as span,
+        progress_listener(progress),
+    ):
         began = time.monotonic()
         try:
-            with share(SEARCH if wanted else 1.0, once=holds_answer):
+            with time_share(SEARCH_SHARE if wanted else 1.0, condition=holds_answer):
                 plan, check = judged(_made(problem, entry, own, warm))
         except TimeUpError:
-            far = now()
+            far = current_progress()
             doing = "" if far is None else f" after {far.solves} solves (it was {far.doing})"
             raise TimeLimitError(
                 f"{problem.source}: {span.why} ended the method '{method}' before it had a"
                 f" plan{doing}",
-                advice=MORE_TIME,
+                advice=MORE_TIME_ADVICE,
             ) from None
         except NoPlanError as error:
             seconds = time.monotonic() - began
@@ -180,7 +183,7 @@ def judged(plan: Plan) -> tuple[Plan, Check]:
             f"{plan.problem.source}: {why}, and there was no time to refine it: it breaks",
             plan=replace(plan, status=TimeLimitError.status),
             violations=check.violations,
-            advice=MORE_TIME,
+            advice=MORE_TIME_ADVICE,
         )
     others = not_promised(plan.problem, find_method(plan.method).keeps)
     said = ""
@@ -216,13 +219,13 @@ def compensated_in_time(
 
     Its status and `notes["ended_early"]` then say so.
     """
-    with limited(None, holds=lambda: True) as span:
+    with time_limit(None, has_answer=lambda: True) as span:
         try:
             return compensated(plan, machine, options)
         except NoPlanError:
             if not is_over():
                 raise
-        return cut_short(plan, span, "ended the work on it before it was compensated"), check
+        return mark_cut_short(plan, span, "ended the work on it before it was compensated"), check
 
 
 def compensated(

@@ -118,7 +118,7 @@ def test_there_is_an_answer_in_time(hard: planner.Problem, limit: float) -> None
     with pytest.raises(planner.TimeLimitError) as caught:
         planner.solve(hard, time_limit_s=limit)
     assert f"the time limit of {limit:g} s ended the search" in caught.value.reason
-    assert caught.value.advice == deadline.MORE_TIME
+    assert caught.value.advice == deadline.MORE_TIME_ADVICE
     assert time.perf_counter() - began < 1.2 * limit + 2 + 15  # for a busy machine
 
 
@@ -369,7 +369,7 @@ def test_candidates_are_made_only_while_there_is_time(
             clock.now += 1.0
             yield trajectory
 
-    with pytest.raises(deadline.TimeUpError), deadline.limited(2.5):
+    with pytest.raises(deadline.TimeUpError), deadline.time_limit(2.5):
         score(paper, candidates())
     assert made == [0, 1, 2]
 

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from planner.errors import InputError, expect, made_by
 from planner.problem.tables.machine_effects import EFFECTS, MachineTable, Spread
 from planner.support.arrays import Array, plain
-from planner.support.user_tables import nearest, parse
+from planner.support.user_tables import allowed_hint, parse
 
 DEFAULT_STEP_S = 0.001
 
@@ -217,7 +217,9 @@ def machine_for(table: MachineTable, given: Machine | str | None) -> Machine:
 def _known(names: tuple[str, ...]) -> tuple[str, ...]:
     for name in names:
         if name not in EFFECTS:
-            raise InputError(f"the machine has no effect '{name}'; {nearest(name, list(EFFECTS))}")
+            raise InputError(
+                f"the machine has no effect '{name}'; {allowed_hint(name, list(EFFECTS))}"
+            )
     return names
 
 

@@ -47,7 +47,7 @@ def _plan(data: Mapping[str, Any], path: str | Path) -> Plan:
             certificate=None if proven is None else certificate_from_dict(proven),
             why="" if data["verified"] else data.get("why", ""),
             compensation=made_from,
-            **{key: _read_back(data[key]) for key in _COPIED},
+            **{key: _read_back(data[key]) for key in _COPIED_KEYS},
         )
     except (KeyError, TypeError) as error:
         raise InputError(f"{path} is not a complete plan file: {error!r}") from None
@@ -55,7 +55,7 @@ def _plan(data: Mapping[str, Any], path: str | Path) -> Plan:
         raise InputError(f"{path} holds no trajectory of this problem: {error}") from None
 
 
-_COPIED = (
+_COPIED_KEYS = (
     "method",
     "options",
     "status",

@@ -16,7 +16,7 @@ from typing import Any
 
 from planner.errors import InputError
 from planner.problem.tables.kinds import local_only
-from planner.support.interrupts import Terminated, undisturbed
+from planner.support.interrupts import Terminated, hold_signals
 from planner.support.progress import expect_listener
 from planner.sweep.case import Case, Row, case_at, cases
 from planner.sweep.description import Sweep
@@ -104,7 +104,7 @@ def run_sweep(
             try:
                 run.drive(pool)
             finally:
-                with undisturbed():  # a process that is not ended goes on to the end of its case
+                with hold_signals():  # a process that is not ended goes on to the end of its case
                     pool.close()
         store.refuse_lost()
         statuses = store.statuses(index)

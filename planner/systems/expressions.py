@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from planner.errors import InputError
-from planner.support.tables import brief
+from planner.support.tables import shorten
 
 _NAMES = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh")
 
@@ -44,12 +44,12 @@ def parse_expression(text: str, symbols: Mapping[str, Any], where: str = "expres
     try:
         tree = ast.parse(text.strip(), mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise InputError(f"{where}: {brief(text)!r} is not an expression") from None
+        raise InputError(f"{where}: {shorten(text)!r} is not an expression") from None
     try:
-        return _Reader(brief(text), {"pi": np.pi, **symbols}, where).build(tree.body)
+        return _Reader(shorten(text), {"pi": np.pi, **symbols}, where).build(tree.body)
     except RecursionError:
         raise InputError(
-            f"{where}: {brief(text)!r} has too many terms or brackets ({len(text)} characters);"
+            f"{where}: {shorten(text)!r} has too many terms or brackets ({len(text)} characters);"
             " at most some hundred can be read"
         ) from None
 
@@ -96,7 +96,7 @@ def _check_finite(number: float, where: str) -> float:
 
 
 def _source(node: ast.expr) -> str:
-    return brief(ast.unparse(node))
+    return shorten(ast.unparse(node))
 
 
 def _call(name: str, args: list[Any], where: str) -> Any:

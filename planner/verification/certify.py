@@ -14,7 +14,7 @@ from functools import lru_cache, singledispatch
 import casadi as ca
 import numpy as np
 
-from planner.plan.claims import Certificate, Claim, undecided
+from planner.plan.claims import Certificate, Claim, undecided_claim
 from planner.plan.plan import Plan, expect_plan
 from planner.plan.retimed import RetimedTrajectory
 from planner.problem.problem import Problem
@@ -124,7 +124,7 @@ def _claims_on_commands(plan: Plan) -> list[Claim]:
             proofs += _undecided(demand, NO_PROOF_ON_MACHINE)
     return [
         *decide(proofs),
-        undecided(PLAN_DEVIATION.label, PLAN_DEVIATION.unit, NO_PROOF_ON_MACHINE),
+        undecided_claim(PLAN_DEVIATION.label, PLAN_DEVIATION.unit, NO_PROOF_ON_MACHINE),
     ]
 
 
@@ -134,7 +134,7 @@ def _undecided_claims(problem: Problem, why: str, in_chart: bool) -> list[Claim]
     parts = [(each, part) for each in demands for part in each.parts]
     free = np.isnan(problem.target)
     kept = [p for each, p in parts if not (isinstance(each, Goal) and free[p.index])]
-    return [undecided(p.label, p.unit, why) for p in [*kept, PLAN_DEVIATION]]
+    return [undecided_claim(p.label, p.unit, why) for p in [*kept, PLAN_DEVIATION]]
 
 
 # -- one proof for each kind of requirement ------------------------------------------------------
@@ -147,7 +147,7 @@ def prove(demand: Demand, evidence: Evidence) -> Iterable[Proof]:
 
 
 def _undecided(demand: Demand, why: str, required: bool = True) -> list[Claim]:
-    return [undecided(part.label, part.unit, why, required) for part in demand.parts]
+    return [undecided_claim(part.label, part.unit, why, required) for part in demand.parts]
 
 
 @prove.register
@@ -332,7 +332,7 @@ def _(point: Waypoint, evidence: Evidence) -> Iterable[Proof]:
         (when, doubt), nowhere = path_time(evidence.plan.trajectory, time_s), True
     if not np.isfinite(doubt):
         why = f"where the motion is at t = {time_s:.6g} s is not known"
-        return [undecided(part.label, "", why)]
+        return [undecided_claim(part.label, "", why)]
     low, high = distance_bounds(evidence.path.enclosure, point, when, doubt)
     best = GOAL_TOLERANCE - low if nowhere else np.nan
     return [evidence.path.claim(part, GOAL_TOLERANCE, GOAL_TOLERANCE - high, best, when)]

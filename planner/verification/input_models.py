@@ -321,7 +321,7 @@ def resolve(
         before[of] = np.where(bad, rough, before[of])
         before = {of: kept[origin] for of, kept in before.items()}
         fresh = bad[origin]
-        new = source.inputs(cells.only(fresh))
+        new = source.inputs(cells.select(fresh))
         u = [old.replace_rows(origin, fresh, x) for old, x in zip(u, new, strict=True)]
     if start is not None and not motion.q:
         return enclose(source.trajectory, motion.cells, motion.u, start)
@@ -338,7 +338,7 @@ def _cells_to_divide(balls: list[Ball], before: Array) -> tuple[Index, Array]:
 def path_times(trajectory: RetimedTrajectory, cells: Cells) -> tuple[Ball, Ball, Ball]:
     """A retimed path's own time σ, dσ/dt and d²σ/dt² on cells of the clock's pieces."""
     length, clock = trajectory.length, trajectory.clock
-    times = trajectory.place(cells.times(nodes())) @ interpolation().T
+    times = trajectory.sigma(cells.times(nodes())) @ interpolation().T
     (guess,) = polynomial_balls(times[None], np.zeros((1, len(times))))
 
     def along(order: int, sigma: Ball) -> Ball:

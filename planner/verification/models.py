@@ -269,7 +269,7 @@ def least_values(functions: list[Margin], cells: Cells, scales: Array) -> list[L
         which, cell, low = (np.tile(x[halve], 2) for x in (which, cell, low))
         size /= 2
         low[len(halve) :] += size
-    some = cells.only(place[:, 0].astype(int)).times(place[:, 1:])[:, 0]
+    some = cells.select(place[:, 0].astype(int)).times(place[:, 1:])[:, 0]
     times = np.where(np.isfinite(best), some, np.nan)
     return [LeastValue(float(closed[k]), float(best[k]), float(times[k])) for k in range(count)]
 

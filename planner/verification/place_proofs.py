@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 from numpy.polynomial.chebyshev import chebval
 
-from planner.plan.curves import Cells, joined
+from planner.plan.curves import Cells, join_cells
 from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import Trajectory
 from planner.problem.requirements.places import Waypoint
@@ -115,13 +115,13 @@ def _squared_distance(values: list[Model], length: float, cells: Cells) -> tuple
         one = (low >= 0) | (high <= -length) | ((high <= 0) & (low >= -length))
         last = step == MOST_HALVINGS or len(low) > MOST_CELLS
         settled = one | far | last | ~np.isfinite(along.r)
-        kept.append((cells.only(settled), [x.select(settled) for x in values]))
+        kept.append((cells.select(settled), [x.select(settled) for x in values]))
         if np.all(settled):
             break
         values = [Model(*halves(x.c[~settled], x.r[~settled])) for x in values]
-        cells = cells.only(~settled).halved()
+        cells = cells.select(~settled).halves()
     square, along, twice = (join_models([m[k] for _, m in kept]) for k in range(3))
-    return _lower_model(square, along, twice, length), joined([c for c, _ in kept])
+    return _lower_model(square, along, twice, length), join_cells([c for c, _ in kept])
 
 
 def _lower_model(square: Model, along: Model, twice: Model, length: float) -> Model:
@@ -205,7 +205,7 @@ def path_time(trajectory: Trajectory, time_s: float) -> tuple[float, float]:
         return time_s, np.inf
     if not isinstance(trajectory, RetimedTrajectory):
         return time_s, 0.0
-    length, s, sigma = trajectory.length, trajectory.clock(time_s), float(trajectory.place(time_s))
+    length, s, sigma = trajectory.length, trajectory.clock(time_s), float(trajectory.sigma(time_s))
     off = 1e-9 * length.x[-1]
     low, high = max(sigma - off, 0.0), min(sigma + off, length.x[-1])
     return sigma, off if length(low) <= s <= length(high) else np.inf

@@ -26,7 +26,7 @@ from planner.problem.requirements.requirement import MotionPoint, Part, Requirem
 from planner.support import deadline
 from planner.support.arrays import Array
 from planner.support.calculus.chebyshev import points
-from planner.support.calculus.extremes import FLAT, narrowed
+from planner.support.calculus.extremes import FLAT_DEPTH, narrow_dips
 from planner.support.tables import Column, html_table
 
 GOAL_TOLERANCE = 2e-5
@@ -198,7 +198,7 @@ def _motion_on_machine(plan: Plan) -> tuple[Motion, Array]:
         gaps = np.max(np.abs(c - ends[:-1] - share * np.diff(ends, axis=0)), axis=(0, 2))
         worst = int(np.argmax(gaps))
         gap = float(gaps[worst]), float(plan.t[worst])
-    _, u = plan.trajectory.inside(cells.piece, cells.fractions(points(POINTS)))
+    _, u = plan.trajectory.piece_values(cells.piece, cells.fractions(points(POINTS)))
     q = prediction.at(cells.times(2 * points(POINTS) - 1).T)
     return Motion(cells, q, u, 0.0, gap), prediction.end
 
@@ -238,8 +238,11 @@ def _motion_findings(
     out.append(_Finding(part, gap, 0.0, when, INTERPOLANT_TOLERANCE))
     if not compensated:
         read = (
-            ("plan's u(t) against the series it is judged by", motion.unresolved),
-            ("requirements' values against the series they are judged by", motion.hidden),
+            ("plan's u(t) against the series it is judged by", motion.unresolved_input),
+            (
+                "requirements' values against the series they are judged by",
+                motion.unresolved_values,
+            ),
         )
         for label, (amount, when) in read:
             part = Part(label, "", -np.inf, 0.0, 1.0)
@@ -333,7 +336,7 @@ def _waypoint_distances(
             value, when = float(values[0]), float(times[0])
         else:
             when = lead_s + point.time_s
-            value = float(point.distance(motion.at_time(when)))
+            value = float(point.distance(motion.q_at_time(when)))
         (part,) = point.parts
         yield _Finding(part, value, 0.0, when, tolerance)
 
@@ -351,16 +354,16 @@ def _least_values(motion: Motion, function: Callable[[Array], Array]) -> tuple[A
     sides = [np.where(np.isfinite(side), side - values, 0.0) for side in (before, after)]
     deep, least = np.maximum(*sides), np.min(values, axis=(0, 1))
     dips = (values <= before) & (values <= after) & (values - 2 * deep <= least)
-    dips &= (deep > FLAT) | (values == least)
+    dips &= (deep > FLAT_DEPTH) | (values == least)
     sample, cell, which = np.nonzero(dips)
     low, high = grid[np.maximum(sample - 1, 0)], grid[np.minimum(sample + 1, len(grid) - 1)]
     row = np.arange(len(cell))
 
     def dip_values(x: Array) -> Array:
         deadline.check_stopped()
-        return function(motion.at(cell, x))[:, row, which]
+        return function(motion.q_in_cells(cell, x))[:, row, which]
 
-    best, times_of_dips = narrowed(dip_values, low, high)
+    best, times_of_dips = narrow_dips(dip_values, low, high)
     out = np.full(values.shape[-1], np.nan), np.full(values.shape[-1], np.nan)
     for f in range(values.shape[-1]):
         dips_of_row = np.flatnonzero(which == f)

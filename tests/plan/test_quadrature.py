@@ -50,7 +50,7 @@ def test_cells_lie_one_behind_the_other_and_skip_what_takes_no_time() -> None:
 
 
 def test_a_cell_is_split_into_four_of_the_same_width() -> None:
-    cells = _cells().only(np.array([1, 3])).split()[0]
+    cells = _cells().select(np.array([1, 3])).split()[0]
     np.testing.assert_array_equal(cells.piece, [0, 0, 0, 0, 3, 3, 3, 3])
     np.testing.assert_allclose(cells.width, [1.125 / 4] * 4 + [2.5 / 4] * 4, rtol=1e-15)
     begins = _times(cells)[0]
@@ -72,7 +72,7 @@ def test_greatest_value_and_its_time(
     function: Callable[[Array], Array], value: float, time: float
 ) -> None:
     """By calculus. The last function is 3 at t = 0, which lies in a cell that is left out."""
-    cells = _cells().only(np.array([1, 2, 3])) if value == 32 / 27 else _cells()
+    cells = _cells().select(np.array([1, 2, 3])) if value == 32 / 27 else _cells()
     found, when = quadrature.greatest(cells, function(_times(cells))[..., None])
     assert found[0] == pytest.approx(value, rel=1e-13)
     assert when[0] == pytest.approx(time, abs=1e-7)
@@ -292,7 +292,7 @@ def test_an_input_that_vanishes_at_all_points_is_seen(count: int, degree: int) -
     peak = np.max(w(np.linspace(0, width, 100_001)))
     assert peak > 1
     assert quadrature.largest(motion.cells, motion.u)[1] == pytest.approx(peak, rel=1e-6)
-    assert motion.unresolved[0] < quadrature.AGREED
+    assert motion.unresolved[0] < quadrature.INPUT_TOLERANCE
 
 
 @pytest.mark.parametrize("size", [1e-3, 1.0, 50.0])
@@ -314,4 +314,4 @@ def test_rounding_in_an_input_is_compared_with_the_larger_one() -> None:
     noise = lambda t: rng.uniform(-1e-10, 1e-10, np.shape(t))  # noqa: E731
     motion = _motion(Unicycle(), np.zeros(3), breaks, 1.0, w=noise)
     assert len(motion.cells.piece) <= 4
-    assert motion.unresolved[0] < quadrature.AGREED
+    assert motion.unresolved[0] < quadrature.INPUT_TOLERANCE

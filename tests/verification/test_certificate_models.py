@@ -46,7 +46,7 @@ def _value(c: np.ndarray, tau: float) -> np.ndarray:
 def test_polynomials_and_slopes_on_cells(seed: int) -> None:
     rng = np.random.default_rng(seed)
     curve = BPoly(rng.normal(size=(rng.integers(2, 15), 3, 2)), [0.0, 0.7, 1.1, 3.0])
-    cells = Cells.of(curve.x).halved().halved()
+    cells = Cells.of(curve.x).halves().halves()
     derived = curve.derivative()
     for tau in (-0.999, 0.123, 0.987):
         times = cells.times(np.array([tau]))[:, 0]
@@ -71,7 +71,7 @@ def test_every_rounding_of_a_restriction_is_counted(degree: int, scale: float) -
     curve = BPoly(scale * rng.uniform(0.5, 1.0, (degree + 1, 2, 1)), [0.0, 1.0, 2.5])
     matrix = np.sum(np.abs(from_bernstein(degree + 1)))
     whole = Cells.of(curve.x)
-    for cells, steps in ((whole, degree + 1), (whole.halved(), 9 * degree + 1)):
+    for cells, steps in ((whole, degree + 1), (whole.halves(), 9 * degree + 1)):
         (found,) = polynomials(curve, cells)
         size = np.max(np.abs(curve.c[:, cells.piece, 0]), axis=0)
         assert np.all(found.r >= steps * matrix * 2.0**-53 * size)

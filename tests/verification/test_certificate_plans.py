@@ -19,7 +19,7 @@ from planner.problem.requirements.ends import TipGoal
 from planner.problem.requirements.places import Waypoint
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.support import deadline
-from planner.support.deadline import TimeUpError, limited
+from planner.support.deadline import TimeUpError, time_limit
 from planner.verification.certify import certify
 from planner.verification.evidence import STANDSTILL_REASON
 from planner.verification.input_models import enclose_trajectory
@@ -247,7 +247,7 @@ def test_the_command_shows_and_gives_it(capsys: pytest.CaptureFixture[str]) -> N
 
 @pytest.mark.parametrize("judged", [planner.verify, certify])
 def test_a_stop_ends_it_and_a_time_limit_does_not(judged: Any, optimal: planner.Plan) -> None:
-    with limited(1e-9):
+    with time_limit(1e-9):
         judged(optimal)
         deadline.end(copy_context(), "the Stop button")
         with pytest.raises(TimeUpError):

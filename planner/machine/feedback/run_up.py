@@ -37,7 +37,7 @@ from planner.machine.feedback.means import (
     lost_spread,
 )
 from planner.machine.machine import Machine
-from planner.plan.measures import beyond, peak_inputs
+from planner.plan.measures import excess_share, peak_inputs
 from planner.plan.plan import Plan
 from planner.problem.tables.problem_file import FeedbackTable
 from planner.support.arrays import Array
@@ -234,7 +234,7 @@ def refuse_beyond(plan: Plan, machine: Machine) -> None:
         UntrackableError: Naming the input, its peak, the limit and where that comes from.
     """
     limit = input_limit(plan, machine)
-    share = beyond(plan.trajectory, limit)
+    share = excess_share(plan.trajectory, limit)
     i = int(np.argmax(share))
     if share[i] <= BEYOND:
         return

@@ -24,12 +24,12 @@ from planner.machine.feedforward.shaping import MotorCommands, shaped
 from planner.machine.machine import Machine
 from planner.machine.replay import SETTLE_S
 from planner.machine.simulate import Progress, simulate
-from planner.plan.plan import Compensation, Plan, cut_short
+from planner.plan.plan import Compensation, Plan, mark_cut_short
 from planner.problem.problem import Problem
 from planner.problem.tables.problem_file import CompensationTable
 from planner.support import deadline
 from planner.support.arrays import Array
-from planner.support.deadline import TimeUpError, limited
+from planner.support.deadline import TimeUpError, time_limit
 from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem
 
@@ -87,7 +87,7 @@ def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Repl
             " compensate"
         )
     tried: list[_Trial] = []
-    with limited(None) as span:
+    with time_limit(None) as span:
         cut = False
         try:
             tried.extend(_trials(plan, system, machine, options, replan))  # keeps those till then
@@ -105,7 +105,7 @@ def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Repl
         "tail_s": best.plan.tail_s,
     }
     made = replace(best.plan, notes={**plan.notes, "compensation": notes})
-    return cut_short(made, span, CUT_SHORT) if cut else made
+    return mark_cut_short(made, span, CUT_SHORT) if cut else made
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +165,7 @@ def _trials(
         if left_s <= 0:
             raise TimeUpError
         began = time.perf_counter()
-        with limited(left_s, "the time for a plan next to one known"):
+        with time_limit(left_s, "the time for a plan next to one known"):
             near = replan(_shifted(problem, wanted, shift, moved), near)
         left_s -= time.perf_counter() - began
         if not near.executable:

@@ -106,7 +106,7 @@ class Task:
             if found is not None and found.residual <= FEASIBLE:
                 start, settings = found.iterate, replace(settings, near=True)
             deadline.check()
-            progress.solved()
+            progress.count_solve()
             call = backend(made, replace(settings, solver=name))
             packed = made.layout.pack(start, data.widths).clip(data.lower, data.upper)
             answer = call(packed, data)

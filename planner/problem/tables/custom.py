@@ -21,7 +21,7 @@ from planner.problem.tables.problem_file import (
 )
 from planner.support.arrays import Array
 from planner.support.tables import line
-from planner.support.user_tables import Positive, Table, nearest
+from planner.support.user_tables import Positive, Table, allowed_hint
 from planner.systems.custom import CustomSystem
 from planner.systems.triangular_system import Coordinate
 
@@ -137,7 +137,9 @@ class OwnFile(NamedFile):
         for key, (given, names) in {**wanted, "limits.q": (self.limits.q, tail)}.items():
             for name in given:
                 if name not in names:
-                    raise ValueError(f"{key} has no coordinate '{name}'; {nearest(name, names)}")
+                    raise ValueError(
+                        f"{key} has no coordinate '{name}'; {allowed_hint(name, names)}"
+                    )
         for key, (given, names) in wanted.items():
             missing = [name for name in names if name not in given]
             if missing:

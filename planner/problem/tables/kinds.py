@@ -29,8 +29,8 @@ from planner.problem.requirements.requirement import Requirement
 from planner.problem.tables import arms, custom, vehicles
 from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.problem_file import BaseLimits, GoalTable, ProblemFile
-from planner.support.tables import brief, line
-from planner.support.user_tables import Table, nearest, parse
+from planner.support.tables import line, shorten
+from planner.support.user_tables import Table, allowed_hint, parse
 from planner.systems.triangular_system import TriangularSystem
 
 GROUP = "planner.plugins"
@@ -271,7 +271,7 @@ def parse_file(data: dict[str, Any], source: str) -> ProblemFile:
         raise InputError(f"{source}: missing key 'system.kind'; allowed: {', '.join(FILES)}")
     kind = system["kind"]
     if not isinstance(kind, str) or kind not in FILES:
-        hint = nearest(str(kind), list(FILES))
+        hint = allowed_hint(str(kind), list(FILES))
         raise InputError(f"{source}: 'system.kind' = {kind!r:.60}: {hint}")
     with _name_missing_methods(kind):
         return parse(FILES[kind], data, source)
@@ -313,7 +313,7 @@ def _refuse_extremes(data: dict[str, Any], source: str) -> None:
         elif isinstance(value, list):
             waiting += [(f"{key}[{k}]", item) for k, item in enumerate(value)]
         elif isinstance(value, float | int) and 0 < abs(value) < LEAST_NUMBER:
-            name = brief(key)
+            name = shorten(key)
             raise InputError(
                 f"{source}: '{name}' = {value!r}: too small; 0, or at least {LEAST_NUMBER:g}"
             )
@@ -321,7 +321,7 @@ def _refuse_extremes(data: dict[str, Any], source: str) -> None:
             few = isinstance(value, float) or value.bit_length() < 200
             shown = repr(value) if few else "a whole number of many digits"
             raise InputError(
-                f"{source}: '{brief(key)}' = {shown}: too large; at most {MOST_NUMBER:g}"
+                f"{source}: '{shorten(key)}' = {shown}: too large; at most {MOST_NUMBER:g}"
             )
 
 

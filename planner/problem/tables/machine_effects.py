@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from planner.support.user_tables import Table, nearest
+from planner.support.user_tables import Table, allowed_hint
 
 Owner = Literal["machine", "motor", "joint", "passive"]
 Numbers = float | list[float]
@@ -80,7 +80,9 @@ class Effect:
     def _table(self, table: Mapping[str, Any]) -> Spread:
         for key in table:
             if key not in ("value", "spread"):
-                raise ValueError(f"unknown key '{key}'; {nearest(str(key), ['value', 'spread'])}")
+                raise ValueError(
+                    f"unknown key '{key}'; {allowed_hint(str(key), ['value', 'spread'])}"
+                )
         if "value" not in table:
             raise ValueError("needs a value beside its spread: { value = ..., spread = ... }")
         value = self._numbers(table["value"])

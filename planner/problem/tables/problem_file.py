@@ -17,7 +17,7 @@ from pydantic import AfterValidator, Field, field_validator
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.method_options import MethodsTable
 from planner.support.arrays import Array
-from planner.support.user_tables import Positive, Table, nearest
+from planner.support.user_tables import Positive, Table, allowed_hint
 from planner.systems.triangular_system import TriangularSystem
 
 
@@ -313,6 +313,6 @@ class NamedFile(ProblemFile):
                 if name not in coordinates:
                     raise ValueError(
                         f"waypoints[{number}].q has no coordinate '{name}';"
-                        f" {nearest(name, coordinates)}"
+                        f" {allowed_hint(name, coordinates)}"
                     )
         return [np.array([p.q.get(name, np.nan) for name in coordinates]) for p in self.waypoints]

@@ -175,8 +175,8 @@ def check(
     expect_listener(progress)
     expect_problem(problem)
     say = progress or (lambda _: None)
-    own = [name for name, method in METHODS.items() if method.refines is None]
-    names = own if methods is None else [find_method(m).name for m in methods]
+    unrefined = [name for name, method in METHODS.items() if method.refines is None]
+    names = unrefined if methods is None else [find_method(m).name for m in methods]
     window, reach = travel_window(problem), goal_reach(problem)
     outcomes, remedy = [], None
     with time_limit(time_limit_s) as span:
@@ -185,8 +185,8 @@ def check(
             say(f"trying {name}")
             with time_share(1 / (len(names) - k + 1), words):
                 outcomes.append(_outcome(problem, name))
-        found = any(o["verified"] for o in outcomes)
-        if not found:
+        has_plan = any(o["verified"] for o in outcomes)
+        if not has_plan:
             remedy = find_remedy(problem, names, say, reach)
     say("looking at the plain polynomial")
     singular = any(o["method"] == "polynomial" and o["status"] == "singular" for o in outcomes)
@@ -303,10 +303,10 @@ def _window_dict(problem: Problem, window: TravelWindow | None) -> dict[str, Any
     }
 
 
-def _polynomial_dict(found: tuple[float, DomainReport] | None) -> dict[str, Any] | None:
-    if found is None:
+def _polynomial_dict(result: tuple[float, DomainReport] | None) -> dict[str, Any] | None:
+    if result is None:
         return None
-    travel, report = found
+    travel, report = result
     return {
         "travel_rad": travel,
         "z2_crossings_s": list(report.z2_crossings_s),

@@ -17,7 +17,7 @@ from planner.methods.registry import Method, find_method, merged_options
 from planner.plan.plan import Plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem
-from planner.solve import compensated_in_time, judged
+from planner.solve import compensate_in_time, judge_plan
 from planner.support import deadline
 from planner.support.deadline import (
     MORE_TIME_ADVICE,
@@ -72,7 +72,7 @@ def path(state: State) -> ScreenOutcome:
             with time_share(SEARCH_SHARE if wanted else 1.0, condition=holds_answer):
                 plan = method.plan(problem, options)
             if wanted and plan.status != "singular":
-                plan = compensated_in_time(*judged(plan), None, problem.compensation)[0]
+                plan = compensate_in_time(*judge_plan(plan), None, problem.compensation)[0]
             return ScreenOutcome(state, problem, plan, judged=plan.verified)
         except InputError as error:
             return ScreenOutcome(state, problem, None, error, judged=True)
@@ -96,7 +96,7 @@ def judge(outcome: ScreenOutcome) -> ScreenOutcome:
     if outcome.judged or outcome.plan is None:
         return outcome
     try:
-        plan, _ = judged(outcome.plan)
+        plan, _ = judge_plan(outcome.plan)
     except TimeUpError:
         ended = TimeLimitError(
             f"{outcome.plan.problem.source}: the Stop button ended the verification",

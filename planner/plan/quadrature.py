@@ -369,7 +369,7 @@ def largest(cells: Cells, values: Array) -> Array:
 
 
 def jumps(cells: Cells, values: Array) -> NDArray[np.bool_]:
-    """Whether functions (16, C, F) jump between cells, by over `JUMP_TOLERANCE` of their size, (F,)."""
+    """Whether functions (16, C, F) jump between cells, by over `JUMP_TOLERANCE` of their size."""
     size = np.maximum(np.max(np.abs(values), axis=(0, 1)), 1e-12)
     return np.asarray(
         np.any(np.abs(values[0, 1:] - values[-1, :-1]) > JUMP_TOLERANCE * size, axis=0)

@@ -260,7 +260,7 @@ class TangentSystem(TriangularSystem):
         return np.asarray(np.where(branch[1:-1] == 0, -np.abs(c), c) * np.abs(c))
 
     def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
-        """The same."""
+        """As `chart_margins`, as expressions."""
         cosines = [ca.cos(q[i] - _centre(branch)[i]) for i in range(1, self.size - 1)]
         signs = np.where(branch[1:-1] == 0, -1.0, 1.0)
         return [

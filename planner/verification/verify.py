@@ -185,21 +185,21 @@ def _motion_on_machine(plan: Plan) -> tuple[Motion, Array]:
     lead elsewhere. Its own q(t) goes straight from where the machine is at one break to where it is
     at the next. A piece lies no farther from that line than its Bernstein coefficients.
     """
-    from planner.machine.feedforward.aim import predicted  # no other plan needs the machine
+    from planner.machine.feedforward.aim import predict  # no other plan needs the machine
     from planner.machine.machine import Machine
 
     assert plan.compensation is not None
-    prediction = predicted(plan, Machine.from_table(plan.compensation.machine))
+    prediction = predict(plan, Machine.from_table(plan.compensation.machine))
     cells, gap = Cells.of(plan.t), (np.inf, 0.0)
     if isinstance(plan.trajectory, StateTrajectory):
-        c, ends = plan.trajectory.q_curve.c, prediction.at(plan.t)
+        c, ends = plan.trajectory.q_curve.c, prediction.q_at(plan.t)
         c = np.repeat(c, 2, axis=0) if len(c) == 1 else c
         share = np.linspace(0.0, 1.0, len(c))[:, None, None]
         gaps = np.max(np.abs(c - ends[:-1] - share * np.diff(ends, axis=0)), axis=(0, 2))
         worst = int(np.argmax(gaps))
         gap = float(gaps[worst]), float(plan.t[worst])
     _, u = plan.trajectory.piece_values(cells.piece, cells.fractions(points(POINTS)))
-    q = prediction.at(cells.times(2 * points(POINTS) - 1).T)
+    q = prediction.q_at(cells.times(2 * points(POINTS) - 1).T)
     return Motion(cells, q, u, 0.0, gap), prediction.end
 
 

@@ -10,7 +10,7 @@ from handmade import draws_of
 from scipy.integrate import solve_ivp
 
 from planner.machine.disk_chain import DiskChain
-from planner.machine.stepwise import Direct
+from planner.machine.stepwise import KinematicPlant
 from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
@@ -36,7 +36,7 @@ def travel(t: float) -> Array:
     return np.array([0.3 * np.sin(2 * t), (1 - np.cos(3 * t)) / 6 + 0.2 * t])
 
 
-def ran(plant: DiskChain | Direct, steps: int, points: int = 3) -> Array:
+def ran(plant: DiskChain | KinematicPlant, steps: int, points: int = 3) -> Array:
     """Coordinates (N, S) after so many steps under `speed`, given at so many points of each."""
     h = T / steps
     for k in range(steps):
@@ -58,7 +58,7 @@ def test_ideal_chain_is_the_kinematics_to_fourth_or_second_order(n: int) -> None
     system, q = arm(n), start(n)
     truth = exact(system, q)
     steps = np.array([8, 16, 32, 64])
-    for plant in (lambda: DiskChain(system, draws_of(n), q), lambda: Direct(system, q)):
+    for plant in (lambda: DiskChain(system, draws_of(n), q), lambda: KinematicPlant(system, q)):
         for points, order in ((3, 4), (2, 2)):
             errors = [np.max(np.abs(ran(plant(), int(m), points) - truth)) for m in steps]
             slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
@@ -71,7 +71,7 @@ def test_gear_ratio_errors_scale_one_joint_each() -> None:
     off = Manipulator(system.K * [1.1, 0.8], system.k_g)
     draws = draws_of(gear_ratio_error=[0.1, -0.2])
     assert ran(DiskChain(system, draws, q), 100) == pytest.approx(
-        ran(Direct(off, q), 100), abs=1e-8
+        ran(KinematicPlant(off, q), 100), abs=1e-8
     )
 
 

@@ -156,7 +156,7 @@ def test_chunks_do_not_matter_in_closed_loop(
 ) -> None:
     machine = Machine.prototype(step_s=0.005, delay_s={"value": 0.005, "spread": spread})
     whole = replay(plan, machine, samples=5, feedback=Scripted(to_plan(plan)))
-    monkeypatch.setattr(sys.modules["planner.machine.simulate"], "CHUNK", 2)
+    monkeypatch.setattr(sys.modules["planner.machine.simulate"], "CHUNK_SAMPLES", 2)
     parts = replay(plan, machine, samples=5, feedback=Scripted(to_plan(plan)))
     assert np.array_equal(whole.q, parts.q)
     assert whole.effort == pytest.approx(parts.effort)

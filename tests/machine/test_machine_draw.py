@@ -92,7 +92,7 @@ def test_what_is_off_is_neutral() -> None:
     draws = draw(Machine.ideal(), 3, np.arange(2), 0)
     assert draws["backlash_deg"] == 0
     assert np.isinf(draws["shaft_stiffness_nm_per_rad"])
-    assert not draws.on("backlash_deg")
+    assert not draws.has_effect("backlash_deg")
 
 
 @pytest.mark.parametrize("joints", [2, 3, 6])

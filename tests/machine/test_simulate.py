@@ -176,7 +176,7 @@ def test_index_of_error_is_the_maximum_over_all_steps(jumping: Plan) -> None:
 def test_chunks_do_not_matter(jumping: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
     machine = Machine.prototype(step_s=0.005, delay_s={"value": 0.005, "spread": 0.002})
     whole = replay(jumping, machine, samples=7, seed=3, record_s=0.5)
-    monkeypatch.setattr(sys.modules["planner.machine.simulate"], "CHUNK", 3)
+    monkeypatch.setattr(sys.modules["planner.machine.simulate"], "CHUNK_SAMPLES", 3)
     seen: list[tuple[int, int]] = []
     parts = replay(
         jumping, machine, samples=7, seed=3, record_s=0.5, progress=lambda *x: seen.append(x)

@@ -219,7 +219,9 @@ def _motion(
         w = claim["w"](t) if "w" in claim else np.zeros_like(t)
         return q, np.stack([np.full_like(t, v), w], axis=-1)
 
-    trajectory: Any = SimpleNamespace(system=system, breaks=breaks, inside=inside, degree=degree)
+    trajectory: Any = SimpleNamespace(
+        system=system, breaks=breaks, piece_values=inside, degree=degree
+    )
     return quadrature.integrate(trajectory, start)
 
 

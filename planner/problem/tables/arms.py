@@ -256,7 +256,7 @@ class ArmFile(ProblemFile):
         return out
 
     def discs(self) -> list[ObstacleTable]:
-        """Obstacles."""
+        """The obstacles, as discs in the plane."""
         return self.obstacles
 
 

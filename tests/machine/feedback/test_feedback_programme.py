@@ -93,9 +93,9 @@ def test_without_active_limits_it_is_the_regulator(
     smooth: Plan, machine: Machine, plain: TrackerDesign, k: int
 ) -> None:
     state = error(plain, [0.02, 0.01, -0.01], rate=0.002)
-    before = plain.programme.solved
-    answer = plain.programme(k, state, plain.programme.none(1))
-    assert plain.programme.solved == before
+    before = plain.programme.solve_count
+    answer = plain.programme(k, state, plain.programme.empty_decision(1))
+    assert plain.programme.solve_count == before
     full = written_out(plain, smooth, machine, k, state[:, 0], horizon=20)
     H = min(plain.programme.horizon, len(full))
     assert answer.corrections[:H, :, 0] == pytest.approx(full[:H], abs=1e-6)
@@ -113,9 +113,9 @@ def test_with_active_limits_it_is_the_whole_programme(
     )
     unlimited = -law.gain[k] @ state[:, 0]
     assert np.any((unlimited < plain.ref.low[k]) | (unlimited > plain.ref.high[k]))
-    before = plain.programme.solved
-    answer = plain.programme(k, state, plain.programme.none(1))
-    assert plain.programme.solved == before + 1
+    before = plain.programme.solve_count
+    answer = plain.programme(k, state, plain.programme.empty_decision(1))
+    assert plain.programme.solve_count == before + 1
     full = written_out(plain, smooth, machine, k, state[:, 0], plain.programme.horizon)
     H = min(plain.programme.horizon, len(full))
     assert answer.corrections[:H, :, 0] == pytest.approx(full[:H], abs=2e-4)
@@ -151,14 +151,14 @@ def test_a_joint_limit_bites_and_is_kept(
 ) -> None:
     k, most = 30, float(np.deg2rad(0.3))
     state = error(plain, [0.0, -2.0, 2.0])
-    free = plain.programme(k, state, plain.programme.none(1))
+    free = plain.programme(k, state, plain.programme.empty_decision(1))
     assert after(plain, k, state, free.corrections).min() < -most  # θ₁ swings without the limit
     ref = replace(plain.ref, floor=np.where(np.arange(plain.ref.floor.shape[1]) == 0, -most, -9.0))
     ref = replace(ref, floor=np.broadcast_to(ref.floor, plain.ref.floor.shape))
     options = FeedbackTable(run_up=False)
     law = regulator(ref, _weights(smooth, ref, input_scale(smooth, machine), options))
     kept = TrackingProgramme(ref, law, 10, options.max_iterations)
-    answer = kept(k, state, kept.none(1))
+    answer = kept(k, state, kept.empty_decision(1))
     assert after(plain, k, state, answer.corrections).min() == pytest.approx(-most, abs=1e-5)
     assert not answer.fallback[0]
 
@@ -168,7 +168,7 @@ def test_a_state_limit_that_cannot_be_kept_is_widened_and_counted(
 ) -> None:
     tight = task_with(plain, smooth, machine, most=-1.0)  # θ₁ one radian below its course, at once
     state = error(plain, [0.0, 0.0, 0.0])
-    answer = tight(30, state, tight.none(1))
+    answer = tight(30, state, tight.empty_decision(1))
     assert answer.fallback.tolist() == [True]
     v = answer.corrections[:, :, 0]
     assert np.all(v >= plain.ref.low[30:40])
@@ -182,7 +182,7 @@ def test_when_the_solver_is_late_the_last_decision_goes_on(
     law = regulator(plain.ref, _weights(smooth, plain.ref, input_scale(smooth, machine), options))
     hasty = TrackingProgramme(plain.ref, law, plain.programme.horizon, iterations=10)
     state = error(plain, [9.0, -12.0, -12.0])
-    last = plain.programme(49, error(plain, [0.1, 0.1, 0.1]), plain.programme.none(1))
+    last = plain.programme(49, error(plain, [0.1, 0.1, 0.1]), plain.programme.empty_decision(1))
     answer = hasty(50, state, last)
     assert answer.fallback.tolist() == [True]
     assert answer.corrections[:-1] == pytest.approx(last.corrections[1:], abs=1e-12)
@@ -195,7 +195,7 @@ def test_rates_of_the_inputs_are_limited(unlimited: planner.Problem, machine: Ma
     task = design(plan, machine, FeedbackTable(run_up=False))
     assert task.ramp
     k, state = 30, error(task, [3.0, -4.0, -4.0])
-    answer = task.programme(k, state, task.programme.none(1))
+    answer = task.programme(k, state, task.programme.empty_decision(1))
     steps = np.diff(np.concatenate([state[None, 4:6], answer.corrections]), axis=0)[:, :, 0]
     ranges = np.array([_changes(task.ref, k + j) for j in range(len(steps))])
     low, high = ranges[:, 0], ranges[:, 1]

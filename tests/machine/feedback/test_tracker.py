@@ -120,7 +120,7 @@ def test_a_run_is_the_same_again_and_a_sample_whichever_others_run_with_it(
     """Machines beyond what the commands' limits allow, so that OSQP is asked often."""
     tracker = Tracker(path_error_deg=1.0, run_up=False)
     closed = replay(smooth, machine, SAMPLES, seed=3, feedback=tracker, record_s=None)
-    assert tracker.design(smooth, machine).programme.solved > 300
+    assert tracker.design(smooth, machine).programme.solve_count > 300
     some = np.argsort(closed.index_E_deg)[-5:]
     again = replay(smooth, machine, some.tolist(), seed=3, feedback=tracker, record_s=None)
     assert np.array_equal(again.q, closed.q[some])

@@ -4,8 +4,8 @@
 #   make suite     every method on every problem, to results/suite
 #   make bench     speed of collocation beside scripts by hand, to results/benchmarks
 #   make paper     the paper's figures and numbers, to results/paper
-#   make stress    the tests' longer campaigns; random pairs by family; 5,000 random problems, to
-#                  results/stress (hours; continues where it ended)
+#   make stress    the suite's longer cases; damaged plans, to results/judging; random pairs by family
+#                  and 5,000 random problems, to results/stress (hours; continues where it ended)
 #   make coverage  which goals each method reaches, random pairs, to results/coverage (an hour)
 #   make mutants  whether the tests see wrong code in the judge, proofs, systems, machine (an hour)
 #   make robustness  the tracker on good and bad machines, to results/feedback (some minutes)
@@ -49,6 +49,7 @@ bench: $(VENV)/.run
 
 stress: $(VENV)/.dev
 	@$(BIN)/python -m pytest $(PYTEST_FLAGS) -m campaign
+	@$(BIN)/python tests/benchmarks/judged.py
 	@$(BIN)/python tests/benchmarks/families.py
 	@$(BIN)/python tests/benchmarks/stress.py
 
@@ -72,7 +73,7 @@ compensation: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/compensation.py
 
 report: $(VENV)/.dev
-	@$(BIN)/python tests/browser/pictures.py
+	@$(BIN)/python tests/benchmarks/pictures.py
 
 explorer: $(VENV)/.dev
 	@PLANNER_SCREENSHOTS=results/explorer $(BIN)/python -m pytest -s tests/browser/test_explorer_page.py

@@ -18,6 +18,7 @@ from planner.cli.app import COMMANDS, main
 from planner.problem.tables.kinds import FILES
 from planner.problem.tables.machine_effects import EFFECTS, MachineTable
 from planner.problem.tables.problem_file import CompensationTable, FeedbackTable
+from planner.report.export import FORMATS
 from planner.sweep.design.design_file import (
     DesignFile,
     MachinesTable,
@@ -36,6 +37,7 @@ def write(docs: Path) -> None:
     made.mkdir(exist_ok=True)
     for name, text in {
         "commands.md": commands(),
+        "formats.txt": formats(),
         "methods.md": methods(),
         "problem-file.md": problem_file(),
         "machine.md": machine(),
@@ -51,6 +53,15 @@ def write(docs: Path) -> None:
     for picture in [*pictures, "coverage/coverage", "design/design"]:
         name = picture.rpartition("/")[2].replace("refused", "explorer")
         shutil.copyfile(ROOT / "results" / f"{picture}.png", made / f"{name}.png")
+
+
+def formats() -> str:
+    """The table of export formats, for the page that includes it."""
+    rows = [("format", "endings", "content", "read it with"), ("---",) * 4]
+    for name, one in FORMATS.items():
+        reader = f"`{one.reader}`" if one.reader else ""
+        rows.append((f"`{name}`", ", ".join(one.endings), one.holds, reader))
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in rows)
 
 
 def _put(path: Path, text: str) -> None:
@@ -196,7 +207,13 @@ def machine() -> str:
         "The table `[machine]`, and the keywords of `Machine.prototype`.\n",
     ]
     rows = [
-        [f"`{name}`", effect.unit or "1", effect.owner, _code(used[name]), _about(MachineTable, name)]
+        [
+            f"`{name}`",
+            effect.unit or "1",
+            effect.owner,
+            _code(used[name]),
+            _about(MachineTable, name),
+        ]
         for name, effect in EFFECTS.items()
     ]
     parts.append(_table(["effect", "unit", "one a", "prototype", "what it is"], rows))

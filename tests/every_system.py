@@ -5,13 +5,8 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
-from planner.systems.ball_gear import BallGear
-from planner.systems.custom import CustomSystem
-from planner.systems.manipulator import Manipulator
-from planner.systems.triangular_system import TriangularSystem
-from planner.systems.vehicles import Car, Trailers, Unicycle
+from planner import BallGear, Car, CustomSystem, Manipulator, Trailers, TriangularSystem, Unicycle
 
 _K = [0.870125, 0.711625, 0.9, 0.6, 1.2]
 
@@ -44,7 +39,7 @@ few = settings(max_examples=20)
 @st.composite
 def points(
     draw: st.DrawFn, system: TriangularSystem, low: float = 0.1, high: float = 1.3
-) -> NDArray[np.float64]:
+) -> np.ndarray:
     """A configuration with every link's angle between `low` and `high` rad, either sign."""
     size = system.size
     free = draw(st.lists(st.floats(-2, 2), min_size=2, max_size=2))

@@ -6,21 +6,20 @@ from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import planner
 
-Array = NDArray[np.float64]
 
-
-def draws(spread: Mapping[str, float], count: int, seed: int = 0) -> dict[str, Array]:
+def draws(spread: Mapping[str, float], count: int, seed: int = 0) -> dict[str, np.ndarray]:
     """Normal errors (count,) of each parameter."""
     rng = np.random.default_rng(seed)
     return {name: sigma * rng.normal(size=count) for name, sigma in spread.items()}
 
 
-def motions(plan: planner.Plan, errors: Mapping[str, Array], t: Array | None = None) -> Array:
+def motions(
+    plan: planner.Plan, errors: Mapping[str, np.ndarray], t: np.ndarray | None = None
+) -> np.ndarray:
     """True coordinates (S, m, N) at times t (m,) (the end when left out) of S perturbed machines.
 
     NumPy kinematics and DOP853, piece by piece of the plan's input.
@@ -43,7 +42,7 @@ def motions(plan: planner.Plan, errors: Mapping[str, Array], t: Array | None = N
     for a, b in pairwise(plan.t):
         last = np.nextafter(b, a)
 
-        def rates(time: float, flat: Array, last: float = last) -> Array:
+        def rates(time: float, flat: np.ndarray, last: float = last) -> np.ndarray:
             states = flat.reshape(count, -1)
             moved = system.rates(states, plan.u(min(time, last)) * gain + bias)
             moved[:, 2:] *= K / system.K

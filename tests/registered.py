@@ -11,12 +11,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from planner.methods.registry import METHODS
+from planner import METHODS, TriangularSystem
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.problem.tables import kinds as plugins
 from planner.problem.tables.kinds import FILES, REQUIREMENTS
 from planner.problem.tables.method_options import MethodsTable
-from planner.systems.triangular_system import TriangularSystem
 
 
 @contextmanager

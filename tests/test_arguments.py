@@ -93,6 +93,7 @@ TAKE_PLANS: dict[str, Callable[[Any], Any]] = {
     "plot_arm": report.plot_arm,
     "plot_inputs": report.plot_inputs,
     "plot_joints": report.plot_joints,
+    "plot_map": report.plot_map,
     "plot_z": report.plot_z,
 }
 TAKE_PROBLEMS: dict[str, Callable[[Any], Any]] = {
@@ -133,6 +134,16 @@ TAKE_OTHERS: dict[str, tuple[Callable[[Any], Any], str]] = {
 REGISTERING = {"register_method", "register_requirement", "register_system"}
 
 
+WRONG: dict[str, tuple[Callable[[Any], Any], str, list[Any]]] = {
+    **{name: (call, NO_PLAN, ["plan.json", 3]) for name, call in TAKE_PLANS.items()},
+    **{
+        name: (call, NO_PROBLEM, ["a.toml", {"system": {}}]) for name, call in TAKE_PROBLEMS.items()
+    },
+    **{name: (call, NO_NAME, [3]) for name, call in TAKE_NAMES.items()},
+    **{name: (call, words, [3]) for name, (call, words) in TAKE_OTHERS.items()},
+}
+
+
 def test_every_public_function_is_tried_here() -> None:
     functions = {
         name
@@ -140,36 +151,13 @@ def test_every_public_function_is_tried_here() -> None:
         for name in package.__all__
         if inspect.isroutine(inspect.unwrap(getattr(package, name)))
     }
-    tried = TAKE_PLANS.keys() | TAKE_PROBLEMS.keys() | TAKE_NAMES.keys() | TAKE_OTHERS.keys()
-    assert functions - REGISTERING == tried
+    assert functions - REGISTERING == WRONG.keys()
 
 
-@pytest.mark.parametrize("name", TAKE_PLANS)
-@pytest.mark.parametrize("wrong", ["problem", "name", "number"])
-def test_what_is_no_plan_is_told(plan: planner.Plan, name: str, wrong: str) -> None:
-    value = {"problem": plan.problem, "name": "plan.json", "number": 3}[wrong]
-    with pytest.raises(planner.InputError, match=NO_PLAN):
-        TAKE_PLANS[name](value)
-
-
-@pytest.mark.parametrize("name", TAKE_PROBLEMS)
-def test_what_is_no_problem_is_told(plan: planner.Plan, name: str) -> None:
-    for value in (plan, "paper.toml", {"system": {}}):
-        with pytest.raises(planner.InputError, match=NO_PROBLEM):
-            TAKE_PROBLEMS[name](value)
-
-
-@pytest.mark.parametrize("name", TAKE_NAMES)
-def test_what_is_no_file_name_is_told(plan: planner.Plan, name: str) -> None:
-    for value in (plan.problem, 3):
-        with pytest.raises(planner.InputError, match=NO_NAME):
-            TAKE_NAMES[name](value)
-
-
-@pytest.mark.parametrize("name", TAKE_OTHERS)
-def test_what_is_no_result_is_told(plan: planner.Plan, name: str) -> None:
-    call, words = TAKE_OTHERS[name]
-    for value in (plan.problem, 3):
+@pytest.mark.parametrize("name", WRONG)
+def test_what_is_something_else_is_told(plan: planner.Plan, name: str) -> None:
+    call, words, values = WRONG[name]
+    for value in [plan if name in TAKE_PROBLEMS else plan.problem, *values]:
         with pytest.raises(planner.InputError, match=words):
             call(value)
 
@@ -231,7 +219,7 @@ def test_copies_are_still_made(plan: planner.Plan) -> None:
 
 def test_every_figure_is_drawn_into_axes_of_ones_own_by_the_same_word() -> None:
     figures = [name for name in report.__all__ if name.startswith("plot_")]
-    assert len(figures) == 14
+    assert len(figures) == 15
     for name in figures:
         keyword = inspect.signature(getattr(report, name)).parameters["axes"]
         assert keyword.kind is inspect.Parameter.KEYWORD_ONLY

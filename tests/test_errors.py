@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.errors import Violation
+from planner import Violation
 
 
 def violation(value: float, limit: float, unit: str) -> Violation:
@@ -28,31 +28,6 @@ def test_a_small_excess_is_still_seen() -> None:
     assert "80.0001 deg" in str(violation(np.deg2rad(80.00012), np.deg2rad(80), "rad"))
     assert violation(1.0, 1.0, "").shown(3) == ("1", "1", "")
     assert violation(float("nan"), 1.0, "m").shown(3) == ("nan", "1", " m")
-
-
-@pytest.mark.parametrize(
-    "call",
-    [planner.solve, planner.compare, planner.check, planner.explore],
-    ids=lambda call: call.__name__,
-)
-def test_a_file_name_in_place_of_a_problem_is_told(call: Callable[..., Any]) -> None:
-    with pytest.raises(planner.InputError, match=r"'paper.toml' is not a Problem; planner.load_pr"):
-        call("paper.toml")
-
-
-@pytest.mark.parametrize(
-    "call",
-    [
-        planner.verify,
-        planner.replay,
-        planner.sensitivity,
-        lambda plan: planner.export(plan, "plan.csv"),
-    ],
-    ids=["verify", "replay", "sensitivity", "export"],
-)
-def test_a_file_name_in_place_of_a_plan_is_told(call: Callable[..., Any]) -> None:
-    with pytest.raises(planner.InputError, match=r"'plan.json' is not a Plan; .*planner.load_plan"):
-        call("plan.json")
 
 
 LONG = "x" * 100_000

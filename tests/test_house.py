@@ -86,10 +86,11 @@ def room(name: str) -> str:
     return name.split(".")[1] if "." in name else name
 
 
-@pytest.mark.parametrize("name", [n for n in OTHERS if room(n) not in ("cli", "__main__")])
-def test_a_file_imports_its_own_room_and_those_above_it(name: str) -> None:
-    allowed = MAY[room(name)]
-    assert {other for other in arrows(name) if room(other) not in allowed} == set()
+def test_a_file_imports_its_own_room_and_those_above_it() -> None:
+    for name in OTHERS:
+        if room(name) not in ("cli", "__main__"):
+            allowed = MAY[room(name)]
+            assert {other for other in arrows(name) if room(other) not in allowed} == set(), name
 
 
 def test_nothing_is_imported_in_a_circle() -> None:
@@ -100,6 +101,7 @@ def test_nothing_is_imported_in_a_circle() -> None:
     assert set(left) == set()
 
 
+@cache
 def defined(name: str) -> set[str]:
     return {
         target.id if isinstance(target, ast.Name) else target.name
@@ -109,26 +111,19 @@ def defined(name: str) -> set[str]:
     }
 
 
-def test_a_name_is_imported_from_the_file_that_defines_it() -> None:
-    own = {name: defined(name) for name in FILES}
-    assert [
-        f"{name}: {node.module}.{alias.name}"
+def test_a_name_is_imported_from_its_file_and_one_with_an_underscore_stays_there() -> None:
+    found = [
+        (name, node.module, alias.name)
         for name in OTHERS
         for node in ast.walk(tree(name))
         if isinstance(node, ast.ImportFrom) and node.module in FILES
         for alias in node.names
-        if alias.name not in own[node.module] and f"{node.module}.{alias.name}" not in FILES
-    ] == []
-
-
-def test_a_name_with_an_underscore_stays_in_its_file() -> None:
+    ]
     assert [
-        f"{name}: {node.module}.{alias.name}"
-        for name in OTHERS
-        for node in ast.walk(tree(name))
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("planner")
-        for alias in node.names
-        if alias.name.startswith("_")
+        (name, module, what)
+        for name, module, what in found
+        if what.startswith("_")
+        or (what not in defined(str(module)) and f"{module}.{what}" not in FILES)
     ] == []
 
 
@@ -150,12 +145,25 @@ def test_rooms_are_few_and_folders_small() -> None:
         assert len(list(folder.glob("[!_]*.py"))) <= 12, folder
 
 
-@pytest.mark.parametrize(
-    "name", [n for n, path in FILES.items() if path.name == "__init__.py" and n not in FACES]
-)
-def test_a_room_opens_with_words_only(name: str) -> None:
-    assert ast.get_docstring(tree(name))
-    assert len(tree(name).body) == 1
+def test_a_room_opens_with_words_only() -> None:
+    for name in OTHERS:
+        if FILES[name].name == "__init__.py":
+            assert ast.get_docstring(tree(name)), name
+            assert len(tree(name).body) == 1, name
+
+
+def test_the_suite_uses_nothing_of_the_campaigns() -> None:
+    """Their own test does; and each file of tests runs by itself: `pytest FILE` has the file's
+    folder and `tests/` on its path, not the project's."""
+    tests = Path(__file__).parent
+    campaigns = {path.stem for path in (tests / "benchmarks").glob("*.py")}
+    for path in tests.rglob("*.py"):
+        if path.parent.name == "benchmarks" or path.name == "test_campaigns.py":
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                names = [getattr(node, "module", None) or node.names[0].name]
+                assert not {name.partition(".")[0] for name in names} & {*campaigns, "tests"}, path
 
 
 def test_an_old_path_works_and_names_the_new_one() -> None:

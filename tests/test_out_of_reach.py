@@ -34,17 +34,9 @@ def test_a_disc_at_the_edge_of_the_reach_counts(paper: planner.Problem) -> None:
 
 
 def arm(joints: int) -> dict[str, Any]:
-    angles = [5.0] * joints
-    return {
-        "system": {
-            "kind": "manipulator",
-            "joints": joints,
-            "K": [1.0] * (joints - 1),
-            "k_g": 1.0,
-        },
-        "start": {"theta_deg": angles},
-        "goal": {"theta_deg": angles},
-    }
+    angles = {"theta_deg": [5.0] * joints}
+    system = {"kind": "manipulator", "joints": joints, "K": [1.0] * (joints - 1), "k_g": 1.0}
+    return {"system": system, "start": angles, "goal": angles}
 
 
 def test_arms_too_long_for_the_chart_are_refused() -> None:

@@ -22,13 +22,12 @@ from pydantic import Field
 from registered import restored
 
 import planner
+from planner import METHODS, InputError, Unicycle
 from planner.cli.app import main
 from planner.cli.start import problem_text
-from planner.errors import InputError
 from planner.explorer.controls import limit_controls
 from planner.explorer.state import State
 from planner.methods.refusal import on_other_paths
-from planner.methods.registry import METHODS
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.problem.tables import kinds as plugins
 from planner.problem.tables.kinds import FILES, REQUIREMENTS, json_schema
@@ -37,7 +36,6 @@ from planner.problem.tables.vehicles import UnicycleFile, UnicycleLimits, Vehicl
 from planner.report.page.words import asked_for
 from planner.support.user_tables import Positive, Table
 from planner.systems.triangular_system import Coordinate, TangentSystem
-from planner.systems.vehicles import Unicycle
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = Path(__file__).parent / "plugin"
@@ -680,12 +678,13 @@ def test_a_method_that_breaks_down_is_a_row_that_names_its_package(
     named = f"method 'mine' of module {__name__} {says}"
     with pytest.raises(planner.MethodError, match=re.escape(named)):
         planner.solve(paper, "mine")
+    if plan not in (breaks_down, plans_another):  # all that follows asks the same function
+        return
     found = planner.compare(paper, ["mine", "polynomial"], samples=2)
     assert [row.solved for row in found.rows] == [False, True]
     assert found.rows[0].why.startswith(named)
-    assert {o["method"]: o["status"] for o in planner.check(paper, ["mine"]).outcomes} == {
-        "mine": "method_failed"
-    }
+    (outcome,) = planner.check(paper, ["mine"]).outcomes
+    assert (outcome["method"], outcome["status"]) == ("mine", "method_failed")
     tables = {"problem": paper.to_dict(), "methods": ["mine"], "grid": {"goal.duration": [20, 21]}}
     outcome = planner.run_sweep(tables, tmp_path / "x.sqlite", workers=0)
     assert outcome.statuses == {"method_failed": 2}

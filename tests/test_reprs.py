@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
-from html.parser import HTMLParser
-from operator import itemgetter
+from html import unescape
 from typing import Any
 
 import numpy as np
 import pytest
 
 import planner
+from planner import TradeOff
 from planner.plan.samples import sample
 from planner.problem.tables.method_options import DesensitisedOptions
-from planner.robustness.trade_off import TradeOff
-from planner.support.tables import Column, html_table
 
 LONGEST = 500
 """Characters that are still read, not scrolled past."""
@@ -77,11 +76,6 @@ def test_the_comparison_says_who_solved_and_who_did_not(comparison: planner.Comp
     assert "interrupted" in repr(replace(comparison, complete=False))
 
 
-def test_sensitivity_prints_its_numbers(plan: planner.Plan) -> None:
-    found = planner.sensitivity(plan)
-    assert f"{found.floor_deg():.4g}" in repr(found)
-
-
 def test_what_has_few_figures_prints_them_in_one_line(plan: planner.Plan) -> None:
     problem, found = plan.problem, planner.indicators(plan)
     window = planner.travel_window(problem)
@@ -90,6 +84,7 @@ def test_what_has_few_figures_prints_them_in_one_line(plan: planner.Plan) -> Non
     for value, words in (
         (window, f"{window.low:.4g} to {window.high:.4g} rad: each of these is possible"),
         (found, f"initial error gain {gain})"),
+        (planner.sensitivity(plan), f"{planner.sensitivity(plan).floor_deg():.4g}"),
         (plan.domain, f"inside the chart: least margin {margin} "),
     ):
         assert words in repr(value)
@@ -103,37 +98,14 @@ def test_what_has_few_figures_prints_them_in_one_line(plan: planner.Plan) -> Non
     assert "DomainReport(leaves the chart " in repr(refusal.value.plan.domain)
 
 
-class _Cells(HTMLParser):
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.rows: list[list[str]] = []
-        self._inside = False
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: Any) -> None:
-        if tag == "tr":
-            self.rows.append([])
-        elif tag in ("td", "th"):
-            self.rows[-1].append("")
-            self._inside = True
-
-    def handle_endtag(self, tag: str) -> None:
-        self._inside = self._inside and tag not in ("td", "th")
-
-    def handle_data(self, data: str) -> None:
-        if self._inside:
-            self.rows[-1][-1] += data
-
-
-def test_tables_escape_what_they_show() -> None:
-    columns = [Column(name, "", itemgetter(k)) for k, name in enumerate(("a<b", "c"))]
-    shown = html_table(columns, [("<script>", "1 & 2")], "x < y")
-    assert "<script>" not in shown
-    assert _Cells(shown).rows == [["a<b", "c"], ["<script>", "1 & 2"]]
+def cells(shown: str) -> list[list[str]]:
+    """Of the rows of a table."""
+    rows = re.findall(r"<tr[^>]*>(.*?)</tr>", shown, flags=re.S)
+    return [[unescape(c) for c in re.findall(r"<t[dh][^>]*>(.*?)</t[dh]>", row)] for row in rows]
 
 
 def test_a_comparison_is_a_table(comparison: planner.Comparison) -> None:
-    head, *rows = _Cells(comparison._repr_html_()).rows
+    head, *rows = cells(comparison._repr_html_())
     assert head[:3] == ["method", "solved", "travel (rad)"]
     assert [row[0] for row in rows] == ["polynomial", "collocation"]
     column = head.index("E 50 % (deg)")
@@ -142,7 +114,7 @@ def test_a_comparison_is_a_table(comparison: planner.Comparison) -> None:
 
 def test_a_check_is_a_table_that_names_what_is_broken(comparison: planner.Comparison) -> None:
     broken = planner.verify(comparison.rows[0].plan)
-    rows = {row[0]: row for row in _Cells(broken._repr_html_()).rows}
+    rows = {row[0]: row for row in cells(broken._repr_html_())}
     assert rows["input u2"][1].startswith("input u2 reaches 0.58")
     assert float(rows["input u2"][2]) == pytest.approx(broken.margins["input u2"], rel=1e-3)
     assert rows["input u1"][1] == "kept"
@@ -150,6 +122,6 @@ def test_a_check_is_a_table_that_names_what_is_broken(comparison: planner.Compar
 
 def test_a_certificate_is_a_table(plan: planner.Plan) -> None:
     assert plan.certificate is not None
-    rows = _Cells(plan.certificate._repr_html_()).rows
+    rows = cells(plan.certificate._repr_html_())
     assert len(rows) == 1 + len(plan.certificate.claims)
     assert all(np.isfinite(float(row[2].split()[0])) for row in rows[1:])

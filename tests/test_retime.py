@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.interpolate import BPoly
 
@@ -17,8 +16,6 @@ import planner
 from planner.plan.fastest_timing import cut_path, fastest_clock
 from planner.plan.retimed import Inverse, RetimedTrajectory, arc_length
 from planner.plan.trajectory import StateTrajectory
-
-Array = NDArray[np.float64]
 
 SPEED = {"input_rad_s": [0.5, 0.4]}
 RATES = {"input_rad_s": [0.5, 0.4], "input_rate_rad_s2": [3.0, 2.0]}
@@ -47,7 +44,9 @@ def rested(smooth: planner.Plan) -> planner.Plan:
     return planner.retime(smooth, RATES, rest=True, intervals=120)
 
 
-def _by_hand(start: list[float], goal: list[float], u: Array, q: Array, T: float) -> planner.Plan:
+def _by_hand(
+    start: list[float], goal: list[float], u: np.ndarray, q: np.ndarray, T: float
+) -> planner.Plan:
     """A plan on the two-joint arm from Bernstein coefficients of u and q over one piece."""
     problem = planner.Problem.from_dict(
         {
@@ -194,7 +193,7 @@ def test_rates_alone() -> None:
     assert plan.duration == pytest.approx(2 * np.sqrt(np.pi / 6 / 2.0), rel=2e-4)
 
 
-def _slopes(plan: planner.Plan, times: Array) -> Array:
+def _slopes(plan: planner.Plan, times: np.ndarray) -> np.ndarray:
     h = 1e-5
     return np.asarray((plan.u(times + h) - plan.u(times - h)) / (2 * h))
 

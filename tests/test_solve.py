@@ -5,12 +5,6 @@ import planner
 from planner.solve import judge_plan
 
 
-def test_returned_plans_are_verified(unlimited: planner.Problem) -> None:
-    plan = planner.solve(unlimited.changed({"goal.travel": 0.82}), "polynomial")
-    assert plan.verified
-    assert planner.verify(plan).ok
-
-
 def test_a_law_that_breaks_a_limit_is_refused_with_its_last_iterate(paper: planner.Problem) -> None:
     with pytest.raises(planner.VerificationError) as info:
         planner.solve(paper.changed({"goal.travel": 0.82}), "polynomial")
@@ -48,14 +42,8 @@ def test_outside_the_domain_is_refused_with_times(unlimited: planner.Problem) ->
     assert f"{info.value.times_s[0]:.4f}" in str(info.value)
     assert info.value.plan is not None
     assert not info.value.plan.executable
-
-
-def test_for_study_it_comes_back_marked(unlimited: planner.Problem) -> None:
-    problem = unlimited.changed({"goal.travel": float(np.pi / 4)})
-    plan = planner.solve(problem, "polynomial", allow_singular=True)
-    assert plan.status == "singular"
-    assert not plan.verified
-    assert not plan.executable
+    plan = planner.solve(problem, "polynomial", allow_singular=True)  # for study
+    assert (plan.status, plan.verified, plan.executable) == ("singular", False, False)
 
 
 @pytest.mark.parametrize(

@@ -16,13 +16,11 @@ import planner
 from planner.cli import output
 from planner.cli.app import main
 from planner.cli.output import Job, ends_with_the_best
-from planner.comparison.compare import planned
 from planner.explorer.outcome import path
 from planner.explorer.state import State
 from planner.machine.feedforward import aim
 from planner.methods.collocation.transcription import derivatives
 from planner.methods.laws.scores import score
-from planner.methods.spec import parse_specs
 from planner.support import deadline
 from planner.support.progress import Progress
 from planner.verification.summary import plan_summary
@@ -42,29 +40,22 @@ class Clock:
 @pytest.fixture(scope="module")
 def hard() -> planner.Problem:
     """A random pair that takes half a minute: four joints, no travel."""
-    ratio, k2 = 0.8178, 0.870125
+    ratios = [0.870125 * 0.8178**k for k in range(3)]
+    goal = {"theta_deg": [-25.209, -24.391, 22.314, -64.153]}
     return planner.Problem.from_dict(
         {
-            "system": {
-                "kind": "manipulator",
-                "joints": 4,
-                "K": [k2, k2 * ratio, k2 * ratio**2],
-                "k_g": 0.668811,
-            },
+            "system": {"kind": "manipulator", "joints": 4, "K": ratios, "k_g": 0.668811},
             "start": {"theta_deg": [21.877, 48.673, 8.215, -0.562]},
-            "goal": {
-                "theta_deg": [-25.209, -24.391, 22.314, -64.153],
-                "travel": 0.0,
-                "duration": "free",
-            },
+            "goal": {**goal, "travel": 0.0, "duration": "free"},
             "limits": {"input_rad_s": [0.5, 0.5], "joint_deg": 80.0},
         }
     )
 
 
-@pytest.fixture
-def early(paper: planner.Problem, monkeypatch: pytest.MonkeyPatch) -> planner.Plan:
-    """What is found by the limit, which is reached as soon as there is a motion."""
+def test_the_best_plan_so_far_is_verified_and_says_so(
+    paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The limit is reached as soon as there is a motion."""
     clock = Clock(monkeypatch)
 
     def until_found(progress: Progress) -> None:
@@ -72,10 +63,7 @@ def early(paper: planner.Problem, monkeypatch: pytest.MonkeyPatch) -> planner.Pl
             clock.now = 80.0
 
     free = paper.changed({"goal.duration": "free"})
-    return planner.solve(free, time_limit_s=100.0, progress=until_found, **MANY_STARTS)
-
-
-def test_the_best_plan_so_far_is_verified_and_says_so(early: planner.Plan) -> None:
+    early = planner.solve(free, time_limit_s=100.0, progress=until_found, **MANY_STARTS)
     assert early.verified
     assert early.certificate is not None
     assert early.status == "time_limit"
@@ -141,12 +129,6 @@ def test_the_limit_may_stand_in_the_file(paper: planner.Problem) -> None:
     assert plan.options["time_limit_s"] == 1000.0
 
 
-def test_without_a_limit_nothing_is_said(paper: planner.Problem) -> None:
-    plan = planner.solve(paper)
-    assert plan.status == "solved"
-    assert "ended_early" not in plan.notes
-
-
 def test_replanning_hears_of_it(paper: planner.Problem) -> None:
     warm = planner.solve(paper)
     elsewhere = paper.changed({"goal.theta_deg": [20.0, 25.0, 30.0]})
@@ -174,7 +156,9 @@ def test_a_comparison_limits_each_method(paper: planner.Problem) -> None:
 def test_progress_and_log(paper: planner.Problem, caplog: pytest.LogCaptureFixture) -> None:
     told: list[Progress] = []
     with caplog.at_level(logging.INFO, logger="planner"):
-        planner.solve(paper, progress=told.append)
+        plan = planner.solve(paper, progress=told.append)
+    assert plan.status == "solved"
+    assert "ended_early" not in plan.notes
     assert told[-1].doing == "verifying"
     assert told[-1].best is not None
     assert told[-1].solves > 0
@@ -266,8 +250,7 @@ def test_nor_has_it_with_the_limit_in_the_file(both: planner.Problem) -> None:
 
 @pytest.mark.usefixtures("late")
 def test_nor_in_a_comparison(paper: planner.Problem) -> None:
-    (spec,) = parse_specs(paper, "collocation compensated")
-    row = planned(paper, spec, 100.0, planner.Machine.prototype())
+    (row,) = planner.compare(paper, ["collocation compensated"], samples=1, time_limit_s=100.0).rows
     assert row.solved
     assert row.why == LATE
 
@@ -363,7 +346,7 @@ def test_candidates_are_made_only_while_there_is_time(
     paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock, made = Clock(monkeypatch), []
-    trajectory = planner.solve(paper, "polynomial", points="auto").trajectory
+    trajectory = planner.solve(paper.changed({"limits": {}}), "polynomial", points=[]).trajectory
 
     def candidates() -> object:
         for k in range(10):

@@ -53,7 +53,7 @@ COMMANDS = {
     "sensitivity": ("sensitivity", "Compute how errors shift the end of a plan."),
     "sweep": ("sweep", "Run those cases of a sweep that are not yet in the database."),
     "design": ("sweep", "Compare designs of the mechanism, and recommend one."),
-    "export": ("files", "Write a plan as a CSV, JSON, ROS 2 or MATLAB file."),
+    "export": ("files", "Write a plan as a file for another program."),
     "animate": ("files", "Write plans as a film (GIF or MP4) with a common clock."),
     "report": ("files", "Write a comparison as one HTML page."),
     "calibrate": ("paper", "Fit the emulated prototype to the paper's experiment."),

@@ -12,7 +12,7 @@ from planner.cli.arguments import PlanPath, out_option
 from planner.cli.output import finish, job
 from planner.plan.plan import Plan
 from planner.plan.samples import RATE_HZ
-from planner.report.export import FORMATS, find_format
+from planner.report.export import FORMATS, find_format, names_of
 from planner.report.export import export as write
 from planner.report.film import animate as film
 from planner.report.film import check_film
@@ -31,22 +31,28 @@ def export(
             "-f",
             help=f"One of {', '.join(FORMATS)}; by default from the ending of FILE.",
             show_default=False,
-            autocompletion=lambda: list(FORMATS.items()),
+            autocompletion=lambda: [(name, one.holds) for name, one in FORMATS.items()],
         ),
     ] = None,
     rate: Annotated[
-        float, typer.Option("--rate", metavar="HZ", help="Samples per second (not for json).")
+        float,
+        typer.Option(
+            "--rate",
+            metavar="HZ",
+            help=f"Samples per second (not for {names_of(lambda one: not one.sampled)}).",
+        ),
     ] = RATE_HZ,
     joints: Annotated[
         str | None,
         typer.Option(
             "--joints",
             metavar="A,B",
-            help="For ros2: the two joint names that the robot's controller knows.",
+            help=f"For {names_of(lambda one: one.joints)}: the two joint names that the robot's"
+            " controller knows.",
         ),
     ] = None,
 ) -> int:
-    """Write a plan as a CSV, JSON, ROS 2 or MATLAB file.
+    """Write a plan as a file for another program.
 
     PLAN is a file that `planner plan --out` wrote. A ROS 2 trajectory needs a plan that starts and
     ends at rest: plan it with --set method.collocation.rest=true.

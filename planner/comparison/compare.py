@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from planner.comparison.comparison import Comparison
-from planner.comparison.rows import FEEDBACK, Row
+from planner.comparison.rows import FEEDBACK, Row, machine_figures
 from planner.errors import (
     InfeasibleError,
     InputError,
@@ -34,7 +34,7 @@ from planner.problem.problem import Problem, expect_problem
 from planner.solve import solve_and_check
 from planner.support.deadline import TimeUpError, time_limit
 from planner.support.progress import expect_listener
-from planner.support.statistics import LEAST_DIFFERENCE_DEG, percentile_interval
+from planner.support.statistics import LEAST_DIFFERENCE_DEG
 from planner.verification.verify import Check, verify
 
 MOTIONS = 1000
@@ -194,16 +194,7 @@ class _ComparisonRun:
             row = replace(row, effort=float(np.median(runs.effort)), peak_u=(first, second))
         if not runs.angles:
             return row
-        errors, last = runs.index_E_deg, runs.terminal_E_deg
-        return replace(
-            row,
-            E_median_deg=runs.percentile(50),
-            E_p95_deg=runs.percentile(95),
-            end_median_deg=float(np.median(last)),
-            end_p95_deg=float(np.percentile(last, 95)),
-            E_median_interval_deg=percentile_interval(errors, 50),
-            E_p95_interval_deg=percentile_interval(errors, 95),
-        )
+        return replace(row, **machine_figures(runs))
 
 
 def specs(problem: Problem, methods: str | Sequence[str] | None) -> list[Spec]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.comparison.rows import CLOSED, INTERVALS, Row, columns, verdict
+from planner.comparison.rows import CLOSED, Row, columns, intervals, verdict
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
@@ -259,7 +259,7 @@ def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, A
 
 def comparison_markdown(comparison: Comparison) -> str:
     """Markdown text with a heading, the table, what it says, and how to make it again."""
-    shown = [*comparison.columns, *INTERVALS]
+    shown = [*comparison.columns, *intervals(comparison.problem.system)]
     repeat = command(comparison)
     again = (
         f"Made by:\n\n    {clean_text(repeat)}\n"
@@ -294,7 +294,7 @@ def comparison_csv(comparison: Comparison) -> str:
     """One line per method, full precision, empty where a number is not defined."""
     # The inputs' peaks come after what is one number a row, as they always did.
     shown = sorted(comparison.columns, key=lambda c: c.title.startswith("|u"))
-    return csv_table([*shown, *INTERVALS], comparison.rows)
+    return csv_table([*shown, *intervals(comparison.problem.system)], comparison.rows)
 
 
 def _explained(comparison: Comparison) -> str:

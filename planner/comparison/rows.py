@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
 from planner.machine.replay import Replay
-from planner.plan.measures import effort, peak_inputs
 from planner.plan.plan import Plan
 from planner.support.arrays import jsonable
+from planner.support.statistics import percentile_interval
 from planner.support.tables import Column, digits
 from planner.systems.triangular_system import TriangularSystem
+from planner.verification.summary import Heading, PlanFigures, figure, figures
 from planner.verification.verify import Check
 
 FEEDBACK = " + feedback"
@@ -23,8 +25,22 @@ OTHER_WAY_DEG = 2.0
 """A nominal machine that is further from its plan than machines differ has taken another way."""
 
 
+def _interval(name: str, percent: int) -> Any:
+    ends = (
+        (f"E {percent} % {end}", f"E_{name}_{key}_deg")
+        for end, key in (("from", "low"), ("to", "high"))
+    )
+    return figure(
+        *(Heading(title, "deg", key=key) for title, key in ends),
+        replay=lambda run: percentile_interval(run.index_E_deg, percent),
+        files=True,
+        sweep=False,
+        default=(np.nan, np.nan),
+    )
+
+
 @dataclass(frozen=True)
-class Row:
+class Row(PlanFigures):
     """Result of one method. Undefined numbers are NaN.
 
     Attributes:
@@ -33,13 +49,6 @@ class Row:
         solved: Whether the method gave a verified plan.
         why: Reason of the refusal, in one line; if solved, empty or what ended the search early.
         plan: The plan; a refused plan is kept for study if it is complete; else None.
-        travel_rad: q₁(T) − q₁(0), rad (metres for vehicles).
-        duration_s: Duration, s.
-        effort: ∫ u₁² + u₂² dt.
-        peak_u: Largest |u₁| and |u₂|, shape (2,), in the inputs' units (rad/s).
-        domain_margin: Least margin of the chart's domain; negative outside.
-        domain_ok: Whether the path stays inside; None without a path.
-        terminal_error_deg: Largest error of an angle at the goal by ideal kinematics (`verify`).
         E_median_deg: Median over machines of the paper's index of error E, eq. (29).
         E_p95_deg: Its 95th percentile.
         end_median_deg: Median over machines of the largest error of an angle at the end.
@@ -64,22 +73,19 @@ class Row:
     solved: bool
     why: str
     plan: Plan | None = None
-    travel_rad: float = np.nan
-    duration_s: float = np.nan
-    effort: float = np.nan
-    peak_u: tuple[float, float] = (np.nan, np.nan)
-    domain_margin: float = np.nan
-    domain_ok: bool | None = None
-    terminal_error_deg: float = np.nan
-    E_median_deg: float = np.nan
-    E_p95_deg: float = np.nan
-    end_median_deg: float = np.nan
-    end_p95_deg: float = np.nan
-    E_median_interval_deg: tuple[float, float] = (np.nan, np.nan)
-    E_p95_interval_deg: tuple[float, float] = (np.nan, np.nan)
-    took_s: float = np.nan
-    solve_time_s: float = np.nan
-    build_time_s: float = np.nan
+    E_median_deg: float = figure(Heading("E 50 %", "deg"), replay=lambda run: run.percentile(50))
+    E_p95_deg: float = figure(Heading("E 95 %", "deg"), replay=lambda run: run.percentile(95))
+    end_median_deg: float = figure(
+        Heading("end 50 %", "deg"), replay=lambda run: float(np.median(run.terminal_E_deg))
+    )
+    end_p95_deg: float = figure(
+        Heading("end 95 %", "deg"), replay=lambda run: float(np.percentile(run.terminal_E_deg, 95))
+    )
+    E_median_interval_deg: tuple[float, float] = _interval("median", 50)
+    E_p95_interval_deg: tuple[float, float] = _interval("p95", 95)
+    took_s: float = figure(Heading("took", "s", 2), sweep=False)
+    solve_time_s: float = figure(plan=lambda plan, _: plan.solve_time_s, sweep=False)
+    build_time_s: float = figure(plan=lambda plan, _: plan.build_time_s, sweep=False)
     replay: Replay | None = None
     feedback: bool = False
     note: str = ""
@@ -96,32 +102,11 @@ class Row:
             check: Its verification.
             why: Reason of the refusal, or what ended the search early.
         """
-        errors = np.abs(check.terminal_error_deg)
-        row = cls(
-            label,
-            method,
-            plan.verified,
-            why,
-            plan,
-            travel_rad=plan.travel,
-            duration_s=plan.duration,
-            domain_margin=plan.domain.margin,
-            domain_ok=plan.domain.ok,
-            terminal_error_deg=float(np.max(errors)) if errors.size else np.nan,
-            solve_time_s=plan.solve_time_s,
-            build_time_s=plan.build_time_s,
-        )
-        if not plan.executable:
-            return row
-        first, second = peak_inputs(plan.trajectory).tolist()
+        known = cls.measure(plan, check)
         away = np.rad2deg(plan.notes["compensation"]["path_rad"]) if plan.compensates else 0.0
-        other = f"takes another path, up to {away:.3g} deg from the original plan"
-        return replace(
-            row,
-            effort=effort(plan.trajectory),
-            peak_u=(first, second),
-            note=other if away > OTHER_WAY_DEG else "",
-        )
+        if plan.executable and away > OTHER_WAY_DEG:
+            known["note"] = f"takes another path, up to {away:.3g} deg from the original plan"
+        return cls(label, method, plan.verified, why, plan, **known)
 
     def __repr__(self) -> str:
         state = "solved" if self.solved else f"refused, {self.why}"
@@ -152,12 +137,20 @@ class Row:
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready facts, without the curves; None where a number is not defined."""
         skipped = {"plan", "replay"}
-        data = {key: value for key, value in vars(self).items() if key not in skipped}
+        first = ("label", "method", "solved", "why")
+        data = {key: getattr(self, key) for key in first}
+        data |= {key: value for key, value in vars(self).items() if key not in skipped}
         data["peak_u_rad_s"] = data.pop("peak_u")
         data["status"] = self.status
         data["replay"] = None if self.replay is None else self.replay.summary()
         data["worst"] = self.worst
         return dict(jsonable(data))
+
+
+def machine_figures(run: Replay, *, sweep: bool = False) -> dict[str, Any]:
+    """The figures that replays of a plan with angles give, by name; if `sweep`, those it keeps."""
+    known = figures(Row).items()
+    return {n: f.replay(run) for n, f in known if f.replay and (f.sweep or not sweep)}
 
 
 CLOSED = (
@@ -172,41 +165,37 @@ def verdict(row: Row) -> str:
     return f"{word}: {row.remark}" if row.remark or not row.solved else word
 
 
-def effort_unit(system: TriangularSystem) -> str:
-    """Unit of ∫ u₁² + u₂² dt: that of an input's square times seconds, or both where they differ.
-
-    >>> from planner.systems.manipulator import Manipulator
-    >>> effort_unit(Manipulator([1.0]))
-    'rad²/s'
-    """
-    rates = [c.unit for c in system.inputs]
-    squares = [f"{r[:-2]}²/s" if r.endswith("/s") else f"{r}² s" if r else "s" for r in rates]
-    return " + ".join(dict.fromkeys(squares))
-
-
 def columns(system: TriangularSystem) -> list[Column[Row]]:
     """A row's label and verdict, and its numbers in the order in which they are read."""
-    length, (first, second) = system.coordinates[0].unit, system.inputs
     return [
         Column("method", "", lambda r: r.label, key="label", left=True, width=20, code=True),
         Column("solved", "", verdict, key="", left=True),
         *map(_fact, ("method", "solved", "why")),
-        Column("travel", length, lambda r: r.travel_rad, digits(4), key="travel_rad"),
-        _fact("duration_s"),
-        Column("effort", effort_unit(system), lambda r: r.effort, digits(4), key="effort"),
-        Column("|u1|", first.unit, lambda r: r.peak_u[0], key="peak_u1_rad_s"),
-        Column("|u2|", second.unit, lambda r: r.peak_u[1], key="peak_u2_rad_s"),
-        *map(_fact, ("domain_margin", "domain_ok")),
-        _fact("terminal_error_deg"),
-        Column("E 50 %", "deg", lambda r: r.E_median_deg, key="E_median_deg"),
-        Column("E 95 %", "deg", lambda r: r.E_p95_deg, key="E_p95_deg"),
-        Column("end 50 %", "deg", lambda r: r.end_median_deg, key="end_median_deg"),
-        Column("end 95 %", "deg", lambda r: r.end_p95_deg, key="end_p95_deg"),
-        Column("took", "s", lambda r: r.took_s, digits(2), key="took_s"),
-        *map(
-            _fact, ("solve_time_s", "build_time_s", "feedback", "note", "advice", "status", "worst")
-        ),
+        *_columns(system, files=False),
+        *map(_fact, ("feedback", "note", "advice", "status", "worst")),
     ]
+
+
+def intervals(system: TriangularSystem) -> list[Column[Row]]:
+    """More columns, for which only Markdown and CSV have room: 95 % confidence intervals."""
+    return list(_columns(system, files=True))
+
+
+def _columns(system: TriangularSystem, files: bool) -> Iterator[Column[Row]]:
+    """A column for each number that has a heading; those without one CSV has alone."""
+    for name, one in figures(Row).items():
+        if one.files != files:
+            continue
+        if not one.headings:
+            yield _fact(name)
+        for k, head in enumerate(one.headings):
+            value = attrgetter(name) if len(one.headings) == 1 else _part(name, k)
+            unit, key = head.unit_of(system), head.key or name
+            yield Column(head.title, unit, value, digits(head.digits), key=key)
+
+
+def _part(name: str, k: int) -> Callable[[Row], float]:
+    return lambda row: float(getattr(row, name)[k])
 
 
 def _fact(name: str) -> Column[Row]:
@@ -214,10 +203,7 @@ def _fact(name: str) -> Column[Row]:
     return Column(name, "", attrgetter(name), shown=None)
 
 
-INTERVALS: list[Column[Row]] = [
-    Column("E 50 % from", "deg", lambda r: r.E_median_interval_deg[0], key="E_median_low_deg"),
-    Column("E 50 % to", "deg", lambda r: r.E_median_interval_deg[1], key="E_median_high_deg"),
-    Column("E 95 % from", "deg", lambda r: r.E_p95_interval_deg[0], key="E_p95_low_deg"),
-    Column("E 95 % to", "deg", lambda r: r.E_p95_interval_deg[1], key="E_p95_high_deg"),
-]
-"""More columns, for which only Markdown and CSV have room: 95 % confidence intervals."""
+def sweep_columns() -> list[str]:
+    """Names of the numbers that sweeps keep of a plan and of its replays, as in CSV."""
+    kept = {name: one for name, one in figures(Row).items() if one.sweep}
+    return [key for n, f in kept.items() for key in ([h.key or n for h in f.headings] or [n])]

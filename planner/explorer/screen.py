@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from planner.comparison.rows import effort_unit
 from planner.errors import InputError
 from planner.explorer.control import Control, task_controls
 from planner.explorer.controls import (
@@ -30,6 +29,7 @@ from planner.problem.problem import Problem
 from planner.report.figures.mechanism import mechanism_svg
 from planner.support.user_tables import allowed_hint
 from planner.systems.manipulator import Manipulator
+from planner.verification.summary import effort_unit
 
 
 class Screen:

@@ -16,7 +16,7 @@ from planner.explorer.state import State
 from planner.explorer.worker import worker
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
-from planner.report.charts.panels import CHARTS, STYLE, script, source
+from planner.report.charts.scripts import script, stylesheet
 
 QUICK_S = 0.05
 """Errors on the machine that took less than this come with the picture; others follow it."""
@@ -31,7 +31,7 @@ class Explorer(anywidget.AnyWidget):
     """A picture of one problem whose sliders plan it anew; made by `planner.explore`."""
 
     _esm = script(ROOM, SCRIPTS)
-    _css = source(CHARTS, STYLE) + source(ROOM, "static/explorer.css")
+    _css = stylesheet(ROOM, "static/explorer.css")
 
     def __init__(
         self, problem: Problem, method: str, samples: int, time_limit_s: float | None

@@ -15,9 +15,10 @@ from planner.paper.numbers import PaperNumber, findings
 from planner.report.figures.arm import plot_arm
 from planner.report.figures.mechanism import plot_mechanism
 from planner.report.figures.on_the_machine import median_sample, plot_replays
-from planner.report.figures.over_time import plot_inputs, plot_joints, plot_z, z2_band
+from planner.report.figures.over_time import plot_inputs, plot_joints, plot_z
 from planner.report.figures.style import grid, heading
 from planner.report.film import animate
+from planner.report.panels import z2_band
 from planner.support.files import folder
 from planner.support.progress import expect_listener
 from planner.support.tables import Column, Markup, markdown_table

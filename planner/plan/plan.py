@@ -194,9 +194,11 @@ class Plan:
         Raises:
             InputError: If the file cannot be written; no partial file is left.
         """
-        return write_text(
-            path, json.dumps(jsonable(self._to_dict()), indent=1, allow_nan=False) + "\n"
-        )
+        return write_text(path, self.to_json())
+
+    def to_json(self) -> str:
+        """The text that `save` writes."""
+        return json.dumps(jsonable(self._to_dict()), indent=1, allow_nan=False) + "\n"
 
     def _to_dict(self) -> dict[str, Any]:
         data = {

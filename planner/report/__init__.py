@@ -1,6 +1,7 @@
 """Figures, films and pages of plans and comparisons.
 
 `figures` (one `plot_*` each), `film`, `charts` (in a browser), `page` (a comparison there),
+`panels` (what of plans is drawn, for all of these),
 `folders` (all of it in a folder) and `saved` (read back), `export` (a plan for other programs).
 
 Every `plot_*` function takes plans (or replays), draws into axes of yours or a new figure, and

@@ -8,6 +8,7 @@ from .figures.on_the_machine import plot_errors as plot_errors
 from .figures.on_the_machine import plot_replays as plot_replays
 from .figures.over_time import plot_inputs as plot_inputs
 from .figures.over_time import plot_joints as plot_joints
+from .figures.over_time import plot_map as plot_map
 from .figures.over_time import plot_z as plot_z
 from .figures.robustness import plot_budget as plot_budget
 from .figures.robustness import plot_machine_sensitivity as plot_machine_sensitivity

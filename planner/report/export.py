@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,15 +29,61 @@ from planner.support.tables import csv_text
 from planner.support.user_tables import allowed_hint
 from planner.verification.verify import verify
 
-FORMATS = {
-    "csv": "table of t, q, u, z, v at even times, one header line with units",
-    "json": "the plan itself, exact, as `planner plan --out` writes it (planner schema plan)",
-    "ros2": "trajectory_msgs/JointTrajectory as YAML, the two motors; needs rest at both ends",
-    "mat": "MATLAB: t, q, u, z, v, names of coordinates and inputs, and facts of the plan",
-}
-"""Formats by name, each with what it holds."""
 
-_SUFFIXES = {".csv": "csv", ".json": "json", ".yaml": "ros2", ".yml": "ros2", ".mat": "mat"}
+@dataclass(frozen=True)
+class Format:
+    """One kind of file.
+
+    Attributes:
+        holds: What it holds, for the command's completion and its documentation.
+        endings: Of file names that mean it; in no other format.
+        content: The whole file, text or bytes, of a plan at a rate (Hz) with joint names or None.
+        reader: What reads it in Python, or "".
+        sampled: Whether the rate has an effect.
+        joints: Whether it has joint names.
+    """
+
+    holds: str
+    endings: tuple[str, ...]
+    content: Callable[[Plan, float, Sequence[str] | None], str | bytes]
+    reader: str = ""
+    sampled: bool = True
+    joints: bool = False
+
+
+FORMATS: dict[str, Format] = {
+    "csv": Format(
+        "table of t, q, u, z, v at even times, one header line with units",
+        (".csv",),
+        lambda plan, rate_hz, _: _csv(sample(plan, rate_hz)),
+        "planner.load_samples",
+    ),
+    "json": Format(
+        "the plan itself, exact, as `planner plan --out` writes it (planner schema plan)",
+        (".json",),
+        lambda plan, *_: plan.to_json(),
+        "planner.load_plan",
+        sampled=False,
+    ),
+    "ros2": Format(
+        "trajectory_msgs/JointTrajectory as YAML, the two motors; needs rest at both ends",
+        (".yaml", ".yml"),
+        lambda *asked: yaml_text(joint_trajectory(*asked)),
+        joints=True,
+    ),
+    "mat": Format(
+        "MATLAB: t, q, u, z, v, names of coordinates and inputs, and facts of the plan",
+        (".mat",),
+        lambda plan, rate_hz, _: _mat(plan, sample(plan, rate_hz)),
+        "planner.load_samples",
+    ),
+}
+"""Every format by name: the command, messages and the documentation read this table."""
+
+
+def names_of(having: Callable[[Format], bool]) -> str:
+    """Names of the formats of a kind, in one text."""
+    return ", ".join(name for name, one in FORMATS.items() if having(one))
 
 
 def export(
@@ -50,12 +97,12 @@ def export(
     """Write a plan as a file for another program, all or nothing.
 
     Args:
-        plan: The plan. A refused plan can be written in every format but "ros2", with NaN (in CSV:
-            empty) where no real angles or inputs exist.
+        plan: The plan. Of a refused plan the samples are NaN (in CSV: empty) where no real angles
+            or inputs exist; a robot is sent none.
         path: The file; an existing one is replaced.
-        format: One of `FORMATS`; by default from the ending of `path` (.csv, .json, .yaml, .mat).
-        rate_hz: Samples per second, for all but "json"; see `sample`.
-        joint_names: For "ros2"; see `joint_trajectory`.
+        format: One of `FORMATS`; by default from the ending of `path`.
+        rate_hz: Samples per second, where it holds samples; see `sample`.
+        joint_names: Where it has joint names; see `joint_trajectory`.
 
     Raises:
         InputError: If the format is unknown, the plan cannot be written in it, or the file cannot
@@ -64,17 +111,11 @@ def export(
     expect_plan(plan)
     name = find_format(path, format)
     refuse_unwritable(path)
-    if joint_names is not None and name != "ros2":
-        raise InputError(f"the format '{name}' has no joint names; they belong to 'ros2'")
-    match name:
-        case "csv":
-            return write_text(path, _csv(sample(plan, rate_hz)))
-        case "mat":
-            return write_bytes(path, _mat(plan, sample(plan, rate_hz)))
-        case "ros2":
-            return write_text(path, yaml_text(joint_trajectory(plan, rate_hz, joint_names)))
-        case _:
-            return plan.save(path)
+    if joint_names is not None and not FORMATS[name].joints:
+        fit = names_of(lambda one: one.joints)
+        raise InputError(f"the format '{name}' has no joint names; they belong to '{fit}'")
+    content = FORMATS[name].content(plan, rate_hz, joint_names)
+    return write_text(path, content) if isinstance(content, str) else write_bytes(path, content)
 
 
 def find_format(path: str | Path, format: str | None) -> str:
@@ -84,13 +125,12 @@ def find_format(path: str | Path, format: str | None) -> str:
         InputError: If there is no such format.
     """
     if format is None:
-        format = _SUFFIXES.get(Path(path).suffix.lower())
+        endings = {ending: name for name, one in FORMATS.items() for ending in one.endings}
+        format = endings.get(Path(path).suffix.lower())
         if format is None:
-            endings = ", ".join(_SUFFIXES)
             raise InputError(
-                f"the ending of {path} is not that of a format ({endings}); name the format with"
-                " --format:"
-                f" {', '.join(FORMATS)}"
+                f"the ending of {path} is not that of a format ({', '.join(endings)}); name the"
+                f" format with --format: {', '.join(FORMATS)}"
             )
     if format not in FORMATS:
         raise InputError(f"no format '{format}'; {allowed_hint(format, list(FORMATS))}")

@@ -20,13 +20,14 @@ from planner.report.figures.on_the_machine import (
     plot_errors,
     plot_replays,
 )
-from planner.report.figures.over_time import plot_inputs, plot_joints, plot_z
+from planner.report.figures.over_time import plot
 from planner.report.figures.robustness import (
     plot_machine_sensitivity,
     plot_responses,
     plot_sensitivity,
 )
 from planner.report.page.page import write_report
+from planner.report.panels import FIGURES
 from planner.robustness.budget import Budget, budget_csv, budget_markdown
 from planner.robustness.machine_sensitivity import MachineSensitivity
 from planner.robustness.sensitivity import Sensitivity
@@ -177,16 +178,14 @@ def save_budget(
 
 def figures(comparison: Comparison) -> dict[str, Figure]:
     """Figures by name; those for which no plan has what they show are left out."""
-    plans = comparison.plans
+    plans, system = comparison.plans, comparison.problem.system
     found = [plan for plan in plans.values() if plan is not None]
     out: dict[str, Figure] = {}
-    if found:
-        out["z"] = plot_z(plans)[0]
-    if any(plan.executable for plan in found):
-        out["joints"] = plot_joints(plans)[0]
-        out["inputs"] = plot_inputs(plans)[0]
-        if drawable(comparison.problem.system):
-            out["arm"] = plot_arm(plans)[0]
+    for name, kind in FIGURES.items():
+        if kind.fits(system) and any(p.executable or not kind.executable for p in found):
+            out[name] = plot(name, plans)[0]
+    if drawable(system) and any(plan.executable for plan in found):
+        out["arm"] = plot_arm(plans)[0]
     replays = {row.label: row.replay for row in comparison.rows}
     if any(runs is not None and runs.angles for runs in replays.values()):
         errors = {k: None if runs is None else runs.index_E_deg for k, runs in replays.items()}

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import copy
-import tempfile
 import threading
 import time
 import traceback
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -51,17 +49,7 @@ RESULTS: Mapping[str, str] = {
     "solved": "INTEGER NOT NULL",
     "why": "TEXT",
     "advice": "TEXT",
-    "travel_rad": "REAL",
-    "duration_s": "REAL",
-    "effort": "REAL",
-    "peak_u1_rad_s": "REAL",
-    "peak_u2_rad_s": "REAL",
-    "domain_margin": "REAL",
-    "terminal_error_deg": "REAL",
-    "E_median_deg": "REAL",
-    "E_p95_deg": "REAL",
-    "end_median_deg": "REAL",
-    "end_p95_deg": "REAL",
+    **dict.fromkeys(rows.sweep_columns(), "REAL"),
     "end_spread_deg": "REAL",
     "contact_torque_nm": "REAL",
     "contact_load": "REAL",
@@ -216,7 +204,7 @@ def _run(request: Request) -> Row:
     if request["samples"] and plan.executable:
         row |= _on_the_machine(plan, request["samples"], request["seed"])
     if request["keep_plan"] and plan.verified:
-        row["plan"] = _text(plan)
+        row["plan"] = plan.to_json()
     return row
 
 
@@ -226,8 +214,7 @@ def _on_the_machine(plan: Plan, samples: int, seed: int) -> Row:
     record = max(RECORD_S, plan.duration / 500)
     runs = replay(plan, samples=samples, seed=seed, record_s=record, motions=0)
     if runs.angles:
-        row["E_median_deg"], row["E_p95_deg"] = np.percentile(runs.index_E_deg, [50, 95])
-        row["end_median_deg"], row["end_p95_deg"] = np.percentile(runs.terminal_E_deg, [50, 95])
+        row |= rows.machine_figures(runs, sweep=True)
         row["end_spread_deg"] = np.max(np.std(runs.terminal_error_deg, axis=0))
     if isinstance(plan.problem.system, Manipulator):
         load = contact_load(plan, samples=CONTACTS, seed=seed)
@@ -260,8 +247,3 @@ def _number(value: Any) -> Any:
     if isinstance(value, np.generic):
         value = value.item()
     return None if isinstance(value, float) and np.isnan(value) else value
-
-
-def _text(plan: Plan) -> str:
-    with tempfile.TemporaryDirectory() as folder:
-        return plan.save(Path(folder) / "plan.json").read_text(encoding="utf-8")

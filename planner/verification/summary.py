@@ -1,17 +1,142 @@
-"""A plan, or the refusal of one, as the flat table of facts that commands print."""
+"""The figures of a plan, each named once; the flat table of facts that commands print.
+
+Whoever tabulates plans reads names, titles, units and digits from the fields of `PlanFigures` (and
+of those who add to them, as the rows of a comparison do): a field more is a column more.
+"""
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from collections.abc import Callable, Mapping
+from dataclasses import Field, asdict, dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
 from planner.errors import NoPlanError, Violation
-from planner.plan.measures import peak_inputs
+from planner.plan.measures import effort, peak_inputs
 from planner.plan.plan import Plan
+from planner.support.arrays import Array
 from planner.support.calculus.extremes import sample_times
+from planner.systems.triangular_system import TriangularSystem
 from planner.verification.verify import Check, verify
+
+
+@dataclass(frozen=True)
+class Heading:
+    """What stands over one number of a figure.
+
+    Attributes:
+        title: A few words.
+        unit: Its unit, or how a system says it.
+        digits: Significant digits in tables; files have them all.
+        key: Its name in files; by default the field's.
+    """
+
+    title: str
+    unit: str | Callable[[TriangularSystem], str] = ""
+    digits: int = 3
+    key: str = ""
+
+    def unit_of(self, system: TriangularSystem) -> str:
+        """Its unit for plans of a system."""
+        return self.unit if isinstance(self.unit, str) else self.unit(system)
+
+
+@dataclass(frozen=True)
+class Figure:
+    """How a figure is shown and taken: the metadata of its field.
+
+    Attributes:
+        headings: One for each of its numbers; none for a figure of files alone.
+        plan: How it is taken from a plan and its verification, if from those.
+        replay: How it is taken from a replay, if from one.
+        executable: Whether a path that cannot be executed has none.
+        sweep: Whether sweeps keep it.
+        files: Whether it is for tables in files alone, which have room.
+    """
+
+    headings: tuple[Heading, ...]
+    plan: Callable[[Plan, Check], Any] | None = None
+    replay: Callable[[Any], Any] | None = None
+    executable: bool = False
+    sweep: bool = True
+    files: bool = False
+
+
+def figure(*headings: Heading, default: Any = np.nan, **how: Any) -> Any:
+    """A field that is a figure; see `Figure`. Undefined numbers are NaN."""
+    return field(default=default, metadata={"figure": Figure(headings, **how)})
+
+
+def figures(kind: type) -> Mapping[str, Figure]:
+    """The figures among the fields of a class, by name, in order."""
+    found: tuple[Field[Any], ...] = fields(kind)
+    return {f.name: f.metadata["figure"] for f in found if "figure" in f.metadata}
+
+
+def effort_unit(system: TriangularSystem) -> str:
+    """Unit of ∫ u₁² + u₂² dt: that of an input's square times seconds, or both where they differ.
+
+    >>> from planner.systems.manipulator import Manipulator
+    >>> effort_unit(Manipulator([1.0]))
+    'rad²/s'
+    """
+    rates = [c.unit for c in system.inputs]
+    squares = [f"{r[:-2]}²/s" if r.endswith("/s") else f"{r}² s" if r else "s" for r in rates]
+    return " + ".join(dict.fromkeys(squares))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanFigures:
+    """The figures that every plan has. Undefined numbers are NaN.
+
+    Attributes:
+        travel_rad: q₁(T) − q₁(0), rad (metres for vehicles).
+        duration_s: Duration, s.
+        effort: ∫ u₁² + u₂² dt.
+        peak_u: Largest |u₁| and |u₂|, shape (2,), in the inputs' units (rad/s).
+        domain_margin: Least margin of the chart's domain; negative outside.
+        domain_ok: Whether the path stays inside; None without a path.
+        terminal_error_deg: Largest error of an angle at the goal by ideal kinematics (`verify`).
+    """
+
+    travel_rad: float = figure(
+        Heading("travel", lambda system: system.coordinates[0].unit, 4),
+        plan=lambda plan, _: plan.travel,
+    )
+    duration_s: float = figure(plan=lambda plan, _: plan.duration)
+    effort: float = figure(
+        Heading("effort", effort_unit, 4),
+        plan=lambda plan, _: effort(plan.trajectory),
+        executable=True,
+    )
+    peak_u: tuple[float, float] = figure(
+        Heading("|u1|", lambda system: system.inputs[0].unit, key="peak_u1_rad_s"),
+        Heading("|u2|", lambda system: system.inputs[1].unit, key="peak_u2_rad_s"),
+        plan=lambda plan, _: tuple(peak_inputs(plan.trajectory).tolist()),
+        executable=True,
+        default=(np.nan, np.nan),
+    )
+    domain_margin: float = figure(plan=lambda plan, _: plan.domain.margin)
+    domain_ok: bool | None = figure(plan=lambda plan, _: plan.domain.ok, sweep=False, default=None)
+    terminal_error_deg: float = figure(plan=lambda _, check: _largest(check.terminal_error_deg))
+
+    @classmethod
+    def measure(cls, plan: Plan, check: Check) -> dict[str, Any]:
+        """The figures of a plan by name; those it has none of are missing."""
+        return {
+            name: one.plan(plan, check)
+            for name, one in figures(cls).items()
+            if one.plan is not None and (plan.executable or not one.executable)
+        }
+
+
+def _largest(errors: Array) -> float:
+    return float(np.max(np.abs(errors))) if errors.size else np.nan
+
+
+OF_EVERY_PLAN = {n: one for n, one in figures(PlanFigures).items() if not one.executable}
+"""Those that a path which cannot be executed has too; the others are figures of comparisons."""
 
 SUMMARY_KEYS = (
     "method",
@@ -22,15 +147,11 @@ SUMMARY_KEYS = (
     "solve_time_s",
     "build_time_s",
     "iterations",
-    "duration_s",
-    "travel_rad",
+    *OF_EVERY_PLAN,
     "direction",
-    "terminal_error_deg",
     "terminal_error",
     "peak_u_rad_s",
     "executable",
-    "domain_ok",
-    "domain_margin",
     "z2_max",
     "singular_times_s",
     "reason",
@@ -40,7 +161,8 @@ SUMMARY_KEYS = (
     "notes",
 )
 """Every key of a summary, in order. For systems whose path coordinate is a length, `travel_rad`
-and the first of `peak_u_rad_s` are in metres and metres per second."""
+and the first of `peak_u_rad_s` are in metres and metres per second. `terminal_error_deg` is a list
+here: one error an angle."""
 
 
 def plan_summary(plan: Plan, check: Check | None = None) -> dict[str, Any]:
@@ -65,14 +187,14 @@ def plan_summary(plan: Plan, check: Check | None = None) -> dict[str, Any]:
         "solve_time_s": plan.solve_time_s,
         "build_time_s": plan.build_time_s,
         "iterations": plan.iterations,
-        "duration_s": plan.duration,
-        "travel_rad": plan.travel,
+        **{name: one.plan(plan, check) for name, one in OF_EVERY_PLAN.items() if one.plan},
         "direction": direction(plan),
         "terminal_error_deg": check.terminal_error_deg.tolist(),
         "terminal_error": dict(zip(names, check.terminal_error.tolist(), strict=True)),
         "peak_u_rad_s": peak_inputs(plan.trajectory).tolist(),
         "executable": plan.executable,
-        **_domain(plan),
+        "z2_max": plan.domain.z2_max,
+        "singular_times_s": list(plan.domain.singular_times_s),
         "violations": [_violation(v) for v in check.violations],
         "certificate": None if plan.certificate is None else plan.certificate.to_dict(),
         "notes": dict(plan.notes),
@@ -109,16 +231,6 @@ def direction(plan: Plan) -> str:
     moving = v1[np.abs(v1) > 1e-6 * np.nanmax(np.abs(v1), initial=0.0)]
     turns = int(np.sum(np.sign(moving[1:]) != np.sign(moving[:-1])))
     return ("one way", "turns once")[turns] if turns < 2 else f"turns {turns} times"
-
-
-def _domain(plan: Plan) -> dict[str, Any]:
-    report = plan.domain
-    return {
-        "domain_ok": report.ok,
-        "domain_margin": report.margin,
-        "z2_max": report.z2_max,
-        "singular_times_s": list(report.singular_times_s),
-    }
 
 
 def _violation(violation: Violation) -> dict[str, Any]:

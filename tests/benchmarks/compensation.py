@@ -20,7 +20,7 @@ from planner.machine.machine import Machine
 from planner.machine.replay import Replay
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan
-from planner.report.figures.style import COLOURS, GRID
+from planner.report.figures.style import GRID, colour_of
 from planner.support.arrays import Array
 from planner.support.files import folder
 
@@ -194,8 +194,8 @@ def picture(before: Replay, after: Replay) -> Figure:
     t = np.linspace(-lead, plain.duration + after.plan.tail_s + 0.5, 800)
     planned = np.rad2deg(plain.trajectory.q(t)[:, 3])
     looks = [
-        (before, 0.0, COLOURS[1], "not compensated"),
-        (after, lead, COLOURS[0], "compensated"),
+        (before, 0.0, colour_of("collocation"), "not compensated"),
+        (after, lead, colour_of("compensated"), "compensated"),
     ]
     for run, late, colour, words in looks:
         own = run.t - late

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from rich.progress import Progress
 from stress_problems import INPUT, WIDE, arm
 
-from planner.report.figures.style import COLOURS
+from planner.report.figures.style import colours
 from planner.support.tables import Column, markdown_table
 from planner.sweep.results import read
 from planner.sweep.run import run_sweep
@@ -143,6 +143,7 @@ COLUMNS: list[Column[Record]] = [
 
 def picture(found: list[Record]) -> Figure:
     """Share of the pairs that each method solves, a panel a family and number of joints."""
+    colour = colours(list(METHODS.values()))
     counts = sorted({row["joints"] for row in found})
     figure = Figure(figsize=(10, 1.0 + 2.1 * len(counts)), layout="constrained")
     axes = figure.subplots(len(counts), len(FAMILIES), sharex=True, sharey=True, squeeze=False)
@@ -151,8 +152,9 @@ def picture(found: list[Record]) -> Figure:
             ax = axes[i][j]
             own = [r for r in found if r["joints"] == joints and r["family"] == family.name]
             for k, row in enumerate(own):
+                label = METHODS[row["method"]]
                 share = 100 * row["solved"] / row["pairs"]
-                ax.barh(k, share, color=COLOURS[k], height=0.7)
+                ax.barh(k, share, color=colour[label], height=0.7)
                 ax.text(share + 2, k, f"{row['solved']} of {row['pairs']}", va="center", fontsize=8)
             ax.set_yticks(range(len(own)), [row["method"] for row in own])
             ax.set_ylim(len(own) - 0.4, -0.6)

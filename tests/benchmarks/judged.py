@@ -2,7 +2,7 @@
 
     python tests/benchmarks/judged.py [--plans 200] [--damages 500] [--seed 25]
 
-Writes results/judging/outside.md. `tests/outside_judge.py` has the other judge and the damages.
+Writes results/judging/outside.md. `outside_judge.py` has the other judge and the damages.
 """
 
 from __future__ import annotations
@@ -12,10 +12,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "tests"))
+from outside_judge import OUTCOMES, campaign
 
-from outside_judge import OUTCOMES, campaign  # noqa: E402
+ROOT = Path(__file__).parents[2]
 
 HEAD = """# Plans judged from outside
 

@@ -48,9 +48,6 @@ MOST_S = 1800
 MOST_KB = 8_000_000
 """Of address space, twenty times what the tests need: a mutant must not fill the memory."""
 
-BY_THE_CLOCK = ["test_replay_speed.py"]
-"""Not run: fails on a busy machine, whatever the code."""
-
 EQUIVALENT = "core/ReplaceBinaryOperator_BitOr_"
 """Changes `X | None` in annotations, which nothing reads while the program runs."""
 
@@ -113,7 +110,7 @@ GROUPS = {
         " tests/machine/test_simulate.py tests/machine/test_loop.py"
         " tests/machine/test_direct.py tests/machine/test_dynamic.py"
         " tests/machine/test_kernel.py tests/machine/test_replay.py"
-        " tests/machine/test_dynamic_energy.py tests/machine/test_dynamic_order.py"
+        " tests/machine/test_dynamic_energy.py tests/machine/test_memory.py"
         " tests/machine/test_dynamic_kernel.py",
     ),
 }
@@ -244,7 +241,7 @@ def test_command(tests: str) -> str:
         below = sorted((CLONE / word).rglob("test_*.py"), key=lambda p: (len(p.parts), p))
         for path in below or [CLONE / word]:
             file = str(path.relative_to(CLONE))
-            if file not in files and path.name not in BY_THE_CLOCK:
+            if file not in files:
                 files.append(file)
     words = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider"]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)

@@ -307,9 +307,6 @@ def test_pointing_reads_values_and_marks_the_time_in_the_other_figures(show: Any
     assert words == ["10.00", "s", "θ₁", "30", "deg", "θ₂", "30", "deg"]
     assert page.locator("[data-panel=joints] .cursor").get_attribute("d")
 
-
-def test_the_arm_s_colours_and_the_map_s_shade_have_a_key(show: Any) -> None:
-    page = show("try")
     assert page.locator("[data-panel=plane] .notes").inner_text().startswith("from 0 s to 10 s")
     assert "outside the chart" in page.locator("[data-panel=map] .notes").inner_text()
     poses = page.locator("[data-panel=plane] .pose")

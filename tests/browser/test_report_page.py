@@ -14,11 +14,11 @@ import pytest
 from compared import outside, quick_comparison, refused_comparison
 
 import planner
-from planner.comparison.comparison import Comparison
+from planner import Comparison
 from planner.comparison.rows import Row
 from planner.report import folders as report_folder
+from planner.report import write_report
 from planner.report.figures.arm import body
-from planner.report.page.page import write_report
 
 SOLVED = "polynomial"
 JOINTS = "#fig-joints .panel"
@@ -101,9 +101,6 @@ def test_pointing_at_a_curve_shows_its_values(opened: Callable) -> None:
     page.mouse.move(5, 5)
     assert panel.locator(".tip").is_hidden()
 
-
-def test_the_domain_is_read_with_z2(opened: Callable) -> None:
-    page = opened()
     panel = page.locator("#fig-z .panel").nth(1)
     panel.locator("svg").hover()
     rows = panel.locator(".tip tr").all_inner_texts()
@@ -132,7 +129,7 @@ def test_keys_read_a_figure_and_set_the_clock(opened: Callable) -> None:
     assert page.evaluate("document.activeElement.tagName") == "svg"
 
 
-def test_the_whole_page_is_within_reach_of_the_tab_key(opened: Callable) -> None:
+def test_every_control_has_a_name_and_is_within_reach_of_the_tab_key(opened: Callable) -> None:
     page = opened()
     wanted = page.evaluate(
         "[...document.querySelectorAll('button, select, input, summary, [tabindex]')]"
@@ -144,9 +141,6 @@ def test_the_whole_page_is_within_reach_of_the_tab_key(opened: Callable) -> None
         page.keyboard.press("Tab")
     assert page.evaluate("window.seen.size") >= wanted
 
-
-def test_every_control_has_a_name(opened: Callable) -> None:
-    page = opened()
     for role in ("button", "checkbox", "slider", "combobox", "img"):
         found = page.get_by_role(role)
         assert found.count() > 0
@@ -197,28 +191,7 @@ def test_scrubbing_shows_the_arm_of_that_time(opened: Callable) -> None:
     assert f"θ₁ {np.rad2deg(plan.q(t)[1]):.1f}°" in stage.locator(".readout").inner_text()
 
 
-def test_the_machine_goes_when_told(opened: Callable) -> None:
-    page = opened()
-    machines = page.locator(".stage .machine-body")
-    curves = page.locator(f"{JOINTS} .curve.machine")
-    assert machines.nth(1).get_attribute("d")
-    assert curves.count() > 0
-    page.get_by_label("the machine of median error").uncheck()
-    assert not machines.nth(1).get_attribute("d")
-    assert curves.count() == 0
-
-
-def test_another_plan_can_be_chosen(opened: Callable) -> None:
-    page = opened()
-    right = page.locator(".stage").nth(1)
-    before = right.locator(".ends").first.get_attribute("d"), right.locator("path.curve").first
-    trail = before[1].get_attribute("d")
-    right.locator("select").select_option(label="polynomial:travel=middle (refused)")
-    assert right.locator(".ends").first.get_attribute("d") == before[0]
-    assert right.locator("path.curve").first.get_attribute("d") != trail
-
-
-def test_the_legend_hides_a_plan_in_all_figures(opened: Callable) -> None:
+def test_plans_and_the_machine_are_shown_as_chosen(opened: Callable) -> None:
     page = opened()
     curves = page.locator(f"{JOINTS} path.curve")
     before = curves.count()
@@ -229,23 +202,37 @@ def test_the_legend_hides_a_plan_in_all_figures(opened: Callable) -> None:
     page.locator(".legend input").first.check()
     assert curves.count() == before
 
+    right = page.locator(".stage").nth(1)
+    before = right.locator(".ends").first.get_attribute("d"), right.locator("path.curve").first
+    trail = before[1].get_attribute("d")
+    right.locator("select").select_option(label="polynomial:travel=middle (refused)")
+    assert right.locator(".ends").first.get_attribute("d") == before[0]
+    assert right.locator("path.curve").first.get_attribute("d") != trail
 
-def test_shares_and_points_are_those_of_the_replays(opened: Callable) -> None:
+    machines = page.locator(".stage .machine-body")
+    curves = page.locator(f"{JOINTS} .curve.machine")
+    assert machines.nth(1).get_attribute("d")
+    assert curves.count() > 0
+    page.get_by_label("the machine of median error").uncheck()
+    assert not machines.nth(1).get_attribute("d")
+    assert curves.count() == 0
+
+
+def test_the_map_shows_every_path_and_reads_them_at_one_time(opened: Callable) -> None:
     page = opened()
-    row = quick_comparison()[SOLVED]
-    errors = page.locator("#fig-errors .panel")
-    errors.locator("svg").focus()
+    panel = page.locator("#fig-map .panel")
+    assert panel.locator("path.curve").count() == 2
+    panel.locator("svg").focus()
     page.keyboard.press("End")
-    assert errors.locator(".tip tr").last.inner_text().endswith("100.0 %")
-    points = page.locator("#fig-trade .panel")
-    points.locator("svg").focus()
-    page.keyboard.press("End")
-    words = " ".join(points.locator(".tip").inner_text().split())
-    assert f"effort {row.effort:.4g}" in words
-    assert f"median of E {row.E_median_deg:.3g} deg" in words
+    rows = panel.locator(".tip tr").all_inner_texts()
+    assert [row.split("\t")[-1].strip() for row in rows] == ["30, 30 deg"] * 2
+    rings = panel.locator(".cross").get_attribute("d")
+    assert rings.count("M") == 2
+    page.locator(".legend input").first.uncheck()
+    assert panel.locator("path.curve").count() == 1
 
 
-def test_axes_have_units_and_say_where_they_are_logarithmic(opened: Callable) -> None:
+def test_errors_and_effort_are_those_of_the_replays(opened: Callable) -> None:
     page = opened()
     data = json.loads(page.locator("#data").text_content())
     panels = {figure["id"]: figure["panels"][0] for figure in data["figures"]}
@@ -257,15 +244,24 @@ def test_axes_have_units_and_say_where_they_are_logarithmic(opened: Callable) ->
     assert across == "E (deg)" + (", log scale" if panels["errors"]["log"] else "")
     assert any([*log, panels["errors"]["log"]]), "one of them is logarithmic, else this is idle"
 
-
-def test_refused_plans_are_marked_in_every_figure(opened: Callable) -> None:
-    page = opened()
     name = "polynomial:travel=middle (refused)"
     assert page.locator("#fig-trade text.name").all_text_contents().count(name) == 1
     assert page.locator("#fig-trade .dot.dashed").count() == 1
     for figure in ("z", "joints", "inputs", "errors"):
         assert page.locator(f"#fig-{figure} .curve.dashed").count() >= 1, figure
     assert name in page.locator(".legend").inner_text()
+
+    row = quick_comparison()[SOLVED]
+    errors = page.locator("#fig-errors .panel")
+    errors.locator("svg").focus()
+    page.keyboard.press("End")
+    assert errors.locator(".tip tr").last.inner_text().endswith("100.0 %")
+    points = page.locator("#fig-trade .panel")
+    points.locator("svg").focus()
+    page.keyboard.press("End")
+    words = " ".join(points.locator(".tip").inner_text().split())
+    assert f"effort {row.effort:.4g}" in words
+    assert f"median of E {row.E_median_deg:.3g} deg" in words
 
 
 def test_what_would_help_stands_under_each_refused_row(opened: Callable, tmp_path: Path) -> None:

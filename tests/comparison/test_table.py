@@ -7,13 +7,17 @@ import io
 
 import numpy as np
 import pytest
-from compared import leaving_comparison, quick_comparison, refused_comparison
+from compared import leaving_comparison, outside, quick_comparison, refused_comparison
 from rich.console import Console
 
+import planner
 from planner.comparison import comparison
 from planner.comparison.comparison import comparison_csv as csv_text
+from planner.comparison.rows import Row, sweep_columns
 from planner.report.page.page import report_page
 from planner.support.tables import Column, number
+from planner.sweep.case import RESULTS
+from planner.verification.summary import PlanFigures, figures, plan_summary
 
 
 @pytest.fixture(scope="module")
@@ -143,3 +147,28 @@ def test_a_plan_may_leave_the_chart_and_says_so() -> None:
     page = report_page(found, {}, {})
     assert page.count("leaves the chart (allowed)") == 2
     assert "leaves the chart" not in "".join(r.remark for r in quick_comparison().rows if r.solved)
+
+
+def test_a_figure_of_a_plan_stands_in_one_place_and_is_everywhere() -> None:
+    found = quick_comparison()
+    row = found["polynomial"]
+    assert row.plan is not None
+    check = planner.verify(row.plan)
+    summary = plan_summary(row.plan, check)
+    cells = next(r for r in csv.DictReader(io.StringIO(csv_text(found))) if r["label"] == row.label)
+    for name, one in figures(PlanFigures).items():
+        keys = [head.key or name for head in one.headings] or [name]
+        assert set(keys) <= cells.keys()
+        assert not one.sweep or set(keys) <= RESULTS.keys()
+        assert one.executable or name in summary
+        assert name == "terminal_error_deg" or one.executable or summary[name] == getattr(row, name)
+    assert set(sweep_columns()) <= RESULTS.keys()
+    # One error an angle in a summary, the largest of them in a table.
+    assert row.terminal_error_deg == max(abs(e) for e in summary["terminal_error_deg"])
+
+
+def test_a_path_that_cannot_be_executed_has_no_effort_and_no_peaks() -> None:
+    plan = outside()
+    row = Row.of("x", plan.method, plan, planner.verify(plan))
+    assert np.isnan([row.effort, *row.peak_u]).all()
+    assert row.travel_rad == plan.travel

@@ -17,7 +17,7 @@ from planner.errors import InputError
 from planner.explorer.outcome import judge, path
 from planner.explorer.screen import Screen
 from planner.explorer.state import State
-from planner.report.charts.panels import to_screen_digits
+from planner.report.panels import to_screen_digits
 from planner.support.package import how_to_install
 
 ROOT = Path(__file__).parents[2]
@@ -270,13 +270,13 @@ def test_a_joint_more_is_like_the_last_one_and_goes_again() -> None:
 
 def test_the_map_shows_the_chart_s_edges_and_the_path() -> None:
     chart = panel(screen("paper"), "map")
-    assert chart["region"] == [(0.0, 90.0), (0.0, 90.0)]  # of one sign, see `chart_margins`
+    assert chart["region"] == [[0.0, 90.0], [0.0, 90.0]]  # of one sign, see `chart_margins`
     np.testing.assert_allclose(chart["ends"], [[1, 1], [30, 30]])
-    np.testing.assert_allclose([way[-1] for way in chart["path"]], [30, 30], atol=1e-3)
-    assert panel(screen("ball-gear"), "map")["region"] == [(-90.0, 90.0), (-90.0, 90.0)]
+    np.testing.assert_allclose([chart["series"][0][axis][-1] for axis in "xy"], [30, 30], atol=1e-3)
+    assert panel(screen("ball-gear"), "map")["region"] == [[-90.0, 90.0], [-90.0, 90.0]]
     assert not any(p["id"] == "map" for p in screen("car").picture()["panels"])
     away = panel(screen("parking", "collocation"), "map")
-    assert min(away["path"][1]) < away["region"][1][0] == 0.0, "the path leaves the chart"
+    assert min(away["series"][0]["y"]) < away["region"][1][0] == 0.0, "the path leaves the chart"
 
 
 def test_planning_ends_at_the_explorer_s_time_limit() -> None:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from handmade import arm_problem, smooth_plan_of
 
+from planner import Plan, Problem
 from planner.machine import compiled
-from planner.plan.plan import Plan
-from planner.problem.problem import Problem
 
 SOURCES = [str(Path(compiled.__file__).with_name(f"{n}.c")) for n in ("kernel", "dynamic")]
 
@@ -42,3 +42,15 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Any:
     found = compiled.open_library(target)
     assert found is not None
     return found
+
+
+@pytest.fixture
+def use(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """`use(library)`: whole replays by it, and steps by it or `step`; None is NumPy."""
+
+    def patch(whole: Any, step: Any = ...) -> None:
+        found = whole if step is ... else step
+        monkeypatch.setattr("planner.machine.simulate.library", lambda: whole)
+        monkeypatch.setattr(compiled, "library", lambda: found)
+
+    return patch

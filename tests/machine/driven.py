@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from handmade import draws_of
 
+from planner import Manipulator
 from planner.machine.stepwise import DynamicChain
-from planner.support.arrays import Array
-from planner.systems.manipulator import Manipulator
 
 INERTIA: dict[str, Any] = {
     "motor_inertia_kgm2": 0.01,
@@ -54,14 +53,14 @@ EVENTS: dict[str, dict[str, Any]] = {
 }
 """What happens within a second under `swing`."""
 
-Speeds = Callable[[float], Array]
+Speeds = Callable[[float], np.ndarray]
 
 
 def arm(n: int) -> Manipulator:
     return Manipulator([0.87 * 0.8 ** (i - 2) for i in range(2, n + 1)], 0.67)
 
 
-def start(n: int, samples: int = 1) -> Array:
+def start(n: int, samples: int = 1) -> np.ndarray:
     q = np.deg2rad(np.array([0.0, *np.linspace(10, 20, n)]))
     return np.repeat(q[:, None], samples, axis=1)
 
@@ -70,7 +69,7 @@ def chain(n: int = 3, samples: int = 1, **effects: Any) -> DynamicChain:
     return DynamicChain(arm(n), draws_of(n, samples, **effects), start(n, samples))
 
 
-def swing(t: float) -> Array:
+def swing(t: float) -> np.ndarray:
     """Smooth speeds of both motors that reverse, (2,), rad/s."""
     return np.array([0.6 * np.sin(2 * np.pi * t), 0.4 * np.sin(3 * t) ** 3])
 
@@ -80,8 +79,8 @@ def drive(
     steps: int,
     speed: Speeds = swing,
     end: float = 1.0,
-    see: Callable[[], Array] | None = None,
-) -> Array:
+    see: Callable[[], np.ndarray] | None = None,
+) -> np.ndarray:
     """What `see` returns after each step (sample 0 of the coordinates by default)."""
     h, seen = end / steps, []
     for k in range(steps):
@@ -93,7 +92,7 @@ def drive(
 
 
 @cache
-def swung(name: str, steps: int) -> tuple[Array, float]:
+def swung(name: str, steps: int) -> tuple[np.ndarray, float]:
     """A second of `EVENTS[name]` under `swing`: sample 0 after each step, and energy unaccounted.
 
     The energy is what the motors put in and is neither stored nor lost, as part of the former.

@@ -10,11 +10,9 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import BPoly, PPoly
 from scipy.optimize import fsolve
 
-from planner.machine.machine import Draws, Machine, draw
-from planner.plan.plan import Plan
+from planner import Machine, Plan, Problem
+from planner.machine.machine import Draws, draw
 from planner.plan.trajectory import StateTrajectory
-from planner.problem.problem import Problem
-from planner.support.arrays import Array
 
 K, K_G = [0.870125, 0.711625], 0.668811
 
@@ -50,7 +48,7 @@ def plan_from(problem: Problem, u: BPoly, pieces: int = 200) -> Plan:
     for a, b in pairwise(edges):
         inside = np.nextafter(b, a)
 
-        def rates(t: float, q: Array, inside: float = inside) -> Array:
+        def rates(t: float, q: np.ndarray, inside: float = inside) -> np.ndarray:
             return system.rates(q, u(min(t, inside)))
 
         q.append(solve_ivp(rates, (a, b), q[-1], "DOP853", rtol=1e-12, atol=1e-13).y[:, -1])
@@ -62,11 +60,11 @@ def plan_from(problem: Problem, u: BPoly, pieces: int = 200) -> Plan:
     return Plan(problem, "by hand", {}, StateTrajectory(system, q_curve, _on(u, edges)))
 
 
-def _third(edges: Array) -> Array:
+def _third(edges: np.ndarray) -> np.ndarray:
     return np.diff(edges)[:, None] / 3
 
 
-def _on(u: BPoly, edges: Array) -> BPoly:
+def _on(u: BPoly, edges: np.ndarray) -> BPoly:
     """The same polynomials on finer breaks."""
     power = PPoly.from_bernstein_basis(u)
     degree = power.c.shape[0] - 1
@@ -85,7 +83,7 @@ def smooth_plan_of(problem: Problem) -> Plan:
         odd = np.array([1.0, -1.5 * end, end**2 / 2, 0.0]) * skew / end**3
         return inputs(([u1 / end], list(even + odd)), breaks=[0.0, end])
 
-    def miss(x: Array) -> Array:
+    def miss(x: np.ndarray) -> np.ndarray:
         u = bell(x[0], x[1])
         rates = problem.system.rates
         motion = solve_ivp(

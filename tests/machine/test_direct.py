@@ -10,13 +10,12 @@ from every_system import NAMES, SYSTEMS
 from handmade import draws_of
 from scipy.integrate import solve_ivp
 
+from planner import Machine
 from planner.machine.disk_chain import DiskChain
-from planner.machine.machine import Machine
 from planner.machine.stepwise import KinematicPlant, plant
-from planner.support.arrays import Array
 
 
-def speed(t: float) -> Array:
+def speed(t: float) -> np.ndarray:
     return np.array([0.5 * np.cos(2 * t), 0.4 * np.sin(3 * t) + 0.1])
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 import numpy as np
@@ -10,28 +9,23 @@ import pytest
 from driven import EVENTS, chain, drive
 from handmade import arm_problem, inputs, plan_from
 
-from planner.machine import compiled
+from planner import Machine, replay
 from planner.machine import stepwise as dynamic
 from planner.machine.bodies import StageLaws
-from planner.machine.machine import Machine
-from planner.machine.replay import replay
-from planner.support.arrays import Array
 
 
-def jumps(t: float) -> Array:
+def jumps(t: float) -> np.ndarray:
     return np.array([0.8, 0.5]) * np.sign(np.sin(np.array([9.0, 13.0]) * t + 0.1))
 
 
 @pytest.mark.parametrize("name", EVENTS)
 @pytest.mark.parametrize("n", [2, 4])
-def test_both_give_the_same(
-    library: Any, monkeypatch: pytest.MonkeyPatch, name: str, n: int
-) -> None:
+def test_both_give_the_same(library: Any, use: Any, name: str, n: int) -> None:
     spread = {"value": 0.02, "spread": 0.01}
     effects = {**EVENTS[name], "link_inertia_kgm2": spread, "gearhead_backlash_deg": 0.3}
     found = []
     for which in (library, None):
-        monkeypatch.setattr(compiled, "library", lambda which=which: which)
+        use(which)
         plant = chain(n, samples=3, **effects)
         assert (plant._compiled is None) is (which is None)
         history = drive(plant, 80, jumps, 0.4, lambda plant=plant: plant._y.copy())
@@ -41,10 +35,8 @@ def test_both_give_the_same(
     assert len(set(found[0][1])) == 3
 
 
-def test_code_that_counts_otherwise_is_not_used(
-    library: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(compiled, "library", lambda: library)
+def test_code_that_counts_otherwise_is_not_used(library: Any, use: Any) -> None:
+    use(library)
     assert chain(17)._compiled is not None
     assert chain(18)._compiled is None  # it has room for 16 passive joints
     plant = chain(3)
@@ -66,17 +58,14 @@ WHOLE: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("name", WHOLE)
 @pytest.mark.parametrize("n", [2, 3])
-def test_whole_replays_are_the_same(
-    library: Any, monkeypatch: pytest.MonkeyPatch, name: str, n: int
-) -> None:
+def test_whole_replays_are_the_same(library: Any, use: Any, name: str, n: int) -> None:
     """In the compiled loop, with compiled steps in Python's, and in NumPy alone."""
     u = inputs(([1.2], [0.5, 0.1]), ([-0.8], [0.3]), breaks=[0.0, 0.3, 0.6])
     plan = plan_from(arm_problem(list(range(10, 10 + n)), end=0.6), u, pieces=10)
     machine = Machine.prototype(fidelity="dynamic", step_s=0.005, **WHOLE[name])
-    loop, runs = sys.modules["planner.machine.simulate"], []
+    runs = []
     for whole, step in ((library, library), (None, library), (None, None)):
-        monkeypatch.setattr(loop, "library", lambda whole=whole: whole)
-        monkeypatch.setattr(compiled, "library", lambda step=step: step)
+        use(whole, step)
         runs.append(replay(plan, machine, samples=3, seed=1, settle_s=0.1))
     assert len(set(runs[0].q[:, -1, 2])) == 3
     for other in runs[1:]:
@@ -89,7 +78,7 @@ def test_whole_replays_are_the_same(
 # -- the solver ----------------------------------------------------------------------------
 
 
-def imbalance(stage: StageLaws, v: Array) -> Array:
+def imbalance(stage: StageLaws, v: np.ndarray) -> np.ndarray:
     """Torque left over at every body, (rows, S), N m."""
     rows, m = stage.rows, stage.rows.m
     held, pressed = stage.torques(v)
@@ -106,11 +95,13 @@ def imbalance(stage: StageLaws, v: Array) -> Array:
 
 
 @pytest.mark.parametrize("full_steps", [12, 0])
-def test_every_stage_balances_all_torques(monkeypatch: pytest.MonkeyPatch, full_steps: int) -> None:
+def test_every_stage_balances_all_torques(
+    monkeypatch: pytest.MonkeyPatch, use: Any, full_steps: int
+) -> None:
     """Also when each pass goes only as far as the convex function falls."""
     solve, worst, passes = StageLaws.solve, [], []
 
-    def checked(self: StageLaws, pieces: Array) -> tuple[Array, Array]:
+    def checked(self: StageLaws, pieces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         v, found = solve(self, pieces)
         worst.append(np.max(np.abs(imbalance(self, v))))
         passes.append(np.any(found != pieces))
@@ -118,7 +109,7 @@ def test_every_stage_balances_all_torques(monkeypatch: pytest.MonkeyPatch, full_
 
     monkeypatch.setattr(StageLaws, "solve", checked)
     monkeypatch.setattr("planner.machine.bodies.FULL_PASSES", full_steps)
-    monkeypatch.setattr(compiled, "library", lambda: None)
+    use(None)
     rng = np.random.default_rng(0)
     for name in ("play", "coulomb", "slip", "all"):
         plant = chain(3, samples=4, **EVENTS[name], gearhead_backlash_deg=0.5)

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import planner
+from planner import Plan
 from planner.machine.feedforward.aim import aim
 from planner.machine.feedforward.shaping import MotorCommands, shape_commands, take_up
-from planner.plan.plan import Plan
 from planner.problem.tables.problem_file import CompensationTable
 
 NONE: dict[str, Any] = {

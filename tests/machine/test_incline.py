@@ -6,16 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from driven import INERTIA, chain, drive, swung
+from driven import INERTIA, chain, drive
 from handmade import arm_problem, draws_of, inputs, plan_from
 
-from planner.errors import InputError
+from planner import InputError, Machine, Manipulator, replay
 from planner.machine.contact_load import GRAVITY_M_S2
 from planner.machine.disk_chain import DiskChain
-from planner.machine.machine import Machine
-from planner.machine.replay import replay
-from planner.support.arrays import Array
-from planner.systems.manipulator import Manipulator, gravity_torques
+from planner.systems.manipulator import gravity_torques
 
 SLOPE, MOMENT = 12.0, [0.3, 0.2, 0.1]
 GRAVITY: dict[str, Any] = {"incline_deg": SLOPE, "link_moment_kgm": MOMENT}
@@ -23,7 +20,7 @@ ARM = Manipulator([0.87, 0.7], 0.67)
 Q = np.deg2rad(np.array([[0.0], [10], [20], [-25]]))
 
 
-def potential(theta: Array) -> float:
+def potential(theta: np.ndarray) -> float:
     """Height of three point masses at the ends of links of length 1, 2, 3, times their weights.
 
     Masses are such that every link carries the moment of `MOMENT` about its own joint.
@@ -44,7 +41,7 @@ def test_torques_are_the_slope_of_the_height_of_the_masses() -> None:
         assert torque == pytest.approx(-slope, rel=1e-8)
 
 
-def moved(plant: DiskChain, u: list[float], steps: int) -> Array:
+def moved(plant: DiskChain, u: list[float], steps: int) -> np.ndarray:
     """Coordinates of sample 0 after so many milliseconds at constant speeds of the motors."""
     speed = np.tile(np.array(u)[None, :, None], (3, 1, 1))
     for _ in range(steps):
@@ -52,7 +49,7 @@ def moved(plant: DiskChain, u: list[float], steps: int) -> Array:
     return plant.q[:, 0].copy()
 
 
-def loads(q: Array) -> Array:
+def loads(q: np.ndarray) -> np.ndarray:
     """Of gravity on joints 2 and 3, N m."""
     weights = GRAVITY_M_S2 * np.sin(np.deg2rad(SLOPE)) * np.array(MOMENT)
     return np.asarray(gravity_torques(weights, q[1:])[1:])
@@ -127,12 +124,6 @@ def test_both_fidelities_agree_the_better_the_slower() -> None:
         apart.append(np.max(np.abs(change[0] - change[1])))
     assert apart[0] < 0.1
     assert apart[1] < apart[0] / 3
-
-
-def test_the_slope_is_in_the_motion_to_rounding_in_energy() -> None:
-    """With everything else on, what the motors put in is stored or lost the better the shorter."""
-    missing = [abs(swung("inclined", count)[1]) for count in (500, 4000)]
-    assert missing[1] < missing[0] / 3
 
 
 def test_gravity_that_friction_cannot_hold_is_refused() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +10,8 @@ import numpy as np
 import pytest
 from handmade import arm_problem, inputs, plan_from
 
+from planner import Machine, Plan, Replay, replay
 from planner.machine import compiled
-from planner.machine.machine import Machine
-from planner.machine.replay import Replay, replay
-from planner.plan.plan import Plan
 
 JUMPS = inputs(
     ([1.2], [0.5, 0.1]), ([-0.8], [0.3]), ([1.0], [-0.4, 0.2]), breaks=[0.0, 0.5, 1.2, 2]
@@ -63,60 +60,39 @@ def plan() -> Plan:
     return plan_from(arm_problem([10, 20, 15], end=2.0), JUMPS, pieces=100)
 
 
-def both(
-    plan: Plan, machine: Machine, library: Any, patch: pytest.MonkeyPatch
-) -> tuple[Replay, Replay]:
-    """The same replay compiled and in NumPy."""
+def agree(plan: Plan, machine: Machine, library: Any, use: Any) -> Replay:
+    """The same replay compiled and in NumPy; the former."""
     runs = []
     for found in (library, None):
-        patch.setattr(compiled, "library", lambda found=found: found)
-        patch.setattr(sys.modules["planner.machine.simulate"], "library", lambda found=found: found)
+        use(found)
         runs.append(replay(plan, machine, samples=3, seed=1))
-    return runs[0], runs[1]
-
-
-def apart(plan: Plan, machine: Machine, library: Any, patch: pytest.MonkeyPatch) -> float:
-    ours, theirs = both(plan, machine, library, patch)
-    names = ("q", "motor_rates", "saturated_s", "deviation", "terminal_error")
-    return max(float(np.max(np.abs(getattr(ours, n) - getattr(theirs, n)))) for n in names)
+    for name in ("q", "motor_rates", "saturated_s", "deviation", "terminal_error"):
+        assert np.max(np.abs(getattr(runs[0], name) - getattr(runs[1], name))) < 1e-12, name
+    return runs[0]
 
 
 @pytest.mark.parametrize("name", PROTOTYPE)
-def test_kernel_and_numpy_agree_to_rounding(
-    plan: Plan, library: Any, monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
+def test_kernel_and_numpy_agree_to_rounding(plan: Plan, library: Any, use: Any, name: str) -> None:
     machine = Machine.prototype(step_s=0.004, backlash_deg=0.5, **PROTOTYPE[name])
-    assert apart(plan, machine, library, monkeypatch) < 1e-12
+    run = agree(plan, machine, library, use)
+    if name in ("slipping", "rigid, slipping"):  # and they do slip
+        use(library)
+        firm = replay(plan, machine.with_(friction_capacity_nm=50.0), samples=3, seed=1)
+        assert np.max(np.abs(run.q[:, -1, 3] - firm.q[:, -1, 3])) > np.deg2rad(1)
 
 
 @pytest.mark.parametrize("n", [2, 5])
-@pytest.mark.parametrize(
-    "machine", [Machine.ideal(step_s=0.01), Machine.prototype(step_s=0.004, backlash_deg=0.5)]
-)
-def test_of_any_number_of_joints(
-    n: int, machine: Machine, library: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_of_any_number_of_joints(n: int, library: Any, use: Any) -> None:
     plan = plan_from(arm_problem(list(range(10, 10 + n)), end=2.0), JUMPS, pieces=50)
-    assert apart(plan, machine, library, monkeypatch) < 1e-12
-
-
-def test_settings_that_slip_do_slip(
-    plan: Plan, library: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Else the agreement on them would say nothing."""
-    for name in ("slipping", "rigid, slipping"):
-        slipping = Machine.prototype(step_s=0.004, backlash_deg=0.5, **PROTOTYPE[name])
-        firm = slipping.with_(friction_capacity_nm=50.0)
-        run, other = (both(plan, m, library, monkeypatch)[0] for m in (slipping, firm))
-        assert np.max(np.abs(run.q[:, -1, 3] - other.q[:, -1, 3])) > np.deg2rad(1)
+    agree(plan, Machine.ideal(step_s=0.01), library, use)
+    agree(plan, Machine.prototype(step_s=0.004, backlash_deg=0.5), library, use)
 
 
 @pytest.mark.parametrize("count", ["1", "3"])
 def test_threads_do_not_matter(
-    plan: Plan, library: Any, monkeypatch: pytest.MonkeyPatch, count: str
+    plan: Plan, library: Any, use: Any, monkeypatch: pytest.MonkeyPatch, count: str
 ) -> None:
-    monkeypatch.setattr(compiled, "library", lambda: library)
-    monkeypatch.setattr(sys.modules["planner.machine.simulate"], "library", lambda: library)
+    use(library)
     monkeypatch.setattr(compiled, "STEPS_A_CALL", 77)
     machine, told = Machine.prototype(step_s=0.01), []
     usual = replay(plan, machine, samples=70, record_s=None)

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 from handmade import arm_problem, inputs, plan_from
-from numpy.typing import NDArray
 
-from planner.errors import InputError
-from planner.machine.machine import Machine
-from planner.machine.replay import Replay, replay
-from planner.plan.plan import Plan
-from planner.support.arrays import Array
+from planner import InputError, Machine, Plan, Replay, replay
 
 PERIOD, TICK, END = 0.1, 0.02, 2.0
 RAMP = inputs(([0.3, 0.1], [-0.2, 0.4]), breaks=[0.0, END])
@@ -27,32 +21,35 @@ class Scripted:
     period_s, tick_s = PERIOD, TICK
 
     def __init__(
-        self, rule: Callable[[Array, Array], Array], lead: float = 0.0, end: float = END
+        self,
+        rule: Callable[[np.ndarray, np.ndarray], np.ndarray],
+        lead: float = 0.0,
+        end: float = END,
     ) -> None:
         self.rule, self.lead_s, self.end_s = rule, lead, end
-        self.read: list[tuple[float, Array]] = []
+        self.read: list[tuple[float, np.ndarray]] = []
         self.fallbacks = np.zeros(0, dtype=np.int64)
 
-    def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> Scripted:
+    def start(self, plan: Plan, machine: Machine, numbers: np.ndarray) -> Scripted:
         self.fallbacks = numbers + 7
         return self
 
-    def __call__(self, t: float, measured: Array) -> Array:
+    def __call__(self, t: float, measured: np.ndarray) -> np.ndarray:
         self.read.append((t, measured.copy()))
         return self.rule(t + TICK * np.arange(round(PERIOD / TICK)), measured)
 
 
-def wave(times: Array, measured: Array) -> Array:
+def wave(times: np.ndarray, measured: np.ndarray) -> np.ndarray:
     """Differs from tick to tick and from sample to sample."""
     factor = 1 + np.arange(measured.shape[1])
     u = np.stack([0.3 * np.cos(3 * times), 0.2 * np.sin(5 * times) + 0.1], axis=-1)
     return u[:, :, None] * factor
 
 
-def to_plan(plan: Plan) -> Callable[[Array, Array], Array]:
+def to_plan(plan: Plan) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
     """The plan's input, and joint 1 driven towards the plan by motor 2."""
 
-    def rule(times: Array, measured: Array) -> Array:
+    def rule(times: np.ndarray, measured: np.ndarray) -> np.ndarray:
         u = np.repeat(plan.u(times)[:, :, None], measured.shape[1], axis=2)
         u[:, 1] += 4.0 * (plan.trajectory.q(times[0])[1] - measured[1])
         return u
@@ -65,15 +62,14 @@ def plan() -> Plan:
     return plan_from(arm_problem([10, 20, 15], end=END), RAMP, pieces=100)
 
 
-@pytest.fixture(params=["compiled", "numpy"])
-def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Both ways to replay a manipulator."""
+@pytest.fixture(params=["compiled", "numpy"], autouse=True)
+def _both_ways(request: pytest.FixtureRequest, use: Any) -> None:
+    """To replay a manipulator."""
     if request.param == "numpy":
-        monkeypatch.setattr(sys.modules["planner.machine.simulate"], "library", lambda: None)
-    return str(request.param)
+        use(None)
 
 
-def turned(run: Replay) -> Array:
+def turned(run: Replay) -> np.ndarray:
     """Travel of joint 1, which is the integral of motor 2, (S,)."""
     return np.asarray(run.q[:, -1, 1] - run.q[:, 0, 1])
 
@@ -81,9 +77,8 @@ def turned(run: Replay) -> Array:
 @pytest.mark.parametrize(
     "effects",
     [{}, {"delay_s": 0.0137}, {"delay_s": {"value": 0.02, "spread": 0.01}}],
-    ids=["no delay", "one delay", "many delays"],
 )
-def test_a_command_holds_for_its_tick_and_none_is_lost(plan: Plan, way: str, effects: Any) -> None:
+def test_a_command_holds_for_its_tick_and_none_is_lost(plan: Plan, effects: Any) -> None:
     run = replay(plan, Machine.ideal(step_s=0.005, **effects), samples=3, feedback=Scripted(wave))
     ticks = TICK * np.arange(100)
     told = wave(ticks, np.empty((4, 3)))
@@ -95,7 +90,7 @@ def test_a_command_holds_for_its_tick_and_none_is_lost(plan: Plan, way: str, eff
     assert replay(plan, Machine.ideal(), samples=3).effort is None
 
 
-def test_each_command_comes_when_it_should(plan: Plan, way: str) -> None:
+def test_each_command_comes_when_it_should(plan: Plan) -> None:
     delay = 0.033
     run = replay(plan, Machine.ideal(delay_s=delay), feedback=Scripted(wave), record_s=1e-3)
     inside = (run.t >= delay) & (run.t < END + delay)
@@ -104,7 +99,7 @@ def test_each_command_comes_when_it_should(plan: Plan, way: str) -> None:
     assert not np.any(run.motor_rates[0, ~inside])
 
 
-def test_commands_pass_resolution_and_limits(plan: Plan, way: str) -> None:
+def test_commands_pass_resolution_and_limits(plan: Plan) -> None:
     machine = Machine.ideal(velocity_resolution_rad_s=0.1, velocity_limit_rad_s=0.25, step_s=0.005)
     run = replay(plan, machine, samples=2, feedback=Scripted(wave), record_s=0.01)
     free = np.abs(run.motor_rates) < 0.25
@@ -114,7 +109,7 @@ def test_commands_pass_resolution_and_limits(plan: Plan, way: str) -> None:
     assert np.all(run.saturated_s[1] > run.saturated_s[0])
 
 
-def test_readings_are_what_the_encoders_say(plan: Plan, way: str) -> None:
+def test_readings_are_what_the_encoders_say(plan: Plan) -> None:
     controller = Scripted(to_plan(plan))
     machine = Machine.ideal(encoder_resolution_deg=0.5, initial_angle_error_deg=1.0, step_s=0.005)
     run = replay(plan, machine, samples=2, feedback=controller, record_s=PERIOD)
@@ -126,7 +121,7 @@ def test_readings_are_what_the_encoders_say(plan: Plan, way: str) -> None:
         assert np.allclose(steps, np.round(steps))
 
 
-def test_a_controller_may_begin_before_and_end_after_the_plan(plan: Plan, way: str) -> None:
+def test_a_controller_may_begin_before_and_end_after_the_plan(plan: Plan) -> None:
     rest = Scripted(lambda times, read: 0.1 + np.zeros((len(times), 2, read.shape[1])), 0.5, 2.3)
     machine = Machine.ideal(input_bias_rad_s=0.01, step_s=0.005)
     run = replay(plan, machine, feedback=rest, record_s=0.1, settle_s=0.5)
@@ -140,7 +135,7 @@ def test_a_controller_may_begin_before_and_end_after_the_plan(plan: Plan, way: s
     assert run.deviation[0, 0] == pytest.approx(np.max(apart), abs=1e-3)
 
 
-def test_a_loop_takes_out_what_open_loop_keeps(plan: Plan, way: str) -> None:
+def test_a_loop_takes_out_what_open_loop_keeps(plan: Plan) -> None:
     machine = Machine.prototype(step_s=0.005).only(
         "control_period_s", "delay_s", "initial_angle_error_deg"
     )
@@ -150,24 +145,11 @@ def test_a_loop_takes_out_what_open_loop_keeps(plan: Plan, way: str) -> None:
     assert np.ptp(run.terminal_error[:, 1]) < 1e-3 * np.ptp(free.terminal_error[:, 1])
 
 
-@pytest.mark.parametrize("spread", [0.0, 0.002])
-def test_chunks_do_not_matter_in_closed_loop(
-    plan: Plan, monkeypatch: pytest.MonkeyPatch, spread: float
-) -> None:
-    machine = Machine.prototype(step_s=0.005, delay_s={"value": 0.005, "spread": spread})
-    whole = replay(plan, machine, samples=5, feedback=Scripted(to_plan(plan)))
-    monkeypatch.setattr(sys.modules["planner.machine.simulate"], "CHUNK_SAMPLES", 2)
-    parts = replay(plan, machine, samples=5, feedback=Scripted(to_plan(plan)))
-    assert np.array_equal(whole.q, parts.q)
-    assert whole.effort == pytest.approx(parts.effort)
-    assert np.array_equal(whole.fallbacks, parts.fallbacks)
-
-
 @pytest.mark.parametrize(
     ("value", "text"), [(np.nan, r"not finite at t = 0\.3 s"), (np.zeros(2), "shape")]
 )
 def test_commands_that_are_none_are_refused(plan: Plan, value: Any, text: str) -> None:
-    def rule(times: Array, measured: Array) -> Array:
+    def rule(times: np.ndarray, measured: np.ndarray) -> np.ndarray:
         if times[0] < 0.29:
             return np.zeros((len(times), 2, 1))
         return np.asarray(value) * np.ones((len(times), 2, 1)) if np.ndim(value) == 0 else value

@@ -6,50 +6,28 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from planner.errors import InputError
-from planner.machine.machine import Machine, draw
+from planner import InputError, Machine
+from planner.machine.machine import draw
 from planner.problem.tables.machine_effects import EFFECTS
 
 
-def test_same_seed_same_machines_whatever_the_number() -> None:
+def test_a_machine_hangs_on_its_seed_and_number_alone() -> None:
+    """One of a high number takes no memory for those before, what is the same on all only once;
+    and an effect is drawn alike whatever the others are."""
     machine = Machine.prototype()
-    many = draw(machine, 3, np.arange(50), 7)
-    few = draw(machine, 3, np.arange(5), 7)
-    chosen = draw(machine, 3, np.array([31, 4]), 7)
-    other = draw(machine, 3, np.arange(50), 8)
-    assert set(many.values) == set(machine.effects)
-    for name, values in many.values.items():
-        assert np.array_equal(values[:, :5], few.values[name]), name
-        assert np.array_equal(values[:, [31, 4]], chosen.values[name]), name
-        if machine.effects[name].varies:
-            assert not np.any(values == other.values[name]), name
-
-
-def test_a_machine_of_a_high_number_takes_no_memory_for_those_before() -> None:
-    machine = Machine.prototype()
-    many = draw(machine, 3, np.arange(3000), 7)
+    many, other = (draw(machine, 3, np.arange(3000), seed) for seed in (7, 8))
     few = draw(machine, 3, np.array([2999, 0, 17, 18, 17]), 7)
     far = draw(machine, 3, np.array([10**15, 3]), 7)
+    part = draw(machine.without("backlash_deg").with_(creep=0.1), 3, np.arange(3000), 7)
+    assert set(many.values) == set(machine.effects)
     for name, values in many.values.items():
+        assert values.shape[1] == 3000
         assert np.array_equal(values[:, [2999, 0, 17, 18, 17]], few.values[name]), name
         assert np.array_equal(values[:, 3], far.values[name][:, 1]), name
-
-
-def test_what_is_the_same_on_all_machines_takes_memory_once() -> None:
-    machine = Machine.prototype()
-    draws = draw(machine, 3, np.arange(50), 7)
-    for name, values in draws.values.items():
-        assert values.shape[1] == 50
         assert (values.strides[1] == 0) is not machine.effects[name].varies, name
-
-
-def test_switching_one_effect_leaves_the_others_as_they_were() -> None:
-    machine = Machine.prototype()
-    full = draw(machine, 3, np.arange(9), 1)
-    part = draw(machine.without("backlash_deg").with_(creep=0.1), 3, np.arange(9), 1)
-    for name, values in part.values.items():
-        if name != "creep":
-            assert np.array_equal(values, full.values[name]), name
+        assert not machine.effects[name].varies or not np.any(values == other.values[name]), name
+        if name not in ("creep", "backlash_deg"):
+            assert np.array_equal(values, part.values[name]), name
 
 
 def test_effects_are_independent_of_each_other() -> None:
@@ -69,23 +47,18 @@ def test_values_are_normal_with_the_spread_asked_for() -> None:
     assert np.all(bias[1] == -0.2)
 
 
-@pytest.mark.parametrize(("name", "low"), [("backlash_deg", 0.0), ("friction_capacity_nm", 0.1)])
-def test_truncated_to_what_is_possible(name: str, low: float) -> None:
-    machine = Machine.ideal(**{name: {"value": 1.0, "spread": 1.0}})
+@pytest.mark.parametrize(
+    ("name", "value", "spread"),
+    [("backlash_deg", 1.0, 1.0), ("friction_capacity_nm", 1.0, 1.0), ("initial_play", 0.5, 2.0)],
+)
+def test_truncated_to_what_is_possible(name: str, value: float, spread: float) -> None:
+    machine = Machine.ideal(**{name: {"value": value, "spread": spread}})
     values = draw(machine, 3, np.arange(5000), 0)[name]
-    expected = stats.truncnorm(low - 1.0, np.inf, loc=1.0)
-    if EFFECTS[name].high < np.inf:
-        expected = stats.truncnorm(low - 1.0, EFFECTS[name].high - 1.0, loc=1.0)
+    low, high = {"backlash_deg": (0.0, 45.0), "initial_play": (-1.0, 1.0)}.get(name, (0.1, np.inf))
+    expected = stats.truncnorm((low - value) / spread, (high - value) / spread, value, spread)
     assert values.min() >= low
+    assert values.max() <= high
     assert stats.kstest(values[0], expected.cdf).pvalue > 0.01
-
-
-def test_bounded_on_both_sides() -> None:
-    play = draw(Machine.ideal(initial_play={"value": 0.5, "spread": 2}), 3, np.arange(2000), 0)
-    values = play["initial_play"]
-    assert values.min() >= -1
-    assert values.max() <= 1
-    assert np.std(values) > 0.5
 
 
 def test_what_is_off_is_neutral() -> None:

@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 from handmade import arm_problem
 
-from planner.errors import InputError
-from planner.machine.machine import Machine
+from planner import InputError, Machine
 from planner.problem.tables.machine_effects import EFFECTS, MachineTable
 
 
@@ -61,21 +60,12 @@ def test_variations_leave_the_original_alone() -> None:
     assert softer.effects["creep"].spread == (0.001,)
     assert "creep" not in machine.without("creep", "delay_s").effects
     assert set(machine.only("creep", "delay_s").effects) == {"creep", "delay_s"}
+    nominal = machine.nominal()
+    assert set(nominal.effects) == set(machine.effects)
+    assert not any(effect.varies for effect in nominal.effects.values())
     assert machine.to_dict() == before
     with pytest.raises(TypeError):
         machine.effects["creep"] = machine.effects["creep"]  # type: ignore[index]
-
-
-def test_nominal_has_no_spread() -> None:
-    nominal = Machine.prototype().nominal()
-    assert set(nominal.effects) == set(Machine.prototype().effects)
-    assert not any(q.varies for q in nominal.effects.values())
-
-
-def test_a_number_replaces_value_and_spread_and_false_switches_off() -> None:
-    machine = Machine.prototype(backlash_deg=1, creep=False)
-    assert machine.effects["backlash_deg"].spread == (0.0,)
-    assert "creep" not in machine.effects
 
 
 @pytest.mark.parametrize(

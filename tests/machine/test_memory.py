@@ -10,16 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.errors import InputError
-from planner.machine import compiled
-from planner.machine.machine import Machine
-from planner.machine.replay import Replay, replay
-from planner.plan.plan import Plan
-from planner.report.figures.on_the_machine import plot_replays
+from planner import InputError, Machine, Plan, Replay, Tracker, replay
+from planner.report import plot_replays
 
 SIMULATE = sys.modules["planner.machine.simulate"]
 COARSE: dict[str, Any] = {"step_s": 0.01}
 ALL = {"samples": 7, "seed": 3, "record_s": 0.5}
+TRACKER = Tracker(run_up=False, period_s=0.5)
 
 
 def same(one: Replay, other: Replay) -> None:
@@ -38,19 +35,20 @@ def same(one: Replay, other: Replay) -> None:
         ({}, False, False),
         ({"fidelity": "dynamic"}, False, True),
         ({"delay_s": {"value": 0.005, "spread": 0.002}}, False, True),
-        ({}, True, True),
+        ({}, TRACKER, True),
+        ({"delay_s": {"value": 0.005, "spread": 0.002}}, TRACKER, True),
     ],
 )
 def test_errors_are_those_of_a_replay_that_keeps_every_motion(
     smooth_plan: Plan,
     monkeypatch: pytest.MonkeyPatch,
+    use: Any,
     effects: dict[str, Any],
-    feedback: bool,
+    feedback: bool | Tracker,
     kernel: bool,
 ) -> None:
     if not kernel:
-        monkeypatch.setattr(compiled, "library", lambda: None)
-        monkeypatch.setattr(SIMULATE, "library", lambda: None)
+        use(None)
     machine = Machine.prototype(**COARSE, **effects)
     whole = replay(smooth_plan, machine, feedback=feedback, **ALL)
     monkeypatch.setattr(SIMULATE, "CHUNK_SAMPLES", 3)

@@ -8,13 +8,12 @@ from handmade import draws_of
 from scipy.integrate import solve_ivp
 
 from planner.machine.disk_chain import Play
-from planner.support.arrays import Array
 
 H = 1e-3
 ONE = np.zeros(1)
 
 
-def drive(play: Play, axis: Array, h: float = H) -> Array:
+def drive(play: Play, axis: np.ndarray, h: float = H) -> np.ndarray:
     """Joint angles (m,) while the axis goes through angles (m,), from the first of them on."""
     start = play.theta[0]
     moved = [play.move(np.array([travel]), h)[0] for travel in np.diff(axis)]
@@ -78,10 +77,10 @@ def test_all_together_converges_to_the_differential_equation() -> None:
     gap, k, c, d = 0.06, 8.0, 0.2, 0.3
     rest = gap / 2 + c / k
 
-    def axis(t: Array | float) -> Array:
+    def axis(t: np.ndarray | float) -> np.ndarray:
         return 0.4 * np.sin(3 * np.asarray(t))
 
-    def rate(t: float, theta: Array) -> Array:
+    def rate(t: float, theta: np.ndarray) -> np.ndarray:
         e = axis(t) - theta
         return k / d * (e - np.clip(e, -rest, rest))
 

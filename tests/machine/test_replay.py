@@ -10,11 +10,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.errors import InputError, SingularError
-from planner.machine.machine import Machine
-from planner.machine.replay import Replay, replay
-from planner.plan.plan import Plan
-from planner.solve import solve_and_check
+from planner import InputError, Machine, Plan, SingularError, replay
 
 PROTOTYPE = Machine.prototype(step_s=0.005)
 """Coarse steps, where the test is not about them."""
@@ -40,28 +36,10 @@ def test_ideal_replay_ends_where_the_plan_does(
     assert np.max(np.abs(run.terminal_error)) < 1e-6
     assert np.max(run.deviation) < 1e-6
     assert run.index_E_deg[0] < 1e-4
-
-
-@pytest.mark.parametrize("step", [1e-2, 2e-3])
-def test_the_ideal_limit_does_not_hang_on_the_step(calm: Plan, step: float) -> None:
-    run = replay(calm, Machine.ideal(step_s=step), record_s=None)
-    assert np.max(np.abs(run.terminal_error)) < 1e-8
-
-
-SLOW = ("sinusoid", "sinusoid_steps")
-
-
-@pytest.mark.parametrize("method", sorted({*planner.METHODS} - {"polynomial", *SLOW}))
-def test_other_methods_have_the_same_ideal_limit(paper: planner.Problem, method: str) -> None:
-    """On shorter steps than all methods have in tests/problems."""
-    try:
-        plan, _ = solve_and_check(paper, method, advice=False)
-    except planner.NoPlanError as refusal:
-        if refusal.plan is None or not refusal.plan.executable:
-            pytest.skip(f"no executable {method} plan of this problem")
-        plan = refusal.plan
-    run = replay(plan, Machine.ideal(), record_s=None)
-    assert np.max(np.abs(run.terminal_error)) < 1e-6
+    if travel == 0.828:  # and it does not hang on the step
+        for step in (1e-2, 2e-3):
+            run = replay(plan, Machine.ideal(step_s=step), record_s=None)
+            assert np.max(np.abs(run.terminal_error)) < 1e-8
 
 
 def test_a_spike_meets_the_velocity_limit_and_the_error_shows_it(
@@ -72,12 +50,6 @@ def test_a_spike_meets_the_velocity_limit_and_the_error_shows_it(
     better = replay(calm, PROTOTYPE, samples=20, record_s=None)
     assert np.all(worse.saturated_s[:, 1] > 0.01)
     assert np.all(worse.index_E_deg > 2 * better.index_E_deg)
-
-
-def test_same_seed_same_result(calm: Plan) -> None:
-    first, second = (replay(calm, PROTOTYPE, samples=3, seed=5) for _ in range(2))
-    assert np.array_equal(first.q, second.q)
-    assert not np.array_equal(first.q, replay(calm, PROTOTYPE, samples=3, seed=6).q)
 
 
 def test_the_problem_names_the_machine(calm: Plan) -> None:
@@ -99,6 +71,10 @@ def test_shapes_and_summary(calm: Plan) -> None:
     assert run.index_E_deg.shape == (4,)
     assert np.all(run.index_E_deg >= run.terminal_E_deg)
     assert np.array_equal(np.abs(run.terminal_error_deg).max(axis=1), run.terminal_E_deg)
+    assert run.percentile(50) == np.median(run.index_E_deg)
+    assert repr(run).startswith("Replay(polynomial plan, 4 samples, seed 0: E median ")
+    with pytest.raises(AttributeError):
+        run.seed = 3  # type: ignore[misc]
     summary = json.loads(json.dumps(run.summary()))
     assert summary["E_median_deg"] == pytest.approx(np.median(run.index_E_deg))
     assert summary["E_median_deg"] <= summary["E_p95_deg"]
@@ -145,15 +121,3 @@ def test_bad_arguments(calm: Plan, arguments: dict[str, Any], part: str) -> None
         replay(calm, Machine.ideal(), **arguments)
     assert part in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_a_replay_says_what_it_is(calm: Plan) -> None:
-    run = replay(calm, PROTOTYPE, samples=3, seed=4, record_s=None)
-    assert run.percentile(50) == np.median(run.index_E_deg)
-    assert repr(run).startswith("Replay(polynomial plan, 3 samples, seed 4: E median ")
-
-
-def test_a_replay_is_immutable(calm: Plan) -> None:
-    run: Replay = replay(calm, Machine.ideal(step_s=0.01), record_s=None)
-    with pytest.raises(AttributeError):
-        run.seed = 3  # type: ignore[misc]

@@ -10,7 +10,6 @@ from handmade import draws_of
 from scipy.integrate import solve_ivp
 
 from planner.machine.servos import Servos
-from planner.support.arrays import Array
 
 H = 1e-3
 
@@ -20,7 +19,7 @@ def run(
     command: Callable[[float], tuple[float, float]],
     steps: int,
     running: bool = True,
-) -> tuple[Array, Array]:
+) -> tuple[np.ndarray, np.ndarray]:
     """Speeds (steps+1, 2) and travels (steps+1, 2) of sample 0 under a command of time."""
     speeds, travels = [np.zeros(2)], [np.zeros(2)]
     for k in range(steps):
@@ -63,7 +62,7 @@ def test_second_order_step_and_ramp(damping: float) -> None:
     servos = Servos(draws_of(servo_bandwidth_rad_s=b, servo_damping=damping))
     speeds, travels = run(servos, lambda t: (1.0, 3 * t), 150)
 
-    def rates(t: float, x: Array, reference: Callable[[float], float]) -> Array:
+    def rates(t: float, x: np.ndarray, reference: Callable[[float], float]) -> np.ndarray:
         return np.array([x[1], x[2], b * b * (reference(t) - x[1]) - 2 * damping * b * x[2]])
 
     t = np.arange(151) * H
@@ -130,18 +129,3 @@ def test_gain_and_bias() -> None:
     assert speeds[1:] == pytest.approx(np.tile([1.15, 1.6], (5, 1)))
     still, _ = run(servos, lambda t: (0.0, 0.0), 5, running=False)
     assert np.all(still == 0)
-
-
-def test_samples_do_not_mix() -> None:
-    spread = {"value": 60.0, "spread": 10.0}
-    both = draws_of(samples=2, servo_bandwidth_rad_s=spread)
-    together = Servos(both)
-    apart = [Servos(both.part(slice(i, i + 1))) for i in range(2)]
-    for k in range(20):
-        command = np.full((3, 2, 1), np.sin(0.3 * k))
-        speed, travel = together.step(command, H, True)
-        for i, servos in enumerate(apart):
-            own_speed, own_travel = servos.step(command, H, True)
-            assert np.array_equal(speed[..., i], own_speed[..., 0])
-            assert np.array_equal(travel[..., i], own_travel[..., 0])
-    assert not np.array_equal(speed[..., 0], speed[..., 1])

@@ -10,12 +10,9 @@ import pytest
 from handmade import arm_problem, draws_of, inputs, plan_from
 from outside import integrate
 
-from planner.errors import InputError
-from planner.machine.machine import Machine, draw
-from planner.machine.replay import replay
+from planner import InputError, Machine, Plan, Problem, replay
+from planner.machine.machine import draw
 from planner.machine.stepwise import REPORT_EVERY
-from planner.plan.plan import Plan
-from planner.problem.problem import Problem
 
 JUMPS = inputs(
     ([0.3], [0.5, 0.1]), ([-0.2], [0.3]), ([0.1], [-0.4, 0.2]), breaks=[0.0, 0.5, 1.2, 2]
@@ -171,22 +168,6 @@ def test_index_of_error_is_the_maximum_over_all_steps(jumping: Plan) -> None:
     assert coarse.t.tolist() == [0.0, 2.0, 2.5]
     assert coarse.index_E_deg == pytest.approx(fine.index_E_deg, abs=1e-3)
     assert coarse.terminal_error == pytest.approx(fine.terminal_error, abs=1e-9)
-
-
-def test_chunks_do_not_matter(jumping: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
-    machine = Machine.prototype(step_s=0.005, delay_s={"value": 0.005, "spread": 0.002})
-    whole = replay(jumping, machine, samples=7, seed=3, record_s=0.5)
-    monkeypatch.setattr(sys.modules["planner.machine.simulate"], "CHUNK_SAMPLES", 3)
-    seen: list[tuple[int, int]] = []
-    parts = replay(
-        jumping, machine, samples=7, seed=3, record_s=0.5, progress=lambda *x: seen.append(x)
-    )
-    assert np.array_equal(whole.q, parts.q)
-    assert np.array_equal(whole.motor_rates, parts.motor_rates)
-    assert np.array_equal(whole.deviation, parts.deviation)
-    assert np.array_equal(whole.saturated_s, parts.saturated_s)
-    assert seen == sorted(seen)
-    assert seen[-1][0] == seen[-1][1]
 
 
 def test_samples_are_paired_between_plans_and_numbers(jumping: Plan) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.systems.chained_form import chained_form
+from planner import chained_form
 
 
 def _at(problem: planner.Problem, travel: float, points: list[list[float]]) -> planner.Plan:
@@ -34,46 +34,30 @@ def test_printed_example_keeps_z2_negative_and_yet_has_no_theta1(
     t = np.linspace(0, 10, 2001)[outside]
     assert t[0] == pytest.approx(enter, abs=0.005)
     assert t[-1] == pytest.approx(leave, abs=0.005)
-
-
-def test_exits_are_exact(unlimited: planner.Problem) -> None:
-    plan = _at(unlimited, np.pi / 4, [[5.0, -0.2]])
-    z = plan.z(np.array(plan.domain.exits_s))
+    z = plan.z(np.array([enter, leave]))
     np.testing.assert_allclose(-z[:, 1], g(z[:, 2], 0.870125, 0.711625), atol=1e-10)
-
-
-def test_coordinates_are_nan_exactly_outside(unlimited: planner.Problem) -> None:
-    plan = _at(unlimited, np.pi / 4, [[5.0, -0.2]])
-    enter, leave = plan.domain.exits_s
     assert np.all(np.isfinite(plan.q([enter - 1e-6, leave + 1e-6])))
     assert np.isnan(plan.q([enter + 1e-6, leave - 1e-6])[:, 1]).all()
 
 
-@pytest.mark.parametrize("travel", [0.786, 0.7935, 0.9045, 0.95])
-def test_plain_cubic_crosses_zero_twice_outside_the_printed_range(
-    unlimited: planner.Problem, travel: float
-) -> None:
-    crossings = _at(unlimited, travel, []).domain.z2_crossings_s
-    assert len(crossings) == 2
-
-
-@pytest.mark.parametrize("travel", [0.794, 0.82, 0.904])
-def test_plain_cubic_keeps_z2_negative_inside_it(unlimited: planner.Problem, travel: float) -> None:
-    assert _at(unlimited, travel, []).domain.z2_max < 0
-
-
 @pytest.mark.parametrize(
-    ("travel", "negative"), [(0.778, False), (0.7785, True), (0.905, True), (0.9055, False)]
+    ("travel", "points", "crossings"),
+    [
+        *[(travel, [], 2) for travel in (0.786, 0.7935, 0.9045, 0.95)],
+        *[(travel, [], 0) for travel in (0.794, 0.82, 0.904)],
+        *[(travel, [[5.0, -0.2]], 2) for travel in (0.778, 0.9055)],
+        *[(travel, [[5.0, -0.2]], 0) for travel in (0.7785, 0.905)],
+    ],
 )
-def test_point_keeps_z2_negative_in_the_printed_range(
-    unlimited: planner.Problem, travel: float, negative: bool
+def test_z2_stays_negative_in_the_printed_ranges_alone(
+    unlimited: planner.Problem, travel: float, points: list[list[float]], crossings: int
 ) -> None:
-    assert (_at(unlimited, travel, [[5.0, -0.2]]).domain.z2_max < 0) == negative
-
-
-def test_crossings_are_zeros_of_z2(unlimited: planner.Problem) -> None:
-    plan = _at(unlimited, np.pi / 4, [])
-    np.testing.assert_allclose(plan.z(np.array(plan.domain.z2_crossings_s))[:, 1], 0, atol=1e-12)
+    plan = _at(unlimited, travel, points)
+    assert (plan.domain.z2_max < 0) == (crossings == 0)
+    assert len(plan.domain.z2_crossings_s) == crossings
+    if crossings:
+        zeros = plan.z(np.array(plan.domain.z2_crossings_s))[:, 1]
+        np.testing.assert_allclose(zeros, 0, atol=1e-12)
 
 
 def test_domain_of_a_plan_inside(unlimited: planner.Problem) -> None:

@@ -10,16 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.polynomial.chebyshev import chebder, chebroots, chebval
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from planner import Unicycle
 from planner.plan import quadrature
 from planner.plan.curves import Cells
 from planner.plan.trajectory import Pieces
 from planner.support.calculus.chebyshev import points
-from planner.systems.vehicles import Unicycle
-
-Array = NDArray[np.float64]
 
 BREAKS = np.array([0.0, 1.5, 1.5, 2.0, 4.5])
 """The second piece takes no time."""
@@ -31,7 +28,7 @@ def _cells() -> Cells:
     return Cells(BREAKS, np.array([0, 0, 2, 3]), low, size)
 
 
-def _times(cells: Cells) -> Array:
+def _times(cells: Cells) -> np.ndarray:
     """Of the 16 points of each cell, by the definition of Chebyshev–Lobatto points."""
     x = -np.cos(np.pi * np.arange(16) / 15)
     return cells.time(np.arange(len(cells.piece)), x[:, None])
@@ -69,7 +66,7 @@ def test_a_cell_is_split_into_four_of_the_same_width() -> None:
     ],
 )
 def test_greatest_value_and_its_time(
-    function: Callable[[Array], Array], value: float, time: float
+    function: Callable[[np.ndarray], np.ndarray], value: float, time: float
 ) -> None:
     """By calculus. The last function is 3 at t = 0, which lies in a cell that is left out."""
     cells = _cells().select(np.array([1, 2, 3])) if value == 32 / 27 else _cells()
@@ -192,28 +189,28 @@ def test_jumps_are_more_than_a_millionth_of_the_size() -> None:
 class _Plane:
     """Rates given by a matrix: q̇ = M q u₁. The diagonal and above are what no chain reads."""
 
-    matrix: Array
+    matrix: np.ndarray
 
     @property
     def size(self) -> int:
         return len(self.matrix)
 
-    def rates(self, q: Array, u: Array) -> Array:
+    def rates(self, q: np.ndarray, u: np.ndarray) -> np.ndarray:
         return np.asarray(q @ self.matrix.T * u[..., :1])
 
 
 def _motion(
     system: Any,
-    start: Array,
-    breaks: Array,
+    start: np.ndarray,
+    breaks: np.ndarray,
     v: float = 2.0,
     degree: int = 0,
-    **claim: Callable[[Array], Array],
+    **claim: Callable[[np.ndarray], np.ndarray],
 ) -> Any:
     """Under u = (v, w(t)), from a claimed q(t), by default the start at all times."""
     size = len(start)
 
-    def inside(piece: Pieces, fraction: Array) -> tuple[Array, Array]:
+    def inside(piece: Pieces, fraction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         t = breaks[piece] + np.diff(breaks)[piece] * fraction
         q = np.broadcast_to(start, (*t.shape, size)) if "q" not in claim else claim["q"](t)
         w = claim["w"](t) if "w" in claim else np.zeros_like(t)
@@ -262,7 +259,7 @@ def test_the_gap_is_greatest_where_the_claim_is_farthest_off() -> None:
     """Straight on at 2 m/s; the claim is 0.02 m off in the middle of the second piece."""
     breaks = np.array([0.0, 1.0, 3.0])
 
-    def claim(t: Array) -> Array:
+    def claim(t: np.ndarray) -> np.ndarray:
         off = np.where(t > 1, 0.02 * (1 - (t - 2) ** 2), 0.0)
         return np.stack([2 * t, 0 * t, off], axis=-1)
 
@@ -270,7 +267,7 @@ def test_the_gap_is_greatest_where_the_claim_is_farthest_off() -> None:
     assert motion.gap == (pytest.approx(0.02), pytest.approx(2.0))
 
 
-def _vanishing(count: int, width: float) -> Callable[[Array], Array]:
+def _vanishing(count: int, width: float) -> Callable[[np.ndarray], np.ndarray]:
     """A polynomial of t, one high, that is zero at so many of the judge's points of a piece."""
     cosines = [-np.cos(np.pi * np.arange(n) / (n - 1)) for n in (16, 29)]
     zeros = np.unique(np.round(np.concatenate(cosines), 12))[:count] if count > 16 else cosines[0]
@@ -287,7 +284,7 @@ def test_an_input_that_vanishes_at_all_points_is_seen(count: int, degree: int) -
     wiggle, width = _vanishing(count, 1e-6), 1e-6
     breaks = np.array([0.0, width, 1.0])
 
-    def w(t: Array) -> Array:
+    def w(t: np.ndarray) -> np.ndarray:
         return 0.1 + np.where(t <= width, wiggle(np.minimum(t, width)), 0.0)
 
     motion = _motion(Unicycle(), np.zeros(3), breaks, w=w, degree=degree)

@@ -5,6 +5,8 @@ from scipy.interpolate import BPoly
 import planner
 from planner.plan.trajectory import ChainedTrajectory, StateTrajectory, trajectory_from_dict
 
+Curve = ChainedTrajectory | StateTrajectory
+
 
 @pytest.fixture(scope="module")
 def chained(unlimited: planner.Problem) -> ChainedTrajectory:
@@ -22,21 +24,19 @@ def state(unlimited: planner.Problem) -> StateTrajectory:
     return StateTrajectory(unlimited.system, q, u)
 
 
-@pytest.mark.parametrize("kind", ["chained", "state"])
-def test_shapes_follow_the_times(kind: str, request: pytest.FixtureRequest) -> None:
-    curve = request.getfixturevalue(kind)
+@pytest.fixture(params=["chained", "state"])
+def curve(request: pytest.FixtureRequest) -> Curve:
+    return request.getfixturevalue(request.param)
+
+
+def test_shapes_follow_the_times(curve: Curve) -> None:
     for times in (1.0, np.linspace(0, 2, 5), np.zeros((2, 3))):
         shape = np.shape(times)
-        assert curve.q(times).shape == (*shape, 4)
-        assert curve.z(times).shape == (*shape, 4)
-        assert curve.u(times).shape == (*shape, 2)
-        assert curve.v(times).shape == (*shape, 2)
-        assert curve.margins(times).shape == (*shape, 4)
+        for name, size in {"q": 4, "z": 4, "margins": 4, "u": 2, "v": 2}.items():
+            assert getattr(curve, name)(times).shape == (*shape, size), name
 
 
-@pytest.mark.parametrize("kind", ["chained", "state"])
-def test_outside_its_time_it_stands_still(kind: str, request: pytest.FixtureRequest) -> None:
-    curve = request.getfixturevalue(kind)
+def test_outside_its_time_it_stands_still(curve: Curve) -> None:
     end = curve.duration
     np.testing.assert_array_equal(curve.q(end + 1), curve.q(end))
     np.testing.assert_array_equal(curve.q(-1.0), curve.q(0.0))
@@ -44,18 +44,14 @@ def test_outside_its_time_it_stands_still(kind: str, request: pytest.FixtureRequ
     assert np.any(curve.u(end) != 0)
 
 
-@pytest.mark.parametrize("kind", ["chained", "state"])
-def test_dict_round_trip_is_exact(kind: str, request: pytest.FixtureRequest) -> None:
-    curve = request.getfixturevalue(kind)
+def test_dict_round_trip_is_exact(curve: Curve) -> None:
     back = trajectory_from_dict(curve.system, curve.to_dict())
     t = np.linspace(0, curve.duration, 77)
     np.testing.assert_array_equal(back.q(t), curve.q(t))
     np.testing.assert_array_equal(back.u(t), curve.u(t))
 
 
-@pytest.mark.parametrize("kind", ["chained", "state"])
-def test_slowing_keeps_the_path(kind: str, request: pytest.FixtureRequest) -> None:
-    curve = request.getfixturevalue(kind)
+def test_slowing_keeps_the_path(curve: Curve) -> None:
     slow = curve.slowed(3.0)
     t = np.linspace(0.1, curve.duration - 0.1, 9)
     assert slow.duration == pytest.approx(3 * curve.duration)
@@ -75,11 +71,11 @@ def test_chained_curve_obeys_the_chained_form(chained: ChainedTrajectory) -> Non
 
 def test_chained_curve_and_kinematics_agree(chained: ChainedTrajectory) -> None:
     """q̇ by differences of the inverse chart against the kinematics under the fed-back input."""
-    t = np.linspace(1.0, 9.0, 17)
-    h = 1e-4
+    t, h = np.linspace(1.0, 9.0, 17), 1e-4
     difference = (chained.q(t + h) - chained.q(t - h)) / (2 * h)
-    rates = chained.system.rates(chained.q(t), chained.u(t))
-    np.testing.assert_allclose(difference, rates, atol=1e-7)
+    np.testing.assert_allclose(
+        difference, chained.system.rates(chained.q(t), chained.u(t)), atol=1e-7
+    )
 
 
 def test_unknown_kind_is_refused(paper: planner.Problem) -> None:

@@ -32,18 +32,11 @@ def complaint(paper: planner.Problem, changes: dict[str, Any]) -> str:
         ("start", 5, "'start' = 5: must be a table"),
         ("title", 5, "'title' = 5: must be a text in quotes"),
         ("system.joints", 3.0, "'system.joints' = 3.0: must be a whole number"),
-        (
-            "method.polynomial.points",
-            [[5.0]],
-            "'method.polynomial.points[0]' = [5.0]: must be a list of at least 2 values, not 1",
-        ),
-        (
-            "machine.preset",
-            "x",
-            "'machine.preset' = 'x': must be 'prototype' or 'ideal'",
-        ),
+        ("method.polynomial.points", [[5.0]],
+         "'method.polynomial.points[0]' = [5.0]: must be a list of at least 2 values, not 1"),
+        ("machine.preset", "x", "'machine.preset' = 'x': must be 'prototype' or 'ideal'"),
     ],
-)
+)  # fmt: skip
 def test_one_line_a_key(paper: planner.Problem, key: str, value: Any, line: str) -> None:
     assert complaint(paper, {key: value}) == line
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.errors import Violation
+from planner import Violation
 from planner.problem.requirements.limits import JointLimit, Z2Margin
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement

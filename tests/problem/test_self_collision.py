@@ -11,11 +11,11 @@ from scipy.interpolate import BPoly
 from scipy.optimize import minimize
 
 import planner
+from planner import Manipulator
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.requirements.requirement import MotionPoint
 from planner.problem.requirements.self_collision import SelfCollision
-from planner.support.arrays import Array
-from planner.systems.manipulator import Manipulator, prototype_ratios
+from planner.systems.manipulator import prototype_ratios
 
 LENGTHS = [0.3, 0.2, 0.2, 0.3]
 
@@ -36,16 +36,16 @@ def clearance_of(problem: planner.Problem) -> SelfCollision:
     return problem.self_collision
 
 
-def by_search(a: Array, b: Array, c: Array, d: Array) -> float:
+def by_search(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> float:
     """The distance of two segments, by a convex programme."""
 
-    def gap(s: Array) -> float:
+    def gap(s: np.ndarray) -> float:
         return float(np.sum((a + s[0] * (b - a) - c - s[1] * (d - c)) ** 2))
 
     return float(np.sqrt(minimize(gap, (0.5, 0.5), bounds=[(0, 1)] * 2, tol=1e-14).fun))
 
 
-def poses(count: int, joints: int = 4) -> Iterator[Array]:
+def poses(count: int, joints: int = 4) -> Iterator[np.ndarray]:
     rng, system = np.random.default_rng(3), arm(joints)
     yield from system.arm_points(rng.uniform(-1.5, 1.5, (count, joints)))
     yield from system.arm_points(rng.uniform(1.2, 1.5, (count, joints)))
@@ -130,36 +130,24 @@ def test_a_file_says_it_and_no_more_is_asked_by_default() -> None:
 
 
 @pytest.mark.parametrize(
-    ("problem", "changes", "said"),
+    ("problem", "clearance", "changes", "said"),
     [
-        (folding(None), {"limits.self_clearance_m": 0.0}, "limits.self_clearance_m"),
-        (
-            folding(None),
-            {"limits.self_clearance_m": 0.2},
-            "'limits.self_clearance_m': 0.2 m is not less than the shortest link between two",
-        ),
-        (
-            planner.Problem.manipulator([10, 20], [20, 30]),
-            {"limits.self_clearance_m": 0.1},
-            "'limits.self_clearance_m': an arm of 2 links has none that are no neighbours",
-        ),
-        (
-            folding(None),
-            {"limits.self_clearance_m": 0.1, "goal.theta_deg": [5, 80, 80, 70]},
-            "contradiction: at the goal the clearance of",
-        ),
-        (
-            folding(None),
-            {"limits.self_clearance_m": 0.1, "start.theta_deg": [5, 80, 80, 89]},
-            "contradiction: at the start links cross (",
-        ),
+        (folding(None), 0.0, {}, "limits.self_clearance_m"),
+        (folding(None), 0.2, {},
+         "'limits.self_clearance_m': 0.2 m is not less than the shortest link between two"),
+        (planner.Problem.manipulator([10, 20], [20, 30]), 0.1, {},
+         "'limits.self_clearance_m': an arm of 2 links has none that are no neighbours"),
+        (folding(None), 0.1, {"goal.theta_deg": [5, 80, 80, 70]},
+         "contradiction: at the goal the clearance of"),
+        (folding(None), 0.1, {"start.theta_deg": [5, 80, 80, 89]},
+         "contradiction: at the start links cross ("),
     ],
-)
+)  # fmt: skip
 def test_contradictions_are_named(
-    problem: planner.Problem, changes: dict[str, Any], said: str
+    problem: planner.Problem, clearance: float, changes: dict[str, Any], said: str
 ) -> None:
     with pytest.raises(planner.InputError) as refused:
-        problem.changed(changes)
+        problem.changed({"limits.self_clearance_m": clearance, **changes})
     assert said in str(refused.value)
 
 

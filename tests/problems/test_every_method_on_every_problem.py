@@ -45,22 +45,9 @@ EXPECTED = {
 
 def test_the_table_is_complete() -> None:
     assert {path.stem for path in PROBLEMS.glob("*.toml")} == set(EXPECTED)
+    assert all(path.read_text("utf-8").startswith("#") for path in PROBLEMS.glob("*.toml"))
     # what refines another plan finds one where that does: tests/methods/test_desensitised
     assert set(METHODS) == {name for name, m in planner.METHODS.items() if m.refines is None}
-
-
-def _outcome(
-    problem: planner.Problem, method: str
-) -> tuple[str, str, planner.Plan | None, tuple[planner.Violation, ...]]:
-    """Status, reason of the refusal, the plan or the last iterate, and what that breaks.
-
-    Changes are not tried, which would take as long again: tests/methods/test_advice.py does.
-    """
-    try:
-        plan, _ = solve_and_check(problem, method, advice=False)
-    except planner.NoPlanError as error:
-        return error.status, error.reason, error.plan, error.violations
-    return plan.status, "", plan, ()
 
 
 PAIRS = [(name, method) for method in METHODS for name in sorted(EXPECTED)]
@@ -87,8 +74,15 @@ PAIRS.remove(("self-collision", "collocation"))
     ],
 )
 def test_pair(name: str, method: str) -> None:
+    """Changes are not tried, which would take as long again: tests/methods/test_advice.py does."""
     problem = planner.load_problem(PROBLEMS / f"{name}.toml")
-    status, reason, plan, broken = _outcome(problem, method)
+    reason, broken = "", ()
+    try:
+        plan, _ = solve_and_check(problem, method, advice=False)
+        status = plan.status
+    except planner.NoPlanError as error:
+        status, reason, plan, broken = error.status, error.reason, error.plan, error.violations
+    assert problem.name
     assert status == EXPECTED[name][METHODS.index(method)], reason
     assert (problem.source in reason) == (status != SOLVED)
     if status == LIMIT:  # a method breaks only what it never promised to keep
@@ -96,7 +90,7 @@ def test_pair(name: str, method: str) -> None:
     if plan is None:
         return
     assert plan.verified == (status == SOLVED)
-    # the other systems' ideal replays are in test_replay.py
+    # the other systems' ideal replays are in tests/machine/test_direct.py
     if status in (SOLVED, LIMIT) and plan.executable and problem.system.kind == "manipulator":
         run = planner.replay(plan, planner.Machine.ideal(step_s=0.01), record_s=None)
         assert np.max(np.abs(run.terminal_error)) < 1e-6

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,12 @@ import planner
 from planner.explorer.screen import Screen
 from planner.explorer.state import State
 from planner.report import charts
-from planner.report.charts.panels import CHARTS, SCRIPTS, STYLE, band, near, source
+from planner.report.charts.scripts import CHARTS, SCRIPTS, STYLE, source
+from planner.report.figures.style import COLOURS, METHODS, PALETTE, colour_numbers, curves
 from planner.report.folders import replay_data
 from planner.report.page.page import report_page
 from planner.report.page.series import page_data
+from planner.report.panels import FIGURES, Figure, Panel, PlanCurves, merge, near, over_time
 
 PROBLEM = Path(__file__).parents[2] / "problems/paper.toml"
 
@@ -29,8 +32,42 @@ def test_every_script_is_in_the_page_and_in_the_explorer() -> None:
     for name in SCRIPTS:
         assert source(CHARTS, name) in page
         assert source(CHARTS, name) in widget.Explorer._esm
-    assert source(CHARTS, STYLE) in page
-    assert source(CHARTS, STYLE) in widget.Explorer._css
+    rules = [line for line in source(CHARTS, STYLE).splitlines() if "$" not in line]
+    assert len(rules) > 50
+    for line in rules:
+        assert line in page
+        assert line in widget.Explorer._css
+
+
+def test_a_method_has_one_colour_in_pictures_on_the_page_and_in_the_explorer() -> None:
+    widget = pytest.importorskip("planner.explorer.widget", reason="needs the extra 'notebook'")
+    assert set(METHODS) == {*planner.METHODS, "compensated"}
+    assert len(set(METHODS.values())) == len(METHODS) < len(PALETTE)
+    found = quick_comparison()
+    numbers = {plan["label"]: plan["colour"] for plan in page_data(found, {})["plans"]}
+    assert {k: COLOURS[n] for k, n in numbers.items()} == {
+        c.label: c.colour for c in curves(found.plans)
+    }
+    for text in (report_page(found, {}, {}), widget.Explorer._css):
+        for k, (_, light, dark) in enumerate(PALETTE):
+            assert re.findall(rf"--plan-{k}: (#\w+);", text) == [light, dark]
+            assert f".charts .plan-{k} {{ color: var(--plan-{k}); }}" in text
+    problem = planner.load_problem(PROBLEM)
+    (plan,) = Screen(State.of(problem, "collocation", 0)).picture()["plans"]
+    assert plan["colour"] == METHODS["collocation"]
+
+
+def test_colours_of_what_is_drawn_together_differ_and_feedback_keeps_its_plans() -> None:
+    labels = ["polynomial:travel=middle", "mine", "polynomial", "collocation:degree=2"]
+    labels += ["collocation compensated:rest=true", "2: convex", "polynomial + feedback"]
+    numbers = colour_numbers(labels)
+    assert numbers[labels[0]] == METHODS["polynomial"]
+    assert numbers[labels[3]] == METHODS["collocation"]
+    assert numbers[labels[4]] == METHODS["compensated"]
+    assert numbers[labels[5]] == METHODS["convex"]
+    assert numbers["polynomial + feedback"] == numbers["polynomial"]
+    assert len(set(numbers.values())) == len(labels) - 1
+    assert len(colour_numbers([str(k) for k in range(12)])) == 12
 
 
 def test_no_name_is_defined_twice_where_scripts_are_joined() -> None:
@@ -47,12 +84,18 @@ def test_panels_have_one_shape() -> None:
     problem = planner.load_problem(PROBLEM, {"goal.travel": 0.82})
     screen = Screen(State.of(problem, "polynomial", 2))
     explorer = [*screen.picture()["panels"], screen.errors()]
-    allowed = {"kind", "title", "unit", "series", "band", "limits", "floor", "zero", "ends"}
+    allowed = {"id", "kind", "title", "unit", "series", "band", "limits", "floor", "zero", "ends"}
     allowed |= {"stops", "marks", "view", "notes", "note"}  # those that `panels` names
     for panel in (p for p in (*page, *explorer) if p and p["kind"] == "time"):
-        assert panel.keys() - {"id", "handles"} <= allowed
+        assert panel.keys() - {"handles"} <= allowed
         for series in panel["series"]:
             assert {"plan", "y"} <= series.keys() <= {"plan", "y", "t", "name", "colour", "machine"}
+    flat = [p for p in (*page, *explorer) if p and p["kind"] == "plane"]
+    assert [p["id"] for p in flat] == ["map", "map", "plane"]
+    allowed = {"id", "kind", "title", "unit", "series", "across", "names", "ends", "view", "key"}
+    for panel in flat:
+        assert panel.keys() <= allowed | {"region", "limits", "poses", "discs", "tips", "note"}
+        assert all(series.keys() == {"plan", "x", "y"} for series in panel["series"])
 
 
 def test_a_limit_is_drawn_on_the_side_that_is_near() -> None:
@@ -64,7 +107,49 @@ def test_a_limit_is_drawn_on_the_side_that_is_near() -> None:
 
 def test_the_band_marks_where_its_edge_is_crossed() -> None:
     plan = outside()
-    t = np.linspace(0, plan.duration, 50)
-    found = band(plan, t, name="there")
-    assert [t for t, _ in found["marks"]] == list(plan.domain.exits_s)
-    assert found["band"]["name"] == "there"
+    (z2, *_) = FIGURES["z"].panels([PlanCurves(0, plan, np.linspace(0, plan.duration, 50))])
+    assert [t for t, _ in z2["marks"]] == list(plan.domain.exits_s)
+
+
+def test_a_figure_is_one_entry_and_is_drawn_everywhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    def speeds(drawn: Sequence[PlanCurves]) -> list[Panel]:
+        one = [s.curve(np.gradient(s.q[:, 1], s.t)) for s in drawn]
+        return [over_time("speed", "speed of theta1", "rad/s", one)]
+
+    speed = Figure("speed", speeds, "Speeds", "How fast the first joint turns.")
+    monkeypatch.setitem(FIGURES, "speed", speed)
+    found = quick_comparison()
+    (panel,) = next(f["panels"] for f in page_data(found, {})["figures"] if f["id"] == "speed")
+    assert [series["plan"] for series in panel["series"]] == [0, 1]
+    page = report_page(found, {}, {})
+    assert '<figure id="fig-speed" hidden>' in page
+    assert "<b>Speeds.</b> How fast the first joint turns." in page
+    picture = found.figures()["speed"]
+    assert picture.get_suptitle().startswith("Speeds: ")
+    assert len(picture.axes[0].lines) == 2
+    problem = planner.load_problem(PROBLEM, {"goal.travel": 0.82})
+    panels = Screen(State.of(problem, "polynomial", 0)).picture()["panels"]
+    assert "speed" in [panel["id"] for panel in panels]
+
+
+def test_panels_of_one_id_and_unit_become_one() -> None:
+    plan = quick_comparison()["polynomial"].plan
+    assert plan is not None
+    drawn = [PlanCurves(0, plan, np.linspace(0, plan.duration, 50))]
+    (one,) = merge(FIGURES["inputs"].panels(drawn))
+    assert [(s["name"], s["colour"]) for s in one["series"]] == [("u1", 0), ("u2", 1)]
+    assert one["limits"] == [-0.6, 0.6]
+    views = [panel["view"] for panel in FIGURES["inputs"].panels(drawn)]
+    assert one["view"] == [min(v[0] for v in views), max(v[1] for v in views)]
+    car = planner.solve(planner.load_problem(PROBLEM.with_name("car.toml")), "polynomial")
+    drawn = [PlanCurves(0, car, np.linspace(0, car.duration, 50))]
+    ids = [panel["id"] for panel in merge(FIGURES["joints"].panels(drawn))]
+    assert ids == ["joints", "joints m"]
+
+
+def test_several_plans_to_a_free_goal_have_no_common_end_on_the_map() -> None:
+    plan = planner.solve(planner.load_problem(PROBLEM.with_name("tip.toml")))
+    drawn = [PlanCurves(k, plan, np.linspace(0, plan.duration, 50)) for k in range(2)]
+    (one,), (both,) = (FIGURES["map"].panels(some) for some in (drawn[:1], drawn))
+    np.testing.assert_allclose(one["ends"][1], np.rad2deg(plan.q(plan.duration)[1:3]), atol=1e-9)
+    assert both["ends"] == one["ends"][:1]

@@ -19,7 +19,7 @@ import planner
 from planner.plan.plan_file import plan_schema
 from planner.plan.samples import load_samples, sample
 from planner.problem.tables.kinds import json_schema
-from planner.report.export import joint_trajectory
+from planner.report.export import FORMATS, Format, joint_trajectory
 
 ROOT = Path(__file__).parents[2]
 
@@ -253,6 +253,26 @@ def test_dataset_has_names_and_units(law: planner.Plan, tmp_path: Path) -> None:
     assert data.time.attrs["units"] == "s"
     assert data.attrs["method"] == "polynomial"
     np.testing.assert_array_equal(data.z.sel(chained="z3"), law.z(data.time.values)[:, 2])
+
+
+def test_a_format_is_one_entry(
+    law: planner.Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ends = Format("times alone", (".ends",), lambda plan, rate_hz, _: f"{plan.t[-1]} {rate_hz}")
+    monkeypatch.setitem(FORMATS, "ends", ends)
+    written = planner.export(law, tmp_path / "x.ends", rate_hz=7.0)
+    assert written.read_text() == f"{law.duration} 7.0"
+    with pytest.raises(planner.InputError, match="'ends' has no joint names"):
+        planner.export(law, tmp_path / "x.ends", joint_names=["a", "b"])
+    with pytest.raises(planner.InputError, match=r"\.ends\); name .*, ends$"):
+        planner.export(law, tmp_path / "x.dat")
+    with pytest.raises(planner.InputError, match="did you mean 'ends'"):
+        planner.export(law, tmp_path / "x.dat", "end")
+
+
+def test_no_ending_means_two_formats() -> None:
+    endings = [ending for one in FORMATS.values() for ending in one.endings]
+    assert sorted(endings) == sorted(set(endings))
 
 
 @pytest.mark.parametrize(

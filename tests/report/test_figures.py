@@ -23,10 +23,11 @@ from planner.report.figures.on_the_machine import (
     plot_errors,
     plot_replays,
 )
-from planner.report.figures.over_time import plot_inputs, plot_joints, plot_z, z2_band
+from planner.report.figures.over_time import plot_inputs, plot_joints, plot_map, plot_z
 from planner.report.figures.style import COLOURS, curves, symbol
 from planner.report.folders import replay_data
 from planner.report.page.series import page_data
+from planner.report.panels import FIGURES, z2_band
 
 MIDDLE, BEST = "polynomial:travel=middle", "polynomial"
 
@@ -70,7 +71,7 @@ def test_band_is_the_one_of_the_theory(plans: dict[str, planner.Plan]) -> None:
 def test_z_has_a_column_a_plan_and_the_curves_in_it(plans: dict[str, planner.Plan]) -> None:
     figure, axes = plot_z(plans)
     assert axes.shape == (2, 2)
-    assert axes[0, 0].get_ylabel() == "$z_2$"
+    assert axes[0, 0].get_ylabel() == "$z_{2}$"
     assert axes[1, 1].get_xlabel() == "time (s)"
     for column, (label, plan) in enumerate(plans.items()):
         (curve,) = lines(axes[0, column], COLOURS[column])
@@ -106,7 +107,7 @@ def test_other_systems_show_the_margin_with_the_outside_shaded() -> None:
     plan = planner.solve(problem, "polynomial")
     _, axes = plot_z(plan)
     assert axes.shape == (3, 1)
-    assert axes[1, 0].get_ylabel() == "least domain margin"
+    assert axes[1, 0].get_ylabel() == "least margin of the domain"
     (curve,) = lines(axes[1, 0], COLOURS[0])
     assert np.min(curve.get_ydata()) == pytest.approx(plan.domain.margin, abs=1e-4)
     assert axes[1, 0].patches
@@ -163,6 +164,27 @@ def test_inputs_without_limits_have_no_limit_lines(unlimited: planner.Problem) -
         t = np.linspace(0.5, plan.duration, 100)
         assert np.max(np.abs(plan.u(t)[:, i])) < ax.get_ylim()[1]
         assert not ax.texts, "a peak of three times the usual is shown, not named"
+
+
+def test_the_map_shows_paths_start_goal_limits_and_the_chart(
+    plans: dict[str, planner.Plan],
+) -> None:
+    _, axes = plot_map(plans)
+    (ax,) = axes.flat
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\theta_{1}$ (deg)", r"$\theta_{2}$ (deg)")
+    for k, plan in enumerate(plans.values()):
+        (path,) = lines(ax, COLOURS[k])
+        t = path.get_xdata(), path.get_ydata()
+        np.testing.assert_allclose(np.transpose(t)[[0, -1]], [[1, 1], [30, 30]], atol=1e-6)
+        theta1 = plan.q(np.linspace(0, plan.duration, 1000))[:, 1]
+        np.testing.assert_allclose(np.max(t[0]), np.rad2deg(theta1.max()), rtol=1e-3)
+    (chart,) = ax.patches
+    assert (chart.get_xy(), chart.get_width(), chart.get_height()) == ((0.0, 0.0), 90.0, 90.0)
+    assert {text.get_text() for text in ax.texts} == {"start", "goal"}
+    limits = [line for line in ax.lines if line.get_linestyle() == ":"]
+    assert len(limits) == 4
+    with pytest.raises(planner.InputError, match="a car has no figure 'map'"):
+        plot_map(planner.solve(planner.load_problem(ROOT / "problems/car.toml"), "polynomial"))
 
 
 def test_arm_shows_poses_from_start_to_goal(plans: dict[str, planner.Plan]) -> None:
@@ -312,13 +334,14 @@ def test_preparations_lie_before_time_zero(paper: planner.Problem) -> None:
 
 def test_a_plan_keeps_its_colour_in_all_figures(plans: dict[str, planner.Plan]) -> None:
     mixed = {"outside": outside(), "missing": None, **plans}
-    assert [c.colour for c in curves(mixed)] == [COLOURS[0], COLOURS[2], COLOURS[3]]
-    assert [c.colour for c in curves(mixed, executable=True)] == [COLOURS[2], COLOURS[3]]
+    all_three = [c.colour for c in curves(mixed)]
+    assert len(set(all_three)) == 3
+    assert [c.colour for c in curves(mixed, executable=True)] == all_three[1:]
 
 
 def test_titles_and_legends_fit_into_the_figure() -> None:
     figures = quick_comparison().figures()
-    assert list(figures) == ["z", "joints", "inputs", "arm", "errors", "effort", "replay"]
+    assert list(figures) == [*FIGURES, "arm", "errors", "effort", "replay"]
     for name, figure in figures.items():
         figure.draw_without_rendering()
         width, height = figure.get_size_inches() * figure.dpi

@@ -18,9 +18,10 @@ import planner
 from planner.cli.app import main
 from planner.comparison.rows import FEEDBACK
 from planner.report import folders as report_folder
+from planner.report.figures.style import as_words
 from planner.report.page.page import report_page, write_report
 from planner.report.page.series import page_data
-from planner.report.page.words import subscripted
+from planner.report.panels import FIGURES
 from planner.report.saved import load_comparison
 
 PAPER = Path(__file__).parents[2] / "problems/paper.toml"
@@ -79,7 +80,7 @@ def test_curves_of_the_page_are_those_of_the_plans(saved: Path) -> None:
     json.dumps(data, allow_nan=False)
     assert [plan["refused"] for plan in data["plans"]] == [True, False]
     figures = {figure["id"]: figure["panels"] for figure in data["figures"]}
-    assert list(figures) == ["z", "joints", "inputs", "trade", "errors"]
+    assert list(figures) == [*FIGURES, "trade", "errors"]
     plan = quick_comparison()["polynomial"].plan
     assert plan is not None
     t = np.array(data["plans"][1]["t"])
@@ -88,6 +89,12 @@ def test_curves_of_the_page_are_those_of_the_plans(saved: Path) -> None:
     assert figures["inputs"][1]["limits"] == [-0.6, 0.6]
     assert figures["inputs"][1]["notes"][0]["value"] == pytest.approx(83, abs=0.5)
     assert [panel["title"] for panel in figures["z"]] == ["z₂", "z₂", "z₃", "z₄"]
+    (flat,) = figures["map"]
+    assert [series["plan"] for series in flat["series"]] == [0, 1]
+    across, up = (np.array(flat["series"][1][key]) for key in "xy")
+    np.testing.assert_allclose(across, np.rad2deg(plan.q(t)[:, 1]), atol=0.1)
+    np.testing.assert_allclose(up, np.rad2deg(plan.q(t)[:, 2]), atol=0.1)
+    assert flat["region"] == [[0.0, 90.0], [0.0, 90.0]]
     assert figures["z"][0]["band"]["high"][0] == 0, "rounding, -1e-34, is shown as what it is"
 
 
@@ -173,7 +180,7 @@ def test_compare_with_a_report(
     [("theta1", "θ₁"), ("u2", "u₂"), ("phi12", "φ₁₂"), ("steering_rate", "steering rate")],
 )
 def test_names_on_the_page(name: str, shown: str) -> None:
-    assert subscripted(name) == shown
+    assert as_words(name) == shown
 
 
 def test_the_page_of_an_arm_shows_its_mechanism(

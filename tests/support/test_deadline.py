@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from planner.errors import InputError
+from planner import InputError
 from planner.support import deadline
 from planner.support.compiled_calls import IpoptCall, call_within
 from planner.support.deadline import TimeUpError, time_limit, time_share
@@ -74,18 +74,10 @@ def test_a_share_that_waits_is_one_of_the_share_around_it() -> None:
     assert not deadline.holds_answer()
 
 
-def test_it_is_over_when_time_is_up_or_somebody_ends_it() -> None:
-    assert not deadline.is_over()
-    with time_limit(100.0, has_answer=lambda: True):
-        assert not deadline.is_over()
-        deadline.stop()
-        assert deadline.is_over()
-    with time_limit(1e-9):
-        assert deadline.is_over()
-
-
 def test_what_is_cut_short_is_known_outside() -> None:
+    assert not deadline.is_over()
     with time_limit(100.0) as outer, time_limit(1e-9) as inner:
+        assert deadline.is_over()
         with pytest.raises(TimeUpError):
             deadline.check()
         assert inner.was_reached
@@ -138,7 +130,9 @@ def test_ctrl_c_ends_a_search_that_holds_an_answer() -> None:
         assert not deadline.stop()
         deadline.check()
         holds[0] = True
+        assert not deadline.is_over()
         assert deadline.stop()
+        assert deadline.is_over()
         assert part.end <= time.monotonic()
         with pytest.raises(TimeUpError):
             deadline.check()
@@ -157,7 +151,7 @@ def test_after_ctrl_c_a_long_search_refines_for_a_quarter_of_its_time() -> None:
 
 def test_the_outermost_search_says_whether_there_is_an_answer() -> None:
     with time_limit(None, has_answer=lambda: False), time_limit(None, has_answer=lambda: True):
-        assert not deadline.stop()
+        assert not deadline.stop()  # the outermost says so
 
 
 def test_a_handler_that_does_not_raise_lets_the_solver_go_on() -> None:

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from planner.errors import InputError
+from planner import InputError
 from planner.support.files import folder, refuse_unwritable, refuse_unwritable_folder, write_text
 
 

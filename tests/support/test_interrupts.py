@@ -1,10 +1,11 @@
-"""Ctrl-C reaches the caller although CasADi and OSQP catch it inside their solvers."""
+"""Ctrl-C reaches the caller although CasADi and OSQP catch it; their chatter does not."""
 
 from __future__ import annotations
 
 import ctypes
 import os
 import signal
+import sys
 import threading
 import time
 from types import SimpleNamespace
@@ -17,24 +18,16 @@ import scipy.sparse as sp
 
 from planner.machine.feedback.programme import Solver
 from planner.methods.convex.programme import Optimum, solve_quadratic
-from planner.support.interrupts import heed_interrupts, osqp_result
+from planner.support.interrupts import heed_interrupts, mute_lines, osqp_result
 
 
 def long_solve() -> str:
     """A problem that IPOPT needs far longer for than the test lasts."""
     x = ca.MX.sym("x", 4000)
     f = 100 * ca.sumsqr(x[1:] - x[:-1] ** 2) + ca.sumsqr(1 - x[:-1])
-    options = {
-        "print_time": False,
-        "ipopt": {
-            "print_level": 0,
-            "sb": "yes",
-            "max_iter": 10**6,
-            "tol": 1e-30,
-            "acceptable_iter": 0,
-            "hessian_approximation": "limited-memory",
-        },
-    }
+    endless = {"max_iter": 10**6, "tol": 1e-30, "acceptable_iter": 0}
+    quiet = {"print_level": 0, "sb": "yes", "hessian_approximation": "limited-memory"}
+    options = {"print_time": False, "ipopt": {**quiet, **endless}}
     solver = ca.nlpsol("long", "ipopt", {"x": x, "f": f}, options)
     solver(x0=np.full(4000, -1.3))
     return str(solver.stats()["return_status"])
@@ -64,15 +57,11 @@ def test_casadi_swallows_what_we_heed(capsys: pytest.CaptureFixture[str]) -> Non
     assert capsys.readouterr().err == ""  # CasADi warns of the exception it swallows
 
 
-def test_nothing_pressed_nothing_raised() -> None:
+def test_an_exception_of_the_block_wins_and_the_handler_is_put_back() -> None:
     before = signal.getsignal(signal.SIGINT)
     with heed_interrupts():
         pass
     assert signal.getsignal(signal.SIGINT) is before
-
-
-def test_an_exception_of_the_block_wins_and_the_handler_is_put_back() -> None:
-    before = signal.getsignal(signal.SIGINT)
     with pytest.raises(ValueError, match="mine"), heed_interrupts():
         raise ValueError("mine")
     assert signal.getsignal(signal.SIGINT) is before
@@ -99,16 +88,10 @@ def long_osqp() -> osqp.OSQP:
 def programme(size: int, **options: float) -> osqp.OSQP:
     rng = np.random.default_rng(0)
     solver = osqp.OSQP()
-    solver.setup(
-        sp.eye(size, format="csc"),
-        rng.normal(size=size),
-        sp.csc_matrix(rng.normal(size=(3 * size, size))),
-        np.full(3 * size, -np.inf),
-        rng.uniform(-0.1, 1, 3 * size),
-        verbose=False,
-        scaling=0,
-        **options,
-    )
+    given = (sp.eye(size, format="csc"), rng.normal(size=size))
+    rows, low = sp.csc_matrix(rng.normal(size=(3 * size, size))), np.full(3 * size, -np.inf)
+    high = rng.uniform(-0.1, 1, 3 * size)
+    solver.setup(*given, rows, low, high, verbose=False, scaling=0, **options)
     return solver
 
 
@@ -204,3 +187,27 @@ def test_the_convex_programme_stops_at_once(monkeypatch: pytest.MonkeyPatch) -> 
 
 def _interrupted(self: osqp.OSQP, **_: object) -> SimpleNamespace:
     return SimpleNamespace(info=SimpleNamespace(status_val=osqp.SolverStatus.OSQP_SIGINT))
+
+
+# -- chatter of solvers ------------------------------------------------------------------------
+
+
+def test_only_lines_with_the_words_are_kept_back(capsys: pytest.CaptureFixture[str]) -> None:
+    with mute_lines("secret", "stdout"):
+        print("a")
+        sys.stdout.write("a sec")
+        sys.stdout.write("ret\nb")
+        print("c")
+        sys.stdout.write("open end")
+    assert capsys.readouterr().out == "a\nbc\nopen end"
+
+
+def test_casadi_s_warning_of_zero_pivots_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    """It is written in several parts."""
+    matrix, column = ca.MX.sym("matrix", 2, 2), ca.MX.sym("column", 2)
+    solve = ca.Function("solve", [matrix, column], [ca.solve(matrix, column, "ldl")])
+    with mute_lines("LDL factorization has zeros", "stderr"):
+        solve(np.full((2, 2), 1e11), [1, 2])
+    assert capsys.readouterr().err == ""
+    solve(np.full((2, 2), 1e11), [1, 2])
+    assert "LDL factorization has zeros" in capsys.readouterr().err

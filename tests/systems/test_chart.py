@@ -10,10 +10,8 @@ import pytest
 from every_system import NAMES, SYSTEMS, few, inputs, points
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
-from planner.systems.chained_form import chained_form
-from planner.systems.manipulator import Manipulator
+from planner import Manipulator, chained_form
 
 every_system = pytest.mark.parametrize("name", NAMES)
 
@@ -24,14 +22,14 @@ def _jacobian(name: str) -> Any:
     return ca.Function("J", [x], [ca.jacobian(chained_form(SYSTEMS[name]).z_expr(x), x)])
 
 
-def z_jacobian(name: str, q: NDArray[np.float64]) -> NDArray[np.float64]:
+def z_jacobian(name: str, q: np.ndarray) -> np.ndarray:
     return np.array(_jacobian(name)(q).full())
 
 
 @every_system
 @few
 @given(data=st.data(), u=inputs)
-def test_chained_identities(name: str, data: st.DataObject, u: NDArray[np.float64]) -> None:
+def test_chained_identities(name: str, data: st.DataObject, u: np.ndarray) -> None:
     """ż₁ = v₁, ż₂ = v₂, żᵢ = zᵢ₋₁v₁ along the NumPy rates, which the chart knows nothing of."""
     system = SYSTEMS[name]
     q = data.draw(points(system))
@@ -42,24 +40,6 @@ def test_chained_identities(name: str, data: st.DataObject, u: NDArray[np.float6
     scale = np.abs(J) @ np.abs(system.rates(q, u)) + np.abs(wanted) + 1
     np.testing.assert_array_less(np.abs(J @ system.rates(q, u) - wanted), 1e-12 * scale)
     assert v[0] == pytest.approx(system.rates(q, u)[0], rel=1e-12, abs=1e-14)
-
-
-@every_system
-@few
-@given(data=st.data(), u=inputs)
-def test_feedback_is_what_finite_differences_see(
-    name: str, data: st.DataObject, u: NDArray[np.float64]
-) -> None:
-    system = SYSTEMS[name]
-    q = data.draw(points(system, 0.3, 1.0))
-    form, h = chained_form(system), 1e-4
-    direction = system.rates(q, u)
-    steps = np.array([-2, -1, 1, 2])[:, None] * h
-    weights = np.array([1, -8, 8, -1]) / (12 * h)
-    seen = weights @ form.z(q + steps * direction)
-    scale = 1 + np.max(np.abs(form.z(q + steps * direction)))
-    np.testing.assert_allclose(seen[:2], form.v(q, u), rtol=1e-5, atol=1e-6 * scale)
-    np.testing.assert_allclose(form.u(q, form.v(q, u)), u, rtol=1e-9, atol=1e-9)
 
 
 @every_system
@@ -184,6 +164,7 @@ def test_methods_broadcast_over_leading_axes(name: str) -> None:
     u = rng.normal(size=(2, 3, 2))
     branch = system.branch(q[0, 0])
     z = form.z(q)
+    np.testing.assert_allclose(form.u(q, form.v(q, u)), u, rtol=1e-9, atol=1e-9)
     for name_, whole, one in (
         ("z", z, form.z(q[1, 2])),
         ("v", form.v(q, u), form.v(q[1, 2], u[1, 2])),
@@ -191,6 +172,7 @@ def test_methods_broadcast_over_leading_axes(name: str) -> None:
         ("margins", form.margins(z, branch), form.margins(z[1, 2], branch)),
         ("rates", system.rates(q, u), system.rates(q[1, 2], u[1, 2])),
         ("slopes", system.slopes(q), system.slopes(q[1, 2])),
+        ("drive", system.drive(q), system.drive(q[1, 2])),
         ("chart", system.chart_margins(q, branch), system.chart_margins(q[1, 2], branch)),
     ):
         assert whole.shape[:2] == (2, 3), name_
@@ -200,7 +182,7 @@ def test_methods_broadcast_over_leading_axes(name: str) -> None:
 
 @given(K2=st.floats(0.1, 5), K3=st.floats(0.1, 5), k_g=st.floats(0.1, 5), data=st.data(), u=inputs)
 def test_three_joints_by_the_papers_formulas(
-    K2: float, K3: float, k_g: float, data: st.DataObject, u: NDArray[np.float64]
+    K2: float, K3: float, k_g: float, data: st.DataObject, u: np.ndarray
 ) -> None:
     """Eqs (23), (24), with v₁ = k_g cosθ₁ u₁."""
     system = Manipulator([K2, K3], k_g)
@@ -216,7 +198,7 @@ def test_three_joints_by_the_papers_formulas(
     np.testing.assert_allclose(form.v(q, u), [v1, v2], rtol=1e-10, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", sorted(SYSTEMS))
+@every_system
 def test_margins_as_expressions_are_the_margins(name: str) -> None:
     """What proofs bound is what the judge of the chart's domain computes."""
     system = SYSTEMS[name]
@@ -226,3 +208,41 @@ def test_margins_as_expressions_are_the_margins(name: str) -> None:
     np.testing.assert_allclose(
         np.asarray(margins(q)).ravel(), system.chart_margins(q, branch), rtol=1e-12
     )
+
+
+# -- the inverse in one function --------------------------------------------------------------
+
+
+@every_system
+def test_the_compiled_inverse_is_the_one_step_by_step(name: str) -> None:
+    system = SYSTEMS[name]
+    form, rng = chained_form(system), np.random.default_rng(3)
+    start = rng.uniform(0.2, 1.2, system.size) * rng.choice([-1, 1], system.size)
+    branch = system.branch(start)
+    q = np.sign(start) * rng.uniform(0.1, 1.3, (200, system.size))
+    z, v = form.z(q), rng.uniform(-1, 1, (200, 2))
+    z[100:] += rng.uniform(-0.3, 0.3, (100, system.size))  # in and out of the domain
+    stepwise = form._invert(z, branch)
+    np.testing.assert_allclose(form.q(z, branch), stepwise, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(
+        form.inputs(z, v, branch), form.u(form.q(z, branch), v), rtol=1e-9, atol=1e-12
+    )
+    compiled = not name.startswith("custom")
+    assert (form._inputs is not None) == compiled
+
+
+@pytest.mark.parametrize("name", ["manipulator-3", "trailers-2", "custom-manipulator-3"])
+def test_the_expressions_are_the_same_inverse_where_there_is_one(name: str) -> None:
+    system = SYSTEMS[name]
+    form, branch = chained_form(system), system.branch(np.full(system.size, 0.4))
+    q, v = np.linspace(0.2, 0.6, system.size), np.array([0.3, -0.7])
+    z, u = form.z(q), form.u(q, v)
+    found = (
+        form.q_expr(ca.DM(z), ca.DM(branch)),
+        form.inputs_expr(ca.DM(z), ca.DM(v), ca.DM(branch)),
+    )
+    if name.startswith("custom"):
+        assert found == (None, None)
+        return
+    for expression, value in zip(found, (q, u), strict=True):
+        np.testing.assert_allclose(np.array(expression).ravel(), value, rtol=1e-10)

@@ -10,9 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import planner
-from planner.errors import InputError
-from planner.systems.chained_form import chained_form
-from planner.systems.custom import CustomSystem
+from planner import CustomSystem, InputError, chained_form
 from planner.systems.triangular_system import Coordinate
 
 X, THETA, Y = Coordinate("x", "m"), Coordinate("theta", "rad"), Coordinate("y", "m")

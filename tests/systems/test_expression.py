@@ -4,7 +4,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from planner.errors import InputError
+from planner import InputError
 from planner.systems.expressions import FUNCTIONS, parse_expression, write_expression
 
 A, B = ca.SX.sym("a"), ca.SX.sym("b")

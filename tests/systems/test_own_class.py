@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import planner
+from planner import Trailers
 from planner.problem.tables import kinds
 from planner.problem.tables.custom import OwnFile
 from planner.support.user_tables import Table
 from planner.systems.triangular_system import Coordinate, TangentSystem
-from planner.systems.vehicles import Trailers
 
 
 class Skate(TangentSystem):

@@ -6,8 +6,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import planner
-from planner.systems.chained_form import chained_form
-from planner.systems.manipulator import Manipulator
+from planner import Manipulator, chained_form
 
 
 def angles(*degrees: float) -> np.ndarray:

@@ -1,4 +1,5 @@
-"""Charts in a browser, drawn by the page and the explorer alike, and what they are fed.
+"""Charts in a browser, drawn by the page and the explorer alike from `planner.report.panels`.
 
-In this order: `panels` (the numbers), `scale.js`, `chart.js`, `over_time.js`, `charts.css`.
+In this order: `scripts` (joins them), `scale.js`, `chart.js`, `over_time.js`, `plane.js`,
+`charts.css`.
 """

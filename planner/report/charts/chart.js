@@ -108,7 +108,7 @@ class Chart {
     if (words) make("span", { class: "unit", text: ` (${words})` }, this.head);
     if (note) make("span", { class: "unit note", text: note }, this.head);
     const named = series.filter((s) => s.name && this.shown(s)).map((s) => [this.swatch(s), s.name]);
-    const swatch = (kind) => (kind === "path" ? this.swatch(this.panel) : make("span", { class: `swatch ${kind}` }));
+    const swatch = (kind) => (kind === "path" ? this.swatch(series[0]) : make("span", { class: `swatch ${kind}` }));
     const entries = [...named, ...key.map(([kind, name]) => [swatch(kind), name])];
     if (band?.name) entries.push([make("span", { class: "swatch area" }), band.name]);
     if (named.length && marks.length) entries.push([make("span", { class: "swatch cross", text: "×" }), "leaves it"]);

@@ -3,11 +3,11 @@
 class PlaneChart extends Chart {
   /** Equal on both axes, so that angles look as they are; or `view`, which fills the frame. */
   scales() {
-    const { path: way, poses = [], discs = [], view } = this.panel;
+    const { series, poses = [], discs = [], view } = this.panel;
     const { right, bottom } = this.size;
     const [wide, high] = [right - EDGE.left, bottom - EDGE.top];
     const rims = (axis) => discs.flatMap((d) => [d[axis] - d[2], d[axis] + d[2]]);
-    const reach = [0, 1].map((k) => range([way[k], rims(k), ...poses.map((pose) => pose.map((p) => p[k]))]));
+    const reach = [0, 1].map((k) => range([...series.map((s) => (k ? s.y : s.x)), rims(k), ...poses.map((pose) => pose.map((p) => p[k]))]));
     const unit = Math.max((reach[0][1] - reach[0][0]) / wide, (reach[1][1] - reach[1][0]) / high);
     const widen = ([a, b], size) => [(a + b - size * unit) / 2, (a + b + size * unit) / 2];
     this.x = scale(...(view?.[0] ?? widen(reach[0], wide)), EDGE.left, right);
@@ -27,8 +27,14 @@ class PlaneChart extends Chart {
     return `${this.panel.title}. Arrow keys go along the path.`;
   }
 
-  get plan() {
-    return this.page.plans[this.panel.plan];
+  /** The paths that are shown, each with the times of its plan. */
+  paths() {
+    const visible = this.panel.series.filter((s) => this.shown(s));
+    return visible.map((s) => ({ ...s, t: this.page.plans[s.plan].t }));
+  }
+
+  get duration() {
+    return Math.max(0, ...this.paths().map((s) => s.t.at(-1)));
   }
 
   frame() {
@@ -58,8 +64,10 @@ class PlaneChart extends Chart {
       make("path", { class: "pose", d: path(xs, ys), style: `stroke: ${hue(late)}` }, inside);
       xs.forEach((cx, i) => make("circle", { cx, cy: ys[i], r: 2.2, style: `fill: ${hue(late)}` }, inside));
     });
-    const [xs, ys] = [this.panel.path[0].map(this.spot(this.x)), this.panel.path[1].map(this.spot(this.y))];
-    make("path", { class: this.classes(panel, "curve"), d: path(xs, ys) }, inside);
+    for (const series of this.paths()) {
+      const [xs, ys] = [series.x.map(this.spot(this.x)), series.y.map(this.spot(this.y))];
+      make("path", { class: this.classes(series, "curve"), d: path(xs, ys) }, inside);
+    }
     (panel.ends ?? []).forEach(([x, y], k) => {
       const [cx, cy] = [this.x(x), this.y(y)];
       make("circle", { class: "end", cx, cy, r: 4 }, this.over);
@@ -75,47 +83,55 @@ class PlaneChart extends Chart {
     return 0;
   }
 
-  /** Time of the place on the path that is nearest. */
+  /** Time of the place on a path that is nearest. */
   nearest(px, py) {
-    const [xs, ys] = this.panel.path;
     let [best, least] = [0, Infinity];
-    xs.forEach((x, k) => {
-      const far = x === null || ys[k] === null ? Infinity : Math.hypot(this.x(x) - px, this.y(ys[k]) - py);
-      if (far < least) [best, least] = [k, far];
-    });
-    return this.plan.t[best];
+    for (const { x: xs, y: ys, t } of this.paths())
+      xs.forEach((x, k) => {
+        const far = x === null || ys[k] === null ? Infinity : Math.hypot(this.x(x) - px, this.y(ys[k]) - py);
+        if (far < least) [best, least] = [t[k], far];
+      });
+    return best;
   }
 
   key(event) {
-    const step = ((event.shiftKey ? 5 : 1) * this.plan.duration) / 100;
+    const step = ((event.shiftKey ? 5 : 1) * this.duration) / 100;
     const now = this.reading ?? 0;
     switch (event.key) {
-      case "ArrowRight": case "ArrowUp": return Math.min(now + step, this.plan.duration);
+      case "ArrowRight": case "ArrowUp": return Math.min(now + step, this.duration);
       case "ArrowLeft": case "ArrowDown": return Math.max(now - step, 0);
       case "Home": return 0;
-      case "End": return this.plan.duration;
+      case "End": return this.duration;
       case "Escape": return null;
     }
     return undefined;
   }
 
-  /** Where the path is at a time; null where it is nowhere. */
+  /** Where each path is at a time: [series, x, y]; those that are nowhere are missing. */
   where(t) {
-    const found = this.panel.path.map((values) => at(this.plan.t, values, t));
-    return found.includes(null) ? null : found;
+    const found = this.paths().map((s) => [s, ...[s.x, s.y].map((values) => at(s.t, values, Math.min(t, s.t.at(-1))))]);
+    return found.filter(([, x, y]) => x !== null && y !== null);
   }
 
   describe(t) {
     const found = this.where(t);
-    if (!found) return null;
-    const rows = this.panel.names.map((name, k) => ({ ...this.panel, name, text: `${short(found[k])} ${this.panel.unit}` }));
-    return { head: `${t.toFixed(2)} s`, rows, px: this.x(found[0]), spot: this.ring(found) };
+    if (!found.length) return null;
+    const { names, unit, series } = this.panel;
+    const text = (value) => `${short(value)} ${unit}`;
+    const rows =
+      series.length === 1
+        ? names.map((name, k) => ({ ...series[0], name, text: text(found[0][1 + k]) }))
+        : found.map(([one, x, y]) => ({ ...one, text: `${short(x)}, ${text(y)}` }));
+    return { head: `${t.toFixed(2)} s`, rows, px: this.x(found[0][1]), spot: this.rings(found) };
   }
 
   setCursor(t) {
     super.setCursor(t);
-    const found = t === null || !this.x ? null : this.where(Math.min(t, this.plan.duration));
-    this.cursor?.setAttribute("d", found ? this.ring(found) : "");
+    this.cursor?.setAttribute("d", t === null || !this.x ? "" : this.rings(this.where(t)));
+  }
+
+  rings(found) {
+    return found.map(([, x, y]) => this.ring([x, y])).join("");
   }
 
   ring([x, y]) {

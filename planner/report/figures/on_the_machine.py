@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planner.comparison.comparison import Comparison
-from planner.comparison.rows import FEEDBACK, Row, effort_unit
+from planner.comparison.rows import FEEDBACK, Row
 from planner.errors import InputError, expect
 from planner.machine.replay import Replay
 from planner.report.figures.style import (
@@ -29,6 +29,7 @@ from planner.report.figures.style import (
     time_label,
 )
 from planner.support.arrays import Array
+from planner.verification.summary import effort_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,17 +1,19 @@
-"""Curves over time: inputs against their limits, joint angles, chained coordinates.
+"""Figures of plans as pictures: each panel of `planner.report.panels` on axes of its own.
 
-Chained coordinates are drawn with the domain in which they map to real angles.
+Inputs against their limits, joint angles, chained coordinates with the domain in which they map to
+real angles, and the map of the first two joints.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.plan.measures import worst_margin
-from planner.plan.plan import Plan
+from planner.errors import InputError
+from planner.report import panels
 from planner.report.figures.style import (
     DOMAIN,
     LIMIT,
@@ -19,30 +21,27 @@ from planner.report.figures.style import (
     TAG,
     Curve,
     Plans,
-    axis_label,
+    Sharing,
+    as_text,
     curves,
     grid,
     heading,
     legend,
     line,
-    shown,
     symbol,
     time_label,
     times,
 )
+from planner.report.panels import FIGURES, Panel, PlanCurves
 from planner.support.arrays import Array
-from planner.systems.chained_form import chained_form
-from planner.systems.manipulator import Manipulator
-from planner.systems.triangular_system import TriangularSystem
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-OVERSHOOT = 1.6
-"""The view reaches this many times the limit; what goes beyond is named with its peak."""
-
-FAR = 5.0
-"""Without a limit peaks are cut off only where they reach so many times what is usual."""
+EXIT = {"marker": "x", "color": "#B00020", "markersize": 8, "linestyle": "none"}
+DOTS = {"marker": "o", "color": "black", "markersize": 4, "linestyle": "none"}
+SIZES = {"inputs": (4.8, 3.4), "map": (6.4, 4.6)}
+"""Width and height of one panel, inches, where it is not the usual."""
 
 
 def plot_inputs(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
@@ -61,38 +60,234 @@ def plot_inputs(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
     Raises:
         InputError: If no plan is executable or `axes` do not fit.
     """
-    drawn = curves(plans, executable=True)
+    return plot("inputs", plans, axes)
+
+
+def plot_joints(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
+    """Plot θ₁ … θₙ over time in degrees (lengths in metres); one panel per coordinate.
+
+    Start and goal are dots, waypoints with a time diamonds; limits are drawn where the motion comes
+    near them.
+
+    Args:
+        plans: One plan, several, or several by label; those without real angles are left out.
+        axes: Axes to draw into, one per coordinate after the first.
+
+    Returns:
+        The figure and its axes, shape (rows, columns).
+
+    Raises:
+        InputError: If no plan is executable or `axes` do not fit.
+    """
+    return plot("joints", plans, axes)
+
+
+def plot_map(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
+    """Plot paths in the plane of θ₁ and θ₂, degrees, with the chart that the start lies in.
+
+    Outside the chart the plane is shaded; start and goal are dots, joint limits dotted lines.
+
+    Args:
+        plans: One plan, several, or several by label; those without real angles are left out.
+        axes: Axes to draw into.
+
+    Returns:
+        The figure and its axes, shape (1, 1).
+
+    Raises:
+        InputError: If no plan is executable, the system is no arm of two joints or more, or `axes`
+            do not fit.
+    """
+    return plot("map", plans, axes)
+
+
+def plot_z(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
+    """Plot Plot z₂ with its domain shaded, and z₃ … z_N, over time; one column per plan.
+
+    For the manipulator the shaded band is where a real θ₁ exists, given the later angles: for n = 3
+    and θ₂ > 0 it is −g(z₃) < z₂ < 0. If the domain has further conditions (n > 3, and other
+    systems), a row with the least margin of the full domain is added; margins < 0 are shaded.
+
+    Args:
+        plans: One plan, several, or several by label; also plans that are not executable.
+        axes: Axes to draw into: rows × plans of them, in reading order.
+
+    Returns:
+        The figure and its axes, shape (rows, plans).
+
+    Raises:
+        InputError: If there is nothing to draw or `axes` do not fit.
+    """
+    return plot("z", plans, axes)
+
+
+def plot(name: str, plans: Plans, axes: Any = None) -> tuple[Figure, Any]:
+    """Draw a figure of `FIGURES`: all plans in each panel, or a column a plan.
+
+    Args:
+        name: Its name.
+        plans: One plan, several, or several by label; those it cannot show are left out.
+        axes: Axes to draw into, one per panel.
+
+    Returns:
+        The figure and its axes, shape (rows, columns).
+
+    Raises:
+        InputError: If there is nothing to draw or `axes` do not fit.
+    """
+    kind = FIGURES[name]
+    drawn = curves(plans, executable=kind.executable)
     problem = drawn[0].plan.problem
+    if not kind.fits(problem.system):
+        raise InputError(f"a {problem.system.kind} has no figure '{name}'")
     ours = axes is None
-    figure, axes = grid(1, 2, axes, size=(4.8, 3.4))
-    samples = [(curve, times(curve.plan)) for curve in drawn]
-    for i, (ax, coordinate) in enumerate(zip(axes.flat, problem.system.inputs, strict=True)):
-        values = [(curve, t - curve.plan.lead_s, curve.plan.u(t)[:, i]) for curve, t in samples]
-        for curve, t, u in values:
-            ax.plot(t, u, color=curve.colour, linestyle=curve.dashes, linewidth=1.6)
-        _frame(ax, values, float(problem.limits.input[i]))
-        ax.set_ylabel(f"{symbol(coordinate.name)} ({coordinate.unit})")
-        ax.set_xlabel(time_label(curve.plan for curve in drawn))
-    heading(figure, f"Inputs and limits: {problem.name}", ours=ours)
-    legend(figure, axes, [line(curve) for curve in drawn], ours=ours)
+    draw = _columns if kind.columns else _panels
+    figure, axes = draw(kind, drawn, axes)
+    heading(figure, f"{kind.title}: {problem.name}", ours=ours)
+    entries = _entries(axes) if kind.columns else [line(curve) for curve in drawn]
+    legend(figure, axes, entries, ours=ours, abreast=3 if axes.size > 1 else 2)
     return figure, axes
 
 
-def _frame(ax: Any, values: Sequence[tuple[Curve, Array, Array]], limit: float) -> None:
-    """Limits as lines, a view that stays readable, and a note on each peak outside it."""
-    low, high = view(values, limit)
-    ax.set_ylim(low, high)
-    if np.isfinite(limit):
-        for sign in (-1, 1):
-            ax.axhline(sign * limit, color=LIMIT, linestyle=":", linewidth=1.4)
-        ax.text(0.995, limit, "limit", transform=ax.get_yaxis_transform(), ha="right", va="bottom",
-                fontsize=8, color=LIMIT, zorder=5, bbox=TAG)  # fmt: skip
-    beyond = 0
-    for curve, t, u in values:
-        k = int(np.argmax(np.abs(u)))
-        if not low <= u[k] <= high:
-            _note(ax, curve, float(t[k]), float(u[k]), beyond)
-            beyond += 1
+def _panels(kind: panels.Figure, drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
+    """All plans in each panel."""
+    found = kind.panels(_plan_curves(drawn))
+    over_time = found[0]["kind"] == "time"
+    share: tuple[Sharing, Sharing] = ("all" if over_time else "none", "none")
+    figure, axes = grid(*shape(len(found)), axes, size=SIZES.get(kind.id, (3.4, 2.6)), share=share)
+    every = list(axes.flat)
+    for ax, panel in zip(every, found, strict=False):
+        _draw(ax, panel, drawn)
+    for ax in every[len(found) :]:
+        ax.set_visible(False)
+    if over_time:
+        for ax in every[max(0, len(found) - axes.shape[1]) : len(found)]:  # with nothing below
+            ax.tick_params(labelbottom=True)
+            ax.set_xlabel(time_label(curve.plan for curve in drawn))
+    return figure, axes
+
+
+def _columns(kind: panels.Figure, drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
+    """A column a plan, its panels of one id on the same axes."""
+    found = [kind.panels([one]) for one in _plan_curves(drawn)]
+    columns = [[list(same) for _, same in groupby(each, key=_id)] for each in found]
+    figure, axes = grid(len(columns[0]), len(drawn), axes, share=("col", "row"))
+    for k, (curve, own) in enumerate(zip(drawn, columns, strict=True)):
+        for ax, same in zip(axes[:, k], own, strict=True):
+            _draw_same(ax, same, drawn)
+            if k:
+                ax.set_ylabel("")
+        axes[0, k].set_title(curve.title, fontsize=10)
+        axes[-1, k].set_xlabel(time_label([curve.plan]))
+    return figure, axes
+
+
+def _id(panel: Panel) -> str:
+    return str(panel["id"])
+
+
+def shape(count: int) -> tuple[int, int]:
+    """Rows and columns for `count` panels, at most four abreast."""
+    rows = -(-count // 4)
+    return rows, -(-count // rows)
+
+
+def _plan_curves(drawn: Sequence[Curve]) -> list[PlanCurves]:
+    return [PlanCurves(k, curve.plan, times(curve.plan)) for k, curve in enumerate(drawn)]
+
+
+# -- panels on axes -----------------------------------------------------------------------------
+
+
+def _draw(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
+    """A panel with a curve a plan."""
+    {"time": _frame, "plane": _plane}[panel["kind"]](ax, panel, drawn)
+    for series in panel["series"]:
+        curve = drawn[series["plan"]]
+        xs = series["x"] if panel["kind"] == "plane" else _times(curve)
+        ax.plot(xs, series["y"], color=curve.colour, linestyle=curve.dashes, linewidth=1.6)
+    if "notes" in panel:
+        _view(ax, panel, drawn)
+
+
+def _draw_same(ax: Any, same: Sequence[Panel], drawn: Sequence[Curve]) -> None:
+    """Panels of one plan on the same axes: each curve thinner, and named where it is largest."""
+    _frame(ax, same[0], drawn)
+    names = [symbol(panel["title"]) for panel in same]
+    ax.set_ylabel(names[0] if len(same) == 1 else f"{names[0]} … {names[-1]}")
+    for k, panel in enumerate(same):
+        (series,) = panel["series"]
+        curve = drawn[series["plan"]]
+        t, y = _times(curve), series["y"]
+        late = k / max(1, len(same) - 1)
+        looks = {"linewidth": 2.0 - 0.7 * late, "alpha": 1 - 0.4 * late}
+        ax.plot(t, y, color=curve.colour, linestyle=curve.dashes, **looks)
+        if panel["id"] == "z":
+            _name(ax, names[k], t, y)
+
+
+def _name(ax: Any, name: str, t: Array, y: Array) -> None:
+    """A curve's name where it is largest."""
+    top = int(np.argmax(np.abs(y)))
+    late = t[top] > (t[0] + t[-1]) / 2
+    ax.margins(y=0.15)
+    ax.annotate(
+        name,
+        (t[top], y[top]),
+        (-3 if late else 3, 5),
+        textcoords="offset points",
+        ha="right" if late else "left",
+        fontsize=9,
+        bbox=TAG,
+    )
+
+
+def _times(curve: Curve) -> Array:
+    """Times of a plan, from where its plan starts; preparations lie before."""
+    return np.asarray(times(curve.plan) - curve.plan.lead_s)
+
+
+def _frame(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
+    """What a panel over time has besides its curves."""
+    unit = as_text(panel["unit"])
+    ax.set_ylabel(symbol(panel["title"]) + (f" ({unit})" if unit else ""))
+    first = drawn[panel["series"][0]["plan"]]
+    if "band" in panel:
+        low, high = panel["band"]["low"], panel["band"]["high"]
+        t = _times(first)
+        label = r"domain: a real $\theta_1$ exists"
+        ax.fill_between(t, low, high, color=DOMAIN, label=label, linewidth=0)
+        edge = np.where(np.abs(low) > np.abs(high), low, high)
+        ax.plot(t, edge, color="#7FA8C4", linewidth=0.8)
+    if panel["id"] == "z2":
+        ax.axhline(0, color="#888888", linewidth=0.8)
+    if "floor" in panel:
+        least = min(float(np.min(series["y"])) for series in panel["series"])
+        low = min(panel["floor"] - 0.02, 1.1 * least)
+        label = "outside the domain"
+        ax.axhspan(low, panel["floor"], color=OUTSIDE, label=label, linewidth=0)
+    for value in panel.get("limits", []):
+        ax.axhline(value, color=LIMIT, linestyle=":", linewidth=1.4)
+    if panel.get("marks"):
+        t, value = np.transpose(panel["marks"])
+        ax.plot(t - first.plan.lead_s, value, **EXIT, label="leaves or re-enters the domain")
+    if "ends" in panel:
+        longest = max(curve.plan.duration - curve.plan.lead_s for curve in drawn)
+        ax.plot([0, longest], panel["ends"], **DOTS, clip_on=False, zorder=5)
+    if panel.get("stops"):
+        t, value = np.transpose(panel["stops"])
+        ax.plot(t, value, **{**DOTS, "marker": "D"}, markerfacecolor="none", zorder=5)
+
+
+def _view(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
+    """A view that stays readable, the word on its limit, and a note on each peak outside it."""
+    ax.set_ylim(*panel["view"])
+    if panel["limits"]:
+        ax.text(0.995, max(panel["limits"]), "limit", transform=ax.get_yaxis_transform(),
+                ha="right", va="bottom", fontsize=8, color=LIMIT, zorder=5, bbox=TAG)  # fmt: skip
+    for above, note in enumerate(panel["notes"]):
+        curve, value = drawn[note["plan"]], note["value"]
+        _note(ax, curve, note["t"] - curve.plan.lead_s, value, above)
 
 
 def _note(ax: Any, curve: Curve, time: float, value: float, above: int) -> None:
@@ -113,209 +308,24 @@ def _note(ax: Any, curve: Curve, time: float, value: float, above: int) -> None:
     )
 
 
-def view(values: Sequence[tuple[Any, Array, Array]], limit: float) -> tuple[float, float]:
-    """Lowest and highest value to show of inputs (whose, times, values) under a limit."""
-    every = np.concatenate([u for _, _, u in values])
-    most = float(np.max(np.abs(every)))
-    # Times crowd towards the ends of pieces, so that a quantile over them would follow the peaks.
-    evenly = (np.interp(np.linspace(t[0], t[-1], 400), t, u) for _, t, u in values)
-    usual = max(float(np.quantile(np.abs(u), 0.9)) for u in evenly)
-    bound = OVERSHOOT * max(limit if np.isfinite(limit) else 0.0, 1.5 * usual)
-    if not np.isfinite(limit) and most < FAR * usual:
-        bound = 1.08 * most
-    bound = min(bound, 1.08 * max(most, 1.02 * limit if np.isfinite(limit) else 0.0))
-    bound = max(bound, 1e-9)
-    one_sided = float(np.min(every)) > -0.02 * bound and not np.isfinite(limit)
-    return (-0.05 * bound if one_sided else -bound), bound
+def _plane(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
+    """What a panel in a plane has besides its paths."""
+    from matplotlib.patches import Rectangle
 
-
-def plot_joints(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
-    """Plot θ₁ … θₙ over time in degrees (lengths in metres); one panel per coordinate.
-
-    Start and goal are dots; limits are drawn where the motion comes near them.
-
-    Args:
-        plans: One plan, several, or several by label; those without real angles are left out.
-        axes: Axes to draw into, one per coordinate after the first.
-
-    Returns:
-        The figure and its axes, shape (rows, columns).
-
-    Raises:
-        InputError: If no plan is executable or `axes` do not fit.
-    """
-    drawn = curves(plans, executable=True)
-    problem = drawn[0].plan.problem
-    count = problem.system.size - 1
-    ours = axes is None
-    figure, axes = grid(*shape(count), axes, share=("all", "none"))
-    panels = list(axes.flat)
-    for curve in drawn:
-        t = times(curve.plan)
-        q = curve.plan.q(t)
-        for i, ax in enumerate(panels[:count], start=1):
-            values = shown(q[:, i], problem.system.coordinates[i].unit)
-            own = t - curve.plan.lead_s
-            ax.plot(own, values, color=curve.colour, linestyle=curve.dashes, linewidth=1.6)
-    longest = max(curve.plan.duration - curve.plan.lead_s for curve in drawn)
-    for i, ax in enumerate(panels[:count], start=1):
-        unit = problem.system.coordinates[i].unit
-        ends = shown(np.array([problem.start[i], problem.goal[i]]), unit)
-        ax.plot([0, longest], ends, "o", color="black", markersize=4, clip_on=False, zorder=5)
-        draw_limits(ax, shown(problem.limits.joint[i : i + 1], unit))
-        ax.set_ylabel(axis_label(problem.system.coordinates[i]))
-    for ax in panels[count:]:
-        ax.set_visible(False)
-    for ax in panels[max(0, count - axes.shape[1]) : count]:  # those with nothing below
-        ax.tick_params(labelbottom=True)
-        ax.set_xlabel(time_label(curve.plan for curve in drawn))
-    what = "Joint angles" if hasattr(problem.system, "arm_points") else "Coordinates"
-    heading(figure, f"{what}: {problem.name}", ours=ours)
-    legend(figure, axes, [line(curve) for curve in drawn], ours=ours)
-    return figure, axes
-
-
-def shape(count: int) -> tuple[int, int]:
-    """Rows and columns for `count` panels, at most four abreast."""
-    rows = -(-count // 4)
-    return rows, -(-count // rows)
-
-
-def draw_limits(ax: Any, limit: Array, near: float = 0.75) -> None:
-    """Lines at ± limit (1,), where what is drawn comes near; leaves the view as it is otherwise."""
-    low, high = ax.get_ylim()
-    for value in (-float(limit[0]), float(limit[0])):
-        reach = high if value > 0 else -low
-        if np.isfinite(value) and reach > near * abs(value):
-            ax.axhline(value, color=LIMIT, linestyle=":", linewidth=1.2)
-
-
-EXIT = {"marker": "x", "color": "#B00020", "markersize": 8, "linestyle": "none"}
-
-
-def plot_z(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
-    """Plot Plot z₂ with its domain shaded, and z₃ … z_N, over time; one column per plan.
-
-    For the manipulator the shaded band is where a real θ₁ exists, given the later angles: for n = 3
-    and θ₂ > 0 it is −g(z₃) < z₂ < 0. If the domain has further conditions (n > 3, and other
-    systems), a row with the least margin of the full domain is added; margins < 0 are shaded.
-
-    Args:
-        plans: One plan, several, or several by label; also plans that are not executable.
-        axes: Axes to draw into: rows × plans of them, in reading order.
-
-    Returns:
-        The figure and its axes, shape (rows, plans).
-
-    Raises:
-        InputError: If there is nothing to draw or `axes` do not fit.
-    """
-    shown = curves(plans)
-    problem = shown[0].plan.problem
-    rows = [_draw_z2]
-    if not has_band(problem.system) or problem.system.size > 4:
-        rows.append(_draw_margin)
-    if problem.system.size > 2:
-        rows.append(_draw_rest)
-    ours = axes is None
-    figure, axes = grid(len(rows), len(shown), axes, share=("col", "row"))
-    for column, curve in enumerate(shown):
-        for row, draw in enumerate(rows):
-            draw(axes[row, column], curve, first=column == 0)
-        axes[0, column].set_title(curve.title, fontsize=10)
-        axes[-1, column].set_xlabel(time_label([curve.plan]))
-    heading(figure, f"Chained coordinates and their domain: {problem.name}", ours=ours)
-    legend(figure, axes, _entries(axes), ours=ours)
-    return figure, axes
-
-
-def z2_band(plan: Plan, t: Array) -> Array:
-    """The values of z₂ for which a real θ₁ exists, given the later angles of a manipulator.
-
-    z₂ is affine in cos²θ₁ (n = 2: monotone in cosθ₁), so the band runs between θ₁ = 0 and θ₁ = 90°.
-
-    Args:
-        plan: A plan for a `Manipulator`.
-        t: Times (m,), seconds.
-
-    Returns:
-        Lower and upper edge, shape (2, m); NaN where even the later angles are not real.
-    """
-    form = chained_form(plan.problem.system)
-    q = plan.q(t)
-    edges = []
-    for theta1 in (0.0, np.pi / 2):
-        q[:, 1] = theta1
-        edges.append(form.z(q)[:, 1])
-    return np.sort(np.array(edges), axis=0)
-
-
-def has_band(system: TriangularSystem) -> bool:
-    """Whether `z2_band` is defined for a system."""
-    return isinstance(system, Manipulator)
-
-
-def _draw_z2(ax: Any, curve: Curve, first: bool) -> None:
-    t = times(curve.plan)
-    own = t - curve.plan.lead_s
-    if has_band(curve.plan.problem.system):
-        low, high = z2_band(curve.plan, t)
-        label = r"domain: a real $\theta_1$ exists"
-        ax.fill_between(own, low, high, color=DOMAIN, label=label, linewidth=0)
-        ax.plot(
-            own, np.where(np.abs(low) > np.abs(high), low, high), color="#7FA8C4", linewidth=0.8
-        )
-    ax.axhline(0, color="#888888", linewidth=0.8)
-    z2 = curve.plan.z(t)[:, 1]
-    ax.plot(own, z2, color=curve.colour, linestyle=curve.dashes, linewidth=1.8)
-    if not curve.plan.executable:
-        out = np.array(curve.plan.domain.exits_s)
-        ax.plot(
-            out - curve.plan.lead_s,
-            curve.plan.z(out)[:, 1],
-            **EXIT,
-            label="leaves or re-enters the domain",
-        )
-    if first:
-        ax.set_ylabel("$z_2$")
-
-
-def _draw_margin(ax: Any, curve: Curve, first: bool) -> None:
-    t = times(curve.plan)
-    own = t - curve.plan.lead_s
-    margin = worst_margin(curve.plan.trajectory.margins(t))
-    low = min(-0.02, 1.1 * float(np.min(margin)))
-    ax.axhspan(low, 0, color=OUTSIDE, label="outside the domain", linewidth=0)
-    ax.plot(own, margin, color=curve.colour, linestyle=curve.dashes, linewidth=1.8)
-    if first:
-        ax.set_ylabel("least domain margin")
-
-
-def _draw_rest(ax: Any, curve: Curve, first: bool) -> None:
-    """z₃ … z_N, each thinner and fainter than the one before, named where it is largest."""
-    t = times(curve.plan)
-    own = t - curve.plan.lead_s
-    z = curve.plan.z(t)[:, 2:]
-    for k, column in enumerate(z.T):
-        fade = 1 - 0.4 * k / max(1, z.shape[1] - 1)
-        width = 2.2 - 0.9 * k / max(1, z.shape[1] - 1)
-        ax.plot(
-            own, column, color=curve.colour, linestyle=curve.dashes, linewidth=width, alpha=fade
-        )
-        top = int(np.argmax(np.abs(column)))
-        late = t[top] > t[-1] / 2
-        ax.annotate(
-            f"$z_{{{k + 3}}}$",
-            (own[top], column[top]),
-            (-3 if late else 3, 5),
-            textcoords="offset points",
-            ha="right" if late else "left",
-            fontsize=9,
-            bbox=TAG,
-        )
-    ax.margins(y=0.15)
-    if first:
-        ax.set_ylabel("$z_3$" if z.shape[1] == 1 else f"$z_3$ … $z_{{{z.shape[1] + 2}}}$")
+    across, up = (f"{symbol(name)} ({as_text(panel['unit'])})" for name in panel["names"])
+    (left, right), (bottom, top) = panel["view"]
+    ax.set(xlabel=across, ylabel=up, xlim=(left, right), ylim=(bottom, top))
+    if panel["region"]:
+        ax.set_facecolor(OUTSIDE)
+        (west, east), (south, north) = panel["region"]
+        looks: dict[str, Any] = {"facecolor": "white", "edgecolor": "#B00020", "zorder": 0.3}
+        ax.add_patch(Rectangle((west, south), east - west, north - south, **looks))
+    for axis, value in panel["limits"]:
+        draw = ax.axhline if axis else ax.axvline
+        draw(value, color=LIMIT, linestyle=":", linewidth=1.4)
+    for (x, y), word in zip(panel["ends"], ("start", "goal"), strict=False):
+        ax.plot([x], [y], **DOTS, zorder=5)
+        ax.annotate(word, (x, y), (6, -10), textcoords="offset points", fontsize=8, bbox=TAG)
 
 
 def _entries(axes: Any) -> list[Any]:

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.comparison.rows import effort_unit
 from planner.errors import expect
-from planner.report.figures.style import COLOURS, grid, heading, legend, symbol
+from planner.report.figures.style import COLOURS, colour_of, grid, heading, legend, symbol
 from planner.robustness.budget import Budget, Cost, total
 from planner.robustness.machine_sensitivity import MachineEntry, MachineSensitivity
 from planner.robustness.sensitivity import PAPER_SPREAD, Sensitivity
@@ -24,6 +23,7 @@ from planner.robustness.trade_off import TradeOff
 from planner.robustness.trade_off_points import TradeOffPoint
 from planner.support.arrays import Array
 from planner.support.tables import number
+from planner.verification.summary import effort_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,7 +58,7 @@ def plot_sensitivity(
     values = found.contribution_deg(spread)[:, kept]
     figure, ax, ours = _heat(values, [symbol(n) for n in names], labels, axes)
     for row, column in np.argwhere(found.irreducible[np.ix_(found.angles, kept)]):
-        ax.plot(column - 0.38, row - 0.34, "o", color="#D55E00", markersize=4)
+        ax.plot(column - 0.38, row - 0.34, "o", color=COLOURS[1], markersize=4)
     _box_passive(ax, found, kept)
     total, floor = found.total_deg(spread), found.floor_deg(spread)
     text = (
@@ -319,8 +319,8 @@ def _responses(ax: Any, curve: TradeOff) -> None:
 def _machines(ax: Any, curve: TradeOff) -> None:
     cost, at = curve.cost, curve.knee_index
     rows = (
-        (COLOURS[3], "machine, plan as it is", "machine"),
-        (COLOURS[2], "machine, compensated", "compensated"),
+        (colour_of("collocation"), "machine, plan as it is", "machine"),
+        (colour_of("compensated"), "machine, compensated", "compensated"),
         (COLOURS[0], "design errors alone", "errors_alone"),
     )
     for colour, label, which in rows:

@@ -25,18 +25,35 @@ from planner.systems.triangular_system import Coordinate
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-COLOURS = (
-    "#0072B2",
-    "#D55E00",
-    "#009E73",
-    "#CC79A7",
-    "#E69F00",
-    "#56B4E9",
-    "#000000",
-    "#882255",
-    "#999933",
+PALETTE = (
+    ("#0072B2", "#0072b2", "#5aaae6"),
+    ("#D55E00", "#d55e00", "#f08a4b"),
+    ("#009E73", "#009e73", "#35c79c"),
+    ("#CC79A7", "#b85a93", "#e2a0c4"),
+    ("#E69F00", "#b87a00", "#f0b64a"),
+    ("#56B4E9", "#3a9ad9", "#93d1f7"),
+    ("#000000", "#1b1e22", "#e5e6e3"),
+    ("#882255", "#882255", "#d97fab"),
+    ("#999933", "#7d7d1f", "#c6c65a"),
 )
-"""Distinct in every common kind of colour vision (M. Okabe, K. Ito, 2008; P. Tol, 2021)."""
+"""Each colour in pictures, and as text of a browser on a light and on a dark ground.
+
+Distinct in every common kind of colour vision (M. Okabe, K. Ito, 2008; P. Tol, 2021)."""
+
+COLOURS = tuple(picture for picture, _, _ in PALETTE)
+
+METHODS = {
+    "polynomial": 0,
+    "sinusoid": 2,
+    "collocation": 3,
+    "compensated": 4,
+    "convex": 5,
+    "piecewise": 6,
+    "desensitised": 7,
+    "sinusoid_steps": 8,
+}
+"""The colour that a method has wherever its plans are drawn. A second plan of a method in the same
+picture, and what is none of these, takes one that no method there has."""
 
 DOMAIN = "#DCEBF5"
 OUTSIDE = "#F3D9D0"
@@ -120,10 +137,32 @@ def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
 
 
 def colours(labels: Sequence[str]) -> dict[str, str]:
-    """One colour per plan, by its place in the list; with feedback it keeps its colour."""
+    """The colour of each plan, by its label; with feedback it keeps its colour."""
+    return {label: COLOURS[k] for label, k in colour_numbers(labels).items()}
+
+
+def colour_numbers(labels: Sequence[str]) -> dict[str, int]:
+    """The place in `PALETTE` of each plan's colour: its method's, as far as its label names one."""
     plans = list(dict.fromkeys(label.removesuffix(FEEDBACK) for label in labels))
-    place = {label: plans.index(label.removesuffix(FEEDBACK)) for label in labels}
-    return {label: COLOURS[k % len(COLOURS)] for label, k in place.items()}
+    usual = {plan: METHODS.get(_method(plan)) for plan in plans}
+    spare = [k for k in range(len(PALETTE)) if k not in usual.values()]
+    number: dict[str, int] = {}
+    for k, (plan, one) in enumerate(usual.items()):
+        if one is None or one in number.values():
+            one = spare.pop(0) if spare else k % len(PALETTE)
+        number[plan] = one
+    return {label: number[label.removesuffix(FEEDBACK)] for label in labels}
+
+
+def colour_of(method: str) -> str:
+    """The colour of a method's plans in pictures."""
+    return COLOURS[METHODS[method]]
+
+
+def _method(label: str) -> str:
+    """The method that a label begins with, perhaps after a number; "compensated" where it is."""
+    name = re.sub(r"^\d+: ", "", label).partition(":")[0]
+    return "compensated" if name.endswith(" compensated") else name
 
 
 def times(plan: Plan, count: int = 1500) -> Array:
@@ -197,6 +236,19 @@ def symbol(name: str) -> str:
     return f"${letter if len(letter) == 1 else chr(92) + letter}_{{{number}}}$"
 
 
+_LETTERS = {"theta": "θ", "phi": "φ", "alpha": "α", "beta": "β"}
+_DIGITS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+
+
+def as_words(name: str) -> str:
+    """theta1 becomes θ₁, u2 u₂; other names lose their underscores."""
+    found = re.fullmatch(r"(theta|phi|alpha|beta|[a-z])(\d+)", name)
+    if not found:
+        return name.replace("_", " ")
+    letter, digits = found.groups()
+    return _LETTERS.get(letter, letter) + digits.translate(_DIGITS)
+
+
 def as_text(text: str) -> str:
     """Foreign text as Matplotlib draws it letter by letter; between two $ it reads mathematics."""
     return clean_text(text).replace("$", r"\$")
@@ -204,8 +256,12 @@ def as_text(text: str) -> str:
 
 def axis_label(coordinate: Coordinate) -> str:
     """Name and unit; angles are drawn in degrees."""
-    unit = "deg" if coordinate.unit == "rad" else coordinate.unit
-    return f"{symbol(coordinate.name)} ({as_text(unit)})"
+    return f"{symbol(coordinate.name)} ({as_text(unit_of(coordinate))})"
+
+
+def unit_of(coordinate: Coordinate) -> str:
+    """The unit a coordinate is shown in."""
+    return "deg" if coordinate.unit == "rad" else coordinate.unit
 
 
 def shown(values: Array, unit: str) -> Array:

@@ -2,7 +2,7 @@
 
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
-  const kinds = { time: TimeChart, share: ShareChart, points: PointsChart };
+  const kinds = { time: TimeChart, share: ShareChart, points: PointsChart, plane: PlaneChart };
   const all = [];
   const live = document.getElementById("live");
   const page = {
@@ -34,15 +34,14 @@
   });
   legend.hidden = data.plans.length < 2 && !data.plans.some((plan) => plan.refused);
 
-  for (const { id, caption, panels } of data.figures) {
+  for (const { id, panels } of data.figures) {
     const figure = document.getElementById(`fig-${id}`);
     figure.hidden = false;
-    if (caption) figure.querySelector("figcaption").append(caption);
     const host = figure.querySelector(".panels");
     if (panels.length === 1) host.classList.add("one");
     for (const panel of panels) {
       const place = make("div", { class: "panel" }, host);
-      if (id === "z" && panel.band && data.plans.length > 1)
+      if (panel.band && data.plans.length > 1)
         panel.title += ` of ${data.plans[panel.series[0].plan].label}`;
       all.push(new kinds[panel.kind](place, panel, page));
     }

@@ -15,17 +15,18 @@ import numpy as np
 from planner.comparison.comparison import Comparison
 from planner.comparison.rows import CLOSED, Row
 from planner.errors import InputError
-from planner.report.charts.panels import CHARTS, STYLE, script, source
+from planner.report.charts.scripts import script, source, stylesheet
 from planner.report.figures.mechanism import mechanism_svg
+from planner.report.figures.style import as_words
 from planner.report.page.series import page_data
 from planner.report.page.words import (
     answers,
     asked_for,
     places,
     question,
-    subscripted,
     verdict_html,
 )
+from planner.report.panels import FIGURES
 from planner.report.saved import load_comparison, load_replays
 from planner.support.files import expect_path, read_json, write_text
 from planner.support.tables import Column, Markup, R, html_table, number
@@ -72,7 +73,7 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], made: Mappin
     data = json.dumps(page_data(comparison, replays), separators=(",", ":"), ensure_ascii=False)
     return Template(source(ROOM, "page.html")).substitute(
         title=html.escape(comparison.problem.name),
-        style=source(CHARTS, STYLE) + source(ROOM, "page.css"),
+        style=stylesheet(ROOM, "page.css"),
         question=question(comparison.problem),
         verdict=verdict_html(comparison),
         answers=_answers(comparison),
@@ -82,6 +83,7 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], made: Mappin
         differences=_differences(made.get("differences") or []),
         worst=_worst(made.get("rows") or []),
         mechanism=_mechanism(comparison),
+        figures=_figures(),
         samples=str(comparison.samples),
         closed=CLOSED if any(row.feedback for row in comparison.rows) else "",
         command=html.escape(made.get("command") or "made from Python"),
@@ -133,6 +135,15 @@ def _definitions(pairs: Sequence[tuple[str, str]]) -> str:
     )
 
 
+def _figures() -> str:
+    """A place for each figure of plans, with its words; the page shows those that are filled."""
+    return "\n".join(
+        f'<figure id="fig-{one.id}" hidden>\n<figcaption><b>{html.escape(one.title)}.</b>'
+        f' {html.escape(one.caption)}</figcaption>\n<div class="panels"></div>\n</figure>'
+        for one in FIGURES.values()
+    )
+
+
 def _table(comparison: Comparison) -> str:
     place, tries = places(comparison), comparison.advice
     name = Column[Row]("plan", "", lambda row: _name(place[row.label], row, tries.get(row.label)))
@@ -153,7 +164,7 @@ def _typeset(column: Column[R], title: str) -> Column[R]:
 
 def _symbols(title: str) -> str:
     """|u1| becomes |u₁|; a percent sign stays with its number."""
-    text = "|".join(subscripted(part) for part in title.split("|"))
+    text = "|".join(as_words(part) for part in title.split("|"))
     return text.replace(" %", "\N{NO-BREAK SPACE}%")
 
 

@@ -2,31 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from planner.comparison.comparison import Comparison
-from planner.comparison.rows import effort_unit
-from planner.plan.measures import worst_margin
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
-from planner.report.charts.panels import (
-    Panel,
-    band,
-    curve,
-    near,
-    over_time,
-    to_screen_digits,
-    unit_of,
-)
 from planner.report.figures.arm import body, drawable, tips_to_pass
 from planner.report.figures.on_the_machine import far_apart, spread
-from planner.report.figures.over_time import has_band, view
-from planner.report.figures.style import Curve, curves, shown, times
-from planner.report.page.words import places, subscripted
+from planner.report.figures.style import Curve, as_words, curves, shown, times, unit_of
+from planner.report.page.words import places
+from planner.report.panels import FIGURES, Panel, PlanCurves, screen_data, to_screen_digits
 from planner.support.arrays import Array, jsonable
+from planner.verification.summary import effort_unit
 
 POINTS = 500
 """About how many times a curve is drawn at."""
@@ -51,12 +41,7 @@ def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, A
         {**_plan(c, replays.get(c.label)), "colour": place[c.label], "closed": c.label in closed}
         for c in drawn
     ]
-    sampled = [(k, c.plan, _times(c.plan)) for k, c in enumerate(drawn) if c.label not in closed]
-    real = [s for s in sampled if s[1].executable]
-    figures = [
-        _z(sampled),
-        *([_joints(real, replays, drawn), _inputs(real, drawn)] if real else []),
-    ]
+    figures = list(_figures(drawn, closed, replays))
     figures += _spreads(comparison, drawn, replays)
     problem = comparison.problem
     length = "link lengths" if hasattr(problem.system, "arm_points") else "m"
@@ -65,9 +50,6 @@ def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, A
         "tips": tips_to_pass(problem) if drawable(problem.system) else [],
     }
     return dict(jsonable({"plans": plans, "figures": figures, "length": length, "space": space}))
-
-
-Sampled = tuple[int, Plan, Array]
 
 
 def _plan(drawn: Curve, kept: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -97,99 +79,44 @@ def _motion(problem: Problem, t: Array, q: Array) -> dict[str, Any]:
         "t": to_screen_digits(t),
         "points": np.round(body(problem, q), 4),
         "values": np.round(values, 3),
-        "names": [subscripted(c.name) for c in tail],
+        "names": [as_words(c.name) for c in tail],
         "units": [unit_of(c) for c in tail],
     }
 
 
-# -- figures over time --------------------------------------------------------------------------
+# -- figures of plans ---------------------------------------------------------------------------
 
 
-def _z(sampled: Sequence[Sampled]) -> dict[str, Any]:
-    system = sampled[0][1].problem.system
-    panels = []
-    if has_band(system):
-        panels += [
-            over_time("z₂", "", [curve(k, plan.z(t)[:, 1])], **band(plan, t))
-            for k, plan, t in sampled
-        ]
-    else:
-        panels.append(_each("z₂", "", [(k, plan.z(t)[:, 1]) for k, plan, t in sampled]))
-    if not has_band(system) or system.size > 4:
-        margins = [(k, worst_margin(plan.trajectory.margins(t))) for k, plan, t in sampled]
-        panels.append({**_each("least margin of the domain", "", margins), "floor": 0.0})
-    for i in range(2, system.size):
-        values = [(k, plan.z(t)[:, i]) for k, plan, t in sampled]
-        panels.append(_each(subscripted(f"z{i + 1}"), "", values))
-    caption = _BAND if has_band(system) else _MARGIN
-    return {"id": "z", "caption": caption, "panels": panels}
-
-
-_BAND = (
-    "Shaded: where a real θ₁ exists, given the later angles. A curve outside has no arm that"
-    " follows it."
-)
-_MARGIN = "Where the least margin is below zero the path has left the domain of the chart."
-
-
-def _joints(
-    real: Sequence[Sampled], replays: Mapping[str, Any], drawn: Sequence[Curve]
-) -> dict[str, Any]:
-    problem = real[0][1].problem
-    panels = []
-    for i, coordinate in enumerate(problem.system.coordinates):
-        if i == 0:
+def _figures(
+    drawn: Sequence[Curve], closed: Collection[str], replays: Mapping[str, Any]
+) -> Iterator[dict[str, Any]]:
+    """Every figure of `FIGURES`; those with feedback follow the plans that are drawn already."""
+    system = drawn[0].plan.problem.system
+    every = [
+        PlanCurves(k, one.plan, _times(one.plan))
+        for k, one in enumerate(drawn)
+        if one.label not in closed
+    ]
+    for figure in FIGURES.values():
+        fit = [one for one in every if one.plan.executable or not figure.executable]
+        if not fit or not figure.fits(system):
             continue
-        unit = coordinate.unit
-        values = [(k, shown(plan.q(t)[:, i], unit)) for k, plan, t in real]
-        panel = _each(subscripted(coordinate.name), unit_of(coordinate), values)
-        limit = float(shown(problem.limits.joint[i : i + 1], unit)[0])
-        ends = shown(np.array([problem.start[i], problem.goal[i]]), unit)
-        machine = [
-            curve(k, shown(_kept(replays, one)[:, i], unit), machine=True)
-            for k, one in enumerate(drawn)
-            if one.label in replays
-        ]
-        panel["series"] += machine
-        on_the_way = [
-            [w.time_s, float(shown(w.q[i : i + 1], unit)[0])]
-            for w in problem.waypoints
-            if w.time_s is not None and np.isfinite(w.q[i])
-        ]
-        lines = near(np.concatenate([v for _, v in values]), limit)
-        panels.append({**panel, "limits": lines, "ends": list(ends), "stops": on_the_way})
-    return {"id": "joints", "panels": panels}
+        panels = figure.panels(fit)
+        if figure.id == "joints":
+            for i, panel in enumerate(panels, start=1):
+                panel["series"] += _on_the_machine(drawn, replays, i)
+        yield {"id": figure.id, "panels": [screen_data(panel) for panel in panels]}
 
 
-def _kept(replays: Mapping[str, Any], drawn: Curve) -> Array:
-    return np.asarray(replays[drawn.label]["median"]["q"], dtype=float)
-
-
-def _inputs(real: Sequence[Sampled], drawn: Sequence[Curve]) -> dict[str, Any]:
-    problem = real[0][1].problem
-    panels = []
-    for i, coordinate in enumerate(problem.system.inputs):
-        limit = float(problem.limits.input[i])
-        values = [(drawn[k], t, plan.u(t)[:, i]) for k, plan, t in real]
-        low, high = view(values, limit)
-        panel = _each(
-            subscripted(coordinate.name),
-            coordinate.unit,
-            [(k, u) for (k, _, _), (_, _, u) in zip(real, values, strict=True)],
-        )
-        panel |= {"limits": [-limit, limit] if np.isfinite(limit) else [], "view": [low, high]}
-        panel["notes"] = [
-            {"plan": k, "t": float(t[m]), "value": float(u[m])}
-            for (k, _, _), (_, t, u) in zip(real, values, strict=True)
-            for m in [int(np.argmax(np.abs(u)))]
-            if not low <= u[m] <= high
-        ]
-        panels.append(panel)
-    return {"id": "inputs", "panels": panels}
-
-
-def _each(title: str, unit: str, values: Sequence[tuple[int, Array]]) -> Panel:
-    return over_time(title, unit, [curve(k, y) for k, y in values])
+def _on_the_machine(
+    drawn: Sequence[Curve], replays: Mapping[str, Any], i: int
+) -> Iterator[dict[str, Any]]:
+    """Coordinate i of the machine of median error, a series a plan that was replayed."""
+    for k, one in enumerate(drawn):
+        if one.label in replays:
+            q = np.asarray(replays[one.label]["median"]["q"], dtype=float)
+            unit = one.plan.problem.system.coordinates[i].unit
+            yield {"plan": k, "y": shown(q[:, i], unit), "machine": True}
 
 
 # -- figures over machines ----------------------------------------------------------------------

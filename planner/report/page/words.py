@@ -3,40 +3,23 @@
 from __future__ import annotations
 
 import html
-import re
 from collections.abc import Sequence
 
 import numpy as np
 
 from planner.comparison.comparison import Comparison
-from planner.comparison.rows import Row, effort_unit
+from planner.comparison.rows import Row
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Part
-from planner.report.figures.style import shown
+from planner.report.figures.style import as_words, colour_numbers, shown
 from planner.support.tables import number
 from planner.systems.triangular_system import Coordinate
-
-COLOURS = 9
-"""Colours that the page has for plans."""
-
-_LETTERS = {"theta": "θ", "phi": "φ", "alpha": "α", "beta": "β"}
-_DIGITS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
-
-
-def subscripted(name: str) -> str:
-    """theta1 becomes θ₁, u2 u₂; other names lose their underscores."""
-    found = re.fullmatch(r"(theta|phi|alpha|beta|[a-z])(\d+)", name)
-    if not found:
-        return name.replace("_", " ")
-    letter, digits = found.groups()
-    return _LETTERS.get(letter, letter) + digits.translate(_DIGITS)
+from planner.verification.summary import effort_unit
 
 
 def places(comparison: Comparison) -> dict[str, int]:
     """Number of each row's colour; a row with feedback has that of the plan it follows."""
-    open_loop = [row.label for row in comparison.rows if not row.feedback]
-    known = {label: k % COLOURS for k, label in enumerate(open_loop)}
-    return {row.label: known.get(row.spec, 0) for row in comparison.rows}
+    return colour_numbers([row.label for row in comparison.rows])
 
 
 def question(problem: Problem) -> str:
@@ -81,11 +64,11 @@ def asked_for(comparison: Comparison) -> list[tuple[str, str]]:
     travel = "free" if problem.travel is None else f"{problem.travel:g} {first.unit}"
     out = [
         ("System", _constants(problem)),
-        ("Travel", f"{subscripted(first.name)}: {travel}"),
+        ("Travel", f"{as_words(first.name)}: {travel}"),
         ("Duration", "free" if problem.duration is None else f"{problem.duration:g} s"),
     ]
     for c, most, rate in zip(system.inputs, limits.input, limits.input_rate, strict=True):
-        name = subscripted(c.name)
+        name = as_words(c.name)
         if np.isfinite(most):
             out.append((f"Limit of {name}", f"|{name}| ≤ {most:g} {c.unit}"))
         if np.isfinite(rate):
@@ -113,7 +96,7 @@ def _joint_limits(problem: Problem) -> list[tuple[str, str]]:
         most, c = float(problem.limits.joint[i]), problem.system.coordinates[i]
         if np.isfinite(most):
             value = _amount(c, most, "g")
-            by_value.setdefault(value, []).append(f"|{subscripted(c.name)}|")
+            by_value.setdefault(value, []).append(f"|{as_words(c.name)}|")
     return [("Limits of angles", f"{', '.join(who)} ≤ {most}") for most, who in by_value.items()]
 
 
@@ -176,7 +159,7 @@ def _places(problem: Problem, q: np.ndarray) -> str:
                 continue
             value = problem.start[0] + problem.travel
         amount = _amount(c, float(value), ".4g")
-        parts.append(f"{html.escape(subscripted(c.name))} = {html.escape(amount)}")
+        parts.append(f"{html.escape(as_words(c.name))} = {html.escape(amount)}")
     return ", ".join(parts)
 
 

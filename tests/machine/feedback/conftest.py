@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 import planner
+from planner import Machine, Plan
 from planner.machine.feedback.tracker import TrackerDesign, design
-from planner.machine.machine import Machine
-from planner.plan.plan import Plan
 from planner.problem.tables.problem_file import FeedbackTable
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import osqp
@@ -10,26 +11,37 @@ import pytest
 import scipy.sparse as sp
 
 import planner
+from planner import Machine, Plan
 from planner.machine.feedback.means import input_scale
 from planner.machine.feedback.programme import TrackingProgramme, _changes
 from planner.machine.feedback.reference import Reference, regulator
 from planner.machine.feedback.tracker import TrackerDesign, _weights, design
-from planner.machine.machine import Machine
-from planner.plan.plan import Plan
 from planner.problem.tables.problem_file import FeedbackTable
-from planner.support.arrays import Array
+
+OPTIONS = FeedbackTable(run_up=False)
+
+
+def weights(plan: Plan, ref: Reference, machine: Machine) -> Any:
+    return _weights(plan, ref, input_scale(plan, machine), OPTIONS)
+
+
+def programme(
+    plan: Plan, ref: Reference, machine: Machine, horizon: int = 10, iterations: int = 0
+) -> TrackingProgramme:
+    law = regulator(ref, weights(plan, ref, machine))
+    return TrackingProgramme(ref, law, horizon, iterations or OPTIONS.max_iterations)
 
 
 def written_out(
-    task: TrackerDesign, plan: Plan, machine: Machine, k: int, state: Array, horizon: int
-) -> Array:
+    task: TrackerDesign, plan: Plan, machine: Machine, k: int, state: np.ndarray, horizon: int
+) -> np.ndarray:
     """Corrections of every period to the end, (K−k, 2), from the cost as it is defined.
 
     Nothing is eliminated: unknowns are all deviations and all corrections, limits hold for the
     first `horizon` periods.
     """
     ref = task.ref
-    w = _weights(plan, ref, input_scale(plan, machine), FeedbackTable(run_up=False))
+    w = weights(plan, ref, machine)
     size, count = ref.q.shape[1], len(ref.feed) - k
     wide = size + 2
     P, lower, upper = np.zeros((wide * count, wide * count)), [], []
@@ -62,23 +74,16 @@ def written_out(
     bounds = np.kron(np.eye(count), np.hstack([np.zeros((2, size)), np.eye(2)]))
     scale = 1 / np.sqrt(np.maximum(np.diag(P), 1.0))
     solver = osqp.OSQP()
-    solver.setup(
-        sp.csc_matrix(np.triu(P * np.outer(scale, scale))),
-        q * scale,
-        sp.csc_matrix(np.vstack([A, bounds]) * scale),
-        np.concatenate([b, *lower]),
-        np.concatenate([b, *upper]),
-        verbose=False,
-        eps_abs=1e-9,
-        eps_rel=1e-9,
-        max_iter=200000,
-        polishing=True,
-    )
+    matrices = (sp.csc_matrix(np.triu(P * np.outer(scale, scale))), q * scale)
+    rows = sp.csc_matrix(np.vstack([A, bounds]) * scale)
+    limits = (np.concatenate([b, *lower]), np.concatenate([b, *upper]))
+    exact = {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 200_000, "polishing": True}
+    solver.setup(*matrices, rows, *limits, verbose=False, **exact)
     found = solver.solve(raise_error=True)
     return np.asarray((found.x * scale).reshape(count, wide)[:, size:])
 
 
-def error(task: TrackerDesign, theta_deg: list[float], rate: float = 0.0) -> Array:
+def error(task: TrackerDesign, theta_deg: list[float], rate: float = 0.0) -> np.ndarray:
     """A state ξ, (n, 1), with these deviations."""
     size = task.ref.q.shape[1]
     state = np.zeros((size + 2 + task.ref.E.shape[-1], 1))
@@ -107,10 +112,7 @@ def test_with_active_limits_it_is_the_whole_programme(
     smooth: Plan, machine: Machine, plain: TrackerDesign, k: int
 ) -> None:
     state = error(plain, [9.0, -12.0, -12.0])
-    law = regulator(
-        plain.ref,
-        _weights(smooth, plain.ref, input_scale(smooth, machine), FeedbackTable(run_up=False)),
-    )
+    law = regulator(plain.ref, weights(smooth, plain.ref, machine))
     unlimited = -law.gain[k] @ state[:, 0]
     assert np.any((unlimited < plain.ref.low[k]) | (unlimited > plain.ref.high[k]))
     before = plain.programme.solve_count
@@ -121,23 +123,7 @@ def test_with_active_limits_it_is_the_whole_programme(
     assert answer.corrections[:H, :, 0] == pytest.approx(full[:H], abs=2e-4)
 
 
-def limited_to(ref: Reference, most: float) -> Reference:
-    """The reference with θ₁ kept below its course + most, rad."""
-    ceiling = ref.ceiling.copy()
-    ceiling[:, 0] = most
-    return replace(ref, ceiling=ceiling)
-
-
-def task_with(
-    plain: TrackerDesign, smooth: Plan, machine: Machine, most: float
-) -> TrackingProgramme:
-    ref = limited_to(plain.ref, most)
-    options = FeedbackTable(run_up=False)
-    law = regulator(ref, _weights(smooth, ref, input_scale(smooth, machine), options))
-    return TrackingProgramme(ref, law, 10, options.max_iterations)
-
-
-def after(task: TrackerDesign, k: int, state: Array, corrections: Array) -> Array:
+def after(task: TrackerDesign, k: int, state: np.ndarray, corrections: np.ndarray) -> np.ndarray:
     """Deviations of θ₁ after each period, (H,)."""
     q, out = state[:4, 0], []
     for j, v in enumerate(corrections[:, :, 0]):
@@ -153,11 +139,9 @@ def test_a_joint_limit_bites_and_is_kept(
     state = error(plain, [0.0, -2.0, 2.0])
     free = plain.programme(k, state, plain.programme.empty_decision(1))
     assert after(plain, k, state, free.corrections).min() < -most  # θ₁ swings without the limit
-    ref = replace(plain.ref, floor=np.where(np.arange(plain.ref.floor.shape[1]) == 0, -most, -9.0))
-    ref = replace(ref, floor=np.broadcast_to(ref.floor, plain.ref.floor.shape))
-    options = FeedbackTable(run_up=False)
-    law = regulator(ref, _weights(smooth, ref, input_scale(smooth, machine), options))
-    kept = TrackingProgramme(ref, law, 10, options.max_iterations)
+    floor = np.full_like(plain.ref.floor, -9.0)
+    floor[:, 0] = -most
+    kept = programme(smooth, replace(plain.ref, floor=floor), machine)
     answer = kept(k, state, kept.empty_decision(1))
     assert after(plain, k, state, answer.corrections).min() == pytest.approx(-most, abs=1e-5)
     assert not answer.fallback[0]
@@ -166,7 +150,9 @@ def test_a_joint_limit_bites_and_is_kept(
 def test_a_state_limit_that_cannot_be_kept_is_widened_and_counted(
     smooth: Plan, machine: Machine, plain: TrackerDesign
 ) -> None:
-    tight = task_with(plain, smooth, machine, most=-1.0)  # θ₁ one radian below its course, at once
+    ceiling = plain.ref.ceiling.copy()
+    ceiling[:, 0] = -1.0  # θ₁ one radian below its course, at once
+    tight = programme(smooth, replace(plain.ref, ceiling=ceiling), machine)
     state = error(plain, [0.0, 0.0, 0.0])
     answer = tight(30, state, tight.empty_decision(1))
     assert answer.fallback.tolist() == [True]
@@ -178,9 +164,7 @@ def test_a_state_limit_that_cannot_be_kept_is_widened_and_counted(
 def test_when_the_solver_is_late_the_last_decision_goes_on(
     smooth: Plan, machine: Machine, plain: TrackerDesign
 ) -> None:
-    options = FeedbackTable(run_up=False)
-    law = regulator(plain.ref, _weights(smooth, plain.ref, input_scale(smooth, machine), options))
-    hasty = TrackingProgramme(plain.ref, law, plain.programme.horizon, iterations=10)
+    hasty = programme(smooth, plain.ref, machine, plain.programme.horizon, iterations=10)
     state = error(plain, [9.0, -12.0, -12.0])
     last = plain.programme(49, error(plain, [0.1, 0.1, 0.1]), plain.programme.empty_decision(1))
     answer = hasty(50, state, last)
@@ -192,7 +176,7 @@ def test_when_the_solver_is_late_the_last_decision_goes_on(
 def test_rates_of_the_inputs_are_limited(unlimited: planner.Problem, machine: Machine) -> None:
     limits = {"input_rad_s": [1.0, 1.0], "input_rate_rad_s2": [0.5, 0.5]}
     plan = planner.solve(unlimited.changed({"limits": limits}), "collocation", intervals=20)
-    task = design(plan, machine, FeedbackTable(run_up=False))
+    task = design(plan, machine, OPTIONS)
     assert task.ramp
     k, state = 30, error(task, [3.0, -4.0, -4.0])
     answer = task.programme(k, state, task.programme.empty_decision(1))

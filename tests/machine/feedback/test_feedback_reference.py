@@ -9,25 +9,22 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import planner
+from planner import Machine, Manipulator, Plan
 from planner.machine.feedback.estimate import Estimate, Forecast, History, Pose
 from planner.machine.feedback.means import lost_motion
 from planner.machine.feedback.reference import _direction
 from planner.machine.feedback.run_up import hindrance, run_up
 from planner.machine.feedback.tracker import TrackerDesign, design
-from planner.machine.machine import Machine
-from planner.plan.plan import Plan
 from planner.problem.tables.problem_file import FeedbackTable
-from planner.support.arrays import Array
-from planner.systems.manipulator import Manipulator
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
 
 
-def moved(plan: Plan, task: TrackerDesign, k: int, dq: Array, v: Array) -> Array:
+def moved(plan: Plan, task: TrackerDesign, k: int, dq: np.ndarray, v: np.ndarray) -> np.ndarray:
     """True deviation one period later, from deviation dq under the correction v."""
     s, system = task.ref.s, plan.problem.system
 
-    def rates(t: float, q: Array) -> Array:
+    def rates(t: float, q: np.ndarray) -> np.ndarray:
         return system.rates(q, plan.u(t) + v)
 
     start = plan.q(s[k]) + dq
@@ -39,19 +36,10 @@ def moved(plan: Plan, task: TrackerDesign, k: int, dq: Array, v: Array) -> Array
 def test_the_linear_model_is_the_derivative_of_the_motion(
     smooth: Plan, plain: TrackerDesign, k: int
 ) -> None:
-    ref, h = plain.ref, 1e-5
-    for i in range(4):
-        step = h * np.eye(4)[i]
-        slope = (
-            moved(smooth, plain, k, step, np.zeros(2)) - moved(smooth, plain, k, -step, np.zeros(2))
-        ) / (2 * h)
-        assert ref.A[k][:, i] == pytest.approx(slope, abs=2e-5)
-    for i in range(2):
-        step = h * np.eye(2)[i]
-        slope = (
-            moved(smooth, plain, k, np.zeros(4), step) - moved(smooth, plain, k, np.zeros(4), -step)
-        ) / (2 * h)
-        assert ref.B[k][:, i] == pytest.approx(slope, abs=2e-5)
+    for i, step in enumerate(1e-5 * np.eye(6)):
+        sides = [moved(smooth, plain, k, *np.split(s * step, [4])) for s in (1, -1)]
+        found = np.hstack([plain.ref.A[k], plain.ref.B[k]])[:, i]
+        assert found == pytest.approx((sides[0] - sides[1]) / 2e-5, abs=2e-5)
 
 
 def test_commands_come_early_by_the_known_delay(smooth: Plan) -> None:
@@ -104,7 +92,7 @@ def estimate(resolution_deg: float, lost_deg: float = 0.0) -> Estimate:
     return Estimate(np.zeros((4, 1)), resolution, np.full((3, 1), np.deg2rad(lost_deg)))
 
 
-def forecast_by(found: Estimate, advance: Array) -> None:
+def forecast_by(found: Estimate, advance: np.ndarray) -> None:
     """The axes turn by `advance` (3, 1), and joints follow as the estimate has it."""
     axis = found.pose.axis + (1 + found.rate_error) * advance
     q = found.pose.q.copy()

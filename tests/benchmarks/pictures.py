@@ -1,6 +1,6 @@
 """Pictures of the report's page: light, dark, and on a phone.
 
-python tests/browser/pictures.py            # writes results/report/*.png; needs Chromium
+python tests/benchmarks/pictures.py         # writes results/report/*.png; needs Chromium
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from conftest import FLAGS, find_browser
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
@@ -19,6 +18,10 @@ import planner
 from planner.support.files import folder, write_bytes, write_text
 
 ROOT = Path(__file__).parents[2]
+sys.path.append(str(ROOT / "tests" / "browser"))
+
+from conftest import FLAGS, find_browser  # noqa: E402
+
 METHODS = ["polynomial:travel=middle", "polynomial", "collocation"]
 VIEWS: dict[str, tuple[int, str, float]] = {
     "light": (1100, "light", 4.0),

@@ -1,0 +1,415 @@
+"""Every figure of plans as panels of plain data: pictures, the page and the explorer draw them.
+
+`FIGURES` lists them. A panel is a dictionary with `id`, `kind`, `title`, `unit` and `series`. Its
+title and the names of series are names of coordinates as the problem has them, or words; whoever
+draws sets them. A series belongs to a `plan` (its number); a `name` and a `colour` are there where
+they are not the plan's.
+
+Of kind "time" a series has values `y` at the plan's times or at its own `t`, and a panel may have
+
+- `band`: `low` and `high` at the times of the first series, with a `name` or without,
+- `limits`: values that lines are drawn at; `floor`: what lies below is shaded; `zero`: in view,
+- `ends`: values at start and end; `stops` and `marks`: points [t, value] on the way, of waypoints
+  and where the domain is left,
+- `view`: least and greatest value shown; `notes`: peaks beyond it,
+- `note`: a few words beside the title.
+
+Of kind "plane" a series has a path `x`, `y` at the plan's times, and a panel `across`, the `names`
+of both axes, and perhaps `ends`; `view`, of both axes; `region`: a box, outside of which is shaded;
+`limits`: [axis, value]; `poses`, `discs` and `tips`; and a `key`: kinds of lines, and words.
+
+Panels of one `id` can be drawn as one, see `merge`. Angles are in degrees, times in seconds from
+the plan's beginning, numbers that do not exist are not a number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from planner.plan.measures import worst_margin
+from planner.plan.plan import Plan
+from planner.problem.problem import Problem
+from planner.report.figures.style import as_words, shown, unit_of
+from planner.support.arrays import Array, jsonable
+from planner.systems.chained_form import chained_form
+from planner.systems.manipulator import Manipulator
+from planner.systems.triangular_system import TriangularSystem
+
+Panel = dict[str, Any]
+
+NEAR = 0.75
+"""Part of a limit from which on it is drawn."""
+
+OVERSHOOT = 1.6
+"""The view reaches this many times the limit; what goes beyond is named with its peak."""
+
+FAR = 5.0
+"""Without a limit peaks are cut off only where they reach so many times what is usual."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlanCurves:
+    """A plan and the times it is drawn at.
+
+    Attributes:
+        number: Its place among the plans that are drawn.
+        plan: The plan.
+        t: Times (m,), seconds.
+    """
+
+    number: int
+    plan: Plan
+    t: Array
+
+    @cached_property
+    def q(self) -> Array:
+        """Coordinates, shape (m, N)."""
+        return self.plan.q(self.t)
+
+    @cached_property
+    def z(self) -> Array:
+        """Chained coordinates, shape (m, N)."""
+        return self.plan.z(self.t)
+
+    @cached_property
+    def u(self) -> Array:
+        """Inputs, shape (m, 2)."""
+        return self.plan.u(self.t)
+
+    def curve(self, values: Array, **more: Any) -> Panel:
+        """A series of a panel over time."""
+        return {"plan": self.number, "y": values, **more}
+
+
+Drawn = Sequence[PlanCurves]
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of plans: panels, and its words.
+
+    Attributes:
+        id: Its name: of files, and on the page.
+        panels: Its panels for plans of one problem.
+        title: What it shows.
+        caption: How it is read, on the page.
+        executable: Whether it shows only plans that can be executed.
+        columns: Whether a picture has a column a plan.
+        fits: Which systems have it.
+    """
+
+    id: str
+    panels: Callable[[Drawn], list[Panel]]
+    title: str
+    caption: str
+    executable: bool = True
+    columns: bool = False
+    fits: Callable[[TriangularSystem], bool] = lambda system: True
+
+
+# -- chained coordinates ------------------------------------------------------------------------
+
+
+def chained_panels(drawn: Drawn) -> list[Panel]:
+    """z₂ with its domain (one panel a plan), the least margin where it says more, z₃ … z_N."""
+    system = drawn[0].plan.problem.system
+    panels = []
+    if has_band(system):
+        panels += [
+            over_time("z2", "z2", "", [one.curve(one.z[:, 1])], **_domain(one)) for one in drawn
+        ]
+    else:
+        panels.append(over_time("z2", "z2", "", [one.curve(one.z[:, 1]) for one in drawn]))
+    if not has_band(system) or system.size > 4:
+        margins = [one.curve(worst_margin(one.plan.trajectory.margins(one.t))) for one in drawn]
+        title = "least margin of the domain"
+        panels.append(over_time("margin", title, "", margins, floor=0.0))
+    return panels + [
+        over_time("z", f"z{i + 1}", "", [one.curve(one.z[:, i]) for one in drawn])
+        for i in range(2, system.size)
+    ]
+
+
+def has_band(system: TriangularSystem) -> bool:
+    """Whether `z2_band` is defined for a system."""
+    return isinstance(system, Manipulator)
+
+
+def z2_band(plan: Plan, t: Array) -> Array:
+    """The values of z₂ for which a real θ₁ exists, given the later angles of a manipulator.
+
+    z₂ is affine in cos²θ₁ (n = 2: monotone in cosθ₁), so the band runs between θ₁ = 0 and θ₁ = 90°.
+
+    Args:
+        plan: A plan for a `Manipulator`.
+        t: Times (m,), seconds.
+
+    Returns:
+        Lower and upper edge, shape (2, m); NaN where even the later angles are not real.
+    """
+    form = chained_form(plan.problem.system)
+    q = plan.q(t)
+    edges = []
+    for theta1 in (0.0, np.pi / 2):
+        q[:, 1] = theta1
+        edges.append(form.z(q)[:, 1])
+    return np.sort(np.array(edges), axis=0)
+
+
+def _domain(one: PlanCurves) -> Mapping[str, Any]:
+    """Where a real θ₁ exists, and where the path leaves or enters that."""
+    plan = one.plan
+    low, high = z2_band(plan, one.t)
+    out = np.array([] if plan.executable else plan.domain.exits_s)
+    marks = np.stack([out, plan.z(out)[:, 1]], axis=1).tolist()
+    return {"band": {"low": low, "high": high}, "marks": marks}
+
+
+# -- coordinates and inputs ---------------------------------------------------------------------
+
+
+def joint_panels(drawn: Drawn) -> list[Panel]:
+    """Each coordinate after the first, with start, goal, waypoints, and limits that are near."""
+    problem = drawn[0].plan.problem
+    panels = []
+    for i, coordinate in enumerate(problem.system.coordinates[1:], start=1):
+        unit = coordinate.unit
+        series = [one.curve(shown(one.q[:, i], unit)) for one in drawn]
+        (limit,) = shown(problem.limits.joint[i : i + 1], unit).tolist()
+        stops = [
+            [point.time_s, float(shown(point.q[i : i + 1], unit)[0])]
+            for point in problem.waypoints
+            if point.time_s is not None and np.isfinite(point.q[i])
+        ]
+        panel = over_time("joints", coordinate.name, unit_of(coordinate), series)
+        panel["limits"] = near(np.concatenate([s["y"] for s in series]), limit)
+        panel["ends"] = shown(np.array([problem.start[i], problem.goal[i]]), unit).tolist()
+        panels.append({**panel, "stops": stops})
+    return panels
+
+
+def input_panels(drawn: Drawn) -> list[Panel]:
+    """u₁ and u₂ under their limits; peaks far beyond are cut off and noted."""
+    problem = drawn[0].plan.problem
+    panels = []
+    for i, coordinate in enumerate(problem.system.inputs):
+        limit = float(problem.limits.input[i])
+        values = [(one, one.t, np.nan_to_num(one.u[:, i])) for one in drawn]
+        low, high = view(values, limit)
+        panel = over_time(
+            "inputs", coordinate.name, coordinate.unit, [one.curve(one.u[:, i]) for one in drawn]
+        )
+        panel |= {"limits": [-limit, limit] if np.isfinite(limit) else [], "view": [low, high]}
+        panel["notes"] = [
+            {"plan": one.number, "t": float(t[k]), "value": float(u[k])}
+            for one, t, u in values
+            for k in [int(np.argmax(np.abs(u)))]
+            if not low <= u[k] <= high
+        ]
+        panels.append(panel)
+    return panels
+
+
+def near(values: Array, limit: float) -> list[float]:
+    """±limit, where values come near it; elsewhere its line would only make the curves small."""
+    reach = [(side, np.nanmax(side * values, initial=-np.inf)) for side in (-1, 1)]
+    return [side * limit for side, most in reach if np.isfinite(limit) and most > NEAR * limit]
+
+
+def view(values: Sequence[tuple[Any, Array, Array]], limit: float) -> tuple[float, float]:
+    """Lowest and highest value to show of inputs (whose, times, values) under a limit."""
+    every = np.concatenate([u for _, _, u in values])
+    most = float(np.max(np.abs(every)))
+    # Times crowd towards the ends of pieces, so that a quantile over them would follow the peaks.
+    evenly = (np.interp(np.linspace(t[0], t[-1], 400), t, u) for _, t, u in values)
+    usual = max(float(np.quantile(np.abs(u), 0.9)) for u in evenly)
+    bound = OVERSHOOT * max(limit if np.isfinite(limit) else 0.0, 1.5 * usual)
+    if not np.isfinite(limit) and most < FAR * usual:
+        bound = 1.08 * most
+    bound = min(bound, 1.08 * max(most, 1.02 * limit if np.isfinite(limit) else 0.0))
+    bound = max(bound, 1e-9)
+    one_sided = float(np.min(every)) > -0.02 * bound and not np.isfinite(limit)
+    return (-0.05 * bound if one_sided else -bound), bound
+
+
+# -- the chart ----------------------------------------------------------------------------------
+
+
+def map_panels(drawn: Drawn) -> list[Panel]:
+    """Where paths run in (θ₁, θ₂), and where the chart that the start lies in ends."""
+    problem = drawn[0].plan.problem
+    limits = np.rad2deg(problem.limits.joint[1:3])
+    names = [coordinate.name for coordinate in problem.system.coordinates[1:3]]
+    paths = [np.rad2deg(one.q[:, 1:3]) for one in drawn]
+    goal = np.rad2deg(problem.goal[1:3])
+    if len(drawn) == 1:  # of free joints the plan's; several plans end at several places
+        goal = np.where(np.isnan(goal), paths[0][-1], goal)
+    ends = np.array([np.rad2deg(problem.start[1:3]), *([] if np.isnan(goal).any() else [goal])])
+    sides = [_inside(problem, i) for i in (1, 2)]
+    frame = []
+    for k in (0, 1):
+        edges = [edge for edge in sides[k] or () if abs(edge) < BEYOND]
+        seen = np.concatenate([*(path[:, k] for path in paths), ends[:, k], edges])
+        frame.append([float(np.nanmin(seen)) - MARGIN, float(np.nanmax(seen)) + MARGIN])
+    lines = [[k, side * most] for k, most in enumerate(limits.tolist()) for side in (-1, 1)]
+    panel = {
+        "id": "map",
+        "kind": "plane",
+        "title": f"{as_words(names[1])} over {as_words(names[0])}",
+        "unit": "deg",
+        "across": f"{as_words(names[0])} (deg)",
+        "names": names,
+        "series": [
+            {"plan": one.number, "x": path[:, 0], "y": path[:, 1]}
+            for one, path in zip(drawn, paths, strict=True)
+        ],
+        "ends": ends.tolist(),
+        "view": frame,
+        "region": sides if all(sides) else None,
+        "limits": [[k, line] for k, line in lines if np.isfinite(line)],
+        "note": "" if all(sides) else "the start lies on the chart's edge",
+        "key": [["below", "outside the chart"], ["limit", "joint limits"]],
+    }
+    return [panel]
+
+
+MARGIN, BEYOND = 6.0, 1e4
+"""Degrees that the map reaches beyond what is in it; and where an edge is that there is none."""
+
+
+def _inside(problem: Problem, i: int) -> tuple[float, float] | None:
+    """Where coordinate i alone would leave the chart around the start, degrees; None if at once."""
+    system, steps = problem.system, np.arange(0.0, 180.25, 0.5)
+    branch = system.branch(problem.start)
+    own = [k for k, (index, _) in enumerate(system.margin_labels) if index == i]
+    found = []
+    for side in (-1.0, 1.0):
+        at = np.rad2deg(problem.start[i]) + side * steps
+        at[1:] = np.round(2 * at[1:]) / 2  # edges lie at round angles
+        q = np.tile(problem.start, (len(at), 1))
+        q[:, i] = np.deg2rad(at)
+        out = np.any(system.chart_margins(q, branch)[:, own] < 1e-9, axis=1).nonzero()[0].tolist()
+        found.append(float(at[out[0]]) if out else side * BEYOND)
+        if 0 in out:
+            return None
+    return found[0], found[1]
+
+
+# -- the list -----------------------------------------------------------------------------------
+
+
+FIGURES = {
+    figure.id: figure
+    for figure in (
+        Figure(
+            "z",
+            chained_panels,
+            "Chained coordinates",
+            "Shaded around z₂: where a real θ₁ exists, given the later angles. Curves outside, and"
+            " margins below zero, are of paths that have left the domain of the chart.",
+            executable=False,
+            columns=True,
+        ),
+        Figure(
+            "joints",
+            joint_panels,
+            "Coordinates",
+            "Dots: start and goal; diamonds: waypoints with a time. Thin lines: the machine of"
+            " median error.",
+        ),
+        Figure(
+            "inputs",
+            input_panels,
+            "Inputs and limits",
+            "Dotted: the limits. Peaks outside the view are named above it.",
+        ),
+        Figure(
+            "map",
+            map_panels,
+            "Map of the first two joints",
+            "Shaded: outside the chart that the start lies in. Dotted: the joints' limits.",
+            fits=lambda system: hasattr(system, "arm_points") and system.size > 2,
+        ),
+    )
+}
+"""Each figure of plans by its name, in order: what is listed here is drawn everywhere."""
+
+
+def over_time(id: str, title: str, unit: str, series: Sequence[Panel], **more: Any) -> Panel:
+    """A panel over time; see above."""
+    values = {"kind": "time", "title": title, "unit": unit, "series": list(series)}
+    return {"id": id, **values, **more}
+
+
+def merge(panels: Sequence[Panel]) -> Iterator[Panel]:
+    """Panels of one plan with those of the same id and unit as one, a colour a curve."""
+    groups: dict[tuple[str, str], list[Panel]] = {}
+    for panel in panels:
+        groups.setdefault((panel["id"], panel["unit"]), []).append(panel)
+    ids: set[str] = set()
+    for (id, unit), same in groups.items():
+        colours = [{"colour": k} if len(same) > 1 else {} for k in range(len(same))]
+        one = dict(same[0])
+        if one["kind"] == "time":
+            one["series"] = [
+                {**curve, "name": panel["title"], **colour}
+                for panel, colour in zip(same, colours, strict=True)
+                for curve in panel["series"]
+            ]
+        if len(same) > 1:
+            kept = ("kind", "unit", "series")
+            one = {"title": id} | {key: one[key] for key in kept}
+            one["limits"] = list(dict.fromkeys(v for p in same for v in p.get("limits", [])))
+            views = [panel["view"] for panel in same if "view" in panel]
+            if views:
+                one["view"] = [min(low for low, _ in views), max(high for _, high in views)]
+        one["id"] = f"{id} {unit}" if id in ids else id
+        ids.add(id)
+        yield one
+
+
+# -- for a browser ------------------------------------------------------------------------------
+
+TINY = 1e-12
+"""What is smaller is rounding, and would be read as a number with an exponent."""
+
+DIGITS = 5
+"""More significant digits than a screen shows."""
+
+
+def screen_data(panel: Mapping[str, Any]) -> Panel:
+    """A panel as JSON holds it, with names to be read; arrays have a screen's digits."""
+    out: Panel = {key: _screen_value(value) for key, value in panel.items()}
+    out["title"] = as_words(panel["title"])
+    if "names" in panel:
+        out["names"] = [as_words(name) for name in panel["names"]]
+    return out
+
+
+def _screen_value(value: Any) -> Any:
+    match value:
+        case np.ndarray():
+            return to_screen_digits(value)
+        case dict():
+            inner = {key: _screen_value(item) for key, item in value.items()}
+            return inner | {"name": as_words(value["name"])} if "name" in value else inner
+        case list() | tuple():
+            return [_screen_value(item) for item in value]
+    return jsonable(value)
+
+
+def to_screen_digits(values: Array) -> list[Any]:
+    """Numbers to so many significant digits as a screen can show; None for those there are not."""
+    values = np.asarray(values, dtype=float)
+    finite, size = np.isfinite(values), np.abs(values)
+    seen = finite & (size >= TINY)
+    scale = 10.0 ** (DIGITS - 1 - np.floor(np.log10(np.where(seen, size, 1.0))))
+    short = (np.round(np.where(seen, values, 0.0) * scale) / scale).astype(object)
+    short[~finite] = None
+    out: list[Any] = short.tolist()
+    return out

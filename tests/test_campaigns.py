@@ -1,0 +1,74 @@
+"""The instruments of the campaigns in `benchmarks/`, on few cases: they measure what they say.
+
+No other file of the suite uses anything from there.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from planner import Problem
+from planner.machine import compiled
+
+sys.path.append(str(Path(__file__).parent / "benchmarks"))
+
+import collocation
+import frameworks
+import replay
+from bench_cases import cases
+from outside_judge import campaign
+
+
+def test_an_answer_passes_only_if_its_inputs_lead_to_the_goal_within_limits(paper: Problem) -> None:
+    outcome = collocation.ours(cases()[0])()
+    goal, over = collocation.judged(paper, outcome)
+    assert goal < collocation.GOAL_TOLERANCE
+    assert over <= collocation.LIMIT_TOLERANCE
+    astray = replace(outcome, inputs=1.001 * outcome.inputs)
+    assert collocation.judged(paper, astray)[0] > collocation.GOAL_TOLERANCE
+    narrow = paper.changed({"limits.input_rad_s": [0.5, 0.12]})
+    assert collocation.judged(narrow, outcome)[1] > 0.01
+
+
+def test_frameworks_that_are_not_installed_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frameworks, "find_spec", lambda name: None if name == "mpopt" else name)
+    assert frameworks.missing() == ["mpopt"]
+    usable = ["rockit + IPOPT", "rockit + Fatrop", "do-mpc + IPOPT"]
+    assert list(frameworks.frameworks(cases()[0].arm)) == usable
+
+
+def test_verify_and_load_plan_judge_as_an_integrator_from_outside_does(tmp_path: Path) -> None:
+    """No false accept, no false refusal; and there is something of both to tell apart."""
+    plans, damages = 3, 20
+    tally, told = campaign(plans, damages, 25, tmp_path)
+    assert not told
+    assert tally["plans as they are", "both accept"] == plans
+    for outcome in ("both accept", "both refuse", "no form"):
+        assert sum(count for (_, each), count in tally.items() if each == outcome) >= damages / 10
+
+
+@pytest.mark.skipif(
+    shutil.which("cc") is None or compiled.library() is None, reason="needs a C compiler"
+)
+def test_replays_are_as_fast_as_they_are_said_to_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Within three times of C by hand and a hundredth of SciPy, by the benchmark's own measure.
+
+    Of processor time, which other work on the computer disturbs little; fewer machines.
+    """
+    every: Any = replay.replays
+    monkeypatch.setattr(replay, "SCIPY_SAMPLES", 1)
+    monkeypatch.setattr(
+        replay, "replays", lambda plan, count: {replay.OURS: every(plan, count)[replay.OURS]}
+    )
+    rows = {name: (best.cpu, gap) for name, best, gap in replay.measured(100, 2)}
+    ours = rows["compiled, 1 thread"][0]
+    assert ours < 3 * rows["C by hand"][0]
+    assert ours < rows["solve_ivp"][0] / 100
+    assert rows["C by hand"][1] < 1e-12  # and all of them compute the same
+    assert rows["solve_ivp"][1] < 1e-4

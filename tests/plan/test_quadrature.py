@@ -231,7 +231,7 @@ def test_a_motion_whose_rates_read_themselves(breaks: list[float]) -> None:
     assert motion.error < 1e-7
     for t in (0.0, 0.13, 1.0, 2.9, 3.0):
         exact = expm(2 * t * system.matrix) @ start
-        np.testing.assert_allclose(motion.at_time(t), exact, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(motion.q_at_time(t), exact, rtol=0, atol=1e-9)
 
 
 def test_cells_are_split_until_the_motion_itself_is_resolved() -> None:
@@ -241,7 +241,7 @@ def test_cells_are_split_until_the_motion_itself_is_resolved() -> None:
     assert len(motion.cells.piece) >= 4
     for t in (0.0, 1.3, 4.9, 5.0):
         turned = [np.sin(10 * t) / 5, 10 * t, (1 - np.cos(10 * t)) / 5]
-        np.testing.assert_allclose(motion.at_time(t), turned, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(motion.q_at_time(t), turned, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize(("power", "error"), [(12, 0.0), (13, 1e-11), (14, 1e-11), (15, 1e-11)])
@@ -291,7 +291,7 @@ def test_an_input_that_vanishes_at_all_points_is_seen(count: int, degree: int) -
     peak = np.max(w(np.linspace(0, width, 100_001)))
     assert peak > 1
     assert quadrature.largest(motion.cells, motion.u)[1] == pytest.approx(peak, rel=1e-6)
-    assert motion.unresolved[0] < quadrature.INPUT_TOLERANCE
+    assert motion.unresolved_input[0] < quadrature.INPUT_TOLERANCE
 
 
 @pytest.mark.parametrize("size", [1e-3, 1.0, 50.0])
@@ -301,7 +301,7 @@ def test_an_input_that_no_cells_resolve_is_told_with_its_time(size: float) -> No
     motion = _motion(
         Unicycle(), np.zeros(3), breaks, 0.0, w=lambda t: size + 1e-5 * size * (t > 2.2)
     )
-    amount, when = motion.unresolved
+    amount, when = motion.unresolved_input
     assert 1e-6 < amount < 1e-5
     assert when == pytest.approx(2.2, abs=1e-5)
 
@@ -313,4 +313,4 @@ def test_rounding_in_an_input_is_compared_with_the_larger_one() -> None:
     noise = lambda t: rng.uniform(-1e-10, 1e-10, np.shape(t))  # noqa: E731
     motion = _motion(Unicycle(), np.zeros(3), breaks, 1.0, w=noise)
     assert len(motion.cells.piece) <= 4
-    assert motion.unresolved[0] < quadrature.INPUT_TOLERANCE
+    assert motion.unresolved_input[0] < quadrature.INPUT_TOLERANCE

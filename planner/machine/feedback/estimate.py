@@ -76,18 +76,18 @@ class Estimate:
         q: Coordinates expected at the start, (N, S).
         resolution: Smallest step of each reading, (N, 1), in the coordinates' units; 0 is exact,
             infinite is not measured.
-        lost: Mean lost motion of each joint, (N−1, 1).
+        lost_motion: Mean lost motion of each joint, (N−1, 1).
 
     Attributes:
         pose: The estimate.
-        lost: Lost motion of each joint, (N−1, S).
+        lost_motion: Lost motion of each joint, (N−1, S).
         rate_error: ε of each joint, (N−1, S).
     """
 
     def __init__(self, q: Array, resolution: Array, lost_motion: Array) -> None:
         joints, count = len(lost_motion), q.shape[1]
         self.pose = Pose(q, q[1:].copy(), np.zeros(count))
-        self.lost = np.repeat(lost_motion, count, axis=1)
+        self.lost_motion = np.repeat(lost_motion, count, axis=1)
         self.rate_error = np.zeros((joints, count))
         self._half = resolution / 2
         self._noise = ROUNDING_VARIANCE_FACTOR * resolution[1:] ** 2 / 12 + EXACT_READING_SPREAD**2
@@ -120,11 +120,11 @@ class Estimate:
         moved = self._way * (seen - self._last_reading) > self._half[1:] + EXACT_READING_SPREAD
         self._last_reading = np.where(lost, self._last_reading, seen)
         self._is_pushed |= moved
-        surprise = np.where(lost, 0.0, seen - (self.pose.axis - self._way * self.lost))
+        surprise = np.where(lost, 0.0, seen - (self.pose.axis - self._way * self.lost_motion))
         late = ~self._is_pushed & (self._way * surprise < 0)
         self._filter(surprise, self._is_pushed & ~lost, late)
         axis, q = self.pose.axis, self.pose.q.copy()
-        q[1:] = np.where(self._is_pushed, axis - self._way * self.lost, q[1:])
+        q[1:] = np.where(self._is_pushed, axis - self._way * self.lost_motion, q[1:])
         inside = np.clip(q, measured - self._half, measured + self._half)
         inside = np.where(np.isnan(measured), q, inside)
         together = self._is_pushed | (self._way == 0)
@@ -148,7 +148,7 @@ class Estimate:
         step[1:] = np.where(pushed & ~fits, 0.0, step[1:])
         step[0] = np.where(pushed & ~fits, surprise, step[0])
         self.pose = Pose(self.pose.q, self.pose.axis + step[0], self.pose.side)
-        self.lost = np.maximum(self.lost + step[1], 0.0)
+        self.lost_motion = np.maximum(self.lost_motion + step[1], 0.0)
         self.rate_error = self.rate_error + step[2]
         self._cov -= np.where(known, gain[:, None] * along[None], 0.0)
 
@@ -225,7 +225,7 @@ class Forecast:
         before = history.travel(done)
         for part in np.arange(1, count + 1) / count:
             after = history.travel(done + part * (until - done))
-            pose = self.predict(pose, after - before, known.lost, 1 + known.rate_error)
+            pose = self.predict(pose, after - before, known.lost_motion, 1 + known.rate_error)
             before = after
         return pose
 
@@ -235,7 +235,7 @@ class Forecast:
         Args:
             pose: Before.
             travel: Of the motors.
-            lost: Lost motion of each joint, (N−1, S).
+            lost_motion: Lost motion of each joint, (N−1, S).
             rate: 1 + ε of each joint, (N−1, S).
         """
         moved = pose.side + travel[0]

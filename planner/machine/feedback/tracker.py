@@ -161,9 +161,11 @@ class TrackerControl:
         off, way = pose.q - ref.q[k][:, None], ref.way[k][:, None]
         more, then = ref.push[k][:, None], ref.next_push[k][:, None]
         stays = way * (pose.q[2:] - ref.joints[k][:, None]) - np.maximum(more, 0)
-        pushed = way * (pose.axis[1:] - ref.q[k][2:, None]) - known.lost[1:] + np.minimum(more, 0)
+        pushed = (
+            way * (pose.axis[1:] - ref.q[k][2:, None]) - known.lost_motion[1:] + np.minimum(more, 0)
+        )
         off[2:] = way * np.maximum(stays, pushed)
-        lost = known.lost[1:] - ref.lost_motion - np.minimum(then, 0) / 2
+        lost = known.lost_motion[1:] - ref.lost_motion - np.minimum(then, 0) / 2
         lost = np.minimum(lost, np.maximum(then, 0) / 2)
         return np.concatenate([off, self._answer.corrections[0], known.rate_error[1:], lost])
 
@@ -176,7 +178,7 @@ class TrackerControl:
         clock, play = self._clock, self._design.play
         if not np.any(play):
             return np.zeros_like(commands)
-        half = np.stack([np.full(len(pose.side), play[0] / 2), self._estimate.lost[0]])
+        half = np.stack([np.full(len(pose.side), play[0] / 2), self._estimate.lost_motion[0]])
         side = np.stack([pose.side, pose.axis[0] - pose.q[1]])
         way = np.sign(commands.sum(axis=0))
         gap = np.where(way == 0, 0.0, half - way * side)

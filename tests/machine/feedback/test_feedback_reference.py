@@ -96,7 +96,7 @@ def forecast_by(found: Estimate, advance: np.ndarray) -> None:
     """The axes turn by `advance` (3, 1), and joints follow as the estimate has it."""
     axis = found.pose.axis + (1 + found.rate_error) * advance
     q = found.pose.q.copy()
-    q[1:] = np.clip(q[1:], axis - found.lost, axis + found.lost)
+    q[1:] = np.clip(q[1:], axis - found.lost_motion, axis + found.lost_motion)
     found.take_forecast(Pose(q, axis, found.pose.side))
 
 
@@ -140,7 +140,7 @@ def test_lost_motion_is_learnt_by_going_back_and_forth(true_deg: float) -> None:
             forecast_by(found, advance)
         found.read(np.round(joint / step) * step)
         assert found.pose.q[1:] == pytest.approx(joint[1:], abs=1.01 * step)
-    assert np.rad2deg(found.lost[:, 0]) == pytest.approx(np.full(3, true_deg), abs=0.02)
+    assert np.rad2deg(found.lost_motion[:, 0]) == pytest.approx(np.full(3, true_deg), abs=0.02)
     assert np.abs(found.rate_error).max() < 0.002
 
 

@@ -83,7 +83,7 @@ def encoder_readings(system: TriangularSystem, draws: Draws, q: Array) -> Array:
 
 
 class FeedbackCommand:
-    """The commands of one controller on the time grid of its simulation; see `Orders`.
+    """The commands of one controller on the time grid of its simulation; see `CommandGrid`.
 
     Args:
         controller: Says when it reads and commands.
@@ -149,11 +149,11 @@ class FeedbackCommand:
         room[:] = values[: len(room)]
 
     def step_values(self, k: int) -> Array:
-        """See `Orders`; a command has the same value at both of a step's points."""
+        """See `CommandGrid`; a command has the same value at both of a step's points."""
         return np.asarray(self.block(k, k + 1)[0])
 
     def block(self, first: int, last: int) -> Array:
-        """See `Orders`."""
+        """See `CommandGrid`."""
         times = self.t[first:last, None] - self._delay - self._begin
         index = np.floor(times / self._tick + 1e-9).astype(np.int64)
         on = (index >= 0) & (index < len(self.values))

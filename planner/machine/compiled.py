@@ -1,4 +1,4 @@
-"""The manipulator in motion, compiled: `kernel.c` and `dynamic.c` do what `Stepwise` does, sooner.
+"""The manipulator in motion, compiled: the C files do what `StepwiseMotion` does, sooner.
 
 The kernel is an optional extension: where no compiler was at hand when the package was installed,
 `library` returns None and replays run in NumPy. Measured (`make bench`, results/benchmarks), it
@@ -62,7 +62,7 @@ ARRAYS = {
     "running": "const uint8_t",  # (steps)
     "desired": "const double",  # (steps + 1, joints)
     "row": "const int64_t",  # (steps + 1): where to record, or -1
-    "state": "double",  # (samples, see `Held`)
+    "state": "double",  # (samples, see `STATE_NUMBERS`)
     "q": "double",  # (samples, rows, joints + 1)
     "speed": "double",  # (samples, rows, 2)
     "masses": "const double",  # (samples, see `Masses`)
@@ -228,7 +228,7 @@ class CompiledMotion:
     Args:
         system: The manipulator.
         fidelity: Of it: "quasi-static" or "dynamic".
-        draws, orders, desired, rows, start: As of `Stepwise`.
+        draws, orders, desired, rows, start: As of `StepwiseMotion`.
     """
 
     def __init__(

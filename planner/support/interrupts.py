@@ -58,12 +58,8 @@ class SignalListener:
         """The handler: raises, unless the outcome is decided or `hold_signals` holds it back."""
         if self.is_over:
             return
-        if (
-            number == signal.SIGINT
-            and self.substitute
-            and not self.was_substituted
-            and self.substitute()
-        ):
+        unanswered = number == signal.SIGINT and not self.was_substituted
+        if unanswered and self.substitute and self.substitute():
             self.was_substituted = True
             return
         self.signals.append(number)
@@ -71,10 +67,8 @@ class SignalListener:
             self._is_pending = True
             return
         while frame is not None:
-            if (
-                frame.f_code is SignalListener.take_dropped.__code__
-            ):  # from there it would be dropped too
-                return
+            if frame.f_code is SignalListener.take_dropped.__code__:
+                return  # from there it would be dropped too
             frame = frame.f_back
         self._dropped = False
         raise self.exception

@@ -20,7 +20,7 @@ import pytest
 
 import planner
 from planner.cli.arguments import parse_changes
-from planner.verification.summary import KEYS
+from planner.verification.summary import SUMMARY_KEYS
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 PAPER = PROBLEMS / "paper.toml"
@@ -46,7 +46,7 @@ def test_a_plan_as_json_and_file(run: Callable, tmp_path: Path) -> None:
     result = run("plan", PAPER, *SOLVED, "--json", "--out", out)
     assert result.status == 0
     data = result.json
-    assert set(KEYS) <= data.keys()
+    assert set(SUMMARY_KEYS) <= data.keys()
     assert data["verified"] is True
     assert data["exit_status"] == 0
     assert data["written"] == str(out)
@@ -63,7 +63,7 @@ def test_a_refused_plan_as_json(run: Callable, tmp_path: Path) -> None:
                  tmp_path / "plan.json")  # fmt: skip
     assert result.status == 3
     data = result.json
-    assert set(KEYS) <= data.keys()
+    assert set(SUMMARY_KEYS) <= data.keys()
     assert data["status"] == "verification_failed"
     assert data["verified"] is False
     assert data["exit_status"] == 3
@@ -79,7 +79,7 @@ def test_a_refusal_without_a_path_as_json(run: Callable) -> None:
     result = run("plan", PROBLEMS / "unreachable.toml", "-m", "polynomial", "--json")
     assert result.status == 3
     data = result.json
-    assert set(KEYS) <= data.keys()
+    assert set(SUMMARY_KEYS) <= data.keys()
     assert data["status"] == "infeasible"
     assert data["travel_rad"] is None
     assert data["verified"] is False

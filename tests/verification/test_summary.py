@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.verification.summary import KEYS, direction, plan_summary, refusal_summary
+from planner.verification.summary import SUMMARY_KEYS, direction, plan_summary, refusal_summary
 
 DESIGN_KEYS = {
     "method", "status", "objective", "solve_time_s", "build_time_s", "iterations", "duration_s",
@@ -21,8 +21,8 @@ def solved(paper: planner.Problem) -> planner.Plan:
 
 def test_a_plan_has_every_key(solved: planner.Plan) -> None:
     summary = plan_summary(solved)
-    assert tuple(summary) == KEYS
-    assert set(KEYS) >= DESIGN_KEYS
+    assert tuple(summary) == SUMMARY_KEYS
+    assert set(SUMMARY_KEYS) >= DESIGN_KEYS
     assert summary["verified"] is True
     assert summary["travel_rad"] == pytest.approx(0.82)
     assert summary["duration_s"] == 10.0
@@ -47,7 +47,7 @@ def refusal(problem: planner.Problem, **options: Any) -> planner.NoPlanError:
 def test_a_refused_path_is_described_but_never_verified(paper: planner.Problem) -> None:
     error = refusal(paper.changed({"goal.travel": 0.82}))
     summary = refusal_summary(error, "polynomial")
-    assert tuple(summary) == KEYS
+    assert tuple(summary) == SUMMARY_KEYS
     assert summary["verified"] is False
     assert summary["status"] == "verification_failed"
     assert summary["peak_u_rad_s"][1] > 0.5
@@ -69,7 +69,7 @@ def test_a_refusal_without_a_path_has_the_keys_and_nothing_made_up(paper: planne
     error = refusal(paper.changed({"goal.duration": 1.0}))
     assert error.plan is None
     summary = refusal_summary(error, "polynomial")
-    assert tuple(summary) == KEYS
+    assert tuple(summary) == SUMMARY_KEYS
     known = {key for key, value in summary.items() if value not in (None, [])}
     assert known == {"method", "status", "verified", "reason", "advice"}
 

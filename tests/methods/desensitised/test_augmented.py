@@ -9,7 +9,7 @@ from scipy.interpolate import BPoly
 import planner
 from planner.methods.collocation.transcription.augmented import Augmented
 from planner.robustness.sensitivity import PAPER_SPREAD, sensitivity
-from planner.systems.linearised import parameters
+from planner.systems.linearisation import parameters
 
 PAPER_ERRORS = ("gain u1", "gain u2", "start theta1", "start theta2", "start theta3")
 

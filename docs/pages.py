@@ -207,7 +207,13 @@ def machine() -> str:
         "The table `[machine]`, and the keywords of `Machine.prototype`.\n",
     ]
     rows = [
-        [f"`{name}`", effect.unit or "1", effect.per, _code(used[name]), _about(MachineTable, name)]
+        [
+            f"`{name}`",
+            effect.unit or "1",
+            effect.owner,
+            _code(used[name]),
+            _about(MachineTable, name),
+        ]
         for name, effect in EFFECTS.items()
     ]
     parts.append(_table(["effect", "unit", "one a", "prototype", "what it is"], rows))

@@ -29,7 +29,7 @@ from .plan.claims import Claim as Claim
 from .plan.plan import Plan as Plan
 from .plan.samples import Samples as Samples
 from .plan.samples import load_samples as load_samples
-from .problem.asked import Limits as Limits
+from .problem.conditions import Limits as Limits
 from .problem.feasibility import TravelWindow as TravelWindow
 from .problem.feasibility import travel_window as travel_window
 from .problem.problem import Problem as Problem

@@ -26,7 +26,7 @@ from planner.problem.nonholonomy import Nonholonomy, nonholonomy
 from planner.problem.problem import Problem, expect_problem
 from planner.problem.reach import Reach, goal_reach
 from planner.solve import solve, solve_and_check
-from planner.support.deadline import limited, share
+from planner.support.deadline import time_limit, time_share
 from planner.support.progress import expect_listener
 from planner.verification.summary import plan_summary, refusal_summary
 
@@ -48,7 +48,7 @@ class Remedy:
     Attributes:
         changes: Dotted keys to values, as `Problem.changed` takes them.
         method: The method that then has a plan.
-        plan: Summary of that plan, see `planner.verification.summary.KEYS`.
+        plan: Summary of that plan, see `planner.verification.summary.SUMMARY_KEYS`.
         words: The changes in words.
     """
 
@@ -83,7 +83,7 @@ class Analysis:
         nonholonomy: Controllability at the start, at the goal and at θ₁ = 0.
         not_promised: For each method the labels of the requirements that it does not promise to
             keep (known before it searches, see `planner.methods.keeping`).
-        outcomes: A summary for each method; keys: `planner.verification.summary.KEYS`.
+        outcomes: A summary for each method; keys: `planner.verification.summary.SUMMARY_KEYS`.
         remedy: If no method has a plan, a change of the problem that gives one, if one was found.
         ended_early: What ended the search early, in words; None if it was completed.
     """
@@ -175,18 +175,18 @@ def check(
     expect_listener(progress)
     expect_problem(problem)
     say = progress or (lambda _: None)
-    own = [name for name, method in METHODS.items() if method.refines is None]
-    names = own if methods is None else [find_method(m).name for m in methods]
+    unrefined = [name for name, method in METHODS.items() if method.refines is None]
+    names = unrefined if methods is None else [find_method(m).name for m in methods]
     window, reach = travel_window(problem), goal_reach(problem)
     outcomes, remedy = [], None
-    with limited(time_limit_s) as span:
+    with time_limit(time_limit_s) as span:
         words = f"its share of {span.why}" if time_limit_s is not None else ""
         for k, name in enumerate(names):
             say(f"trying {name}")
-            with share(1 / (len(names) - k + 1), words):
+            with time_share(1 / (len(names) - k + 1), words):
                 outcomes.append(_outcome(problem, name))
-        found = any(o["verified"] for o in outcomes)
-        if not found:
+        has_plan = any(o["verified"] for o in outcomes)
+        if not has_plan:
             remedy = find_remedy(problem, names, say, reach)
     say("looking at the plain polynomial")
     singular = any(o["method"] == "polynomial" and o["status"] == "singular" for o in outcomes)
@@ -202,7 +202,7 @@ def check(
         not_promised={name: _not_promised(problem, name) for name in names},
         outcomes=tuple(outcomes),
         remedy=remedy,
-        ended_early=f"{span.why} ended the search" if span.reached else None,
+        ended_early=f"{span.why} ended the search" if span.was_reached else None,
     )
 
 
@@ -229,7 +229,7 @@ def find_remedy(
 
 
 def _outcome(problem: Problem, name: str) -> dict[str, Any]:
-    """One method's summary either way, see `planner.verification.summary.KEYS`."""
+    """One method's summary either way, see `planner.verification.summary.SUMMARY_KEYS`."""
     try:
         return plan_summary(*solve_and_check(problem, name, advice=False))
     except NoPlanError as error:
@@ -303,10 +303,10 @@ def _window_dict(problem: Problem, window: TravelWindow | None) -> dict[str, Any
     }
 
 
-def _polynomial_dict(found: tuple[float, DomainReport] | None) -> dict[str, Any] | None:
-    if found is None:
+def _polynomial_dict(result: tuple[float, DomainReport] | None) -> dict[str, Any] | None:
+    if result is None:
         return None
-    travel, report = found
+    travel, report = result
     return {
         "travel_rad": travel,
         "z2_crossings_s": list(report.z2_crossings_s),

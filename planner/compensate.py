@@ -12,7 +12,7 @@ from planner.machine.machine import Machine
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.problem.problem import Problem
 from planner.problem.tables.problem_file import CompensationTable
-from planner.solve import compensated, solve
+from planner.solve import compensate_plan, solve
 from planner.support.user_tables import parse
 
 
@@ -54,6 +54,6 @@ def compensate(
         plan = solve(plain, method)
     refuse_inexecutable(plan)
     plan = plan.compensates or plan
-    own = plan.problem.compensation.model_dump(exclude_unset=True)
-    table = parse(CompensationTable, {**own, **options, "on": True}, "options of compensate")
-    return compensated(plan, machine, table)[0]
+    given = plan.problem.compensation.model_dump(exclude_unset=True)
+    table = parse(CompensationTable, {**given, **options, "on": True}, "options of compensate")
+    return compensate_plan(plan, machine, table)[0]

@@ -14,14 +14,14 @@ import numpy as np
 
 from planner.errors import InputError, SingularError, VerificationError, expect
 from planner.plan.claims import Certificate
-from planner.plan.fastest_timing import Moving, fastest_motion
+from planner.plan.fastest_timing import InputMask, fastest_motion
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan, refuse_compensated
 from planner.problem.problem import Problem
 from planner.verification.certify import certify
 from planner.verification.verdict import judge
 
-BLIND = 1e-3
+SAMPLING_EXCESS = 1e-3
 """Excess over a limit, relative to it, that samples may have missed; a greater one is for `verify`
 to refuse."""
 
@@ -74,8 +74,8 @@ def retime(
         plan.trajectory, problem.limits, problem.requirements, moving, rest, intervals
     )
     timed = problem.changed({"goal.duration": trajectory.duration})
-    found = certify(replace(plan, problem=timed, trajectory=trajectory))
-    factor = _over(problem, found)
+    certificate = certify(replace(plan, problem=timed, trajectory=trajectory))
+    factor = _excess_factor(problem, certificate)
     if factor > 1:
         trajectory = trajectory.slowed(factor)
         timed = problem.changed({"goal.duration": trajectory.duration})
@@ -85,10 +85,12 @@ def retime(
         problem=timed,
         trajectory=trajectory,
         objective=trajectory.duration,
-        objective_name=SLOWED if "slowed_for_other_limits" in notes else LEAST,
+        objective_name=SLOWED_TIME_OBJECTIVE
+        if "slowed_for_other_limits" in notes
+        else LEAST_TIME_OBJECTIVE,
         notes=notes,
     )
-    retimed, check = judge(retimed, None if factor > 1 else found)
+    retimed, check = judge(retimed, None if factor > 1 else certificate)
     if check.ok:
         return retimed
     raise VerificationError(
@@ -99,22 +101,24 @@ def retime(
     )
 
 
-LEAST = "time: the least for this path, in seconds"
-SLOWED = "time: the least within input limits, slowed as a whole for other limits, in seconds"
+LEAST_TIME_OBJECTIVE = "time: the least for this path, in seconds"
+SLOWED_TIME_OBJECTIVE = (
+    "time: the least within input limits, slowed as a whole for other limits, in seconds"
+)
 
 
-def _over(problem: Problem, certificate: Certificate) -> float:
+def _excess_factor(problem: Problem, certificate: Certificate) -> float:
     """How much slower a motion must be for what is above a limit where samples were blind."""
     factor = 1.0
     for required in problem.requirements:
         for part in required.parts if required.speed else ():
             excess = -certificate[part.label].attained / part.scale
-            if 0 < excess < BLIND:
+            if 0 < excess < SAMPLING_EXCESS:
                 factor = max(factor, (1 + excess) ** (1 / required.speed) * (1 + 1e-9))
     return factor
 
 
-def _refuse_unlimited(problem: Problem, moving: Moving, rest: bool) -> None:
+def _refuse_unlimited(problem: Problem, moving: InputMask, rest: bool) -> None:
     limits = problem.limits
     for i in np.flatnonzero(moving & limits.unlimited):
         raise InputError(

@@ -16,23 +16,23 @@ from planner.errors import InputError, NoPlanError, TimeLimitError, Verification
 from planner.methods.keeping import not_promised, refuse_unkept
 from planner.methods.refusal import BY_COLLOCATION, Change, advise, asked_instead, lasting
 from planner.methods.registry import METHODS, Method, find_method, merged_options, typed
-from planner.plan.plan import Plan, cut_short, expect_plan
+from planner.plan.plan import Plan, expect_plan, mark_cut_short
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
 from planner.problem.requirements.ends import Goal, TipGoal
 from planner.problem.requirements.requirement import Requirement
 from planner.problem.tables.problem_file import CompensationTable
 from planner.support.deadline import (
-    MORE_TIME,
-    SEARCH,
+    MORE_TIME_ADVICE,
+    SEARCH_SHARE,
     TimeUpError,
-    checked,
+    check_seconds,
     holds_answer,
     is_over,
-    limited,
-    share,
+    time_limit,
+    time_share,
 )
-from planner.support.progress import Listener, listening, now, tell
+from planner.support.progress import Listener, current_progress, progress_listener, tell
 from planner.verification.verdict import judge
 from planner.verification.verify import Check, verify
 
@@ -113,42 +113,47 @@ def solve_and_check(
     expect_problem(problem)
     entry = find_method(method)
     if time_limit_s is not None:
-        time_limit_s = checked(time_limit_s)
+        time_limit_s = check_seconds(time_limit_s)
         if "time_limit_s" in entry.options.model_fields:
             options["time_limit_s"] = time_limit_s
-    own = merged_options(problem, entry, options)
-    wanted = compensate or problem.compensation.on
+    merged = merged_options(problem, entry, options)
+    must_compensate = compensate or problem.compensation.on
 
     def attempt(change: Change) -> Plan:
         changed = problem.changed(change.keys)
         given = {} if change.defaults else options
-        return judged(_made(changed, entry, merged_options(changed, entry, given), None))[0]
+        return judge_plan(
+            _plan_by_method(changed, entry, merged_options(changed, entry, given), None)
+        )[0]
 
-    with limited(getattr(own, "time_limit_s", time_limit_s)) as span, listening(progress):
+    with (
+        time_limit(getattr(merged, "time_limit_s", time_limit_s)) as span,
+        progress_listener(progress),
+    ):
         began = time.monotonic()
         try:
-            with share(SEARCH if wanted else 1.0, once=holds_answer):
-                plan, check = judged(_made(problem, entry, own, warm))
+            with time_share(SEARCH_SHARE if must_compensate else 1.0, condition=holds_answer):
+                plan, check = judge_plan(_plan_by_method(problem, entry, merged, warm))
         except TimeUpError:
-            far = now()
+            far = current_progress()
             doing = "" if far is None else f" after {far.solves} solves (it was {far.doing})"
             raise TimeLimitError(
                 f"{problem.source}: {span.why} ended the method '{method}' before it had a"
                 f" plan{doing}",
-                advice=MORE_TIME,
+                advice=MORE_TIME_ADVICE,
             ) from None
         except NoPlanError as error:
             seconds = time.monotonic() - began
-            found = advise(error, problem, attempt, seconds) if advice else None
-            if found is None:
+            advised = advise(error, problem, attempt, seconds) if advice else None
+            if advised is None:
                 raise
-            plan, check = judged(replace(found, problem=problem))
-        if not wanted or plan.status == "singular":
+            plan, check = judge_plan(replace(advised, problem=problem))
+        if not must_compensate or plan.status == "singular":
             return plan, check
-        return compensated_in_time(plan, check, compensated_for, problem.compensation)
+        return compensate_in_time(plan, check, compensated_for, problem.compensation)
 
 
-def _made(problem: Problem, entry: Method, options: Any, warm: Plan | None) -> Plan:
+def _plan_by_method(problem: Problem, entry: Method, options: Any, warm: Plan | None) -> Plan:
     """What a method makes of a problem, unless it can be refused beforehand."""
     if not entry.finds_time:
         refuse_too_short(problem)
@@ -162,7 +167,7 @@ def _made(problem: Problem, entry: Method, options: Any, warm: Plan | None) -> P
     return entry.replan(problem, options, warm.compensates or warm)
 
 
-def judged(plan: Plan) -> tuple[Plan, Check]:
+def judge_plan(plan: Plan) -> tuple[Plan, Check]:
     """A plan that a method has made, verified, with what the verification found.
 
     Raises:
@@ -180,52 +185,52 @@ def judged(plan: Plan) -> tuple[Plan, Check]:
             f"{plan.problem.source}: {why}, and there was no time to refine it: it breaks",
             plan=replace(plan, status=TimeLimitError.status),
             violations=check.violations,
-            advice=MORE_TIME,
+            advice=MORE_TIME_ADVICE,
         )
     others = not_promised(plan.problem, find_method(plan.method).keeps)
     said = ""
     if left := sum(v.label in others for v in check.violations):
         part = "" if left == len(check.violations) else f"{left} of "
         said = f", {part}which this method does not promise to keep"
-    changes, otherwise = _ways(plan, check)
-    raise _broken(plan, check, said, otherwise, changes)
+    changes, otherwise = _remedies(plan, check)
+    raise _refusal(plan, check, said, otherwise, changes)
 
 
-def _ways(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
+def _remedies(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
     """Changes to try, and what else may help."""
-    found = [plan.problem.asking(v.label) for v in check.violations]
-    broken = [asked[0] for asked in found if asked]
+    violated = [plan.problem.asking(v.label) for v in check.violations]
+    broken = [pair[0] for pair in violated if pair]
     speeds = [each.speed if isinstance(each, Requirement) else 0 for each in broken]
-    if len(broken) == len(found) and all(speeds) and plan.trajectory.kind == "chained":
+    if len(broken) == len(violated) and all(speeds) and plan.trajectory.kind == "chained":
         sizes = (v.value / v.limit for v in check.violations)
         factor = max(size ** (1 / speed) for size, speed in zip(sizes, speeds, strict=True))
         if factor < float("inf"):
             slower = lasting(plan.duration * factor * 1.0001)
             return [slower, BY_COLLOCATION], None
-    if len(broken) < len(found) or any(isinstance(each, Goal | TipGoal) for each in broken):
+    if len(broken) < len(violated) or any(isinstance(each, Goal | TipGoal) for each in broken):
         return [], "a finer mesh: more method.collocation.intervals or a higher degree"
     other = [BY_COLLOCATION] if plan.method != BY_COLLOCATION.method else []
     instead = asked_instead(plan, [v for v in check.violations if np.isfinite(v.value)])
     return other, f"{instead or 'wider limits'}, or another {plan.problem.travel_key}"
 
 
-def compensated_in_time(
+def compensate_in_time(
     plan: Plan, check: Check, machine: Machine | None, options: CompensationTable
 ) -> tuple[Plan, Check]:
-    """As `compensated`; where time is up before, or Ctrl-C ends it, the verified plan as it is.
+    """As `compensate_plan`; where time is up before, or Ctrl-C ends it, the verified plan as it is.
 
     Its status and `notes["ended_early"]` then say so.
     """
-    with limited(None, holds=lambda: True) as span:
+    with time_limit(None, has_answer=lambda: True) as span:
         try:
-            return compensated(plan, machine, options)
+            return compensate_plan(plan, machine, options)
         except NoPlanError:
             if not is_over():
                 raise
-        return cut_short(plan, span, "ended the work on it before it was compensated"), check
+        return mark_cut_short(plan, span, "ended the work on it before it was compensated"), check
 
 
-def compensated(
+def compensate_plan(
     plan: Plan, machine: Machine | str | None, options: CompensationTable
 ) -> tuple[Plan, Check]:
     """The plan with commands that allow for the machine, verified on the nominal one.
@@ -240,19 +245,19 @@ def compensated(
         NoPlanError: If there is no plan for the goal that would have to be planned for, or the
             plan or the predicted motion breaks a requirement.
     """
-    from planner.machine.feedforward.aim import aimed  # with the machine, which only this needs
+    from planner.machine.feedforward.aim import aim  # with the machine, which only this needs
     from planner.machine.machine import machine_for
 
-    plan = plan if plan.verified else judged(plan)[0]
+    plan = plan if plan.verified else judge_plan(plan)[0]
     problem, entry = plan.problem, find_method(plan.method)
     used = machine_for(problem.machine, machine)
     began = time.perf_counter()
 
     def replan(shifted: Problem, near: Plan) -> Plan:
-        own = merged_options(shifted, entry, dict(plan.options))
+        merged = merged_options(shifted, entry, dict(plan.options))
         if entry.replan is None:
-            return entry.plan(shifted, own)
-        return entry.replan(shifted, own, near)
+            return entry.plan(shifted, merged)
+        return entry.replan(shifted, merged, near)
 
     forward = (
         "compensation.preparation = 'forward'; or " if options.preparation != "forward" else ""
@@ -264,20 +269,20 @@ def compensated(
     )
     tell("compensating")
     try:
-        made = aimed(plan, used, options, replan)
+        compensated = aim(plan, used, options, replan)
     except TimeUpError:
         raise TimeLimitError(no_aim + "it takes too long", advice=advice) from None
     except NoPlanError as error:
         why = error.reason.removeprefix(f"{problem.source}: ")
         raise NoPlanError(no_aim + why, violations=error.violations, advice=advice) from error
-    made, check = judge(made)
-    made = replace(made, solve_time_s=plan.solve_time_s + time.perf_counter() - began)
+    compensated, check = judge(compensated)
+    compensated = replace(compensated, solve_time_s=plan.solve_time_s + time.perf_counter() - began)
     if check.ok:
-        return made, check
-    raise _broken(made, check, " on the nominal machine", advice)
+        return compensated, check
+    raise _refusal(compensated, check, " on the nominal machine", advice)
 
 
-def _broken(
+def _refusal(
     plan: Plan, check: Check, where: str, advice: str | None, changes: Sequence[Change] = ()
 ) -> VerificationError:
     """The refusal of a plan that breaks requirements."""

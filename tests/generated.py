@@ -117,9 +117,9 @@ def layout() -> str:
 
 
 def _layout() -> Iterator[str]:
-    limited, plays, most = compiled.LIMITED, compiled.PLAYS, compiled.MOST_PASSIVE
+    limited, plays, most = compiled.LIMITED_LAWS, compiled.PLAY_LAWS, compiled.MOST_PASSIVE
     sizes = {"BODIES": compiled.ROWS["bodies"], "LIMITED": limited, "PLAYS": plays}
-    sizes |= {"LAWS": compiled.MOVING["pieces"], "STATE": compiled.ROWS["count"]}
+    sizes |= {"LAWS": compiled.DYNAMIC_NUMBERS["pieces"], "STATE": compiled.ROWS["count"]}
     yield f"#define VERSION {compiled.VERSION}"
     yield "#define MOTORS 2"
     yield f"#define JOINTS {most} /* passive ones, at most; of the following as many as then */"
@@ -129,9 +129,9 @@ def _layout() -> Iterator[str]:
     yield from _struct(
         "Commands", ["const double *value;", f"int64_t {', '.join(compiled.STRIDES)};"]
     )
-    yield from _pointers("Own", "parameters", compiled.OWN)
-    yield from _pointers("Held", "state", compiled.HELD)
-    yield from _pointers("Moving", "moving", compiled.MOVING)
+    yield from _pointers("Own", "parameters", compiled.MACHINE_NUMBERS)
+    yield from _pointers("Held", "state", compiled.STATE_NUMBERS)
+    yield from _pointers("Moving", "moving", compiled.DYNAMIC_NUMBERS)
     yield from _struct(
         "Masses", [f"double {name}[{a + b * most}];" for name, (a, b) in compiled.MASSES.items()]
     )

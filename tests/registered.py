@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from planner import METHODS, TriangularSystem
-from planner.problem.requirements.requirement import At, Part, Requirement
+from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.problem.tables import kinds as plugins
 from planner.problem.tables.kinds import FILES, REQUIREMENTS
 from planner.problem.tables.method_options import MethodsTable
@@ -54,8 +54,8 @@ class Bump(Requirement):
     def parts(self) -> tuple[Part, ...]:
         return (Part("bump", "", -np.inf, 0.5, 0.5),)
 
-    def rows(self, at: At) -> Sequence[Any]:
-        return [ca.exp(-(((at.q[1] - self.at) / self.width) ** 2))]
+    def rows(self, point: MotionPoint) -> Sequence[Any]:
+        return [ca.exp(-(((point.q[1] - self.at) / self.width) ** 2))]
 
-    def values(self, at: At) -> Sequence[Any]:
-        return [np.exp(-(((at.q[1] - self.at) / self.width) ** 2))]
+    def values(self, point: MotionPoint) -> Sequence[Any]:
+        return [np.exp(-(((point.q[1] - self.at) / self.width) ** 2))]

@@ -203,7 +203,7 @@ def test_aiming_needs_broydens_method(monkeypatch: pytest.MonkeyPatch) -> None:
     plain = planner.solve(planner.load_problem(ROOT / "problems/paper-fig4.toml"))
     plan = planner.compensate(plain, preparation=False)
     assert np.max(np.abs(planner.verify(plan).terminal_error_deg)) < 0.02
-    monkeypatch.setattr(aim, "_updated", lambda inverse, *_: inverse)
+    monkeypatch.setattr(aim, "_update_inverse", lambda inverse, *_: inverse)
     with pytest.raises(planner.NoPlanError):
         planner.compensate(plain, preparation=False)
 
@@ -228,11 +228,13 @@ def test_slow_replays_do_not_use_up_the_time_for_plans(
     plain: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As without the compiled kernel: what is short is the time for plans, not for replays."""
-    usual = aim.commanded
-    monkeypatch.setattr(aim, "LEAST_S", 0.4)
-    monkeypatch.setattr(aim, "TIMES", 0.0)
-    monkeypatch.setattr(aim, "commanded", lambda *given: (time.sleep(0.5), usual(*given))[1])
+    usual = aim.plan_with_commands
+    monkeypatch.setattr(aim, "LEAST_TIME_S", 0.4)
+    monkeypatch.setattr(aim, "SOLVE_TIME_FACTOR", 0.0)
+    monkeypatch.setattr(
+        aim, "plan_with_commands", lambda *given: (time.sleep(0.5), usual(*given))[1]
+    )
     assert planner.compensate(plain).verified
-    monkeypatch.setattr(aim, "LEAST_S", 1e-4)
+    monkeypatch.setattr(aim, "LEAST_TIME_S", 1e-4)
     with pytest.raises(planner.TimeLimitError, match="takes too long"):
         planner.compensate(plain)

@@ -131,7 +131,7 @@ def test_only_the_results_listed_hand_themselves_to_others() -> None:
     found: dict[str, set[str]] = {}
     for name in OTHERS:
         for node in ast.walk(tree(name)):
-            if isinstance(node, ast.Call) and ast.unparse(node.func) == "handed_to":
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "import_function":
                 found.setdefault(name, set()).add(ast.literal_eval(node.args[0]))
     assert found == HANDED
 

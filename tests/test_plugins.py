@@ -28,7 +28,7 @@ from planner.cli.start import problem_text
 from planner.explorer.controls import limit_controls
 from planner.explorer.state import State
 from planner.methods.refusal import on_other_paths
-from planner.problem.requirements.requirement import At, Part, Requirement
+from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.problem.tables import kinds as plugins
 from planner.problem.tables.kinds import FILES, REQUIREMENTS, json_schema
 from planner.problem.tables.method_options import MethodsTable
@@ -448,10 +448,10 @@ class Faulty(TurnRate):
     def parts(self) -> tuple[Part, ...]:
         return super().parts * (2 if self.how == "parts" and self.most else 1)
 
-    def rows(self, at: At) -> Sequence[Any]:
+    def rows(self, point: MotionPoint) -> Sequence[Any]:
         if self.how == "rows":
             return []
-        return [at.u[1] - (self.most if self.how == "unnamed" else 0)] * len(self.parts)
+        return [point.u[1] - (self.most if self.how == "unnamed" else 0)] * len(self.parts)
 
 
 FAULTS = [
@@ -506,11 +506,11 @@ class Folded(Requirement):
     def parts(self) -> tuple[Part, ...]:
         return (Part("second link's cosine", "", self.least, np.inf, 1.0),)
 
-    def rows(self, at: At) -> Sequence[Any]:
-        return [ca.cos(at.q[1] + at.q[2])]
+    def rows(self, point: MotionPoint) -> Sequence[Any]:
+        return [ca.cos(point.q[1] + point.q[2])]
 
-    def values(self, at: At) -> Sequence[Any]:
-        return [np.cos(at.q[1] + at.q[2])]
+    def values(self, point: MotionPoint) -> Sequence[Any]:
+        return [np.cos(point.q[1] + point.q[2])]
 
 
 @pytest.mark.usefixtures("clean")
@@ -544,7 +544,7 @@ def test_a_limit_on_the_way_is_kept_or_said_not_to_be_promised(
     (folded,) = problem.further
     (part,) = folded.parts
     broken = planner.Violation(part.label, 1.0, 0.4, 0.45, "", 0.05)
-    assert Folded.eased([(folded, part, broken)]) == (
+    assert Folded.easing([(folded, part, broken)]) == (
         "wider limits: second link's cosine at most 0.3996"
     )
     with pytest.raises(InputError, match=r"cosine at the goal is 0\.5, allowed 0\.6; move"):

@@ -13,7 +13,7 @@ from scipy.integrate import quad
 from scipy.interpolate import BPoly
 
 import planner
-from planner.plan.fastest_timing import cut, fastest
+from planner.plan.fastest_timing import cut_path, fastest_clock
 from planner.plan.retimed import Inverse, RetimedTrajectory, arc_length
 from planner.plan.trajectory import StateTrajectory
 
@@ -223,7 +223,7 @@ def test_rest_costs_time_and_finer_is_hardly_faster(smooth: planner.Plan) -> Non
     length = arc_length(path, TOP, "euclid")
 
     def duration(intervals: int, rest: bool) -> float:
-        clock = fastest(cut(path, length, TOP, intervals, rest), TOP, RATE)
+        clock = fastest_clock(cut_path(path, length, TOP, intervals, rest), TOP, RATE)
         return float(clock.x[-1])
 
     coarse, fine, finer = (duration(n, rest=True) for n in (50, 200, 800))
@@ -238,8 +238,8 @@ def test_stops_at_corners(unlimited: planner.Problem) -> None:
     problem = unlimited.changed({"goal.travel": 0.835})
     plan = planner.solve(problem, "piecewise", slots=6)
     length = arc_length(plan.trajectory, TOP, "euclid")
-    stretch = cut(plan.trajectory, length, TOP, 60, rest=False)
-    clock = fastest(stretch, TOP, RATE)
+    stretch = cut_path(plan.trajectory, length, TOP, 60, rest=False)
+    clock = fastest_clock(stretch, TOP, RATE)
     assert np.sum(stretch.stops) == 5
     np.testing.assert_allclose(stretch.stations[stretch.stops], plan.t[1:-1], atol=1e-12)
     retimed = RetimedTrajectory(plan.trajectory, length, clock, stretch.stations)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.solve import judged
+from planner.solve import judge_plan
 
 
 def test_a_law_that_breaks_a_limit_is_refused_with_its_last_iterate(paper: planner.Problem) -> None:
@@ -84,6 +84,6 @@ def test_a_method_is_not_advised_in_place_of_itself(paper: planner.Problem, meth
     narrow = paper.changed({"limits.joint_deg": 31})  # its theta1 goes to 38 degrees
     plan = planner.Plan(narrow, method, {}, planner.solve(paper).trajectory)
     with pytest.raises(planner.VerificationError) as refusal:
-        judged(plan)
+        judge_plan(plan)
     ways = [change.method for change in refusal.value.changes]
     assert ways == ([] if method == "collocation" else ["collocation"])

@@ -106,7 +106,7 @@ def test_there_is_an_answer_in_time(hard: planner.Problem, limit: float) -> None
     with pytest.raises(planner.TimeLimitError) as caught:
         planner.solve(hard, time_limit_s=limit)
     assert f"the time limit of {limit:g} s ended the search" in caught.value.reason
-    assert caught.value.advice == deadline.MORE_TIME
+    assert caught.value.advice == deadline.MORE_TIME_ADVICE
     assert time.perf_counter() - began < 1.2 * limit + 2 + 15  # for a busy machine
 
 
@@ -223,14 +223,14 @@ def both(paper: planner.Problem) -> planner.Problem:
 @pytest.fixture
 def late(monkeypatch: pytest.MonkeyPatch) -> None:
     """There is time for a plan, and none is left when its compensation plans anew."""
-    clock, usual = Clock(monkeypatch), aim.commanded
+    clock, usual = Clock(monkeypatch), aim.plan_with_commands
 
     def up(*given: object) -> object:
         made = usual(*given)
         clock.now += 100.1
         return made
 
-    monkeypatch.setattr(aim, "commanded", up)
+    monkeypatch.setattr(aim, "plan_with_commands", up)
 
 
 @pytest.mark.usefixtures("late")
@@ -289,8 +289,10 @@ def test_the_command_says_that_the_plan_is_not_compensated(
 def test_the_best_compensated_plan_comes_back_where_there_is_one(
     both: planner.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    clock, usual, count = Clock(monkeypatch), aim.commanded, []
-    monkeypatch.setattr(aim, "AIMED_RAD", 0.0)  # the second of its plans would be good enough
+    clock, usual, count = Clock(monkeypatch), aim.plan_with_commands, []
+    monkeypatch.setattr(
+        aim, "AIM_TOLERANCE_RAD", 0.0
+    )  # the second of its plans would be good enough
 
     def up(*given: object) -> object:
         made = usual(*given)
@@ -298,7 +300,7 @@ def test_the_best_compensated_plan_comes_back_where_there_is_one(
         clock.now = 100.1 if len(count) > 1 else 0.0
         return made
 
-    monkeypatch.setattr(aim, "commanded", up)
+    monkeypatch.setattr(aim, "plan_with_commands", up)
     plan = planner.solve(both, time_limit_s=100.0)
     assert plan.verified
     assert plan.compensation is not None
@@ -327,13 +329,13 @@ def test_a_search_leaves_time_for_compensation(
 def test_ctrl_c_while_compensating_keeps_the_plan(
     both: planner.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    usual = aim.commanded
+    usual = aim.plan_with_commands
 
     def pressed(*given: object) -> object:
         assert deadline.stop()
         return usual(*given)
 
-    monkeypatch.setattr(aim, "commanded", pressed)
+    monkeypatch.setattr(aim, "plan_with_commands", pressed)
     plan = planner.solve(both)
     assert plan.verified
     assert plan.status == "interrupted"
@@ -352,7 +354,7 @@ def test_candidates_are_made_only_while_there_is_time(
             clock.now += 1.0
             yield trajectory
 
-    with pytest.raises(deadline.TimeUpError), deadline.limited(2.5):
+    with pytest.raises(deadline.TimeUpError), deadline.time_limit(2.5):
         score(paper, candidates())
     assert made == [0, 1, 2]
 

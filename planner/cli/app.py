@@ -31,10 +31,10 @@ from planner.cli.output import (
 )
 from planner.cli.standard_output import ReaderGoneError, results_alone
 from planner.errors import NO_MEMORY, InputWarning, MethodError, PlannerError, lacks_memory
-from planner.support.files import written
-from planner.support.interrupts import Terminated, hear_signals, hearing
+from planner.support.files import written_paths
+from planner.support.interrupts import Terminated, hear_signals, signal_listener
 from planner.support.package import version as installed_version
-from planner.support.tables import brief, clean
+from planner.support.tables import clean_text, shorten
 
 LONGEST = 5000
 """Characters of a message: about what a terminal shows at once."""
@@ -187,7 +187,7 @@ def _nowhere() -> TextIO:
 
 def _run(words: list[str]) -> int:
     """The outcome; from the moment it is decided on, no signal disturbs telling it."""
-    written.clear()
+    written_paths.clear()
     manner.as_json = "--json" in words  # of a usage error, too
     try:
         command = typer.main.get_command(app)
@@ -200,9 +200,9 @@ def _run(words: list[str]) -> int:
             raise ReaderGoneError from None
         raise
     except BaseException as error:
-        hearing.over = True
+        signal_listener.is_over = True
         return _failed(error, words)
-    hearing.over = True
+    signal_listener.is_over = True
     if status == INTERRUPTED and not isinstance(status, Told):
         return _interrupted()
     return int(status or 0) if words else 2  # no command: older versions of click say 0
@@ -217,7 +217,7 @@ def _failed(error: BaseException, words: list[str]) -> int:
         return _interrupted()
     if isinstance(error, PlannerError):
         if isinstance(error, MethodError) and _debugging(words):
-            sys.stderr.write(clean(error.traceback))
+            sys.stderr.write(clean_text(error.traceback))
         kind = getattr(error, "status", "bad_input")
         return _refuse(error.exit_status, kind, str(error))
     if isinstance(error, UsageError):
@@ -231,10 +231,10 @@ def _failed(error: BaseException, words: list[str]) -> int:
 
 
 def _interrupted() -> int:
-    what = "interrupted" if hearing.status == INTERRUPTED else "terminated"
-    there = [str(path) for path in written if path.exists()]
+    what = "interrupted" if signal_listener.status == INTERRUPTED else "terminated"
+    there = [str(path) for path in written_paths if path.exists()]
     left = f"{', '.join(there)} was written before" if there else "nothing written"
-    return _refuse(hearing.status, what, f"{what}, {left}")
+    return _refuse(signal_listener.status, what, f"{what}, {left}")
 
 
 def _refuse(status: int, kind: str, message: str) -> int:
@@ -243,7 +243,7 @@ def _refuse(status: int, kind: str, message: str) -> int:
             print_json({"status": kind, "error": message, "exit_status": status})
         except PlannerError as error:
             message = str(error)
-    say(f"planner: {brief(message, LONGEST)}", "" if status >= INTERRUPTED else "red")
+    say(f"planner: {shorten(message, LONGEST)}", "" if status >= INTERRUPTED else "red")
     return status
 
 
@@ -252,7 +252,7 @@ def _usage(error: Any) -> int:
         print_json({"status": "bad_input", "error": error.format_message(), "exit_status": 2})
     shown = io.StringIO()
     error.show(file=shown)
-    sys.stderr.write(clean(shown.getvalue()))
+    sys.stderr.write(clean_text(shown.getvalue()))
     return 2
 
 

@@ -15,8 +15,8 @@ import typer
 from planner.errors import InputError
 from planner.methods.registry import all_methods, find_method
 from planner.problem.problem import Problem, load_problem
-from planner.support.files import DEEPEST, toml_value
-from planner.support.tables import brief
+from planner.support.files import MOST_LEVELS, toml_value
+from planner.support.tables import shorten
 
 ProblemPath = Annotated[Path, typer.Argument(metavar="PROBLEM", help="A problem file (TOML).")]
 PlanPath = Annotated[
@@ -151,11 +151,11 @@ def parse_changes(pairs: list[str]) -> dict[str, Any]:
         key, text = key.strip(), text.strip()
         if not equals or not text or not all(part.strip() for part in key.split(".")):
             raise InputError(
-                f"--set {brief(pair)}: write it as key=value, as in --set goal.travel=0.8"
+                f"--set {shorten(pair)}: write it as key=value, as in --set goal.travel=0.8"
             )
-        if key.count(".") > DEEPEST:
-            raise InputError(f"--set {brief(pair)}: the key has more than {DEEPEST} parts")
-        out[key] = _value(brief(pair), text)
+        if key.count(".") > MOST_LEVELS:
+            raise InputError(f"--set {shorten(pair)}: the key has more than {MOST_LEVELS} parts")
+        out[key] = _value(shorten(pair), text)
     return out
 
 
@@ -184,6 +184,6 @@ def _value(pair: str, text: str) -> Any:
         return toml_value(text)
     except ValueError:
         raise InputError(
-            f"--set {pair}: cannot read the value {brief(text)!r}; write a number, true, a [list]"
+            f"--set {pair}: cannot read the value {shorten(text)!r}; write a number, true, a [list]"
             " or a text in quotes"
         ) from None

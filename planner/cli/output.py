@@ -39,10 +39,10 @@ from planner.cli.standard_output import told_where_it_fails, write_result
 from planner.errors import InputError, PlannerError
 from planner.support import deadline
 from planner.support.arrays import jsonable
-from planner.support.interrupts import Terminated, hearing
+from planner.support.interrupts import Terminated, signal_listener
 from planner.support.package import versions
-from planner.support.progress import Progress, listening
-from planner.support.tables import Column, clean, terminal_table
+from planner.support.progress import Progress, progress_listener
+from planner.support.tables import Column, clean_text, terminal_table
 
 INTERRUPTED = 130
 WIDTH_WITHOUT_TERMINAL = 160
@@ -210,7 +210,7 @@ def job(text: str = "") -> Iterator[Job]:
     thread = threading.Thread(target=show, daemon=True)
     thread.start()
     try:
-        with redirect_stdout(sys.stderr), listening(now.hear):
+        with redirect_stdout(sys.stderr), progress_listener(now.hear):
             yield now
     finally:
         done.set()
@@ -218,14 +218,14 @@ def job(text: str = "") -> Iterator[Job]:
         if now.bar.live.is_started:
             now.bar.stop()
     if interrupted():  # CasADi's solvers swallow the exception and return
-        raise hearing.exception
+        raise signal_listener.exception
 
 
 class Interrupted(PlannerError):  # noqa: N818 (not an error)
     """Ctrl-C or SIGTERM, after which the same command goes on."""
 
     def __init__(self, kept: str) -> None:
-        self.exit_status = hearing.status
+        self.exit_status = signal_listener.status
         self.status = "interrupted" if self.exit_status == INTERRUPTED else "terminated"
         super().__init__(f"{self.status}; {kept}; the same command runs the rest")
 
@@ -248,21 +248,21 @@ def resumable(what: str, place: Path) -> Iterator[None]:
 
 def interrupted() -> bool:
     """Whether Ctrl-C was pressed or the process was told to end since the command began."""
-    return bool(hearing.heard)
+    return bool(signal_listener.signals)
 
 
 @contextmanager
 def ends_with_the_best() -> Iterator[None]:
     """The first Ctrl-C in the block only ends a search that holds an answer."""
-    hearing.instead = _finish
+    signal_listener.substitute = _finish
     try:
         yield
     finally:
-        hearing.instead = None
+        signal_listener.substitute = None
 
 
 def _ends_with_the_best() -> bool:
-    return hearing.instead is _finish
+    return signal_listener.substitute is _finish
 
 
 def _finish() -> bool:
@@ -275,7 +275,7 @@ def _finish() -> bool:
 
 def ended_with_the_best() -> bool:
     """Whether Ctrl-C did so since the command began."""
-    return hearing.spared
+    return signal_listener.was_substituted
 
 
 def _lively() -> bool:
@@ -290,7 +290,7 @@ class _Door(Console):
         self, renderable: RenderableType, options: ConsoleOptions | None = None
     ) -> Iterable[Segment]:
         for text, style, control in super().render(renderable, options):
-            yield Segment(text if control else clean(text), style, control)
+            yield Segment(text if control else clean_text(text), style, control)
 
 
 def _console(stderr: bool) -> Console:

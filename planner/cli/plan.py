@@ -45,7 +45,7 @@ from planner.problem.feasibility import End
 from planner.problem.problem import Problem
 from planner.solve import solve_and_check
 from planner.support.files import refuse_unwritable
-from planner.support.interrupts import hearing
+from planner.support.interrupts import signal_listener
 from planner.support.tables import Column, terminal_table
 from planner.systems.triangular_system import TriangularSystem
 from planner.verification.summary import plan_summary, refusal_summary
@@ -98,7 +98,7 @@ def plan(
 
 def _refused(problem: Problem, method: str, error: NoPlanError) -> int:
     if interrupted() or ended_with_the_best():
-        raise hearing.exception
+        raise signal_listener.exception
     say(f"planner: no plan ({error.status.replace('_', ' ')})", "bold red")
     say(str(error))
     summary = _heading(problem) | refusal_summary(error, method)

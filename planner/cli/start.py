@@ -35,7 +35,7 @@ from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.problem_file import CompensationTable, FeedbackTable, ProblemFile
 from planner.support.files import refuse_unwritable, toml, write_text
 from planner.support.tables import Column, terminal_table
-from planner.support.user_tables import nearest
+from planner.support.user_tables import allowed_hint
 from planner.systems.manipulator import prototype_ratios
 
 
@@ -137,7 +137,7 @@ def schema(
       planner schema plan > plan.schema.json
     """
     if of not in SCHEMAS:
-        raise InputError(f"no schema of '{of}'; {nearest(of, SCHEMAS)}")
+        raise InputError(f"no schema of '{of}'; {allowed_hint(of, SCHEMAS)}")
     # What `planner new` can do without.
     from planner.plan.plan_file import plan_schema
     from planner.sweep.design.design_file import design_schema
@@ -193,7 +193,7 @@ def problem_text(
     """
     kinds = all_files()
     if kind not in kinds:
-        raise InputError(f"no system '{kind}'; {nearest(kind, list(kinds))}")
+        raise InputError(f"no system '{kind}'; {allowed_hint(kind, list(kinds))}")
     file = kinds[kind]
     last = system_of(parse_file(tomllib.loads(example_of(kind)), kind)).coordinates[-1]
     head = _with_limits(f"{example_of(kind)}\n", limits_of(file))

@@ -32,9 +32,9 @@ from planner.plan.plan import Plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
 from planner.solve import solve_and_check
-from planner.support.deadline import TimeUpError, limited
+from planner.support.deadline import TimeUpError, time_limit
 from planner.support.progress import expect_listener
-from planner.support.statistics import THRESHOLD_DEG
+from planner.support.statistics import LEAST_DIFFERENCE_DEG
 from planner.verification.verify import Check, verify
 
 MOTIONS = 1000
@@ -54,7 +54,7 @@ def compare(
     feedback: bool = False,
     progress: Progress | None = None,
     time_limit_s: float | None = None,
-    threshold_deg: float = THRESHOLD_DEG,
+    threshold_deg: float = LEAST_DIFFERENCE_DEG,
 ) -> Comparison:
     """Plan one problem with several methods and replay every plan on the same emulated machines.
 
@@ -298,7 +298,7 @@ def _too_short(problem: Problem, spec: Spec) -> tuple[Plan, Check] | None:
         return None
     except NoPlanError:
         pass
-    with limited(STUDY_S), suppress(NoPlanError, TimeUpError):
+    with time_limit(STUDY_S), suppress(NoPlanError, TimeUpError):
         plan = method.plan(problem, merged_options(problem, method, dict(spec.options)))
         return plan, verify(plan)
     return None

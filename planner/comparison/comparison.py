@@ -18,11 +18,11 @@ from planner.plan.plan import Plan
 from planner.problem.problem import Problem, load_problem
 from planner.support.arrays import jsonable
 from planner.support.files import toml
-from planner.support.package import handed_to
-from planner.support.statistics import THRESHOLD_DEG, Difference, differences
+from planner.support.package import import_function
+from planner.support.statistics import LEAST_DIFFERENCE_DEG, Difference, differences
 from planner.support.tables import (
     Column,
-    clean,
+    clean_text,
     csv_table,
     html_table,
     markdown,
@@ -62,7 +62,7 @@ class Comparison:
     seed: int
     chosen: tuple[int, ...] | None = None
     complete: bool = True
-    threshold_deg: float = THRESHOLD_DEG
+    threshold_deg: float = LEAST_DIFFERENCE_DEG
 
     def __repr__(self) -> str:
         rows = "".join(f"\n  {row!r}" for row in self.rows)
@@ -164,7 +164,7 @@ class Comparison:
 
     def figures(self) -> dict[str, Figure]:
         """Figures by name: z, joints, inputs, arm, errors, effort, replay, as far as they apply."""
-        made: dict[str, Figure] = handed_to("planner.report.folders.figures")(self)
+        made: dict[str, Figure] = import_function("planner.report.folders.figures")(self)
         return made
 
     def save(self, folder: str | Path, *, report: bool = False) -> Path:
@@ -177,7 +177,7 @@ class Comparison:
         Raises:
             InputError: If the folder cannot be written or holds something else.
         """
-        saved: Path = handed_to("planner.report.folders.save")(self, folder, report=report)
+        saved: Path = import_function("planner.report.folders.save")(self, folder, report=report)
         return saved
 
 
@@ -262,14 +262,16 @@ def comparison_markdown(comparison: Comparison) -> str:
     shown = [*comparison.columns, *intervals(comparison.problem.system)]
     repeat = command(comparison)
     again = (
-        f"Made by:\n\n    {clean(repeat)}\n"
+        f"Made by:\n\n    {clean_text(repeat)}\n"
         if repeat
         else "Made from Python; `comparison.json` holds the problem, the machine and the seed.\n"
     )
     heading = f"# Comparison: {markdown(comparison.problem.name)}\n"
     if not comparison.complete:
         heading += "\n**Partial: interrupted before all methods were finished.**\n"
-    tries = [f"- Try, for {markdown_code(k)}: {clean(v)}" for k, v in comparison.advice.items()]
+    tries = [
+        f"- Try, for {markdown_code(k)}: {clean_text(v)}" for k, v in comparison.advice.items()
+    ]
     said = [*tries, ""] if tries else []
     after = ["", *said, _explained(comparison), "", *_worst(comparison), again]
     return "\n".join([heading, markdown_table(shown, comparison.rows), *after])
@@ -279,7 +281,7 @@ def _worst(comparison: Comparison) -> list[str]:
     """The machine with the largest error of each plan, and the command that replays it alone."""
     lines = [
         f"- {markdown_code(row.label)}: E {number(float(row.replay.index_E_deg.max()))} deg"
-        f" on machine {row.worst}: `{clean(str(worst_command(comparison, row)))}`"
+        f" on machine {row.worst}: `{clean_text(str(worst_command(comparison, row)))}`"
         for row in comparison.rows
         if row.replay is not None and row.worst is not None
     ]

@@ -157,7 +157,7 @@ def machine_controls(state: State, problem: Problem) -> list[Control]:
     now = Machine.from_table(problem.machine)
     used = {**first.effects, **now.effects}
     static = now.fidelity == "quasi-static"
-    effects = [k for k, e in EFFECTS.items() if k in used and not (static and e.dynamic)]
+    effects = [k for k, e in EFFECTS.items() if k in used and not (static and e.dynamic_only)]
     return [count, *_compensation(state, problem), *(_effect(name, first, now) for name in effects)]
 
 

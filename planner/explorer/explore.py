@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from planner.errors import InputError
 from planner.problem.problem import Problem, expect_problem
-from planner.support.deadline import checked
+from planner.support.deadline import check_seconds
 from planner.support.package import how_to_install
 
 if TYPE_CHECKING:
@@ -56,5 +56,5 @@ def explore(
             f"planner.explore needs {error.name}; install it with: {how_to_install('notebook')}"
         ) from None
     return Explorer(
-        problem, method, samples, None if time_limit_s is None else checked(time_limit_s)
+        problem, method, samples, None if time_limit_s is None else check_seconds(time_limit_s)
     )

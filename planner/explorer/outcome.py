@@ -17,9 +17,16 @@ from planner.methods.registry import Method, find_method, merged_options
 from planner.plan.plan import Plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem
-from planner.solve import compensated_in_time, judged
+from planner.solve import compensate_in_time, judge_plan
 from planner.support import deadline
-from planner.support.deadline import MORE_TIME, SEARCH, TimeUpError, holds_answer, limited, share
+from planner.support.deadline import (
+    MORE_TIME_ADVICE,
+    SEARCH_SHARE,
+    TimeUpError,
+    holds_answer,
+    time_limit,
+    time_share,
+)
 
 
 @dataclass(frozen=True)
@@ -58,20 +65,20 @@ def path(state: State) -> ScreenOutcome:
         options = merged_options(problem, method, {})
     except InputError as error:
         return ScreenOutcome(state, None, None, error, judged=True)
-    with limited(getattr(options, "time_limit_s", None) or state.time_limit_s) as span:
+    with time_limit(getattr(options, "time_limit_s", None) or state.time_limit_s) as span:
         try:
             refuse_too_short(problem)
             wanted = problem.compensation.on
-            with share(SEARCH if wanted else 1.0, once=holds_answer):
+            with time_share(SEARCH_SHARE if wanted else 1.0, condition=holds_answer):
                 plan = method.plan(problem, options)
             if wanted and plan.status != "singular":
-                plan = compensated_in_time(*judged(plan), None, problem.compensation)[0]
+                plan = compensate_in_time(*judge_plan(plan), None, problem.compensation)[0]
             return ScreenOutcome(state, problem, plan, judged=plan.verified)
         except InputError as error:
             return ScreenOutcome(state, problem, None, error, judged=True)
         except TimeUpError:
             said = f"{problem.source}: {span.why} ended the method '{method.name}' before it had"
-            refusal: NoPlanError = TimeLimitError(f"{said} a plan", advice=MORE_TIME)
+            refusal: NoPlanError = TimeLimitError(f"{said} a plan", advice=MORE_TIME_ADVICE)
         except NoPlanError as error:
             refusal = error
         if span.ended_by:
@@ -89,7 +96,7 @@ def judge(outcome: ScreenOutcome) -> ScreenOutcome:
     if outcome.judged or outcome.plan is None:
         return outcome
     try:
-        plan, _ = judged(outcome.plan)
+        plan, _ = judge_plan(outcome.plan)
     except TimeUpError:
         ended = TimeLimitError(
             f"{outcome.plan.problem.source}: the Stop button ended the verification",
@@ -114,7 +121,7 @@ def errors(outcome: ScreenOutcome) -> Replay | None:
     def in_time(*_: int) -> None:
         deadline.check()
 
-    with limited(state.time_limit_s), suppress(TimeUpError):
+    with time_limit(state.time_limit_s), suppress(TimeUpError):
         return replay(plan, None, state.samples, 0, record_s=record, progress=in_time)
     return None
 

@@ -27,7 +27,7 @@ from planner.explorer.state import State, code, problem_file
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.report.figures.mechanism import mechanism_svg
-from planner.support.user_tables import nearest
+from planner.support.user_tables import allowed_hint
 from planner.systems.manipulator import Manipulator
 from planner.verification.summary import effort_unit
 
@@ -55,7 +55,7 @@ class Screen:
         """
         for name, value in changes:
             if name not in self.controls:
-                raise InputError(f"no control '{name}'; {nearest(name, list(self.controls))}")
+                raise InputError(f"no control '{name}'; {allowed_hint(name, list(self.controls))}")
             control = self.controls[name]
             now = self.state.value(control.key)
             if control.part and isinstance(now, type(control.whole)):

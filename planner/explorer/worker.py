@@ -66,7 +66,7 @@ class PlanningThread:
 
     def _within(self, work: Callable[[], Value], future: Future[Value]) -> Value:
         """Work in a block of its own; what was stopped before it began ends where time is asked."""
-        with deadline.limited(None):
+        with deadline.time_limit(None):
             if future in self._unwanted:
                 deadline.end(copy_context(), BUTTON)
             return work()

@@ -38,16 +38,16 @@ from planner.machine.contact_load import weights
 from planner.machine.machine import Draws
 from planner.support.arrays import Array
 
-STICK = 1e8
+STICTION_SLOPE = 1e8
 """What holds rigidly slips by 1 rad/s for so many N m."""
 
-RIGID = 1e5
+RIGID_STIFFNESS = 1e5
 """A gearhead, or a shaft without softness, N m/rad."""
 
-DEAD = 100.0
+RIGID_DAMPING = 100.0
 """Damping of such, N m s/rad: rigid teeth meet without bouncing."""
 
-UNBOUNDED = 1e30
+UNBOUNDED_TORQUE_NM = 1e30
 """A torque that nothing reaches, N m."""
 
 
@@ -152,11 +152,11 @@ def masses(draws: Draws, k: Array) -> Masses:
         return np.minimum(np.broadcast_to(draws[name], (size, count)), most)
 
     play = np.concatenate([rows("gearhead_backlash_deg", 2), rows("backlash_deg", m)])
-    stiff = np.full((2 + m, count), RIGID)
-    stiff[2:] = rows("shaft_stiffness_nm_per_rad", m, RIGID)
+    stiff = np.full((2 + m, count), RIGID_STIFFNESS)
+    stiff[2:] = rows("shaft_stiffness_nm_per_rad", m, RIGID_STIFFNESS)
     damping = np.zeros((2 + m, count))
     damping[2:] = rows("shaft_damping_nms_per_rad", m)
-    gain = rows("servo_gain_nms_per_rad", 2, STICK)
+    gain = rows("servo_gain_nms_per_rad", 2, STICTION_SLOPE)
     disk = k / k[0]
     weighed = weights(draws, 1 + m)
     bodies = [
@@ -169,10 +169,10 @@ def masses(draws: Draws, k: Array) -> Masses:
     return Masses(
         inertia=np.concatenate(bodies),
         gain=gain,
-        integral=np.where(gain < STICK, gain / rows("servo_integral_time_s", 2), 0.0),
-        limit=rows("torque_limit_nm", 2, UNBOUNDED),
+        integral=np.where(gain < STICTION_SLOPE, gain / rows("servo_integral_time_s", 2), 0.0),
+        limit=rows("torque_limit_nm", 2, UNBOUNDED_TORQUE_NM),
         stiffness=stiff,
-        damping=np.where(stiff < RIGID, damping, DEAD),
+        damping=np.where(stiff < RIGID_STIFFNESS, damping, RIGID_DAMPING),
         half_gap=np.deg2rad(play) / 2,
         coulomb=np.concatenate([rows("base_friction_nm", 1), rows("coulomb_friction_nm", m)]),
         viscous=rows("viscous_friction_nms_per_rad", m),
@@ -180,13 +180,13 @@ def masses(draws: Draws, k: Array) -> Masses:
         disk=disk,
         kept=1 - rows("creep", 1),
         creep=rows("creep_per_nm", 1),
-        capacity=rows("friction_capacity_nm", 1, UNBOUNDED),
+        capacity=rows("friction_capacity_nm", 1, UNBOUNDED_TORQUE_NM),
         lateral=rows("lateral_creep", 1),
         weights=np.zeros((1 + m, count)) if weighed is None else weighed,
     )
 
 
-PASSES = 12
+FULL_PASSES = 12
 """Passes with full steps; after them, each step goes as far as the convex function falls."""
 
 MOST_PASSES = 100
@@ -253,13 +253,13 @@ class StageLaws:
             return v, pieces
         part, before = self.part(left), v[:, left]
         for count in range(MOST_PASSES):
-            own = fresh[:, left]
-            new = part._tree(own)
-            if count >= PASSES:
+            guess = fresh[:, left]
+            new = part._tree(guess)
+            if count >= FULL_PASSES:
                 new = part._search(before, new)
             v[:, left] = before = new
-            fresh[:, left] = after = part._pieces(new, own)
-            on = np.flatnonzero((after != own).any(axis=0))
+            fresh[:, left] = after = part._pieces(new, guess)
+            on = np.flatnonzero((after != guess).any(axis=0))
             if not on.size:
                 break
             left, part, before = left[on], part.part(on), before[:, on]
@@ -285,8 +285,10 @@ class StageLaws:
         limited, play = self.relative(v)
         ahead = self.ahead + self.h * play
         wound = ahead - np.minimum(np.maximum(ahead, -self.half_gap), self.half_gap)
-        held = np.minimum(np.maximum(self.offset + self.slope * limited, -self.limit), self.limit)
-        return held, self.stiff * wound
+        limited_torque = np.minimum(
+            np.maximum(self.offset + self.slope * limited, -self.limit), self.limit
+        )
+        return limited_torque, self.stiff * wound
 
     def _pieces(self, v: Array, before: Array) -> Array:
         """Pieces at these speeds; those before wherever they hold to within rounding."""
@@ -307,11 +309,11 @@ class StageLaws:
     def _lines(self, pieces: Array) -> tuple[Array, Array, Array, Array]:
         """Torque c + s w of the limited and of the play laws on their pieces: c, s, c, s."""
         count = len(self.limit)
-        held, touching = pieces[:count], pieces[count:]
-        moving = held == 0
+        limited_pieces, touching = pieces[:count], pieces[count:]
+        moving = limited_pieces == 0
         pressed = self.stiff * np.abs(touching)
         return (
-            np.where(moving, self.offset, held * self.limit),
+            np.where(moving, self.offset, limited_pieces * self.limit),
             np.where(moving, self.slope, 0.0),
             pressed * (self.ahead - touching * self.half_gap),
             pressed * self.h,
@@ -329,22 +331,22 @@ class StageLaws:
         links, links_push = self.drag[rows.links] + s[rub], self.push[rows.links] - c[rub]
         base, base_push = links[0], links_push[0]
         links, links_push = links[1:], links_push[1:]
-        asked, more = _drawn(c_play[2:], s_play[2:], links, links_push)
-        axes, axes_push = self.drag[rows.axes] + more, self.push[rows.axes] - asked
-        asked, more = _drawn(c[p23], s[p23], axes, axes_push)
+        load, more = _reflected_load(c_play[2:], s_play[2:], links, links_push)
+        axes, axes_push = self.drag[rows.axes] + more, self.push[rows.axes] - load
+        load, more = _reflected_load(c[p23], s[p23], axes, axes_push)
         stages = self.drag[rows.stages] + two * two * more
-        stages_push = self.push[rows.stages] - two * asked
+        stages_push = self.push[rows.stages] - two * load
         geared = np.stack([self.drag[rows.disk], base])
         geared_push = np.stack([self.push[rows.disk], base_push])
         for j in range(m - 1, -1, -1):
-            asked, more = _drawn(c[2 + j], s[2 + j], stages[j], stages_push[j])
+            load, more = _reflected_load(c[2 + j], s[2 + j], stages[j], stages_push[j])
             body, push = (stages, stages_push) if j else (geared, geared_push)
             body[max(j - 1, 0)] += one[j] * one[j] * more
-            push[max(j - 1, 0)] -= one[j] * asked
-        asked, more = _drawn(c_play[:2], s_play[:2], geared, geared_push)
+            push[max(j - 1, 0)] -= one[j] * load
+        load, more = _reflected_load(c_play[:2], s_play[:2], geared, geared_push)
 
         v = np.empty_like(self.drag)
-        servo = self.push[rows.motors] - asked + c[:2] + s[:2] * self.reference
+        servo = self.push[rows.motors] - load + c[:2] + s[:2] * self.reference
         v[rows.motors] = servo / (self.drag[rows.motors] + more + s[:2])
         pull = c_play[:2] + s_play[:2] * v[rows.motors]
         v[rows.geared] = (geared_push + pull) / (geared + s_play[:2])
@@ -371,14 +373,16 @@ class StageLaws:
         return np.asarray(start + np.where(falling, 1.0, (low + high) / 2) * way)
 
     def _slope_along(self, v: Array, way: Array) -> Array:
-        held, pressed = self.torques(v)
+        limited_torque, pressed = self.torques(v)
         limited, play = self.relative(way)
         limited[:2] -= self.reference
-        own = np.sum(way * (self.drag * v - self.push), axis=0)
-        return np.asarray(own + np.sum(limited * held, axis=0) + np.sum(play * pressed, axis=0))
+        inertial = np.sum(way * (self.drag * v - self.push), axis=0)
+        return np.asarray(
+            inertial + np.sum(limited * limited_torque, axis=0) + np.sum(play * pressed, axis=0)
+        )
 
 
-def _drawn(c: Array, s: Array, drag: Array, push: Array) -> tuple[Array, Array]:
+def _reflected_load(c: Array, s: Array, drag: Array, push: Array) -> tuple[Array, Array]:
     """What a body, and all behind it, asks of the body before it through a law c + s w.
 
     Returns:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.machine.commands import ROUNDING, merged, quantised, subdivided
+from planner.machine.commands import ROUNDING, merge_times, quantise, subdivide
 from planner.machine.machine import Draws, Machine
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
@@ -82,8 +82,8 @@ def encoder_readings(system: TriangularSystem, draws: Draws, q: Array) -> Array:
     return out
 
 
-class Fed:
-    """The commands of one controller on the time grid of its simulation; see `Orders`.
+class FeedbackCommand:
+    """The commands of one controller on the time grid of its simulation; see `CommandGrid`.
 
     Args:
         controller: Says when it reads and commands.
@@ -117,7 +117,7 @@ class Fed:
             ticks = ticks[ticks < stops[-1]]
         else:
             ticks = ticks[:0]
-        self.t = subdivided(merged(stops, self.readings, ticks), step)
+        self.t = subdivide(merge_times(stops, self.readings, ticks), step)
         self.running: NDArray[np.bool_] = self.t[:-1] + np.diff(self.t) / 2 < controller.end_s
 
     @property
@@ -131,7 +131,7 @@ class Fed:
         """∫ u₁² + u₂² dt of what was commanded, shape (S,)."""
         return np.asarray(self._tick * np.sum(self.values**2, axis=(0, 1)))
 
-    def tell(self, i: int, values: Array) -> None:
+    def set_command(self, i: int, values: Array) -> None:
         """Command (M, 2, S) from reading i on.
 
         Raises:
@@ -148,20 +148,20 @@ class Fed:
             )
         room[:] = values[: len(room)]
 
-    def at(self, k: int) -> Array:
-        """See `Orders`; a command has the same value at both of a step's points."""
+    def step_values(self, k: int) -> Array:
+        """See `CommandGrid`; a command has the same value at both of a step's points."""
         return np.asarray(self.block(k, k + 1)[0])
 
     def block(self, first: int, last: int) -> Array:
-        """See `Orders`."""
+        """See `CommandGrid`."""
         times = self.t[first:last, None] - self._delay - self._begin
         index = np.floor(times / self._tick + 1e-9).astype(np.int64)
         on = (index >= 0) & (index < len(self.values))
         index = np.where(on, index, 0)
         if index.shape[1] == 1 or np.all(index == index[:, :1]):
-            told = self.values[index[:, 0]]
+            commands = self.values[index[:, 0]]
         else:
             samples = np.arange(self.values.shape[2])
-            told = np.moveaxis(self.values[index, :, samples], -1, 1)
-        told = quantised(np.where(on[:, None], told, 0.0), self._resolution)
-        return np.broadcast_to(told[:, None], (len(told), 2, *told.shape[1:]))
+            commands = np.moveaxis(self.values[index, :, samples], -1, 1)
+        commands = quantise(np.where(on[:, None], commands, 0.0), self._resolution)
+        return np.broadcast_to(commands[:, None], (len(commands), 2, *commands.shape[1:]))

@@ -36,7 +36,7 @@ class CommandSource(Protocol):
         """Values (…, 2) at plan times (…), s: right-hand limits, zero outside the plan."""
 
 
-class Held:
+class SampleAndHold:
     """Sample and hold: u at the start of each period, held until the next or the plan's end.
 
     A sampling instant within rounding of a break of the plan reads what follows the break.
@@ -47,32 +47,32 @@ class Held:
     def __init__(self, plan: Plan, period: float) -> None:
         end = plan.duration
         ticks: Array = period * np.arange(int(np.ceil(end / period)), dtype=np.float64)
-        self.jumps = merged(np.array([0.0, end]), snapped(ticks, plan.t))
-        held = _finite(plan.u(self.jumps[:-1]), self.jumps[:-1])
-        self._values = np.concatenate([held, np.zeros((1, 2))])
+        self.jumps = merge_times(np.array([0.0, end]), snap_times(ticks, plan.t))
+        values = _check_finite(plan.u(self.jumps[:-1]), self.jumps[:-1])
+        self._values = np.concatenate([values, np.zeros((1, 2))])
 
     def __call__(self, times: Array) -> Array:
         """See `CommandSource`."""
         return np.asarray(self._values[np.searchsorted(self.jumps, times, side="right") - 1])
 
 
-class Continuous:
+class ContinuousSource:
     """The plan's own u(t)."""
 
     parts: tuple[float, ...] = (0.0, 0.5, 1.0)
 
     def __init__(self, plan: Plan, step: float) -> None:
         self._plan = plan
-        self.jumps = refined_times(self, subdivided(plan.t, step))
+        self.jumps = refine_times(self, subdivide(plan.t, step))
 
     def __call__(self, times: Array) -> Array:
         """See `CommandSource`."""
         on = (times >= 0) & (times < self._plan.duration)
         values = np.where(on[..., None], self._plan.u(np.where(on, times, 0.0)), 0.0)
-        return _finite(values, times)
+        return _check_finite(values, times)
 
 
-class Tabulated:
+class TableSource:
     """A continuous source by linear interpolation, for when every sample reads it elsewhere."""
 
     def __init__(self, source: CommandSource) -> None:
@@ -86,7 +86,7 @@ class Tabulated:
         return np.stack(columns, axis=-1)
 
 
-class Orders(Protocol):
+class CommandGrid(Protocol):
     """What the servos are told on the time grid of one simulation.
 
     Attributes:
@@ -97,7 +97,7 @@ class Orders(Protocol):
     t: Array
     running: NDArray[np.bool_]
 
-    def at(self, k: int) -> Array:
+    def step_values(self, k: int) -> Array:
         """What step k asks of both motors at its P points, shape (P, 2, S or 1)."""
 
     def block(self, first: int, last: int) -> Array:
@@ -127,19 +127,21 @@ class Command:
         self, plan: Plan, period: float | None, draws: Draws, step: float, stops: Array
     ) -> None:
         delay = draws["delay_s"][0]
-        source: CommandSource = Continuous(plan, step) if period is None else Held(plan, period)
+        source: CommandSource = (
+            ContinuousSource(plan, step) if period is None else SampleAndHold(plan, period)
+        )
         self._resolution = draws["velocity_resolution_rad_s"][:, :1]
         self._table: Array | None = None
         if np.all(delay == delay[0]):
             jumps = source.jumps + delay[0]
-            self.t = subdivided(merged(stops, jumps[jumps < stops[-1]]), step)
-            plan_time = snapped(self.t - delay[0], source.jumps)
+            self.t = subdivide(merge_times(stops, jumps[jumps < stops[-1]]), step)
+            plan_time = snap_times(self.t - delay[0], source.jumps)
             points = _points(plan_time, source.parts)
             table = np.stack([source(t) for t in points], axis=1)
-            self._table = quantised(table[..., None], self._resolution)
+            self._table = quantise(table[..., None], self._resolution)
         else:
-            self.t = subdivided(stops, step)
-            self._source = Tabulated(source) if period is None else source
+            self.t = subdivide(stops, step)
+            self._source = TableSource(source) if period is None else source
             self._delay = delay
             self._times = np.stack(_points(self.t, source.parts), axis=1)
         self.running: NDArray[np.bool_] = self.t[:-1] + np.diff(self.t) / 2 < plan.duration
@@ -151,7 +153,7 @@ class Command:
             out._delay = self._delay[chosen]
         return out
 
-    def at(self, k: int) -> Array:
+    def step_values(self, k: int) -> Array:
         """What step k asks of both motors at its P points, shape (P, 2, S or 1).
 
         A held command has 2 points, the ends; a continuous one 3, the middle between them.
@@ -163,10 +165,10 @@ class Command:
         if self._table is not None:
             return self._table[first:last]
         times = self._times[first:last, :, None] - self._delay
-        return quantised(np.moveaxis(self._source(times), -1, 2), self._resolution)
+        return quantise(np.moveaxis(self._source(times), -1, 2), self._resolution)
 
 
-def quantised(values: Array, resolution: Array) -> Array:
+def quantise(values: Array, resolution: Array) -> Array:
     """Values (…, 2, S) at the resolution (2, 1) of each motor's command; 0 leaves them."""
     if not np.any(resolution):
         return values
@@ -175,10 +177,10 @@ def quantised(values: Array, resolution: Array) -> Array:
 
 
 def _points(times: Array, parts: tuple[float, ...]) -> list[Array]:
-    return [inside(times[:-1], times[1:], part) for part in parts]
+    return [step_times(times[:-1], times[1:], part) for part in parts]
 
 
-def _finite(values: Array, times: Array) -> Array:
+def _check_finite(values: Array, times: Array) -> Array:
     bad = ~np.all(np.isfinite(values), axis=-1)
     if np.any(bad):
         when = float(times[bad][0])
@@ -200,7 +202,7 @@ Steps = Callable[[int], None]
 """Told how many steps are done."""
 
 
-def merged(*times: Array) -> Array:
+def merge_times(*times: Array) -> Array:
     """All these times, increasing; of those closer than rounding, the one named first."""
     every = np.concatenate(times)
     rank = np.concatenate([np.full(len(t), i) for i, t in enumerate(times)])
@@ -213,7 +215,7 @@ def merged(*times: Array) -> Array:
     return np.asarray(every[first][where])
 
 
-def subdivided(times: Array, step: float) -> Array:
+def subdivide(times: Array, step: float) -> Array:
     """`times` with equal steps between, none longer than `step`."""
     gaps = np.diff(times)
     counts = np.maximum(1, np.ceil(gaps / step - 1e-9)).astype(int)
@@ -222,7 +224,7 @@ def subdivided(times: Array, step: float) -> Array:
     return np.append(starts + inner * np.repeat(gaps / counts, counts), times[-1])
 
 
-def refined_times(
+def refine_times(
     command: InputOfTime, times: Array, tolerance: float = QUADRATURE_TOLERANCE
 ) -> Array:
     """`times` with steps halved until Simpson's rule integrates the command over each of them.
@@ -253,7 +255,7 @@ def lengths(times: Array) -> list[float]:
     return [float(f"{h:.11g}") for h in np.diff(times)]
 
 
-def snapped(times: Array, marks: Array) -> Array:
+def snap_times(times: Array, marks: Array) -> Array:
     """`times`, each within rounding of one of the increasing `marks` moved onto it."""
     index = np.clip(np.searchsorted(marks, times), 1, len(marks) - 1)
     below, above = marks[index - 1], marks[index]
@@ -262,7 +264,7 @@ def snapped(times: Array, marks: Array) -> Array:
     return np.where(np.abs(times - near) < close, near, times)
 
 
-def inside(left: Array, right: Array, part: float) -> Array:
+def step_times(left: Array, right: Array, part: float) -> Array:
     """Times at a part (0 … 1) of each step, the last one just before its end."""
     return np.minimum(left + part * (right - left), np.nextafter(right, left))
 
@@ -272,7 +274,7 @@ def _simpson_gap(command: InputOfTime, left: Array, right: Array) -> Array:
 
     Fifteen times the error of the finer rule where the command is smooth; so a safe estimate.
     """
-    u = np.stack([command(inside(left, right, p)) for p in (0.0, 0.25, 0.5, 0.75, 1.0)])
+    u = np.stack([command(step_times(left, right, p)) for p in (0.0, 0.25, 0.5, 0.75, 1.0)])
     width = (right - left)[:, None]
     whole = width / 6 * (u[0] + 4 * u[2] + u[4])
     halves = width / 12 * (u[0] + 4 * u[1] + 2 * u[2] + 4 * u[3] + u[4])

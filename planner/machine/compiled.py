@@ -1,4 +1,4 @@
-"""The manipulator in motion, compiled: `kernel.c` and `dynamic.c` do what `Stepwise` does, sooner.
+"""The manipulator in motion, compiled: the C files do what `StepwiseMotion` does, sooner.
 
 The kernel is an optional extension: where no compiler was at hand when the package was installed,
 `library` returns None and replays run in NumPy. Measured (`make bench`, results/benchmarks), it
@@ -23,25 +23,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.machine.bodies import Masses, StateRows
-from planner.machine.commands import Orders, Steps, lengths
+from planner.machine.commands import CommandGrid, Steps, lengths
 from planner.machine.contact_load import gear_constants, weights
-from planner.machine.disk_chain import CHANGING, DiskChain
+from planner.machine.disk_chain import VARYING_EFFECTS, DiskChain
 from planner.machine.machine import Draws
-from planner.machine.march import GAMMA, begin
+from planner.machine.march import GAMMA, begin_march
 from planner.problem.tables.machine_effects import EFFECTS
 from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
-SAMPLES, STEPS = 32, 2000
+SAMPLES_A_CALL, STEPS_A_CALL = 32, 2000
 """How much one call does: short enough to share the work among threads and to heed Ctrl-C."""
 
-SLOW = (
+SLOW_WARNING = (
     "planner: the compiled replay is {}, so replays are about ten times slower (50 machines at"
     " once: 30 times; 1000: 3 times); {}"
 )
 """Process time on the paper's plan, its machine, one thread."""
-MISSING = SLOW.format("missing", "install a C compiler, then this package again")
-OTHER = SLOW.format(
+MISSING_WARNING = SLOW_WARNING.format("missing", "install a C compiler, then this package again")
+VERSION_WARNING = SLOW_WARNING.format(
     "of another version", "run make in the project's folder, or install this package again"
 )
 
@@ -62,7 +62,7 @@ ARRAYS = {
     "running": "const uint8_t",  # (steps)
     "desired": "const double",  # (steps + 1, joints)
     "row": "const int64_t",  # (steps + 1): where to record, or -1
-    "state": "double",  # (samples, see `Held`)
+    "state": "double",  # (samples, see `STATE_NUMBERS`)
     "q": "double",  # (samples, rows, joints + 1)
     "speed": "double",  # (samples, rows, 2)
     "masses": "const double",  # (samples, see `Masses`)
@@ -78,11 +78,13 @@ Size = tuple[int, int]
 
 MACHINE, MOTORS, PASSIVE, JOINTS = (1, 0), (2, 0), (0, 1), (1, 1)
 
-OWN: dict[str, Size] = {
+MACHINE_NUMBERS: dict[str, Size] = {
     **{
-        name: {"machine": MACHINE, "motor": MOTORS, "passive": PASSIVE, "joint": JOINTS}[effect.per]
+        name: {"machine": MACHINE, "motor": MOTORS, "passive": PASSIVE, "joint": JOINTS}[
+            effect.owner
+        ]
         for name, effect in EFFECTS.items()
-        if not effect.dynamic
+        if not effect.dynamic_only
     },
     **dict.fromkeys(("gain", "gearhead_half"), MOTORS),
     **dict.fromkeys(("k", "half_gap", "rest"), PASSIVE),
@@ -90,7 +92,7 @@ OWN: dict[str, Size] = {
 }
 """One machine's numbers: the effects but for those of inertia, and what `_parameters` adds."""
 
-HELD: dict[str, Size] = {
+STATE_NUMBERS: dict[str, Size] = {
     **dict.fromkeys(("speed", "slope", "saturated"), MOTORS),
     "disk": (2, 0),  # gearhead of motor 1: theta, axis
     "first": (1, 0),  # coordinate of the last disk
@@ -100,7 +102,7 @@ HELD: dict[str, Size] = {
 
 MASSES: dict[str, Size] = {each.name: each.metadata["rows"] for each in fields(Masses)}
 
-LIMITED, PLAYS = (3, 3), (2, 1)
+LIMITED_LAWS, PLAY_LAWS = (3, 3), (2, 1)
 """Laws of `StageLaws`."""
 
 
@@ -116,9 +118,9 @@ def _row_numbers(m: int) -> dict[str, int]:
 _NONE, _ONE = _row_numbers(0), _row_numbers(1)
 ROWS: dict[str, Size] = {name: (_NONE[name], _ONE[name] - _NONE[name]) for name in _NONE}
 
-MOVING: dict[str, Size] = {
+DYNAMIC_NUMBERS: dict[str, Size] = {
     "y": ROWS["count"],
-    "pieces": (LIMITED[0] + PLAYS[0], LIMITED[1] + PLAYS[1]),
+    "pieces": (LIMITED_LAWS[0] + PLAY_LAWS[0], LIMITED_LAWS[1] + PLAY_LAWS[1]),
     "gained": PASSIVE,
     "energy": (2, 0),
     "last": (1, 0),
@@ -130,7 +132,19 @@ MOST_PASSIVE = 16
 
 VERSION = zlib.crc32(
     repr(
-        (COUNTS, ARRAYS, STRIDES, OWN, HELD, MOVING, MASSES, ROWS, LIMITED, PLAYS, MOST_PASSIVE)
+        (
+            COUNTS,
+            ARRAYS,
+            STRIDES,
+            MACHINE_NUMBERS,
+            STATE_NUMBERS,
+            DYNAMIC_NUMBERS,
+            MASSES,
+            ROWS,
+            LIMITED_LAWS,
+            PLAY_LAWS,
+            MOST_PASSIVE,
+        )
     ).encode()
 )
 """Of all that; a kernel with another layout is not used, and a warning says so."""
@@ -169,33 +183,33 @@ def library() -> Any | None:
     Without it the first call says so, as a warning of the logger `planner`, which Python prints on
     standard error where the program has set up no logging.
     """
-    why = MISSING
+    why = MISSING_WARNING
     for suffix in EXTENSION_SUFFIXES:
         path = Path(__file__).with_name(f"_kernel{suffix}")
         if path.exists():
             try:
-                found = opened(path)
+                kernel = open_library(path)
             except (OSError, AttributeError):  # built for another computer, or not whole
                 continue
-            if found is not None:
-                return found
-            why = OTHER
+            if kernel is not None:
+                return kernel
+            why = VERSION_WARNING
     logging.getLogger("planner").warning(why)
     return None
 
 
-def opened(path: Path) -> Any | None:
+def open_library(path: Path) -> Any | None:
     """The kernel in a file, or None if it is of another version; see `library`."""
-    found = ctypes.CDLL(str(path))
-    found.planner_kernel_version.restype = ctypes.c_int64
-    if found.planner_kernel_version() != VERSION:
+    kernel = ctypes.CDLL(str(path))
+    kernel.planner_kernel_version.restype = ctypes.c_int64
+    if kernel.planner_kernel_version() != VERSION:
         return None
-    found.planner_advance.argtypes = [
+    kernel.planner_advance.argtypes = [
         ctypes.POINTER(_KernelModel),
         ctypes.POINTER(_KernelCommands),
         *[ctypes.c_int64] * 4,
     ]
-    return found
+    return kernel
 
 
 def threads() -> int:
@@ -208,13 +222,13 @@ def threads() -> int:
     return os.cpu_count() or 1
 
 
-class Compiled:
+class CompiledMotion:
     """A `Motion` of manipulators in the compiled kernel.
 
     Args:
         system: The manipulator.
         fidelity: Of it: "quasi-static" or "dynamic".
-        draws, orders, desired, rows, start: As of `Stepwise`.
+        draws, orders, desired, rows, start: As of `StepwiseMotion`.
     """
 
     def __init__(
@@ -222,14 +236,14 @@ class Compiled:
         system: Manipulator,
         fidelity: str,
         draws: Draws,
-        orders: Orders,
+        orders: CommandGrid,
         desired: Array,
         rows: NDArray[np.int64],
         start: Array,
     ) -> None:
-        found = library()
-        assert found is not None, "ask `library` first"
-        self._advance, self._orders = found.planner_advance, orders
+        kernel = library()
+        assert kernel is not None, "ask `library` first"
+        self._advance, self._orders = kernel.planner_advance, orders
         self._k, self._count, n = 0, draws.count, len(start) - 1
         steps = len(orders.t) - 1
         self.q = np.empty((draws.count, len(rows), n + 1))
@@ -237,7 +251,7 @@ class Compiled:
         row = np.full(steps + 1, -1, dtype=np.int64)
         row[rows] = np.arange(len(rows))
         parameters = _parameters(system, draws)
-        self._places = places(HELD, n - 1)
+        self._places = places(STATE_NUMBERS, n - 1)
         self._state = _state(system, draws, start, np.nan_to_num(np.abs(start[1:] - desired[0])))
         self._arrays = {  # kept here as long as the kernel points into them
             "parameters": np.concatenate([*parameters.values()]).T.copy(),
@@ -248,7 +262,7 @@ class Compiled:
             "state": self._state,
             "q": self.q,
             "speed": self.speed,
-            **(_moving(system, draws, start) if fidelity == "dynamic" else _STILL),
+            **(_moving(system, draws, start) if fidelity == "dynamic" else _NO_INERTIA),
         }
         points = orders.block(0, 1).shape[1]
         self._model = _KernelModel(
@@ -259,7 +273,7 @@ class Compiled:
         )  # fmt: skip
 
     @property
-    def now(self) -> Array:
+    def coordinates(self) -> Array:
         """See `MachineMotion`."""
         return np.concatenate([self._state[:, self._places[k]].T for k in ("first", "theta")])
 
@@ -277,7 +291,7 @@ class Compiled:
         """See `MachineMotion`."""
         with ThreadPoolExecutor(threads()) as pool:
             while self._k < last:
-                first, self._k = self._k, min(self._k + STEPS, last)
+                first, self._k = self._k, min(self._k + STEPS_A_CALL, last)
                 block = self._orders.block(first, self._k)
                 # In numbers; 0 along what is one for all samples.
                 strides = [step // block.itemsize for step in block.strides]
@@ -285,7 +299,7 @@ class Compiled:
                 commands = _KernelCommands(block.ctypes.data, *strides)
                 calls = [
                     pool.submit(self._call, commands, begin, first, self._k)
-                    for begin in range(0, self._count, SAMPLES)
+                    for begin in range(0, self._count, SAMPLES_A_CALL)
                 ]
                 for done, call in enumerate(as_completed(calls), start=1):
                     call.result()
@@ -293,17 +307,17 @@ class Compiled:
                         tell(first + (self._k - first) * done // len(calls))
 
     def _call(self, commands: _KernelCommands, begin: int, first: int, last: int) -> None:
-        end = min(begin + SAMPLES, self._count)
+        end = min(begin + SAMPLES_A_CALL, self._count)
         if self._advance(self._model, commands, begin, end, first, last):
             raise MemoryError
 
 
 def _parameters(system: Manipulator, draws: Draws) -> dict[str, Array]:
-    """Each machine's numbers, (count, S), as in `OWN`."""
+    """Each machine's numbers, (count, S), as in `MACHINE_NUMBERS`."""
     m = len(system.K)
     half_gap = np.deg2rad(draws["backlash_deg"]) / 2
     weighed = weights(draws, m + 1)
-    made = {
+    derived = {
         "gain": 1 + draws["input_gain_error"],
         "gearhead_half": np.deg2rad(draws["gearhead_backlash_deg"]) / 2,
         "k": gear_constants(system, draws),
@@ -312,34 +326,36 @@ def _parameters(system: Manipulator, draws: Draws) -> dict[str, Array]:
         "weights": np.zeros((m + 1, 1)) if weighed is None else weighed,
     }
     return {
-        name: np.broadcast_to(made[name] if name in made else draws[name], (a + b * m, draws.count))
-        for name, (a, b) in OWN.items()
+        name: np.broadcast_to(
+            derived[name] if name in derived else draws[name], (a + b * m, draws.count)
+        )
+        for name, (a, b) in MACHINE_NUMBERS.items()
     }
 
 
-def _flags(draws: Draws, own: dict[str, Array]) -> dict[str, int]:
-    lagging = draws.on("servo_bandwidth_rad_s")
-    soft = np.isfinite(own["shaft_stiffness_nm_per_rad"]).all()
+def _flags(draws: Draws, parameters: dict[str, Array]) -> dict[str, int]:
+    lagging = draws.has_effect("servo_bandwidth_rad_s")
+    soft = np.isfinite(parameters["shaft_stiffness_nm_per_rad"]).all()
     flags = {
         "lagging": lagging,
-        "second": lagging and draws.on("servo_damping"),
-        "limited": draws.on("velocity_limit_rad_s"),
-        "ramped": draws.on("acceleration_limit_rad_s2"),
-        "geared_1": own["gearhead_half"][0].any(),
-        "geared_2": own["gearhead_half"][1].any(),
-        "lagged": soft and own["viscous_friction_nms_per_rad"].any(),
+        "second": lagging and draws.has_effect("servo_damping"),
+        "limited": draws.has_effect("velocity_limit_rad_s"),
+        "ramped": draws.has_effect("acceleration_limit_rad_s2"),
+        "geared_1": parameters["gearhead_half"][0].any(),
+        "geared_2": parameters["gearhead_half"][1].any(),
+        "lagged": soft and parameters["viscous_friction_nms_per_rad"].any(),
         "soft": soft,
-        "damped": not soft and own["viscous_friction_nms_per_rad"].any(),
-        "creeping": draws.on("creep"),
-        "loaded": any(draws.on(name) for name in CHANGING),
-        "inclined": own["weights"].any(),
+        "damped": not soft and parameters["viscous_friction_nms_per_rad"].any(),
+        "creeping": draws.has_effect("creep"),
+        "loaded": any(draws.has_effect(name) for name in VARYING_EFFECTS),
+        "inclined": parameters["weights"].any(),
     }
     return {name: int(flags[name]) for name in flags}
 
 
 def _state(system: Manipulator, draws: Draws, start: Array, gap: Array) -> Array:
-    """The state at the start as in `HELD`, (S, numbers)."""
-    place = places(HELD, len(start) - 2)
+    """The state at the start as in `STATE_NUMBERS`, (S, numbers)."""
+    place = places(STATE_NUMBERS, len(start) - 2)
     state = np.zeros((draws.count, place["gap"].stop))
     parts = {"first": start[:1], "theta": start[1:], "gap": gap}
     parts["axis"] = DiskChain(system, draws, start).axes
@@ -348,14 +364,14 @@ def _state(system: Manipulator, draws: Draws, start: Array, gap: Array) -> Array
     return state
 
 
-_STILL = {"masses": np.empty((0, 0)), "moving": np.empty((0, 0))}
+_NO_INERTIA = {"masses": np.empty((0, 0)), "moving": np.empty((0, 0))}
 
 
 def _moving(system: Manipulator, draws: Draws, start: Array) -> dict[str, Array]:
     """Parameters and state of the dynamic manipulator, (S, …), in the order of `Moving`."""
-    march = begin(system, draws, start)
+    march = begin_march(system, draws, start)
     last = np.full((1, draws.count), np.inf)
-    state = [march.y, march.pieces, march.gained, march.energy, last]
+    state = [march.y, march.pieces, march.speed_change, march.energy, last]
     return {"masses": march.table.T.copy(), "moving": np.concatenate(state).T.copy()}
 
 

@@ -30,7 +30,7 @@ from planner.support.arrays import Array
 from planner.support.calculus.extremes import sample_times
 from planner.systems.manipulator import Manipulator, gravity_torques
 
-INSTANTS = 100
+LEAST_INSTANTS = 100
 """Least number of sample times; the torque is smooth, and its maxima are flat."""
 
 GRAVITY_M_S2 = 9.80665
@@ -45,13 +45,13 @@ def gear_constants(system: Manipulator, draws: Draws) -> Array:
 
 def weights(draws: Draws, joints: int) -> Array | None:
     """Largest torque of gravity about each link's own joint, (n, S), N m; None on a level plane."""
-    if not (draws.on("incline_deg") and draws.on("link_moment_kgm")):
+    if not (draws.has_effect("incline_deg") and draws.has_effect("link_moment_kgm")):
         return None
     slope = GRAVITY_M_S2 * np.sin(np.deg2rad(draws["incline_deg"]))
     return np.broadcast_to(slope * draws["link_moment_kgm"], (joints, draws.count))
 
 
-def at_contacts(k: Array, torques: Array, cosines: Array) -> Array:
+def contact_torques(k: Array, torques: Array, cosines: Array) -> Array:
     """Torques of joints 2 … n as disk B of each stage feels them.
 
     Args:
@@ -120,9 +120,9 @@ def contact_load(
     if not samples:
         used = used.nominal()
     draws = draw(used, system.n, sample_numbers(samples or 1), seed)
-    times = sample_times(plan.t, INSTANTS)
+    times = sample_times(plan.t, LEAST_INSTANTS)
     q = plan.trajectory.q(times)
-    return _largest(system, draws, q, system.rates(q, plan.trajectory.u(times)))
+    return _largest_load(system, draws, q, system.rates(q, plan.trajectory.u(times)))
 
 
 def refuse_sliding(plan: Plan, system: Manipulator, draws: Draws) -> None:
@@ -138,19 +138,19 @@ def refuse_sliding(plan: Plan, system: Manipulator, draws: Draws) -> None:
     """
     if weights(draws, system.n) is None:
         return
-    q = plan.q(np.linspace(0.0, plan.duration, INSTANTS))
-    found = _largest(system, draws, q, np.zeros_like(q))
-    worst = np.argmax(found.share)
-    if found.share[worst] >= 1:
+    q = plan.q(np.linspace(0.0, plan.duration, LEAST_INSTANTS))
+    load = _largest_load(system, draws, q, np.zeros_like(q))
+    worst = np.argmax(load.share)
+    if load.share[worst] >= 1:
         raise InputError(
-            f"machine: on this slope gravity asks {found.torque_nm[worst]:.3g} N m of a friction"
-            f" contact that passes {found.capacity_nm[worst]:.3g} N m, so the arm slides by itself;"
+            f"machine: on this slope gravity asks {load.torque_nm[worst]:.3g} N m of a friction"
+            f" contact that passes {load.capacity_nm[worst]:.3g} N m, so the arm slides by itself;"
             " lessen machine.incline_deg or link_moment_kgm, raise friction_capacity_nm, or set"
             ' fidelity = "dynamic", which computes how it slides'
         )
 
 
-def _largest(system: Manipulator, draws: Draws, q: Array, rates: Array) -> ContactLoad:
+def _largest_load(system: Manipulator, draws: Draws, q: Array, rates: Array) -> ContactLoad:
     """The largest torques at coordinates q (T, N) in motion at `rates` (T, N); 0 is at rest."""
     friction = [draws[name] for name in ("coulomb_friction_nm", "viscous_friction_nms_per_rad")]
     coulomb, viscous = (values[:, None, :] for values in friction)
@@ -159,10 +159,10 @@ def _largest(system: Manipulator, draws: Draws, q: Array, rates: Array) -> Conta
     weighed = weights(draws, system.n)
     if weighed is not None:
         down = gravity_torques(weighed[:, None, :], q[:, 1:].T[..., None])[1:]
-        held = np.maximum(np.abs(down) - coulomb, 0.0)
-        torques = np.where(turning == 0, held, torques - down * np.sign(turning))
+        static_torque = np.maximum(np.abs(down) - coulomb, 0.0)
+        torques = np.where(turning == 0, static_torque, torques - down * np.sign(turning))
     torques = np.broadcast_to(torques, (system.n - 1, len(q), draws.count))
     cosines = np.cos(q[:, 1:-1]).T[..., None]
-    felt = np.abs(at_contacts(gear_constants(system, draws), torques, cosines))
+    felt = np.abs(contact_torques(gear_constants(system, draws), torques, cosines))
     capacity = np.broadcast_to(draws["friction_capacity_nm"][0], draws.count)
     return ContactLoad(felt.max(axis=(0, 1, 2)), capacity)

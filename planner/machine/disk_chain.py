@@ -46,7 +46,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.machine.contact_load import at_contacts, gear_constants, weights
+from planner.machine.contact_load import contact_torques, gear_constants, weights
 from planner.machine.machine import Draws
 from planner.machine.servos import integrals, to_end
 from planner.support.arrays import Array
@@ -96,7 +96,7 @@ class DiskChain:
         """
         last = len(self._k) - 1
         self._load()
-        passed = self._contacts.passed(self._joints[1:], self._cosines, speed[-1, 0])
+        passed = self._contacts.transmission(self._joints[1:], self._cosines, speed[-1, 0])
         disk = self._geared(speed[:, 0], travel[-1, 0], h)
         ways = list(travel[:, 1])
         for j, k in enumerate(self._k):
@@ -120,7 +120,7 @@ class DiskChain:
             for joint, load in zip(
                 self._joints, gravity_torques(self._weights, self._state[1:]), strict=True
             ):
-                joint.bear(load)
+                joint.apply_load(load)
 
     def _geared(self, speed: Array, travel: Array, h: float) -> Array:
         """Speed of the first disk: of motor 1, less what its gearhead's play takes up, (P, S)."""
@@ -144,11 +144,11 @@ class DiskChain:
         return c
 
 
-TINY_NM = 1e-30
+LEAST_TORQUE_NM = 1e-30
 
 
 @dataclass(frozen=True, eq=False)
-class Passed:
+class Transmission:
     """Parts of the motion that are passed on, 0 … 1.
 
     Attributes:
@@ -162,7 +162,7 @@ class Passed:
     disk: Array | float
 
 
-CHANGING = ("creep_per_nm", "friction_capacity_nm", "lateral_creep")
+VARYING_EFFECTS = ("creep_per_nm", "friction_capacity_nm", "lateral_creep")
 """Effects by which what a contact passes on changes along the motion."""
 
 
@@ -179,12 +179,12 @@ class Contacts:
         self._creep = draws["creep"]
         self._creep_per_nm = draws["creep_per_nm"]
         self._capacity = draws["friction_capacity_nm"]
-        self._lateral = draws["lateral_creep"] if draws.on("lateral_creep") else None
-        self._loaded = any(draws.on(name) for name in CHANGING)
+        self._lateral = draws["lateral_creep"] if draws.has_effect("lateral_creep") else None
+        self._loaded = any(draws.has_effect(name) for name in VARYING_EFFECTS)
         kept = np.repeat(1 - self._creep, len(k), axis=0)
-        self._unloaded = Passed(kept, kept**2, 1.0) if draws.on("creep") else None
+        self._unloaded = Transmission(kept, kept**2, 1.0) if draws.has_effect("creep") else None
 
-    def passed(self, joints: list[Play], cosines: Array, speed: Array) -> Passed | None:
+    def transmission(self, joints: list[Play], cosines: Array, speed: Array) -> Transmission | None:
         """What is passed on now; None when all is.
 
         Args:
@@ -195,7 +195,7 @@ class Contacts:
         if not self._loaded:
             return self._unloaded
         turning = np.sign(speed)
-        steady = at_contacts(self._k, np.stack([j.torque(turning) for j in joints]), cosines)
+        steady = contact_torques(self._k, np.stack([j.torque(turning) for j in joints]), cosines)
         rising = self._rising(joints, cosines, turning, speed)
         whole = steady if rising is None else steady + rising
         carried = np.minimum(np.abs(whole), self._capacity)
@@ -205,11 +205,11 @@ class Contacts:
         kept = np.maximum(kept, 0.0)
         branch = kept[1] * kept[1]
         if not (whole >= self._capacity).any():
-            return Passed(kept[0], branch, 1.0)
+            return Transmission(kept[0], branch, 1.0)
         share = self._share(steady, rising)
         before = np.minimum.accumulate(share[0], axis=0)
         disk = before[-2] if len(before) > 1 else 1.0
-        return Passed(kept[0], branch * np.minimum(before, share[1]), disk)
+        return Transmission(kept[0], branch * np.minimum(before, share[1]), disk)
 
     def _rising(
         self, joints: list[Play], cosines: Array, turning: Array, speed: Array
@@ -221,19 +221,19 @@ class Contacts:
         for j, joint in enumerate(joints):
             torques[j] = joint.damping(turning) * self._k[j] * cosines[j] ** 3 * disk
             disk = disk * cosines[j]
-        return at_contacts(self._k, torques, cosines)
+        return contact_torques(self._k, torques, cosines)
 
     def _share(self, steady: Array, rising: Array | None) -> Array:
         """Part of the speed at which each contact's torque stays within the capacity."""
         if rising is None:
             return np.asarray(steady < self._capacity, dtype=float)
-        room = (self._capacity - steady) / np.maximum(rising, TINY_NM)
+        room = (self._capacity - steady) / np.maximum(rising, LEAST_TORQUE_NM)
         return np.asarray(np.minimum(np.maximum(room, 0.0), 1.0))
 
 
 Value = float | Array
 
-TOUCH = 1e-9
+TOUCH_TOLERANCE_RAD = 1e-9
 """Play that counts as taken up, rad."""
 
 
@@ -281,10 +281,10 @@ class Play:
         self.theta = theta
         self.axis = theta + start * self._half_gap
 
-    def bear(self, load: Array) -> None:
+    def apply_load(self, load: Array) -> None:
         """Be pushed forwards by a torque (S,), N m, from now on."""
         self._load, self.exact = load, False
-        self._least, self._most = resting(load, self._half_gap, self._coulomb, self._stiffness)
+        self._least, self._most = rest_range(load, self._half_gap, self._coulomb, self._stiffness)
 
     def settle(self) -> None:
         """Let the axis be where the joint rests at its angle under its load."""
@@ -318,13 +318,13 @@ class Play:
         least, most = axis - self._most, axis - self._least
         moved = np.minimum(np.maximum(still, least), most)
         if self._lagging:
-            start, end = self._weight.get(h) or self._weigh(h)
+            start, end = self._weight.get(h) or self._deflection_weights(h)
             moved = still + start * self._wound + end * (moved - still)
             self._wound = np.minimum(np.maximum(moved, least), most) - moved
         self.theta = moved
         return np.asarray(moved)
 
-    def _weigh(self, h: float) -> tuple[Array, Array]:
+    def _deflection_weights(self, h: float) -> tuple[Array, Array]:
         """How much of the deflection at start and end of a step of length h the joint makes good.
 
         The deflection is that of the shaft beyond rest, were the joint still. Exact while it
@@ -347,10 +347,10 @@ class Play:
         """
         ahead = (self.axis - self.theta) * turning
         if self._soft:
-            held = np.minimum(np.maximum(ahead, -self._half_gap), self._half_gap)
-            return np.asarray(self._stiffness * (ahead - held))
-        asked = self._coulomb - self._load * turning
-        return np.asarray(self._touching(ahead, turning) * asked)
+            play = np.minimum(np.maximum(ahead, -self._half_gap), self._half_gap)
+            return np.asarray(self._stiffness * (ahead - play))
+        friction = self._coulomb - self._load * turning
+        return np.asarray(self._touching(ahead, turning) * friction)
 
     def damping(self, turning: Array) -> Array:
         """Torque that comes on top for each rad/s of the joint, (S,), N m s/rad.
@@ -364,10 +364,14 @@ class Play:
 
     def _touching(self, ahead: Array, turning: Array) -> Array:
         overrun = self._load * turning > self._coulomb  # gravity holds it on the other side
-        return np.asarray(((ahead >= self._half_gap - TOUCH) | overrun) & (turning != 0))
+        return np.asarray(
+            ((ahead >= self._half_gap - TOUCH_TOLERANCE_RAD) | overrun) & (turning != 0)
+        )
 
 
-def resting(load: Value, half_gap: Value, coulomb: Value, stiffness: Value) -> tuple[Array, Array]:
+def rest_range(
+    load: Value, half_gap: Value, coulomb: Value, stiffness: Value
+) -> tuple[Array, Array]:
     """How far the axis may be ahead of a joint at rest: least and most, rad.
 
     Args:

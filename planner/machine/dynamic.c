@@ -12,8 +12,8 @@
 
 #include "layout.h"
 
-static const double DRAG = 1e-6, UPRIGHT = 1e-9, STICK = 1e8, EDGE_NM = 1e-8, EDGE_RAD = 1e-16;
-static const int PASSES = 12, MOST_PASSES = 100, HALVINGS = 40;
+static const double LEAST_DRAG = 1e-6, LEAST_RATIO = 1e-9, STICTION_SLOPE = 1e8, EDGE_NM = 1e-8, EDGE_RAD = 1e-16;
+static const int FULL_PASSES = 12, MOST_PASSES = 100, HALVINGS = 40;
 
 typedef struct {
     double first[JOINTS], second[JOINTS], slope[2 * JOINTS], limit[2 * JOINTS];
@@ -205,7 +205,7 @@ static void solve(const Rows *r, const Stage *s, double *pieces, double *v)
         double before[BODIES];
         memcpy(before, v, (size_t)r->bodies * sizeof(double));
         tree(r, s, pieces, v);
-        if (count >= PASSES)
+        if (count >= FULL_PASSES)
             search(r, s, before, v);
     }
 }
@@ -222,13 +222,13 @@ static void gears(const Rows *r, const Masses *p, const double *y, const double 
         kept = larger(kept, 0.0);
         double first = c * kept, second = p->k[j] * c * c * kept * kept;
         double disk = fabs(y[driver(r, j)] + lead * gained[j]);
-        double both = larger(fabs(first * second), UPRIGHT);
+        double both = larger(fabs(first * second), LEAST_RATIO);
         double share = *p->creep * disk / p->disk[j], limit = *p->capacity * p->disk[j];
         g->first[j] = first;
         g->second[j] = second;
-        g->slope[j] = 1 / (share * first * first + 1 / STICK);
-        g->slope[m + j] = 1 / (2 * share * both * both + 1 / STICK);
-        g->limit[j] = limit / larger(fabs(first), UPRIGHT);
+        g->slope[j] = 1 / (share * first * first + 1 / STICTION_SLOPE);
+        g->slope[m + j] = 1 / (2 * share * both * both + 1 / STICTION_SLOPE);
+        g->limit[j] = limit / larger(fabs(first), LEAST_RATIO);
         g->limit[m + j] = limit / both;
     }
     double angle = 0.0, load = 0.0;
@@ -250,7 +250,7 @@ static void stage(const Rows *r, const Masses *p, const Gears *g, const double *
     Stage s;
     s.h = h;
     for (int i = 0; i < r->bodies; i++) {
-        s.drag[i] = p->inertia[i] / h + DRAG;
+        s.drag[i] = p->inertia[i] / h + LEAST_DRAG;
         s.push[i] = p->inertia[i] / h * y[i];
     }
     for (int i = 0; i < 2; i++) {
@@ -273,7 +273,7 @@ static void stage(const Rows *r, const Masses *p, const Gears *g, const double *
     for (int i = 0; i <= m; i++) {
         s.push[r->links + i] += g->pull[i];
         s.offset[2 + 2 * m + i] = 0.0;
-        s.slope[2 + 2 * m + i] = p->coulomb[i] > 0 ? STICK : 0.0;
+        s.slope[2 + 2 * m + i] = p->coulomb[i] > 0 ? STICTION_SLOPE : 0.0;
         s.limit[2 + 2 * m + i] = p->coulomb[i];
     }
     for (int i = 0; i < r->plays; i++) {
@@ -308,7 +308,7 @@ static void stage(const Rows *r, const Masses *p, const Gears *g, const double *
     for (int i = 0; i < r->bodies; i++)
         even += new[i] * new[i];
     power[0] = work;
-    power[1] = lost + DRAG * even;
+    power[1] = lost + LEAST_DRAG * even;
 }
 
 static void step(const Rows *r, const Masses *p, const double *mean, const double *swing, double h,

@@ -16,7 +16,7 @@
 #define MOTORS 2
 #define POINTS 3 /* at most, of a step */
 
-static const double HELD_RAD_S = 1e-12, TOUCH = 1e-9, TINY_NM = 1e-30;
+static const double SPEED_TOLERANCE_RAD_S = 1e-12, TOUCH_TOLERANCE_RAD = 1e-9, LEAST_TORQUE_NM = 1e-30;
 
 /* Of dynamic.c. */
 int planner_dynamic_march(int64_t m, int64_t rows, int64_t samples, double h, double lead,
@@ -137,7 +137,7 @@ INLINE double motor(const Model *m, const Own *o, const Held *x, const Factors *
             travel -= (r0 - before) * fabs(r0 - before) / (2 * o->acceleration_limit_rad_s2[i]);
     }
     x->speed[i] = new_;
-    if (fabs(new_ - free_) > HELD_RAD_S) {
+    if (fabs(new_ - free_) > SPEED_TOLERANCE_RAD_S) {
         if (m->second)
             x->slope[i] = (new_ - before) / h;
         travel = (before + new_) * (h / 2);
@@ -202,7 +202,7 @@ INLINE double share(const Model *m, double steady, double rising, double capacit
 {
     if (!m->damped)
         return steady < capacity ? 1.0 : 0.0;
-    double room = (capacity - steady) / (rising > TINY_NM ? rising : TINY_NM);
+    double room = (capacity - steady) / (rising > LEAST_TORQUE_NM ? rising : LEAST_TORQUE_NM);
     return between(room, 0.0, 1.0);
 }
 
@@ -224,7 +224,7 @@ INLINE void passed(const Model *m, const Own *o, const Held *x, double speed, Co
     for (int64_t j = 0; j < count; j++) {
         double ahead = (x->axis[j + 1] - x->theta[j + 1]) * turning;
         double against = o->coulomb_friction_nm[j] - c->load[j + 1] * turning;
-        int touching = (ahead >= o->half_gap[j] - TOUCH || against < 0) && turning != 0;
+        int touching = (ahead >= o->half_gap[j] - TOUCH_TOLERANCE_RAD || against < 0) && turning != 0;
         if (m->soft)
             steady[j] = o->shaft_stiffness_nm_per_rad[j] * (ahead - clip(ahead, o->half_gap[j]));
         else

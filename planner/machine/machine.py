@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from planner.errors import InputError, expect, made_by
 from planner.problem.tables.machine_effects import EFFECTS, MachineTable, Spread
 from planner.support.arrays import Array, plain
-from planner.support.user_tables import nearest, parse
+from planner.support.user_tables import allowed_hint, parse
 
 DEFAULT_STEP_S = 0.001
 
@@ -54,7 +54,7 @@ class Quantity:
 
     def to_setting(self) -> Any:
         """The number, list or table of a problem file that gives it back."""
-        value, spread = _plain(self.value), _plain(self.spread)
+        value, spread = _as_plain(self.value), _as_plain(self.spread)
         return {"value": value, "spread": spread} if self.varies else value
 
 
@@ -112,12 +112,12 @@ class Machine:
         base = parse(MachineTable, dict(PRESETS[table.preset]), f"preset {table.preset}")
         effects = {}
         for name in EFFECTS:
-            own = getattr(table, name)
-            setting = getattr(base, name) if own is None else own
+            override = getattr(table, name)
+            setting = getattr(base, name) if override is None else override
             if setting is not None and setting is not False:
                 known = isinstance(setting, Spread)
                 value, spread = (setting.value, setting.spread) if known else (setting, 0.0)
-                effects[name] = Quantity(_tuple(value), _tuple(spread))
+                effects[name] = Quantity(_as_tuple(value), _as_tuple(spread))
         step = table.step_s or base.step_s or DEFAULT_STEP_S
         fidelity = table.fidelity or base.fidelity or "quasi-static"
         return cls(table.preset, step, MappingProxyType(effects), fidelity)
@@ -138,7 +138,7 @@ class Machine:
         Raises:
             InputError: If a name is unknown.
         """
-        return self.with_(**dict.fromkeys(_known(names), False))
+        return self.with_(**dict.fromkeys(_check_names(names), False))
 
     def only(self, *names: str) -> Machine:
         """The same machine with every other effect off.
@@ -146,16 +146,18 @@ class Machine:
         Raises:
             InputError: If a name is unknown.
         """
-        kept = set(_known(names))
+        kept = set(_check_names(names))
         return self.without(*(name for name in EFFECTS if name not in kept))
 
     def nominal(self) -> Machine:
         """The same machine with all spreads zero, so that all samples are equal."""
-        return self.with_(**{name: _plain(q.value) for name, q in self.effects.items()})
+        return self.with_(**{name: _as_plain(q.value) for name, q in self.effects.items()})
 
     def mean(self, name: str) -> Array:
         """Mean of an effect, one number or one per motor or joint; its neutral value when off."""
-        return np.array(self.effects[name].value if name in self.effects else [EFFECTS[name].off])
+        return np.array(
+            self.effects[name].value if name in self.effects else [EFFECTS[name].off_value]
+        )
 
     # -- looking -------------------------------------------------------------------------------
 
@@ -212,18 +214,20 @@ def machine_for(table: MachineTable, given: Machine | str | None) -> Machine:
     return cast("Machine", given)
 
 
-def _known(names: tuple[str, ...]) -> tuple[str, ...]:
+def _check_names(names: tuple[str, ...]) -> tuple[str, ...]:
     for name in names:
         if name not in EFFECTS:
-            raise InputError(f"the machine has no effect '{name}'; {nearest(name, list(EFFECTS))}")
+            raise InputError(
+                f"the machine has no effect '{name}'; {allowed_hint(name, list(EFFECTS))}"
+            )
     return names
 
 
-def _tuple(numbers: float | list[float]) -> tuple[float, ...]:
+def _as_tuple(numbers: float | list[float]) -> tuple[float, ...]:
     return tuple(numbers) if isinstance(numbers, list) else (numbers,)
 
 
-def _plain(numbers: tuple[float, ...]) -> float | list[float]:
+def _as_plain(numbers: tuple[float, ...]) -> float | list[float]:
     return numbers[0] if len(numbers) == 1 else list(numbers)
 
 
@@ -249,7 +253,7 @@ class Draws:
         """Number of samples S."""
         return len(self.numbers)
 
-    def on(self, name: str) -> bool:
+    def has_effect(self, name: str) -> bool:
         """Whether the effect is on."""
         return name in self.values
 
@@ -257,7 +261,7 @@ class Draws:
         """Values (c, S) of an effect that is on; its neutral value, (1, 1), when it is off."""
         if name in self.values:
             return self.values[name]
-        return np.array([[EFFECTS[name].off]])
+        return np.array([[EFFECTS[name].off_value]])
 
     def part(self, chosen: slice) -> Draws:
         """The draws of a range of samples."""
@@ -324,8 +328,10 @@ def draw(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: int) -
 
 def _uniform(name: str, numbers: NDArray[np.int64], count: int, seed: int) -> Array:
     """Entries `numbers` (S,) of an effect's stream, (count, S); none between them is made."""
-    own = np.random.SeedSequence(seed, spawn_key=(zlib.crc32(name.encode()),))
-    bits = np.random.PCG64(own)  # as in `numpy.random.default_rng`; a number takes one step of it
+    sequence = np.random.SeedSequence(seed, spawn_key=(zlib.crc32(name.encode()),))
+    bits = np.random.PCG64(
+        sequence
+    )  # as in `numpy.random.default_rng`; a number takes one step of it
     generator, passed, runs = np.random.Generator(bits), 0, []
     wanted, place = np.unique(numbers, return_inverse=True)
     for run in np.split(wanted, np.flatnonzero(np.diff(wanted) > 1) + 1):

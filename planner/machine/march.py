@@ -13,9 +13,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.machine.bodies import STICK, Masses, StageLaws, StateRows, masses
-from planner.machine.contact_load import at_contacts, gear_constants
-from planner.machine.disk_chain import resting
+from planner.machine.bodies import STICTION_SLOPE, Masses, StageLaws, StateRows, masses
+from planner.machine.contact_load import contact_torques, gear_constants
+from planner.machine.disk_chain import rest_range
 from planner.machine.machine import Draws
 from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator, gravity_torques
@@ -23,10 +23,10 @@ from planner.systems.manipulator import Manipulator, gravity_torques
 GAMMA = 1 - 1 / np.sqrt(2)
 """Length of a stage of SDIRK2 as a part of the step."""
 
-DRAG = 1e-6
+LEAST_DRAG = 1e-6
 """Viscous friction of every body, N m s/rad: what has no mass and no contact stays where it is."""
 
-UPRIGHT = 1e-9
+LEAST_RATIO = 1e-9
 """Least ratio of speeds that the torque of a contact is divided by."""
 
 
@@ -48,7 +48,7 @@ class _Gears:
 
 
 @dataclass(frozen=True, eq=False)
-class _Arrived:
+class _StageEnd:
     """A state (rows, S) at the end of a stage, the pieces of its laws, and power there, (2, S)."""
 
     y: Array
@@ -66,7 +66,7 @@ class March:
         k_g: Drive constant of the disk, as the planner knows it.
         y: State, (rows, S).
         pieces: Of all laws at the end of the last step, (5+4m, S); see `StageLaws`.
-        gained: Change of the disks' speeds over the last step, (m, S), rad/s.
+        speed_change: Change of the disks' speeds over the last step, (m, S), rad/s.
         energy: Work of the motors so far, and what friction, slip and damping took, (2, S), J.
     """
 
@@ -75,7 +75,7 @@ class March:
     k_g: float
     y: Array
     pieces: Array
-    gained: Array
+    speed_change: Array
     energy: Array
 
     @property
@@ -111,7 +111,7 @@ class March:
             pieces[:, some] = two.pieces
             energy[:, some] = h / 2 * (one.power + two.power)
         drivers = self.place.bodies.drivers
-        self.gained[:] = new[drivers] - y[drivers]
+        self.speed_change[:] = new[drivers] - y[drivers]
         self.y[:], self.pieces[:] = new, pieces
         self.energy[:] += energy
 
@@ -123,51 +123,55 @@ class March:
         kept = data.kept - data.lateral * np.sqrt(np.maximum(1 - c * c, 0.0))
         kept = np.maximum(kept, 0.0)
         first, second = c * kept, data.k * c * c * kept * kept
-        disk = np.abs(y[rows.drivers] + lead * self.gained)
-        both = np.maximum(np.abs(first * second), UPRIGHT)
+        disk = np.abs(y[rows.drivers] + lead * self.speed_change)
+        both = np.maximum(np.abs(first * second), LEAST_RATIO)
         share = data.creep * disk / data.disk
         slip = np.concatenate([share * first * first, 2 * share * both * both])
-        levers = np.concatenate([np.maximum(np.abs(first), UPRIGHT), both])
+        levers = np.concatenate([np.maximum(np.abs(first), LEAST_RATIO), both])
         limit = np.tile(data.capacity * data.disk, (2, 1)) / levers
         pull = gravity_torques(data.weights, angles)
-        return _Gears(first, second, 1 / (slip + 1 / STICK), limit, pull)
+        return _Gears(first, second, 1 / (slip + 1 / STICTION_SLOPE), limit, pull)
 
     def _stage(
         self, data: Masses, gears: _Gears, y: Array, reference: Array, h: float, pieces: Array
-    ) -> _Arrived:
+    ) -> _StageEnd:
         """The state y + h f(new state), by the implicit Euler method."""
-        at, rows = self.place, self.place.bodies
-        fed = data.inertia[rows.motors] / h * (reference - y[at.reference])
-        stage = self._laws(data, gears, y, reference, fed, h)
+        place, rows = self.place, self.place.bodies
+        feedforward = data.inertia[rows.motors] / h * (reference - y[place.reference])
+        stage = self._laws(data, gears, y, reference, feedforward, h)
         v, pieces = stage.solve(pieces)
-        held, pressed = stage.torques(v)
+        limited_torque, pressed = stage.torques(v)
         limited, play = stage.relative(v)
         new = np.empty_like(y)
-        new[at.v], new[at.reference], new[at.torque] = v, reference, pressed
-        loop = held[:2] - fed + data.gain / h * y[at.behind]
-        new[at.behind] = loop / (data.gain / h + data.integral)
-        new[at.twist] = (pressed + data.damping / h * y[at.twist]) / stage.stiff
-        new[at.gap] = np.clip(stage.ahead + h * play, -data.half_gap, data.half_gap)
-        new[at.q.start] = y[at.q.start] + h * self.k_g * v[rows.drivers[-1]]
-        new[at.q][1:] = y[at.q][1:] + h * v[rows.links]
-        wound = (new[at.twist] - y[at.twist]) / h
-        lost = np.sum(held[2:] * limited[2:], axis=0) + np.sum(data.damping * wound**2, axis=0)
-        lost += np.sum(data.viscous * v[rows.passive] ** 2, axis=0) + DRAG * np.sum(v**2, axis=0)
-        work = np.sum(held[:2] * v[rows.motors], axis=0)
-        return _Arrived(new, pieces, np.stack([work, lost]))
+        new[place.v], new[place.reference], new[place.torque] = v, reference, pressed
+        loop = limited_torque[:2] - feedforward + data.gain / h * y[place.behind]
+        new[place.behind] = loop / (data.gain / h + data.integral)
+        new[place.twist] = (pressed + data.damping / h * y[place.twist]) / stage.stiff
+        new[place.gap] = np.clip(stage.ahead + h * play, -data.half_gap, data.half_gap)
+        new[place.q.start] = y[place.q.start] + h * self.k_g * v[rows.drivers[-1]]
+        new[place.q][1:] = y[place.q][1:] + h * v[rows.links]
+        wound = (new[place.twist] - y[place.twist]) / h
+        lost = np.sum(limited_torque[2:] * limited[2:], axis=0) + np.sum(
+            data.damping * wound**2, axis=0
+        )
+        lost += np.sum(data.viscous * v[rows.passive] ** 2, axis=0) + LEAST_DRAG * np.sum(
+            v**2, axis=0
+        )
+        work = np.sum(limited_torque[:2] * v[rows.motors], axis=0)
+        return _StageEnd(new, pieces, np.stack([work, lost]))
 
     def _laws(
-        self, data: Masses, gears: _Gears, y: Array, reference: Array, fed: Array, h: float
+        self, data: Masses, gears: _Gears, y: Array, reference: Array, feedforward: Array, h: float
     ) -> StageLaws:
-        """The laws of a stage of length h from y; `fed` is the torque fed forward, (2, S), N m."""
-        at, rows = self.place, self.place.bodies
+        """The laws of a stage of length h from y; `feedforward` is a torque, (2, S), N m."""
+        place, rows = self.place, self.place.bodies
         heavy, spring = data.inertia / h, data.stiffness + data.damping / h
-        drag = heavy + DRAG
+        drag = heavy + LEAST_DRAG
         drag[rows.passive] += data.viscous
-        push = heavy * y[at.v]
+        push = heavy * y[place.v]
         push[rows.links] += gears.pull
-        driven = data.integral * y[at.behind] + fed
-        rough = np.where(data.coulomb > 0, STICK, 0.0)
+        driven = data.integral * y[place.behind] + feedforward
+        rough = np.where(data.coulomb > 0, STICTION_SLOPE, 0.0)
         return StageLaws(
             rows=rows,
             h=h,
@@ -179,13 +183,13 @@ class March:
             offset=np.concatenate([driven, np.zeros((1 + 3 * rows.m, y.shape[1]))]),
             slope=np.concatenate([data.gain + data.integral * h, gears.slope, rough]),
             limit=np.concatenate([data.limit, gears.limit, data.coulomb]),
-            ahead=y[at.gap] + y[at.twist] * data.stiffness / spring,
+            ahead=y[place.gap] + y[place.twist] * data.stiffness / spring,
             stiff=spring,
             half_gap=data.half_gap,
         )
 
 
-def begin(system: Manipulator, draws: Draws, q: Array) -> March:
+def begin_march(system: Manipulator, draws: Draws, q: Array) -> March:
     """Machines at rest at coordinates q (N, S), joints where they start in their play."""
     k = gear_constants(system, draws)
     data, place = masses(draws, k), StateRows(len(k))
@@ -193,8 +197,8 @@ def begin(system: Manipulator, draws: Draws, q: Array) -> March:
     y[place.q] = q
     y[place.gap][2:] = draws["initial_play"] * data.half_gap[2:]
     _settle(data, place, y)
-    pieces, gained = np.zeros((5 + 4 * len(k), draws.count)), np.zeros_like(k)
-    return March(data, place, system.k_g, y, pieces, gained, np.zeros((2, draws.count)))
+    pieces, speed_change = np.zeros((5 + 4 * len(k), draws.count)), np.zeros_like(k)
+    return March(data, place, system.k_g, y, pieces, speed_change, np.zeros((2, draws.count)))
 
 
 def _settle(data: Masses, place: StateRows, y: Array) -> None:
@@ -204,16 +208,16 @@ def _settle(data: Masses, place: StateRows, y: Array) -> None:
     ahead, k = np.zeros_like(data.half_gap), data.stiffness
     ahead[2:] = y[place.gap][2:]
 
-    def held(rows: slice, load: Array, friction: Array) -> None:
-        least, most = resting(load, data.half_gap[rows], friction, k[rows])
+    def hold(rows: slice, load: Array, friction: Array) -> None:
+        least, most = rest_range(load, data.half_gap[rows], friction, k[rows])
         ahead[rows] = np.clip(ahead[rows], least, most)
         y[place.gap][rows] = np.clip(ahead[rows], -data.half_gap[rows], data.half_gap[rows])
         y[place.twist][rows] = ahead[rows] - y[place.gap][rows]
         y[place.torque][rows] = k[rows] * y[place.twist][rows]
 
-    held(slice(1, None), load, data.coulomb)
+    hold(slice(1, None), load, data.coulomb)
     shafts, c = y[place.torque][2:], np.cos(angles[:-1])
-    held(slice(0, 1), -at_contacts(data.k, shafts, c)[:1, 0], np.zeros((1, y.shape[1])))
+    hold(slice(0, 1), -contact_torques(data.k, shafts, c)[:1, 0], np.zeros((1, y.shape[1])))
     held_back = data.integral > 0
     y[place.behind] = np.where(
         held_back, y[place.torque][:2] / np.where(held_back, data.integral, 1.0), 0.0

@@ -15,7 +15,7 @@ from planner.machine.closed_loop import Feedback, encoder_readings
 from planner.machine.machine import Draws, Machine, draw, machine_for, sample_numbers
 from planner.machine.simulate import Progress, simulate
 from planner.plan.plan import Plan, refuse_inexecutable
-from planner.plan.samples import imported, plan_facts
+from planner.plan.samples import import_library, plan_facts
 from planner.support.arrays import Array
 from planner.support.progress import expect_listener
 
@@ -291,7 +291,7 @@ def replay_frame(replay: Replay) -> pandas.DataFrame:
         for k, row in enumerate(values, start=1):
             if np.ptp(row) > 0:
                 columns[name if len(values) == 1 else f"{name}_{k}"] = row
-    pandas = imported("pandas")
+    pandas = import_library("pandas")
     frame = pandas.DataFrame(columns, index=pandas.Index(replay.numbers, name="sample"))
     frame.attrs = {**plan_facts(replay.plan), "seed": replay.seed}
     return frame
@@ -304,7 +304,7 @@ def replay_dataset(replay: Replay) -> xarray.Dataset:
         InputError: If xarray is not installed.
     """
     system = replay.plan.problem.system
-    dataset: xarray.Dataset = imported("xarray").Dataset(
+    dataset: xarray.Dataset = import_library("xarray").Dataset(
         {
             "q": (("sample", "time", "coordinate"), replay.q),
             "motor_rates": (("sample", "time", "input"), replay.motor_rates),

@@ -23,10 +23,10 @@ import numpy as np
 from planner.machine.machine import Draws
 from planner.support.arrays import Array
 
-HELD_RAD_S = 1e-12
+SPEED_TOLERANCE_RAD_S = 1e-12
 """Difference of speeds beyond rounding, rad/s."""
 
-Lag = tuple[Array, ...]
+LagFactors = tuple[Array, ...]
 
 
 class Servos:
@@ -43,15 +43,15 @@ class Servos:
         self._limit = np.broadcast_to(draws["velocity_limit_rad_s"], shape)
         self._ramp = draws["acceleration_limit_rad_s2"]
         self._bandwidth = draws["servo_bandwidth_rad_s"]
-        self._limited = draws.on("velocity_limit_rad_s")
-        self._ramped = draws.on("acceleration_limit_rad_s2")
-        self._lagging = draws.on("servo_bandwidth_rad_s")
+        self._limited = draws.has_effect("velocity_limit_rad_s")
+        self._ramped = draws.has_effect("acceleration_limit_rad_s2")
+        self._lagging = draws.has_effect("servo_bandwidth_rad_s")
         self._direct = not self._lagging and not self._ramped
-        second = self._lagging and draws.on("servo_damping")
+        second = self._lagging and draws.has_effect("servo_damping")
         self._damping = draws["servo_damping"] if second else None
         self._speed = np.zeros(shape)
         self._slope = np.zeros(shape)
-        self._lags: dict[float, Lag] = {}
+        self._lags: dict[float, LagFactors] = {}
         self._command, self._running = np.full((3, 2, 1), np.nan), False
         self._target: list[Array] = []
         self._over: Array | None = None
@@ -89,13 +89,13 @@ class Servos:
 
     def _reference(self, command: Array, running: bool) -> tuple[list[Array], Array | None]:
         """Reference speeds (2, S) at the points, one array if all agree; and where too large."""
-        held = bool(np.all(command == command[0]))
-        r = self._gain * command[:1] if held else self._gain * command
+        is_constant = bool(np.all(command == command[0]))
+        r = self._gain * command[:1] if is_constant else self._gain * command
         if running:
             r = r + self._bias
         over = np.abs(r[len(r) // 2]) > self._limit
         r = np.broadcast_to(np.clip(r, -self._limit, self._limit), (len(r), *self._shape))
-        points = [r[0]] * len(command) if held else list(r)
+        points = [r[0]] * len(command) if is_constant else list(r)
         return points, over if over.any() else None
 
     def _advance(self, r0: Array, r1: Array, h: float) -> Array:
@@ -112,12 +112,12 @@ class Servos:
             return travel
         if not self._lagging:  # the time that it takes to catch up with the reference
             travel = travel - (r0 - before) * np.abs(r0 - before) / (2 * self._ramp)
-        held = np.abs(new - free) > HELD_RAD_S
-        if not held.any():
+        is_held = np.abs(new - free) > SPEED_TOLERANCE_RAD_S
+        if not is_held.any():
             return travel
         if second:
-            self._slope = np.where(held, (new - before) / h, self._slope)
-        return np.where(held, (before + new) * (h / 2), travel)
+            self._slope = np.where(is_held, (new - before) / h, self._slope)
+        return np.where(is_held, (before + new) * (h / 2), travel)
 
     def _first_order(self, r0: Array, r1: Array, h: float) -> tuple[Array, Array]:
         """ω = p + (ω₀ − p₀) e^{−bh} with the particular solution p = r − ṙ/b."""
@@ -145,7 +145,7 @@ class Servos:
         travel = (r0 + r1) * (h / 2) - twice * rate * h + swing
         return r1 - twice * rate + left, travel
 
-    def _lag(self, h: float) -> Lag:
+    def _lag(self, h: float) -> LagFactors:
         if h not in self._lags:
             if self._damping is None:
                 self._lags[h] = (np.exp(-self._bandwidth * h),)
@@ -154,7 +154,7 @@ class Servos:
         return self._lags[h]
 
 
-def _oscillator(b: Array, damping: Array, h: float) -> Lag:
+def _oscillator(b: Array, damping: Array, h: float) -> LagFactors:
     """Entries of exp([[0, 1], [−b², −2ζb]] h), for any damping (complex roots included)."""
     root = b * np.sqrt((damping**2 - 1).astype(complex))
     slow, fast = np.exp((root - damping * b) * h), np.exp((-root - damping * b) * h)

@@ -13,20 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.machine.closed_loop import Fed, Feedback, encoder_readings
-from planner.machine.commands import Command, Orders, merged
-from planner.machine.compiled import MOST_PASSIVE, Compiled, library
+from planner.machine.closed_loop import Feedback, FeedbackCommand, encoder_readings
+from planner.machine.commands import Command, CommandGrid, merge_times
+from planner.machine.compiled import MOST_PASSIVE, CompiledMotion, library
 from planner.machine.contact_load import refuse_sliding
 from planner.machine.machine import Draws, Machine, draw
-from planner.machine.stepwise import MachineMotion, Stepwise
+from planner.machine.stepwise import MachineMotion, StepwiseMotion
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
-CHUNK = 1000
+CHUNK_SAMPLES = 1000
 """Samples that advance together: enough to keep NumPy busy, few enough to stay in the cache."""
 
-REPORTED = 1000
+PROGRESS_PARTS = 1000
 """Parts of a run that progress is counted in."""
 
 MOST_BYTES = 2_000_000_000
@@ -64,9 +64,9 @@ class Recording:
     effort: Array | None
     fallbacks: NDArray[np.int64]
 
-    def room(self, count: int, motions: int) -> Recording:
+    def allocate(self, count: int, motions: int) -> Recording:
         """Arrays like these for so many samples, and for the motions of so many, not filled in."""
-        rows = dict.fromkeys(_OF_EACH, count) | dict.fromkeys(_MOTIONS, motions)
+        rows = dict.fromkeys(_SAMPLE_FIELDS, count) | dict.fromkeys(_MOTION_FIELDS, motions)
         empty = {
             name: np.empty((size, *array.shape[1:]), array.dtype)
             for name, size in rows.items()
@@ -76,15 +76,15 @@ class Recording:
 
     def put(self, part: Recording, first: int) -> None:
         """Fill in a part, from the sample `first` on."""
-        for name in (*_OF_EACH, *_MOTIONS):
+        for name in (*_SAMPLE_FIELDS, *_MOTION_FIELDS):
             array = getattr(self, name)
             if array is not None:
                 there = array[first : first + len(part.end)]
                 there[:] = getattr(part, name)[: len(there)]
 
 
-_MOTIONS = ("q", "speed")
-_OF_EACH = ("end", "peak", "deviation", "saturated_s", "effort", "fallbacks")
+_MOTION_FIELDS = ("q", "speed")
+_SAMPLE_FIELDS = ("end", "peak", "deviation", "saturated_s", "effort", "fallbacks")
 
 
 def simulate(
@@ -139,13 +139,15 @@ def simulate_draws(
     """
     count = draws.count
     kept = count if motions is None else min(motions, count)
-    block = min(CHUNK, count, _room(plan, kept, settle_s, record_s))
+    block = min(CHUNK_SAMPLES, count, _room(plan, kept, settle_s, record_s))
     times = _record_times(plan.duration, settle_s, record_s)
     if feedback is None:
-        run = partial(_open, command=_command(plan, machine, draws, times))
+        run = partial(_simulate_open_loop, command=_command(plan, machine, draws, times))
     else:
         delay = draws["delay_s"][0]
-        run = partial(_closed, feedback=feedback, one_delay=bool(np.all(delay == delay[0])))
+        run = partial(
+            _simulate_closed_loop, feedback=feedback, one_delay=bool(np.all(delay == delay[0]))
+        )
     chunks = [slice(k, k + block) for k in range(0, count, block)]
     whole: Recording | None = None
     for i, chosen in enumerate(chunks):
@@ -153,7 +155,7 @@ def simulate_draws(
         part = run(plan, machine, draws, chosen, times, tell)
         if kept == len(part.end) == count:
             return part
-        whole = whole or part.room(count, kept)
+        whole = whole or part.allocate(count, kept)
         whole.put(part, chosen.start)
         del part  # and its motions, before the next block makes its own
     assert whole is not None
@@ -182,7 +184,7 @@ def _room(plan: Plan, kept: int, settle: float, record: float | None) -> int:
     )
 
 
-def _open(
+def _simulate_open_loop(
     plan: Plan,
     machine: Machine,
     draws: Draws,
@@ -192,13 +194,13 @@ def _open(
     command: Command,
 ) -> Recording:
     """A run of the samples under the plan's own command."""
-    own = draws.part(chosen)
-    motion = _motion(plan, machine, own, command.part(chosen), times)
+    block_draws = draws.part(chosen)
+    motion = _motion(plan, machine, block_draws, command.part(chosen), times)
     _advance(motion, len(command.t) - 1, len(command.t) - 1, tell)
-    return _recording(own, times, motion)
+    return _recording(block_draws, times, motion)
 
 
-def _closed(
+def _simulate_closed_loop(
     plan: Plan,
     machine: Machine,
     draws: Draws,
@@ -209,22 +211,22 @@ def _closed(
     one_delay: bool,
 ) -> Recording:
     """A run of the samples under a controller, with new commands at each reading."""
-    own = draws.part(chosen)
-    controller = feedback.start(plan, machine, own.numbers)
-    fed = Fed(controller, own, machine.step_s, times, one_delay)
-    motion = _motion(plan, machine, own, fed, times)
+    block_draws = draws.part(chosen)
+    controller = feedback.start(plan, machine, block_draws.numbers)
+    fed = FeedbackCommand(controller, block_draws, machine.step_s, times, one_delay)
+    motion = _motion(plan, machine, block_draws, fed, times)
     steps = len(fed.t) - 1
     for i, k in enumerate(fed.reading_steps):
         _advance(motion, k, steps, tell)
-        read = encoder_readings(plan.problem.system, own, motion.now)
-        fed.tell(i, controller(float(fed.readings[i]), read))
+        read = encoder_readings(plan.problem.system, block_draws, motion.coordinates)
+        fed.set_command(i, controller(float(fed.readings[i]), read))
     _advance(motion, steps, steps, tell)
-    out = _recording(own, times, motion)
+    out = _recording(block_draws, times, motion)
     return replace(out, effort=fed.effort, fallbacks=controller.fallbacks)
 
 
 def _motion(
-    plan: Plan, machine: Machine, draws: Draws, orders: Orders, times: Array
+    plan: Plan, machine: Machine, draws: Draws, orders: CommandGrid, times: Array
 ) -> MachineMotion:
     """Samples at the start: compiled where there is a kernel for them."""
     system = plan.problem.system
@@ -235,8 +237,8 @@ def _motion(
     desired[orders.t < times[0]] = np.nan  # no deviation is counted before the plan's start
     few = machine.fidelity == "quasi-static" or system.size - 2 <= MOST_PASSIVE
     if isinstance(system, Manipulator) and few and library() is not None:
-        return Compiled(system, machine.fidelity, draws, orders, desired, rows, start)
-    return Stepwise(plan, machine, draws, orders, desired, rows, start)
+        return CompiledMotion(system, machine.fidelity, draws, orders, desired, rows, start)
+    return StepwiseMotion(plan, machine, draws, orders, desired, rows, start)
 
 
 def _advance(motion: MachineMotion, last: int, steps: int, tell: Tell | None) -> None:
@@ -250,7 +252,7 @@ def _share(tell: Tell, steps: int, done: int) -> None:
 
 
 def _tell(progress: Progress, before: int, runs: int, share: float) -> None:
-    progress(int(REPORTED * (before + share)), REPORTED * runs)
+    progress(int(PROGRESS_PARTS * (before + share)), PROGRESS_PARTS * runs)
 
 
 def _recording(draws: Draws, times: Array, motion: MachineMotion) -> Recording:
@@ -286,6 +288,6 @@ def _start(plan: Plan, draws: Draws) -> Array:
 def _record_times(duration: float, settle: float, record: float | None) -> Array:
     ends = np.array([0.0, duration, duration + settle])
     if record is None:
-        return merged(ends)
+        return merge_times(ends)
     count = int(np.ceil((duration + settle) / record))
-    return merged(ends, np.arange(count, dtype=np.float64) * record)
+    return merge_times(ends, np.arange(count, dtype=np.float64) * record)

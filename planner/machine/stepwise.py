@@ -1,7 +1,7 @@
 """Some samples of a machine in motion: the loop over steps, in NumPy, for any plant.
 
-A plant is a system whose inputs are the motors themselves (`Direct`), or the manipulator with
-inertia: two masses an axis, backlash by Nordin and Gutman, real torques. The gap position is a
+A plant is a system whose inputs are the motors themselves (`KinematicPlant`), or the manipulator
+with inertia: two masses an axis, backlash by Nordin and Gutman, real torques. The gap position is a
 state of its own (M. Nordin, P.-O. Gutman, Automatica 38, 2002, 1633): with twist x of the shaft and
 position b of the axis in its play, |b| <= gap/2,
 
@@ -25,10 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.machine import compiled
-from planner.machine.commands import Orders, Steps, lengths
+from planner.machine.commands import CommandGrid, Steps, lengths
 from planner.machine.disk_chain import DiskChain
 from planner.machine.machine import Draws, Machine
-from planner.machine.march import GAMMA, March, begin
+from planner.machine.march import GAMMA, March, begin_march
 from planner.machine.servos import Servos
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
@@ -65,22 +65,22 @@ class MachineMotion(Protocol):
     speed: Array
 
     @property
-    def now(self) -> Array:
+    def coordinates(self) -> Array:
         """Coordinates, (N, S)."""
 
     @property
     def deviation(self) -> Array:
-        """See the class."""
+        """Largest |true − plan| so far of each coordinate after the first, (S, N−1)."""
 
     @property
     def saturated_s(self) -> Array:
-        """See the class."""
+        """Seconds so far for which each motor was asked for more than its limit, (2, S)."""
 
     def advance(self, last: int, tell: Steps | None = None) -> None:
         """Go on from where it stands to the point `last` of the command's grid."""
 
 
-class Stepwise:
+class StepwiseMotion:
     """A `MachineMotion` that steps any plant, all samples at once.
 
     Args:
@@ -99,7 +99,7 @@ class Stepwise:
         plan: Plan,
         machine: Machine,
         draws: Draws,
-        orders: Orders,
+        orders: CommandGrid,
         desired: Array,
         rows: NDArray[np.int64],
         start: Array,
@@ -115,7 +115,7 @@ class Stepwise:
         self.speed = np.empty((draws.count, len(rows), 2))
 
     @property
-    def now(self) -> Array:
+    def coordinates(self) -> Array:
         """See `MachineMotion`."""
         return self._plant.q
 
@@ -135,7 +135,7 @@ class Stepwise:
         orders, end = self._orders, len(self._lengths)
         for k in range(self._k, last):
             h = self._lengths[k]
-            speed, travel = self._servos.step(orders.at(k), h, bool(orders.running[k]))
+            speed, travel = self._servos.step(orders.step_values(k), h, bool(orders.running[k]))
             self._record(k, speed[0])
             self._plant.step(speed, travel, h)
             gap = np.abs(self._plant.q[1:] - self._desired[k + 1])
@@ -162,10 +162,10 @@ def plant(plan: Plan, machine: Machine, draws: Draws, start: Array) -> Plant:
         return DynamicChain(system, draws, start)
     if isinstance(system, Manipulator):
         return DiskChain(system, draws, start)
-    return Direct(system, start)
+    return KinematicPlant(system, start)
 
 
-class Direct:
+class KinematicPlant:
     """S copies of a system, integrated by the classical Runge–Kutta method (order 4).
 
     Args:
@@ -207,36 +207,36 @@ class DynamicChain:
     """
 
     def __init__(self, system: Manipulator, draws: Draws, q: Array) -> None:
-        self._march = march = begin(system, draws, q)
-        self._at, self._masses, self._y = march.place, march.data, march.y
+        self._march = march = begin_march(system, draws, q)
+        self._place, self._masses, self._y = march.place, march.data, march.y
         self._shape, self._energy = (2, draws.count), march.energy
-        self._compiled, self._last = _compiled(self._march), np.inf
+        self._compiled, self._last = _compiled_step(self._march), np.inf
         self.limited_s = np.zeros(self._shape)
 
     @property
     def q(self) -> Array:
         """Coordinates (φₙ₋₁, θ₁ … θₙ), shape (N, S), rad."""
-        return self._y[self._at.q]
+        return self._y[self._place.q]
 
     @property
     def motor_rates(self) -> Array:
         """Speeds of the motors, behind their gearheads' ratio, (2, S), rad/s."""
-        return self._y[self._at.bodies.motors]
+        return self._y[self._place.bodies.motors]
 
     @property
     def shaft_torque(self) -> Array:
         """Of the shafts into joints 2 … n, springs and damping, (n−1, S), N m."""
-        return np.asarray(self._y[self._at.torque][2:])
+        return np.asarray(self._y[self._place.torque][2:])
 
     @property
     def gap(self) -> Array:
         """Where the axes of joints 2 … n are in their play, (n−1, S), rad; 0 is the middle."""
-        return np.asarray(self._y[self._at.gap][2:])
+        return np.asarray(self._y[self._place.gap][2:])
 
     @property
     def stored_J(self) -> Array:
         """Kinetic energy, that of the shafts, and of the links' height, (S,), J."""
-        v, twist = self._y[self._at.v], self._y[self._at.twist]
+        v, twist = self._y[self._place.v], self._y[self._place.twist]
         kinetic = np.sum(self._masses.inertia * v * v, axis=0)
         elastic = np.sum(self._masses.stiffness * twist * twist, axis=0)
         height = np.sin(np.cumsum(self.q[1:], axis=0))
@@ -274,9 +274,9 @@ class _CompiledStep:
 
     def __init__(self, function: Any, march: March) -> None:
         function.argtypes = [ctypes.c_int64] * 3 + [ctypes.c_double] * 4 + [ctypes.c_void_p] * 7
-        kept = (march.table, march.y, march.pieces, march.gained, march.energy)
+        kept = (march.table, march.y, march.pieces, march.speed_change, march.energy)
         self._function, self._k_g, self._arrays = function, march.k_g, kept
-        self._size = (len(march.gained), len(march.y))
+        self._size = (len(march.speed_change), len(march.y))
         self._masses, *self._state = (array.ctypes.data for array in kept)
 
     def fits(self) -> bool:
@@ -290,8 +290,8 @@ class _CompiledStep:
         self._function(*size, h, lead, GAMMA, self._k_g, *inputs, *self._state)
 
 
-def _compiled(march: March) -> _CompiledStep | None:
+def _compiled_step(march: March) -> _CompiledStep | None:
     """None where there is no compiled code that fits."""
     function = getattr(compiled.library(), "planner_dynamic_march", None)
-    found = _CompiledStep(function, march) if function is not None else None
-    return found if found is not None and found.fits() else None
+    step = _CompiledStep(function, march) if function is not None else None
+    return step if step is not None and step.fits() else None

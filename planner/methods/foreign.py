@@ -15,7 +15,7 @@ from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Demand, Part
 from planner.support.arrays import jsonable
 from planner.support.deadline import TimeUpError
-from planner.support.tables import brief, line
+from planner.support.tables import line, shorten
 from planner.support.user_tables import parse
 from planner.verification.verify import verify
 
@@ -103,5 +103,5 @@ class ForeignKeeps:
         answer = self.owner.call(self.keeps, problem, demand, part)
         if not isinstance(answer, str) or answer not in get_args(Keeping):
             allowed = ", ".join(get_args(Keeping))
-            raise self.owner.error(f"keeps {brief(repr(answer))}, which is none of {allowed}")
+            raise self.owner.error(f"keeps {shorten(repr(answer))}, which is none of {allowed}")
         return cast("Keeping", answer)

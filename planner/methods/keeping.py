@@ -83,7 +83,7 @@ def law(rates: Rates) -> Keeps:
         if "du" not in demand.reads:
             return "kept" if slowed else "judged"
         answers = rates(problem.travel)
-        own = {answers[part.index]} if demand.plain else set(answers)
+        own = {answers[part.index]} if demand.is_direct else set(answers)
         return "never" if "never" in own else "kept" if slowed and own == {"kept"} else "judged"
 
     return keeps

@@ -18,7 +18,13 @@ from planner.problem.problem import Problem
 from planner.problem.reach import Reach
 from planner.problem.requirements.ends import Duration, Goal, Start
 from planner.support import progress
-from planner.support.deadline import MORE_TIME, TimeUpError, limited, remaining, share
+from planner.support.deadline import (
+    MORE_TIME_ADVICE,
+    TimeUpError,
+    remaining,
+    time_limit,
+    time_share,
+)
 from planner.support.files import toml
 from planner.verification.verify import verify
 
@@ -90,7 +96,7 @@ def on_other_paths(problem: Problem) -> list[Change]:
     """One requirement on the path left out after the other, but for the travel."""
     limits, out = problem.to_dict().get("limits", {}), dict[str, Change]()
     for demand in reversed(problem.demands):
-        if found := demand.without(limits):
+        if found := demand.removal(limits):
             keys, words, what = found
             out[what] = Change(keys, words, what)
     return list(out.values())
@@ -139,7 +145,7 @@ def tried(changes: Sequence[Change], attempt: Attempt, told: Callable[[str], Non
             continue
         told(f"trying {change}")
         try:
-            with share(PART):
+            with time_share(PART):
                 plan = attempt(change)
         except (TimeUpError, TimeLimitError):
             left.append(change)
@@ -169,7 +175,7 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
     own = [change for change in error.changes if not change.method]
     if not own:
         return None
-    with limited(max(LEAST_S, TIMES * seconds), "the time for trying changes"):
+    with time_limit(max(LEAST_S, TIMES * seconds), "the time for trying changes"):
         tries = tried(own, attempt, lambda doing: progress.tell(f"no plan; {doing}"))
     if tries.change is None or tries.plan is None:
         said = [error.otherwise] if error.otherwise else []
@@ -177,7 +183,7 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
             said.append(f"tried without success: {', '.join(map(str, tries.vain))}")
         if tries.left:
             said.append(f"not tried for lack of time: {', '.join(map(str, tries.left))}")
-        error.advise(MORE_TIME if remaining() <= 0 else None, "; ".join(said))
+        error.advise(MORE_TIME_ADVICE if remaining() <= 0 else None, "; ".join(said))
         return None
     shown = replace(tries.plan, problem=problem, verified=False, certificate=None)
     broken = verify(shown).violations
@@ -201,5 +207,5 @@ def asked_instead(plan: Plan, broken: Sequence[Violation]) -> str:
             ((key, value),) = problem.travel_change(plan.travel).items()
             parts.append(f"{key} = {value:.6g}")
         elif own and kind not in (Start, Goal):
-            parts.append(kind.eased(sorted(own, key=lambda each: each[2].label)))
+            parts.append(kind.easing(sorted(own, key=lambda each: each[2].label)))
     return " and ".join(words for words in parts if words)

@@ -28,8 +28,8 @@ from planner.problem.tables.method_options import (
     SinusoidStepsOptions,
 )
 from planner.support.arrays import plain
-from planner.support.tables import brief, line
-from planner.support.user_tables import Table, nearest, parse
+from planner.support.tables import line, shorten
+from planner.support.user_tables import Table, allowed_hint, parse
 
 if TYPE_CHECKING:
     from planner.methods.options import Solve
@@ -249,7 +249,7 @@ def find_method(name: str) -> Method:
     """
     if not isinstance(name, str) or (name not in METHODS and name not in all_methods()):
         raise InputError(
-            f"unknown method '{brief(str(name))}'; {nearest(str(name), list(METHODS))}"
+            f"unknown method '{shorten(str(name))}'; {allowed_hint(str(name), list(METHODS))}"
         )
     return METHODS[name]
 

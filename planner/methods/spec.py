@@ -10,7 +10,7 @@ from planner.errors import InputError
 from planner.methods.registry import find_method, merged_options
 from planner.problem.problem import Problem
 from planner.support.files import toml_value
-from planner.support.tables import brief, line
+from planner.support.tables import line, shorten
 
 COMPENSATED = "compensated"
 """After the name of a method: its plan compensated for the machine."""
@@ -75,7 +75,7 @@ def parse_specs(problem: Problem, specs: str | Sequence[str]) -> list[Spec]:
     texts = list(_split(specs, ",")) if isinstance(specs, str) else specs
     if not isinstance(texts, Iterable) or not all(isinstance(text, str) for text in texts):
         raise InputError(
-            f"methods = {brief(repr(specs))}: give a list of names, for example ['polynomial',"
+            f"methods = {shorten(repr(specs))}: give a list of names, for example ['polynomial',"
             " 'collocation']"
         )
     parsed = [parse_spec(text) for text in texts]

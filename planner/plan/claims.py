@@ -153,6 +153,6 @@ def _finite(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
-def undecided(label: str, unit: str, why: str, required: bool = True) -> Claim:
+def undecided_claim(label: str, unit: str, why: str, required: bool = True) -> Claim:
     """A claim of which nothing is known."""
     return Claim(label, "undecided", -np.inf, np.nan, None, unit, required, why)

@@ -53,7 +53,7 @@ class Cells:
         """Seconds (C, M) at places x (M,) in [−1, 1] of each cell, or at one of each (C, 1)."""
         return self.time(np.arange(len(self.piece))[:, None], x)
 
-    def only(self, which: NDArray[Any]) -> Cells:
+    def select(self, which: NDArray[Any]) -> Cells:
         """Some of the cells, by index or mask."""
         return Cells(self.breaks, self.piece[which], self.low[which], self.size[which])
 
@@ -68,14 +68,14 @@ class Cells:
         low = self.low[origin] + size * (np.arange(len(origin)) - first)
         return Cells(self.breaks, self.piece[origin], low, size), origin
 
-    def halved(self) -> Cells:
+    def halves(self) -> Cells:
         """The left halves of all, then the right halves."""
         size = self.size / 2
         low = np.append(self.low, self.low + size)
         return Cells(self.breaks, np.tile(self.piece, 2), low, np.tile(size, 2))
 
 
-def joined(parts: Sequence[Cells]) -> Cells:
+def join_cells(parts: Sequence[Cells]) -> Cells:
     """Several groups of cells as one."""
     columns = [np.concatenate([getattr(p, n) for p in parts]) for n in ("piece", "low", "size")]
     return Cells(parts[0].breaks, *columns)
@@ -103,7 +103,7 @@ def expect_curve(name: str, curve: Bernstein, values: tuple[int, ...]) -> Bernst
     return curve if isinstance(curve, Bernstein) else Bernstein(curve.c, curve.x)
 
 
-def undefined(**parts: Array) -> str:
+def nonfinite_part(**parts: Array) -> str:
     """Which of some arrays holds what is no finite number, in words; empty if none does."""
     bad = [name for name, part in parts.items() if not np.all(np.isfinite(part))]
     return f"{' and '.join(bad)} hold numbers that are not finite" if bad else ""

@@ -21,34 +21,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import NotConvergedError
-from planner.plan.measures import slowing
-from planner.plan.quadrature import JUMP
+from planner.plan.measures import slowing_factor
+from planner.plan.quadrature import JUMP_TOLERANCE
 from planner.plan.retimed import Inverse, RetimedTrajectory, arc_length
 from planner.plan.trajectory import Trajectory
-from planner.problem.asked import Limits
+from planner.problem.conditions import Limits
 from planner.problem.requirements.requirement import Requirement
 from planner.support.arrays import Array
 from planner.support.calculus.bernstein import Bernstein
 from planner.support.calculus.chebyshev import DEGREE, Grid
 
-_HELD = [0, DEGREE // 2, DEGREE]
+_RATE_POINTS = [0, DEGREE // 2, DEGREE]
 """Points of each interval at which the programme holds the rates."""
 
-_ROUNDS = 5
-_EXCESS = 1e-5
+_MOST_ROUNDS = 5
+_LIMIT_TOLERANCE = 1e-5
 """How far inputs and rates may pass their limits between the points before that; what is left is
 taken away by slowing the whole motion."""
 
-_CORNER = JUMP / 2
+_CORNER_TOLERANCE = JUMP_TOLERANCE / 2
 """Change of direction at a node, in units of the limits, from which it is a corner: the motion goes
 through a lesser one, and its inputs must not jump there."""
 
-_STRAIGHT = 1e-6
+_STRAIGHT_TOLERANCE = 1e-6
 """Change of direction over a whole path, in units of the limits, below which it is rounding."""
 
 
 @dataclass(frozen=True)
-class Stretch:
+class PathIntervals:
     """A path cut into intervals of length.
 
     Attributes:
@@ -66,31 +66,33 @@ class Stretch:
     dw: Array
 
 
-def cut(path: Trajectory, length: Bernstein, scale: Array, intervals: int, rest: bool) -> Stretch:
+def cut_path(
+    path: Trajectory, length: Bernstein, scale: Array, intervals: int, rest: bool
+) -> PathIntervals:
     """Cut a path into about `intervals` intervals, finer where its direction turns."""
     edges = np.append(length.c[0], length.c[-1, -1])
     rough = _directions(path, length, Grid(edges))
     turning = np.sum(np.linalg.norm(np.diff(rough / scale, axis=1), axis=-1), axis=1)
-    share = np.diff(edges) / edges[-1] + turning / max(float(np.sum(turning)), _STRAIGHT)
+    share = np.diff(edges) / edges[-1] + turning / max(float(np.sum(turning)), _STRAIGHT_TOLERANCE)
     counts = np.maximum(2, np.ceil(0.5 * intervals * share)).astype(int)
-    corners = _stops(rough / scale, rest)
-    unit = [_spaced(n, *ends) for n, ends in zip(counts, pairwise(corners), strict=True)]
+    corners = _stop_nodes(rough / scale, rest)
+    unit = [_graded_grid(n, *ends) for n, ends in zip(counts, pairwise(corners), strict=True)]
     cuts = [a + (b - a) * x[:-1] for (a, b), x in zip(pairwise(edges), unit, strict=True)]
     nodes = np.concatenate([*cuts, edges[-1:]])
     grid = Grid(nodes)
     w = _directions(path, length, grid)
     # Inside a piece of the length the path is smooth, however fast it turns.
-    stops = _stops(w / scale, rest) & np.isin(nodes, edges)
-    return Stretch(nodes, _stations(length, nodes), stops, w, grid.derivative(w))
+    stops = _stop_nodes(w / scale, rest) & np.isin(nodes, edges)
+    return PathIntervals(nodes, _stations(length, nodes), stops, w, grid.derivative(w))
 
 
-def _stops(w: Array, rest: bool) -> NDArray[np.bool_]:
+def _stop_nodes(w: Array, rest: bool) -> NDArray[np.bool_]:
     """Where a motion with directions w (M, D, 2) must stand still, shape (M+1,)."""
-    jump = np.linalg.norm(w[1:, 0] - w[:-1, -1], axis=-1) > _CORNER
+    jump = np.linalg.norm(w[1:, 0] - w[:-1, -1], axis=-1) > _CORNER_TOLERANCE
     return np.concatenate([[rest], jump, [rest]])
 
 
-def _spaced(count: int, first: bool, last: bool) -> Array:
+def _graded_grid(count: int, first: bool, last: bool) -> Array:
     """Points of the unit interval, shape (count+1,), denser towards ends where the motion stops.
 
     There the length grows with the square of time.
@@ -103,7 +105,7 @@ def _spaced(count: int, first: bool, last: bool) -> Array:
     return np.asarray(1 - (1 - x) ** 2) if last else x
 
 
-def fastest(stretch: Stretch, top: Array, rate: Array) -> Bernstein:
+def fastest_clock(stretch: PathIntervals, top: Array, rate: Array) -> Bernstein:
     """The clock s(t), piecewise quadratic.
 
     Limits are held at three points of each interval; where one is exceeded between, it is tightened
@@ -119,12 +121,12 @@ def fastest(stretch: Stretch, top: Array, rate: Array) -> Bernstein:
     """
     b = np.zeros(len(stretch.nodes))
     fast, tight = np.tile(top, (len(stretch.w), 1)), np.tile(rate, (len(stretch.w), 1))
-    for _ in range(_ROUNDS):
+    for _ in range(_MOST_ROUNDS):
         b = _solve(stretch, fast, tight)
-        inside = _between(b)
+        inside = _interpolate(b)
         speed = np.max(np.abs(stretch.w) * np.sqrt(inside)[..., None], axis=1) / top
         excess = np.max(np.abs(_rates(stretch, b)), axis=1) / rate
-        if max(np.max(speed), np.max(excess)) <= 1 + _EXCESS:
+        if max(np.max(speed), np.max(excess)) <= 1 + _LIMIT_TOLERANCE:
             break
         fast, tight = fast / np.maximum(speed, 1.0), tight / np.maximum(excess, 1.0)
     return _clock(stretch.nodes, b)
@@ -145,23 +147,23 @@ def _stations(length: Bernstein, nodes: Array) -> Array:
     """Own times at the nodes, exact at the pieces' edges."""
     edges = np.append(length.c[0], length.c[-1, -1])
     k = np.minimum(np.searchsorted(edges, nodes, side="right") - 1, len(edges) - 2)
-    found = Inverse(length)(nodes, length.x[k], length.x[k + 1])
-    at = np.minimum(np.searchsorted(edges, nodes), len(edges) - 1)
-    return np.where(edges[at] == nodes, length.x[at], found)
+    sigma = Inverse(length)(nodes, length.x[k], length.x[k + 1])
+    edge = np.minimum(np.searchsorted(edges, nodes), len(edges) - 1)
+    return np.where(edges[edge] == nodes, length.x[edge], sigma)
 
 
-def _rates(stretch: Stretch, b: Array) -> Array:
+def _rates(stretch: PathIntervals, b: Array) -> Array:
     """du/dt at every point, shape (M, D, 2)."""
     slope = np.diff(b) / (2 * np.diff(stretch.nodes))
-    return np.asarray(stretch.dw * _between(b)[..., None] + stretch.w * slope[:, None, None])
+    return np.asarray(stretch.dw * _interpolate(b)[..., None] + stretch.w * slope[:, None, None])
 
 
-def _between(b: Array) -> Array:
+def _interpolate(b: Array) -> Array:
     """b at every point, shape (M, D)."""
     return np.asarray(b[:-1, None] + np.diff(b)[:, None] * Grid(np.array([0.0, 1.0])).times[0])
 
 
-def _ceiling(stretch: Stretch, top: Array) -> Array:
+def _ceiling(stretch: PathIntervals, top: Array) -> Array:
     """Largest b that keeps the inputs at the nodes, from both sides; top of shape (M, 2)."""
     with np.errstate(divide="ignore"):
         left = np.min((top / np.abs(stretch.w[:, 0])) ** 2, axis=-1)
@@ -169,7 +171,7 @@ def _ceiling(stretch: Stretch, top: Array) -> Array:
     return np.asarray(np.minimum(np.append(left, np.inf), np.append(np.inf, right)))
 
 
-def _solve(stretch: Stretch, top: Array, rate: Array) -> Array:
+def _solve(stretch: PathIntervals, top: Array, rate: Array) -> Array:
     """b at the nodes, with limits (M, 2) of each interval."""
     ceiling = _ceiling(stretch, top)
     free = np.flatnonzero(~stretch.stops)
@@ -182,14 +184,16 @@ def _solve(stretch: Stretch, top: Array, rate: Array) -> Array:
     b, root = spread @ x, spread @ ca.sqrt(x)
     time = ca.sum1(2 * step / (root[:-1] + root[1:]))
     rows = [
-        (stretch.dw[:, j, i] * (b[:-1] + at * (b[1:] - b[:-1])) + stretch.w[:, j, i] * slope)
+        (stretch.dw[:, j, i] * (b[:-1] + fraction * (b[1:] - b[:-1])) + stretch.w[:, j, i] * slope)
         / rate[:, i]
         for slope in [(b[1:] - b[:-1]) / (2 * step)]
-        for j, at in zip(_HELD, (0.0, 0.5, 1.0), strict=True)
+        for j, fraction in zip(_RATE_POINTS, (0.0, 0.5, 1.0), strict=True)
         for i in range(2)
         if np.all(np.isfinite(rate[:, i]))
     ]
-    solver = ca.nlpsol("timing", "ipopt", {"x": x, "f": time, "g": ca.vertcat(*rows)}, _QUIET)
+    solver = ca.nlpsol(
+        "timing", "ipopt", {"x": x, "f": time, "g": ca.vertcat(*rows)}, _QUIET_OPTIONS
+    )
     steepest = np.max(np.abs(stretch.dw), axis=1) / rate
     safe = float(1 / max(np.max(steepest), 1e-6))  # a constant b that keeps the rates
     guess = 0.1 * np.minimum(ceiling[free], safe)
@@ -204,7 +208,7 @@ def _solve(stretch: Stretch, top: Array, rate: Array) -> Array:
     return out
 
 
-_QUIET: dict[str, Any] = {
+_QUIET_OPTIONS: dict[str, Any] = {
     "print_time": False,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
@@ -223,14 +227,14 @@ def _clock(nodes: Array, b: Array) -> Bernstein:
     return Bernstein(c, np.concatenate([[0.0], np.cumsum(times)]))
 
 
-Moving = NDArray[np.bool_]
+InputMask = NDArray[np.bool_]
 
 
 def fastest_motion(
     path: Trajectory,
     limits: Limits,
     requirements: Sequence[Requirement],
-    moving: Moving,
+    moving: InputMask,
     rest: bool = False,
     intervals: int = 200,
 ) -> tuple[RetimedTrajectory, dict[str, Any]]:
@@ -256,27 +260,27 @@ def fastest_motion(
     while isinstance(path, RetimedTrajectory):
         path = path.path
     if np.any(np.isfinite(limits.input_rate[moving])):
-        trajectory, notes = _with_rates(path, limits, moving, rest, intervals)
+        trajectory, notes = _time_by_rate_limits(path, limits, moving, rest, intervals)
     else:
-        trajectory, notes = _without_rates(path, limits, moving), {}
-    factor = slowing(requirements, trajectory)
+        trajectory, notes = _time_by_input_limits(path, limits, moving), {}
+    factor = slowing_factor(requirements, trajectory)
     if np.isinf(factor):
         raise NotConvergedError(
             "the fastest clock within the limits of the inputs makes one jump, and something else"
             " is asked of their rates",
             advice="limits.input_rate_rad_s2, which the clock keeps without jumps",
         )
-    if factor > CLOCKED:
+    if factor > CLOCK_SLOWING:
         notes = {**notes, "slowed_for_other_limits": factor}
     return (trajectory.slowed(factor) if factor > 1 else trajectory), notes
 
 
-CLOCKED = 1.01
+CLOCK_SLOWING = 1.01
 """What the clock knows is passed by less than this; where the whole is slowed by more, some other
 limit asks for it, and the timing is not the fastest of the path."""
 
 
-def _without_rates(path: Trajectory, limits: Limits, moving: Moving) -> RetimedTrajectory:
+def _time_by_input_limits(path: Trajectory, limits: Limits, moving: InputMask) -> RetimedTrajectory:
     scale = np.where(moving, limits.input, 1.0)
     length = arc_length(path, scale, "max")
     edges = np.append(length.c[0], length.c[-1, -1])
@@ -284,13 +288,13 @@ def _without_rates(path: Trajectory, limits: Limits, moving: Moving) -> RetimedT
     return RetimedTrajectory(path, length, clock, length.x)
 
 
-def _with_rates(
-    path: Trajectory, limits: Limits, moving: Moving, rest: bool, intervals: int
+def _time_by_rate_limits(
+    path: Trajectory, limits: Limits, moving: InputMask, rest: bool, intervals: int
 ) -> tuple[RetimedTrajectory, dict[str, Any]]:
     scale = np.where(np.isfinite(limits.input), limits.input, limits.input_rate)
     scale = np.where(moving & np.isfinite(scale), scale, 1.0)
     length = arc_length(path, scale, "euclid")
-    stretch = cut(path, length, scale, intervals, rest)
-    clock = fastest(stretch, limits.input, limits.input_rate)
+    stretch = cut_path(path, length, scale, intervals, rest)
+    clock = fastest_clock(stretch, limits.input, limits.input_rate)
     notes = {"stops": int(np.sum(stretch.stops[1:-1]))}
     return RetimedTrajectory(path, length, clock, stretch.stations), notes

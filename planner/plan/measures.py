@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.plan.quadrature import greatest, jumps, largest, own_input, read, slopes
+from planner.plan.quadrature import greatest, input_values, jumps, largest, read_trajectory, slopes
 from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import Trajectory
-from planner.problem.requirements.requirement import At, Requirement
+from planner.problem.requirements.requirement import MotionPoint, Requirement
 from planner.support.arrays import Array
 from planner.support.calculus.extremes import maximum, minimum, sample_times, zeros
 from planner.systems.chained_form import chained_form
@@ -31,7 +31,7 @@ def effort(trajectory: Trajectory) -> float:
     return float(np.sum(weights[..., None] * trajectory.u(times) ** 2))
 
 
-def beyond(trajectory: Trajectory, limit: Array) -> Array:
+def excess_share(trajectory: Trajectory, limit: Array) -> Array:
     """Part of each input's travel ∫|u| dt that lies above a limit (2,) of |u|, 0 ... 1, (2,)."""
     times, weights = _quadrature(trajectory)
     speed = np.abs(trajectory.u(times))
@@ -74,26 +74,26 @@ def objective_of(trajectory: Trajectory, name: str) -> float | None:
 
 def peak_inputs(trajectory: Trajectory) -> Array:
     """Largest |u₁| and |u₂| over all time, shape (2,); NaN where an input is undefined."""
-    reading = read(trajectory)
+    reading = read_trajectory(trajectory)
     return largest(reading.cells, reading.u)
 
 
 def peak_rates(trajectory: Trajectory) -> Array:
     """Largest |du₁/dt| and |du₂/dt|, shape (2,); infinite where an input jumps on the way."""
-    reading = read(trajectory)
+    reading = read_trajectory(trajectory)
     peaks = largest(reading.cells, slopes(reading.cells, reading.u))
     return np.where(jumps(reading.cells, reading.u), np.inf, peaks)
 
 
-TURN = 0.02
+LEAST_TURN = 0.02
 """A turn of the path coordinate counts from this part of its range: the least that shows."""
 
 
 def turns(trajectory: Trajectory) -> Array:
-    """Times at which the path coordinate turns back by more than `TURN` of its range, (m,), s."""
+    """Times at which the path coordinate turns back by over `LEAST_TURN` of its range, (m,), s."""
     t = np.linspace(0.0, trajectory.duration, 2001)
     way = trajectory.q(t)[:, 0]
-    least, out, heading, far = TURN * float(np.ptp(way)), [], 0.0, 0
+    least, out, heading, far = LEAST_TURN * float(np.ptp(way)), [], 0.0, 0
     for k, value in enumerate(way):
         ahead = value - way[far]
         if heading and ahead * heading >= 0:
@@ -104,29 +104,30 @@ def turns(trajectory: Trajectory) -> Array:
     return np.array(out)
 
 
-def slowing(requirements: Sequence[Requirement], trajectory: Trajectory) -> float:
+def slowing_factor(requirements: Sequence[Requirement], trajectory: Trajectory) -> float:
     """How many times slower a motion must be to keep what a slower one keeps; NaN if undefined.
 
     A driftless path does not depend on its timing, so inputs scale with 1/T and rates with 1/T².
     """
-    asked = [required for required in requirements if required.speed]
+    speed_limits = [required for required in requirements if required.speed]
+    formulas = [required for required in speed_limits if not required.is_direct]
     system, factors = trajectory.system, [0.0]
 
-    def shaped(q: Array, u: Array) -> Array:
-        at = At.of(system, q, u, np.zeros_like(u))
-        return np.stack([v for r in asked if not r.plain for v in r.values(at)], axis=-1)
+    def row_values(q: Array, u: Array) -> Array:
+        point = MotionPoint.of(system, q, u, np.zeros_like(u))
+        return np.stack([v for r in formulas for v in r.values(point)], axis=-1)
 
-    reading = read(trajectory, own_input, *[shaped] * any(not r.plain for r in asked))
+    reading = read_trajectory(trajectory, input_values, *[row_values] * bool(formulas))
     cells = reading.cells
-    at = At.of(system, reading.q, reading.u, slopes(cells, reading.u))
-    for required in asked:
-        values = np.stack(required.values(at), axis=-1)
+    point = MotionPoint.of(system, reading.q, reading.u, slopes(cells, reading.u))
+    for required in speed_limits:
+        values = np.stack(required.values(point), axis=-1)
         top, _ = greatest(cells, np.concatenate([values, -values], axis=-1))
         most, below = np.split(top, 2)
-        found = required.slower(-below, most)
+        slower_by = required.slowing_factor(-below, most)
         jumping = jumps(cells, reading.u) if "du" in required.reads else np.zeros(2, bool)
-        own = [part.index for part in required.parts] if required.plain else [0, 1]
-        factors.append(np.inf if any(jumping[own]) else float(np.max(found)))
+        indices = [part.index for part in required.parts] if required.is_direct else [0, 1]
+        factors.append(np.inf if any(jumping[indices]) else float(np.max(slower_by)))
     return float(np.max(factors))
 
 
@@ -186,10 +187,10 @@ def domain_report(trajectory: Trajectory) -> DomainReport:
         if path.ok:
             crossings = tuple(trajectory.time_of(t) for t in path.z2_crossings_s)
             return replace(path, time_s=trajectory.time_of(path.time_s), z2_crossings_s=crossings)
-    return _inside(trajectory) or _outside(trajectory)
+    return _report_inside(trajectory) or _report_outside(trajectory)
 
 
-def _inside(trajectory: Trajectory) -> DomainReport | None:
+def _report_inside(trajectory: Trajectory) -> DomainReport | None:
     """The report of a path that stays strictly inside; None for another."""
     system, form = trajectory.system, chained_form(trajectory.system)
     with np.errstate(all="ignore"):
@@ -198,7 +199,7 @@ def _inside(trajectory: Trajectory) -> DomainReport | None:
         def watched(q: Array, _: Array) -> Array:
             return np.concatenate([-system.chart_margins(q, branch), form.z(q)[..., 1:2]], axis=-1)
 
-        reading = read(trajectory, watched)
+        reading = read_trajectory(trajectory, watched)
         values = watched(reading.q, reading.u)
         tops, times = greatest(reading.cells, np.concatenate([values, -values[..., -1:]], axis=-1))
     if not np.all(tops[:-2] < 0):
@@ -218,7 +219,7 @@ def _inside(trajectory: Trajectory) -> DomainReport | None:
     )
 
 
-def _outside(trajectory: Trajectory) -> DomainReport:
+def _report_outside(trajectory: Trajectory) -> DomainReport:
     times = sample_times(trajectory.breaks)
 
     def worst(t: Array) -> Array:

@@ -21,7 +21,7 @@ from planner.problem.problem import Problem
 from planner.support.arrays import Array, jsonable
 from planner.support.deadline import Span
 from planner.support.files import write_text
-from planner.support.package import handed_to
+from planner.support.package import import_function
 
 if TYPE_CHECKING:
     import pandas
@@ -93,8 +93,8 @@ class Plan:
 
     @property
     def _identity(self) -> tuple[Any, ...]:
-        own = (self.problem, self.method, self.trajectory, self.status, self.verified)
-        return *own, jsonable(self.options), self.compensation
+        identity = (self.problem, self.method, self.trajectory, self.status, self.verified)
+        return *identity, jsonable(self.options), self.compensation
 
     def __repr__(self) -> str:
         state = "verified" if self.verified else f"not verified, status {self.status}"
@@ -129,9 +129,9 @@ class Plan:
         """
         if self.compensates is None:
             return self.trajectory.q(t)
-        own = np.asarray(t, dtype=float) - self.lead_s
-        early = own < -ROUNDING * max(1.0, self.duration)
-        return np.where(early[..., None], np.nan, self.compensates.trajectory.q(own))
+        times = np.asarray(t, dtype=float) - self.lead_s
+        early = times < -ROUNDING * max(1.0, self.duration)
+        return np.where(early[..., None], np.nan, self.compensates.trajectory.q(times))
 
     @property
     def t(self) -> Array:
@@ -233,13 +233,13 @@ class Plan:
     def to_frame(self, rate_hz: float = 100.0) -> pandas.DataFrame:
         """The plan at evenly spaced times as a pandas DataFrame; see
         `planner.plan.samples.to_frame`."""
-        frame: pandas.DataFrame = handed_to("planner.plan.samples.to_frame")(self, rate_hz)
+        frame: pandas.DataFrame = import_function("planner.plan.samples.to_frame")(self, rate_hz)
         return frame
 
     def to_xarray(self, rate_hz: float = 100.0) -> xarray.Dataset:
         """The plan at evenly spaced times as an xarray Dataset; see
         `planner.plan.samples.to_xarray`."""
-        dataset: xarray.Dataset = handed_to("planner.plan.samples.to_xarray")(self, rate_hz)
+        dataset: xarray.Dataset = import_function("planner.plan.samples.to_xarray")(self, rate_hz)
         return dataset
 
 
@@ -260,7 +260,7 @@ class Compensation:
     tail_s: float
 
 
-def cut_short(plan: Plan, span: Span, how: str) -> Plan:
+def mark_cut_short(plan: Plan, span: Span, how: str) -> Plan:
     """The plan, which says that time was up, or who ended the work on it, and what it lacks."""
     status = "interrupted" if span.ended_by else TimeLimitError.status
     return replace(plan, status=status, notes={**plan.notes, "ended_early": f"{span.why} {how}"})

@@ -14,7 +14,7 @@ from planner.plan.claims import certificate_from_dict
 from planner.plan.plan import FORMAT, VERSION, Compensation, Plan
 from planner.plan.trajectory import trajectory_from_dict
 from planner.problem.problem import Problem
-from planner.problem.tables.kinds import MOST
+from planner.problem.tables.kinds import MOST_NUMBER
 from planner.support.files import read_json
 from planner.support.tables import line
 from planner.support.user_tables import Table, parse
@@ -47,7 +47,7 @@ def _plan(data: Mapping[str, Any], path: str | Path) -> Plan:
             certificate=None if proven is None else certificate_from_dict(proven),
             why="" if data["verified"] else data.get("why", ""),
             compensation=made_from,
-            **{key: _read_back(data[key]) for key in _COPIED},
+            **{key: _read_back(data[key]) for key in _COPIED_KEYS},
         )
     except (KeyError, TypeError) as error:
         raise InputError(f"{path} is not a complete plan file: {error!r}") from None
@@ -55,7 +55,7 @@ def _plan(data: Mapping[str, Any], path: str | Path) -> Plan:
         raise InputError(f"{path} holds no trajectory of this problem: {error}") from None
 
 
-_COPIED = (
+_COPIED_KEYS = (
     "method",
     "options",
     "status",
@@ -89,10 +89,10 @@ def _read(path: str | Path) -> dict[str, Any]:
 Number = float | None
 """A number; null where it is not defined."""
 
-Finite = Annotated[float, Field(ge=-MOST, le=MOST)]
+Finite = Annotated[float, Field(ge=-MOST_NUMBER, le=MOST_NUMBER)]
 """What a plan is computed from: no larger than a problem's numbers, or it overflows on the way."""
 
-Amount = Annotated[float, Field(ge=0, le=MOST)]
+Amount = Annotated[float, Field(ge=0, le=MOST_NUMBER)]
 
 
 class CurveTable(Table):
@@ -192,7 +192,7 @@ class PlanFile(Table):
     objective_name: str = Field(description="What that objective is.")
     solve_time_s: Amount | None = Field(description="Time the method spent solving.")
     build_time_s: Amount | None = Field(description="Time it spent preparing.")
-    iterations: Annotated[int, Field(ge=0, le=int(MOST))] = Field(
+    iterations: Annotated[int, Field(ge=0, le=int(MOST_NUMBER))] = Field(
         description="Iterations of its solver, 0 for closed forms."
     )
     verified: bool = Field(description="Whether the independent check passed.")

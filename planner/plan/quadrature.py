@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.plan.curves import Cells, joined
+from planner.plan.curves import Cells, join_cells
 from planner.plan.trajectory import Trajectory
 from planner.support import deadline
 from planner.support.arrays import Array
@@ -36,49 +36,49 @@ CONTROL_POINTS = 29
 """Points per cell at which the input is read again and the integral done again; they share none but
 the ends with the 16. For polynomials of a higher degree there are as many as fix one."""
 
-AGREED = 1e-7
+INPUT_TOLERANCE = 1e-7
 """Distance of the input from its series at the control points, over its greatest value, above which
 a cell is split: what counts as a jump, and a tenth of what a limit may be exceeded by."""
 
-LESSER = 0.01
+LESSER_INPUT_SHARE = 0.01
 """An input is compared with no less than this part of the other: rounding in the chart's inverse is
 some 1e-9 of the larger one."""
 
 SAMPLES = 33
 """Samples per cell for extremes: twice as many as a series of degree 15 can have turns."""
 
-CLOSER = 129
+CLOSE_SAMPLES = 129
 """Samples of a cell that may hold the greatest value: no top is farther from one than a fifth of a
 radian of the fastest cosine, cos 15θ, where Newton's method finds it."""
 
-NEWTON = 3
+NEWTON_STEPS = 3
 """Steps from there to a top: two leave a billionth of a radian."""
 
-EQUAL = 1e-12
+EXTREME_TOLERANCE = 1e-12
 """Excess over what was found, relative to a function's size, that is not looked for."""
 
-RESOLVED = 1e-11
+TAIL_TOLERANCE = 1e-11
 """Tail of a series, relative to the function's size on the cell or one, that needs no splitting."""
 
-NOISE = 1e-8
+NOISE_TAIL = 1e-8
 """Tail below which a part no better than its whole shows rounding in the input, not shape."""
 
-SPLITS = 20
+MOST_SPLITS = 20
 """Times a piece may be split into four: to 1e-12 of it, which still holds 4,000 different times."""
 
 MOST_CELLS = 4000
 """Cells beyond the pieces themselves. A singular start takes 100; noise would take without end."""
 
-ROUNDS = 4
+MOST_ROUNDS = 4
 """Times all cells are split where the integral is not good enough: to a 64th at most."""
 
-SETTLED = 1e-14
+SWEEP_TOLERANCE = 1e-14
 """Change of q, relative to its size or one, below which the sweeps end: some rounding units."""
 
-SWEEPS = 60
+MOST_SWEEPS = 60
 """Sweeps of the integral at most. Systems that read earlier coordinates settle in N + 1."""
 
-JUMP = 1e-6
+JUMP_TOLERANCE = 1e-6
 """Step between two cells, relative to the function's size, from which it is a jump. Inputs near the
 chart's edge and retimed ones are known to some 1e-7, which depends on the processor's arithmetic;
 by 1e-6 an input may pass its limit too."""
@@ -96,37 +96,37 @@ class Reading:
     u: Array
 
 
-def read(trajectory: Trajectory, *values: Values, start: Cells | None = None) -> Reading:
+def read_trajectory(trajectory: Trajectory, *values: Values, start: Cells | None = None) -> Reading:
     """Cells split until the series of values, the input by default, end; and what is read on them.
 
     What is not a number is never resolved and is kept as it is.
     """
-    wanted = values or (own_input,)
+    functions = values or (input_values,)
     open_ = Cells.of(trajectory.breaks) if start is None else start
     before = np.full(len(open_.piece), np.inf)
     kept: list[Reading] = []
-    held, most = 0, MOST_CELLS + len(open_.piece)
-    for step in range(SPLITS + 1):
+    kept_cells, most = 0, MOST_CELLS + len(open_.piece)
+    for step in range(MOST_SPLITS + 1):
         deadline.check_stopped()
-        q, u = trajectory.inside(open_.piece, open_.fractions(points(POINTS)))
-        tail = tails(np.concatenate([f(q, u) for f in wanted], axis=-1))
-        rough = (tail > RESOLVED) & ((tail > NOISE) | (tail < 0.2 * before))
-        held += int(np.sum(~rough))
-        if step == SPLITS or not np.any(rough) or held + 4 * np.sum(rough) > most:
+        q, u = trajectory.piece_values(open_.piece, open_.fractions(points(POINTS)))
+        tail = tails(np.concatenate([f(q, u) for f in functions], axis=-1))
+        rough = (tail > TAIL_TOLERANCE) & ((tail > NOISE_TAIL) | (tail < 0.2 * before))
+        kept_cells += int(np.sum(~rough))
+        if step == MOST_SPLITS or not np.any(rough) or kept_cells + 4 * np.sum(rough) > most:
             kept.append(Reading(open_, q, u))
             break
-        kept.append(Reading(open_.only(~rough), q[:, ~rough], u[:, ~rough]))
+        kept.append(Reading(open_.select(~rough), q[:, ~rough], u[:, ~rough]))
         before = np.repeat(tail[rough], 4)
-        open_ = open_.only(rough).split()[0]
+        open_ = open_.select(rough).split()[0]
     if len(kept) == 1:
         return kept[0]
-    cells = joined([k.cells for k in kept])
+    cells = join_cells([k.cells for k in kept])
     order = np.lexsort((cells.low, cells.piece))
     q, u = (np.concatenate([getattr(k, name) for k in kept], axis=1)[:, order] for name in "qu")
-    return Reading(cells.only(order), q, u)
+    return Reading(cells.select(order), q, u)
 
 
-def own_input(_: Array, u: Array) -> Array:
+def input_values(_: Array, u: Array) -> Array:
     """The input as one of the values to resolve."""
     return u
 
@@ -153,9 +153,9 @@ class Motion:
         error: Estimate of the largest error of q, in the coordinates' units; NaN where the input
             or the rates are not numbers.
         gap: Largest |plan's own q − q| over all points of both sets, and its time.
-        unresolved: Largest distance of the input from its series at the control points, over its
-            greatest value, and its time: above `AGREED` where splitting does not help.
-        hidden: The same of further functions, over their greatest value or one.
+        unresolved_input: Largest distance of the input from its series at the control points, over
+            its greatest value, and its time: above `INPUT_TOLERANCE` where splitting does not help.
+        unresolved_values: The same of further functions, over their greatest value or one.
     """
 
     cells: Cells
@@ -163,8 +163,8 @@ class Motion:
     u: Array
     error: float
     gap: tuple[float, float]
-    unresolved: tuple[float, float] = (0.0, 0.0)
-    hidden: tuple[float, float] = (0.0, 0.0)
+    unresolved_input: tuple[float, float] = (0.0, 0.0)
+    unresolved_values: tuple[float, float] = (0.0, 0.0)
 
     @cached_property
     def series(self) -> Array:
@@ -175,17 +175,17 @@ class Motion:
         """Points x (33,) in [−1, 1] and q (33, C, N) there in every cell."""
         return 2 * points(SAMPLES) - 1, apply(resampling(POINTS, SAMPLES), self.q)
 
-    def at(self, cell: Pieces, x: Array) -> Array:
+    def q_in_cells(self, cell: Pieces, x: Array) -> Array:
         """q (…, R, N) at x (…, R) in [−1, 1] of cells (R,)."""
         basis = np.cos(np.arange(POINTS) * np.arccos(x)[..., None])
         return np.asarray(np.einsum("...rk,krn->...rn", basis, self.series[:, cell]))
 
-    def at_time(self, t: float) -> Array:
+    def q_at_time(self, t: float) -> Array:
         """q (N,) at a time."""
         begins = self.cells.time(np.arange(len(self.cells.piece)), np.array(-1.0))
         cell = np.maximum(np.searchsorted(begins, [t], side="right") - 1, 0)
         x = np.clip(2 * (t - begins[cell]) / self.cells.width[cell] - 1, -1.0, 1.0)
-        return np.asarray(self.at(cell, x)[0])
+        return np.asarray(self.q_in_cells(cell, x)[0])
 
 
 def integrate(
@@ -200,9 +200,9 @@ def integrate(
         *values: Further functions that the cells must resolve, of the size of one.
     """
     cells: Cells | None = None
-    for _ in range(ROUNDS):
-        reading, control = _read_twice(trajectory, values, cells)
-        motion = _integrated(trajectory, start, reading, control)
+    for _ in range(MOST_ROUNDS):
+        reading, control = _read_and_control(trajectory, values, cells)
+        motion = _integrate_reading(trajectory, start, reading, control)
         if not motion.error > tolerance or len(reading.cells.piece) > MOST_CELLS:
             break  # good enough, or not a number, or noise: splitting would not help
         cells = reading.cells.split()[0]
@@ -215,46 +215,54 @@ class _Control:
 
     q: Array
     u: Array
-    unresolved: tuple[float, float]
-    hidden: tuple[float, float]
+    unresolved_input: tuple[float, float]
+    unresolved_values: tuple[float, float]
 
 
-def _read_twice(
+def _read_and_control(
     trajectory: Trajectory, values: Sequence[Values], start: Cells | None
 ) -> tuple[Reading, _Control]:
     """A reading on cells that are split also where input or values are elsewhere in between."""
     count = max(CONTROL_POINTS, trajectory.degree + 1)
-    for _ in range(ROUNDS):
-        reading = read(trajectory, own_input, trajectory.system.rates, *values, start=start)
+    for _ in range(MOST_ROUNDS):
+        reading = read_trajectory(
+            trajectory, input_values, trajectory.system.rates, *values, start=start
+        )
         cells, hidden = reading.cells, np.zeros((count, len(reading.cells.piece)))
-        q, u = trajectory.inside(cells.piece, cells.fractions(points(count)))
+        q, u = trajectory.piece_values(cells.piece, cells.fractions(points(count)))
         peaks = np.max(np.abs(reading.u), axis=(0, 1))
-        away = np.abs(u - apply(resampling(POINTS, count), reading.u))
-        away = np.max(away / np.maximum(peaks, max(LESSER * np.max(peaks), 1e-12)), axis=-1)
+        distances = np.abs(u - apply(resampling(POINTS, count), reading.u))
+        distances = np.max(
+            distances / np.maximum(peaks, max(LESSER_INPUT_SHARE * np.max(peaks), 1e-12)), axis=-1
+        )
         for function in values:
-            own, between = function(reading.q, reading.u), function(q, u)
-            gap = np.abs(between - apply(resampling(POINTS, count), own))
-            hidden = np.maximum(hidden, np.max(gap / np.maximum(np.max(np.abs(own)), 1.0), axis=-1))
-        split = (np.max(np.maximum(away, hidden), axis=0) > AGREED) & (cells.size > 0.25**SPLITS)
+            read_values, between = function(reading.q, reading.u), function(q, u)
+            gap = np.abs(between - apply(resampling(POINTS, count), read_values))
+            hidden = np.maximum(
+                hidden, np.max(gap / np.maximum(np.max(np.abs(read_values)), 1.0), axis=-1)
+            )
+        split = (np.max(np.maximum(distances, hidden), axis=0) > INPUT_TOLERANCE) & (
+            cells.size > 0.25**MOST_SPLITS
+        )
         if not np.any(split) or len(cells.piece) > MOST_CELLS:
             break
         start = cells.split(np.where(split, 4, 1))[0]
-    return reading, _Control(q, u, _worst(cells, away), _worst(cells, hidden))
+    return reading, _Control(q, u, _worst(cells, distances), _worst(cells, hidden))
 
 
-def _worst(cells: Cells, away: Array) -> tuple[float, float]:
+def _worst(cells: Cells, distances: Array) -> tuple[float, float]:
     """The largest of distances (P, C) at Chebyshev–Lobatto points, and its time."""
-    point, cell = np.unravel_index(np.argmax(away), away.shape)
-    when = cells.time(np.array(cell), 2 * points(len(away))[point] - 1)
-    return float(away[point, cell]), float(when)
+    point, cell = np.unravel_index(np.argmax(distances), distances.shape)
+    when = cells.time(np.array(cell), 2 * points(len(distances))[point] - 1)
+    return float(distances[point, cell]), float(when)
 
 
-def _integrated(
+def _integrate_reading(
     trajectory: Trajectory, start: Array, reading: Reading, control: _Control
 ) -> Motion:
     cells, u, system = reading.cells, reading.u, trajectory.system
     width = cells.width[:, None]
-    q = _settled(system, start, width, np.where(np.isfinite(reading.q), reading.q, start), u)
+    q = _fixed_point(system, start, width, np.where(np.isfinite(reading.q), reading.q, start), u)
     rates = system.rates(q, u)
     tail = np.sum(width * np.max(np.abs(apply(to_series(POINTS)[-3:], rates)), axis=0), axis=0)
     # the same integral at other points, through the interpolated motion
@@ -264,17 +272,19 @@ def _integrated(
     error = np.max(np.abs(again - between)) + np.max(tail)
     gaps = [np.max(np.abs(a - b), axis=-1) for a, b in ((reading.q, q), (control.q, between))]
     gap = _worst(cells, gaps[int(np.argmax([np.max(g) for g in gaps]))])
-    return Motion(cells, q, u, float(error), gap, control.unresolved, control.hidden)
+    return Motion(
+        cells, q, u, float(error), gap, control.unresolved_input, control.unresolved_values
+    )
 
 
 def _integral(start: Array, width: Array, rates: Array) -> Array:
-    own = apply(integration(len(rates)), rates) * width
-    ends = np.cumsum(own[-1], axis=0)
-    own[:, 1:] += ends[:-1]
-    return np.asarray(own + start)
+    parts = apply(integration(len(rates)), rates) * width
+    ends = np.cumsum(parts[-1], axis=0)
+    parts[:, 1:] += ends[:-1]
+    return np.asarray(parts + start)
 
 
-def _settled(system: TriangularSystem, start: Array, width: Array, q: Array, u: Array) -> Array:
+def _fixed_point(system: TriangularSystem, start: Array, width: Array, q: Array, u: Array) -> Array:
     """The fixed point of q ← start + ∫ rates(q, u), shape (16, C, N).
 
     The sweeps settle by themselves where rates read earlier coordinates only. Where one reads
@@ -285,22 +295,22 @@ def _settled(system: TriangularSystem, start: Array, width: Array, q: Array, u: 
         deadline.check_stopped()
         new = _integral(start, width, system.rates(q, u))
         change, q = float(np.max(np.abs(new - q))), new
-        if not change > SETTLED * max(1.0, float(np.max(np.abs(q)))):
+        if not change > SWEEP_TOLERANCE * max(1.0, float(np.max(np.abs(q)))):
             return q
     growth = apply(integration(POINTS), _jacobian(system, q, u)) * width[..., None]
     across = growth[-1] + np.eye(system.size)
-    for _ in range(SWEEPS):
+    for _ in range(MOST_SWEEPS):
         deadline.check_stopped()
-        own = apply(integration(POINTS), system.rates(q, u)) * width
-        miss = q[0] + own[-1]
+        integrals = apply(integration(POINTS), system.rates(q, u)) * width
+        miss = q[0] + integrals[-1]
         miss[:-1] -= q[0, 1:]
         shift = np.zeros_like(miss)
         shift[0] = start - q[0, 0]
         for c in range(1, len(shift)):
             shift[c] = miss[c - 1] + across[c - 1] @ shift[c - 1]
-        new = q[0] + own + shift + (growth @ shift[..., None])[..., 0]
+        new = q[0] + integrals + shift + (growth @ shift[..., None])[..., 0]
         change, q = float(np.max(np.abs(new - q))), new
-        if not change > SETTLED * max(1.0, float(np.max(np.abs(q)))):
+        if not change > SWEEP_TOLERANCE * max(1.0, float(np.max(np.abs(q)))):
             return q
     return q
 
@@ -329,23 +339,23 @@ def greatest(cells: Cells, values: Array) -> tuple[Array, Array]:
     bend = apply(np.asarray(order.T**2.0), np.abs(series))[0]
     tops, best = np.max(samples, axis=0), np.max(samples, axis=(0, 1))
     with np.errstate(invalid="ignore"):
-        enough = best + EQUAL * np.max(np.abs(values), axis=(0, 1))
-        may = tops + bend * _hidden(SAMPLES) > enough
+        enough = best + EXTREME_TOLERANCE * np.max(np.abs(values), axis=(0, 1))
+        may = tops + bend * _hidden_height(SAMPLES) > enough
         may[np.argmax(tops, axis=0), np.arange(len(best))] = True  # one of each function at least
         cell, which = np.nonzero(may)
         series = series[:, cell, which]
-        closer = from_series(POINTS, CLOSER) @ series
+        closer = from_series(POINTS, CLOSE_SAMPLES) @ series
         np.maximum.at(enough, which, np.max(closer, axis=0))
-        may = closer + bend[cell, which] * _hidden(CLOSER) > enough[which]
+        may = closer + bend[cell, which] * _hidden_height(CLOSE_SAMPLES) > enough[which]
         may[np.argmax(closer, axis=0), np.arange(len(cell))] = True
     sample, row = np.nonzero(may)
-    series, theta = series[:, row], np.pi * (1 - sample / (CLOSER - 1))
+    series, theta = series[:, row], np.pi * (1 - sample / (CLOSE_SAMPLES - 1))
     steep, bent = order * series, order**2 * series
-    for _ in range(NEWTON):
+    for _ in range(NEWTON_STEPS):
         slope = -np.sum(steep * np.sin(order * theta), axis=0)
         curve = -np.sum(bent * np.cos(order * theta), axis=0)
         step = np.divide(-slope, curve, out=np.zeros_like(theta), where=curve < 0)
-        theta = theta + np.clip(step, -np.pi / CLOSER, np.pi / CLOSER)
+        theta = theta + np.clip(step, -np.pi / CLOSE_SAMPLES, np.pi / CLOSE_SAMPLES)
     reached = np.sum(series * np.cos(order * theta), axis=0)
     last = np.lexsort((reached, which[row]))[np.cumsum(np.bincount(which[row])) - 1]
     value = np.where(np.isnan(best), np.nan, reached[last])
@@ -359,9 +369,11 @@ def largest(cells: Cells, values: Array) -> Array:
 
 
 def jumps(cells: Cells, values: Array) -> NDArray[np.bool_]:
-    """Whether functions (16, C, F) jump between cells, by more than `JUMP` of their size, (F,)."""
+    """Whether functions (16, C, F) jump between cells, by over `JUMP_TOLERANCE` of their size."""
     size = np.maximum(np.max(np.abs(values), axis=(0, 1)), 1e-12)
-    return np.asarray(np.any(np.abs(values[0, 1:] - values[-1, :-1]) > JUMP * size, axis=0))
+    return np.asarray(
+        np.any(np.abs(values[0, 1:] - values[-1, :-1]) > JUMP_TOLERANCE * size, axis=0)
+    )
 
 
 def slopes(cells: Cells, values: Array) -> Array:
@@ -379,6 +391,6 @@ def slopes(cells: Cells, values: Array) -> Array:
     return np.asarray(np.where(np.isnan(values), np.nan, slope) / cells.width[:, None])
 
 
-def _hidden(count: int) -> float:
+def _hidden_height(count: int) -> float:
     """How far a top may lie above the next of so many samples, for |d²/dθ²| ≤ 1."""
     return (np.pi / (count - 1)) ** 2 / 8

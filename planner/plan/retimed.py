@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.plan.curves import expect_curve, undefined
+from planner.plan.curves import expect_curve, nonfinite_part
 from planner.plan.trajectory import Trajectory, trajectory_from_dict
 from planner.support.arrays import Array
 from planner.support.calculus.bernstein import Bernstein, Pieces, basis
@@ -25,7 +25,7 @@ from planner.support.calculus.chebyshev import Grid
 from planner.support.calculus.extremes import sample_times, zeros
 from planner.systems.triangular_system import TriangularSystem
 
-SAME = 1e-12
+LENGTH_TOLERANCE = 1e-12
 """Distance of two lengths, or two own times, over the whole, that is the rounding of an inverse."""
 
 
@@ -91,13 +91,13 @@ class RetimedTrajectory(Trajectory):
         (begin, end), (first, last) = (
             (float(c[0, 0]), float(c[-1, -1])) for c in (length.c, clock.c)
         )
-        slack = SAME * (end - begin)
+        slack = LENGTH_TOLERANCE * (end - begin)
         after = np.clip(np.searchsorted(stations, length.x), 1, len(stations) - 1)
         away = np.minimum(*(np.abs(stations[k] - length.x) for k in (after, after - 1)))
         astray = np.abs(length(stations) - np.append(clock.c[0], last))
         jumps = [np.any(curve.c[0, 1:] != curve.c[-1, :-1]) for curve in (length, clock)]
         ends = f"from {first:.6g} to {last:.6g} of a path that goes from {begin:.6g} to {end:.6g}"
-        numbers = undefined(length=length.c, clock=clock.c, stations=stations)
+        numbers = nonfinite_part(length=length.c, clock=clock.c, stations=stations)
         checks = (
             (path.flaw, path.flaw),
             (numbers, numbers),
@@ -113,22 +113,25 @@ class RetimedTrajectory(Trajectory):
                 not end > begin or np.any(np.diff(clock.c, axis=0) < -slack),
                 "the clock does not increase",
             ),
-            (np.any(away > SAME * path.duration), "a break of the path is none of the stations"),
+            (
+                np.any(away > LENGTH_TOLERANCE * path.duration),
+                "a break of the path is none of the stations",
+            ),
             (np.any(astray > slack), "the clock is not at its stations when it should be"),
         )
         return next((words for bad, words in checks if bad), "")
 
     def q(self, t: ArrayLike) -> Array:
         """The path's own, where the clock is."""
-        return self.path.q(self.place(t))
+        return self.path.q(self.sigma(t))
 
     def z(self, t: ArrayLike) -> Array:
         """The path's own, where the clock is."""
-        return self.path.z(self.place(t))
+        return self.path.z(self.sigma(t))
 
     def margins(self, t: ArrayLike) -> Array:
         """The path's own, where the clock is."""
-        return self.path.margins(self.place(t))
+        return self.path.margins(self.sigma(t))
 
     def u(self, t: ArrayLike) -> Array:
         """The path's inputs times dσ/dt; zero outside [0, duration]."""
@@ -140,20 +143,26 @@ class RetimedTrajectory(Trajectory):
         sigma, pace = self._pace(t)
         return self.path.v(sigma) * pace
 
-    def inside(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
+    def piece_values(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
         """The path's own where the clock is, with its inputs times dσ/dt."""
         low, high = self.stations[piece], self.stations[piece + 1]
-        own = self._inverse(self.clock.inside(piece, fraction), low, high)
-        sigma, pace = self._paced(own, low, high, self._rate.inside(piece, fraction))
+        path_times = self._inverse(self.clock.piece_values(piece, fraction), low, high)
+        sigma, pace = self._moving_pace(
+            path_times, low, high, self._rate.piece_values(piece, fraction)
+        )
         breaks = self.path.breaks
-        at = np.clip(np.searchsorted(breaks, low, side="right") - 1, 0, len(breaks) - 2)
-        left, right = breaks[at], breaks[at + 1]
-        if np.all((sigma >= left) & (sigma <= right) & (own >= left) & (own <= right)):
-            q, u = self.path.inside(at, (own - left) / (right - left))
-            if sigma is not own:
-                _, u = self.path.inside(at, (sigma - left) / (right - left))
+        path_piece = np.clip(np.searchsorted(breaks, low, side="right") - 1, 0, len(breaks) - 2)
+        left, right = breaks[path_piece], breaks[path_piece + 1]
+        if np.all(
+            (sigma >= left) & (sigma <= right) & (path_times >= left) & (path_times <= right)
+        ):
+            q, u = self.path.piece_values(path_piece, (path_times - left) / (right - left))
+            if sigma is not path_times:
+                _, u = self.path.piece_values(path_piece, (sigma - left) / (right - left))
             return q, u * pace
-        return self.path.q(own), self.path.u(sigma) * pace  # a break of the path inside a piece
+        return self.path.q(path_times), self.path.u(
+            sigma
+        ) * pace  # a break of the path inside a piece
 
     def slowed(self, factor: float) -> RetimedTrajectory:
         """The same path in `factor` times the time."""
@@ -184,12 +193,12 @@ class RetimedTrajectory(Trajectory):
     def _rate(self) -> Bernstein:
         return self.clock.derivative()
 
-    def place(self, t: ArrayLike) -> Array:
+    def sigma(self, t: ArrayLike) -> Array:
         """The path's own time σ at t, on the side of each break that t belongs to."""
         times = self._clip(t)
-        low, high = self._between(times)
-        found = self._inverse(self.clock(times), low, high)
-        return np.where(times < self.duration, found, high)
+        low, high = self._stations_around(times)
+        inner = self._inverse(self.clock(times), low, high)
+        return np.where(times < self.duration, inner, high)
 
     def time_of(self, sigma: float) -> float:
         """The time at which the path's own time is σ."""
@@ -202,17 +211,21 @@ class RetimedTrajectory(Trajectory):
             low, high = (middle, high) if self.clock(middle) < s else (low, middle)
         return float((low + high) / 2)
 
-    def _between(self, times: Array) -> tuple[Array, Array]:
+    def _stations_around(self, times: Array) -> tuple[Array, Array]:
         k = self.clock.piece(times)
         return self.stations[k], self.stations[k + 1]
 
     def _pace(self, t: ArrayLike) -> tuple[Array, Array]:
         """σ and dσ/dt (…, 1) at t."""
         times = self._clip(t)
-        sigma, pace = self._paced(self.place(t), *self._between(times), self._rate(times))
-        return sigma, pace * self._running(t)
+        sigma, pace = self._moving_pace(
+            self.sigma(t), *self._stations_around(times), self._rate(times)
+        )
+        return sigma, pace * self._is_running(t)
 
-    def _paced(self, sigma: Array, low: Array, high: Array, rate: Array) -> tuple[Array, Array]:
+    def _moving_pace(
+        self, sigma: Array, low: Array, high: Array, rate: Array
+    ) -> tuple[Array, Array]:
         """σ and dσ/dt (…, 1) for a clock that runs at `rate` there, between stations.
 
         Where the path itself stands still dσ/dt is infinite and its product with the path's inputs
@@ -228,13 +241,13 @@ class RetimedTrajectory(Trajectory):
 
 Norm = Literal["max", "euclid"]
 
-_RESOLVED = 1e-9
+_TAIL_TOLERANCE = 1e-9
 """Chebyshev tail of ‖u/c‖ at which a piece is fine enough, over the piece's largest value."""
 
-_NOISE = 1e-6
+_NOISE_TAIL = 1e-6
 """Tail below which a half no better than its whole shows rounding noise in u, not shape."""
 
-_NEGLIGIBLE = 1e-10
+_NEGLIGIBLE_TAIL = 1e-10
 """Tail that does not count, over the mean of the whole path."""
 
 
@@ -254,9 +267,9 @@ def arc_length(path: Trajectory, scale: Array, norm: Norm) -> Bernstein:
 
     samples = sample_times(path.breaks)
     mean = float(np.mean(speed(samples)))
-    edges = _merged(path.breaks, _corners(path, scale, norm, samples, mean))
-    grid = _resolved(speed, edges, _NEGLIGIBLE * mean)
-    return grid.curve(np.maximum(speed(_inner(grid)), 0.0)).antiderivative()
+    edges = _merge_breaks(path.breaks, _corners(path, scale, norm, samples, mean))
+    grid = _resolve_pieces(speed, edges, _NEGLIGIBLE_TAIL * mean)
+    return grid.curve(np.maximum(speed(_inner_points(grid)), 0.0)).antiderivative()
 
 
 class Inverse:
@@ -281,8 +294,8 @@ class Inverse:
         begin, width = self._length.x[piece], np.diff(self._length.x)[piece]
         rise, degree = np.diff(c, axis=0), len(c) - 1
 
-        def gap_and_slope(at: Array) -> tuple[Array, Array]:
-            fraction = (at - begin) / width
+        def gap_and_slope(sigma: Array) -> tuple[Array, Array]:
+            fraction = (sigma - begin) / width
             weights = basis(degree - 1, fraction)
             up = np.sum(weights * rise, axis=0)
             return np.sum(weights * c[:-1], axis=0) + fraction * up - s, degree * up / width
@@ -290,25 +303,25 @@ class Inverse:
         left, right = low, high
         (below, _), (above, _) = (gap_and_slope(np.broadcast_to(t, s.shape)) for t in (low, high))
         share = np.clip(below / np.minimum(below - above, -1e-300), 0.0, 1.0)
-        at = low + (high - low) * share
+        sigma = low + (high - low) * share
         for _ in range(60):
-            gap, slope = gap_and_slope(at)
-            left, right = np.where(gap <= 0, at, left), np.where(gap >= 0, at, right)
-            new = _step(at, gap, slope)
+            gap, slope = gap_and_slope(sigma)
+            left, right = np.where(gap <= 0, sigma, left), np.where(gap >= 0, sigma, right)
+            new = _step(sigma, gap, slope)
             new = np.where((new >= left) & (new <= right), new, (left + right) / 2)
-            moved, at = np.abs(new - at), new
+            moved, sigma = np.abs(new - sigma), new
             if np.all(moved <= 1e-8 * (high - low)):
                 break
-        new = np.clip(_step(at, *gap_and_slope(at)), low, high)
-        return np.where(np.isnan(new), at, new)
+        new = np.clip(_step(sigma, *gap_and_slope(sigma)), low, high)
+        return np.where(np.isnan(new), sigma, new)
 
 
-def _step(at: Array, gap: Array, slope: Array) -> Array:
+def _step(sigma: Array, gap: Array, slope: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(at - gap / slope)
+        return np.asarray(sigma - gap / slope)
 
 
-def _merged(breaks: Array, extra: Array) -> Array:
+def _merge_breaks(breaks: Array, extra: Array) -> Array:
     """Breaks and the extra times that are not next to one, or to one another."""
     apart = 1e-9 * breaks[-1]
     kept = list(breaks)
@@ -324,16 +337,16 @@ def _corners(path: Trajectory, scale: Array, norm: Norm, samples: Array, mean: f
     def scaled(sigma: Array) -> Array:
         return np.where(np.abs(u := path.u(sigma) / scale) < 1e-12 * mean, 0.0, u)
 
-    found: list[float] = []
+    corners: list[float] = []
     for i in range(2):
         still = zeros(lambda t, i=i: scaled(t)[..., i], samples)  # type: ignore[misc]
-        found += [t for t in still if np.max(np.abs(scaled(np.array(t)))) < 1e-6 * mean]
+        corners += [t for t in still if np.max(np.abs(scaled(np.array(t)))) < 1e-6 * mean]
     if norm == "max":
-        found += zeros(lambda t: np.abs(scaled(t)[..., 0]) - np.abs(scaled(t)[..., 1]), samples)
-    return np.array(found)
+        corners += zeros(lambda t: np.abs(scaled(t)[..., 0]) - np.abs(scaled(t)[..., 1]), samples)
+    return np.array(corners)
 
 
-def _resolved(function: Callable[[Array], Array], edges: Array, atol: float) -> Grid:
+def _resolve_pieces(function: Callable[[Array], Array], edges: Array, atol: float) -> Grid:
     """Pieces between the edges, halved until the function's interpolant is as good as it gets."""
     work = [(float(a), float(b), np.inf) for a, b in pairwise(edges)]
     starts: list[float] = []
@@ -341,11 +354,11 @@ def _resolved(function: Callable[[Array], Array], edges: Array, atol: float) -> 
     while work:
         left, right, before = work.pop()
         grid = Grid(np.array([left, right]))
-        values = function(_inner(grid))
+        values = function(_inner_points(grid))
         size = float(np.max(values))
         tail = max(float(grid.tail(values)[0]) - atol, 0.0)
-        noise = 0.2 * before < tail < _NOISE * size
-        if tail <= _RESOLVED * size or noise or right - left <= shortest:
+        noise = 0.2 * before < tail < _NOISE_TAIL * size
+        if tail <= _TAIL_TOLERANCE * size or noise or right - left <= shortest:
             starts.append(left)
         else:
             middle = (left + right) / 2
@@ -353,6 +366,6 @@ def _resolved(function: Callable[[Array], Array], edges: Array, atol: float) -> 
     return Grid(np.append(np.sort(starts), edges[-1]))
 
 
-def _inner(grid: Grid) -> Array:
+def _inner_points(grid: Grid) -> Array:
     """The grid's points, the last of each piece just before its end, where inputs may jump."""
     return np.minimum(grid.times, np.nextafter(grid.breaks[1:, None], -np.inf))

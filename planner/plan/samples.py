@@ -19,7 +19,7 @@ import numpy as np
 from planner.errors import InputError
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
-from planner.support.files import SAMPLES_BYTES, named, read_bytes, read_text
+from planner.support.files import SAMPLES_BYTES, expect_path, read_bytes, read_text
 from planner.support.package import how_to_install
 from planner.systems.triangular_system import Coordinate
 
@@ -81,10 +81,10 @@ class Samples:
         cuts = np.cumsum([1, size, 2, size])
         t, q, u, z, v = np.split(table, cuts, axis=1)
         names = tuple(columns[1 : 1 + size])
-        made = cls(names, (columns[1 + size], columns[2 + size]), t[:, 0], q, u, z, v)
-        if made.columns != tuple(columns):
+        samples = cls(names, (columns[1 + size], columns[2 + size]), t[:, 0], q, u, z, v)
+        if samples.columns != tuple(columns):
             raise ValueError(f"columns {', '.join(columns)}")
-        return made
+        return samples
 
 
 def sample(plan: Plan, rate_hz: float = RATE_HZ) -> Samples:
@@ -109,8 +109,8 @@ def sample(plan: Plan, rate_hz: float = RATE_HZ) -> Samples:
     system = plan.problem.system
     first, second = system.inputs
     return Samples(
-        coordinates=tuple(_named(c) for c in system.coordinates),
-        inputs=(_named(first), _named(second)),
+        coordinates=tuple(_column_name(c) for c in system.coordinates),
+        inputs=(_column_name(first), _column_name(second)),
         t=t,
         q=plan.q(t),
         u=plan.u(t),
@@ -126,7 +126,7 @@ def load_samples(path: str | Path) -> Samples:
         InputError: If the file is missing, is neither .csv nor .mat, or has another content.
     """
     readers: dict[str, Callable[[Path], Samples]] = {".csv": _from_csv, ".mat": _from_mat}
-    suffix = named(path).suffix.lower()
+    suffix = expect_path(path).suffix.lower()
     if suffix not in readers:
         raise InputError(f"cannot read samples from {path}: its name must end in .csv or .mat")
     try:
@@ -162,7 +162,7 @@ def _from_mat(path: Path) -> Samples:
     return Samples.from_table(["t_s", *names, *chained, "v1", "v2"], table)
 
 
-def _named(coordinate: Coordinate) -> str:
+def _column_name(coordinate: Coordinate) -> str:
     """Name and unit in one word, as in theta1_rad and speed_m_s; "1" for what has no unit."""
     return f"{coordinate.name}_{(coordinate.unit or '1').replace('/', '_').replace('^', '')}"
 
@@ -175,7 +175,9 @@ def to_frame(plan: Plan, rate_hz: float = RATE_HZ) -> pandas.DataFrame:
     """
     samples = sample(plan, rate_hz)
     frame = (
-        imported("pandas").DataFrame(samples.table, columns=list(samples.columns)).set_index("t_s")
+        import_library("pandas")
+        .DataFrame(samples.table, columns=list(samples.columns))
+        .set_index("t_s")
     )
     frame.attrs = plan_facts(plan)
     return frame
@@ -192,7 +194,7 @@ def to_xarray(plan: Plan, rate_hz: float = RATE_HZ) -> xarray.Dataset:
     """
     samples, system = sample(plan, rate_hz), plan.problem.system
     chained = [f"z{i + 1}" for i in range(system.size)]
-    dataset: xarray.Dataset = imported("xarray").Dataset(
+    dataset: xarray.Dataset = import_library("xarray").Dataset(
         {
             "q": (("time", "coordinate"), samples.q),
             "u": (("time", "input"), samples.u),
@@ -213,7 +215,7 @@ def to_xarray(plan: Plan, rate_hz: float = RATE_HZ) -> xarray.Dataset:
     return dataset
 
 
-def imported(name: str) -> Any:
+def import_library(name: str) -> Any:
     """A library of the extra `tables`.
 
     Raises:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planner.errors import InputError
-from planner.plan.curves import expect_curve, undefined
+from planner.plan.curves import expect_curve, nonfinite_part
 from planner.support.arrays import Array, jsonable
 from planner.support.calculus.bernstein import Bernstein, Pieces
 from planner.systems.chained_form import chained_form
@@ -76,7 +76,7 @@ class Trajectory(ABC):
         """Signed chart margins, shape (…, M), at times t (…); see `ChainedForm.margins`."""
 
     @abstractmethod
-    def inside(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
+    def piece_values(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
         """q (P, C, N) and u (P, C, 2) at fractions 0 … 1, shape (P, C), of the pieces (C,).
 
         A fraction of 0 or 1 is read from inside its piece, where q or u may jump at the break. Many
@@ -122,7 +122,7 @@ class Trajectory(ABC):
     def _clip(self, t: ArrayLike) -> Array:
         return np.asarray(np.asarray(t, dtype=float).clip(0.0, self.duration))
 
-    def _running(self, t: ArrayLike) -> Array:
+    def _is_running(self, t: ArrayLike) -> Array:
         times = np.asarray(t, dtype=float)
         return np.asarray((times >= 0) & (times <= self.duration), dtype=float)[..., None]
 
@@ -169,7 +169,7 @@ class ChainedTrajectory(Trajectory):
     @property
     def flaw(self) -> str:
         """Whether every coefficient is a number."""
-        return undefined(z_curve=self.z_curve.c, v_curve=self.v_curve.c, branch=self.branch)
+        return nonfinite_part(z_curve=self.z_curve.c, v_curve=self.v_curve.c, branch=self.branch)
 
     def z(self, t: ArrayLike) -> Array:
         """The polynomials themselves."""
@@ -177,7 +177,7 @@ class ChainedTrajectory(Trajectory):
 
     def v(self, t: ArrayLike) -> Array:
         """The polynomials themselves; zero outside [0, duration]."""
-        return self.v_curve(self._clip(t)) * self._running(t)
+        return self.v_curve(self._clip(t)) * self._is_running(t)
 
     def q(self, t: ArrayLike) -> Array:
         """By the inverse chart; NaN outside its domain."""
@@ -188,15 +188,18 @@ class ChainedTrajectory(Trajectory):
         times = self._clip(t)
         z, v = self.z_curve(times), self.v_curve(times)
         u = chained_form(self.system).inputs(z, v, self.branch)
-        return np.where(self._running(t) > 0, u, 0.0)
+        return np.where(self._is_running(t) > 0, u, 0.0)
 
     def margins(self, t: ArrayLike) -> Array:
         """From z, so defined where q is not."""
         return chained_form(self.system).margins(self.z(t), self.branch)
 
-    def inside(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
+    def piece_values(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
         """By the inverse chart and the feedback transformation; NaN outside the chart's domain."""
-        z, v = self.z_curve.inside(piece, fraction), self.v_curve.inside(piece, fraction)
+        z, v = (
+            self.z_curve.piece_values(piece, fraction),
+            self.v_curve.piece_values(piece, fraction),
+        )
         return chained_form(self.system).both(z, v, self.branch)
 
     def slowed(self, factor: float) -> ChainedTrajectory:
@@ -258,7 +261,7 @@ class StateTrajectory(Trajectory):
     @property
     def flaw(self) -> str:
         """Whether every coefficient is a number."""
-        return undefined(q_curve=self.q_curve.c, u_curve=self.u_curve.c)
+        return nonfinite_part(q_curve=self.q_curve.c, u_curve=self.u_curve.c)
 
     def q(self, t: ArrayLike) -> Array:
         """The polynomials themselves."""
@@ -266,7 +269,7 @@ class StateTrajectory(Trajectory):
 
     def u(self, t: ArrayLike) -> Array:
         """The polynomials themselves; zero outside [0, duration]."""
-        return self.u_curve(self._clip(t)) * self._running(t)
+        return self.u_curve(self._clip(t)) * self._is_running(t)
 
     def z(self, t: ArrayLike) -> Array:
         """By the chart, which is defined at every configuration."""
@@ -281,9 +284,11 @@ class StateTrajectory(Trajectory):
         branch = self.system.branch(self.q(0.0))
         return self.system.chart_margins(self.q(t), branch)
 
-    def inside(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
+    def piece_values(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
         """The polynomials themselves."""
-        return self.q_curve.inside(piece, fraction), self.u_curve.inside(piece, fraction)
+        return self.q_curve.piece_values(piece, fraction), self.u_curve.piece_values(
+            piece, fraction
+        )
 
     def slowed(self, factor: float) -> StateTrajectory:
         """The same path in `factor` times the time."""

@@ -113,8 +113,8 @@ def least_duration(problem: Problem) -> DurationBound:
     i = int(np.argmax(needed))
     coordinate, unit = problem.system.coordinates[i], problem.system.coordinates[i].unit
     reason = (
-        f"{coordinate.name} must move {_shown(distance[i], unit)} and moves at most"
-        f" {_shown(rates[i], unit)}/s within the input limits"
+        f"{coordinate.name} must move {_format_value(distance[i], unit)} and moves at most"
+        f" {_format_value(rates[i], unit)}/s within the input limits"
     )
     return DurationBound(float(needed[i]), reason if needed[i] > 0 else "")
 
@@ -154,7 +154,7 @@ def _top_rates(problem: Problem) -> np.ndarray[tuple[int], np.dtype[np.float64]]
     return rates
 
 
-def _shown(value: float, unit: str) -> str:
+def _format_value(value: float, unit: str) -> str:
     return f"{np.rad2deg(value):.4g} deg" if unit == "rad" else f"{value:.4g} {unit}"
 
 
@@ -206,22 +206,22 @@ def travel_window(problem: Problem) -> TravelWindow | None:
     start, goal = problem.start[1:], problem.goal[1:]
     moved = goal[1:] - start[1:]
     if np.any(moved > 0) and np.any(moved < 0):
-        return _none("the passive joints must move in opposite directions")
+        return _empty_window("the passive joints must move in opposite directions")
     if np.all(moved == 0):
-        return _none("the passive joints must end where they started")
+        return _empty_window("the passive joints must end where they started")
     if np.any(moved == 0):
-        return _none("one passive joint must stay while another moves")
+        return _empty_window("one passive joint must stay while another moves")
     if np.all(moved < 0):  # the same motion run backwards
-        ahead = _forward(problem.system, goal, start)
+        ahead = _forward_window(problem.system, goal, start)
         return TravelWindow(-ahead.high, -ahead.low, ahead.exact, ahead.reason)
-    return _forward(problem.system, start, goal)
+    return _forward_window(problem.system, start, goal)
 
 
-def _none(reason: str) -> TravelWindow:
+def _empty_window(reason: str) -> TravelWindow:
     return TravelWindow(np.nan, np.nan, True, f"{reason}, so the disk must reverse")
 
 
-def _forward(system: Manipulator, start: Array, goal: Array) -> TravelWindow:
+def _forward_window(system: Manipulator, start: Array, goal: Array) -> TravelWindow:
     K, n = system.K, system.n
     if n == 2:
         return TravelWindow(float((goal[1] - start[1]) / K[0]), np.inf, True)
@@ -235,7 +235,7 @@ def _forward(system: Manipulator, start: Array, goal: Array) -> TravelWindow:
     swept = K[1] / K[0] * (_sine_integral(b) - _sine_integral(a))
     spare = last - swept
     if spare <= 0:
-        return _none(
+        return _empty_window(
             f"while theta2 moves {np.rad2deg(b - a):.4g} deg, theta3 moves at least"
             f" {np.rad2deg(swept):.4g} deg, but the goal asks for {np.rad2deg(last):.4g} deg"
         )

@@ -106,12 +106,12 @@ def paper_recursion(system: Manipulator, q: ArrayLike) -> PaperRecursion:
     straight = {i for i, s in enumerate(sines, start=1) if s < SINGULAR}
     k = system.k_g * system.K
     return PaperRecursion(
-        printed=_family(system, point, _printed(k), flat),
-        corrected=_family(system, point, _corrected(k, system.n), flat | straight),
+        printed=_family(system, point, _printed_step(k), flat),
+        corrected=_family(system, point, _corrected_step(k, system.n), flat | straight),
     )
 
 
-def _printed(k: Array) -> Step:
+def _printed_step(k: Array) -> Step:
     def step(i: int, angle: Any, Y: Any, Z: Any) -> tuple[Any, Any]:
         s, c = ca.sin(angle), ca.cos(angle)
         return (c * Y - s * Z) / (c**2 * k[i - 1]), s * Y + c * Z
@@ -119,7 +119,7 @@ def _printed(k: Array) -> Step:
     return step
 
 
-def _corrected(k: Array, n: int) -> Step:
+def _corrected_step(k: Array, n: int) -> Step:
     def step(i: int, angle: Any, Y: Any, Z: Any) -> tuple[Any, Any]:
         s, c = ca.sin(angle), ca.cos(angle)
         if i == n - 1:
@@ -145,7 +145,7 @@ def _family(system: Manipulator, point: Array, step: Step, zero: set[int]) -> Fa
     xs, ys = values[:, :n], values[:, n:]
     known = min(zero, default=n)
     x_error = [np.max(np.abs(xs[:, i] - np.eye(n + 1)[:, i + 1])) for i in range(1, n)]
-    y_error = [np.max(np.abs(ys[:, i] - _remaining(ys[:, 0], point, i))) for i in range(1, n)]
+    y_error = [np.max(np.abs(ys[:, i] - _remaining_field(ys[:, 0], point, i))) for i in range(1, n)]
     basis = np.roll(np.column_stack([xs, ys[:, -1]]), -1, axis=0)
     return Family(
         x_error=tuple(float(e) if i < known else np.nan for i, e in enumerate(x_error, start=1)),
@@ -155,7 +155,7 @@ def _family(system: Manipulator, point: Array, step: Step, zero: set[int]) -> Fa
     )
 
 
-def _remaining(first: Array, point: Array, i: int) -> Array:
+def _remaining_field(first: Array, point: Array, i: int) -> Array:
     """(0, yᵢ₊₁): the field Y₁ from joint i+2 on, without the factors of joints 1 … i."""
     n = len(point) - 1
     out = np.zeros(n + 1)
@@ -167,8 +167,8 @@ def _remaining(first: Array, point: Array, i: int) -> Array:
 
 def _steps(family: Family) -> list[str]:
     out = []
-    found = zip(family.x_error, family.y_error, family.holds, strict=True)
-    for i, (x, y, good) in enumerate(found, start=1):
+    results = zip(family.x_error, family.y_error, family.holds, strict=True)
+    for i, (x, y, good) in enumerate(results, start=1):
         if i in family.divides_by_zero:
             out.append(f"  step {i}: divides by zero")
         elif np.isnan(x):
@@ -179,7 +179,7 @@ def _steps(family: Family) -> list[str]:
     return out
 
 
-DEEPEST = 8
+MOST_DEPTH = 8
 """Greatest bracket length examined here; `planner.controllability` goes as deep as it is told."""
 
 RECURSION_JOINTS = 6
@@ -261,7 +261,7 @@ def nonholonomy(problem: Problem) -> Nonholonomy:
 def _place(system: TriangularSystem, name: str, q: Array) -> Probe:
     """As deep as full rank needs, unless that could be very deep."""
     flat = int(np.sum(np.abs(q[1:-1]) < 1e-12))
-    depth = DEEPEST if system.size - 1 + flat > DEEPEST else None
+    depth = MOST_DEPTH if system.size - 1 + flat > MOST_DEPTH else None
     try:
         return Probe(name, controllability(system, q, depth))
     except InputError:

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planner.errors import InputError, InputWarning, expect, made_by
-from planner.problem.asked import (
+from planner.problem.conditions import (
     Limits,
     bare_limits,
     clash_of_times,
     contradiction,
-    further_of,
+    further_requirements,
     likely_slip,
     obstacles_of,
     self_collision_of,
@@ -55,7 +55,7 @@ from planner.systems.manipulator import (
 )
 from planner.systems.triangular_system import TriangularSystem
 
-FREE_WITHIN = np.deg2rad(88.0)
+WIDEST_FREE_JOINT_RAD = np.deg2rad(88.0)
 """Largest |θ| at the goal of a joint that it leaves free, where no limit says less: as wide as
 limits of joints are made at most, since at 90 degrees an arm's drive stands still."""
 
@@ -136,7 +136,7 @@ class Problem:
             compensation=tables.compensation,
             waypoints=tuple(waypoints_of(tables, system, source)),
             obstacles=obstacles,
-            further=tuple(further_of(tables, system, source)),
+            further=tuple(further_requirements(tables, system, source)),
             self_collision=self_collision_of(tables, system, source),
             tip=tip_of(tables, system, obstacles, source),
             source=source,
@@ -253,7 +253,7 @@ class Problem:
 
     def within_reach(self) -> Problem:
         """The problem without the obstacles that are out of reach of every link."""
-        near = tuple(disc for disc in self.obstacles if disc.settled(self.system) is None)
+        near = tuple(d for d in self.obstacles if d.values_out_of_reach(self.system) is None)
         return self if len(near) == len(self.obstacles) else replace(self, obstacles=near)
 
     def with_travel(self, travel: float | None) -> Problem:
@@ -287,23 +287,23 @@ class Problem:
         What is `in_chart` is asked only of plans in chained coordinates.
         """
         limits, system = self.limits, self.system
-        found: list[Demand] = [Start(), Goal(system.coordinates, self.free)]
+        demands: list[Demand] = [Start(), Goal(system.coordinates, self.free)]
         if self.tip is not None:
-            found.append(self.tip)
+            demands.append(self.tip)
         if self.duration is not None:
-            found.append(Duration(self.duration))
-        found += [
+            demands.append(Duration(self.duration))
+        demands += [
             self.chart,
             InputLimit(system.inputs, tuple(limits.input.tolist())),
             RateLimit(system.inputs, tuple(limits.input_rate.tolist())),
             JointLimit(system.coordinates, tuple(limits.joint.tolist())),
         ]
         if limits.z2_margin is not None:
-            found.append(Z2Margin(limits.z2_margin, int(self.z2_sign)))
+            demands.append(Z2Margin(limits.z2_margin, int(self.z2_sign)))
         if self.self_collision is not None:
-            found.append(self.self_collision)
-        found += [*self.further, *self.waypoints, *self.obstacles]
-        return tuple(each for each in found if each.parts)
+            demands.append(self.self_collision)
+        demands += [*self.further, *self.waypoints, *self.obstacles]
+        return tuple(each for each in demands if each.parts)
 
     @cached_property
     def requirements(self) -> tuple[Requirement, ...]:
@@ -323,7 +323,7 @@ class Problem:
     @property
     def free_within(self) -> Array:
         """Largest |θ| at the goal of each of those, radians."""
-        return np.minimum(self.limits.joint[list(self.free)], FREE_WITHIN)
+        return np.minimum(self.limits.joint[list(self.free)], WIDEST_FREE_JOINT_RAD)
 
     def asking(self, label: str) -> tuple[Demand, Part] | None:
         """The requirement and part with this label in messages; None if the problem has none."""

@@ -13,22 +13,22 @@ from typing import Any
 import numpy as np
 
 from planner.problem.problem import Problem, expect_problem
-from planner.problem.requirements.requirement import At
+from planner.problem.requirements.requirement import MotionPoint
 from planner.support.arrays import Array
 
-SEEDS = 256
+START_POINTS = 256
 """Starting points: with three joints at least twenty of them lead to each branch."""
 
-STEPS, LONGEST_RAD = 60, 0.5
+MOST_STEPS, LONGEST_STEP_RAD = 60, 0.5
 """Iterations, ten times what most starting points need, and the largest step of a joint."""
 
-SOLVED = 1e-10
+TIP_TOLERANCE = 1e-10
 """Error, rad or shares of the reach, that counts as zero: 1e-6 of the tolerance of verification."""
 
-BETTERED = 4
+REFINED_POINTS = 4
 """Number of failed points from which the nearest reachable one is searched."""
 
-INSIDE = 0.02
+INWARD_SHARE = 0.02
 """Share by which joints at the nearest place are moved towards the middle of their ranges, so that
 they keep off their limits and a rounded place is still within reach."""
 
@@ -75,20 +75,20 @@ def goal_reach(problem: Problem) -> Reach | None:
     expect_problem(problem)
     if not problem.free:
         return None
-    theta = _places(problem)
-    off = _off(problem, theta)
-    size = np.max(np.abs(off), axis=1, initial=0.0)
-    solved, arm = size < SOLVED, _arm(problem)
-    allowed = solved & _kept(problem, theta)
-    branches = _nearest(problem, theta[allowed])
-    best = theta[solved][0] if np.any(solved) else _closest(problem, theta)
+    theta = _goal_angles(problem)
+    errors = _tip_errors(problem, theta)
+    size = np.max(np.abs(errors), axis=1, initial=0.0)
+    solved, arm = size < TIP_TOLERANCE, _arm(problem)
+    allowed = solved & _keeps_requirements(problem, theta)
+    branches = _nearest_by_branch(problem, theta[allowed])
+    best = theta[solved][0] if np.any(solved) else _closest_angles(problem, theta)
     reach = float(np.sum(arm.link_lengths))
     tip = np.append(arm.arm_points(best)[-1], np.sum(best))
-    missed = float(np.linalg.norm(_off(problem, best[None])))
+    missed = float(np.linalg.norm(_tip_errors(problem, best[None])))
     metres = 1.0 if problem.tip is None or problem.tip.place is None else reach
     return Reach(
         branches=tuple(np.append(np.nan, each) for each in branches),
-        blocked=len(_nearest(problem, theta[solved])) - len(branches),
+        blocked=len(_nearest_by_branch(problem, theta[solved])) - len(branches),
         tip=tip,
         missed=0.0 if np.any(solved) else metres * missed,
         reach=reach,
@@ -99,33 +99,35 @@ def _arm(problem: Problem) -> Any:
     return problem.system
 
 
-def _places(problem: Problem) -> Array:
+def _goal_angles(problem: Problem) -> Array:
     """Joint angles (S, n) inside their limits that meet the goal, or come as near as they can."""
     free = np.array(problem.free) - 1
     most = problem.free_within
     rng = np.random.default_rng(0)
-    theta = np.tile(problem.goal[1:], (SEEDS, 1))
-    theta[:, free] = rng.uniform(-most, most, (SEEDS, len(free)))
+    theta = np.tile(problem.goal[1:], (START_POINTS, 1))
+    theta[:, free] = rng.uniform(-most, most, (START_POINTS, len(free)))
     theta[0, free] = np.clip(problem.start[1:][free], -most, most)
-    left = np.arange(SEEDS)
-    for _ in range(STEPS):
-        left = left[np.max(np.abs(_off(problem, theta[left])), axis=1, initial=0.0) >= SOLVED]
+    left = np.arange(START_POINTS)
+    for _ in range(MOST_STEPS):
+        left = left[
+            np.max(np.abs(_tip_errors(problem, theta[left])), axis=1, initial=0.0) >= TIP_TOLERANCE
+        ]
         if not len(left):
             break
-        theta[np.ix_(left, free)] = _step(problem, theta[left], free, most)
+        theta[np.ix_(left, free)] = _improved_angles(problem, theta[left], free, most)
     return theta
 
 
-def _step(problem: Problem, theta: Array, free: Array, most: Array) -> Array:
+def _improved_angles(problem: Problem, theta: Array, free: Array, most: Array) -> Array:
     """The free joints a step on; those that would leave their limits stay at them."""
-    off, slope = _off(problem, theta), _slopes(problem, theta)[:, :, free]
+    off, slope = _tip_errors(problem, theta), _tip_slopes(problem, theta)[:, :, free]
     now = theta[:, free]
     damping = (1e-14 + np.sum(off**2, axis=1))[:, None, None] * np.eye(off.shape[1])
     for _ in range(len(free)):
         push = np.linalg.solve(slope @ slope.transpose(0, 2, 1) + damping, off[:, :, None])
         step = -(slope.transpose(0, 2, 1) @ push)[:, :, 0]
         longest = np.max(np.abs(step), axis=1, keepdims=True)
-        step *= np.minimum(1.0, LONGEST_RAD / np.maximum(longest, LONGEST_RAD))
+        step *= np.minimum(1.0, LONGEST_STEP_RAD / np.maximum(longest, LONGEST_STEP_RAD))
         moved = np.clip(now + step, -most, most)
         out = np.abs(now + step) > most
         if not np.any(out & np.any(slope, axis=1)):
@@ -134,65 +136,65 @@ def _step(problem: Problem, theta: Array, free: Array, most: Array) -> Array:
     return moved
 
 
-def _off(problem: Problem, theta: Array) -> Array:
+def _tip_errors(problem: Problem, theta: Array) -> Array:
     """Error of the tip at angles (S, n), shape (S, m): shares of the reach, radians."""
     if problem.tip is None:
         return np.zeros((len(theta), 0))
     q = np.column_stack([np.zeros(len(theta)), theta])
-    found = np.stack(problem.tip.values(At.of(problem.system, q)), axis=1)
-    low, _, scale = problem.tip.sides
-    return np.asarray((found - low) / scale)
+    tip = np.stack(problem.tip.values(MotionPoint.of(problem.system, q)), axis=1)
+    low, _, scale = problem.tip.bounds
+    return np.asarray((tip - low) / scale)
 
 
-def _slopes(problem: Problem, theta: Array) -> Array:
+def _tip_slopes(problem: Problem, theta: Array) -> Array:
     """∂/∂θ of the same, shape (S, m, n): joint j moves the tip across its distance from j."""
     assert problem.tip is not None
     points = _arm(problem).arm_points(theta)
     arm = (points[:, -1:] - points[:, :-1]) / np.sum(_arm(problem).link_lengths)
     every = {"x": -arm[..., 1], "y": arm[..., 0], "angle": np.ones_like(theta)}
-    return np.stack([every[name] for name in problem.tip.asked], axis=1)
+    return np.stack([every[name] for name in problem.tip.quantities], axis=1)
 
 
-def _kept(problem: Problem, theta: Array) -> Array:
+def _keeps_requirements(problem: Problem, theta: Array) -> Array:
     """Which configurations (S, n) satisfy the requirements at all times, shape (S,)."""
     q = np.column_stack([np.zeros(len(theta)), theta])
-    at, out = At.of(problem.system, q), np.ones(len(theta), dtype=bool)
+    points, out = MotionPoint.of(problem.system, q), np.ones(len(theta), dtype=bool)
     for required in problem.requirements:
         if required.reads == {"q"}:
-            low, high, scale = required.sides
-            values, slack = np.stack(required.values(at), axis=1), 1e-9 * scale
+            low, high, scale = required.bounds
+            values, slack = np.stack(required.values(points), axis=1), 1e-9 * scale
             out &= np.all((values >= low - slack) & (values <= high + slack), axis=1)
     return out
 
 
-def _nearest(problem: Problem, theta: Array) -> list[Array]:
+def _nearest_by_branch(problem: Problem, theta: Array) -> list[Array]:
     """Of the places (S, n) of each branch that nearest to the start, the nearest branch first."""
-    away = np.linalg.norm(theta - problem.start[1:], axis=1)
-    found: dict[tuple[bool, ...], Array] = {}
-    for k in np.argsort(away, kind="stable"):
-        found.setdefault(tuple((theta[k, 1:] > 0).tolist()), theta[k])
-    return list(found.values())
+    distances = np.linalg.norm(theta - problem.start[1:], axis=1)
+    branches: dict[tuple[bool, ...], Array] = {}
+    for k in np.argsort(distances, kind="stable"):
+        branches.setdefault(tuple((theta[k, 1:] > 0).tolist()), theta[k])
+    return list(branches.values())
 
 
-def _closest(problem: Problem, theta: Array) -> Array:
+def _closest_angles(problem: Problem, theta: Array) -> Array:
     """Of places (S, n) that miss the tip the one that comes nearest, once it is bettered, (n,)."""
     from scipy.optimize import least_squares  # slow to import, and seldom needed
 
     free, most = np.array(problem.free) - 1, problem.free_within
-    first = np.argsort(np.linalg.norm(_off(problem, theta), axis=1))[:BETTERED]
+    first = np.argsort(np.linalg.norm(_tip_errors(problem, theta), axis=1))[:REFINED_POINTS]
 
-    def whole(angles: Array) -> Array:
+    def all_angles(angles: Array) -> Array:
         out = theta[:1].copy()
         out[0, free] = angles
         return out
 
-    found = [
+    solutions = [
         least_squares(
-            lambda x: _off(problem, whole(x))[0],
+            lambda x: _tip_errors(problem, all_angles(x))[0],
             0.999 * theta[k, free],
-            lambda x: _slopes(problem, whole(x))[0][:, free],
+            lambda x: _tip_slopes(problem, all_angles(x))[0][:, free],
             (-most, most),
         )
         for k in first
     ]
-    return np.asarray(whole((1 - INSIDE) * min(found, key=lambda f: f.cost).x)[0])
+    return np.asarray(all_angles((1 - INWARD_SHARE) * min(solutions, key=lambda f: f.cost).x)[0])

@@ -26,7 +26,7 @@ from planner.plan.samples import RATE_HZ, Samples, sample
 from planner.support.arrays import Array
 from planner.support.files import refuse_unwritable, write_bytes, write_text
 from planner.support.tables import csv_text
-from planner.support.user_tables import nearest
+from planner.support.user_tables import allowed_hint
 from planner.verification.verify import verify
 
 
@@ -133,7 +133,7 @@ def find_format(path: str | Path, format: str | None) -> str:
                 f" format with --format: {', '.join(FORMATS)}"
             )
     if format not in FORMATS:
-        raise InputError(f"no format '{format}'; {nearest(format, list(FORMATS))}")
+        raise InputError(f"no format '{format}'; {allowed_hint(format, list(FORMATS))}")
     return format
 
 

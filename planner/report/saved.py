@@ -12,7 +12,7 @@ from planner.comparison.rows import Row
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.problem.problem import Problem
-from planner.support.files import named, read_json
+from planner.support.files import expect_path, read_json
 from planner.support.tables import line
 from planner.verification.load_plan import load_plan
 
@@ -32,7 +32,7 @@ def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
         InputError: If the folder is missing, not that of a comparison, or damaged; or, if `strict`,
             a row says it is solved and is not.
     """
-    place = named(folder)
+    place = expect_path(folder)
     try:
         data = read_json(place / "comparison.json")
     except InputError as error:

@@ -22,12 +22,12 @@ from planner.plan.plan import Plan, refuse_inexecutable
 from planner.problem.tables.machine_effects import EFFECTS
 from planner.robustness.sobol import Index, between_machines, check, on_or_off, per_sample, switched
 from planner.support.arrays import Array, jsonable
-from planner.support.package import handed_to
+from planner.support.package import import_function
 from planner.support.progress import expect_listener
 from planner.support.statistics import percentile_interval
 from planner.support.tables import (
     Column,
-    clean,
+    clean_text,
     csv_table,
     markdown_code,
     markdown_table,
@@ -139,7 +139,9 @@ class Budget:
 
     def figure(self) -> Figure:
         """Costs and indices as bars."""
-        drawn: tuple[Figure, Any] = handed_to("planner.report.figures.robustness.plot_budget")(self)
+        drawn: tuple[Figure, Any] = import_function(
+            "planner.report.figures.robustness.plot_budget"
+        )(self)
         return drawn[0]
 
 
@@ -196,7 +198,7 @@ class _BudgetRun:
         """Compute the whole budget."""
         self.tell("looking for effects without influence", 0.0)
         on, static = self.machine.effects, self.machine.fidelity == "quasi-static"
-        every = [k for k, e in EFFECTS.items() if k in on and not (static and e.dynamic)]
+        every = [k for k, e in EFFECTS.items() if k in on and not (static and e.dynamic_only)]
         none, whole, alone, without = self._one_by_one(every, min(self.samples, SCREENED))
         active = [
             k for k in every if np.max(np.abs([alone[k] - none, without[k] - whole])) >= IDLE_DEG
@@ -372,7 +374,7 @@ def budget_markdown(budgets: Mapping[str, Budget], command: str | None = None) -
         EXPLAINED[0].upper() + EXPLAINED[1:],
     ]
     if command:
-        lines += ["", f"Made by:\n\n    {clean(command)}"]
+        lines += ["", f"Made by:\n\n    {clean_text(command)}"]
     return "\n".join(lines) + "\n"
 
 

@@ -221,11 +221,11 @@ def _steps(
 ) -> Iterator[_Perturbation]:
     """One step for each element of an effect; none where it is off and has no finite neutral."""
     on = machine.effects.get(name)
-    if on is None and not (np.isfinite(effect.off) and not effect.positive):
+    if on is None and not (np.isfinite(effect.off_value) and not effect.positive):
         return
     joints = system.size - 1
     count = effect.count(joints)
-    values = np.broadcast_to([effect.off] if on is None else on.value, count)
+    values = np.broadcast_to([effect.off_value] if on is None else on.value, count)
     spreads = np.broadcast_to([0.0] if on is None else on.spread, count)
     for i, (value, spread) in enumerate(zip(values, spreads, strict=True)):
         size = spread or (PART * abs(value) if value else STEPS.get(effect.unit, 0.01))
@@ -236,11 +236,11 @@ def _steps(
 
 
 def _element(system: TriangularSystem, effect: Effect, i: int) -> str:
-    if effect.per == "machine":
+    if effect.owner == "machine":
         return ""
-    if effect.per == "motor":
+    if effect.owner == "motor":
         return system.inputs[i].name
-    return system.coordinates[i + (1 if effect.per == "joint" else 2)].name
+    return system.coordinates[i + (1 if effect.owner == "joint" else 2)].name
 
 
 def _motions(
@@ -257,7 +257,7 @@ def _motions(
         step = steps[k]
         effect = EFFECTS[step.effect]
         if step.effect not in values:
-            values[step.effect] = np.full((effect.count(joints), count), effect.off)
+            values[step.effect] = np.full((effect.count(joints), count), effect.off_value)
         values[step.effect][step.index, 1 + 2 * at : 3 + 2 * at] = step.high, step.low
     drawn = Draws(base.numbers, values)
     run = simulate_draws(plan, nominal, drawn, settle_s=SETTLE_S, record_s=record)

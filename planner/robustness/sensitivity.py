@@ -1,7 +1,7 @@
 """How errors of inputs, start and constants reach the end of an open-loop plan.
 
 First-order sensitivities S(t) = ∂q(t)/∂p follow Ṡ = A S + ∂f/∂p along the plan; see
-`planner.systems.linearised` for the parameters p. Those of a machine, which is not smooth, are
+`planner.systems.linearisation` for the parameters p. Those of a machine, which is not smooth, are
 taken by paired differences: `planner.robustness.machine_sensitivity`.
 
 Figures by which a companion paper judges plans, in our reading of its abstract.
@@ -37,7 +37,7 @@ from planner.support.calculus import runge_kutta
 from planner.support.calculus.extremes import maximum, sample_times
 from planner.support.compiled_calls import Pointwise
 from planner.systems.ball_gear import BallGear
-from planner.systems.linearised import linearised, parameters
+from planner.systems.linearisation import linearise, parameters
 from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem
 
@@ -240,7 +240,7 @@ def _linearised(plan: Plan, t: Array) -> tuple[Array, Array]:
 @lru_cache(maxsize=32)
 def _derivatives(system: TriangularSystem) -> Pointwise:
     """(q, u, t) → [A, B] side by side, columns of B in the order of `parameters`."""
-    form = linearised(system)
+    form = linearise(system)
     value = ca.horzcat(form.A, *(form.forcing[p.name] for p in parameters(system)))
     return Pointwise("derivatives", [form.q, form.u, form.t], value)
 

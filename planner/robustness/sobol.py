@@ -175,7 +175,7 @@ def _patterns(off: Mapping[str, Array]) -> list[tuple[list[str], NDArray[np.int6
 def per_sample(name: str) -> bool:
     """Whether samples of one simulation may have an effect on or off each for itself."""
     effect = EFFECTS[name]
-    return effect.spreads and not np.isnan(effect.off) and name not in TOGETHER
+    return effect.may_spread and not np.isnan(effect.off_value) and name not in TOGETHER
 
 
 def switched(draws: Draws, off: Mapping[str, Array]) -> Draws:
@@ -189,7 +189,7 @@ def switched(draws: Draws, off: Mapping[str, Array]) -> Draws:
     values = {}
     for name, own in draws.values.items():
         effect = EFFECTS[name]
-        neutral = LARGE * np.maximum(own, 1.0) if np.isinf(effect.off) else effect.off
+        neutral = LARGE * np.maximum(own, 1.0) if np.isinf(effect.off_value) else effect.off_value
         flags = off.get(name) if per_sample(name) else None
         values[name] = own if flags is None else np.where(flags, neutral, own)
     return Draws(draws.numbers, values)

@@ -17,7 +17,7 @@ from planner.errors import InputError, NoPlanError
 from planner.machine.machine import Machine, machine_for
 from planner.methods.registry import find_method, merged_options
 from planner.plan.plan import Plan
-from planner.plan.samples import imported
+from planner.plan.samples import import_library
 from planner.problem.problem import Problem, expect_problem
 from planner.problem.tables.method_options import DesensitisedOptions
 from planner.robustness.trade_off_axis import KINDS, Axis, Kind, axis
@@ -30,7 +30,7 @@ from planner.robustness.trade_off_points import (
     solved_point,
 )
 from planner.support.arrays import Array
-from planner.support.package import handed_to
+from planner.support.package import import_function
 from planner.support.progress import expect_listener
 
 if TYPE_CHECKING:
@@ -124,15 +124,15 @@ class TradeOff:
                 replays = row.pop(name) or {}
                 row |= {f"{name}_{key}": v for key, v in replays.items() if key != "refused"}
             rows.append({**row, "knee": k == self.knee_index})
-        frame = imported("pandas").DataFrame(rows)
+        frame = import_library("pandas").DataFrame(rows)
         frame.attrs = {"problem": self.problem.name, "kind": self.kind}
         return frame.set_index("limit") if rows else frame
 
     def figure(self) -> Figure:
         """One picture of what is bought and for how much."""
-        drawn: tuple[Figure, Any] = handed_to("planner.report.figures.robustness.plot_trade_off")(
-            self
-        )
+        drawn: tuple[Figure, Any] = import_function(
+            "planner.report.figures.robustness.plot_trade_off"
+        )(self)
         return drawn[0]
 
 

@@ -14,7 +14,7 @@ from planner.plan.measures import effort, peak_inputs
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions
-from planner.solve import judged
+from planner.solve import judge_plan
 from planner.support.arrays import Array
 
 Kind = Literal["effort", "duration", "peak"]
@@ -77,10 +77,10 @@ def axis(problem: Problem, options: DesensitisedOptions, kind: Kind, points: int
             f"{problem.source}: a trade-off against {kind} needs goal.duration in seconds; or trade"
             " against duration"
         )
-    least = judged(plan_collocation(problem, easy))[0]
+    least = judge_plan(plan_collocation(problem, easy))[0]
     if kind == "effort":
         calm = options.model_copy(update={"effort": MOST})
-        most = judged(plan_desensitised(problem, calm))[0]
+        most = judge_plan(plan_desensitised(problem, calm))[0]
         ends = (
             ROOM * effort(least.trajectory),
             max(effort(most.trajectory), 1.1 * effort(least.trajectory)),
@@ -103,7 +103,7 @@ def _quickest(problem: Problem, easy: CollocationOptions) -> Plan:
             " them every path can be run in no time, and the response depends on the path alone"
         )
     fast = easy.model_copy(update={"objective": "time"})
-    return judged(plan_collocation(problem.changed({"goal.duration": "free"}), fast))[0]
+    return judge_plan(plan_collocation(problem.changed({"goal.duration": "free"}), fast))[0]
 
 
 def _peaks(
@@ -117,7 +117,7 @@ def _peaks(
     base = problem.limits.input.copy()
     if not np.all(np.isfinite(base)):
         calm = options.model_copy(update={"effort": MOST})
-        taken = peak_inputs(judged(plan_desensitised(problem, calm))[0].trajectory)
+        taken = peak_inputs(judge_plan(plan_desensitised(problem, calm))[0].trajectory)
         base = np.where(np.isfinite(base), base, taken)
     quickest = _quickest(with_input_limits(problem, base), easy)
     assert problem.duration is not None

@@ -23,7 +23,7 @@ from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import DesensitisedOptions
 from planner.robustness.sensitivity import sensitivity
-from planner.solve import compensated, judged
+from planner.solve import compensate_plan, judge_plan
 from planner.support.arrays import jsonable
 from planner.support.files import make_folder, read_json, write_text
 from planner.verification.load_plan import load_plan
@@ -80,7 +80,7 @@ def solved_point(
     Raises:
         NoPlanError: If there is no plan, or it fails its verification.
     """
-    plan, _ = judged(plan_desensitised(problem, options, near))
+    plan, _ = judge_plan(plan_desensitised(problem, options, near))
     return point_of(plan, options, limit)
 
 
@@ -134,7 +134,7 @@ def allowed_for(plan: Plan, machine: Machine, samples: int, seed: int) -> dict[s
     for eased in (1.0,) if limit is None else (1.0, AIMING):
         own = plan.options if limit is None else {**plan.options, "effort_limit": eased * limit}
         try:
-            made, _ = compensated(replace(plan, options=own), machine, options)
+            made, _ = compensate_plan(replace(plan, options=own), machine, options)
         except (InputError, NoPlanError) as error:  # another system, or no plan ends at the goal
             refused = {"refused": str(error).splitlines()[0]}
         else:

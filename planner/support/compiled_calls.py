@@ -34,10 +34,10 @@ class Call(threading.local):
 
     def __call__(self, *arguments: Array) -> Array:
         """All nonzeros, shape (n,); those of matrices by columns, as CasADi stores them."""
-        out, buffer, held = np.empty(self._size), self._buffer, []
+        out, buffer, kept_alive = np.empty(self._size), self._buffer, []
         for i, given in enumerate(arguments):
-            held.append(np.ascontiguousarray(given, dtype=float).reshape(-1))
-            buffer.set_arg(i, held[i].data)
+            kept_alive.append(np.ascontiguousarray(given, dtype=float).reshape(-1))
+            buffer.set_arg(i, kept_alive[i].data)
         buffer.set_res(0, out.data)
         self._evaluate()
         return out
@@ -87,11 +87,11 @@ class Pointwise:
 
 Value = TypeVar("Value")
 
-LOOK_S = 0.5
+CLOCK_INTERVAL_S = 0.5
 """Time between two looks at the clock; a call that returns is noticed at once."""
 
 
-def within(seconds: float, call: Callable[[], Value]) -> Value | None:
+def call_within(seconds: float, call: Callable[[], Value]) -> Value | None:
     """What a call returns; None if that takes the process more of the processor's time than this.
 
     A loaded machine slows the call and this clock alike, so that it changes no answer.
@@ -114,7 +114,7 @@ def within(seconds: float, call: Callable[[], Value]) -> Value | None:
     caller.start()
     while caller.is_alive() and time.process_time() - began <= seconds:
         left = deadline.remaining()
-        caller.join(min(LOOK_S, left))
+        caller.join(min(CLOCK_INTERVAL_S, left))
         if caller.is_alive() and left <= 0:
             raise deadline.time_up()
     if errors:
@@ -122,8 +122,8 @@ def within(seconds: float, call: Callable[[], Value]) -> Value | None:
     return out[0] if out else None
 
 
-STOPPED = "User_Requested_Stop"
-"""What IPOPT says where `_Watch` has ended it."""
+STOPPED_STATUS = "User_Requested_Stop"
+"""What IPOPT says where `_IterationWatch` has ended it."""
 
 
 class IpoptCall:
@@ -135,7 +135,7 @@ class IpoptCall:
 
     def __init__(self, name: str, problem: dict[str, Any], options: dict[str, Any]) -> None:
         sizes = {key: int(problem[key].numel()) for key in problem if key != "f"}
-        self._watch = _Watch(sizes)  # CasADi does not keep it
+        self._watch = _IterationWatch(sizes)  # CasADi does not keep it
         watched = {**options, "iteration_callback": self._watch}
         self._solver = ca.nlpsol(name, "ipopt", problem, watched)
 
@@ -148,10 +148,10 @@ class IpoptCall:
         """
         deadline.check()
         with heed_interrupts():
-            found: dict[str, Any] = self._solver(**given)
-        if self.stats()["return_status"] == STOPPED:
+            answer: dict[str, Any] = self._solver(**given)
+        if self.stats()["return_status"] == STOPPED_STATUS:
             raise deadline.time_up()
-        return found
+        return answer
 
     def stats(self) -> dict[str, Any]:
         """Solver statistics of the last call."""
@@ -159,7 +159,7 @@ class IpoptCall:
         return stats
 
 
-class _Watch(ca.Callback):
+class _IterationWatch(ca.Callback):
     """Called after each iteration: one ends the solver."""
 
     def __init__(self, sizes: dict[str, int]) -> None:

@@ -19,13 +19,13 @@ from dataclasses import dataclass
 
 from planner.errors import InputError
 
-SEARCH = 0.75
+SEARCH_SHARE = 0.75
 """Share of the time after which a search ends; the rest is for what is made of what it found."""
 
-MORE_TIME = "a larger time limit (--time-limit, time_limit_s)"
+MORE_TIME_ADVICE = "a larger time limit (--time-limit, time_limit_s)"
 """What a refusal advises."""
 
-LEAST_FINISH_S, FINISH = 3.0, 0.25
+LEAST_FINISH_S, FINISH_SHARE = 3.0, 0.25
 """Time for refining after Ctrl-C: this share of what the search took, or so many seconds."""
 
 
@@ -38,35 +38,35 @@ class Span:
     """A block with an end of its own.
 
     Attributes:
-        outer: The block around it, which may end earlier.
-        began: By `time.monotonic`.
+        enclosing: The block around it, which may end earlier.
+        start: By `time.monotonic`.
         end: Likewise; infinite where the block adds no limit.
         words: What the limit is called in a refusal.
-        holds: Whether there is an answer to show for it, were it to end now; None where the block
-            is not a search.
-        reached: Whether something in the block was cut short.
-        interrupted: Who ended it before its time ("Ctrl-C"), or "".
-        once: The end counts only once this is true; None if it always does.
-        stopped: Whether even the verification of what was found must stop.
+        has_answer: Whether there is an answer to show for it, were it to end now; None where the
+            block is not a search.
+        was_reached: Whether something in the block was cut short.
+        interrupter: Who ended it before its time ("Ctrl-C"), or "".
+        condition: The end counts only once this is true; None if it always does.
+        verification_ended: Whether even the verification of what was found must stop.
     """
 
-    outer: Span | None
-    began: float
+    enclosing: Span | None
+    start: float
     end: float
     words: str = ""
-    holds: Callable[[], bool] | None = None
-    reached: bool = False
-    interrupted: str = ""
-    once: Callable[[], bool] | None = None
-    stopped: bool = False
+    has_answer: Callable[[], bool] | None = None
+    was_reached: bool = False
+    interrupter: str = ""
+    condition: Callable[[], bool] | None = None
+    verification_ended: bool = False
 
     @property
     def ended_by(self) -> str:
         """Who ended it, or a block around it, before its time; or ""."""
         span: Span | None = self
-        while span is not None and not span.interrupted:
-            span = span.outer
-        return "" if span is None else span.interrupted
+        while span is not None and not span.interrupter:
+            span = span.enclosing
+        return "" if span is None else span.interrupter
 
     @property
     def why(self) -> str:
@@ -78,7 +78,7 @@ class Span:
         while span is not None:
             if span.words:
                 named.append(span)
-            span = span.outer
+            span = span.enclosing
         now = time.monotonic()
         over = [span for span in named if span.end <= now]
         return (over or sorted(named, key=lambda span: span.end) or [self])[0].words
@@ -87,45 +87,47 @@ class Span:
 _span: ContextVar[Span | None] = ContextVar("span", default=None)
 
 
-def limited(
-    seconds: float | None, words: str = "", holds: Callable[[], bool] | None = None
+def time_limit(
+    seconds: float | None, words: str = "", has_answer: Callable[[], bool] | None = None
 ) -> AbstractContextManager[Span]:
     """Nothing in the block takes longer; None adds no limit to those around.
 
     Args:
         seconds: Greater than zero.
         words: What the limit is called in a refusal; "the time limit of ... s" if left out.
-        holds: Given for a search: whether it holds an answer, so that Ctrl-C need not lose it.
+        has_answer: Given for a search: whether it holds an answer, so that Ctrl-C need not lose it.
 
     Raises:
         InputError: If the seconds are no such number.
     """
     now = time.monotonic()
     if seconds is None:
-        return _opened(Span(_span.get(), now, math.inf, holds=holds))
-    seconds = checked(seconds)
+        return _open_span(Span(_span.get(), now, math.inf, has_answer=has_answer))
+    seconds = check_seconds(seconds)
     words = words or f"the time limit of {seconds:g} s"
-    return _opened(Span(_span.get(), now, now + seconds, words, holds))
+    return _open_span(Span(_span.get(), now, now + seconds, words, has_answer))
 
 
-def share(
-    part: float = SEARCH, words: str = "", once: Callable[[], bool] | None = None
+def time_share(
+    part: float = SEARCH_SHARE, words: str = "", condition: Callable[[], bool] | None = None
 ) -> AbstractContextManager[Span]:
     """The block takes no more than this share of the time that remains.
 
     Args:
         part: Of one.
-        words: As for `limited`.
-        once: Given where the share counts only once this is true. It is a share of what is left
-            then: shares around it that wait likewise count.
+        words: As for `time_limit`.
+        condition: Given where the share counts only once this is true. It is a share of what is
+            left then: shares around it that wait likewise count.
     """
     now = time.monotonic()
-    left = _end(waiting=once is not None) - now
-    return _opened(Span(_span.get(), now, now + part * max(0.0, left), words, once=once))
+    left = _end(waiting=condition is not None) - now
+    return _open_span(
+        Span(_span.get(), now, now + part * max(0.0, left), words, condition=condition)
+    )
 
 
 @contextmanager
-def _opened(span: Span) -> Iterator[Span]:
+def _open_span(span: Span) -> Iterator[Span]:
     token = _span.set(span)
     try:
         yield span
@@ -142,7 +144,7 @@ def _end(waiting: bool = False) -> float:
     """The earliest end of the blocks around; of those whose end waits too where that is asked."""
     ends = [math.inf]
     for span in _spans():
-        if span.end < min(ends) and (waiting or span.once is None or span.once()):
+        if span.end < min(ends) and (waiting or span.condition is None or span.condition()):
             ends.append(span.end)
     return min(ends)
 
@@ -165,15 +167,15 @@ def check_stopped() -> None:
     """
     span = _span.get()
     while span is not None:
-        if span.stopped:
+        if span.verification_ended:
             raise time_up()
-        span = span.outer
+        span = span.enclosing
 
 
 def time_up() -> TimeUpError:
     """The exception, to be raised where a solver has noticed the end by itself."""
     for span in _spans():
-        span.reached = True
+        span.was_reached = True
     return TimeUpError()
 
 
@@ -186,7 +188,7 @@ def is_over() -> bool:
 def holds_answer() -> bool:
     """Whether the search that is under way holds an answer."""
     search = _search()
-    return search is not None and search.holds is not None and search.holds()
+    return search is not None and search.has_answer is not None and search.has_answer()
 
 
 def stop(context: Context | None = None, by: str = "Ctrl-C") -> bool:
@@ -195,11 +197,11 @@ def stop(context: Context | None = None, by: str = "Ctrl-C") -> bool:
     For a handler of Ctrl-C, or for another thread, with the context that the search runs in.
     """
     outermost, now = _search(context), time.monotonic()
-    if outermost is None or not outermost.holds or not outermost.holds():
+    if outermost is None or not outermost.has_answer or not outermost.has_answer():
         return False
-    allowed = max(LEAST_FINISH_S, FINISH * (now - outermost.began))
+    allowed = max(LEAST_FINISH_S, FINISH_SHARE * (now - outermost.start))
     outermost.end = min(outermost.end, now + allowed)
-    outermost.interrupted, outermost.reached = by, True
+    outermost.interrupter, outermost.was_reached = by, True
     for span in _spans(context):
         if span is outermost:
             break
@@ -210,11 +212,11 @@ def stop(context: Context | None = None, by: str = "Ctrl-C") -> bool:
 def end(context: Context, by: str) -> None:
     """End all that runs in a context of another thread, verification included."""
     for span in _spans(context):
-        span.end, span.interrupted, span.reached = time.monotonic(), by, True
-        span.stopped = True
+        span.end, span.interrupter, span.was_reached = time.monotonic(), by, True
+        span.verification_ended = True
 
 
-def checked(seconds: float) -> float:
+def check_seconds(seconds: float) -> float:
     """A time limit, if it can be one.
 
     Raises:
@@ -230,7 +232,7 @@ def checked(seconds: float) -> float:
 
 def _search(context: Context | None = None) -> Span | None:
     """The outermost search: a part of it may hold what is no answer to the whole."""
-    searches = [span for span in _spans(context) if span.holds is not None]
+    searches = [span for span in _spans(context) if span.has_answer is not None]
     return searches[-1] if searches else None
 
 
@@ -239,4 +241,4 @@ def _spans(context: Context | None = None) -> Iterator[Span]:
     span = _span.get() if context is None else context.get(_span)
     while span is not None:
         yield span
-        span = span.outer
+        span = span.enclosing

@@ -22,10 +22,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from planner.errors import InputError
-from planner.support.interrupts import undisturbed
-from planner.support.tables import brief
+from planner.support.interrupts import hold_signals
+from planner.support.tables import shorten
 
-written: list[Path] = []
+written_paths: list[Path] = []
 """Files and folders that were put in their places; the command line tells of them when ended."""
 
 
@@ -50,7 +50,7 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
         if target.exists() and not target.is_file():
             target.write_bytes(content)
             return target
-        with undisturbed() as disturbed:
+        with hold_signals() as disturbed:
             handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=_STAGING)
             try:
                 with os.fdopen(handle, "wb") as stream:
@@ -58,7 +58,7 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
                 os.chmod(temporary, 0o666 & ~_umask())
                 if not disturbed():
                     os.replace(temporary, target)
-                    written.append(target)
+                    written_paths.append(target)
             finally:
                 Path(temporary).unlink(missing_ok=True)
     except OSError as error:
@@ -72,7 +72,7 @@ def refuse_unwritable(path: str | Path) -> None:
     Raises:
         InputError: If the path is a folder, or its folder is missing, a file, or read-only.
     """
-    target = _nameable(path)
+    target = _possible_path(path)
     parent = target.resolve().parent
     if target.is_dir():
         raise InputError(f"cannot write {target}: it is a folder; name a file in it")
@@ -84,24 +84,24 @@ def refuse_unwritable(path: str | Path) -> None:
         raise InputError(f"cannot write {target}: no permission to write there")
 
 
-def named(path: object) -> Path:
+def expect_path(path: object) -> Path:
     """The path of a file or folder that a caller names.
 
     Raises:
         InputError: If it is something else than a name.
     """
     if not isinstance(path, str | os.PathLike):
-        raise InputError(f"{brief(repr(path))} is not the name of a file or folder")
+        raise InputError(f"{shorten(repr(path))} is not the name of a file or folder")
     return Path(path)
 
 
-def _nameable(path: str | Path) -> Path:
+def _possible_path(path: str | Path) -> Path:
     """The path, if there can be one of this name.
 
     Raises:
         InputError: If a part is too long, holds a zero byte, or is a link to itself.
     """
-    wanted = named(path)
+    wanted = expect_path(path)
     try:
         wanted.resolve()
         os.lstat(wanted)
@@ -109,7 +109,7 @@ def _nameable(path: str | Path) -> Path:
         pass  # told better below
     except (OSError, RuntimeError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise InputError(f"cannot write {brief(str(path))}: {reason}; use another name") from None
+        raise InputError(f"cannot write {shorten(str(path))}: {reason}; use another name") from None
     return wanted
 
 
@@ -119,7 +119,7 @@ def refuse_unwritable_folder(path: str | Path) -> None:
     Raises:
         InputError: If it holds something else than an earlier run, or cannot be made.
     """
-    target = _nameable(path)
+    target = _possible_path(path)
     if target.is_dir():
         if target.resolve() == Path.cwd():
             raise InputError(f"{target} is the current folder; name another folder")
@@ -142,7 +142,7 @@ def make_folder(path: str | Path) -> Path:
     Raises:
         InputError: If it is a file or cannot be made.
     """
-    place = named(path)
+    place = expect_path(path)
     if place.exists() and not place.is_dir():
         raise InputError(f"{place} is a file; name a folder")
     try:
@@ -163,28 +163,30 @@ def folder(path: str | Path) -> Iterator[Path]:
     """
     refuse_unwritable_folder(path)
     target = Path(path).resolve()
-    made = [p for p in target.parents if not p.exists()]
+    new_parents = [p for p in target.parents if not p.exists()]
     staging = None
     try:
-        with undisturbed():
+        with hold_signals():
             target.parent.mkdir(parents=True, exist_ok=True)
             staging = Path(tempfile.mkdtemp(dir=target.parent, prefix=_STAGING))
         yield staging
-        with undisturbed() as disturbed:
+        with hold_signals() as disturbed:
             (staging / _MARKER).touch()
             os.chmod(staging, 0o777 & ~_umask())
             if not disturbed():
                 _swap(staging, target)
-                written.append(target)
+                written_paths.append(target)
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror or error}") from None
     finally:
-        with undisturbed():
+        with hold_signals():
             if staging is not None:
                 shutil.rmtree(staging, ignore_errors=True)
             if not target.exists():
                 with suppress(OSError):
-                    for folder in made:  # innermost first, as far as they are there and empty
+                    for (
+                        folder
+                    ) in new_parents:  # innermost first, as far as they are there and empty
                         folder.rmdir()
 
 
@@ -224,17 +226,17 @@ JSON_BYTES = 200 * MB
 SAMPLES_BYTES = 2000 * MB
 """Two million rows, the most that is exported, with fifty columns."""
 
-DEEPEST = 50
+MOST_LEVELS = 50
 """Levels of tables and lists; a problem has six, a plan of a plan of a plan twice as many."""
 
-LONGEST = 1023
+MOST_BITS = 1023
 """Bits of a whole number; a float holds no larger one."""
 
 # tomllib takes time with the square of a key's parts: a thousand take a second.
 _DEEP_KEY = re.compile(r"(?<![\w.\"'-])(?:[\w\"'-]++[ \t]*\.[ \t]*){100}")
 
 
-def _open_at_once(path: str, flags: int) -> int:
+def _open_without_waiting(path: str, flags: int) -> int:
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))  # Windows has neither
 
 
@@ -246,10 +248,10 @@ def read_bytes(path: str | Path, largest: int) -> bytes:
     """
     try:
         # A pipe without a writer is opened at once, to be refused; a file is read as ever.
-        with open(named(path), "rb", opener=_open_at_once) as stream:
-            found = os.fstat(stream.fileno())
-            regular = stat.S_ISREG(found.st_mode)
-            unread = not regular or found.st_size > largest
+        with open(expect_path(path), "rb", opener=_open_without_waiting) as stream:
+            status = os.fstat(stream.fileno())
+            regular = stat.S_ISREG(status.st_mode)
+            unread = not regular or status.st_size > largest
             content = b"" if unread else stream.read(largest + 1)
     except ValueError as error:  # a zero byte in the name
         raise InputError(f"cannot read {path}: {error}") from None
@@ -257,7 +259,7 @@ def read_bytes(path: str | Path, largest: int) -> bytes:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from None
     if not regular:
         raise InputError(f"cannot read {path}: it is a pipe or a device, not a file")
-    size = max(found.st_size, len(content))
+    size = max(status.st_size, len(content))
     if size > largest:
         raise InputError(
             f"cannot read {path}: it holds {size / MB:.4g} MB, and at most {largest / MB:g} MB are"
@@ -307,13 +309,13 @@ def parse_toml(text: str) -> dict[str, Any]:
     if _DEEP_KEY.search(text):
         raise ValueError("a key of more than 100 parts")
     try:
-        return _shallow(tomllib.loads(text))
+        return _check_depth(tomllib.loads(text))
     except RecursionError:
         raise ValueError("brackets are nested too deeply") from None
     except tomllib.TOMLDecodeError:
         raise
     except ValueError as error:
-        raise _shorter(error) from None
+        raise _shorten_advice(error) from None
 
 
 def toml_value(text: str) -> Any:
@@ -360,34 +362,34 @@ def parse_json(text: str) -> Any:
         ValueError: If it is none that can be read; says why.
     """
     try:
-        return _shallow(json.loads(text, object_pairs_hook=_once))
+        return _check_depth(json.loads(text, object_pairs_hook=_check_unique_keys))
     except RecursionError:
         raise ValueError("brackets are nested too deeply") from None
     except json.JSONDecodeError:
         raise
     except ValueError as error:
-        raise _shorter(error) from None
+        raise _shorten_advice(error) from None
 
 
-def _shallow(data: Value) -> Value:
+def _check_depth(data: Value) -> Value:
     """The data, if those who walk through it level by level can."""
     depth = 0
     level: list[Any] = [data] if isinstance(data, dict | list) else []
     while level:
         depth += 1
-        if depth > DEEPEST:
+        if depth > MOST_LEVELS:
             raise RecursionError
         inner = (v.values() if isinstance(v, dict) else v for v in level)
         level = []
         for v in chain.from_iterable(inner):
             if isinstance(v, dict | list):
                 level.append(v)
-            elif isinstance(v, int) and v.bit_length() > LONGEST:
+            elif isinstance(v, int) and v.bit_length() > MOST_BITS:
                 raise ValueError("a whole number has hundreds of digits")
     return data
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _check_unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     out = dict(pairs)
     if len(out) < len(pairs):
         names = [name for name, _ in pairs]
@@ -396,7 +398,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return out
 
 
-def _shorter(error: ValueError) -> ValueError:
+def _shorten_advice(error: ValueError) -> ValueError:
     """Python's advice on numbers of thousands of digits is not for users."""
     if "integer string conversion" in str(error):
         return ValueError("a whole number has thousands of digits")

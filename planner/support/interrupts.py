@@ -23,7 +23,7 @@ SIGNALS = tuple(
 """Signals that end a command: Ctrl-C, what `kill` and batch systems send, a closed terminal."""
 
 
-AGAIN_S = 0.01
+RAISE_AGAIN_S = 0.01
 """Until a signal is raised again whose exception Python dropped, and again until it is not."""
 
 
@@ -31,7 +31,7 @@ class Terminated(BaseException):
     """SIGTERM or SIGHUP: end at once, but clean up. Not an `Exception`, which handlers swallow."""
 
 
-class Hearing:
+class SignalListener:
     """What the command line has heard of `SIGNALS`.
 
     Attributes:
@@ -46,49 +46,50 @@ class Hearing:
 
     def begin(self) -> None:
         """Forget earlier signals."""
-        self.heard: list[int] = []
-        self.over = False
-        self.instead: Callable[[], bool] | None = None
-        self.spared = False
-        self._held: set[object] = set()
-        self._late = False
+        self.signals: list[int] = []
+        self.is_over = False
+        self.substitute: Callable[[], bool] | None = None
+        self.was_substituted = False
+        self._holders: set[object] = set()
+        self._is_pending = False
         self._dropped = False
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        """The handler: raises, unless the outcome is decided or `undisturbed` holds it back."""
-        if self.over:
+        """The handler: raises, unless the outcome is decided or `hold_signals` holds it back."""
+        if self.is_over:
             return
-        if number == signal.SIGINT and self.instead and not self.spared and self.instead():
-            self.spared = True
+        unanswered = number == signal.SIGINT and not self.was_substituted
+        if unanswered and self.substitute and self.substitute():
+            self.was_substituted = True
             return
-        self.heard.append(number)
-        if self._held:
-            self._late = True
+        self.signals.append(number)
+        if self._holders:
+            self._is_pending = True
             return
         while frame is not None:
-            if frame.f_code is Hearing.lost.__code__:  # from there it would be dropped too
-                return
+            if frame.f_code is SignalListener.take_dropped.__code__:
+                return  # from there it would be dropped too
             frame = frame.f_back
         self._dropped = False
         raise self.exception
 
-    def lost(
+    def take_dropped(
         self, what: sys.UnraisableHookArgs, otherwise: Callable[[sys.UnraisableHookArgs], object]
     ) -> None:
         """Take what Python drops, as what a weak reference's callback or `__del__` raises.
 
         A signal's exception is raised again a moment later; `otherwise` takes what is none.
         """
-        if not isinstance(what.exc_value, KeyboardInterrupt | Terminated) or self.over:
+        if not isinstance(what.exc_value, KeyboardInterrupt | Terminated) or self.is_over:
             otherwise(what)
             return
         self._dropped = True
-        threading.Thread(target=self._knock, daemon=True).start()
+        threading.Thread(target=self._raise_again, daemon=True).start()
 
-    def _knock(self) -> None:
+    def _raise_again(self) -> None:
         while True:
-            time.sleep(AGAIN_S)
-            if self.over or not self._dropped:
+            time.sleep(RAISE_AGAIN_S)
+            if self.is_over or not self._dropped:
                 return
             _to_main_thread(self.status - 128)
 
@@ -100,10 +101,10 @@ class Hearing:
     @property
     def status(self) -> int:
         """The exit status that says which signal ended the command."""
-        return 128 + next((n for n in self.heard if n != signal.SIGINT), signal.SIGINT)
+        return 128 + next((n for n in self.signals if n != signal.SIGINT), signal.SIGINT)
 
     @contextmanager
-    def undisturbed(self) -> Iterator[Callable[[], bool]]:
+    def hold_signals(self) -> Iterator[Callable[[], bool]]:
         """Hold signals back until the block has ended: for steps that belong together, and short.
 
         Yields:
@@ -114,24 +115,24 @@ class Hearing:
             return
         token = object()
         try:
-            self._held.add(token)
-            yield lambda: self._late
+            self._holders.add(token)
+            yield lambda: self._is_pending
         finally:
-            self._held.discard(token)
-            if self._late and not self._held:
-                self._late = False
+            self._holders.discard(token)
+            if self._is_pending and not self._holders:
+                self._is_pending = False
                 raise self.exception
 
 
-hearing = Hearing()
+signal_listener = SignalListener()
 """There is one main thread, and so one."""
 
-undisturbed = hearing.undisturbed
+hold_signals = signal_listener.hold_signals
 
 
 @contextmanager
 def hear_signals(last: bool = False) -> Iterator[None]:
-    """Have `hearing` take the signals.
+    """Have `signal_listener` take the signals.
 
     Where one is ignored it stays so: a script's jobs in the background begin like that, and Ctrl-C
     is for what runs before them.
@@ -140,19 +141,19 @@ def hear_signals(last: bool = False) -> Iterator[None]:
         last: Whether the process ends after the block: signals are ignored from there on, so that
             the interpreter shuts down in peace.
     """
-    hearing.begin()
+    signal_listener.begin()
     before = {number: signal.getsignal(number) for number in SIGNALS}
     mine = [number for number in SIGNALS if before[number] not in (signal.SIG_IGN, None)]
     if threading.current_thread() is not threading.main_thread():
         mine = []
     for number in mine:
-        signal.signal(number, hearing)
+        signal.signal(number, signal_listener)
     otherwise = sys.unraisablehook
-    sys.unraisablehook = partial(hearing.lost, otherwise=otherwise)
+    sys.unraisablehook = partial(signal_listener.take_dropped, otherwise=otherwise)
     try:
         yield
     finally:
-        hearing.over = True
+        signal_listener.is_over = True
         sys.unraisablehook = otherwise
         for number in mine:
             signal.signal(number, signal.SIG_IGN if last else before[number])
@@ -185,7 +186,7 @@ def heed_interrupts() -> Iterator[None]:
     for number in mine:
         signal.signal(number, note)
     try:
-        with muted("KeyboardInterruptException", "stderr"):  # CasADi's warning of it
+        with mute_lines("KeyboardInterruptException", "stderr"):  # CasADi's warning of it
             yield
     except SystemError:  # Python 3.13 finds the exception that CasADi has left set, and says so
         if not raised:
@@ -200,7 +201,7 @@ def heed_interrupts() -> Iterator[None]:
 HANDOVER_S = 0.05
 """Time for the main thread to take a signal before OSQP takes signals again."""
 
-_osqp_alone = threading.RLock()
+_osqp_lock = threading.RLock()
 """OSQP puts back the handler of Ctrl-C that it found: where two threads solve at once, the first to
 end brings back the second's own, which stays for good, and the process never hears Ctrl-C again."""
 
@@ -219,19 +220,19 @@ def osqp_result(solver: Any) -> Any:
     """
     from osqp import SolverStatus
 
-    with _osqp_alone:
+    with _osqp_lock:
         while True:
-            with muted("Solver interrupted", "stdout"):
+            with mute_lines("Solver interrupted", "stdout"):
                 result = solver.solve(raise_error=False)
             stopped = result.info.status_val == SolverStatus.OSQP_SIGINT
-            if stopped or _osqp_mark()():
-                _pass_on()
+            if stopped or _osqp_interrupt_query()():
+                _pass_on_interrupt()
             if not stopped:
                 return result
 
 
 @cache
-def _osqp_mark() -> Callable[[], int]:
+def _osqp_interrupt_query() -> Callable[[], int]:
     """OSQP's own mark of a Ctrl-C since its last solve began, where its library shows that."""
     try:
         from osqp import ext_builtin
@@ -242,7 +243,7 @@ def _osqp_mark() -> Callable[[], int]:
     return mark
 
 
-def _pass_on() -> None:
+def _pass_on_interrupt() -> None:
     """Give Ctrl-C to the main thread, which may be asleep; only while OSQP does not run."""
     _to_main_thread(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread():
@@ -259,14 +260,14 @@ def _to_main_thread(number: int) -> None:
 
 
 @contextmanager
-def muted(words: str, stream: Literal["stdout", "stderr"]) -> Iterator[None]:
+def mute_lines(words: str, stream: Literal["stdout", "stderr"]) -> Iterator[None]:
     """Keep lines with these words from a stream of the main thread, to which it belongs."""
     target = getattr(sys, stream)
     if threading.current_thread() is not threading.main_thread() or target is None:
         yield
         return
     redirect = contextlib.redirect_stdout if stream == "stdout" else contextlib.redirect_stderr
-    sieve = _Sieve(target, words)
+    sieve = _LineFilter(target, words)
     with redirect(cast(TextIO, sieve)):
         try:
             yield
@@ -274,7 +275,7 @@ def muted(words: str, stream: Literal["stdout", "stderr"]) -> Iterator[None]:
             sieve.end()
 
 
-class _Sieve:
+class _LineFilter:
     """A stream that passes on line by line, and some lines not at all."""
 
     def __init__(self, stream: TextIO, words: str) -> None:

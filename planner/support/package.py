@@ -15,15 +15,15 @@ from pathlib import Path
 from typing import Any
 
 
-def handed_to(function: str) -> Callable[..., Any]:
+def import_function(function: str) -> Callable[..., Any]:
     """A function that the caller must not import, by its whole name.
 
     Only for results that users ask for their tables, pictures and folders: these read results, and
     imports go one way.
     """
     module, _, name = function.rpartition(".")
-    found: Callable[..., Any] = getattr(importlib.import_module(module), name)
-    return found
+    imported: Callable[..., Any] = getattr(importlib.import_module(module), name)
+    return imported
 
 
 NAME = "nonholonomic-planner"

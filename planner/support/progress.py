@@ -14,7 +14,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 
 from planner.errors import InputError
-from planner.support.tables import brief
+from planner.support.tables import shorten
 
 logger = logging.getLogger("planner")
 
@@ -50,11 +50,11 @@ def expect_listener(progress: object) -> None:
         InputError: If it is neither a function nor None.
     """
     if progress is not None and not callable(progress):
-        raise InputError(f"progress = {brief(repr(progress))}: give a function, such as print")
+        raise InputError(f"progress = {shorten(repr(progress))}: give a function, such as print")
 
 
-class _News:
-    def __init__(self, listener: Listener | None, outer: _News | None) -> None:
+class _Run:
+    def __init__(self, listener: Listener | None, outer: _Run | None) -> None:
         self.listener, self.outer = listener, outer
         self.began, self.doing = time.monotonic(), "preparing"
         self.solves, self.best = 0, None
@@ -67,18 +67,18 @@ class _News:
         return Progress(self.doing, time.monotonic() - self.began, self.solves, self.best)
 
 
-_run: ContextVar[_News | None] = ContextVar("run", default=None)
+_run: ContextVar[_Run | None] = ContextVar("run", default=None)
 
 
 @contextmanager
-def listening(listener: Listener | None) -> Iterator[None]:
+def progress_listener(listener: Listener | None) -> Iterator[None]:
     """What is told in the block goes to the listener, and to those around.
 
     Raises:
         InputError: As `expect_listener`.
     """
     expect_listener(listener)
-    token = _run.set(_News(listener, _run.get()))
+    token = _run.set(_Run(listener, _run.get()))
     try:
         yield
     finally:
@@ -88,16 +88,16 @@ def listening(listener: Listener | None) -> Iterator[None]:
 def tell(doing: str) -> None:
     """Say what is done now."""
     logger.info("%s", doing)
-    _note(doing=doing)
+    _notify(doing=doing)
 
 
-def found(best: str) -> None:
+def report_motion(best: str) -> None:
     """Say that there is a motion better than all before."""
     logger.info("a motion is held (%s)", best)
-    _note(best=best)
+    _notify(best=best)
 
 
-def solved() -> None:
+def count_solve() -> None:
     """Count one call of a solver."""
     run = _run.get()
     while run is not None:
@@ -105,13 +105,13 @@ def solved() -> None:
         run = run.outer
 
 
-def now() -> Progress | None:
+def current_progress() -> Progress | None:
     """How far the search around has come; None outside of any."""
     run = _run.get()
     return None if run is None else run.now
 
 
-def _note(doing: str = "", best: str = "") -> None:
+def _notify(doing: str = "", best: str = "") -> None:
     """Put down what is new in all runs around, and let their listeners hear."""
     run = _run.get()
     while run is not None:

@@ -20,10 +20,10 @@ from planner.support.arrays import Array
 
 CONFIDENCE = 0.95
 
-LEVEL = 0.05
+SIGNIFICANCE_LEVEL = 0.05
 """Corrected p-values below this are called significant."""
 
-THRESHOLD_DEG = 0.1
+LEAST_DIFFERENCE_DEG = 0.1
 """Differences of E below this matter to nobody: about one step of the prototype's encoders."""
 
 
@@ -60,7 +60,7 @@ class Difference:
     @property
     def significant(self) -> bool:
         """Whether the difference is more than chance, at the level 0.05 for all pairs together."""
-        return self.p_corrected < LEVEL
+        return self.p_corrected < SIGNIFICANCE_LEVEL
 
 
 def percentile_interval(values: Array, percent: float) -> tuple[float, float]:
@@ -77,7 +77,7 @@ def percentile_interval(values: Array, percent: float) -> tuple[float, float]:
 
 
 def differences(
-    errors: Mapping[str, Array], threshold_deg: float = THRESHOLD_DEG
+    errors: Mapping[str, Array], threshold_deg: float = LEAST_DIFFERENCE_DEG
 ) -> tuple[Difference, ...]:
     """Every pair of plans.
 
@@ -91,9 +91,9 @@ def differences(
     from scipy.stats import wilcoxon  # slow to import
 
     gaps = {(a, b): errors[a] - errors[b] for a, b in combinations(errors, 2)}
-    found = [float(wilcoxon(gap).pvalue) if np.any(gap) else 1.0 for gap in gaps.values()]
+    p_values = [float(wilcoxon(gap).pvalue) if np.any(gap) else 1.0 for gap in gaps.values()]
     out = []
-    for (pair, gap), p, corrected in zip(gaps.items(), found, holm(found), strict=True):
+    for (pair, gap), p, corrected in zip(gaps.items(), p_values, holm(p_values), strict=True):
         better = float(np.mean(gap < 0) + np.mean(gap == 0) / 2)
         median, interval = float(np.median(gap)), percentile_interval(gap, 50)
         out.append(Difference(*pair, median, interval, better, p, corrected, threshold_deg))

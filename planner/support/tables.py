@@ -3,9 +3,9 @@
 Who has something to tabulate owns `Column`s; how a table looks is here alone.
 
 Files keep what a user wrote, and give it back as it was. What is *shown* of it (a title, a label, a
-name, a message) goes through `clean` where it enters an object that others draw or print, and once
-more at the one door to the terminal; so a title cannot colour a terminal, turn a line around, or
-break the XML of a figure. Each format then escapes what is special to it alone.
+name, a message) goes through `clean_text` where it enters an object that others draw or print, and
+once more at the one door to the terminal; so a title cannot colour a terminal, turn a line around,
+or break the XML of a figure. Each format then escapes what is special to it alone.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 
 R = TypeVar("R")
 
-WIDTH, LEAST = 100, 10
+TABLE_WIDTH, LEAST_TEXT_WIDTH = 100, 10
 """Characters of a ruled table in a terminal, and the fewest that its text is given."""
 
 
-def short(value: Any) -> str:
+def short_number(value: Any) -> str:
     """A number in few characters, anything else as it is."""
     if isinstance(value, float):
         return number(value)
@@ -68,7 +68,7 @@ class Column(Generic[R]):
     title: str
     unit: str
     value: Callable[[R], Any]
-    shown: Callable[[Any], str] | None = short
+    shown: Callable[[Any], str] | None = short_number
     key: str | None = None
     left: bool = False
     width: int | None = None
@@ -135,16 +135,16 @@ def terminal_table(
     heads = [c.head for c in shown]
     if ruled:
         heads = [c.title.replace(" ", "\n", 1) + (f"\n{c.unit}" if c.unit else "") for c in shown]
-    cells = [[_broken(c.text(row), c.width) for c in shown] for row in rows]
+    cells = [[_break_lines(c.text(row), c.width) for c in shown] for row in rows]
     widths = []
     for column, *texts in zip(shown, heads, *cells, strict=True):
         most = max(len(part) for text in texts for part in text.split("\n"))
         widths.append(min(most, column.width or most))
-    over = max(0, sum(widths) + (1 + gap) * (len(widths) - 1) - WIDTH)
+    over = max(0, sum(widths) + (1 + gap) * (len(widths) - 1) - TABLE_WIDTH)
     free = [k for k, c in enumerate(shown) if c.left and c.width is None]
     if ruled and free:
         widest = max(free, key=lambda k: widths[k])
-        widths[widest] = max(LEAST, widths[widest] - over)
+        widths[widest] = max(LEAST_TEXT_WIDTH, widths[widest] - over)
     for column, head, width in zip(shown, heads, widths, strict=True):
         table.add_column(
             Text(head),
@@ -158,7 +158,7 @@ def terminal_table(
     return table
 
 
-def _broken(text: str, width: int | None) -> str:
+def _break_lines(text: str, width: int | None) -> str:
     """Text of a narrow column begins a line after each colon."""
     return text.replace(":", ":\n") if width else text
 
@@ -169,12 +169,12 @@ def markdown_table(columns: Iterable[Column[R]], rows: Iterable[R]) -> str:
     lines = [
         [markdown(c.head) for c in shown],
         ["---" if c.left else "---:" for c in shown],
-        *([_marked(c.text(row), c.code) for c in shown] for row in rows),
+        *([_mark_code(c.text(row), c.code) for c in shown] for row in rows),
     ]
     return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
 
 
-def _marked(text: str, code: bool) -> str:
+def _mark_code(text: str, code: bool) -> str:
     if isinstance(text, Markup):
         return text
     return markdown_code(text) if code else markdown(text)
@@ -231,24 +231,24 @@ def html_table(
 
 # C0 but tab and newline, DEL, C1, marks and overrides of direction, and halves of surrogate pairs
 # (bytes of file names that are not UTF-8).
-_UNFIT = re.compile(
+_CONTROL_CHARACTERS = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff]"
 )
-LONGEST = 200
+LONGEST_LINE = 200
 """Characters of a title, label or name that are shown: twice what fits a line."""
 
 
-def clean(text: str) -> str:
+def clean_text(text: str) -> str:
     """Text of several lines without control characters, which would steer what shows it."""
-    return _UNFIT.sub("", text)
+    return _CONTROL_CHARACTERS.sub("", text)
 
 
-def line(text: str, longest: int = LONGEST) -> str:
-    """`clean` text in one line, cut where it is too long to be looked at."""
-    return brief(" ".join(clean(text).split()), longest)
+def line(text: str, longest: int = LONGEST_LINE) -> str:
+    """Clean text in one line, cut where it is too long to be looked at."""
+    return shorten(" ".join(clean_text(text).split()), longest)
 
 
-def brief(text: str, longest: int = 60) -> str:
+def shorten(text: str, longest: int = 60) -> str:
     """Text cut to `longest` characters."""
     return text if len(text) <= longest else text[: longest - 3] + "..."
 

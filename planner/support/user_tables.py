@@ -14,7 +14,7 @@ from typing import Annotated, Any, TypeVar, get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from planner.errors import InputError
-from planner.support.tables import brief
+from planner.support.tables import shorten
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -31,14 +31,14 @@ class Table(BaseModel):
     )
 
 
-def parse(model: type[Model], data: Any, source: str, at: Sequence[str] = ()) -> Model:
+def parse(model: type[Model], data: Any, source: str, prefix: Sequence[str] = ()) -> Model:
     """Validate `data` as `model`.
 
     Args:
         model: The table's model.
         data: The raw table.
         source: What to name in messages: a file, or "options of method polynomial".
-        at: Keys that lead to the table.
+        prefix: Keys that lead to the table.
 
     Raises:
         InputError: One line per key: source, key, value, what is allowed, nearest valid key.
@@ -46,7 +46,7 @@ def parse(model: type[Model], data: Any, source: str, at: Sequence[str] = ()) ->
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        lines = explain(model, data, error.errors(), at)
+        lines = explain(model, data, error.errors(), prefix)
         raise InputError("\n".join(f"{source}: {line}" for line in lines)) from None
 
 
@@ -55,12 +55,12 @@ Positive = Annotated[float, Field(gt=0)]
 
 Path = tuple[Any, ...]
 
-MOST = 10
+MOST_ERRORS = 10
 """Errors that are told of one table; who has more has one reason for them."""
 
-_limited = reprlib.Repr()  # a list of a million numbers is not written out to be cut short
-_limited.maxlist = _limited.maxtuple = _limited.maxdict = 20
-_limited.maxstring = _limited.maxother = _limited.maxlong = 80
+_short_repr = reprlib.Repr()  # a list of a million numbers is not written out to be cut short
+_short_repr.maxlist = _short_repr.maxtuple = _short_repr.maxdict = 20
+_short_repr.maxstring = _short_repr.maxother = _short_repr.maxlong = 80
 
 _PHRASES = {
     "literal_error": "{expected}",
@@ -84,7 +84,7 @@ _PHRASES = {
 
 
 def explain(
-    model: type[BaseModel], data: Any, errors: Sequence[Any], at: Sequence[str] = ()
+    model: type[BaseModel], data: Any, errors: Sequence[Any], prefix: Sequence[str] = ()
 ) -> list[str]:
     """One line per key.
 
@@ -92,29 +92,34 @@ def explain(
         model: What `data` was validated as.
         data: The raw table.
         errors: `ValidationError.errors()`.
-        at: Keys that lead to the table, for the names in the lines.
+        prefix: Keys that lead to the table, for the names in the lines.
     """
     grouped: dict[Path, list[Any]] = {}
     for error in errors:
         grouped.setdefault(_path(data, error), []).append(error)
     above = {path[:k] for path in grouped for k in range(len(path))}
-    kept = {p: e for p, e in grouped.items() if not _told_below(p, e, above)}
+    kept = {p: e for p, e in grouped.items() if not _has_faulty_entry(p, e, above)}
     typos = _typos(model, kept)
-    told = {p: e for p, e in kept.items() if e[0]["type"] != "missing" or p not in typos}
-    lines = [_line(model, data, path, group, at) for path, group in islice(told.items(), MOST)]
-    return lines + ([f"and {len(told) - MOST} more errors"] if len(told) > MOST else [])
+    reported = {p: e for p, e in kept.items() if e[0]["type"] != "missing" or p not in typos}
+    lines = [
+        _line(model, data, path, group, prefix)
+        for path, group in islice(reported.items(), MOST_ERRORS)
+    ]
+    return lines + (
+        [f"and {len(reported) - MOST_ERRORS} more errors"] if len(reported) > MOST_ERRORS else []
+    )
 
 
-def nearest(word: str, allowed: Sequence[str]) -> str:
+def allowed_hint(word: str, allowed: Sequence[str]) -> str:
     """A sentence on what is allowed, led by the nearest match if one is near."""
-    close = _closest(word, allowed)
+    close = _closest_match(word, allowed)
     hint = f"did you mean '{close}'? " if close else ""
     return f"{hint}allowed: {', '.join(allowed)}"
 
 
-def _closest(word: str, allowed: Sequence[str]) -> str | None:
-    found = difflib.get_close_matches(word[:100], allowed, n=1, cutoff=0.5)
-    return found[0] if found else None
+def _closest_match(word: str, allowed: Sequence[str]) -> str | None:
+    matches = difflib.get_close_matches(word[:100], allowed, n=1, cutoff=0.5)
+    return matches[0] if matches else None
 
 
 def _path(data: Any, error: Any) -> Path:
@@ -122,21 +127,21 @@ def _path(data: Any, error: Any) -> Path:
     out: list[Any] = []
     *parents, last = error["loc"] or (None,)
     for part in parents:
-        if _has(data, part):
+        if _contains(data, part):
             out.append(part)
             data = data[part]
-    if _has(data, last) or error["type"] in ("missing", "extra_forbidden"):
+    if _contains(data, last) or error["type"] in ("missing", "extra_forbidden"):
         out.append(last)
     return tuple(out)
 
 
-def _has(data: Any, part: Any) -> bool:
+def _contains(data: Any, part: Any) -> bool:
     if isinstance(data, Mapping):
         return part in data
     return isinstance(data, list) and isinstance(part, int) and part < len(data)
 
 
-def _told_below(path: Path, errors: Sequence[Any], above: Collection[Path]) -> bool:
+def _has_faulty_entry(path: Path, errors: Sequence[Any], above: Collection[Path]) -> bool:
     """Whether an entry of the list at `path` is at fault, so that the list as such is not."""
     return path in above and all(e["type"] != "value_error" for e in errors)
 
@@ -144,18 +149,20 @@ def _told_below(path: Path, errors: Sequence[Any], above: Collection[Path]) -> b
 def _typos(model: type[BaseModel], grouped: Mapping[Path, Any]) -> set[Path]:
     """Paths that a misspelt key beside them was meant for."""
     every = (p for p, group in grouped.items() if group[0]["type"] == "extra_forbidden")
-    unknown = list(islice(every, MOST))
-    meant = {p: _closest(str(p[-1]), _keys_at(model, p[:-1])) for p in unknown}
+    unknown = list(islice(every, MOST_ERRORS))
+    meant = {p: _closest_match(str(p[-1]), _keys_at(model, p[:-1])) for p in unknown}
     return {(*p[:-1], key) for p, key in meant.items() if key is not None}
 
 
 def _line(
-    model: type[BaseModel], data: Any, path: Path, group: Sequence[Any], at: Sequence[str]
+    model: type[BaseModel], data: Any, path: Path, group: Sequence[Any], prefix: Sequence[str]
 ) -> str:
-    where, value = _dotted([*at, *path]), brief(_limited.repr(group[0]["input"]))
+    where, value = _dotted([*prefix, *path]), shorten(_short_repr.repr(group[0]["input"]))
     match group[0]["type"]:
         case "extra_forbidden":
-            hint = _elsewhere(model, path) or nearest(str(path[-1]), _keys_at(model, path[:-1]))
+            hint = _home_table(model, path) or allowed_hint(
+                str(path[-1]), _keys_at(model, path[:-1])
+            )
             return f"unknown key '{where}' (value {value}); {hint}"
         case "missing":
             return f"missing key '{where}'"
@@ -179,11 +186,11 @@ def _phrase(error: Any) -> str:
 def _dotted(parts: Sequence[Any]) -> str:
     out = ""
     for part in parts:
-        out += f"[{part}]" if isinstance(part, int) else f".{brief(str(part))}"
+        out += f"[{part}]" if isinstance(part, int) else f".{shorten(str(part))}"
     return out.lstrip(".")
 
 
-def _elsewhere(model: type[BaseModel], path: Path) -> str:
+def _home_table(model: type[BaseModel], path: Path) -> str:
     """Where an unknown key belongs when another table has a key of exactly that name."""
     homes = [
         name
@@ -212,7 +219,7 @@ def _table_in(annotation: Any) -> Any:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     for option in get_args(annotation):
-        found = _table_in(option)
-        if found is not None:
-            return found
+        table = _table_in(option)
+        if table is not None:
+            return table
     return None

@@ -29,7 +29,7 @@ from planner.machine.replay import RECORD_S, replay
 from planner.methods.registry import find_method
 from planner.methods.spec import Spec
 from planner.plan.plan import Plan
-from planner.problem.asked import with_changes
+from planner.problem.conditions import with_changes
 from planner.problem.problem import Problem
 from planner.problem.tables.kinds import parse_file
 from planner.problem.tables.machine_effects import MachineTable

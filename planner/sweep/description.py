@@ -16,7 +16,7 @@ from pydantic import BaseModel, ValidationError
 
 from planner.errors import InputError
 from planner.methods.spec import Spec, parse_specs
-from planner.problem.asked import with_changes
+from planner.problem.conditions import with_changes
 from planner.problem.problem import Problem, load_problem
 from planner.problem.tables.kinds import FILES, parse_file
 from planner.support.arrays import plain

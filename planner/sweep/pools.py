@@ -22,7 +22,7 @@ from typing import Any, Protocol
 
 from planner.errors import InputError
 from planner.support.package import ROOT, how_to_install
-from planner.support.tables import brief
+from planner.support.tables import shorten
 from planner.sweep.case import RESULTS, Request, Row, run_case
 
 ONE_THREAD = dict.fromkeys(
@@ -272,7 +272,7 @@ class ClusterPool:
         # Dask raises whatever the part of it that meets a strange answer raises.
         except Exception as error:
             raise InputError(
-                f"no Dask scheduler answers at {brief(address)}: {brief(str(error), 200)}"
+                f"no Dask scheduler answers at {shorten(address)}: {shorten(str(error), 200)}"
             ) from None
         try:
             self._refuse_unable(address)
@@ -339,13 +339,13 @@ def _refuse_junk(address: str) -> None:
     known = not given or scheme in ("tcp", "tls", "ws", "wss", "ucx")
     if not (known and host and numbered and host.isprintable() and " " not in host):
         raise InputError(
-            f"--cluster {brief(address)!r} is not the address of a Dask scheduler, as in"
+            f"--cluster {shorten(address)!r} is not the address of a Dask scheduler, as in"
             " tcp://host:8786"
         )
     try:
         socket.getaddrinfo(host.strip("[]"), int(port), type=socket.SOCK_STREAM)
     except (OSError, UnicodeError) as error:
-        raise InputError(f"no Dask scheduler answers at {brief(address)}: {error}") from None
+        raise InputError(f"no Dask scheduler answers at {shorten(address)}: {error}") from None
 
 
 def _able() -> bool:

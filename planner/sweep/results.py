@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from planner.errors import InputError
 from planner.plan.plan import Plan
-from planner.plan.samples import imported
+from planner.plan.samples import import_library
 from planner.support.files import refuse_unwritable, write_bytes, write_text
 from planner.support.tables import csv_text
 from planner.sweep.case import RESULTS
@@ -44,7 +44,7 @@ def load_sweep(db: str | Path, which: int | None = None) -> pandas.DataFrame:
     Raises:
         InputError: If pandas is not installed, or the file is missing or not a sweep database.
     """
-    pandas = imported("pandas")
+    pandas = import_library("pandas")
     columns, records = read(db, which)
     return pandas.DataFrame.from_records(records, columns=columns)
 
@@ -89,7 +89,7 @@ def export(db: str | Path, path: str | Path, which: int | None = None) -> Path:
     if Path(path).suffix == ".csv":
         return write_text(path, csv_text([columns, *zip(*cells.values(), strict=True)]))
     buffer = io.BytesIO()
-    imported("pandas").DataFrame(cells).to_parquet(buffer, engine="pyarrow", index=False)
+    import_library("pandas").DataFrame(cells).to_parquet(buffer, engine="pyarrow", index=False)
     return write_bytes(path, buffer.getvalue())
 
 
@@ -103,8 +103,8 @@ def refuse_unexportable(path: str | Path) -> None:
         raise InputError(f"cannot export to {path}: its name must end in {' or '.join(SUFFIXES)}")
     refuse_unwritable(path)
     if Path(path).suffix == ".parquet":
-        imported("pandas")
-        imported("pyarrow")
+        import_library("pandas")
+        import_library("pyarrow")
 
 
 def read(db: str | Path, which: int | None = None) -> tuple[list[str], list[Record]]:

@@ -15,8 +15,8 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from planner.errors import InputError
-from planner.problem.tables.kinds import unknown_elsewhere
-from planner.support.interrupts import Terminated, undisturbed
+from planner.problem.tables.kinds import local_only
+from planner.support.interrupts import Terminated, hold_signals
 from planner.support.progress import expect_listener
 from planner.sweep.case import Case, Row, case_at, cases
 from planner.sweep.description import Sweep
@@ -104,7 +104,7 @@ def run_sweep(
             try:
                 run.drive(pool)
             finally:
-                with undisturbed():  # a process that is not ended goes on to the end of its case
+                with hold_signals():  # a process that is not ended goes on to the end of its case
                     pool.close()
         store.refuse_lost()
         statuses = store.statuses(index)
@@ -137,7 +137,7 @@ def _refuse_unknown_elsewhere(sweep: Sweep) -> None:
     keys = {key.removeprefix("limits.") for point in sweep.points for key in point}
     limits = (f"requirement '{key}'" for key in sorted({*base.get("limits", {}), *keys}))
     methods = dict.fromkeys(f"method '{spec.method}'" for spec in sweep.methods)
-    if found := unknown_elsewhere(*methods, *(f"system '{kind}'" for kind in kinds), *limits):
+    if found := local_only(*methods, *(f"system '{kind}'" for kind in kinds), *limits):
         raise InputError(
             f"{' and '.join(found)}: registered in this process alone, so that no other can run the"
             " cases; name the function that registers it under the entry point planner.plugins of"

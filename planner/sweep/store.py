@@ -21,8 +21,8 @@ from types import TracebackType
 from typing import Any, Self
 
 from planner.errors import InputError
-from planner.support.files import named, parse_json, refuse_unwritable, written
-from planner.support.interrupts import undisturbed
+from planner.support.files import expect_path, parse_json, refuse_unwritable, written_paths
+from planner.support.interrupts import hold_signals
 from planner.sweep.case import RESULTS, Case, Row
 from planner.sweep.description import Sweep
 from planner.sweep.sweep_file import canonical, digest
@@ -70,7 +70,7 @@ class Database:
     """
 
     def __init__(self, path: str | Path, create: bool = False) -> None:
-        self.path = named(path)
+        self.path = expect_path(path)
         if create:
             refuse_unwritable(path)
         new = not os.path.exists(path)
@@ -83,7 +83,7 @@ class Database:
             found = os.stat(self.path)
             self._file = (found.st_dev, found.st_ino)
         if create:
-            written.append(self.path)  # from here on whoever ends this run says so
+            written_paths.append(self.path)  # from here on whoever ends this run says so
         try:
             with self.explained():
                 self._prepare(create)
@@ -181,7 +181,7 @@ class Database:
         A signal waits until its end: between two steps it would leave the transaction open, and
         what is finished could not be kept any more.
         """
-        with undisturbed(), self.explained():
+        with hold_signals(), self.explained():
             try:
                 self.db.execute("BEGIN IMMEDIATE")
                 yield

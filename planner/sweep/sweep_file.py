@@ -18,7 +18,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from planner.errors import InputError
 from planner.support.arrays import Array
-from planner.support.user_tables import Table, nearest
+from planner.support.user_tables import Table, allowed_hint
 
 MAX_POINTS = 1_000_000
 Whole = Annotated[int, Field(ge=0)]
@@ -63,7 +63,9 @@ class Distribution(Table):
     def _keys(cls, data: Any) -> Any:
         for key in data if isinstance(data, dict) else ():
             if key not in cls.model_fields:
-                raise ValueError(f"unknown key '{key}'; {nearest(str(key), [*cls.model_fields])}")
+                raise ValueError(
+                    f"unknown key '{key}'; {allowed_hint(str(key), [*cls.model_fields])}"
+                )
         return data
 
     @model_validator(mode="after")
@@ -101,7 +103,7 @@ class SampleTable(Table):
     def _keys(cls, data: Any) -> Any:
         for key in data if isinstance(data, dict) else ():
             if "." not in key and key not in cls._own:
-                hint = nearest(key, [*cls._own, "dotted keys of the problem"])
+                hint = allowed_hint(key, [*cls._own, "dotted keys of the problem"])
                 raise ValueError(f"unknown key '{key}'; {hint}")
         return data
 

@@ -41,9 +41,9 @@ class ChainedForm:
         self._feedback = Pointwise("feedback", [q], feedback)
         self._state: Pointwise | None = None
         self._inputs: Pointwise | None = None
-        self._both: Pointwise | None = None
-        if compiled := _compiled(system, links, q, feedback):
-            self._state, self._inputs, self._both = compiled
+        self._state_and_inputs: Pointwise | None = None
+        if compiled := _compile_functions(system, links, q, feedback):
+            self._state, self._inputs, self._state_and_inputs = compiled
 
     def __repr__(self) -> str:
         return f"ChainedForm({self.system!r})"
@@ -92,10 +92,10 @@ class ChainedForm:
 
     def both(self, z: Array, v: Array, branch: Array) -> tuple[Array, Array]:
         """`q` and `inputs`, in one call."""
-        if self._both is None:
+        if self._state_and_inputs is None:
             q = self._invert(z, branch)
             return q, self.u(q, v)
-        values = self._both(z, v, np.broadcast_to(branch, z.shape))
+        values = self._state_and_inputs(z, v, np.broadcast_to(branch, z.shape))
         return values[..., : self.system.size], values[..., self.system.size :]
 
     def margins(self, z: Array, branch: Array) -> Array:
@@ -134,7 +134,7 @@ def chained_form(system: TriangularSystem) -> ChainedForm:
     return ChainedForm(system)
 
 
-def _compiled(
+def _compile_functions(
     system: TriangularSystem, links: dict[int, tuple[Any, Any]], q: Any, feedback: Any
 ) -> tuple[Pointwise, Pointwise, Pointwise] | None:
     """(z, branch) → q, (z, v, branch) → u and → (q, u), if every link has an expression."""

@@ -28,9 +28,9 @@ from planner.systems.triangular_system import TriangularSystem, expect_system
 RANK_TOLERANCE = 1e-14
 """A singular value counts towards the rank when it exceeds this share of the largest."""
 
-_NEIGHBOURS = 8
-_RADIUS = 0.1
-_INFINITE = 1e12
+_NEIGHBOUR_POINTS = 8
+_NEIGHBOUR_RADIUS = 0.1
+_LARGEST_VALUE = 1e12
 
 
 @dataclass(frozen=True)
@@ -144,9 +144,9 @@ def controllability(
             infinite at q.
     """
     expect_system(system)
-    point = _checked(system, q, depth)
+    point = _check_arguments(system, q, depth)
     family, limit = brackets(system), depth or max(2, 2 * system.size - 3)
-    if not np.all(np.abs(family.values(point, 1)) < _INFINITE):
+    if not np.all(np.abs(family.values(point, 1)) < _LARGEST_VALUE):
         raise InputError(
             f"the kinematics of the {system.kind} are infinite at q = {point.tolist()}"
         )
@@ -157,7 +157,7 @@ def controllability(
         names += family.names(length)
         if depth is None and _rank(blocks, tolerance) == system.size:
             break
-    growth, around = _growth(blocks, tolerance), _around(point)
+    growth, around = _growth(blocks, tolerance), _nearby_points(point)
     reached = [k for k, rank in enumerate(growth, start=1) if rank == system.size]
     nearby = (_growth(_blocks(family, p, len(growth)), tolerance) for p in around)
     return Controllability(
@@ -167,7 +167,7 @@ def controllability(
         growth=growth,
         degree=reached[0] if reached else None,
         basis=_basis(blocks, names, growth),
-        singular_values=tuple(_values(blocks).tolist()),
+        singular_values=tuple(_singular_values(blocks).tolist()),
         tolerance=tolerance,
         involutive=all(_growth(_blocks(family, p, 2), tolerance)[1] == 2 for p in [point, *around]),
         chow=bool(reached),
@@ -175,7 +175,7 @@ def controllability(
     )
 
 
-def _checked(system: TriangularSystem, q: ArrayLike, depth: int | None) -> Array:
+def _check_arguments(system: TriangularSystem, q: ArrayLike, depth: int | None) -> Array:
     point = np.asarray(q, dtype=float)
     if point.shape != (system.size,) or not np.all(np.isfinite(point)):
         raise InputError(
@@ -187,12 +187,12 @@ def _checked(system: TriangularSystem, q: ArrayLike, depth: int | None) -> Array
     return point
 
 
-def _values(blocks: Sequence[Array]) -> Array:
+def _singular_values(blocks: Sequence[Array]) -> Array:
     return np.asarray(np.linalg.svd(np.concatenate(blocks), compute_uv=False))
 
 
 def _rank(blocks: Sequence[Array], tolerance: float) -> int:
-    values = _values(blocks)
+    values = _singular_values(blocks)
     return int(np.sum(values > tolerance * values[0]))
 
 
@@ -202,20 +202,20 @@ def _basis(blocks: Sequence[Array], names: Sequence[str], growth: Sequence[int])
     Among those of one length, the one that sticks out furthest is taken first.
     """
     chosen: list[int] = []
-    left, at = [block.copy() for block in blocks], 0
+    left, position = [block.copy() for block in blocks], 0
     for k, gain in enumerate(np.diff([0, *growth])):
         for _ in range(gain):
             best = int(np.argmax(np.linalg.norm(left[k], axis=1)))
             unit = left[k][best] / np.linalg.norm(left[k][best])
             left = [rest - np.outer(rest @ unit, unit) for rest in left]
-            chosen.append(at + best)
-        at += len(blocks[k])
+            chosen.append(position + best)
+        position += len(blocks[k])
     return tuple(names[k] for k in sorted(chosen))
 
 
-def _around(point: Array) -> list[Array]:
+def _nearby_points(point: Array) -> list[Array]:
     rng = np.random.default_rng(0)
-    steps = rng.uniform(-_RADIUS, _RADIUS, (_NEIGHBOURS, len(point)))
+    steps = rng.uniform(-_NEIGHBOUR_RADIUS, _NEIGHBOUR_RADIUS, (_NEIGHBOUR_POINTS, len(point)))
     return list(point + steps)
 
 
@@ -284,14 +284,14 @@ class Brackets:
 
     def names(self, length: int) -> list[str]:
         """Names of the brackets of exactly that length."""
-        return self._of_length(length)[0]
+        return self._fields_of_length(length)[0]
 
     def values(self, q: Array, length: int) -> Array:
         """The brackets of exactly that length at q (…, N), shape (…, count, N)."""
-        names, function = self._of_length(length)
+        names, function = self._fields_of_length(length)
         return function(q).reshape(*q.shape[:-1], len(names), q.shape[-1])
 
-    def _of_length(self, length: int) -> tuple[list[str], Pointwise]:
+    def _fields_of_length(self, length: int) -> tuple[list[str], Pointwise]:
         if length not in self._values:
             words = lyndon_words(length)
             function = Pointwise("brackets", [self._q], ca.vertcat(*map(self._field, words)))

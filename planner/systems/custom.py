@@ -66,8 +66,8 @@ class CustomSystem(TriangularSystem):
         self._coordinates = check_names(name, coordinates)
         self._inputs = (inputs[0], inputs[1])
         self._intervals = check_intervals(name, self._coordinates, intervals or {})
-        self._slopes_text = self._texts("slopes", slopes)
-        self._drive_text = self._texts("drive", drive)[0]
+        self._slopes_text = self._expression_texts("slopes", slopes)
+        self._drive_text = self._expression_texts("drive", drive)[0]
         self._build()
 
     # -- names ---------------------------------------------------------------------------------
@@ -91,11 +91,11 @@ class CustomSystem(TriangularSystem):
 
     def slopes_expr(self, q: Any) -> list[Any]:
         """f₃ … f_N."""
-        return [self._parsed(f"slopes[{k}]", s, q) for k, s in enumerate(self._slopes_text)]
+        return [self._parse(f"slopes[{k}]", s, q) for k, s in enumerate(self._slopes_text)]
 
     def drive_expr(self, q: Any) -> Any:
         """γ."""
-        return self._parsed("drive", self._drive_text, q)
+        return self._parse("drive", self._drive_text, q)
 
     # -- the chart -----------------------------------------------------------------------------
 
@@ -111,7 +111,7 @@ class CustomSystem(TriangularSystem):
 
     def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
         """The solution on the branch's side of the turn; NaN where there is none."""
-        solution, _ = self._solved(i, slope, q, branch)
+        solution, _ = self._solve_link(i, slope, q, branch)
         return np.where(solution.exists, solution.x, np.nan).reshape(np.shape(slope))
 
     def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
@@ -119,12 +119,12 @@ class CustomSystem(TriangularSystem):
 
         Where no solution exists the margin that fails is minus the missing part of the slope.
         """
-        solution, derivative = self._solved(i, slope, q, branch)
+        solution, derivative = self._solve_link(i, slope, q, branch)
         (low, high), x = self._intervals[i], solution.x
         pairs = [
             ((x - low) / (high - low), solution.short_low),
             ((high - x) / (high - low), solution.short_high),
-            (np.where(_nowhere(solution, slope), -1.0, derivative), solution.short_turn),
+            (np.where(_no_such_branch(solution, slope), -1.0, derivative), solution.short_turn),
         ]
         return [np.where(s > 0, -s, m).reshape(np.shape(slope)) for m, s in pairs]
 
@@ -157,7 +157,7 @@ class CustomSystem(TriangularSystem):
             labels.append((i, f"derivative of the slope of {following} by {this}"))
         return tuple(labels)
 
-    def _solved(self, i: int, slope: Array, q: Array, branch: Array) -> tuple[Preimage, Array]:
+    def _solve_link(self, i: int, slope: Array, q: Array, branch: Array) -> tuple[Preimage, Array]:
         """The solution of link i, and the signed derivative there."""
         points = np.where(np.arange(self.size) > i, q, 0.0).reshape(-1, self.size)
 
@@ -174,14 +174,14 @@ class CustomSystem(TriangularSystem):
     def _symbols(self, q: Any) -> dict[str, Any]:
         return {c.name: q[i] for i, c in enumerate(self._coordinates)}
 
-    def _parsed(self, what: str, text: str, q: Any) -> Any:
+    def _parse(self, what: str, text: str, q: Any) -> Any:
         return parse_expression(text, self._symbols(q), f"{self.name}: {what}")
 
-    def _texts(self, what: str, given: Any) -> list[str]:
+    def _expression_texts(self, what: str, given: Any) -> list[str]:
         """The texts of what was given as functions or texts; the system is built from these."""
         symbols = [ca.SX.sym(c.name) for c in self._coordinates]
-        made = given(ca.vertcat(*symbols)) if callable(given) else given
-        parts = [made] if what == "drive" else list(made)
+        values = given(ca.vertcat(*symbols)) if callable(given) else given
+        parts = [values] if what == "drive" else list(values)
         if what == "slopes" and len(parts) != self.size - 2:
             raise InputError(
                 f"{self.name}: {self.size} coordinates need {self.size - 2} slopes,"
@@ -218,7 +218,7 @@ class CustomSystem(TriangularSystem):
         }
 
 
-def _nowhere(solution: Preimage, slope: Array) -> NDArray[np.bool_]:
+def _no_such_branch(solution: Preimage, slope: Array) -> NDArray[np.bool_]:
     """Where the derivative has the branch's sign nowhere, though a slope is asked for."""
     return np.isnan(solution.x) & ~np.isnan(np.ravel(slope))
 

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from planner.errors import InputError
-from planner.support.tables import brief
+from planner.support.tables import shorten
 
 _NAMES = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh")
 
@@ -44,12 +44,12 @@ def parse_expression(text: str, symbols: Mapping[str, Any], where: str = "expres
     try:
         tree = ast.parse(text.strip(), mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise InputError(f"{where}: {brief(text)!r} is not an expression") from None
+        raise InputError(f"{where}: {shorten(text)!r} is not an expression") from None
     try:
-        return _Reader(brief(text), {"pi": np.pi, **symbols}, where).build(tree.body)
+        return _Reader(shorten(text), {"pi": np.pi, **symbols}, where).build(tree.body)
     except RecursionError:
         raise InputError(
-            f"{where}: {brief(text)!r} has too many terms or brackets ({len(text)} characters);"
+            f"{where}: {shorten(text)!r} has too many terms or brackets ({len(text)} characters);"
             " at most some hundred can be read"
         ) from None
 
@@ -57,23 +57,23 @@ def parse_expression(text: str, symbols: Mapping[str, Any], where: str = "expres
 @dataclass(frozen=True)
 class _Reader:
     text: str
-    known: Mapping[str, Any]
+    symbols: Mapping[str, Any]
     where: str
 
     def build(self, node: ast.expr) -> Any:
-        value = ca.SX(self._translated(node))
+        value = ca.SX(self._translate(node))
         if value.is_constant() and not value.is_regular():
             raise InputError(
                 f"{self.where}: {_source(node)!r} in {self.text!r} has no finite value"
             )
         return value
 
-    def _translated(self, node: ast.expr) -> Any:
+    def _translate(self, node: ast.expr) -> Any:
         match node:
             case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
-                return _finite(number, self.where)
-            case ast.Name(id=name) if name in self.known:
-                return self.known[name]
+                return _check_finite(number, self.where)
+            case ast.Name(id=name) if name in self.symbols:
+                return self.symbols[name]
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
                 return _BINARY[type(op)](self.build(left), self.build(right))
             case ast.UnaryOp(op=ast.USub(), operand=operand):
@@ -84,11 +84,11 @@ class _Reader:
                 return _call(name, [self.build(a) for a in args], self.where)
         raise InputError(
             f"{self.where}: {_source(node)!r} in {self.text!r} is not understood; names:"
-            f" {', '.join(self.known)}; functions: {', '.join(FUNCTIONS)}; operators: + - * / **"
+            f" {', '.join(self.symbols)}; functions: {', '.join(FUNCTIONS)}; operators: + - * / **"
         )
 
 
-def _finite(number: float, where: str) -> float:
+def _check_finite(number: float, where: str) -> float:
     try:
         return float(number)
     except OverflowError:
@@ -96,7 +96,7 @@ def _finite(number: float, where: str) -> float:
 
 
 def _source(node: ast.expr) -> str:
-    return brief(ast.unparse(node))
+    return shorten(ast.unparse(node))
 
 
 def _call(name: str, args: list[Any], where: str) -> Any:
@@ -106,7 +106,7 @@ def _call(name: str, args: list[Any], where: str) -> Any:
     return FUNCTIONS[name](*args)
 
 
-_WRITTEN = {
+_OPERATORS = {
     ca.OP_ADD: "({} + {})",
     ca.OP_SUB: "({} - {})",
     ca.OP_MUL: "({} * {})",
@@ -151,9 +151,9 @@ def write_expression(expression: Any, where: str = "expression") -> str:
             return repr(float(node))
         if node.is_symbolic():
             return str(node.name())
-        if node.op() not in _WRITTEN:
+        if node.op() not in _OPERATORS:
             allowed = f"+ - * / ** and {', '.join(FUNCTIONS)}"
             raise InputError(f"{where}: {node} cannot be written in a file; use {allowed}")
-        return _WRITTEN[node.op()].format(*(text(node.dep(k)) for k in range(node.n_dep())))
+        return _OPERATORS[node.op()].format(*(text(node.dep(k)) for k in range(node.n_dep())))
 
     return text(scalar)

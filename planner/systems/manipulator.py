@@ -125,9 +125,9 @@ class Manipulator(TriangularSystem):
             raise InputError(f"k_g_rule = {rule!r} is unknown; use 'chain' or 'printed'")
         value, said = (k_g, "given") if k_g is not None else rules[rule]
         K = [gear.k(i) / value for i in range(2, n + 1)]
-        made = cls(K, value, link_lengths, said)
-        made.gear = gear
-        return made
+        manipulator = cls(K, value, link_lengths, said)
+        manipulator.gear = gear
+        return manipulator
 
     def shorter(self) -> Manipulator:
         """The arm of joints 2 … n.
@@ -238,7 +238,7 @@ class Manipulator(TriangularSystem):
         return np.asarray(branch[i] * angle)
 
     def link_expr(self, i: int, slope: Any, q: list[Any], branch: Any) -> Any:
-        """The same."""
+        """The angle θᵢ from its slope, as an expression."""
         ratio = slope / self.K[i - 1]
         w = ratio * prod([ca.cos(q[j]) for j in range(i + 1, self.n - 1)])
         if i == self.n - 1:
@@ -257,7 +257,7 @@ class Manipulator(TriangularSystem):
         return np.asarray(pairs.reshape(*q.shape[:-1], 2 * (self.n - 1)))
 
     def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
-        """The same."""
+        """As `chart_margins`, as expressions."""
         out = []
         for i in range(1, self.n):
             s, c = branch[i] * ca.sin(q[i]), ca.cos(q[i])

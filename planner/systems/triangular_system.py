@@ -101,14 +101,14 @@ class TriangularSystem(ABC):
 
     def slopes(self, q: Array) -> Array:
         """f₃ … f_N, shape (…, N−2), at q (…, N): the path form dqᵢ/dq₁."""
-        return self._pointwise[0](q)
+        return self._pointwise_functions[0](q)
 
     def drive(self, q: Array) -> Array:
         """γ(q), shape (…,), at q (…, N)."""
-        return self._pointwise[1](q)[..., 0]
+        return self._pointwise_functions[1](q)[..., 0]
 
     @cached_property
-    def _pointwise(self) -> tuple[Pointwise, Pointwise]:
+    def _pointwise_functions(self) -> tuple[Pointwise, Pointwise]:
         """The expressions of slopes and drive, evaluated at arrays."""
         q = ca.SX.sym("q", self.size)
         slopes = ca.vertcat(*(ca.SX(f) for f in self.slopes_expr(q)))
@@ -174,12 +174,12 @@ class TriangularSystem(ABC):
         By default its kind and its public attributes: the constants that the constructor stored
         under the names of its keys.
         """
-        own = {
+        constants = {
             name: np.asarray(value).tolist() if isinstance(value, np.ndarray | tuple) else value
             for name, value in vars(self).items()
             if not name.startswith("_") and not hasattr(type(self), name)
         }
-        return {"kind": self.kind, **own}
+        return {"kind": self.kind, **constants}
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, TriangularSystem) and self._text == other._text
@@ -213,12 +213,12 @@ class TangentSystem(TriangularSystem):
 
         By default read off the slopes at 0 and 45 degrees.
         """
-        at = np.array(q, dtype=float)
-        at[..., :i] = 0.0
-        at[..., i] = 0.0
-        offset = self.slopes(at)[..., i - 1]
-        at[..., i] = np.pi / 4
-        return offset, self.slopes(at)[..., i - 1] - offset
+        state = np.array(q, dtype=float)
+        state[..., :i] = 0.0
+        state[..., i] = 0.0
+        offset = self.slopes(state)[..., i - 1]
+        state[..., i] = np.pi / 4
+        return offset, self.slopes(state)[..., i - 1] - offset
 
     def branch(self, q: Array) -> Array:
         """For each link 2k + 1 when the angle is within 90° of k half turns, and 0 on the edge.
@@ -242,11 +242,11 @@ class TangentSystem(TriangularSystem):
 
     def link_expr(self, i: int, slope: Any, q: list[Any], branch: Any) -> Any:
         """The same, with offset and gain read off the link at 0 and 45 degrees."""
-        at = [*q]
-        at[i] = ca.SX(0)
-        offset = self.slopes_expr(at)[i - 1]
-        at[i] = ca.SX(np.pi / 4)
-        gain = self.slopes_expr(at)[i - 1] - offset
+        state = [*q]
+        state[i] = ca.SX(0)
+        offset = self.slopes_expr(state)[i - 1]
+        state[i] = ca.SX(np.pi / 4)
+        gain = self.slopes_expr(state)[i - 1] - offset
         return ca.atan((slope - offset) / gain) + (branch[i] - 1) / 2 * np.pi
 
     def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
@@ -260,7 +260,7 @@ class TangentSystem(TriangularSystem):
         return np.asarray(np.where(branch[1:-1] == 0, -np.abs(c), c) * np.abs(c))
 
     def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
-        """The same."""
+        """As `chart_margins`, as expressions."""
         cosines = [ca.cos(q[i] - _centre(branch)[i]) for i in range(1, self.size - 1)]
         signs = np.where(branch[1:-1] == 0, -1.0, 1.0)
         return [

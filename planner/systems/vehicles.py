@@ -277,10 +277,10 @@ class Trailers(TangentSystem):
         hitches = []
         for k, length in enumerate(self.trailer_lengths_m):
             angle = q[..., k + 2]
-            own = speed * np.sin(angle) / length
+            trailer_turn = speed * np.sin(angle) / length
             speed = speed * np.cos(angle)
-            hitches.append(turn - own)
-            turn = own
+            hitches.append(turn - trailer_turn)
+            turn = trailer_turn
         x, y = speed * np.cos(q[..., -2]), speed * np.sin(q[..., -2])
         return np.stack(np.broadcast_arrays(x, u[..., 1], *hitches, turn, y), axis=-1)
 

@@ -34,11 +34,11 @@ import numpy as np
 
 from planner.support.arrays import Array
 from planner.verification.models import (
-    INFLATE,
-    LEBESGUE,
+    COEFFICIENT_SUM_BOUND,
+    LEBESGUE_BOUND,
     POINTS,
-    SUMS,
-    UNIT,
+    ROUNDING_FACTOR,
+    ROUNDING_UNIT,
     Index,
     Model,
     evaluation,
@@ -49,25 +49,25 @@ RHO = np.array([1.0, 1.6, 2.25, 3.15, 4.4, 6.2, 8.7, 12.2, 17.0])
 """Of the segment and of the ellipses. On 1.6 cells too wide for the others still have a bound; on
 17 what is left over is rounding (17⁻¹⁵ = 4e-19)."""
 
-_REAL = np.arange(POINTS + len(RHO)) <= POINTS
+REAL_COLUMNS = np.arange(POINTS + len(RHO)) <= POINTS
 """Columns on which f is real: the points and the segment."""
 
 
 def _column(at_points: float, on_ellipses: Array) -> Array:
     """A bound for every column, rounded upwards."""
-    return np.append(np.full(POINTS, at_points), on_ellipses) * (1 + 8 * UNIT)
+    return np.append(np.full(POINTS, at_points), on_ellipses) * (1 + 8 * ROUNDING_UNIT)
 
 
-RADIUS = _column(0.0, (RHO + 1 / RHO) / 2)
+RADIUS_COLUMN = _column(0.0, (RHO + 1 / RHO) / 2)
 """R, the greatest |z|."""
 
-SQUARE = _column(0.0, (RHO**2 + RHO**-2) / 4)
+SQUARE_COLUMN = _column(0.0, (RHO**2 + RHO**-2) / 4)
 """Bound of |z² − 1/2|: z = (w + 1/w)/2 with |w| ≤ ρ has z² − 1/2 = (w² + w⁻²)/4."""
 
-HALF = np.append(np.zeros(POINTS), np.full(len(RHO), 0.5))
+HALF_COLUMN = np.append(np.zeros(POINTS), np.full(len(RHO), 0.5))
 
 with np.errstate(divide="ignore"):
-    CUT = 4 * RHO ** (1 - POINTS) / (RHO - 1) * (1 + 64 * UNIT)
+    CUT = 4 * RHO ** (1 - POINTS) / (RHO - 1) * (1 + 64 * ROUNDING_UNIT)
 """What interpolation leaves over, for r = 1; infinite on the segment."""
 
 
@@ -87,24 +87,24 @@ class Ball:
     @cached_property
     def size(self) -> Array:
         """Bound of |c + b z|."""
-        return np.abs(self.c) + np.abs(self.b) * RADIUS
+        return np.abs(self.c) + np.abs(self.b) * RADIUS_COLUMN
 
     @cached_property
     def reach(self) -> Array:
         """δ, a bound of |f − c|."""
-        return (np.abs(self.b) * RADIUS + self.r) * INFLATE
+        return (np.abs(self.b) * RADIUS_COLUMN + self.r) * ROUNDING_FACTOR
 
-    def updated(self, rows: Index, fresh: Index, new: Ball) -> Ball:
+    def replace_rows(self, rows: Index, fresh: Index, new: Ball) -> Ball:
         """Some rows, those of a mask `fresh` replaced by other ones."""
-        out = [x[rows] for x in _parts(self)]
-        for own, other in zip(out, _parts(new), strict=True):
-            own[fresh] = other
+        out = [x[rows] for x in _arrays(self)]
+        for part, other in zip(out, _arrays(new), strict=True):
+            part[fresh] = other
         return Ball(*out)
 
     # -- to real intervals ---------------------------------------------------------------------
 
     @cached_property
-    def left_over(self) -> Array:
+    def remainder(self) -> Array:
         """Bound of what interpolation at the points leaves over, shape (C,)."""
         return np.asarray(np.fmin.reduce(self.r[:, POINTS:] * CUT, axis=1))
 
@@ -114,19 +114,19 @@ class Ball:
         return np.asarray(np.max(self.r[:, :POINTS], axis=1))
 
     @property
-    def rough(self) -> Array:
+    def relative_remainder(self) -> Array:
         """The same over the greatest value or one, and zero where rounding hides it; infinite
         where nothing is known."""
         size = np.maximum(np.max(np.abs(self.c[:, :POINTS]), axis=1), 1.0)
-        hidden = self.left_over <= self.points_wrong
-        rough = np.where(hidden, 0.0, self.left_over / size)
+        hidden = self.remainder <= self.points_wrong
+        rough = np.where(hidden, 0.0, self.remainder / size)
         return np.asarray(np.where(np.isnan(rough), np.inf, rough))
 
     @property
     def range(self) -> tuple[Array, Array]:
         """Lower and upper bound on each cell's segment, shape (C,)."""
-        c, reach = self.c[:, POINTS], self.reach[:, POINTS] * INFLATE
-        slip = UNIT * np.abs(c)
+        c, reach = self.c[:, POINTS], self.reach[:, POINTS] * ROUNDING_FACTOR
+        slip = ROUNDING_UNIT * np.abs(c)
         return c - reach - slip, c + reach + slip
 
     # -- arithmetic ----------------------------------------------------------------------------
@@ -137,10 +137,10 @@ class Ball:
     def __add__(self, other: Ball | float) -> Ball:
         if not isinstance(other, Ball):
             c = self.c + other
-            return Ball(c, self.b, (self.r + UNIT * np.abs(c)) * INFLATE)
+            return Ball(c, self.b, (self.r + ROUNDING_UNIT * np.abs(c)) * ROUNDING_FACTOR)
         c, b = self.c + other.c, self.b + other.b
-        r = self.r + other.r + UNIT * (np.abs(c) + np.abs(b) * RADIUS)
-        return Ball(c, b, r * INFLATE)
+        r = self.r + other.r + ROUNDING_UNIT * (np.abs(c) + np.abs(b) * RADIUS_COLUMN)
+        return Ball(c, b, r * ROUNDING_FACTOR)
 
     def __sub__(self, other: Ball | float) -> Ball:
         return self + (-other)
@@ -154,29 +154,29 @@ class Ball:
         if not isinstance(other, Ball):
             return self.scaled(np.float64(other))
         bent = self.b * other.b
-        c = self.c * other.c + bent * HALF
+        c = self.c * other.c + bent * HALF_COLUMN
         b = self.c * other.b + self.b * other.c
-        r = self.r * (other.size + other.r) + other.r * self.size + np.abs(bent) * SQUARE
-        return Ball(c, b, (r + 3 * UNIT * self.size * other.size) * INFLATE)
+        r = self.r * (other.size + other.r) + other.r * self.size + np.abs(bent) * SQUARE_COLUMN
+        return Ball(c, b, (r + 3 * ROUNDING_UNIT * self.size * other.size) * ROUNDING_FACTOR)
 
     __radd__ = __add__
     __rmul__ = __mul__
 
     def scaled(self, by: Array | np.float64) -> Ball:
         """Times a number, or one on each cell (C, 1)."""
-        r = self.r + UNIT * self.size
-        return Ball(self.c * by, self.b * by, np.abs(by) * r * INFLATE)
+        r = self.r + ROUNDING_UNIT * self.size
+        return Ball(self.c * by, self.b * by, np.abs(by) * r * ROUNDING_FACTOR)
 
-    def widened(self, by: Array) -> Ball:
+    def widen(self, by: Array) -> Ball:
         """With greater radii; shape (C, 1) or (C, 25)."""
-        return Ball(self.c, self.b, (self.r + by) * INFLATE)
+        return Ball(self.c, self.b, (self.r + by) * ROUNDING_FACTOR)
 
 
-def _through(p: Ball, value: Array, slope: Array, rest: Array, units: float = 8.0) -> Ball:
+def _compose(p: Ball, value: Array, slope: Array, rest: Array, units: float = 8.0) -> Ball:
     """g(p), from g(c), g'(c) and a bound of the rest; both right to `units` of their sizes."""
     steep = np.abs(slope)
-    rounding = units * UNIT * (np.abs(value) + steep * p.reach)
-    return Ball(value, slope * p.b, (steep * p.r + rest + rounding) * INFLATE)
+    rounding = units * ROUNDING_UNIT * (np.abs(value) + steep * p.reach)
+    return Ball(value, slope * p.b, (steep * p.r + rest + rounding) * ROUNDING_FACTOR)
 
 
 # -- functions ---------------------------------------------------------------------------------
@@ -191,16 +191,16 @@ def sine_cosine(p: Ball) -> tuple[Ball, Ball]:
     bow = 2 * np.sinh(reach / 2) ** 2
     third = bow * reach / 3
     size = np.abs(s), np.abs(c)
-    slip = 4 * UNIT * (1 + reach)  # also where sin or cos is nearly zero
-    of_s = _through(p, s, c, size[0] * bow + size[1] * third + slip)
-    return of_s, _through(p, c, -s, size[1] * bow + size[0] * third + slip)
+    slip = 4 * ROUNDING_UNIT * (1 + reach)  # also where sin or cos is nearly zero
+    of_s = _compose(p, s, c, size[0] * bow + size[1] * third + slip)
+    return of_s, _compose(p, c, -s, size[1] * bow + size[0] * third + slip)
 
 
 def reciprocal(p: Ball) -> Ball:
     """1/p where |c| > δ: rest = d²/(c² (c + d))."""
     value, gap = 1 / p.c, np.abs(p.c) - p.reach
     rest = np.where(gap > 0, (p.reach * value) ** 2 / gap, np.inf)
-    return _through(p, value, -value * value, rest)
+    return _compose(p, value, -value * value, rest)
 
 
 def power(p: Ball, a: float) -> Ball:
@@ -214,11 +214,11 @@ def power(p: Ball, a: float) -> Ball:
         for _ in range(int(a) - 1):
             out = out * p
         return out
-    t = p.reach / p.c * INFLATE
+    t = p.reach / p.c * ROUNDING_FACTOR
     value = np.abs(p.c) ** a
-    most = np.maximum((1 - t) ** (a - 2), (1 + t) ** (a - 2)) * (1 + 2 * abs(a) * UNIT)
+    most = np.maximum((1 - t) ** (a - 2), (1 + t) ** (a - 2)) * (1 + 2 * abs(a) * ROUNDING_UNIT)
     rest = np.where((p.c > 0) & (t < 1), value * (abs(a * (a - 1)) / 2) * t * t * most, np.inf)
-    return _through(p, value, a * value / p.c, rest)
+    return _compose(p, value, a * value / p.c, rest)
 
 
 def exponential(p: Ball) -> Ball:
@@ -229,16 +229,16 @@ def exponential(p: Ball) -> Ball:
     """
     value, reach = np.exp(p.c), p.reach
     near = value * reach * np.expm1(np.minimum(reach, 2.0)) / 2
-    far = np.exp(p.c + reach + 2 * UNIT * (np.abs(p.c) + reach)) * (1 + 8 * UNIT)
+    far = np.exp(p.c + reach + 2 * ROUNDING_UNIT * (np.abs(p.c) + reach)) * (1 + 8 * ROUNDING_UNIT)
     rest = np.where(reach <= 2.0, near, far) + np.finfo(float).tiny
-    return _through(p, value, value, rest)
+    return _compose(p, value, value, rest)
 
 
 def logarithm(p: Ball) -> Ball:
     """log p where c > δ: rest = Σ tᵏ/k over k ≥ 2, at most t²/(2 (1 − t)) with t = δ/c."""
-    t = p.reach / p.c * INFLATE
+    t = p.reach / p.c * ROUNDING_FACTOR
     rest = np.where((p.c > 0) & (t < 1), t * t / 2 / (1 - t), np.inf)
-    return _through(p, np.log(p.c), 1 / p.c, rest)
+    return _compose(p, np.log(p.c), 1 / p.c, rest)
 
 
 def arctangent(p: Ball) -> Ball:
@@ -247,9 +247,9 @@ def arctangent(p: Ball) -> Ball:
     |g''| = |2z/((z − i)² (z + i)²)| ≤ 2 (|c| + δ)/(h − δ)⁴.
     """
     square, reach = 1 + p.c * p.c, p.reach
-    gap = np.sqrt(square) * (1 - 4 * UNIT) - reach
+    gap = np.sqrt(square) * (1 - 4 * ROUNDING_UNIT) - reach
     rest = np.where(gap > 0, reach**2 * (np.abs(p.c) + reach) / gap**4, np.inf)
-    return _through(p, np.arctan(p.c), 1 / square, rest)
+    return _compose(p, np.arctan(p.c), 1 / square, rest)
 
 
 def arcsine(p: Ball) -> Ball:
@@ -262,7 +262,7 @@ def arcsine(p: Ball) -> Ball:
     gap = near * (1 + size - reach)
     rest = np.where(near > 1e-6, reach**2 / 2 * (size + reach) / gap**1.5 * (1 + 1e-9), np.inf)
     slope = 1 / np.sqrt((1 - p.c) * (1 + p.c))
-    return _through(p, np.arcsin(p.c), slope, rest)
+    return _compose(p, np.arcsin(p.c), slope, rest)
 
 
 def arctangent2(y: Ball, x: Ball) -> Ball:
@@ -270,14 +270,14 @@ def arctangent2(y: Ball, x: Ball) -> Ball:
     low = np.abs(y.c) - y.reach, x.c - x.reach
     upright = low[0] > np.maximum(low[1], 0.0)
     over, under = (
-        Ball(*(np.where(upright, *pair) for pair in zip(_parts(m), _parts(n), strict=True)))
+        Ball(*(np.where(upright, *pair) for pair in zip(_arrays(m), _arrays(n), strict=True)))
         for m, n in ((x, y), (y, x))
     )
     angle = arctangent(over * reciprocal(under))
     quarter = np.where(upright, np.copysign(np.pi / 2, y.c), 0.0)
     turned = angle.scaled(np.where(upright, -1.0, 1.0)) + Ball(quarter, 0 * quarter, 0 * quarter)
-    slip = np.where(upright | (low[1] > 0), UNIT, np.inf)  # π/2 itself is rounded
-    return turned.widened(slip)
+    slip = np.where(upright | (low[1] > 0), ROUNDING_UNIT, np.inf)  # π/2 itself is rounded
+    return turned.widen(slip)
 
 
 def polynomial_balls(c: Array, r: Array) -> list[Ball]:
@@ -287,20 +287,22 @@ def polynomial_balls(c: Array, r: Array) -> list[Ball]:
     right to 4 units.
     """
     width = c.shape[2]
-    size, most = np.abs(c), _most(width)
-    slip = (width + 6) * UNIT * np.sum(size, axis=2) + r
-    centre, slope, radius = np.zeros((3, *r.shape, len(RADIUS)))
+    size, most = np.abs(c), _chebyshev_bounds(width)
+    slip = (width + 6) * ROUNDING_UNIT * np.sum(size, axis=2) + r
+    centre, slope, radius = np.zeros((3, *r.shape, len(RADIUS_COLUMN)))
     centre[..., :POINTS] = c @ evaluation(width).T
     centre[..., POINTS:] = c[..., :1]
     if width > 1:
         slope[..., POINTS:] = c[..., 1:2]
     radius[..., :POINTS] = slip[..., None]
-    radius[..., POINTS:] = (size[..., 2:] @ most[2:] + r[..., None] * most[-1]) * (1 + 64 * UNIT)
+    radius[..., POINTS:] = (size[..., 2:] @ most[2:] + r[..., None] * most[-1]) * (
+        1 + 64 * ROUNDING_UNIT
+    )
     return [Ball(*parts) for parts in zip(centre, slope, radius, strict=True)]
 
 
 @lru_cache(maxsize=32)
-def _most(width: int) -> Array:
+def _chebyshev_bounds(width: int) -> Array:
     """Bounds of |Tₖ| on the segment and the ellipses, shape (width, 9)."""
     k = np.arange(width)[:, None]
     return np.asarray((RHO**k + RHO ** (-1.0 * k)) / 2)
@@ -312,24 +314,26 @@ def models(balls: Sequence[Ball], cells: int) -> list[Model]:
     Errors of the values grow by Lebesgue's constant at most; a sum of 16 products whose factors are
     right to 4 units is wrong by less than 28 units of the sum of their sizes.
     """
-    c, b, r = np.empty((3, len(balls), cells, len(RADIUS)))
+    c, b, r = np.empty((3, len(balls), cells, len(RADIUS_COLUMN)))
     for i, ball in enumerate(balls):
-        c[i], b[i], r[i] = _parts(ball)
+        c[i], b[i], r[i] = _arrays(ball)
     v, line = c[:, :, :POINTS], r[:, :, POINTS]
     left_over = np.fmin.reduce(r[:, :, POINTS + 1 :] * CUT[1:], axis=2)
-    wrong = LEBESGUE * np.max(r[:, :, :POINTS], axis=2)
-    rest = left_over + wrong + 28 * UNIT * SUMS * np.max(np.abs(v), axis=2)
+    wrong = LEBESGUE_BOUND * np.max(r[:, :, :POINTS], axis=2)
+    rest = (
+        left_over + wrong + 28 * ROUNDING_UNIT * COEFFICIENT_SUM_BOUND * np.max(np.abs(v), axis=2)
+    )
     out = v @ interpolation().T
     rough = ~(rest <= line)
     out[rough] = 0.0
     out[rough, 0], out[rough, 1] = c[rough, POINTS], b[rough, POINTS]
-    rest = np.where(rough, line, rest) * INFLATE
+    rest = np.where(rough, line, rest) * ROUNDING_FACTOR
     unknown = ~np.isfinite(rest)
     out[unknown], rest[unknown] = 0.0, np.inf
     return [Model(*pair) for pair in zip(out, rest, strict=True)]
 
 
-def _parts(p: Ball) -> tuple[Array, Array, Array]:
+def _arrays(p: Ball) -> tuple[Array, Array, Array]:
     return p.c, p.b, p.r
 
 
@@ -341,13 +345,13 @@ def _sign(p: Ball) -> Array:
 
 def absolute(p: Ball) -> Ball:
     """±p where the sign is kept; else, on real columns only, its range [0, |c| + δ]."""
-    sign, half = _sign(p), np.where(_REAL, (np.abs(p.c) + p.reach) / 2, np.inf)
+    sign, half = _sign(p), np.where(REAL_COLUMNS, (np.abs(p.c) + p.reach) / 2, np.inf)
     c = np.where(sign == 0, half, p.c * sign)
-    return Ball(c, p.b * sign, np.where(sign == 0, half * (1 + 4 * UNIT), p.r))
+    return Ball(c, p.b * sign, np.where(sign == 0, half * (1 + 4 * ROUNDING_UNIT), p.r))
 
 
 def signum(p: Ball) -> Ball:
     """±1 where the sign is kept; else, on real columns only, [−1, 1]."""
     sign = _sign(p) + 0.0 * p.c
-    doubt = np.where(sign == 0, np.where(_REAL, 1.0, np.inf), 0.0)
+    doubt = np.where(sign == 0, np.where(REAL_COLUMNS, 1.0, np.inf), 0.0)
     return Ball(sign, np.zeros_like(sign), doubt)

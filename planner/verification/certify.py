@@ -14,36 +14,42 @@ from functools import lru_cache, singledispatch
 import casadi as ca
 import numpy as np
 
-from planner.plan.claims import Certificate, Claim, undecided
+from planner.plan.claims import Certificate, Claim, undecided_claim
 from planner.plan.plan import Plan, expect_plan
 from planner.plan.retimed import RetimedTrajectory
 from planner.problem.problem import Problem
 from planner.problem.requirements.ends import Duration, Goal, Start
 from planner.problem.requirements.limits import ChartDomain
 from planner.problem.requirements.places import Obstacle, Waypoint
-from planner.problem.requirements.requirement import At, Demand, Part, Requirement
+from planner.problem.requirements.requirement import Demand, MotionPoint, Part, Requirement
 from planner.problem.requirements.self_collision import SelfCollision
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
 from planner.verification.balls import Ball
 from planner.verification.enclosure import Enclosure
+from planner.verification.evidence import EnclosedMotion, Evidence, Obligation, Proof, decide
 from planner.verification.functions import Expression, UnboundedError
-from planner.verification.input_models import enclosed, resolve, source_of
-from planner.verification.known import Known, On, Proof, ToProve, decide
+from planner.verification.input_models import enclose_trajectory, resolve, source_of
 from planner.verification.models import Index, Margin, Model
-from planner.verification.places_proven import clearances, distance, joints, nearest, own_time
+from planner.verification.place_proofs import (
+    clearances,
+    distance_bounds,
+    joints,
+    nearest_time,
+    path_time,
+)
 from planner.verification.verify import GOAL_TOLERANCE, INTERPOLANT_TOLERANCE, LIMIT_TOLERANCE
 
-JUMP = 1e-7
+JUMP_TOLERANCE = 1e-7
 """Jump of an input, over its greatest value, that counts as one; as in `verify`."""
 
 DURATION_TOLERANCE = 1e-9
 """Error of a given duration, relative to it; as in `verify`."""
 
-OWN = Part("plan's q(t) against its integrated input", "", -np.inf, 0.0, 1.0)
+PLAN_DEVIATION = Part("plan's q(t) against its integrated input", "", -np.inf, 0.0, 1.0)
 """The distance of the plan's own q(t) from the motion, as `verify` calls it."""
 
-ON_MACHINE = "nothing is proven of the emulated machine, on which the inputs act"
+NO_PROOF_ON_MACHINE = "nothing is proven of the emulated machine, on which the inputs act"
 
 
 def certify(plan: Plan) -> Certificate:
@@ -81,117 +87,130 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int]:
         report, (part,) = plan.domain, problem.chart.parts
         broken = Claim(part.label, "violated", -np.inf, report.margin, report.time_s, part.unit)
         why = "the path leaves the chart's domain, where no real coordinates exist"
-        return [broken, *_unknown(problem, why, in_chart=False)], nothing, 0
+        return [broken, *_undecided_claims(problem, why, in_chart=False)], nothing, 0
     if why:
-        return _unknown(problem, why, not trajectory.in_coordinates), nothing, 0
+        return _undecided_claims(problem, why, not trajectory.in_coordinates), nothing, 0
     try:
         if plan.compensation is not None:
-            return _of_commands(plan), nothing, len(trajectory.breaks) - 1
-        source, motion, own = enclosed(trajectory, problem.start)
+            return _claims_on_commands(plan), nothing, len(trajectory.breaks) - 1
+        source, motion, plan_q = enclose_trajectory(trajectory, problem.start)
     except UnboundedError as error:
         why = f"nothing bounds {error}"
-        return _unknown(problem, why, not trajectory.in_coordinates), nothing, 0
-    path = Known(motion, source)
+        return _undecided_claims(problem, why, not trajectory.in_coordinates), nothing, 0
+    path = EnclosedMotion(motion, source)
     if isinstance(trajectory, RetimedTrajectory):
-        path = Known(motion, source, frozenset("q"), trajectory)
-    on = On(plan, path, own)
-    claims = decide([found for demand in problem.demands for found in prove(demand, on)])
-    gaps = [a - b for a, b in zip(own, motion.states, strict=True)]
+        path = EnclosedMotion(motion, source, frozenset("q"), trajectory)
+    evidence = Evidence(plan, path, plan_q)
+    claims = decide([proof for demand in problem.demands for proof in prove(demand, evidence)])
+    gaps = [a - b for a, b in zip(plan_q, motion.states, strict=True)]
     most = np.array([float(np.max(gap.size)) for gap in gaps])
     ends = [np.abs(end) - slip for end, slip in (gap.at_end() for gap in gaps)]
     reached = max(float(np.max(np.nan_to_num(end, nan=-np.inf))) for end in ends)
     low, high = (INTERPOLANT_TOLERANCE - x for x in (max(most.tolist()), max(reached, 0.0)))
-    claims.append(path.claim(OWN, INTERPOLANT_TOLERANCE, low, high, np.nan))
+    claims.append(path.claim(PLAN_DEVIATION, INTERPOLANT_TOLERANCE, low, high, np.nan))
     return claims, most, len(motion.cells.piece)
 
 
-def _of_commands(plan: Plan) -> list[Claim]:
+def _claims_on_commands(plan: Plan) -> list[Claim]:
     """Of a compensated plan, whose inputs are commands: only these, and how long they take."""
     source = source_of(plan.trajectory)
-    on = On(plan, Known(resolve(source), source, frozenset({"u", "du"})), [])
-    found: list[Proof] = []
+    evidence = Evidence(plan, EnclosedMotion(resolve(source), source, frozenset({"u", "du"})), [])
+    proofs: list[Proof] = []
     for demand in plan.problem.demands:
         reads = demand.reads if isinstance(demand, Requirement) else {"q"}
-        if isinstance(demand, Duration) or reads <= on.path.reads:
-            found += prove(demand, on)
+        if isinstance(demand, Duration) or reads <= evidence.path.reads:
+            proofs += prove(demand, evidence)
         elif not demand.in_chart:
-            found += _undecided(demand, ON_MACHINE)
-    return [*decide(found), undecided(OWN.label, OWN.unit, ON_MACHINE)]
+            proofs += _undecided(demand, NO_PROOF_ON_MACHINE)
+    return [
+        *decide(proofs),
+        undecided_claim(PLAN_DEVIATION.label, PLAN_DEVIATION.unit, NO_PROOF_ON_MACHINE),
+    ]
 
 
-def _unknown(problem: Problem, why: str, in_chart: bool) -> list[Claim]:
+def _undecided_claims(problem: Problem, why: str, in_chart: bool) -> list[Claim]:
     """All requirements, where nothing could be bounded."""
-    asked = [each for each in problem.demands if in_chart or not each.in_chart]
-    parts = [(each, part) for each in asked for part in each.parts]
+    demands = [each for each in problem.demands if in_chart or not each.in_chart]
+    parts = [(each, part) for each in demands for part in each.parts]
     free = np.isnan(problem.target)
-    known = [p for each, p in parts if not (isinstance(each, Goal) and free[p.index])]
-    return [undecided(p.label, p.unit, why) for p in [*known, OWN]]
+    kept = [p for each, p in parts if not (isinstance(each, Goal) and free[p.index])]
+    return [undecided_claim(p.label, p.unit, why) for p in [*kept, PLAN_DEVIATION]]
 
 
 # -- one proof for each kind of requirement ------------------------------------------------------
 
 
 @singledispatch
-def prove(demand: Demand, on: On) -> Iterable[Proof]:
+def prove(demand: Demand, evidence: Evidence) -> Iterable[Proof]:
     """What to prove of a demand, or claims that are decided already."""
     return _undecided(demand, "no proof is written for this kind of requirement")
 
 
 def _undecided(demand: Demand, why: str, required: bool = True) -> list[Claim]:
-    return [undecided(part.label, part.unit, why, required) for part in demand.parts]
+    return [undecided_claim(part.label, part.unit, why, required) for part in demand.parts]
 
 
 @prove.register
-def _(required: Requirement, on: On) -> Iterable[Proof]:
+def _(required: Requirement, evidence: Evidence) -> Iterable[Proof]:
     """By its rows: at all times, or at the end alone."""
     reads = required.reads
-    if not required.smooth or ("du" in reads and not required.plain):
+    if not required.smooth or ("du" in reads and not required.is_direct):
         return _undecided(required, "no proof is written for this kind of requirement")
-    known = on.known(reads)
-    if required.plain:
-        of = known.motion.states if "q" in reads else known.inputs if "u" in reads else known.rates
-        values = [of[part.index] for part in required.parts]
+    motion = evidence.motion_for(reads)
+    if required.is_direct:
+        models = (
+            motion.enclosure.states
+            if "q" in reads
+            else motion.inputs
+            if "u" in reads
+            else motion.rates
+        )
+        values = [models[part.index] for part in required.parts]
     else:
         try:
-            known, values = _shaped(required, on, known)
+            motion, values = _row_models(required, evidence, motion)
         except UnboundedError as error:
             return _undecided(required, f"nothing bounds {error}")
-    found: list[Proof] = []
+    proofs: list[Proof] = []
     for part, value in zip(required.parts, values, strict=True):
         margins: list[Margin] = [(-1.0, value, part.high), (1.0, value, -part.low)]
         if required.final:
             end, doubt = (float(x[-1]) for x in value.at_end())
             slack = GOAL_TOLERANCE * part.scale
             margin = slack + min(end - part.low, part.high - end)
-            found.append(known.claim(part, slack, margin - doubt, margin + doubt, known.end_s))
-        elif "du" in reads and (jump := _jump(part, known)):
-            found.append(jump)
+            proofs.append(motion.claim(part, slack, margin - doubt, margin + doubt, motion.end_s))
+        elif "du" in reads and (jump := _jump(part, motion)):
+            proofs.append(jump)
         else:
             finite = [margin for margin in margins if np.isfinite(margin[2])]
-            found.append(ToProve(part, finite, known))
-    return found
+            proofs.append(Obligation(part, finite, motion))
+    return proofs
 
 
-def _shaped(required: Requirement, on: On, known: Known) -> tuple[Known, list[Model]]:
+def _row_models(
+    required: Requirement, evidence: Evidence, motion: EnclosedMotion
+) -> tuple[EnclosedMotion, list[Model]]:
     """Models of its rows; on finer cells where a remainder hides whether a limit is kept."""
-    rows, names = _rows(on.plan.problem.system, required), sorted(required.reads)
+    rows, names = _rows(evidence.plan.problem.system, required), sorted(required.reads)
 
-    def values(motion: Enclosure) -> list[Model]:
-        return motion.models(*rows(*(getattr(motion, name) for name in names)))
+    def models_of(enclosure: Enclosure) -> list[Model]:
+        return enclosure.models(*rows(*(getattr(enclosure, name) for name in names)))
 
-    def coarse(motion: Enclosure, found: list[Model]) -> Index:
-        hidden = np.zeros(len(motion.cells.piece), dtype=bool)
-        for part, value in zip(required.parts, found, strict=True):
+    def coarse_cells(enclosure: Enclosure, models: list[Model]) -> Index:
+        hidden = np.zeros(len(enclosure.cells.piece), dtype=bool)
+        for part, value in zip(required.parts, models, strict=True):
             open_ = (value.low < part.low) | (value.high > part.high)
             hidden |= open_ & (value.r > LIMIT_TOLERANCE * part.scale)
-        read = [ball for name in names for ball in getattr(motion, name)]
+        read = [ball for name in names for ball in getattr(enclosure, name)]
         return np.asarray(hidden & np.all([np.isfinite(ball.range[0]) for ball in read], axis=0))
 
-    found = values(known.motion)
-    if not required.final and np.any(coarse(known.motion, found)):
-        known = on.finer(known, lambda motion: coarse(motion, values(motion)))
-        found = values(known.motion)
-    return known, found
+    models = models_of(motion.enclosure)
+    if not required.final and np.any(coarse_cells(motion.enclosure, models)):
+        motion = evidence.refine(
+            motion, lambda enclosure: coarse_cells(enclosure, models_of(enclosure))
+        )
+        models = models_of(motion.enclosure)
+    return motion, models
 
 
 @lru_cache(maxsize=64)
@@ -199,15 +218,15 @@ def _rows(system: TriangularSystem, required: Requirement | ChartDomain) -> Expr
     """The rows of a requirement, of what it reads in alphabetical order."""
     sizes = {"q": system.size, "u": 2, "du": 2}
     read = {name: ca.SX.sym(name, sizes[name]) for name in sorted(required.reads)}
-    rows = required.rows(At(system, **read))
+    rows = required.rows(MotionPoint(system, **read))
     if not rows:
         raise UnboundedError(f"the chart margins of system '{system.kind}'")
     return Expression(list(read.values()), ca.vertcat(*rows))
 
 
-def _jump(part: Part, known: Known) -> Claim | None:
+def _jump(part: Part, motion: EnclosedMotion) -> Claim | None:
     """The claim on a rate where the input jumps, or may jump, at a break; else None."""
-    cells, u = known.motion.cells, known.inputs[part.index]
+    cells, u = motion.enclosure.cells, motion.inputs[part.index]
     breaks = np.flatnonzero(np.diff(cells.piece))  # cells after which another piece begins
     if not len(breaks):
         return None
@@ -216,96 +235,104 @@ def _jump(part: Part, known: Known) -> Claim | None:
     peak = float(np.max(u.size, where=np.isfinite(u.size), initial=1e-12))
     worst = int(np.argmax(gap + doubt))
     when, most = float(cells.times(np.array([1.0]))[breaks[worst], 0]), (gap + doubt)[worst]
-    if np.max(gap - doubt) > JUMP * peak:
+    if np.max(gap - doubt) > JUMP_TOLERANCE * peak:
         return Claim(part.label, "violated", -np.inf, -np.inf, when, part.unit)
-    if most <= JUMP * peak:
+    if most <= JUMP_TOLERANCE * peak:
         return None
-    unit = known.source.trajectory.system.inputs[part.index].unit
+    unit = motion.source.trajectory.system.inputs[part.index].unit
     why = f"it may jump by {most:.3g} {unit}"
     return Claim(part.label, "undecided", -np.inf, np.nan, when, part.unit, True, why)
 
 
 @prove.register
-def _(chart: ChartDomain, on: On) -> Iterable[Proof]:
+def _(chart: ChartDomain, evidence: Evidence) -> Iterable[Proof]:
     """Every margin of the chart is positive; asked only of a plan in chained coordinates."""
-    asked = not on.plan.trajectory.in_coordinates
+    required = not evidence.plan.trajectory.in_coordinates
     try:
-        margins = _rows(on.plan.problem.system, chart)(on.path.motion.q)
+        balls = _rows(evidence.plan.problem.system, chart)(evidence.path.enclosure.q)
     except UnboundedError as error:
-        return _undecided(chart, f"nothing bounds {error}", asked)
+        return _undecided(chart, f"nothing bounds {error}", required)
     (part,) = chart.parts
-    wanted: list[Margin] = [(1.0, value, -part.low) for value in on.path.motion.models(*margins)]
-    return [ToProve(part, wanted, on.path, asked)]
+    margins: list[Margin] = [
+        (1.0, value, -part.low) for value in evidence.path.enclosure.models(*balls)
+    ]
+    return [Obligation(part, margins, evidence.path, required)]
 
 
 @prove.register
-def _(start: Start, on: On) -> Iterable[Proof]:
+def _(start: Start, evidence: Evidence) -> Iterable[Proof]:
     """The plan's own q(t) begins there, as the true motion does."""
     (part,) = start.parts
-    ends = [(float(q[0]), float(slip[0])) for q, slip in (model.at_begin() for model in on.own)]
-    away = [(abs(q - q0), slip) for (q, slip), q0 in zip(ends, on.plan.problem.start, strict=True)]
+    ends = [
+        (float(q[0]), float(slip[0])) for q, slip in (model.at_begin() for model in evidence.plan_q)
+    ]
+    away = [
+        (abs(q - q0), slip) for (q, slip), q0 in zip(ends, evidence.plan.problem.start, strict=True)
+    ]
     most, least = max(a + b for a, b in away), max(a - b for a, b in away)
     bounds = GOAL_TOLERANCE - most, GOAL_TOLERANCE - least
-    return [on.path.claim(part, GOAL_TOLERANCE, *bounds, 0.0)]
+    return [evidence.path.claim(part, GOAL_TOLERANCE, *bounds, 0.0)]
 
 
 @prove.register
-def _(goal: Goal, on: On) -> Iterable[Proof]:
+def _(goal: Goal, evidence: Evidence) -> Iterable[Proof]:
     """The true motion ends there."""
-    target = on.plan.problem.target
+    target = evidence.plan.problem.target
     for part in goal.parts:
         if not np.isnan(target[part.index]):
-            end, doubt = (float(x[-1]) for x in on.path.motion.states[part.index].at_end())
+            end, doubt = (float(x[-1]) for x in evidence.path.enclosure.states[part.index].at_end())
             margin = GOAL_TOLERANCE - abs(end - target[part.index])
             bounds = margin - doubt, margin + doubt
-            yield on.path.claim(part, GOAL_TOLERANCE, *bounds, on.path.end_s)
+            yield evidence.path.claim(part, GOAL_TOLERANCE, *bounds, evidence.path.end_s)
 
 
 @prove.register
-def _(duration: Duration, on: On) -> Iterable[Proof]:
-    (part,), slack, plan = duration.parts, DURATION_TOLERANCE * duration.seconds, on.plan
+def _(duration: Duration, evidence: Evidence) -> Iterable[Proof]:
+    (part,), slack, plan = duration.parts, DURATION_TOLERANCE * duration.seconds, evidence.plan
     margin = slack - abs(plan.duration - plan.lead_s - plan.tail_s - duration.seconds)
-    return [on.path.claim(part, 1e-6 * slack, margin, margin, np.nan)]
+    return [evidence.path.claim(part, 1e-6 * slack, margin, margin, np.nan)]
 
 
 @prove.register
-def _(disc: Obstacle, on: On) -> Iterable[Proof]:
+def _(disc: Obstacle, evidence: Evidence) -> Iterable[Proof]:
     centre = [Ball.constant(x) for x in disc.centre]
-    return _clear(on, centre, list(range(disc.links)), disc.parts, disc.radius)
+    return _clearance_claims(evidence, centre, list(range(disc.links)), disc.parts, disc.radius)
 
 
 @prove.register
-def _(required: SelfCollision, on: On) -> Iterable[Proof]:
+def _(required: SelfCollision, evidence: Evidence) -> Iterable[Proof]:
     """Each joint keeps off each link that is not next to it.
 
     While all are proven no two links cross that did not at the start, which the problem has
     excluded: by continuity an end of one would first touch the other.
     """
-    points = joints(on.plan.problem.system, on.path.motion)
-    for part, (place, link) in zip(required.parts, required.near, strict=True):
+    points = joints(evidence.plan.problem.system, evidence.path.enclosure)
+    for part, (place, link) in zip(required.parts, required.joint_link_pairs, strict=True):
         centre = points[2 * place : 2 * place + 2]
-        yield from _clear(on, centre, [link - 1], (part,), required.clearance)
+        yield from _clearance_claims(evidence, centre, [link - 1], (part,), required.clearance)
 
 
-def _clear(
-    on: On, centre: list[Ball], links: list[int], parts: tuple[Part, ...], by: float
+def _clearance_claims(
+    evidence: Evidence, centre: list[Ball], links: list[int], parts: tuple[Part, ...], radius: float
 ) -> Iterable[Proof]:
-    found = clearances(on.plan.problem.system, on.path.motion, centre, links, by)
-    for part, bound in zip(parts, found, strict=True):
-        yield on.path.claim(part, part.scale, bound.guaranteed, bound.attained, bound.time_s)
+    bounds = clearances(
+        evidence.plan.problem.system, evidence.path.enclosure, centre, links, radius
+    )
+    for part, bound in zip(parts, bounds, strict=True):
+        yield evidence.path.claim(part, part.scale, bound.guaranteed, bound.attained, bound.time_s)
 
 
 @prove.register
-def _(point: Waypoint, on: On) -> Iterable[Proof]:
+def _(point: Waypoint, evidence: Evidence) -> Iterable[Proof]:
     """It is passed, within `verify`'s tolerance: at its time, or at some time."""
-    (part,), asked = point.parts, point.time_s
-    if asked is None:
-        (when, nowhere), doubt = nearest(on.path.motion, point, GOAL_TOLERANCE), 0.0
+    (part,), time_s = point.parts, point.time_s
+    if time_s is None:
+        (when, nowhere), doubt = nearest_time(evidence.path.enclosure, point, GOAL_TOLERANCE), 0.0
     else:
-        (when, doubt), nowhere = own_time(on.plan.trajectory, asked), True
+        (when, doubt), nowhere = path_time(evidence.plan.trajectory, time_s), True
     if not np.isfinite(doubt):
-        why = f"where the motion is at t = {asked:.6g} s is not known"
-        return [undecided(part.label, "", why)]
-    low, high = distance(on.path.motion, point, when, doubt)
+        why = f"where the motion is at t = {time_s:.6g} s is not known"
+        return [undecided_claim(part.label, "", why)]
+    low, high = distance_bounds(evidence.path.enclosure, point, when, doubt)
     best = GOAL_TOLERANCE - low if nowhere else np.nan
-    return [on.path.claim(part, GOAL_TOLERANCE, GOAL_TOLERANCE - high, best, when)]
+    return [evidence.path.claim(part, GOAL_TOLERANCE, GOAL_TOLERANCE - high, best, when)]

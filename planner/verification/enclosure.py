@@ -28,27 +28,27 @@ from planner.plan.trajectory import Trajectory
 from planner.support.arrays import Array
 from planner.support.compiled_calls import Pointwise
 from planner.systems.triangular_system import TriangularSystem
-from planner.verification.balls import RADIUS, SQUARE, Ball, models, polynomial_balls
+from planner.verification.balls import RADIUS_COLUMN, SQUARE_COLUMN, Ball, models, polynomial_balls
 from planner.verification.functions import Expression
 from planner.verification.models import (
-    INFLATE,
+    INTEGRAL_BOUND,
     POINTS,
-    REACHES,
-    UNIT,
+    ROUNDING_FACTOR,
+    ROUNDING_UNIT,
     Model,
     integration,
     interpolation,
     nodes,
 )
 
-TUBES = (1e-6, 1e-3)
+TUBE_RADII = (1e-6, 1e-3)
 """Radii of the tube tried, in the coordinates' units."""
 
-SWEEPS = 12
-SETTLED = 1e-15
+MOST_SWEEPS = 12
+SWEEP_TOLERANCE = 1e-15
 """Change by a sweep, in the coordinates' units, that is rounding."""
 
-TRIES = 3
+PICARD_IMAGES = 3
 """Images of a ball under Picard's map."""
 
 
@@ -94,15 +94,15 @@ def enclose(path: Trajectory, cells: Cells, u: list[Ball], start: Array) -> Encl
     near, every = None, []
     for block in blocks(system):
         if not any(set(block) & rates.reads(i, 0) for i in block):
-            found = [whole(rates.entry(i, (q, u), done), cells) for i in block]
-            q |= {i: integral(f, width, start[i]) for i, f in zip(block, found, strict=True)}
+            balls = [full_ball(rates.entry(i, (q, u), done), cells) for i in block]
+            q |= {i: integral(f, width, start[i]) for i, f in zip(block, balls, strict=True)}
         else:
             if near is None:
                 guess = path.q(cells.times(nodes()))
                 near = _reference(system, cells, guess, u, start)
-            tubed, found = _tube(system, block, cells, (q, u), near, start)
+            tubed, balls = _tube(system, block, cells, (q, u), near, start)
             q |= tubed
-        every += found
+        every += balls
     return Enclosure(cells, [q[i] for i in range(system.size)], u, every)
 
 
@@ -117,28 +117,32 @@ def integral(f: Ball, width: Array, start: float) -> Ball:
     half, v = width / 2, f.c[:, :POINTS]
     steps = v @ integration().T * half[:, None]
     most = np.max(np.abs(v), axis=1)
-    wrong = half * (REACHES * f.points_wrong + 2 * f.left_over + 400 * UNIT * most)
+    wrong = half * (INTEGRAL_BOUND * f.points_wrong + 2 * f.remainder + 400 * ROUNDING_UNIT * most)
     left = start + np.append(0.0, np.cumsum(steps[:, -1])[:-1])
-    slips = wrong + 2 * UNIT * (np.abs(left) + np.abs(steps[:, -1]))
-    doubt = wrong + 4 * UNIT * np.abs(left)
+    slips = wrong + 2 * ROUNDING_UNIT * (np.abs(left) + np.abs(steps[:, -1]))
+    doubt = wrong + 4 * ROUNDING_UNIT * np.abs(left)
     doubt = (doubt + np.append(0.0, np.cumsum(slips)[:-1]))[:, None] * (1 + 1e-12)
-    at = left[:, None] + steps[:, :-1]
-    inside = Ball(at[:, :-1], np.zeros_like(v), np.repeat(doubt, POINTS, 1))
-    return _beside(inside, *_outwards(f, half[:, None], at[:, -1:], doubt))
+    places = left[:, None] + steps[:, :-1]
+    inside = Ball(places[:, :-1], np.zeros_like(v), np.repeat(doubt, POINTS, 1))
+    return _replace_ellipses(
+        inside, *_integral_on_ellipses(f, half[:, None], places[:, -1:], doubt)
+    )
 
 
-def _outwards(f: Ball, half: Array, middle: Array, doubt: Array) -> tuple[Array, Array, Array]:
+def _integral_on_ellipses(
+    f: Ball, half: Array, middle: Array, doubt: Array
+) -> tuple[Array, Array, Array]:
     """middle + ∫ f from the middle, on the segment and the ellipses."""
     slope, bend, r = (x[:, POINTS:] for x in (f.c, f.b, f.r))
     c, b = middle + half * bend / 4, half * slope
-    rest = half * (np.abs(bend) * SQUARE[POINTS:] / 2 + r * RADIUS[POINTS:])
-    rest = rest + doubt + 4 * UNIT * (np.abs(c) + np.abs(b) * RADIUS[POINTS:])
-    return c, b, rest * INFLATE
+    rest = half * (np.abs(bend) * SQUARE_COLUMN[POINTS:] / 2 + r * RADIUS_COLUMN[POINTS:])
+    rest = rest + doubt + 4 * ROUNDING_UNIT * (np.abs(c) + np.abs(b) * RADIUS_COLUMN[POINTS:])
+    return c, b, rest * ROUNDING_FACTOR
 
 
-def whole(f: Ball, cells: Cells) -> Ball:
+def full_ball(f: Ball, cells: Cells) -> Ball:
     """The ball with a row for each cell and all columns, also where it is a constant."""
-    shape = (len(cells.piece), len(RADIUS))
+    shape = (len(cells.piece), len(RADIUS_COLUMN))
     if f.c.shape == shape:
         return f
     return Ball(*(np.broadcast_to(x, shape) for x in (f.c, f.b, f.r)))
@@ -178,30 +182,30 @@ def _tube(
     """Balls of a block's coordinates, and of their rates at the reference."""
     (known, u), width = given, cells.width
     c = guess.transpose(2, 0, 1)[block] @ interpolation().T
-    p = {i: Model(own, 0 * width) for i, own in zip(block, c, strict=True)}
+    p = {i: Model(coefficients, 0 * width) for i, coefficients in zip(block, c, strict=True)}
     core = dict(zip(block, polynomial_balls(c, 0 * c[:, :, 0]), strict=True))
-    found = _rates(system, block, cells, known | core, u)
-    moved = [integral(f, width, start[i]) for i, f in zip(block, found, strict=True)]
+    image_rates = _rates(system, block, cells, known | core, u)
+    moved = [integral(f, width, start[i]) for i, f in zip(block, image_rates, strict=True)]
     images = models(moved, len(width))
     gaps = [(image - p[i]).size for i, image in zip(block, images, strict=True)]
     error = np.max(gaps, axis=0)
-    for most in TUBES:
-        wide = {i: ball.widened(np.array([[most]])) for i, ball in core.items()}
+    for most in TUBE_RADII:
+        wide = {i: ball.widen(np.array([[most]])) for i, ball in core.items()}
         size, high = _growth(system, cells, known | wide, u, block)
         mu, norm = _logarithmic_norm(size, high, block), np.max(np.sum(size[block], axis=1), axis=0)
-        radius = _transported(mu, norm, error, width) + error
+        radius = _error_bounds(mu, norm, error, width) + error
         if np.all(radius * (1 + 1e-12) < most):
             break
     inside = np.logical_and.accumulate(radius * (1 + 1e-12) < most)
     doubt = np.where(inside, radius * (1 + 1e-12), np.inf)[:, None]
-    return _on_ellipses(system, block, cells, (known, u), p, core, doubt), found
+    return _on_ellipses(system, block, cells, (known, u), p, core, doubt), image_rates
 
 
 def _rates(
     system: TriangularSystem, block: list[int], cells: Cells, q: dict[int, Ball], u: list[Ball]
 ) -> list[Ball]:
     done: dict[object, Ball] = {}
-    return [whole(rates_of(system).entry(i, (q, u), done), cells) for i in block]
+    return [full_ball(rates_of(system).entry(i, (q, u), done), cells) for i in block]
 
 
 def _growth(
@@ -219,14 +223,14 @@ def _growth(
     diagonal = np.zeros(size.shape[1:])
     for k, (i, j) in enumerate(zip(row, column, strict=True)):
         if i in block and j in block:
-            low, high = whole(entries.entry(k, (q, u), done), cells).range
+            low, high = full_ball(entries.entry(k, (q, u), done), cells).range
             size[i, j] = np.maximum(np.abs(low), np.abs(high))
             if i == j:
                 diagonal[i] = high
     return size, diagonal
 
 
-def strayed(system: TriangularSystem, motion: Enclosure, off: Array) -> Enclosure:
+def perturbed_motion(system: TriangularSystem, motion: Enclosure, off: Array) -> Enclosure:
     """The motion under inputs that differ from the motion's own by no more than `off` (2,), anyhow.
 
     With s the difference and J from the widened coordinates, the distance δ obeys, block by block,
@@ -235,10 +239,10 @@ def strayed(system: TriangularSystem, motion: Enclosure, off: Array) -> Enclosur
     all columns contain; so what is evaluated on them holds at that time.
     """
     cells, every = motion.cells, list(range(system.size))
-    still = np.zeros((len(cells.piece), len(RADIUS)))
+    still = np.zeros((len(cells.piece), len(RADIUS_COLUMN)))
     astray = [Ball(still, still, still + by) for by in off]
-    for most in TUBES:
-        wide = {i: ball.widened(np.array([[most]])) for i, ball in enumerate(motion.q)}
+    for most in TUBE_RADII:
+        wide = {i: ball.widen(np.array([[most]])) for i, ball in enumerate(motion.q)}
         size, high = _growth(system, cells, wide, motion.u, every)
         ranges = [f.range for f in _rates(system, every, cells, wide, astray)]
         push = np.array([np.maximum(np.abs(low), np.abs(up)) for low, up in ranges])
@@ -246,12 +250,12 @@ def strayed(system: TriangularSystem, motion: Enclosure, off: Array) -> Enclosur
         for block in blocks(system):
             force = push[block] + np.einsum("ijc,jc->ic", size[block], far)
             mu = _logarithmic_norm(size, high, block)
-            far[block] = _transported(mu, np.ones_like(mu), np.max(force, axis=0), cells.width)
+            far[block] = _error_bounds(mu, np.ones_like(mu), np.max(force, axis=0), cells.width)
         if np.all(far < most):
             break
     inside = np.logical_and.accumulate(np.all(far < most, axis=0))
     far = np.where(inside, far, np.inf)
-    q = [ball.widened(by[:, None]) for ball, by in zip(motion.q, far, strict=True)]
+    q = [ball.widen(by[:, None]) for ball, by in zip(motion.q, far, strict=True)]
     return Enclosure(cells, q, motion.u, motion.rates)
 
 
@@ -262,7 +266,7 @@ def _logarithmic_norm(size: Array, high: Array, block: list[int]) -> Array:
     return np.asarray(np.max(np.sum(off, axis=1), axis=0))
 
 
-def _transported(mu: Array, norm: Array, error: Array, width: Array) -> Array:
+def _error_bounds(mu: Array, norm: Array, error: Array, width: Array) -> Array:
     """Bounds (C,) of ‖x − P‖ anywhere in each cell, by the comparison equation cell after cell."""
     most = np.exp(np.maximum(mu, 0.0) * width) * (1 + 1e-9)
     across, pushed = np.exp(mu * width) * (1 + 1e-9), norm * error * width * most
@@ -284,27 +288,27 @@ def _on_ellipses(
 ) -> dict[int, Ball]:
     """The tube on the real columns, and beside it what Picard's map proves."""
     (known, u), half, signs = given, cells.width[:, None] / 2, (-1.0) ** np.arange(POINTS // 2)
-    nowhere = np.where(np.arange(len(RADIUS)) > POINTS, np.inf, doubt)
-    out = {i: ball.widened(nowhere) for i, ball in core.items()}
-    trial = {i: ball.widened(doubt + 0.2 * ball.reach) for i, ball in core.items()}
-    for _ in range(TRIES):
-        fits, images = np.ones((len(half), len(RADIUS) - POINTS), dtype=bool), []
+    nowhere = np.where(np.arange(len(RADIUS_COLUMN)) > POINTS, np.inf, doubt)
+    out = {i: ball.widen(nowhere) for i, ball in core.items()}
+    trial = {i: ball.widen(doubt + 0.2 * ball.reach) for i, ball in core.items()}
+    for _ in range(PICARD_IMAGES):
+        fits, images = np.ones((len(half), len(RADIUS_COLUMN) - POINTS), dtype=bool), []
         for i, f in zip(block, _rates(system, block, cells, known | trial, u), strict=True):
-            middle, slip = p[i].c[:, ::2] @ signs, 2 * POINTS * UNIT * p[i].norm
-            c, b, r = _outwards(f, half, middle[:, None], doubt + slip[:, None])
+            middle, slip = p[i].c[:, ::2] @ signs, 2 * POINTS * ROUNDING_UNIT * p[i].norm
+            c, b, r = _integral_on_ellipses(f, half, middle[:, None], doubt + slip[:, None])
             now = trial[i].c[:, POINTS:], trial[i].b[:, POINTS:], trial[i].r[:, POINTS:]
-            gap = np.abs(c - now[0]) + np.abs(b - now[1]) * RADIUS[POINTS:] + r
-            fits &= gap * INFLATE <= now[2]
+            gap = np.abs(c - now[0]) + np.abs(b - now[1]) * RADIUS_COLUMN[POINTS:] + r
+            fits &= gap * ROUNDING_FACTOR <= now[2]
             images.append((c, b, r))
         for i, (c, b, r) in zip(block, images, strict=True):
-            own = out[i].c[:, POINTS:], out[i].b[:, POINTS:], out[i].r[:, POINTS:]
-            pairs = zip((c, b, r), own, strict=True)
-            out[i] = _beside(out[i], *(np.where(fits, new, old) for new, old in pairs))
-            trial[i] = _beside(out[i], c, b, 1.2 * r)
+            ellipses = out[i].c[:, POINTS:], out[i].b[:, POINTS:], out[i].r[:, POINTS:]
+            pairs = zip((c, b, r), ellipses, strict=True)
+            out[i] = _replace_ellipses(out[i], *(np.where(fits, new, old) for new, old in pairs))
+            trial[i] = _replace_ellipses(out[i], c, b, 1.2 * r)
     return out
 
 
-def _beside(ball: Ball, c: Array, b: Array, r: Array) -> Ball:
+def _replace_ellipses(ball: Ball, c: Array, b: Array, r: Array) -> Ball:
     """The ball with other columns off the points."""
     pairs = zip((ball.c, ball.b, ball.r), (c, b, r), strict=True)
     return Ball(*(np.concatenate([old[:, :POINTS], new], axis=1) for old, new in pairs))
@@ -332,18 +336,18 @@ def _reference(
     width, middle = cells.width, POINTS // 2
     flow = _change(_jacobian(system)[3](guess[:, middle], inputs[:, middle]), width)
     smallest = np.inf
-    for _ in range(SWEEPS):
-        new = _swept(system, guess, inputs, width, flow, start)
+    for _ in range(MOST_SWEEPS):
+        new = _sweep(system, guess, inputs, width, flow, start)
         moved = float(np.max(np.abs(new - guess)))
         if not moved < smallest:
             break
         guess, smallest = new, moved
-        if moved < SETTLED:
+        if moved < SWEEP_TOLERANCE:
             break
     return guess
 
 
-def _swept(
+def _sweep(
     system: TriangularSystem, values: Array, inputs: Array, width: Array, flow: Array, start: Array
 ) -> Array:
     """One sweep; `flow` (C, N, N) is how a change at a cell's left end grows across it."""
@@ -351,13 +355,13 @@ def _swept(
     steps = np.einsum("mk,ckn->cmn", integration(), rates)
     signs = np.where(np.arange(POINTS) % 2 == 0, 1.0, -1.0)
     before = np.einsum("k,ckn->cn", signs @ interpolation(), values)
-    at, now = np.empty_like(before), start
+    starts, now = np.empty_like(before), start
     for k in range(len(values)):
-        at[k] = now
+        starts[k] = now
         now = now + steps[k, -1] + flow[k] @ (now - before[k])
-    change = np.einsum("cij,cj->ci", flow, at - before)
+    change = np.einsum("cij,cj->ci", flow, starts - before)
     share = (nodes() + 1) / 2
-    return np.asarray(at[:, None] + steps[:, :POINTS] + share[:, None] * change[:, None])
+    return np.asarray(starts[:, None] + steps[:, :POINTS] + share[:, None] * change[:, None])
 
 
 def _change(jacobian: Array, width: Array) -> Array:

@@ -15,9 +15,9 @@ from planner.support.calculus.bernstein import Bernstein, part
 from planner.support.calculus.chebyshev import from_bernstein
 from planner.verification import balls as f
 from planner.verification.balls import Ball, polynomial_balls
-from planner.verification.models import INFLATE, UNIT, Model
+from planner.verification.models import ROUNDING_FACTOR, ROUNDING_UNIT, Model
 
-Given = Sequence[Sequence[Ball] | Mapping[int, Ball]]
+ArgumentBalls = Sequence[Sequence[Ball] | Mapping[int, Ball]]
 """Balls of each argument's entries."""
 
 
@@ -46,28 +46,28 @@ class Expression:
         for k in range(function.n_instructions()):
             deadline.check_stopped()
             operation, inputs = function.instruction_id(k), function.instruction_input(k)
-            if operation not in _KNOWN:
+            if operation not in _SUPPORTED:
                 raise UnboundedError(f"operation {operation} of the system's expressions")
             if operation == ca.OP_OUTPUT:
                 self._ends[function.instruction_output(k)[1]] = holds[inputs[0]]
                 continue
-            own = operation in (ca.OP_INPUT, ca.OP_CONST)
+            is_leaf = operation in (ca.OP_INPUT, ca.OP_CONST)
             number = function.instruction_constant(k) if operation == ca.OP_CONST else 0.0
-            read = tuple(inputs) if own else tuple(holds[i] for i in inputs)
+            read = tuple(inputs) if is_leaf else tuple(holds[i] for i in inputs)
             holds[function.instruction_output(k)[0]] = len(self._steps)
             self._steps.append((operation, read, number))
-        self._needed = [self._before(end) for end in self._ends]
+        self._needed = [self._steps_to(end) for end in self._ends]
 
-    def _before(self, end: int) -> list[int]:
+    def _steps_to(self, end: int) -> list[int]:
         """The steps that a step rests on, and itself, in order."""
-        found, left = set(), [end] if end >= 0 else []
+        steps, left = set(), [end] if end >= 0 else []
         while left:
             k = left.pop()
-            if k not in found:
-                found.add(k)
+            if k not in steps:
+                steps.add(k)
                 operation, read, _ = self._steps[k]
                 left += [] if operation in (ca.OP_INPUT, ca.OP_CONST) else read
-        return sorted(found)
+        return sorted(steps)
 
     def reads(self, entry: int, argument: int) -> set[int]:
         """Which entries of an argument an entry of the value reads."""
@@ -79,7 +79,7 @@ class Expression:
         done: dict[Any, Ball] = {}
         return [self.entry(i, given, done) for i in range(self.size)]
 
-    def entry(self, i: int, given: Given, done: dict[Any, Ball]) -> Ball:
+    def entry(self, i: int, given: ArgumentBalls, done: dict[Any, Ball]) -> Ball:
         """One entry; `done` keeps what was evaluated, for the next with the same arguments."""
         for k in self._needed[i]:
             if k in done:
@@ -96,7 +96,7 @@ class Expression:
                     done[pair[0]], done[pair[1]] = f.sine_cosine(done[read[0]])
                 done[k] = _CIRCULAR[operation](done[pair[0]], done[pair[1]])
             else:
-                done[k] = _PLAIN[operation](*(done[j] for j in read))
+                done[k] = _ARITHMETIC[operation](*(done[j] for j in read))
         return done[self._ends[i]] if self._ends[i] >= 0 else Ball.constant(0.0)
 
 
@@ -123,7 +123,7 @@ def _hyperbolic_tangent(p: Ball) -> Ball:
 
 
 def _arccosine(p: Ball) -> Ball:
-    return (np.pi / 2 + (-f.arcsine(p))).widened(np.array([[UNIT]]))
+    return (np.pi / 2 + (-f.arcsine(p))).widen(np.array([[ROUNDING_UNIT]]))
 
 
 _CIRCULAR: dict[int, Callable[[Ball, Ball], Ball]] = {
@@ -132,7 +132,7 @@ _CIRCULAR: dict[int, Callable[[Ball, Ball], Ball]] = {
     ca.OP_TAN: lambda s, c: s * f.reciprocal(c),
 }
 
-_PLAIN: dict[int, Callable[..., Ball]] = {
+_ARITHMETIC: dict[int, Callable[..., Ball]] = {
     ca.OP_ASSIGN: lambda a: a,
     ca.OP_ADD: lambda a, b: a + b,
     ca.OP_SUB: lambda a, b: a - b,
@@ -158,7 +158,7 @@ _PLAIN: dict[int, Callable[..., Ball]] = {
     ca.OP_SIGN: f.signum,
 }
 
-_KNOWN = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *_CIRCULAR, *_PLAIN}
+_SUPPORTED = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *_CIRCULAR, *_ARITHMETIC}
 
 
 # -- piecewise polynomials -------------------------------------------------------------------------
@@ -167,12 +167,12 @@ _KNOWN = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *_CIRCULAR, *_PLAIN}
 def polynomials(curve: Bernstein, cells: Cells, order: int = 0) -> list[Model]:
     """The components of a piecewise polynomial with values (k,), or of a scalar one, or of a
     derivative of it in time."""
-    return [Model(*pair) for pair in zip(*_restricted(curve, cells, order), strict=True)]
+    return [Model(*pair) for pair in zip(*_cell_coefficients(curve, cells, order), strict=True)]
 
 
-def on(curve: Bernstein, cells: Cells, order: int = 0) -> list[Ball]:
+def balls_on_cells(curve: Bernstein, cells: Cells, order: int = 0) -> list[Ball]:
     """Piecewise polynomials on the cells as balls."""
-    return polynomial_balls(*_restricted(curve, cells, order))
+    return polynomial_balls(*_cell_coefficients(curve, cells, order))
 
 
 def derivative(curve: Bernstein, order: int) -> tuple[Array, Array]:
@@ -183,10 +183,10 @@ def derivative(curve: Bernstein, order: int) -> tuple[Array, Array]:
         degree = len(c) - 1
         size = 2 * degree * size / width
         c = degree * np.diff(c, axis=0) / width if degree else np.zeros_like(c)
-    return c, 6 * order * UNIT * size
+    return c, 6 * order * ROUNDING_UNIT * size
 
 
-def refined(curve: Bernstein, breaks: Array) -> Bernstein:
+def refine_curve(curve: Bernstein, breaks: Array) -> Bernstein:
     """The same curve on more pieces, to rounding; every break of the curve is one of `breaks`."""
     if np.array_equal(curve.x, breaks):
         return curve
@@ -195,7 +195,7 @@ def refined(curve: Bernstein, breaks: Array) -> Bernstein:
     return Bernstein(part(curve.c[:, k], low[:, None], high[:, None]), breaks)
 
 
-def _restricted(curve: Bernstein, cells: Cells, order: int) -> tuple[Array, Array]:
+def _cell_coefficients(curve: Bernstein, cells: Cells, order: int) -> tuple[Array, Array]:
     """Chebyshev coefficients (k, C, d+1) on the cells, wrong by no more than (k, C) together."""
     c, slip = derivative(curve, order)
     c, degree = c[:, cells.piece], len(c) - 1
@@ -209,4 +209,4 @@ def _restricted(curve: Bernstein, cells: Cells, order: int) -> tuple[Array, Arra
     steps = degree + 4 + (0 if whole else 8 * degree)
     return c.transpose(2, 1, 0) @ matrix.T, steps * np.sum(
         np.abs(matrix)
-    ) * UNIT * size + slips * INFLATE
+    ) * ROUNDING_UNIT * size + slips * ROUNDING_FACTOR

@@ -30,51 +30,51 @@ from planner.support.calculus.chebyshev import from_bernstein
 from planner.systems.chained_form import chained_form
 from planner.systems.triangular_system import TriangularSystem
 from planner.verification.balls import Ball, polynomial_balls, reciprocal
-from planner.verification.enclosure import Enclosure, enclose, strayed
+from planner.verification.enclosure import Enclosure, enclose, perturbed_motion
 from planner.verification.functions import (
     Expression,
     UnboundedError,
+    balls_on_cells,
     derivative,
-    on,
     polynomials,
-    refined,
+    refine_curve,
 )
 from planner.verification.models import (
-    INFLATE,
     POINTS,
-    UNIT,
+    ROUNDING_FACTOR,
+    ROUNDING_UNIT,
     Index,
     Model,
     evaluation,
     interpolation,
-    least,
+    least_values,
     nodes,
     slopes,
 )
 
-FINE = 1e-10
+FINE_REMAINDER = 1e-10
 """Remainder of inputs and rates, relative to their size or one, below which a cell is kept."""
 
-NOISE = 1e-3
+NOISE_REMAINDER = 1e-3
 """Remainder below which a cell hardly better than its parent is kept: the rest is rounding."""
 
 FEWEST_CELLS = 4
-COARSE = 1e-4
+COARSE_REMAINDER = 1e-4
 """Remainder above which a cell is divided in four at once."""
 
 MOST_CELLS = 1500
 
-REFINING = 1e-13
+REFINEMENT_ROUNDING = 1e-13
 """What rounding does to a path's inputs written on more pieces, relative to them."""
 
 
-Coarse = Callable[[Enclosure], Index]
+CellChoice = Callable[[Enclosure], Index]
 """Which cells of an enclosed motion should be split, for what is made of it."""
 
 
-def enclosed(
-    trajectory: Trajectory, start: Array, coarse: Coarse | None = None
-) -> tuple[Source, Enclosure, list[Model]]:
+def enclose_trajectory(
+    trajectory: Trajectory, start: Array, coarse: CellChoice | None = None
+) -> tuple[InputSource, Enclosure, list[Model]]:
     """The true motion under a trajectory's inputs.
 
     Of a retimed trajectory that along its path, in the path's own time: no state depends on the
@@ -95,12 +95,12 @@ def enclosed(
     source = source_of(path)
     motion = resolve(source, start, coarse)
     if path is not trajectory:
-        motion = strayed(path.system, motion, _left_out(trajectory, motion))
+        motion = perturbed_motion(path.system, motion, _omitted_inputs(trajectory, motion))
     if isinstance(path, StateTrajectory):
         return source, motion, polynomials(path.q_curve, motion.cells)
     assert isinstance(path, ChainedTrajectory)
     state = _inverse_of(path.system, tuple(path.branch.tolist()))
-    return source, motion, motion.models(*state(on(path.z_curve, motion.cells)))
+    return source, motion, motion.models(*state(balls_on_cells(path.z_curve, motion.cells)))
 
 
 def _path(trajectory: Trajectory) -> Trajectory:
@@ -110,10 +110,10 @@ def _path(trajectory: Trajectory) -> Trajectory:
     path, breaks = trajectory.path, trajectory.length.x
     _law(path)  # whose curves are known
     names = ("q_curve", "u_curve") if type(path) is StateTrajectory else ("z_curve", "v_curve")
-    return replace(path, **{name: refined(getattr(path, name), breaks) for name in names})  # type: ignore[type-var]
+    return replace(path, **{name: refine_curve(getattr(path, name), breaks) for name in names})  # type: ignore[type-var]
 
 
-def _left_out(trajectory: Trajectory, motion: Enclosure) -> Array:
+def _omitted_inputs(trajectory: Trajectory, motion: Enclosure) -> Array:
     """How much of the path's inputs a retimed motion may leave out, shape (2,).
 
     The clock runs along the length, and so skips any stretch of the path over which the length does
@@ -130,15 +130,15 @@ def _left_out(trajectory: Trajectory, motion: Enclosure) -> Array:
         bound = rate.scaled(np.full(len(pace), 2 * steep))
         scale = np.full(2, max(float(np.mean(size)), 1e-12))
         both = [(1.0, bound + model, 0.0), (1.0, bound - model, 0.0)]
-        found = least(both, motion.cells, scale)
-        left = np.max([0.0, *(-x.guaranteed for x in found)])  # not a number stays one
-        eta = float(left) + REFINING * float(np.max(size))
+        bounds = least_values(both, motion.cells, scale)
+        left = np.max([0.0, *(-x.guaranteed for x in bounds)])  # not a number stays one
+        eta = float(left) + REFINEMENT_ROUNDING * float(np.max(size))
         out.append(eta if eta >= 0 else np.inf)
     return np.array(out)
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class InputSource:
     """Inputs of a trajectory that balls can bound.
 
     Attributes:
@@ -155,43 +155,43 @@ class Source:
     halvings: int = 24
 
 
-def source_of(trajectory: Trajectory) -> Source:
+def source_of(trajectory: Trajectory) -> InputSource:
     """The inputs of a trajectory of states or of chained coordinates, or of such a path retimed.
 
     Raises:
         UnboundedError: If the trajectory is of another kind, or its chart has no expression.
     """
     if type(trajectory) is RetimedTrajectory:
-        return _retimed(trajectory)
+        return _retimed_source(trajectory)
     curves, inputs, slopes = _law(trajectory)
 
     def read(cells: Cells, order: int) -> list[list[Ball]]:
-        return [on(curve, cells, order) for curve in curves]
+        return [balls_on_cells(curve, cells, order) for curve in curves]
 
-    return Source(
+    return InputSource(
         trajectory,
         lambda cells: inputs(*read(cells, 0)),
         lambda cells: slopes(*read(cells, 0), *read(cells, 1)),
     )
 
 
-def _retimed(trajectory: RetimedTrajectory) -> Source:
+def _retimed_source(trajectory: RetimedTrajectory) -> InputSource:
     curves, inputs, slopes = _law(trajectory.path)
 
     def read(cells: Cells, sigma: Ball, order: int) -> list[list[Ball]]:
-        return [at(curve, order, trajectory, cells, sigma) for curve in curves]
+        return [derivative_on_balls(curve, order, trajectory, cells, sigma) for curve in curves]
 
     def paced(cells: Cells) -> list[Ball]:
-        sigma, pace, _ = clocked(trajectory, cells)
+        sigma, pace, _ = path_times(trajectory, cells)
         return [u * pace for u in inputs(*read(cells, sigma, 0))]
 
     def rated(cells: Cells) -> list[Ball]:
-        sigma, pace, bend = clocked(trajectory, cells)
-        own = read(cells, sigma, 0)
-        pairs = zip(inputs(*own), slopes(*own, *read(cells, sigma, 1)), strict=True)
+        sigma, pace, bend = path_times(trajectory, cells)
+        path_inputs = read(cells, sigma, 0)
+        pairs = zip(inputs(*path_inputs), slopes(*path_inputs, *read(cells, sigma, 1)), strict=True)
         return [du * pace * pace + u * bend for u, du in pairs]
 
-    return Source(trajectory, paced, rated, halvings=8)
+    return InputSource(trajectory, paced, rated, halvings=8)
 
 
 Law = Callable[..., list[Ball]]
@@ -222,10 +222,10 @@ def _inverse_of(system: TriangularSystem, branch: tuple[float, ...]) -> State:
     q = chained_form(system).q_expr(z, ca.DM(branch))
     if q is not None:
         return Expression([z], q)
-    return _solved(system, branch)
+    return _inverse_by_links(system, branch)
 
 
-def _solved(system: TriangularSystem, branch: tuple[float, ...]) -> State:
+def _inverse_by_links(system: TriangularSystem, branch: tuple[float, ...]) -> State:
     """The inverse of a chart that is solved link by link, from the last coordinate on.
 
     zᵢ reads no earlier coordinate than qᵢ and rises or falls with that all over the branch.
@@ -282,23 +282,25 @@ def root(
         steep: Its slope.
         side: Sign of the slope.
     """
-    defect, near = (np.abs(gap.c) + gap.reach) * INFLATE, steep(guess)
+    defect, near = (np.abs(gap.c) + gap.reach) * ROUNDING_FACTOR, steep(guess)
     trust = 2 * defect / (side * near.c - near.reach)
-    slope = steep(guess.widened(trust))
+    slope = steep(guess.widen(trust))
     least = side * slope.c - slope.reach
-    error = np.where(least > 0, defect / least * INFLATE, np.inf)
+    error = np.where(least > 0, defect / least * ROUNDING_FACTOR, np.inf)
     proven = (error < trust) | (error == 0)
-    slope = slope.widened(np.where(proven, 0.0, np.inf))
-    return guess.widened(np.where(proven, error, np.inf)), slope
+    slope = slope.widen(np.where(proven, 0.0, np.inf))
+    return guess.widen(np.where(proven, error, np.inf)), slope
 
 
-def resolve(source: Source, start: Array | None = None, coarse: Coarse | None = None) -> Enclosure:
+def resolve(
+    source: InputSource, start: Array | None = None, coarse: CellChoice | None = None
+) -> Enclosure:
     """Inputs on cells where they are known to rounding, or as fine as may be.
 
     Args:
         source: Of the inputs.
         start: With it also the motion from there, whose rates must be known as well.
-        coarse: As for `enclosed`.
+        coarse: As for `enclose_trajectory`.
     """
     cells = Cells.of(source.trajectory.breaks)
     if len(cells.piece) < FEWEST_CELLS:
@@ -307,49 +309,49 @@ def resolve(source: Source, start: Array | None = None, coarse: Coarse | None = 
     before = {of: np.full(len(cells.piece), np.inf) for of in ("inputs", "rates", "values")}
     for _ in range(source.halvings):
         motion, of = Enclosure(cells, [], u), "inputs"
-        bad, rough = _unsettled(u, before[of])
+        bad, rough = _cells_to_divide(u, before[of])
         if start is not None and not np.any(bad):
             motion, of = enclose(source.trajectory, cells, u, start), "rates"
-            bad, rough = _unsettled(motion.rates, before[of])
+            bad, rough = _cells_to_divide(motion.rates, before[of])
         if coarse is not None and not np.any(bad):
             of, bad, rough = "values", coarse(motion), np.full(len(bad), np.inf)
         if not np.any(bad) or len(bad) + np.sum(bad) > MOST_CELLS:
             break
-        cells, origin = cells.split(np.where(bad, np.where(rough > COARSE, 4, 2), 1))
+        cells, origin = cells.split(np.where(bad, np.where(rough > COARSE_REMAINDER, 4, 2), 1))
         before[of] = np.where(bad, rough, before[of])
         before = {of: kept[origin] for of, kept in before.items()}
         fresh = bad[origin]
-        new = source.inputs(cells.only(fresh))
-        u = [old.updated(origin, fresh, x) for old, x in zip(u, new, strict=True)]
+        new = source.inputs(cells.select(fresh))
+        u = [old.replace_rows(origin, fresh, x) for old, x in zip(u, new, strict=True)]
     if start is not None and not motion.q:
         return enclose(source.trajectory, motion.cells, motion.u, start)
     return motion
 
 
-def _unsettled(balls: list[Ball], before: Array) -> tuple[Index, Array]:
+def _cells_to_divide(balls: list[Ball], before: Array) -> tuple[Index, Array]:
     """Which cells should be divided, and how rough they are; before is what they were."""
-    rough = np.max([x.rough for x in balls], axis=0)
-    fine = (rough <= FINE) | ((rough < NOISE) & (rough > 0.5 * before))
+    rough = np.max([x.relative_remainder for x in balls], axis=0)
+    fine = (rough <= FINE_REMAINDER) | ((rough < NOISE_REMAINDER) & (rough > 0.5 * before))
     return ~fine, rough
 
 
-def clocked(trajectory: RetimedTrajectory, cells: Cells) -> tuple[Ball, Ball, Ball]:
+def path_times(trajectory: RetimedTrajectory, cells: Cells) -> tuple[Ball, Ball, Ball]:
     """A retimed path's own time σ, dσ/dt and d²σ/dt² on cells of the clock's pieces."""
     length, clock = trajectory.length, trajectory.clock
-    own = trajectory.place(cells.times(nodes())) @ interpolation().T
-    (guess,) = polynomial_balls(own[None], np.zeros((1, len(own))))
+    times = trajectory.sigma(cells.times(nodes())) @ interpolation().T
+    (guess,) = polynomial_balls(times[None], np.zeros((1, len(times))))
 
     def along(order: int, sigma: Ball) -> Ball:
-        return at(length, order, trajectory, cells, sigma)[0]
+        return derivative_on_balls(length, order, trajectory, cells, sigma)[0]
 
-    (s,), (speed,), (gain,) = (on(clock, cells, order) for order in range(3))
+    (s,), (speed,), (gain,) = (balls_on_cells(clock, cells, order) for order in range(3))
     sigma, steep = root(guess, along(0, guess) - s, lambda x: along(1, x))
     over = reciprocal(steep)
     pace = speed * over
     return sigma, pace, (gain - along(2, sigma) * pace * pace) * over
 
 
-def at(
+def derivative_on_balls(
     curve: Bernstein, order: int, trajectory: RetimedTrajectory, cells: Cells, sigma: Ball
 ) -> list[Ball]:
     """A derivative of a piecewise polynomial of the path's own time, at balls of it.
@@ -362,9 +364,9 @@ def at(
     piece = np.clip(np.searchsorted(curve.x, middle, side="right") - 1, 0, len(curve.x) - 2)
     left, width = curve.x[piece, None], np.diff(curve.x)[piece, None]
     x = (sigma + Ball(-left, 0 * left, 0 * left)).scaled(2 / width) - 1.0
-    x = x.widened(4 * UNIT * x.size)
+    x = x.widen(4 * ROUNDING_UNIT * x.size)
     matrix = from_bernstein(len(b))
-    grown = (len(b) + 4) * np.sum(np.abs(matrix)) * UNIT
+    grown = (len(b) + 4) * np.sum(np.abs(matrix)) * ROUNDING_UNIT
     slips = (slip + grown * np.max(np.abs(b), axis=0))[piece]
     return _composite(b.transpose(2, 1, 0)[:, piece] @ matrix.T, slips.T[..., None], x)
 
@@ -379,13 +381,13 @@ def _composite(c: Array, slip: Array, x: Ball) -> list[Ball]:
     width, last = c.shape[2], np.zeros(c.shape)
     last[..., -1] = 1.0
     slope, bend = c @ slopes(width, 1).T, c @ slopes(width, 2).T
-    far = (np.maximum(np.abs(x.c), 1.0) + x.reach) * INFLATE
+    far = (np.maximum(np.abs(x.c), 1.0) + x.reach) * ROUNDING_FACTOR
     size, steepest, bent, top = _clenshaw(np.abs(np.stack([c, slope, bend, last])), far)
     value, steep = _clenshaw(np.stack([c, slope]), x.c)
-    loose = 8 * width**2 * UNIT
+    loose = 8 * width**2 * ROUNDING_UNIT
     rest = x.reach**2 / 2 * (bent + width**4 * slip * top) * (1 + loose)
     wrong = loose * (size + x.reach * steepest) + slip * top * (1 + width**2 * x.reach)
-    r = (np.abs(steep) * x.r + (rest + wrong) * (1 + loose)) * INFLATE
+    r = (np.abs(steep) * x.r + (rest + wrong) * (1 + loose)) * ROUNDING_FACTOR
     return [Ball(*parts) for parts in zip(value, steep * x.b, r, strict=True)]
 
 

@@ -40,8 +40,8 @@ def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
     if not said.verified:
         if said.certificate is None:
             return said
-        return replace(said, certificate=_at_first(said, certify(said)))
-    plan, broken = _judged(said, path)
+        return replace(said, certificate=_with_first_time(said, certify(said)))
+    plan, broken = _judge_again(said, path)
     if broken and strict:
         raise InputError(
             f"{path} is marked as a verified plan, but the plan fails the verification:"
@@ -57,7 +57,7 @@ OBJECTIVE_TOLERANCE = 1e-5
 by up to 5e-4, and what they weigh is a hundredth of it."""
 
 
-def _corrected(plan: Plan, path: str | Path) -> Plan:
+def _correct_objective(plan: Plan, path: str | Path) -> Plan:
     """With the objective of its own motion. That of a compensated plan is its original's."""
     true = objective_of((plan.compensates or plan).trajectory, plan.objective_name)
     if true is None or abs(plan.objective - true) <= OBJECTIVE_TOLERANCE * abs(true):
@@ -71,7 +71,7 @@ def _corrected(plan: Plan, path: str | Path) -> Plan:
     return replace(plan, objective=true)
 
 
-def _judged(said: Plan, path: str | Path) -> tuple[Plan, str]:
+def _judge_again(said: Plan, path: str | Path) -> tuple[Plan, str]:
     """The plan with its verdict, and what it breaks, the worst first and in one line, or ""."""
     unknown = replace(said, verified=False, certificate=None)
     if said.trajectory.flaw:
@@ -79,7 +79,7 @@ def _judged(said: Plan, path: str | Path) -> tuple[Plan, str]:
     if said.compensation is not None:
         inside, broken = said.compensation.plan, "it is not verified"
         if inside.verified:
-            inside, broken = _judged(inside, path)
+            inside, broken = _judge_again(inside, path)
         unknown = replace(unknown, compensation=replace(said.compensation, plan=inside))
         if broken:
             return unknown, f"of the plan that it compensates, {broken}"
@@ -89,12 +89,12 @@ def _judged(said: Plan, path: str | Path) -> tuple[Plan, str]:
         except (ArithmeticError, ValueError) as error:
             return unknown, f"its motion cannot be computed: {error}"
     if plan.certificate is not None:
-        proven = replace(plan, certificate=_at_first(said, plan.certificate))
-        return _corrected(proven, path), ""
+        proven = replace(plan, certificate=_with_first_time(said, plan.certificate))
+        return _correct_objective(proven, path), ""
     more = len(check.violations) - 1
     return unknown, str(check.violations[0]) + (f" (and {more} more)" if more else "")
 
 
-def _at_first(said: Plan, proven: Certificate) -> Certificate:
+def _with_first_time(said: Plan, proven: Certificate) -> Certificate:
     """In the time of the first proof: what is saved again is the same."""
     return proven if said.certificate is None else replace(proven, seconds=said.certificate.seconds)

@@ -31,13 +31,13 @@ from planner.plan.curves import Cells
 from planner.support import deadline
 from planner.support.arrays import Array
 
-UNIT = 1.2e-16
+ROUNDING_UNIT = 1.2e-16
 """Unit of rounding, 2⁻⁵³, a little enlarged for what its own bounds lose by rounding."""
 
 Index = NDArray[Any]
 """Indices, or a mask."""
 
-INFLATE = 1 + 1e-14
+ROUNDING_FACTOR = 1 + 1e-14
 """Covers the rounding of the few sums of positive numbers that make up one remainder."""
 
 
@@ -54,10 +54,10 @@ class Model:
     r: Array
 
     @classmethod
-    def cut(cls, c: Array, r: Array) -> Model:
+    def truncate(cls, c: Array, r: Array) -> Model:
         """Of coefficients of any width: those beyond the common degree go to the remainder."""
         tail = np.sum(np.abs(c[:, POINTS:]), axis=1)
-        r = np.asarray((r + tail) * INFLATE)
+        r = np.asarray((r + tail) * ROUNDING_FACTOR)
         bad = ~np.isfinite(r)
         if np.any(bad):
             c, r = np.where(bad[:, None], 0.0, c), np.where(bad, np.inf, r)
@@ -69,27 +69,27 @@ class Model:
         return np.asarray(np.sum(np.abs(self.c), axis=1))
 
     @cached_property
-    def wander(self) -> Array:
+    def deviation(self) -> Array:
         """Greatest distance of f from c₀, shape (C,)."""
         inner = np.sum(np.abs(self.c[:, 1:]), axis=1)
-        return np.asarray((inner + self.r + 4 * UNIT * self.norm) * INFLATE)
+        return np.asarray((inner + self.r + 4 * ROUNDING_UNIT * self.norm) * ROUNDING_FACTOR)
 
     @property
     def low(self) -> Array:
         """Lower bound of f, shape (C,)."""
-        return np.asarray(self.c[:, 0] - self.wander)
+        return np.asarray(self.c[:, 0] - self.deviation)
 
     @property
     def high(self) -> Array:
         """Upper bound of f, shape (C,)."""
-        return np.asarray(self.c[:, 0] + self.wander)
+        return np.asarray(self.c[:, 0] + self.deviation)
 
     @property
     def size(self) -> Array:
         """Upper bound of |f|, shape (C,)."""
-        return np.asarray((self.norm + self.r) * INFLATE)
+        return np.asarray((self.norm + self.r) * ROUNDING_FACTOR)
 
-    def only(self, cells: Index) -> Model:
+    def select(self, cells: Index) -> Model:
         """Some of the cells, by index or mask."""
         return Model(self.c[cells], self.r[cells])
 
@@ -104,7 +104,7 @@ class Model:
         long, short = (self, other) if self.c.shape[1] >= other.c.shape[1] else (other, self)
         c = long.c.copy()
         c[:, : short.c.shape[1]] += short.c
-        return Model.cut(c, self.r + other.r + UNIT * np.sum(np.abs(c), axis=1))
+        return Model.truncate(c, self.r + other.r + ROUNDING_UNIT * np.sum(np.abs(c), axis=1))
 
     def __sub__(self, other: Model | float) -> Model:
         return self + (-other)
@@ -112,7 +112,7 @@ class Model:
     def scaled(self, by: Array) -> Model:
         """Times a number on each cell, shape (C,)."""
         c = self.c * by[:, None]
-        return Model.cut(c, np.abs(by) * self.r + UNIT * np.sum(np.abs(c), axis=1))
+        return Model.truncate(c, np.abs(by) * self.r + ROUNDING_UNIT * np.sum(np.abs(c), axis=1))
 
     def at_begin(self) -> tuple[Array, Array]:
         """Value at the left end and its uncertainty, each (C,)."""
@@ -121,8 +121,8 @@ class Model:
 
     def at_end(self) -> tuple[Array, Array]:
         """Value at the right end and its uncertainty, each (C,)."""
-        rounding = self.c.shape[1] * UNIT * self.norm
-        return np.sum(self.c, axis=1), np.asarray((self.r + rounding) * INFLATE)
+        rounding = self.c.shape[1] * ROUNDING_UNIT * self.norm
+        return np.sum(self.c, axis=1), np.asarray((self.r + rounding) * ROUNDING_FACTOR)
 
 
 POINTS = 16
@@ -176,24 +176,26 @@ def slopes(width: int, order: int) -> Array:
     return out
 
 
-SUMS = float(np.sum(np.abs(interpolation()))) * (1 + 1e-12)
+COEFFICIENT_SUM_BOUND = float(np.sum(np.abs(interpolation()))) * (1 + 1e-12)
 """No coefficients' sizes together exceed this times the greatest value."""
 
-LEBESGUE = float(np.sum(1 / np.tan(np.pi / (4 * POINTS) * (2 * np.arange(POINTS) + 1)))) / POINTS
-LEBESGUE *= 1 + 1e-12
+LEBESGUE_BOUND = (
+    float(np.sum(1 / np.tan(np.pi / (4 * POINTS) * (2 * np.arange(POINTS) + 1)))) / POINTS
+)
+LEBESGUE_BOUND *= 1 + 1e-12
 """No interpolant exceeds this times the greatest value."""
 
-REACHES = float(np.max(np.sum(np.abs(integration()), axis=1))) * (1 + 1e-12)
+INTEGRAL_BOUND = float(np.max(np.sum(np.abs(integration()), axis=1))) * (1 + 1e-12)
 """No integral of an interpolant exceeds this times the greatest value."""
 
 
 # -- the least value -----------------------------------------------------------------------------
 
 MOST_HALVINGS = 40
-RESOLVED = 1e-9
+BOUND_TOLERANCE = 1e-9
 """Distance of the two bounds at which halving stops, over the function's scale."""
 
-NEWTON = 4
+NEWTON_STEPS = 4
 """Steps from the least of the 16 points: more than enough for rounding where p'' > 0."""
 
 Margin = tuple[float, Model, float]
@@ -201,7 +203,7 @@ Margin = tuple[float, Model, float]
 
 
 @dataclass(frozen=True)
-class Least:
+class LeastValue:
     """The least value of one function over all cells.
 
     Attributes:
@@ -215,7 +217,7 @@ class Least:
     time_s: float
 
 
-def least(functions: list[Margin], cells: Cells, scales: Array) -> list[Least]:
+def least_values(functions: list[Margin], cells: Cells, scales: Array) -> list[LeastValue]:
     """Bounds on the least value of each function.
 
     Args:
@@ -231,48 +233,48 @@ def least(functions: list[Margin], cells: Cells, scales: Array) -> list[Least]:
         c[rows, 0] += limit
     r = np.concatenate([f.r for _, f, _ in functions])
     c[~np.isfinite(r)] = 0.0
-    r = r + 6 * POINTS * UNIT * np.sum(np.abs(c), axis=1)
+    r = r + 6 * POINTS * ROUNDING_UNIT * np.sum(np.abs(c), axis=1)
     which, cell = np.divmod(np.arange(count * number), number)
     low, size = np.full(len(r), -1.0), 2.0
     best, closed = np.full(count, np.inf), np.full(count, np.inf)
     place = np.zeros((count, 2))  # cell and τ of the best
 
-    def keep(value: Array, at: Array, rows: Index) -> None:
+    def keep(value: Array, tau: Array, rows: Index) -> None:
         """Of some rows, what they attain."""
         order = np.lexsort((value, which[rows]))
-        own = which[rows][order]
-        new = order[np.append(True, own[1:] != own[:-1])]
+        functions_of_rows = which[rows][order]
+        new = order[np.append(True, functions_of_rows[1:] != functions_of_rows[:-1])]
         new = new[value[new] < best[which[rows][new]]]
         row = rows[new]
         best[which[row]] = value[new]
-        place[which[row]] = np.stack([cell[row], low[row] + size * (at[new] + 1) / 2], axis=1)
+        place[which[row]] = np.stack([cell[row], low[row] + size * (tau[new] + 1) / 2], axis=1)
 
     for step in range(MOST_HALVINGS + 1):
         deadline.check_stopped()
         slope = np.sum(c[:, 1::2], axis=1)
         keep(np.sum(c[:, ::2], axis=1) - np.abs(slope) + r, np.sign(-slope), np.arange(len(r)))
         bound = c[:, 0] - np.sum(np.abs(c[:, 1:]), axis=1) - r
-        open_ = (bound < (best - RESOLVED * scales)[which]) & (bound + 2 * r < best[which])
+        open_ = (bound < (best - BOUND_TOLERANCE * scales)[which]) & (bound + 2 * r < best[which])
         halve = np.flatnonzero(open_ & np.isfinite(r))
         if len(halve):
-            settled, value, at, under = _bent(c[halve])
-            keep(value + r[halve], at, halve)
+            settled, value, tau, under = _curved_bounds(c[halve])
+            keep(value + r[halve], tau, halve)
             bound[halve[settled]] = under[settled] - r[halve[settled]]
             halve = halve[~settled & (step < MOST_HALVINGS)]
-            halve = halve[bound[halve] < (best - RESOLVED * scales)[which[halve]]]
+            halve = halve[bound[halve] < (best - BOUND_TOLERANCE * scales)[which[halve]]]
         np.minimum.at(closed, np.delete(which, halve), np.delete(bound, halve))
         if not len(halve):
             break
-        c, r = halved(c[halve], r[halve])
+        c, r = halves(c[halve], r[halve])
         which, cell, low = (np.tile(x[halve], 2) for x in (which, cell, low))
         size /= 2
         low[len(halve) :] += size
-    some = cells.only(place[:, 0].astype(int)).times(place[:, 1:])[:, 0]
+    some = cells.select(place[:, 0].astype(int)).times(place[:, 1:])[:, 0]
     times = np.where(np.isfinite(best), some, np.nan)
-    return [Least(float(closed[k]), float(best[k]), float(times[k])) for k in range(count)]
+    return [LeastValue(float(closed[k]), float(best[k]), float(times[k])) for k in range(count)]
 
 
-def _bent(c: Array) -> tuple[Index, Array, Array, Array]:
+def _curved_bounds(c: Array) -> tuple[Index, Array, Array, Array]:
     """Of each row: whether it is one of the cases above; a value, its place, and a lower bound.
 
     All sums are wrong by at most (POINTS + 4) units of the sums of their terms' sizes; those of
@@ -280,7 +282,7 @@ def _bent(c: Array) -> tuple[Index, Array, Array, Array]:
     """
     size, k = np.abs(c), np.arange(POINTS)
     d, dd = (c @ slopes(POINTS, n).T for n in (1, 2))
-    slip, slips = (6 * POINTS * UNIT * (size @ k**n) for n in (2, 4))
+    slip, slips = (6 * POINTS * ROUNDING_UNIT * (size @ k**n) for n in (2, 4))
     swing, bend = (np.sum(np.abs(x[:, 1:]), axis=1) for x in (d, dd))
     hollow = dd[:, 0] - bend - slips
     hollowed = hollow > 0
@@ -290,7 +292,7 @@ def _bent(c: Array) -> tuple[Index, Array, Array, Array]:
     if np.any(hollowed):
         start = np.arccos(nodes())[np.argmin(c @ evaluation(POINTS).T, axis=1)]
         theta = np.where(hollowed, start, theta)
-        for _ in range(NEWTON):
+        for _ in range(NEWTON_STEPS):
             t = np.cos(theta[:, None] * k)
             step = np.sum(d * t, axis=1) / np.sum(dd * t, axis=1)
             theta = np.where(hollowed, np.arccos(np.clip(t[:, 1] - step, -1.0, 1.0)), theta)
@@ -302,21 +304,21 @@ def _bent(c: Array) -> tuple[Index, Array, Array, Array]:
     return settled, value, t[:, 1], under
 
 
-def halved(c: Array, r: Array) -> tuple[Array, Array]:
+def halves(c: Array, r: Array) -> tuple[Array, Array]:
     """Left halves, then right halves."""
-    left, right, sums = _halves()
-    r = (r + (POINTS + 8) * UNIT * (np.abs(c) @ sums)) * INFLATE
+    left, right, sums = _halving_matrices()
+    r = (r + (POINTS + 8) * ROUNDING_UNIT * (np.abs(c) @ sums)) * ROUNDING_FACTOR
     return np.concatenate([c @ left.T, c @ right.T]), np.tile(r, 2)
 
 
 @lru_cache(maxsize=1)
-def _halves() -> tuple[Array, Array, Array]:
+def _halving_matrices() -> tuple[Array, Array, Array]:
     """Coefficients to those on the halves of the cell, and the sums of their columns' sizes."""
     parts = [interpolation() @ chebyshev.chebvander((nodes() + s) / 2, POINTS - 1) for s in (-1, 1)]
     return parts[0], parts[1], np.max([np.sum(np.abs(m), axis=0) for m in parts], axis=0)
 
 
-def joined_models(parts: Sequence[Model]) -> Model:
+def join_models(parts: Sequence[Model]) -> Model:
     """The models of several groups of cells as one."""
     width = max(p.c.shape[1] for p in parts)
     c = np.concatenate([np.pad(p.c, ((0, 0), (0, width - p.c.shape[1]))) for p in parts])

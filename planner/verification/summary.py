@@ -138,7 +138,7 @@ def _largest(errors: Array) -> float:
 OF_EVERY_PLAN = {n: one for n, one in figures(PlanFigures).items() if not one.executable}
 """Those that a path which cannot be executed has too; the others are figures of comparisons."""
 
-KEYS = (
+SUMMARY_KEYS = (
     "method",
     "status",
     "verified",
@@ -173,11 +173,11 @@ def plan_summary(plan: Plan, check: Check | None = None) -> dict[str, Any]:
         check: What `verify` found, if it was asked already.
 
     Returns:
-        A value for each of `KEYS`: numbers, texts, lists and dictionaries; NaN where undefined.
+        A value for each of `SUMMARY_KEYS`: number, text, list or dictionary; NaN where undefined.
     """
     check = verify(plan) if check is None else check
     names = [c.name for c in plan.problem.system.coordinates]
-    out = dict.fromkeys(KEYS)
+    out = dict.fromkeys(SUMMARY_KEYS)
     out |= {
         "method": plan.method,
         "status": plan.status,
@@ -206,21 +206,21 @@ def refusal_summary(error: NoPlanError, method: str) -> dict[str, Any]:
     """The facts of a refusal, and those of its last iterate when it has one.
 
     Returns:
-        A value for each of `KEYS`; None where nothing is known. `verified` is False.
+        A value for each of `SUMMARY_KEYS`; None where nothing is known. `verified` is False.
     """
-    out = dict.fromkeys(KEYS)
+    out = dict.fromkeys(SUMMARY_KEYS)
     if error.plan is not None:
         try:
             out |= plan_summary(error.plan, getattr(error, "check", None))
         except (ArithmeticError, ValueError):  # an iterate may be anything; its facts are extras
-            out = dict.fromkeys(KEYS)
-    own = [_violation(v) for v in error.violations]
+            out = dict.fromkeys(SUMMARY_KEYS)
+    violations = [_violation(v) for v in error.violations]
     return out | {
         "method": method,
         "status": error.status,
         "verified": False,
         "reason": error.reason,
-        "violations": own or out["violations"] or [],
+        "violations": violations or out["violations"] or [],
         "advice": error.advice,
     }
 

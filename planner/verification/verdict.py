@@ -14,8 +14,8 @@ import numpy as np
 from planner.errors import Violation
 from planner.plan.claims import Certificate, Claim
 from planner.plan.plan import Plan
-from planner.problem.requirements.requirement import At, Demand, Part, Requirement
-from planner.verification.certify import OWN, certify
+from planner.problem.requirements.requirement import Demand, MotionPoint, Part, Requirement
+from planner.verification.certify import PLAN_DEVIATION, certify
 from planner.verification.verify import LIMIT_TOLERANCE, Check, verify
 
 
@@ -35,14 +35,14 @@ def judge(plan: Plan, certificate: Certificate | None = None) -> tuple[Plan, Che
     if not check.ok:
         return plan, check
     certificate = certificate or certify(plan)
-    if broken := tuple(sorted(_proven(plan, certificate), key=lambda v: -v.scaled)):
+    if broken := tuple(sorted(_proven_violations(plan, certificate), key=lambda v: -v.scaled)):
         margins = {v.label: certificate[v.label].attained for v in broken}
         check = replace(check, ok=False, violations=broken, margins={**check.margins, **margins})
         return plan, check
     return replace(plan, verified=True, certificate=certificate), check
 
 
-def _proven(plan: Plan, certificate: Certificate) -> Iterator[Violation]:
+def _proven_violations(plan: Plan, certificate: Certificate) -> Iterator[Violation]:
     """What is proven to be broken by more than `verify` tolerates.
 
     The margins of ends, waypoints and the plan's own q(t) have the tolerance in them.
@@ -51,20 +51,20 @@ def _proven(plan: Plan, certificate: Certificate) -> Iterator[Violation]:
     for claim in certificate.open:
         if claim.status != "violated":
             break  # these come first
-        demand, part = demands.get(claim.label, (None, OWN))
+        demand, part = demands.get(claim.label, (None, PLAN_DEVIATION))
         excess, always = -claim.attained, isinstance(demand, Requirement) and not demand.final
         if excess > (LIMIT_TOLERANCE * part.scale if always else 0.0):
-            above = _above(plan, demand, part, claim)
+            above = _breaks_upper_limit(plan, demand, part, claim)
             limit = part.high if above else part.low
             value = limit + excess if above else limit - excess
             yield Violation(part.label, claim.time_s, value, limit, part.unit, excess / part.scale)
 
 
-def _above(plan: Plan, demand: Demand | None, part: Part, claim: Claim) -> bool:
+def _breaks_upper_limit(plan: Plan, demand: Demand | None, part: Part, claim: Claim) -> bool:
     """Whether it is the upper limit that is broken."""
     if not isinstance(demand, Requirement) or np.isinf(part.low) or np.isinf(part.high):
         return bool(np.isfinite(part.high))
     time_s, path = claim.time_s or 0.0, plan.trajectory
-    at = At.of(plan.problem.system, path.q(time_s), path.u(time_s), np.zeros(2))
-    value = float(demand.values(at)[demand.parts.index(part)])
+    point = MotionPoint.of(plan.problem.system, path.q(time_s), path.u(time_s), np.zeros(2))
+    value = float(demand.values(point)[demand.parts.index(part)])
     return value - part.high >= part.low - value

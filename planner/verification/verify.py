@@ -22,11 +22,11 @@ from planner.plan.quadrature import POINTS, Motion, greatest, integrate, jumps, 
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.problem import Problem
 from planner.problem.requirements.ends import Duration, Goal, Start
-from planner.problem.requirements.requirement import At, Part, Requirement
+from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.support import deadline
 from planner.support.arrays import Array
 from planner.support.calculus.chebyshev import points
-from planner.support.calculus.extremes import FLAT, narrowed
+from planner.support.calculus.extremes import FLAT_DEPTH, narrow_dips
 from planner.support.tables import Column, html_table
 
 GOAL_TOLERANCE = 2e-5
@@ -125,40 +125,40 @@ def verify(plan: Plan) -> Check:
     """
     expect_plan(plan)
     if not (plan.t[0] == 0 and np.isfinite(plan.t[-1]) and np.all(np.diff(plan.t) >= 0)):
-        return _not_judged(plan, Violation(_ORDER, None, np.nan, 0.0, "s", np.inf))
+        return _failed_check(plan, Violation(_TIME_ORDER, None, np.nan, 0.0, "s", np.inf))
     if not plan.executable:
-        (outside,) = (v for f in _in_chart(plan) if (v := f.violation()))
-        return _not_judged(plan, outside)
+        (outside,) = (v for f in _chart_findings(plan) if (v := f.violation()))
+        return _failed_check(plan, outside)
     problem = plan.problem
-    to_resolve = [r for r in problem.requirements if r.smooth and not r.plain]
+    to_resolve = [r for r in problem.requirements if r.smooth and not r.is_direct]
 
-    def shaped(q: Array, u: Array) -> Array:
-        at = At.of(problem.system, q, u, np.zeros_like(u))
+    def row_values(q: Array, u: Array) -> Array:
+        point = MotionPoint.of(problem.system, q, u, np.zeros_like(u))
         return np.stack(
             [
                 value / part.scale
                 for required in to_resolve
-                for part, value in zip(required.parts, required.values(at), strict=True)
+                for part, value in zip(required.parts, required.values(point), strict=True)
             ],
             axis=-1,
         )
 
     with np.errstate(all="ignore"):  # what is not a number never passes
-        resolved = (shaped,) if to_resolve else ()
+        resolved = (row_values,) if to_resolve else ()
         if plan.compensation is None:
             motion = integrate(plan.trajectory, problem.start, INTEGRATION_TOLERANCE, *resolved)
             end, tolerance = motion.q[-1, -1], GOAL_TOLERANCE
         else:
-            motion, end = _on_machine(plan)
+            motion, end = _motion_on_machine(plan)
             tolerance = ON_MACHINE_TOLERANCE
         goal = problem.target
         error = np.asarray(end - np.where(np.isnan(goal), end, goal))
         findings = [
-            *_motion(plan, motion, end, error, tolerance),
-            *_in_chart(plan),
-            *_limits(plan, motion),
-            *_passes(plan.problem, motion, tolerance, plan.lead_s),
-            *_with_corners(plan, motion),
+            *_motion_findings(plan, motion, end, error, tolerance),
+            *_chart_findings(plan),
+            *_limit_findings(plan, motion),
+            *_waypoint_distances(plan.problem, motion, tolerance, plan.lead_s),
+            *_corner_findings(plan, motion),
         ]
     broken = sorted(
         (v for f in findings if (v := f.violation())),
@@ -175,32 +175,32 @@ def verify(plan: Plan) -> Check:
     )
 
 
-_ORDER = "times of the plan, which begin at 0 and increase,"
+_TIME_ORDER = "times of the plan, which begin at 0 and increase,"
 
 
-def _on_machine(plan: Plan) -> tuple[Motion, Array]:
+def _motion_on_machine(plan: Plan) -> tuple[Motion, Array]:
     """What the nominal machine makes of a compensated plan, and where it rests at last, (N,).
 
     The inputs of such a plan allow for lost motion and lag, so that by the kinematics alone they
     lead elsewhere. Its own q(t) goes straight from where the machine is at one break to where it is
     at the next. A piece lies no farther from that line than its Bernstein coefficients.
     """
-    from planner.machine.feedforward.aim import predicted  # no other plan needs the machine
+    from planner.machine.feedforward.aim import predict  # no other plan needs the machine
     from planner.machine.machine import Machine
 
     assert plan.compensation is not None
-    found = predicted(plan, Machine.from_table(plan.compensation.machine))
+    prediction = predict(plan, Machine.from_table(plan.compensation.machine))
     cells, gap = Cells.of(plan.t), (np.inf, 0.0)
     if isinstance(plan.trajectory, StateTrajectory):
-        c, ends = plan.trajectory.q_curve.c, found.at(plan.t)
+        c, ends = plan.trajectory.q_curve.c, prediction.q_at(plan.t)
         c = np.repeat(c, 2, axis=0) if len(c) == 1 else c
         share = np.linspace(0.0, 1.0, len(c))[:, None, None]
         gaps = np.max(np.abs(c - ends[:-1] - share * np.diff(ends, axis=0)), axis=(0, 2))
         worst = int(np.argmax(gaps))
         gap = float(gaps[worst]), float(plan.t[worst])
-    _, u = plan.trajectory.inside(cells.piece, cells.fractions(points(POINTS)))
-    q = found.at(cells.times(2 * points(POINTS) - 1).T)
-    return Motion(cells, q, u, 0.0, gap), found.end
+    _, u = plan.trajectory.piece_values(cells.piece, cells.fractions(points(POINTS)))
+    q = prediction.q_at(cells.times(2 * points(POINTS) - 1).T)
+    return Motion(cells, q, u, 0.0, gap), prediction.end
 
 
 def _angular(plan: Plan) -> list[int]:
@@ -208,7 +208,7 @@ def _angular(plan: Plan) -> list[int]:
     return [i for i in system.limited if system.coordinates[i].unit == "rad"]
 
 
-def _motion(
+def _motion_findings(
     plan: Plan, motion: Motion, end: Array, error: Array, tolerance: float
 ) -> list[_Finding]:
     """Start, goal, duration, the plan's own q(t), and whether the integral can be trusted."""
@@ -223,23 +223,26 @@ def _motion(
                 missed = abs(float(error[part.index]))
                 out.append(_Finding(part, missed, 0.0, plan.duration, tolerance))
         elif isinstance(demand, Requirement) and demand.final:
-            reached = demand.values(At.of(plan.problem.system, end))
+            reached = demand.values(MotionPoint.of(plan.problem.system, end))
             for part, value in zip(demand.parts, map(float, reached), strict=True):
                 upper = value - part.high >= part.low - value
                 limit, slack = part.high if upper else part.low, tolerance * part.scale
                 out.append(_Finding(part, value, limit, plan.duration, slack, upper))
         elif isinstance(demand, Duration):
             (part,) = demand.parts
-            takes, asked = plan.duration - plan.lead_s - plan.tail_s, demand.seconds
-            out.append(_Finding(part, takes, asked, None, 1e-9 * asked, takes > asked))
+            takes, duration = plan.duration - plan.lead_s - plan.tail_s, demand.seconds
+            out.append(_Finding(part, takes, duration, None, 1e-9 * duration, takes > duration))
     compensated, (gap, when) = plan.compensation is not None, motion.gap
     other = "the nominal machine's motion" if compensated else "its integrated input"
     part = Part(f"plan's q(t) against {other}", "", -np.inf, 0.0, 1.0)
     out.append(_Finding(part, gap, 0.0, when, INTERPOLANT_TOLERANCE))
     if not compensated:
         read = (
-            ("plan's u(t) against the series it is judged by", motion.unresolved),
-            ("requirements' values against the series they are judged by", motion.hidden),
+            ("plan's u(t) against the series it is judged by", motion.unresolved_input),
+            (
+                "requirements' values against the series they are judged by",
+                motion.unresolved_values,
+            ),
         )
         for label, (amount, when) in read:
             part = Part(label, "", -np.inf, 0.0, 1.0)
@@ -251,24 +254,24 @@ def _motion(
     return out
 
 
-def _in_chart(plan: Plan) -> Iterator[_Finding]:
+def _chart_findings(plan: Plan) -> Iterator[_Finding]:
     """What only a plan in chained coordinates has to keep, whose edge is outside too."""
     for demand in plan.problem.demands:
         if demand.in_chart and not plan.trajectory.in_coordinates:
-            (part,), found = demand.parts, plan.domain
-            value, edge = found.margin, -np.finfo(float).tiny
-            yield _Finding(part, value, part.low, found.time_s, edge, False)
+            (part,), domain = demand.parts, plan.domain
+            value, edge = domain.margin, -np.finfo(float).tiny
+            yield _Finding(part, value, part.low, domain.time_s, edge, False)
 
 
-def _limits(plan: Plan, motion: Motion) -> list[_Finding]:
+def _limit_findings(plan: Plan, motion: Motion) -> list[_Finding]:
     """What holds at all times, by the extremes of its series, all at once."""
     problem, cells = plan.problem, motion.cells
-    at = At.of(problem.system, motion.q, motion.u, slopes(cells, motion.u))
+    point = MotionPoint.of(problem.system, motion.q, motion.u, slopes(cells, motion.u))
     wanted = [
         (required, part, value)
         for required in problem.requirements
         if required.smooth
-        for part, value in zip(required.parts, required.values(at), strict=True)
+        for part, value in zip(required.parts, required.values(point), strict=True)
     ]
     if not wanted:
         return []
@@ -279,7 +282,7 @@ def _limits(plan: Plan, motion: Motion) -> list[_Finding]:
         below = part.low + minus_least > most - part.high
         upper = not below or part.low == -part.high  # what is symmetric is told by its size
         value = (minus_least if upper else -minus_least) if below else most
-        if "du" in required.reads and (jumping[part.index] if required.plain else any(jumping)):
+        if "du" in required.reads and (jumping[part.index] if required.is_direct else any(jumping)):
             value = np.inf
         limit = part.high if upper else part.low
         time_s = when[below] if "q" in required.reads else None
@@ -287,18 +290,18 @@ def _limits(plan: Plan, motion: Motion) -> list[_Finding]:
     return out
 
 
-def _with_corners(plan: Plan, motion: Motion) -> list[_Finding]:
+def _corner_findings(plan: Plan, motion: Motion) -> list[_Finding]:
     """What holds at all times and has corners; where nothing can break it, no time is spent."""
     system, out = plan.problem.system, []
     for required in plan.problem.requirements:
         if required.smooth:
             continue
-        parts, settled = required.parts, required.settled(system)
+        parts, settled = required.parts, required.values_out_of_reach(system)
         values, times = np.array(settled or []), np.zeros(len(parts))
         if settled is None:
-            values, times = _least(
+            values, times = _least_values(
                 motion,
-                lambda q, r=required: np.stack(r.values(At.of(system, q)), axis=-1),  # type: ignore[misc]
+                lambda q, r=required: np.stack(r.values(MotionPoint.of(system, q)), axis=-1),  # type: ignore[misc]
             )
         for part, value, when in zip(parts, values.tolist(), times.tolist(), strict=True):
             slack = LIMIT_TOLERANCE * part.scale
@@ -306,7 +309,7 @@ def _with_corners(plan: Plan, motion: Motion) -> list[_Finding]:
     return out
 
 
-def _not_judged(plan: Plan, violation: Violation) -> Check:
+def _failed_check(plan: Plan, violation: Violation) -> Check:
     """The check of what has no motion to integrate."""
     unknown = np.full(plan.problem.system.size, np.nan)
     return Check(
@@ -319,7 +322,7 @@ def _not_judged(plan: Plan, violation: Violation) -> Check:
     )
 
 
-def _passes(
+def _waypoint_distances(
     problem: Problem, motion: Motion, tolerance: float, lead_s: float
 ) -> Iterator[_Finding]:
     """The distance at which each waypoint is passed.
@@ -329,16 +332,16 @@ def _passes(
     """
     for point in problem.waypoints:
         if point.time_s is None:
-            values, times = _least(motion, lambda q, p=point: p.distance(q)[..., None])  # type: ignore[misc]
+            values, times = _least_values(motion, lambda q, p=point: p.distance(q)[..., None])  # type: ignore[misc]
             value, when = float(values[0]), float(times[0])
         else:
             when = lead_s + point.time_s
-            value = float(point.distance(motion.at_time(when)))
+            value = float(point.distance(motion.q_at_time(when)))
         (part,) = point.parts
         yield _Finding(part, value, 0.0, when, tolerance)
 
 
-def _least(motion: Motion, function: Callable[[Array], Array]) -> tuple[Array, Array]:
+def _least_values(motion: Motion, function: Callable[[Array], Array]) -> tuple[Array, Array]:
     """Least values of functions (…, F) of q (…, N) over all time, and when, both (F,).
 
     They have corners, so dips between samples are narrowed without derivatives, those of all
@@ -351,20 +354,20 @@ def _least(motion: Motion, function: Callable[[Array], Array]) -> tuple[Array, A
     sides = [np.where(np.isfinite(side), side - values, 0.0) for side in (before, after)]
     deep, least = np.maximum(*sides), np.min(values, axis=(0, 1))
     dips = (values <= before) & (values <= after) & (values - 2 * deep <= least)
-    dips &= (deep > FLAT) | (values == least)
+    dips &= (deep > FLAT_DEPTH) | (values == least)
     sample, cell, which = np.nonzero(dips)
     low, high = grid[np.maximum(sample - 1, 0)], grid[np.minimum(sample + 1, len(grid) - 1)]
     row = np.arange(len(cell))
 
-    def own_values(x: Array) -> Array:
+    def dip_values(x: Array) -> Array:
         deadline.check_stopped()
-        return function(motion.at(cell, x))[:, row, which]
+        return function(motion.q_in_cells(cell, x))[:, row, which]
 
-    best, at = narrowed(own_values, low, high)
+    best, times_of_dips = narrow_dips(dip_values, low, high)
     out = np.full(values.shape[-1], np.nan), np.full(values.shape[-1], np.nan)
     for f in range(values.shape[-1]):
-        own = np.flatnonzero(which == f)
-        if len(own):  # none where the motion is not a number
-            k = own[np.argmin(best[own])]
-            out[0][f], out[1][f] = best[k], motion.cells.time(cell[k], at[k])
+        dips_of_row = np.flatnonzero(which == f)
+        if len(dips_of_row):  # none where the motion is not a number
+            k = dips_of_row[np.argmin(best[dips_of_row])]
+            out[0][f], out[1][f] = best[k], motion.cells.time(cell[k], times_of_dips[k])
     return out

@@ -67,7 +67,7 @@ GROUPS = {
                 "functions",
                 "input_models",
                 "models",
-                "places_proven",
+                "place_proofs",
             ]
         ],
         "tests/verification/test_certificate_arithmetic.py"

@@ -21,9 +21,9 @@ from planner.support import files
 from planner.support.interrupts import (
     Terminated,
     hear_signals,
-    hearing,
     heed_interrupts,
-    undisturbed,
+    hold_signals,
+    signal_listener,
 )
 
 PAPER = Path(__file__).parents[2] / "problems/paper.toml"
@@ -209,7 +209,7 @@ def test_signals_are_held_back_and_none_is_lost() -> None:
     steps = []
 
     def two_steps() -> None:
-        with undisturbed() as disturbed, undisturbed():
+        with hold_signals() as disturbed, hold_signals():
             steps.append(disturbed())
             signal.raise_signal(signal.SIGINT)
             signal.raise_signal(signal.SIGTERM)
@@ -219,7 +219,7 @@ def test_signals_are_held_back_and_none_is_lost() -> None:
     with pytest.raises(Terminated), hear_signals():
         two_steps()
     assert steps == [False, True]
-    assert hearing.status == 143
+    assert signal_listener.status == 143
 
 
 @BOTH

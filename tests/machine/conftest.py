@@ -39,7 +39,7 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Any:
     flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC"]
     words = [compiler, *flags, "-ffp-contract=off", *SOURCES, "-o", str(target), "-lm"]
     subprocess.run(words, check=True)
-    found = compiled.opened(target)
+    found = compiled.open_library(target)
     assert found is not None
     return found
 

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 from planner import Manipulator
 from planner.machine.disk_chain import DiskChain
-from planner.machine.stepwise import Direct
+from planner.machine.stepwise import KinematicPlant
 
 T = 1.0
 
@@ -28,7 +28,7 @@ def travel(t: float) -> np.ndarray:
     return np.array([0.3 * np.sin(2 * t), (1 - np.cos(3 * t)) / 6 + 0.2 * t])
 
 
-def ran(plant: DiskChain | Direct, steps: int, points: int = 3) -> np.ndarray:
+def ran(plant: DiskChain | KinematicPlant, steps: int, points: int = 3) -> np.ndarray:
     """Coordinates (N, S) after so many steps under `speed`, given at so many points of each."""
     h = T / steps
     for k in range(steps):
@@ -50,7 +50,7 @@ def test_ideal_chain_is_the_kinematics_to_fourth_or_second_order(n: int) -> None
     system, q = arm(n), start(n)
     truth = exact(system, q)
     steps = np.array([8, 16, 32, 64])
-    for plant in (lambda: DiskChain(system, draws_of(n), q), lambda: Direct(system, q)):
+    for plant in (lambda: DiskChain(system, draws_of(n), q), lambda: KinematicPlant(system, q)):
         for points, order in ((3, 4), (2, 2)):
             errors = [np.max(np.abs(ran(plant(), int(m), points) - truth)) for m in steps]
             slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
@@ -63,7 +63,7 @@ def test_gear_ratio_errors_scale_one_joint_each() -> None:
     off = Manipulator(system.K * [1.1, 0.8], system.k_g)
     draws = draws_of(gear_ratio_error=[0.1, -0.2])
     assert ran(DiskChain(system, draws, q), 100) == pytest.approx(
-        ran(Direct(off, q), 100), abs=1e-8
+        ran(KinematicPlant(off, q), 100), abs=1e-8
     )
 
 

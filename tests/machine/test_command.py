@@ -13,12 +13,12 @@ from scipy.interpolate import BPoly
 from planner import InputError
 from planner.machine.commands import (
     Command,
-    Continuous,
-    Tabulated,
-    merged,
-    refined_times,
-    snapped,
-    subdivided,
+    ContinuousSource,
+    TableSource,
+    merge_times,
+    refine_times,
+    snap_times,
+    subdivide,
 )
 
 STOPS = np.array([0.0, 1.0, 1.5])
@@ -44,7 +44,7 @@ STEPS = plan_of(
 
 def values(command: Command, part: int, sample: int = 0) -> np.ndarray:
     """What every step asks for at its first point (0), or at its last (-1), shape (M, 2)."""
-    steps = [command.at(k) for k in range(len(command.t) - 1)]
+    steps = [command.step_values(k) for k in range(len(command.t) - 1)]
     return np.array([s[part, :, min(sample, s.shape[2] - 1)] for s in steps])
 
 
@@ -127,10 +127,10 @@ def test_tabulated_command_agrees_with_its_source() -> None:
     def wave(times: np.ndarray) -> np.ndarray:
         return np.stack([np.sin(times), times**2], axis=-1)
 
-    wave.jumps = subdivided(np.array([0.0, 1.0]), 1e-3)  # type: ignore[attr-defined]
+    wave.jumps = subdivide(np.array([0.0, 1.0]), 1e-3)  # type: ignore[attr-defined]
     wave.parts = (0.0, 0.5, 1.0)  # type: ignore[attr-defined]
     t = np.linspace(0.001, 0.999, 777)
-    assert Tabulated(wave)(t) == pytest.approx(wave(t), abs=1e-7)  # type: ignore[arg-type]
+    assert TableSource(wave)(t) == pytest.approx(wave(t), abs=1e-7)  # type: ignore[arg-type]
 
 
 def test_nothing_is_asked_before_the_start_and_after_the_end() -> None:
@@ -139,9 +139,9 @@ def test_nothing_is_asked_before_the_start_and_after_the_end() -> None:
     always = SimpleNamespace(t=ends, duration=1.0, u=lambda t: np.ones((*np.shape(t), 2)))
     times = np.array([-2.0, -0.5, -1e-9, 0.0, 0.5, 1.0 - 1e-9, 1.0, 1.5])
     on = np.array([[0, 0, 0, 1, 1, 1, 0, 0]] * 2).T
-    source = Continuous(always, 0.1)  # type: ignore[arg-type]
+    source = ContinuousSource(always, 0.1)  # type: ignore[arg-type]
     assert np.array_equal(source(times), on)
-    table = Tabulated(source)
+    table = TableSource(source)
     assert np.array_equal(table(np.array([-2.0, -0.5, 0.5, 1.0 + 1e-9])), on[[0, 1, 4, 7]])
 
 
@@ -151,13 +151,13 @@ def test_nothing_is_asked_before_the_start_and_after_the_end() -> None:
 def test_merged_keeps_the_first_named_of_equal_times() -> None:
     third = 0.1 + 0.2
     assert third != 0.3
-    assert merged(np.array([0.0, 0.3]), np.array([third, 1.0])).tolist() == [0.0, 0.3, 1.0]
-    assert merged(np.array([0.0, third]), np.array([0.3, 1.0])).tolist() == [0.0, third, 1.0]
+    assert merge_times(np.array([0.0, 0.3]), np.array([third, 1.0])).tolist() == [0.0, 0.3, 1.0]
+    assert merge_times(np.array([0.0, third]), np.array([0.3, 1.0])).tolist() == [0.0, third, 1.0]
 
 
 def test_subdivided_holds_its_times_and_no_step_is_too_long() -> None:
     times = np.array([0.0, 0.001, 0.0105, 1.0])
-    grid = subdivided(times, 1e-3)
+    grid = subdivide(times, 1e-3)
     assert np.all(np.isin(times, grid))
     assert np.all(np.diff(grid) > 0)
     assert np.diff(grid).max() <= 1e-3 * (1 + 1e-9)
@@ -166,7 +166,7 @@ def test_subdivided_holds_its_times_and_no_step_is_too_long() -> None:
 
 def test_snapped() -> None:
     marks = np.array([0.0, 0.3, 1.0])
-    found = snapped(np.array([-1e-14, 0.1 + 0.2, 0.31, 1 - 1e-14]), marks)
+    found = snap_times(np.array([-1e-14, 0.1 + 0.2, 0.31, 1 - 1e-14]), marks)
     assert found.tolist() == [0.0, 0.3, 0.31, 1.0]
 
 
@@ -182,9 +182,9 @@ def test_refined_until_simpson_is_right_on_a_spike() -> None:
         return float(np.diff(grid) @ weighed[:, 0] / 6)
 
     coarse, exact = np.linspace(0, 1, 101), np.sqrt(1 + scale) - np.sqrt(scale)
-    grid = refined_times(spike, coarse)
+    grid = refine_times(spike, coarse)
     assert abs(simpson(grid) - exact) < 1e-9
     assert abs(simpson(coarse) - exact) > 0.1
     assert len(grid) < 2000
-    cubic = refined_times(lambda t: np.stack([t**3 - t, 2 - t**2], axis=-1), coarse)
+    cubic = refine_times(lambda t: np.stack([t**3 - t, 2 - t**2], axis=-1), coarse)
     assert np.array_equal(cubic, coarse), "Simpson's rule is exact for it"

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 from planner import Machine
 from planner.machine.disk_chain import DiskChain
-from planner.machine.stepwise import Direct, plant
+from planner.machine.stepwise import KinematicPlant, plant
 
 
 def speed(t: float) -> np.ndarray:
@@ -27,7 +27,7 @@ def test_against_an_adaptive_integrator(name: str) -> None:
     plan = SimpleNamespace(problem=SimpleNamespace(system=system))
     draws = draws_of(system.size - 1, samples=2)
     moved = plant(plan, Machine.ideal(), draws, start)  # type: ignore[arg-type]
-    assert isinstance(moved, DiskChain if name.startswith("manipulator") else Direct)
+    assert isinstance(moved, DiskChain if name.startswith("manipulator") else KinematicPlant)
     h = 0.01
     for k in range(50):
         points = np.array([speed((k + part) * h) for part in (0, 0.5, 1)])

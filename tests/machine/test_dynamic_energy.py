@@ -73,7 +73,7 @@ def test_free_arms_never_gain_energy(name: str) -> None:
     count = 40
     limp = {**EVENTS[name], "torque_limit_nm": 1e-12, "gearhead_backlash_deg": 1.0}
     plant = chain(4, samples=count, **limp)
-    speeds = plant._y[plant._at.v]
+    speeds = plant._y[plant._place.v]
     speeds[:] = np.random.default_rng(1).normal(size=speeds.shape)
     before = begin = plant.stored_J
     for _ in range(150):

@@ -108,12 +108,12 @@ def test_every_stage_balances_all_torques(
         return v, found
 
     monkeypatch.setattr(StageLaws, "solve", checked)
-    monkeypatch.setattr("planner.machine.bodies.PASSES", full_steps)
+    monkeypatch.setattr("planner.machine.bodies.FULL_PASSES", full_steps)
     use(None)
     rng = np.random.default_rng(0)
     for name in ("play", "coulomb", "slip", "all"):
         plant = chain(3, samples=4, **EVENTS[name], gearhead_backlash_deg=0.5)
-        plant._y[plant._at.v] = rng.normal(size=plant._y[plant._at.v].shape)
+        plant._y[plant._place.v] = rng.normal(size=plant._y[plant._place.v].shape)
         drive(plant, 40, jumps, 0.2)
     assert max(worst) < 1e-6
     assert 10 < sum(passes) < len(passes)

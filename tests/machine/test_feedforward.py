@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 import planner
 from planner import Plan
-from planner.machine.feedforward.aim import aimed
-from planner.machine.feedforward.shaping import MotorCommands, shaped, take_up
+from planner.machine.feedforward.aim import aim
+from planner.machine.feedforward.shaping import MotorCommands, shape_commands, take_up
 from planner.problem.tables.problem_file import CompensationTable
 
 NONE: dict[str, Any] = {
@@ -32,13 +32,13 @@ def plan(paper: planner.Problem) -> Plan:
 
 def commands(plan: Plan, machine: planner.Machine, **options: Any) -> MotorCommands:
     table = CompensationTable(**{**NONE, **options})
-    return shaped(plan, plan.problem.system, machine, table)  # type: ignore[arg-type]
+    return shape_commands(plan, plan.problem.system, machine, table)  # type: ignore[arg-type]
 
 
 def missed_deg(plan: Plan, machine: planner.Machine, after_s: float = 0.0, **options: Any) -> float:
     """Largest error after a time on the nominal machine, of a plan's commands shaped like that."""
     table = CompensationTable(**{**NONE, **options})
-    made = aimed(plan, machine, table, lambda *_: plan)
+    made = aim(plan, machine, table, lambda *_: plan)
     run = planner.replay(made, machine.nominal())
     errors = np.abs(run.q[0] - plan.trajectory.q(run.t))[run.t >= after_s, 1:]
     return float(np.rad2deg(np.max(errors)))
@@ -74,7 +74,7 @@ def test_all_axes_take_up_their_play_at_one_angle(plan: Plan) -> None:
 
 def test_the_preparation_moves_no_passive_joint_and_never_back(plan: Plan) -> None:
     machine = planner.Machine.prototype().nominal()
-    made = aimed(plan, machine, CompensationTable(aim=False), lambda *_: plan)
+    made = aim(plan, machine, CompensationTable(aim=False), lambda *_: plan)
     assert 1.0 < made.lead_s < 6.0
     before = made.t < made.lead_s
     assert np.max(np.abs(made.q(made.t[before])[:, 2:] - plan.q(0.0)[2:])) < np.deg2rad(0.1)
@@ -123,7 +123,7 @@ def test_no_axis_is_driven_beyond_its_lost_motion(joints: int) -> None:
     problem = arm_problem([10.0] * joints, goal=[25.0] * joints, limits={"input_rad_s": 0.5})
     plan = planner.solve(problem, "collocation")
     machine = planner.Machine.prototype().nominal()
-    made = aimed(plan, machine, CompensationTable(aim=False), lambda *_: plan)
+    made = aim(plan, machine, CompensationTable(aim=False), lambda *_: plan)
     moved = made.q(made.lead_s)[2:] - plan.q(0.0)[2:]
     assert made.lead_s > 0
     assert np.max(np.abs(moved)) < np.deg2rad(0.1)

@@ -93,7 +93,7 @@ def test_threads_do_not_matter(
     plan: Plan, library: Any, use: Any, monkeypatch: pytest.MonkeyPatch, count: str
 ) -> None:
     use(library)
-    monkeypatch.setattr(compiled, "STEPS", 77)
+    monkeypatch.setattr(compiled, "STEPS_A_CALL", 77)
     machine, told = Machine.prototype(step_s=0.01), []
     usual = replay(plan, machine, samples=70, record_s=None)
     monkeypatch.setenv("OMP_NUM_THREADS", count)
@@ -118,7 +118,7 @@ def test_without_a_kernel_or_with_an_old_one_there_is_none_and_a_warning_says_wh
     place.write_bytes(b"not a library")
     assert find() is None
     shutil.copy(library._name, place)
-    assert caplog.messages == [compiled.MISSING] * 2
+    assert caplog.messages == [compiled.MISSING_WARNING] * 2
     assert find() is not None
     monkeypatch.setattr(compiled, "VERSION", compiled.VERSION + 1)
     assert find() is None

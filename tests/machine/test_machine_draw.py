@@ -65,7 +65,7 @@ def test_what_is_off_is_neutral() -> None:
     draws = draw(Machine.ideal(), 3, np.arange(2), 0)
     assert draws["backlash_deg"] == 0
     assert np.isinf(draws["shaft_stiffness_nm_per_rad"])
-    assert not draws.on("backlash_deg")
+    assert not draws.has_effect("backlash_deg")
 
 
 @pytest.mark.parametrize("joints", [2, 3, 6])
@@ -73,7 +73,7 @@ def test_one_value_each(joints: int) -> None:
     draws = draw(Machine.prototype(), joints, np.arange(4), 0)
     count = {"machine": 1, "motor": 2, "joint": joints, "passive": joints - 1}
     for name, values in draws.values.items():
-        assert values.shape == (count[EFFECTS[name].per], 4), name
+        assert values.shape == (count[EFFECTS[name].owner], 4), name
 
 
 def test_lists_must_fit_the_system() -> None:

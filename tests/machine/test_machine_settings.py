@@ -43,7 +43,7 @@ def test_every_effect_tells_its_unit() -> None:
 def test_effects_of_one_fidelity_say_so() -> None:
     for name, effect in EFFECTS.items():
         description = MachineTable.model_fields[name].description or ""
-        assert effect.dynamic is ("(dynamic)" in description), name
+        assert effect.dynamic_only is ("(dynamic)" in description), name
     assert Machine.prototype().fidelity == Machine.ideal().fidelity == "quasi-static"
     moving = Machine.prototype(fidelity="dynamic")
     assert moving != Machine.prototype()

@@ -51,7 +51,7 @@ def test_errors_are_those_of_a_replay_that_keeps_every_motion(
         use(None)
     machine = Machine.prototype(**COARSE, **effects)
     whole = replay(smooth_plan, machine, feedback=feedback, **ALL)
-    monkeypatch.setattr(SIMULATE, "CHUNK", 3)
+    monkeypatch.setattr(SIMULATE, "CHUNK_SAMPLES", 3)
     some = replay(smooth_plan, machine, feedback=feedback, motions=4, **ALL)
     none = replay(smooth_plan, machine, feedback=feedback, motions=0, **ALL)
     same(whole, some)

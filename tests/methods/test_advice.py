@@ -95,11 +95,11 @@ def test_tries_end_with_the_time_limit_given(paper: Problem) -> None:
 
     def attempt(change: Change) -> Plan:
         asked.append(change)
-        deadline._span.get().outer.outer.end = 0.0  # type: ignore[union-attr]
+        deadline._span.get().enclosing.enclosing.end = 0.0  # type: ignore[union-attr]
         raise TimeLimitError("over")
 
     error = refusal()
-    with deadline.limited(1000.0):
+    with deadline.time_limit(1000.0):
         advise(error, paper, attempt, 1.0)
     assert asked == CHANGES[:1]
     assert str(error.advice).startswith("a larger time limit")

@@ -47,7 +47,7 @@ def test_cells_lie_one_behind_the_other_and_skip_what_takes_no_time() -> None:
 
 
 def test_a_cell_is_split_into_four_of_the_same_width() -> None:
-    cells = _cells().only(np.array([1, 3])).split()[0]
+    cells = _cells().select(np.array([1, 3])).split()[0]
     np.testing.assert_array_equal(cells.piece, [0, 0, 0, 0, 3, 3, 3, 3])
     np.testing.assert_allclose(cells.width, [1.125 / 4] * 4 + [2.5 / 4] * 4, rtol=1e-15)
     begins = _times(cells)[0]
@@ -69,7 +69,7 @@ def test_greatest_value_and_its_time(
     function: Callable[[np.ndarray], np.ndarray], value: float, time: float
 ) -> None:
     """By calculus. The last function is 3 at t = 0, which lies in a cell that is left out."""
-    cells = _cells().only(np.array([1, 2, 3])) if value == 32 / 27 else _cells()
+    cells = _cells().select(np.array([1, 2, 3])) if value == 32 / 27 else _cells()
     found, when = quadrature.greatest(cells, function(_times(cells))[..., None])
     assert found[0] == pytest.approx(value, rel=1e-13)
     assert when[0] == pytest.approx(time, abs=1e-7)
@@ -216,7 +216,9 @@ def _motion(
         w = claim["w"](t) if "w" in claim else np.zeros_like(t)
         return q, np.stack([np.full_like(t, v), w], axis=-1)
 
-    trajectory: Any = SimpleNamespace(system=system, breaks=breaks, inside=inside, degree=degree)
+    trajectory: Any = SimpleNamespace(
+        system=system, breaks=breaks, piece_values=inside, degree=degree
+    )
     return quadrature.integrate(trajectory, start)
 
 
@@ -229,7 +231,7 @@ def test_a_motion_whose_rates_read_themselves(breaks: list[float]) -> None:
     assert motion.error < 1e-7
     for t in (0.0, 0.13, 1.0, 2.9, 3.0):
         exact = expm(2 * t * system.matrix) @ start
-        np.testing.assert_allclose(motion.at_time(t), exact, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(motion.q_at_time(t), exact, rtol=0, atol=1e-9)
 
 
 def test_cells_are_split_until_the_motion_itself_is_resolved() -> None:
@@ -239,7 +241,7 @@ def test_cells_are_split_until_the_motion_itself_is_resolved() -> None:
     assert len(motion.cells.piece) >= 4
     for t in (0.0, 1.3, 4.9, 5.0):
         turned = [np.sin(10 * t) / 5, 10 * t, (1 - np.cos(10 * t)) / 5]
-        np.testing.assert_allclose(motion.at_time(t), turned, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(motion.q_at_time(t), turned, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize(("power", "error"), [(12, 0.0), (13, 1e-11), (14, 1e-11), (15, 1e-11)])
@@ -289,7 +291,7 @@ def test_an_input_that_vanishes_at_all_points_is_seen(count: int, degree: int) -
     peak = np.max(w(np.linspace(0, width, 100_001)))
     assert peak > 1
     assert quadrature.largest(motion.cells, motion.u)[1] == pytest.approx(peak, rel=1e-6)
-    assert motion.unresolved[0] < quadrature.AGREED
+    assert motion.unresolved_input[0] < quadrature.INPUT_TOLERANCE
 
 
 @pytest.mark.parametrize("size", [1e-3, 1.0, 50.0])
@@ -299,7 +301,7 @@ def test_an_input_that_no_cells_resolve_is_told_with_its_time(size: float) -> No
     motion = _motion(
         Unicycle(), np.zeros(3), breaks, 0.0, w=lambda t: size + 1e-5 * size * (t > 2.2)
     )
-    amount, when = motion.unresolved
+    amount, when = motion.unresolved_input
     assert 1e-6 < amount < 1e-5
     assert when == pytest.approx(2.2, abs=1e-5)
 
@@ -311,4 +313,4 @@ def test_rounding_in_an_input_is_compared_with_the_larger_one() -> None:
     noise = lambda t: rng.uniform(-1e-10, 1e-10, np.shape(t))  # noqa: E731
     motion = _motion(Unicycle(), np.zeros(3), breaks, 1.0, w=noise)
     assert len(motion.cells.piece) <= 4
-    assert motion.unresolved[0] < quadrature.AGREED
+    assert motion.unresolved_input[0] < quadrature.INPUT_TOLERANCE

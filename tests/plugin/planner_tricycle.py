@@ -16,7 +16,7 @@ from planner.methods.laws.free_numbers import travel_of
 from planner.methods.laws.law import Ends, finish, summary, trajectory_of
 from planner.methods.laws.legs import Leg, LegMotion, steer
 from planner.plan.trajectory import ChainedTrajectory
-from planner.problem.requirements.requirement import At, Part, Requirement
+from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.problem.tables.method_options import TravelOptions
 from planner.problem.tables.vehicles import CarGoal, CarLimits, CarStart, VehicleFile
 from planner.support.arrays import Array
@@ -160,8 +160,8 @@ class InputProduct(Requirement):
     def parts(self) -> tuple[Part, ...]:
         return (Part("product of the inputs", "", -self.most, self.most, self.most),)
 
-    def rows(self, at: At) -> Sequence[Any]:
-        return [at.u[0] * at.u[1]]
+    def rows(self, point: MotionPoint) -> Sequence[Any]:
+        return [point.u[0] * point.u[1]]
 
 
 # -- the entry point ---------------------------------------------------------------------------

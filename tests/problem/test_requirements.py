@@ -15,7 +15,7 @@ import planner
 from planner import Violation
 from planner.problem.requirements.limits import JointLimit, Z2Margin
 from planner.problem.requirements.places import Obstacle, Waypoint
-from planner.problem.requirements.requirement import At, Part, Requirement
+from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.systems.triangular_system import Coordinate
 
 ROOT = Path(__file__).parents[2]
@@ -33,8 +33,8 @@ class InputProduct(Requirement):
     def parts(self) -> tuple[Part, ...]:
         return (Part("product of the inputs", "", self.low, self.high, 0.01),)
 
-    def rows(self, at: At) -> Sequence[Any]:
-        return [at.u[0] * at.u[1]]
+    def rows(self, point: MotionPoint) -> Sequence[Any]:
+        return [point.u[0] * point.u[1]]
 
 
 def judged(plan: planner.Plan, low: float, high: float) -> planner.Check:
@@ -117,11 +117,11 @@ class Cornered(Requirement):
     def parts(self) -> tuple[Part, ...]:
         return (Part("least angle", "rad", self.low, np.inf, 0.1),)
 
-    def rows(self, at: At) -> Sequence[Any]:
-        return [at.q[1] ** 2]
+    def rows(self, point: MotionPoint) -> Sequence[Any]:
+        return [point.q[1] ** 2]
 
-    def values(self, at: At) -> Sequence[Any]:
-        return [np.abs(at.q[1])]
+    def values(self, point: MotionPoint) -> Sequence[Any]:
+        return [np.abs(point.q[1])]
 
 
 def kinds() -> list[tuple[planner.Problem, Requirement]]:
@@ -154,12 +154,14 @@ def test_rows_and_values_are_on_the_same_side(
     rng, N = np.random.default_rng(0), problem.system.size
     q = np.pi * rng.uniform(-0.49, 0.49, (N, 4000))
     u, du = rng.normal(size=(2, 2, 4000))
-    values = np.array(required.values(At(problem.system, q, u, du)))
+    values = np.array(required.values(MotionPoint(problem.system, q, u, du)))
     symbols = [ca.SX.sym(name, size) for name, size in (("q", N), ("u", 2), ("du", 2))]
-    rows = ca.Function("rows", symbols, [ca.vertcat(*required.rows(At(problem.system, *symbols)))])
+    rows = ca.Function(
+        "rows", symbols, [ca.vertcat(*required.rows(MotionPoint(problem.system, *symbols)))]
+    )
     found = np.asarray(rows(q, u, du))
     assert found.shape == values.shape == (len(required.parts), 4000)
-    low, high, scale = (side[:, None] for side in required.sides)
+    low, high, scale = (side[:, None] for side in required.bounds)
     np.testing.assert_array_equal(found >= low - 1e-12 * scale, values >= low - 1e-12 * scale)
     np.testing.assert_array_equal(found <= high + 1e-12 * scale, values <= high + 1e-12 * scale)
     assert np.any(values < low)  # both sides were seen
@@ -176,9 +178,9 @@ def _broken(demand: Any, value: float, k: int = 0) -> tuple[Any, Part, Violation
 
 def test_a_z2_margin_is_lowered_to_what_was_reached_or_left_out() -> None:
     margin = Z2Margin(0.1, 1)
-    assert Z2Margin.eased([_broken(margin, 0.02)]) == "limits.z2_margin = 0.01998 or less"
+    assert Z2Margin.easing([_broken(margin, 0.02)]) == "limits.z2_margin = 0.01998 or less"
     for value in (0.0, -0.02):
-        assert Z2Margin.eased([_broken(margin, value)]).startswith("leave out limits.z2_margin")
+        assert Z2Margin.easing([_broken(margin, value)]).startswith("leave out limits.z2_margin")
 
 
 @pytest.mark.parametrize(
@@ -200,7 +202,7 @@ def test_z2_at_an_end(theta1: float, side: int, margin: float, says: str | None)
     said = Z2Margin(margin, side).contradiction("goal", q, planner.Unicycle())
     assert said is None if says is None else says in (said or "")
     assert Z2Margin(margin, side).contradiction("waypoint 1", q, planner.Unicycle()) is None
-    at = At(planner.Unicycle(), q[:, None] * np.ones(3))
+    at = MotionPoint(planner.Unicycle(), q[:, None] * np.ones(3))
     np.testing.assert_allclose(
         Z2Margin(margin, side).values(at), [side * np.tan(q[1:2]) * np.ones(3)], rtol=1e-14
     )
@@ -211,11 +213,11 @@ def test_joint_limits_are_left_out_as_far_as_their_keys_allow() -> None:
     limit = JointLimit((Coordinate("hitch1", "rad"),), (0.5,))
     limits = {"hitch_deg": [20], "heading_deg": 30, "joint_deg": None, "input": 0.5}
     wide = {"limits.hitch_deg": 88.0, "limits.heading_deg": 360.0}
-    assert limit.without(limits) == (wide, "", "the limits on the joints")
+    assert limit.removal(limits) == (wide, "", "the limits on the joints")
     more = {"joint_deg": 10, "steering_deg": 10, "q": {"a": 1.0}}
     wide = {"limits.joint_deg": 88.0, "limits.steering_deg": 88.0, "limits.q": {}}
-    assert limit.without(more) == (wide, "", "the limits on the joints")
-    assert limit.without({"input": 0.5}) is None
+    assert limit.removal(more) == (wide, "", "the limits on the joints")
+    assert limit.removal({"input": 0.5}) is None
 
 
 def test_a_waypoint_is_as_far_as_its_worst_coordinate() -> None:
@@ -239,25 +241,25 @@ def test_clearances_of_a_bent_arm() -> None:
         beside.clearances(points), [1.5, np.hypot(0.75, 2) - 0.5, np.hypot(0.75, 3) - 0.5]
     )
     q = np.array([0.3, 0.0, np.pi / 2, 0.0])  # the last link ends at (1, 1.5)
-    values = np.array(disc.values(At(arm, q[:, None])))[:, 0]
+    values = np.array(disc.values(MotionPoint(arm, q[:, None])))[:, 0]
     distances = np.array([np.sqrt(34), 5.0, np.hypot(3, 3.5)])
     np.testing.assert_allclose(values, distances - 0.25, rtol=1e-14)
-    rows = [float(row) for row in disc.rows(At(arm, ca.DM(q)))]
+    rows = [float(row) for row in disc.rows(MotionPoint(arm, ca.DM(q)))]
     np.testing.assert_allclose(rows, (distances**2 - 0.25**2) / 0.5, rtol=1e-13)
 
 
 def test_a_disc_out_of_reach_is_settled_and_one_in_reach_is_named_by_link() -> None:
     arm = planner.Manipulator([0.9, 0.7], 1.0, [1.0, 1.0, 0.5])
-    assert Obstacle(1, 3, 3.0, 4.0, 1.0).settled(arm) == pytest.approx([1.5] * 3)
+    assert Obstacle(1, 3, 3.0, 4.0, 1.0).values_out_of_reach(arm) == pytest.approx([1.5] * 3)
     for radius in (2.5, 2.6):
-        assert Obstacle(1, 3, 3.0, 4.0, radius).settled(arm) is None
+        assert Obstacle(1, 3, 3.0, 4.0, radius).values_out_of_reach(arm) is None
     disc = Obstacle(2, 3, 1.0, 1.0, 0.2)
     labels = [part.label for part in disc.parts]
     assert labels == [f"clearance of link {k} from obstacle 2" for k in (1, 2, 3)]
-    said = disc.excluded("start", _broken(disc, -0.0625, 1)[2])
+    said = disc.contradiction_text("start", _broken(disc, -0.0625, 1)[2])
     assert said == "at the start link 2 reaches 0.0625 m into obstacle 2; move one of them"
     both = [_broken(Obstacle(n, 3, 1.0, 1.0, 0.2), -0.1) for n in (2, 1, 2)]
-    assert Obstacle.eased(both) == "leave out [[obstacles]] 1 and 2"
+    assert Obstacle.easing(both) == "leave out [[obstacles]] 1 and 2"
 
 
 @pytest.mark.parametrize("kind", [Obstacle(1, 3, 1.0, 1.0, 0.2), Z2Margin(0.1, 1)])

@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 import planner
 from planner import Manipulator
 from planner.plan.trajectory import StateTrajectory
-from planner.problem.requirements.requirement import At
+from planner.problem.requirements.requirement import MotionPoint
 from planner.problem.requirements.self_collision import SelfCollision
 from planner.systems.manipulator import prototype_ratios
 
@@ -56,7 +56,7 @@ def test_the_least_distance_is_that_of_the_segments() -> None:
     for points in poses(12):
         least = min(
             by_search(points[i - 1], points[i], points[j - 1], points[j])
-            for i, j in required.crossing
+            for i, j in required.link_pairs
         )
         found = min(float(value) for value in required.distances(points))
         crossed += least < 1e-4
@@ -71,12 +71,12 @@ def test_what_crosses_is_as_far_inside_as_its_nearest_end() -> None:
     """A link through the middle of the first: the way out is that of its end."""
     required = SelfCollision(4, 0.05)
     points = np.array([[0, 0], [0.3, 0], [0.3, 0.2], [0.12, 0.2], [0.1, -0.04]])
-    values = dict(zip(required.near, required.distances(points), strict=True))
+    values = dict(zip(required.joint_link_pairs, required.distances(points), strict=True))
     assert min(values.values()) == pytest.approx(-0.04)
     assert values[4, 1] == pytest.approx(-0.04)
     assert values[0, 4] == pytest.approx(-0.04)
     assert values[4, 2] > 0
-    place, touched, away = required.closest(points)
+    place, touched, away = required.nearest_pair(points)
     np.testing.assert_allclose([place, touched], [[0.1, -0.04], [0.1, 0]], atol=1e-15)
     assert away == pytest.approx(-0.04)
 
@@ -84,8 +84,8 @@ def test_what_crosses_is_as_far_inside_as_its_nearest_end() -> None:
 @pytest.mark.parametrize(("joints", "count"), [(3, 4), (4, 10), (5, 18)])
 def test_parts_are_joints_and_links_that_are_not_beside_each_other(joints: int, count: int) -> None:
     required = SelfCollision.of(0.05, arm(joints))
-    assert len(required.parts) == len(required.near) == count
-    assert all(link not in (place, place + 1) for place, link in required.near)
+    assert len(required.parts) == len(required.joint_link_pairs) == count
+    assert all(link not in (place, place + 1) for place, link in required.joint_link_pairs)
     labels = [part.label for part in required.parts]
     assert len(set(labels)) == count
     assert "clearance of joint 1 from link 3" in labels
@@ -98,17 +98,19 @@ def test_rows_have_the_slope_of_the_distance_at_contact() -> None:
 
     required, system = SelfCollision.of(0.05, arm()), arm()
     q = ca.SX.sym("q", 5)
-    rows = ca.vertcat(*required.rows(At(system, q)))
+    rows = ca.vertcat(*required.rows(MotionPoint(system, q)))
     both = ca.Function("rows", [q], [rows, ca.jacobian(rows, q)])
     rng, seen = np.random.default_rng(0), 0
     at = np.column_stack([np.zeros(20000), rng.uniform([-1, 0.8, 0.8, 0.8], 1.5, (20000, 4))])
-    values = np.stack(required.values(At.of(system, at)), axis=1)
+    values = np.stack(required.values(MotionPoint.of(system, at)), axis=1)
     close = (np.abs(values - 0.05) < 2e-3) & (np.min(values, axis=1) > 0)[:, None]
     for state, k in [(at[n], k) for n, k in np.argwhere(close)[:40]]:
         found, slope = (np.asarray(x) for x in both(state))
         sides = np.stack([state + 1e-6 * np.eye(5), state - 1e-6 * np.eye(5)])
         there = np.stack(
-            required.values(At.of(system, np.append(sides, state[None, None].repeat(2, 0), 1)))
+            required.values(
+                MotionPoint.of(system, np.append(sides, state[None, None].repeat(2, 0), 1))
+            )
         )
         assert found[k, 0] == pytest.approx(float(there[k, 0, -1]), abs=1e-4)
         wanted = (there[k, 0, :5] - there[k, 1, :5]) / 2e-6
@@ -225,7 +227,10 @@ def test_a_shape_that_only_turns_keeps_its_distances() -> None:
     problem = folding(0.05)
     plan = swung(problem, 0.2, 2.0)
     check = planner.verify(plan)
-    start = [float(v) for v in clearance_of(problem).values(At.of(problem.system, problem.start))]
+    start = [
+        float(v)
+        for v in clearance_of(problem).values(MotionPoint.of(problem.system, problem.start))
+    ]
     for part, value in zip(clearance_of(problem).parts, start, strict=True):
         assert check.margins[part.label] == pytest.approx(value - 0.05, abs=1e-9)
         claim = planner.certify(plan)[part.label]
@@ -239,10 +244,11 @@ def test_other_requirements_are_worded_as_changes() -> None:
     near = planner.Violation(part.label, 1.0, 0.04, 0.05, "m", 0.2)
     across = planner.Violation(part.label, 1.0, -0.04, 0.05, "m", 0.2)
     assert (
-        SelfCollision.eased([(required, part, near)]) == "limits.self_clearance_m = 0.03996 or less"
+        SelfCollision.easing([(required, part, near)])
+        == "limits.self_clearance_m = 0.03996 or less"
     )
-    assert SelfCollision.eased([(required, part, across)]) == "leave out limits.self_clearance_m"
-    assert required.without({}) == (
+    assert SelfCollision.easing([(required, part, across)]) == "leave out limits.self_clearance_m"
+    assert required.removal({}) == (
         {"limits.self_clearance_m": None},
         "leave out limits.self_clearance_m",
         "the links' clearance",

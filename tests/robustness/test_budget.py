@@ -82,7 +82,7 @@ def test_costs_are_those_of_machines_without_the_effect(plan: planner.Plan, whol
 
 def test_what_is_on_is_in_the_budget_or_named_as_idle(whole: Budget) -> None:
     names = {cost.name for cost in whole.costs} | set(whole.idle)
-    assert names == {name for name in whole.machine.effects if not EFFECTS[name].dynamic}
+    assert names == {name for name in whole.machine.effects if not EFFECTS[name].dynamic_only}
     assert "encoder_resolution_deg" in whole.idle
     saved = [abs(cost.saves_deg) for cost in whole.costs]
     assert saved == sorted(saved, reverse=True)

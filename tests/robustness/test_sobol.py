@@ -113,7 +113,7 @@ def test_every_effect_has_a_value_that_stands_for_off() -> None:
         assert np.array_equal(on, before[name][:, 1])
         if not sobol.per_sample(name):
             assert np.array_equal(on, off)
-        elif np.isinf(EFFECTS[name].off):
+        elif np.isinf(EFFECTS[name].off_value):
             assert np.all(off >= 1e6)
         else:
-            assert np.all(off == EFFECTS[name].off)
+            assert np.all(off == EFFECTS[name].off_value)

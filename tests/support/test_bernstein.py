@@ -81,7 +81,7 @@ def test_a_break_belongs_to_the_piece_that_begins_there() -> None:
     )
     assert [float(steps(t)) for t in (0.0, 1.0, 2.0, 3.0)] == [1, 2, 3, 3]
     piece = np.array([0, 1])
-    np.testing.assert_array_equal(steps.inside(piece, np.ones((1, 2))), [[1, 2]])
+    np.testing.assert_array_equal(steps.piece_values(piece, np.ones((1, 2))), [[1, 2]])
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -90,7 +90,9 @@ def test_inside_pieces_are_the_values_at_the_times(shape: tuple[int, ...]) -> No
     piece = np.array([0, 3, 1])
     for fraction in (rng.uniform(0.1, 0.9, (6, 3)), np.tile(rng.uniform(0.1, 0.9, (6, 1)), 3)):
         t = curve.x[piece] + np.diff(curve.x)[piece] * fraction
-        np.testing.assert_allclose(curve.inside(piece, fraction), curve(t), rtol=0, atol=1e-13)
+        np.testing.assert_allclose(
+            curve.piece_values(piece, fraction), curve(t), rtol=0, atol=1e-13
+        )
 
 
 def test_pieces_of_an_antiderivative_meet_to_the_last_bit() -> None:
@@ -107,8 +109,8 @@ def test_parts_and_higher_degrees_are_the_same_polynomial() -> None:
     for c, begin, end in ((left, 0 * at, at), (right, at, 1.0), (middle, low, high)):
         unit = Bernstein(c, np.arange(6.0))
         pieces = np.arange(5)
-        expected = curve.inside(pieces, begin + (end - begin) * x[:, None])
-        values = unit.inside(pieces, np.tile(x[:, None], 5))
+        expected = curve.piece_values(pieces, begin + (end - begin) * x[:, None])
+        values = unit.piece_values(pieces, np.tile(x[:, None], 5))
         np.testing.assert_allclose(values, expected, rtol=0, atol=1e-13)
     higher = Bernstein(elevate(curve.c, 11), curve.x)
     t = places(curve.x, rng)[:-2]

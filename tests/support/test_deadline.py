@@ -14,8 +14,8 @@ import pytest
 
 from planner import InputError
 from planner.support import deadline
-from planner.support.compiled_calls import IpoptCall, within
-from planner.support.deadline import TimeUpError, limited, share
+from planner.support.compiled_calls import IpoptCall, call_within
+from planner.support.deadline import TimeUpError, time_limit, time_share
 from planner.support.interrupts import heed_interrupts
 
 
@@ -29,31 +29,31 @@ def rosenbrock(size: int, iterations: int) -> IpoptCall:
 
 
 def test_a_time_limit_does_not_cut_a_verification_short_but_a_stop_does() -> None:
-    with limited(1e-9):
+    with time_limit(1e-9):
         time.sleep(0.001)
         deadline.check_stopped()
         deadline.end(contextvars.copy_context(), "the Stop button")
-        with limited(None), pytest.raises(TimeUpError):
+        with time_limit(None), pytest.raises(TimeUpError):
             deadline.check_stopped()
 
 
 def test_of_two_limits_the_earlier_counts() -> None:
     assert deadline.remaining() == np.inf
-    with limited(100.0):
-        with limited(1.0):
+    with time_limit(100.0):
+        with time_limit(1.0):
             assert deadline.remaining() <= 1.0
-        with limited(1000.0):
+        with time_limit(1000.0):
             assert 1.0 < deadline.remaining() <= 100.0
-        with share(0.5):
+        with time_share(0.5):
             assert 1.0 < deadline.remaining() <= 50.0
-        with limited(None):
+        with time_limit(None):
             assert 50.0 < deadline.remaining() <= 100.0
     assert deadline.remaining() == np.inf
 
 
 def test_a_share_may_wait_for_something_to_finish() -> None:
     holds = [False]
-    with limited(100.0), share(1e-9, once=lambda: holds[0]):
+    with time_limit(100.0), time_share(1e-9, condition=lambda: holds[0]):
         deadline.check()
         holds[0] = True
         with pytest.raises(TimeUpError):
@@ -62,39 +62,39 @@ def test_a_share_may_wait_for_something_to_finish() -> None:
 
 def test_a_share_that_waits_is_one_of_the_share_around_it() -> None:
     holds = [False]
-    with limited(100.0, holds=lambda: holds[0]):
-        with share(0.5, once=deadline.holds_answer):
+    with time_limit(100.0, has_answer=lambda: holds[0]):
+        with time_share(0.5, condition=deadline.holds_answer):
             assert 50.0 < deadline.remaining() <= 100.0
-            with share(0.5, once=deadline.holds_answer):
+            with time_share(0.5, condition=deadline.holds_answer):
                 holds[0] = True
                 assert deadline.remaining() <= 25.0
             assert 25.0 < deadline.remaining() <= 50.0
-        with limited(None, holds=lambda: False):
+        with time_limit(None, has_answer=lambda: False):
             assert deadline.holds_answer()  # the outermost says so
     assert not deadline.holds_answer()
 
 
 def test_what_is_cut_short_is_known_outside() -> None:
     assert not deadline.is_over()
-    with limited(100.0) as outer, limited(1e-9) as inner:
+    with time_limit(100.0) as outer, time_limit(1e-9) as inner:
         assert deadline.is_over()
         with pytest.raises(TimeUpError):
             deadline.check()
-        assert inner.reached
-        assert outer.reached
+        assert inner.was_reached
+        assert outer.was_reached
         assert inner.why == "the time limit of 1e-09 s"
         assert outer.why == "the time limit of 100 s"
 
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, np.nan, np.inf, True, "5"])
 def test_what_is_no_limit_is_refused(seconds: Any) -> None:
-    with pytest.raises(InputError, match="is not a time limit"), limited(seconds):
+    with pytest.raises(InputError, match="is not a time limit"), time_limit(seconds):
         pass
 
 
 def test_another_thread_has_a_limit_of_its_own() -> None:
     seen = []
-    with limited(1e-9):
+    with time_limit(1e-9):
         thread = threading.Thread(target=lambda: seen.append(deadline.remaining()))
         thread.start()
         thread.join()
@@ -103,7 +103,7 @@ def test_another_thread_has_a_limit_of_its_own() -> None:
 
 def test_ipopt_ends_after_the_iteration_in_which_time_is_up() -> None:
     solver, began = rosenbrock(4000, 10**6), time.perf_counter()
-    with pytest.raises(TimeUpError), limited(0.3):
+    with pytest.raises(TimeUpError), time_limit(0.3):
         solver(x0=np.full(4000, -1.3))
     assert time.perf_counter() - began < 20
 
@@ -111,22 +111,22 @@ def test_ipopt_ends_after_the_iteration_in_which_time_is_up() -> None:
 def test_a_solver_that_was_stopped_solves_the_next_time() -> None:
     solver, start = rosenbrock(4, 60), np.full(4, -1.3)
     whole = np.asarray(solver(x0=start)["x"])
-    with pytest.raises(TimeUpError), limited(1e-9):
+    with pytest.raises(TimeUpError), time_limit(1e-9):
         solver(x0=start)
     np.testing.assert_array_equal(np.asarray(solver(x0=start)["x"]), whole)
 
 
 def test_a_call_that_is_late_for_the_limit_is_not_lost() -> None:
     never = threading.Event()
-    with pytest.raises(TimeUpError), limited(0.05):
-        within(60.0, lambda: never.wait(60))
+    with pytest.raises(TimeUpError), time_limit(0.05):
+        call_within(60.0, lambda: never.wait(60))
     never.set()
-    assert within(60.0, lambda: True)
+    assert call_within(60.0, lambda: True)
 
 
 def test_ctrl_c_ends_a_search_that_holds_an_answer() -> None:
     holds = [False]
-    with limited(None, holds=lambda: holds[0]) as search, share() as part:
+    with time_limit(None, has_answer=lambda: holds[0]) as search, time_share() as part:
         assert not deadline.stop()
         deadline.check()
         holds[0] = True
@@ -136,21 +136,21 @@ def test_ctrl_c_ends_a_search_that_holds_an_answer() -> None:
         assert part.end <= time.monotonic()
         with pytest.raises(TimeUpError):
             deadline.check()
-    assert search.interrupted
+    assert search.interrupter
     assert search.why == "Ctrl-C"
     assert 0 < search.end - time.monotonic() <= deadline.LEAST_FINISH_S
     assert not deadline.stop()
 
 
 def test_after_ctrl_c_a_long_search_refines_for_a_quarter_of_its_time() -> None:
-    with limited(None, holds=lambda: True) as search:
-        search.began -= 100.0
+    with time_limit(None, has_answer=lambda: True) as search:
+        search.start -= 100.0
         assert deadline.stop()
         assert 24.0 < deadline.remaining() <= 25.1
 
 
 def test_the_outermost_search_says_whether_there_is_an_answer() -> None:
-    with limited(None, holds=lambda: False), limited(None, holds=lambda: True):
+    with time_limit(None, has_answer=lambda: False), time_limit(None, has_answer=lambda: True):
         assert not deadline.stop()  # the outermost says so
 
 
@@ -168,7 +168,7 @@ def test_another_thread_ends_what_runs_in_a_context() -> None:
     seen: list[float] = []
 
     def search(holds: bool) -> tuple[str, bool]:
-        with limited(100.0), limited(None, holds=lambda: holds) as span:
+        with time_limit(100.0), time_limit(None, has_answer=lambda: holds) as span:
             asked = threading.Event()
 
             def other() -> None:
@@ -179,8 +179,8 @@ def test_another_thread_ends_what_runs_in_a_context() -> None:
             threading.Thread(target=other).start()
             assert asked.wait(10)
             seen.append(deadline.remaining())
-            with share(0.5) as inner:
-                return inner.ended_by, span.reached
+            with time_share(0.5) as inner:
+                return inner.ended_by, span.was_reached
 
     assert context.run(search, True) == ("the button", True)
     assert context.run(search, False) == ("the button", True)

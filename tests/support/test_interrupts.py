@@ -18,7 +18,7 @@ import scipy.sparse as sp
 
 from planner.machine.feedback.programme import Solver
 from planner.methods.convex.programme import Optimum, solve_quadratic
-from planner.support.interrupts import heed_interrupts, muted, osqp_result
+from planner.support.interrupts import heed_interrupts, mute_lines, osqp_result
 
 
 def long_solve() -> str:
@@ -193,7 +193,7 @@ def _interrupted(self: osqp.OSQP, **_: object) -> SimpleNamespace:
 
 
 def test_only_lines_with_the_words_are_kept_back(capsys: pytest.CaptureFixture[str]) -> None:
-    with muted("secret", "stdout"):
+    with mute_lines("secret", "stdout"):
         print("a")
         sys.stdout.write("a sec")
         sys.stdout.write("ret\nb")
@@ -206,7 +206,7 @@ def test_casadi_s_warning_of_zero_pivots_is_one_line(capsys: pytest.CaptureFixtu
     """It is written in several parts."""
     matrix, column = ca.MX.sym("matrix", 2, 2), ca.MX.sym("column", 2)
     solve = ca.Function("solve", [matrix, column], [ca.solve(matrix, column, "ldl")])
-    with muted("LDL factorization has zeros", "stderr"):
+    with mute_lines("LDL factorization has zeros", "stderr"):
         solve(np.full((2, 2), 1e11), [1, 2])
     assert capsys.readouterr().err == ""
     solve(np.full((2, 2), 1e11), [1, 2])

@@ -16,11 +16,11 @@ from scipy.interpolate import BPoly
 from planner.plan.curves import Cells
 from planner.verification import balls
 from planner.verification import models as series
-from planner.verification.balls import POINTS, RADIUS, RHO, Ball, models, polynomial_balls
+from planner.verification.balls import POINTS, RADIUS_COLUMN, RHO, Ball, models, polynomial_balls
 from planner.verification.enclosure import integral
-from planner.verification.functions import _KNOWN, Expression, on
+from planner.verification.functions import _SUPPORTED, Expression, balls_on_cells
 from planner.verification.input_models import _composite
-from planner.verification.models import halved
+from planner.verification.models import halves
 
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")  # as `certify`
 mp = mpmath.mp.clone()
@@ -32,7 +32,7 @@ x, y = ca.SX.sym("x"), ca.SX.sym("y")
 Exact = Callable[..., Any]
 ANY = (-3.0, 3.0)
 PLUS = (0.05, 4.0)
-COLUMNS = len(RADIUS)
+COLUMNS = len(RADIUS_COLUMN)
 CELLS = 8
 
 
@@ -82,7 +82,11 @@ def _argument(rng: np.random.Generator, low: float, high: float) -> Ball:
     """Discs from rounding to a third, slopes from 1e-9 to a third over the ellipse."""
     shape = (CELLS, COLUMNS)
     c = rng.uniform(low, high, shape)
-    b = rng.normal(size=shape) * 10.0 ** rng.uniform(-9, -0.5, shape) / np.maximum(RADIUS, 1.0)
+    b = (
+        rng.normal(size=shape)
+        * 10.0 ** rng.uniform(-9, -0.5, shape)
+        / np.maximum(RADIUS_COLUMN, 1.0)
+    )
     b[:, :POINTS] = 0.0
     r = 10.0 ** rng.uniform(-17, -0.7, shape) * rng.integers(0, 2, shape)
     return Ball(c, b, r)
@@ -165,7 +169,7 @@ def test_every_operation_that_balls_know_is_tested() -> None:
         function = ca.Function("f", [ca.vertcat(x, y)], [expression])
         tested |= {function.instruction_id(k) for k in range(function.n_instructions())}
     never = {ca.OP_ASSIGN, ca.OP_CONSTPOW, ca.OP_POW}
-    assert _KNOWN - never <= tested, _KNOWN - tested
+    assert _SUPPORTED - never <= tested, _SUPPORTED - tested
 
 
 @pytest.mark.parametrize(
@@ -192,7 +196,7 @@ def test_numpy_is_right_within_four_units(name: str, low: float, high: float) ->
     for argument, value in zip(at, getattr(np, name)(at), strict=True):
         truth = exact(mp.mpf(argument))
         size = 1 if name in ("sin", "cos") else abs(truth)
-        assert abs(truth - mp.mpf(value)) <= 4 * balls.UNIT * size, argument
+        assert abs(truth - mp.mpf(value)) <= 4 * balls.ROUNDING_UNIT * size, argument
 
 
 @pytest.mark.parametrize("a", [-2.5, -1.5, -1 / 3, 0.5, 2 / 3, 1.5, 9.0])
@@ -200,7 +204,7 @@ def test_numpy_powers_are_right_within_four_units(a: float) -> None:
     at = np.random.default_rng(3).uniform(1e-3, 9.0, 60)
     for argument, value in zip(at, at**a, strict=True):
         truth = mp.mpf(argument) ** mp.mpf(a)
-        assert abs(truth - mp.mpf(value)) <= 4 * balls.UNIT * truth
+        assert abs(truth - mp.mpf(value)) <= 4 * balls.ROUNDING_UNIT * truth
 
 
 def _series(c: np.ndarray, z: Any) -> Any:
@@ -269,7 +273,7 @@ def test_integrals() -> None:
     """Of the exponential over a few cells, at the points and on the ellipses."""
     rng = np.random.default_rng(6)
     breaks = np.array([0.0, 0.3, 0.4, 1.1])
-    (t,) = on(BPoly(np.array([breaks[:-1], breaks[1:]]), breaks), Cells.of(breaks))
+    (t,) = balls_on_cells(BPoly(np.array([breaks[:-1], breaks[1:]]), breaks), Cells.of(breaks))
     found = integral(balls.exponential(t), np.diff(breaks), 0.25)
     assert np.max(found.r[:, :POINTS]) < 1e-12
     for cell in range(3):
@@ -321,7 +325,7 @@ def test_errors_of_rates_add_up_in_integrals() -> None:
     off = integral(Ball(c, c, c + 1e-3), width, 0.0)
     assert np.all(off.r[0, :POINTS] >= 1e-3 * 0.5 * (series.nodes() + 1) / 2)
     assert np.all(off.r[1] >= 1e-3 * 0.5)
-    assert np.all(off.r[:, POINTS:] >= 1e-3 * width[:, None] / 2 * RADIUS[POINTS:])
+    assert np.all(off.r[:, POINTS:] >= 1e-3 * width[:, None] / 2 * RADIUS_COLUMN[POINTS:])
 
 
 @pytest.mark.parametrize("width", [1, 2, 6, 17])
@@ -344,7 +348,7 @@ def test_polynomials_of_balls(width: int) -> None:
 def test_halves() -> None:
     rng = np.random.default_rng(7)
     c = rng.normal(size=(6, POINTS)) * 10.0 ** -np.linspace(0, 9, POINTS)
-    new, r = halved(c, np.zeros(6))
+    new, r = halves(c, np.zeros(6))
     for row in range(12):
         for tau in rng.uniform(-1, 1, 4):
             whole = (mp.mpf(tau) + (1 if row >= 6 else -1)) / 2
@@ -357,17 +361,17 @@ def test_constants_of_the_bounds() -> None:
     for column in range(POINTS):
         for k in range(POINTS):
             exact = mp.chebyt(k, _node(column))
-            assert abs(exact - series.evaluation(POINTS)[column, k]) <= 4 * balls.UNIT
+            assert abs(exact - series.evaluation(POINTS)[column, k]) <= 4 * balls.ROUNDING_UNIT
     basis = np.polynomial.chebyshev.chebvander(np.linspace(-1, 1, 2001), POINTS - 1)
     lebesgue = np.sum(np.abs(basis @ series.interpolation()), axis=1)
-    assert 0.999 * series.LEBESGUE < np.max(lebesgue) <= series.LEBESGUE
+    assert 0.999 * series.LEBESGUE_BOUND < np.max(lebesgue) <= series.LEBESGUE_BOUND
     for z in (_place(np.random.default_rng(8), column) for column in range(POINTS, COLUMNS)):
-        column = np.flatnonzero(float(abs(z)) <= RADIUS)
+        column = np.flatnonzero(float(abs(z)) <= RADIUS_COLUMN)
         assert len(column)
     for column, rho in enumerate(RHO, POINTS):
         edge = [(rho * w + 1 / (rho * w)) / 2 for w in np.exp(1j * np.linspace(0, np.pi, 201))]
-        assert np.max(np.abs(edge)) <= RADIUS[column]
-        assert np.max(np.abs(np.square(edge) - 0.5)) <= balls.SQUARE[column]
+        assert np.max(np.abs(edge)) <= RADIUS_COLUMN[column]
+        assert np.max(np.abs(np.square(edge) - 0.5)) <= balls.SQUARE_COLUMN[column]
 
 
 def test_whole_powers_are_products_whatever_the_number_s_type() -> None:

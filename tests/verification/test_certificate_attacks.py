@@ -14,8 +14,8 @@ import planner
 from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import ChainedTrajectory, StateTrajectory, Trajectory
 from planner.support.calculus.bernstein import Bernstein
-from planner.verification import places_proven
-from planner.verification.models import halved
+from planner.verification import place_proofs
+from planner.verification.models import halves
 
 
 @pytest.fixture(scope="module")
@@ -239,9 +239,9 @@ def test_a_motion_that_turns_without_end_is_not_halved_without_end(
 
     def counted(c: Any, r: Any) -> Any:
         rows.append(len(c))
-        return halved(c, r)
+        return halves(c, r)
 
-    monkeypatch.setattr(places_proven, "halved", counted)
+    monkeypatch.setattr(place_proofs, "halves", counted)
     breaks = np.linspace(0.0, 10.0, 41)
     u = BPoly(np.tile([0.0, 150.0], (1, 40, 1)), breaks)
     q = BPoly(np.tile(problem.start, (1, 40, 1)), breaks)

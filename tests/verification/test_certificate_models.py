@@ -14,10 +14,10 @@ import planner
 from planner.plan.curves import Cells
 from planner.plan.trajectory import StateTrajectory
 from planner.support.calculus.chebyshev import from_bernstein
-from planner.verification.balls import CUT, RADIUS, Ball, models, polynomial_balls
+from planner.verification.balls import CUT, RADIUS_COLUMN, Ball, models, polynomial_balls
 from planner.verification.functions import Expression, UnboundedError, derivative, polynomials
-from planner.verification.input_models import Source, _feedback, resolve, root, source_of
-from planner.verification.models import POINTS, least
+from planner.verification.input_models import InputSource, _feedback, resolve, root, source_of
+from planner.verification.models import POINTS, least_values
 
 x = ca.SX.sym("x")
 
@@ -44,7 +44,7 @@ def _value(c: np.ndarray, tau: float) -> np.ndarray:
 def test_polynomials_and_slopes_on_cells(seed: int) -> None:
     rng = np.random.default_rng(seed)
     curve = BPoly(rng.normal(size=(rng.integers(2, 15), 3, 2)), [0.0, 0.7, 1.1, 3.0])
-    cells = Cells.of(curve.x).halved().halved()
+    cells = Cells.of(curve.x).halves().halves()
     derived = curve.derivative()
     for tau in (-0.999, 0.123, 0.987):
         times = cells.times(np.array([tau]))[:, 0]
@@ -69,7 +69,7 @@ def test_every_rounding_of_a_restriction_is_counted(degree: int, scale: float) -
     curve = BPoly(scale * rng.uniform(0.5, 1.0, (degree + 1, 2, 1)), [0.0, 1.0, 2.5])
     matrix = np.sum(np.abs(from_bernstein(degree + 1)))
     whole = Cells.of(curve.x)
-    for cells, steps in ((whole, degree + 1), (whole.halved(), 9 * degree + 1)):
+    for cells, steps in ((whole, degree + 1), (whole.halves(), 9 * degree + 1)):
         (found,) = polynomials(curve, cells)
         size = np.max(np.abs(curve.c[:, cells.piece, 0]), axis=0)
         assert np.all(found.r >= steps * matrix * 2.0**-53 * size)
@@ -85,7 +85,7 @@ def test_cells_are_halved_until_the_motion_is_known_as_its_inputs_are() -> None:
     with np.errstate(all="ignore"):
         assert len(resolve(source_of(path)).cells.piece) == 4
         found = resolve(source_of(path), np.zeros(3))
-    assert max(float(np.max(ball.rough)) for ball in found.rates) <= 1e-10
+    assert max(float(np.max(ball.relative_remainder)) for ball in found.rates) <= 1e-10
 
 
 def test_a_cell_of_noise_is_halved_once_however_often_others_are() -> None:
@@ -94,13 +94,13 @@ def test_a_cell_of_noise_is_halved_once_however_often_others_are() -> None:
 
     def inputs(cells: Cells) -> list[Ball]:
         rest = np.where(cells.piece == 0, 1e-6, 5e-3 * (4 * cells.size) ** np.log2(100))
-        zero = np.zeros((len(rest), len(RADIUS)))
-        radius = np.where(np.arange(len(RADIUS)) < POINTS, zero, np.inf)
+        zero = np.zeros((len(rest), len(RADIUS_COLUMN)))
+        radius = np.where(np.arange(len(RADIUS_COLUMN)) < POINTS, zero, np.inf)
         radius[:, -1] = rest / CUT[-1]
         return [Ball(zero, zero, radius)] * 2
 
     trajectory: Any = SimpleNamespace(breaks=np.array([0.0, 1.0, 2.0]))
-    found = resolve(Source(trajectory, inputs, inputs))
+    found = resolve(InputSource(trajectory, inputs, inputs))
     np.testing.assert_array_equal(np.bincount(found.cells.piece), [8, 64])
 
 
@@ -111,7 +111,7 @@ def test_least_value_is_bracketed(seed: int) -> None:
     c[0, 1] = c[-1, 0]
     curve = BPoly(c, [0.0, 1.0, 2.5])
     cells = Cells.of(curve.x)
-    found = least([(1.0, p, 0.0) for p in polynomials(curve, cells)], cells, np.ones(3))
+    found = least_values([(1.0, p, 0.0) for p in polynomials(curve, cells)], cells, np.ones(3))
     dense = curve(np.linspace(0, 2.5, 20001)).min(axis=0)
     for i, one in enumerate(found):
         assert one.guaranteed <= dense[i] + 1e-12
@@ -126,7 +126,7 @@ def test_a_dip_between_all_samples_is_found() -> None:
     square = np.array([[centre**2], [centre**2 - centre], [(1 - centre) ** 2]]) / width**2 * 1e-3
     cells = Cells.of(np.array([0.0, 1.0]))
     curve = BPoly(square[:, :, None] - 1e-3, [0.0, 1.0])
-    (found,) = least([(1.0, p, 0.0) for p in polynomials(curve, cells)], cells, np.ones(1))
+    (found,) = least_values([(1.0, p, 0.0) for p in polynomials(curve, cells)], cells, np.ones(1))
     assert found.time_s == pytest.approx(centre, abs=1e-6)
     assert found.guaranteed <= -1e-3 + 1e-12
 
@@ -168,4 +168,4 @@ def test_a_root_lies_where_slope_and_defect_allow_it_and_nowhere_else() -> None:
 
 def whole_ball(value: float) -> Ball:
     """A number on one cell."""
-    return Ball(np.full((1, len(RADIUS)), value), *np.zeros((2, 1, len(RADIUS))))
+    return Ball(np.full((1, len(RADIUS_COLUMN)), value), *np.zeros((2, 1, len(RADIUS_COLUMN))))

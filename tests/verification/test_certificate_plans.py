@@ -16,12 +16,12 @@ from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import ChainedTrajectory, StateTrajectory
 from planner.problem.requirements.ends import TipGoal
 from planner.problem.requirements.places import Waypoint
-from planner.problem.requirements.requirement import At, Part, Requirement
+from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.support import deadline
-from planner.support.deadline import TimeUpError, limited
-from planner.verification.input_models import enclosed
-from planner.verification.known import STANDSTILL
-from planner.verification.places_proven import distance
+from planner.support.deadline import TimeUpError, time_limit
+from planner.verification.evidence import STANDSTILL_REASON
+from planner.verification.input_models import enclose_trajectory
+from planner.verification.place_proofs import distance_bounds
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -99,8 +99,8 @@ class _Turning(Requirement):
     def parts(self) -> tuple[Part, ...]:
         return (Part("square of a rate", "", -np.inf, 1.0, 1.0),)
 
-    def rows(self, at: At) -> list[Any]:
-        return [at.du[0] ** 2]
+    def rows(self, point: MotionPoint) -> list[Any]:
+        return [point.du[0] ** 2]
 
 
 def test_a_function_of_the_rates_is_undecided_and_says_why(optimal: planner.Plan) -> None:
@@ -142,7 +142,7 @@ def test_standstill_of_a_retimed_path_is_undecided_and_says_why(paper: planner.P
     retimed = RetimedTrajectory(path, length, clock, np.array([0.0, 1.0]))
     certificate = planner.certify(planner.Plan(paper, "by hand", {}, retimed))
     assert certificate["input u2"].status == "undecided"
-    assert certificate["input u2"].why == STANDSTILL
+    assert certificate["input u2"].why == STANDSTILL_REASON
     assert certificate["joint theta1"].status == "proven"
 
 
@@ -228,7 +228,7 @@ def test_a_certificate_is_saved_and_read_back(optimal: planner.Plan, tmp_path: P
 
 @pytest.mark.parametrize("judged", [planner.verify, planner.certify])
 def test_a_stop_ends_it_and_a_time_limit_does_not(judged: Any, optimal: planner.Plan) -> None:
-    with limited(1e-9):
+    with time_limit(1e-9):
         judged(optimal)
         deadline.end(copy_context(), "the Stop button")
         with pytest.raises(TimeUpError):
@@ -237,10 +237,10 @@ def test_a_stop_ends_it_and_a_time_limit_does_not(judged: Any, optimal: planner.
 
 def test_the_distance_at_a_time_holds_wherever_the_time_may_be(optimal: planner.Plan) -> None:
     """A time known to within a slip: the bounds hold at all times so near, and are not vague."""
-    _, motion, _ = enclosed(optimal.trajectory, optimal.problem.start)
+    _, motion, _ = enclose_trajectory(optimal.trajectory, optimal.problem.start)
     point, slip = Waypoint(1, np.array([np.nan, 0.3, np.nan, np.nan]), 4.0, "rad"), 0.01
     for time in np.linspace(0.5, 9.5, 19):
-        low, high = distance(motion, point, float(time), slip)
+        low, high = distance_bounds(motion, point, float(time), slip)
         near = abs(optimal.q(time + slip * np.linspace(-1, 1, 11))[:, 1] - 0.3)
         assert low <= near.min() + 1e-5  # the plan's own curve is not quite the motion
         assert near.max() <= high + 1e-5

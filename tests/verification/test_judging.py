@@ -114,7 +114,7 @@ def test_every_system_as_another_integrator_sees_it(name: str) -> None:
     off = np.max(np.abs(motion.q[-1, -1] - outside(times[-1:])[0]))
     assert off <= max(motion.error, 1e-12)
     for t in times[::397]:  # between its steps DOP853 is of lower order than at them
-        np.testing.assert_allclose(motion.at_time(t), outside(t)[0], rtol=0, atol=1e-10)
+        np.testing.assert_allclose(motion.q_at_time(t), outside(t)[0], rtol=0, atol=1e-10)
     assert motion.error < 1e-7
     assert motion.gap[0] == pytest.approx(np.max(np.abs(outside(times) - start)), rel=1e-2)
 
@@ -140,8 +140,8 @@ class _Shaped(StateTrajectory):
         x = np.asarray(t, dtype=float) / self.duration
         return np.stack([self.shape(x), 0.1 + 0 * x], axis=-1)
 
-    def inside(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
-        q, _ = super().inside(piece, fraction)
+    def piece_values(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
+        q, _ = super().piece_values(piece, fraction)
         return q, self.u(fraction * self.duration)
 
 
@@ -226,7 +226,7 @@ def test_reading_by_piece_is_reading_by_time(paper: planner.Problem) -> None:
         piece = np.arange(count)
         fraction = np.random.default_rng(0).uniform(0.01, 0.99, (7, count))
         times = plan.t[:-1] + fraction * np.diff(plan.t)
-        q, u = plan.trajectory.inside(piece, fraction)
+        q, u = plan.trajectory.piece_values(piece, fraction)
         np.testing.assert_allclose(q, plan.q(times), rtol=0, atol=1e-10)
         np.testing.assert_allclose(u, plan.u(times), rtol=1e-8, atol=1e-10)
 

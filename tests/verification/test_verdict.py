@@ -15,7 +15,7 @@ from registered import Bump, restored
 
 import planner
 from planner.plan.quadrature import CONTROL_POINTS, POINTS
-from planner.problem.requirements.requirement import At, Part, Requirement
+from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.support.calculus.chebyshev import points
 from planner.verification.verdict import judge
 
@@ -94,8 +94,8 @@ def test_whoever_returns_a_verified_plan_asks_the_certificate(
 class Hidden(Bump):
     """The same of which no proof can say anything."""
 
-    def rows(self, at: At) -> Sequence[Any]:
-        (row,) = super().rows(at)
+    def rows(self, point: MotionPoint) -> Sequence[Any]:
+        (row,) = super().rows(point)
         return [ca.fmax(row, 0.0)]
 
 
@@ -127,8 +127,8 @@ class Band(Requirement):
     def parts(self) -> tuple[Part, ...]:
         return (Part("band", "", self.low, self.high, 1.0),)
 
-    def rows(self, at: At) -> Sequence[Any]:
-        return [at.q[1] + at.q[2] * at.u[1]]
+    def rows(self, point: MotionPoint) -> Sequence[Any]:
+        return [point.q[1] + point.q[2] * point.u[1]]
 
 
 @dataclass(frozen=True)
@@ -139,8 +139,8 @@ class Spike(Band):
     def parts(self) -> tuple[Part, ...]:
         return (Part("bump", "", -np.inf, 0.5, 0.5),)
 
-    def rows(self, at: At) -> Sequence[Any]:
-        return [ca.exp(-(((super().rows(at)[0] - self.low) / 1e-6) ** 2))]
+    def rows(self, point: MotionPoint) -> Sequence[Any]:
+        return [ca.exp(-(((super().rows(point)[0] - self.low) / 1e-6) ** 2))]
 
 
 def test_what_reads_coordinates_and_inputs_is_judged_on_retimed_plans(
@@ -174,11 +174,11 @@ def test_the_side_of_a_limit_that_only_the_certificate_sees(optimal: planner.Pla
         def parts(self) -> tuple[Part, ...]:
             return (Part("dip", "", -0.5, 3.0, 0.5),)
 
-        def rows(self, at: At) -> Sequence[Any]:
-            return [-row for row in super().rows(at)]
+        def rows(self, point: MotionPoint) -> Sequence[Any]:
+            return [-row for row in super().rows(point)]
 
-        def values(self, at: At) -> Sequence[Any]:
-            return [-row for row in super().values(at)]
+        def values(self, point: MotionPoint) -> Sequence[Any]:
+            return [-row for row in super().values(point)]
 
     narrow = asked(optimal, Dip(float(optimal.q(0.4321 * optimal.duration)[1]), 1e-5))
     assert planner.verify(narrow).ok
@@ -266,8 +266,8 @@ class Mixed(Requirement):
     def parts(self) -> tuple[Part, ...]:
         return (Part("mixed", "rad", -np.inf, self.most, 1.0),)
 
-    def rows(self, at: At) -> Sequence[Any]:
-        return [sum(w * at.q[i] for i, w in enumerate(self.weights))]
+    def rows(self, point: MotionPoint) -> Sequence[Any]:
+        return [sum(w * point.q[i] for i, w in enumerate(self.weights))]
 
 
 def test_limits_hold_on_the_machines_motion_between_the_breaks(compensated: planner.Plan) -> None:

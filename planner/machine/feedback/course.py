@@ -57,19 +57,19 @@ class Course:
         self.plan, self._run_up = plan, run_up
         self.start, self.end = plan.lead_s, plan.duration - plan.tail_s
         self.begin = 0.0 if run_up is None else min(0.0, float(self.start + run_up.t[0]))
-        self.predicted = plan.compensates is not None and (run_up is None or turns_back(plan))
+        self.is_predicted = plan.compensates is not None and (run_up is None or turns_back(plan))
         self._followed, self._late = plan, 0.0
-        if plan.compensates is not None and not self.predicted:
+        if plan.compensates is not None and not self.is_predicted:
             self._followed, self._late = plan.compensates, self.start
-        times, angles = turned(self._followed, DEFAULT_TICK_S)
+        times, angles = turn_angles(self._followed, DEFAULT_TICK_S)
         times = times + self._late
-        angles = _geared(angles, play / 2) if self.predicted else angles
-        self._told: list[tuple[Array, Array]] = []
+        angles = _output_angles(angles, play / 2) if self.is_predicted else angles
+        self._commanded: list[tuple[Array, Array]] = []
         for i in range(2):
             # A compensated plan's commands are early already.
-            when = times if self.predicted else times - shift[i]
-            own = when <= self.end - shift[i]
-            when, angle = when[own], angles[own, i]
+            when = times if self.is_predicted else times - shift[i]
+            kept = when <= self.end - shift[i]
+            when, angle = when[kept], angles[kept, i]
             if run_up is not None:
                 before = run_up.t + self.start - shift[i]
                 way = np.concatenate([[0.0], np.cumsum(run_up.u[:, i] * np.diff(run_up.t))])
@@ -77,7 +77,7 @@ class Course:
                 later = when > before[-1]
                 when = np.concatenate([before, when[later]])
                 angle = np.concatenate([way, way[-1] + angle[later] - first])
-            self._told.append((when, angle))
+            self._commanded.append((when, angle))
 
     def q(self, t: Array) -> Array:
         """Coordinates (…, N) at times t (…); at rest before and after."""
@@ -90,9 +90,9 @@ class Course:
         )
         return np.where((when < 0)[..., None], before, out)
 
-    def told(self, t: Array) -> Array:
+    def commanded_angles(self, t: Array) -> Array:
         """Angles (…, 2) by which the motors should be told to have turned by times t (…)."""
-        return np.stack([np.interp(t, when, angle) for when, angle in self._told], axis=-1)
+        return np.stack([np.interp(t, when, angle) for when, angle in self._commanded], axis=-1)
 
 
 def first_motion(plan: Plan) -> Array:
@@ -114,20 +114,20 @@ def turns_back(plan: Plan) -> bool:
     return bool(np.min(drive) < least and np.max(drive) > -least)
 
 
-FINE = 16
+PARTS_A_TICK = 16
 """Parts of a tick over which a plan's inputs are summed up: they may jump inside one."""
 
 
-def turned(plan: Plan, tick: float) -> tuple[Array, Array]:
+def turn_angles(plan: Plan, tick: float) -> tuple[Array, Array]:
     """Times and the angles (M, 2) by which the plan has turned the motors until then."""
-    count = FINE * int(np.ceil(plan.duration / tick))
+    count = PARTS_A_TICK * int(np.ceil(plan.duration / tick))
     times = np.unique(np.concatenate([plan.t, np.linspace(0.0, plan.duration, count + 1)]))
     speeds = plan.u((times[:-1] + times[1:]) / 2)
     angles = np.cumsum(speeds * np.diff(times)[:, None], axis=0)
     return times, np.concatenate([np.zeros((1, 2)), angles])
 
 
-def _geared(angles: Array, half: Array) -> Array:
+def _output_angles(angles: Array, half: Array) -> Array:
     """What gearheads with play of ± `half` (2,) pass on of angles (M, 2); from its middle."""
     out = np.zeros_like(angles)
     for k in range(1, len(angles)):
@@ -178,8 +178,8 @@ def timing(
         InputError: If the period is shorter than the machine's control period, or no longer than
             the latency.
     """
-    held = machine.effects.get("control_period_s")
-    longest = held.value[0] if held else min(DEFAULT_TICK_S, options.period_s)
+    hold = machine.effects.get("control_period_s")
+    longest = hold.value[0] if hold else min(DEFAULT_TICK_S, options.period_s)
     if options.period_s < longest * (1 - 1e-9):
         raise InputError(
             f"feedback.period_s = {options.period_s:g}: commands are held for the machine's"

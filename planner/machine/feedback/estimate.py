@@ -36,21 +36,21 @@ LOST_SPREAD = 0.2
 """Standard deviation expected of lost motion, and of where in it an axis starts, as a part of its
 mean: what 20 % each of backlash and friction and 10 % of stiffness make of it."""
 
-CORRELATED = 2.0
+ROUNDING_VARIANCE_FACTOR = 2.0
 """By how much the variance of rounding is taken larger: slow joints stay in one step for long."""
 
-UNMODELLED = float(np.deg2rad(0.003))
+UNMODELLED_SPREAD_RAD = float(np.deg2rad(0.003))
 """Standard deviation of what moves an axis besides, rad a period."""
 
-EXACT = 1e-9
+EXACT_READING_SPREAD = 1e-9
 """Standard deviation of a reading without resolution, in the coordinate's unit."""
 
-SETTLING = 0.04
+SETTLING_SHARE = 0.04
 """Part of the change of an axis's way from one period to the next by which a reading may be off:
 while servos settle they are not just late. Without it swings of θ₁ teach a wrong play of its
 gearhead (0.1 degrees), and E is 0.24 degrees instead of 0.21 (95 %)."""
 
-FITTING = 3.0
+FITTING_SPREADS = 3.0
 """Standard deviations within which a reading fits."""
 
 
@@ -76,58 +76,58 @@ class Estimate:
         q: Coordinates expected at the start, (N, S).
         resolution: Smallest step of each reading, (N, 1), in the coordinates' units; 0 is exact,
             infinite is not measured.
-        lost: Mean lost motion of each joint, (N−1, 1).
+        lost_motion: Mean lost motion of each joint, (N−1, 1).
 
     Attributes:
         pose: The estimate.
-        lost: Lost motion of each joint, (N−1, S).
+        lost_motion: Lost motion of each joint, (N−1, S).
         rate_error: ε of each joint, (N−1, S).
     """
 
-    def __init__(self, q: Array, resolution: Array, lost: Array) -> None:
-        joints, count = len(lost), q.shape[1]
+    def __init__(self, q: Array, resolution: Array, lost_motion: Array) -> None:
+        joints, count = len(lost_motion), q.shape[1]
         self.pose = Pose(q, q[1:].copy(), np.zeros(count))
-        self.lost = np.repeat(lost, count, axis=1)
+        self.lost_motion = np.repeat(lost_motion, count, axis=1)
         self.rate_error = np.zeros((joints, count))
         self._half = resolution / 2
-        self._noise = CORRELATED * resolution[1:] ** 2 / 12 + EXACT**2
+        self._noise = ROUNDING_VARIANCE_FACTOR * resolution[1:] ** 2 / 12 + EXACT_READING_SPREAD**2
         self._cov = np.zeros((3, 3, joints, count))
-        self._cov[0, 0] = self._noise + (LOST_SPREAD * lost) ** 2
-        self._cov[1, 1] = (LOST_SPREAD * lost) ** 2
+        self._cov[0, 0] = self._noise + (LOST_SPREAD * lost_motion) ** 2
+        self._cov[1, 1] = (LOST_SPREAD * lost_motion) ** 2
         self._cov[2, 2] = RATE_SPREAD**2
-        self._rigid = np.repeat(lost == 0, count, axis=1)
+        self._rigid = np.repeat(lost_motion == 0, count, axis=1)
         self._way = np.zeros((joints, count))
-        self._pushed = self._rigid.copy()
-        self._seen, self._moved = q[1:].copy(), np.zeros((joints, count))
+        self._is_pushed = self._rigid.copy()
+        self._last_reading, self._last_turn = q[1:].copy(), np.zeros((joints, count))
         self._settling = np.zeros((joints, count))
 
-    def predicted(self, pose: Pose) -> None:
+    def take_forecast(self, pose: Pose) -> None:
         """Take over a forecast from the estimate."""
         moved = pose.axis - self.pose.axis
         way = np.where(moved == 0, self._way, np.sign(moved))
-        self._settling = (SETTLING * (moved - self._moved)) ** 2
-        self._moved = moved
-        self._pushed &= self._rigid | (way == self._way)
+        self._settling = (SETTLING_SHARE * (moved - self._last_turn)) ** 2
+        self._last_turn = moved
+        self._is_pushed &= self._rigid | (way == self._way)
         self._way, self.pose = way, pose
         step = moved / (1 + self.rate_error)
         self._cov[0] += step * self._cov[2]
         self._cov[:, 0] += step * self._cov[:, 2]
-        self._cov[0, 0] += UNMODELLED**2
+        self._cov[0, 0] += UNMODELLED_SPREAD_RAD**2
 
     def read(self, measured: Array) -> None:
         """Take in a reading (N, S), NaN where it is lost."""
         seen, lost = measured[1:], np.isnan(measured[1:])
-        moved = self._way * (seen - self._seen) > self._half[1:] + EXACT
-        self._seen = np.where(lost, self._seen, seen)
-        self._pushed |= moved
-        surprise = np.where(lost, 0.0, seen - (self.pose.axis - self._way * self.lost))
-        late = ~self._pushed & (self._way * surprise < 0)
-        self._filter(surprise, self._pushed & ~lost, late)
+        moved = self._way * (seen - self._last_reading) > self._half[1:] + EXACT_READING_SPREAD
+        self._last_reading = np.where(lost, self._last_reading, seen)
+        self._is_pushed |= moved
+        surprise = np.where(lost, 0.0, seen - (self.pose.axis - self._way * self.lost_motion))
+        late = ~self._is_pushed & (self._way * surprise < 0)
+        self._filter(surprise, self._is_pushed & ~lost, late)
         axis, q = self.pose.axis, self.pose.q.copy()
-        q[1:] = np.where(self._pushed, axis - self._way * self.lost, q[1:])
+        q[1:] = np.where(self._is_pushed, axis - self._way * self.lost_motion, q[1:])
         inside = np.clip(q, measured - self._half, measured + self._half)
         inside = np.where(np.isnan(measured), q, inside)
-        together = self._pushed | (self._way == 0)
+        together = self._is_pushed | (self._way == 0)
         axis = axis + np.where(together, inside[1:] - q[1:], 0.0)
         self.pose = Pose(inside, axis, self.pose.side)
 
@@ -141,14 +141,14 @@ class Estimate:
         along = np.einsum("abjs,bjs->ajs", self._cov, row)
         spread = np.einsum("ajs,ajs->js", along, row)
         noise = self._noise + self._settling
-        fits = np.abs(surprise) <= FITTING * np.sqrt(spread + noise)
+        fits = np.abs(surprise) <= FITTING_SPREADS * np.sqrt(spread + noise)
         known = pushed & fits
         gain = along / np.where(known, spread + noise, spread)
         step = np.where(pushed | late, gain * surprise, 0.0)
         step[1:] = np.where(pushed & ~fits, 0.0, step[1:])
         step[0] = np.where(pushed & ~fits, surprise, step[0])
         self.pose = Pose(self.pose.q, self.pose.axis + step[0], self.pose.side)
-        self.lost = np.maximum(self.lost + step[1], 0.0)
+        self.lost_motion = np.maximum(self.lost_motion + step[1], 0.0)
         self.rate_error = self.rate_error + step[2]
         self._cov -= np.where(known, gain[:, None] * along[None], 0.0)
 
@@ -225,17 +225,17 @@ class Forecast:
         before = history.travel(done)
         for part in np.arange(1, count + 1) / count:
             after = history.travel(done + part * (until - done))
-            pose = self.turned(pose, after - before, known.lost, 1 + known.rate_error)
+            pose = self.predict(pose, after - before, known.lost_motion, 1 + known.rate_error)
             before = after
         return pose
 
-    def turned(self, pose: Pose, travel: Array, lost: Array, rate: Array) -> Pose:
+    def predict(self, pose: Pose, travel: Array, lost: Array, rate: Array) -> Pose:
         """After both motors have turned by `travel` (2, S), rad.
 
         Args:
             pose: Before.
             travel: Of the motors.
-            lost: Lost motion of each joint, (N−1, S).
+            lost_motion: Lost motion of each joint, (N−1, S).
             rate: 1 + ε of each joint, (N−1, S).
         """
         moved = pose.side + travel[0]

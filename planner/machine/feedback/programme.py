@@ -26,10 +26,10 @@ from planner.machine.feedback.reference import Reference, Regulator
 from planner.support.arrays import Array
 from planner.support.interrupts import osqp_result
 
-ROUNDING = 1e-9
+LIMIT_ROUNDING = 1e-9
 """Excess over a limit (rad/s or rad) that counts as rounding."""
 
-SLIGHT = 1e-6
+STATE_TOLERANCE_RAD = 1e-6
 """Excess over a state limit (rad) that OSQP's tolerance may leave."""
 
 Rows = tuple[Array, Array, Array, Array]
@@ -93,11 +93,11 @@ class TrackingProgramme:
         self._steps = [self._assembled(k) for k in range(len(ref.feed))]
 
     @property
-    def solved(self) -> int:
+    def solve_count(self) -> int:
         """How many programmes OSQP has solved."""
-        return self._inner.solved + self._whole.solved
+        return self._inner.solve_count + self._whole.solve_count
 
-    def none(self, count: int) -> Decision:
+    def empty_decision(self, count: int) -> Decision:
         """What S samples have decided before their first step: nothing."""
         H, fell = self.horizon, np.zeros(count, dtype=bool)
         return Decision(np.zeros((H, 2, count)), np.zeros((2 * H, count)), fell)
@@ -113,17 +113,17 @@ class TrackingProgramme:
         step, size = self._steps[k], 2 * self.horizon
         values = step.M @ state
         low, high = step.low[:, None], step.high[:, None]
-        bound = np.any((values < low - ROUNDING) | (values > high + ROUNDING), axis=0)
+        bound = np.any((values < low - LIMIT_ROUNDING) | (values > high + LIMIT_ROUNDING), axis=0)
         v, c = values[:size].copy(), np.zeros((size, state.shape[1]))
         fell = np.zeros(state.shape[1], dtype=bool)
         for i in np.nonzero(bound)[0]:
             guess = np.append(last.c[2:, i], [0.0, 0.0])
-            found, fell[i] = self._solve(step, values[:, i], guess)
-            if found is None:
+            solution, fell[i] = self._solve(step, values[:, i], guess)
+            if solution is None:
                 v[:, i] = np.append(last.corrections[1:, :, i], [0.0, 0.0])
             else:
-                c[:, i] = found
-                v[:, i] += step.T[:size] @ found
+                c[:, i] = solution
+                v[:, i] += step.T[:size] @ solution
         v = np.clip(v, low[:size], high[:size])
         return Decision(v.reshape(self.horizon, 2, -1), c, fell)
 
@@ -136,7 +136,7 @@ class TrackingProgramme:
         for j, i in enumerate(range(k, k + H)):
             if i >= count:
                 for rows, wanted in zip(kinds, self._kinds, strict=True):
-                    rows.append(_idle(wanted, n, 2 * H))
+                    rows.append(_free_rows(wanted, n, 2 * H))
                 continue
             M, T = -law.gain[i] @ Z, -law.gain[i] @ Y
             T[:, 2 * j : 2 * j + 2] += law.root[i]
@@ -162,27 +162,30 @@ class TrackingProgramme:
         first = self._inner(step.driven, low[:d], high[:d], guess)
         if first.c is not None:
             reached = step.T[d:] @ first.c
-            if np.all((reached >= low[d:] - SLIGHT) & (reached <= high[d:] + SLIGHT)):
+            if np.all(
+                (reached >= low[d:] - STATE_TOLERANCE_RAD)
+                & (reached <= high[d:] + STATE_TOLERANCE_RAD)
+            ):
                 return first.c, False
             guess = first.c
-        found = self._whole(step.T, low, high, guess)
-        if not found.infeasible:
-            return found.c, found.c is None
-        clipped = self._clipped(step, values)
+        result = self._whole(step.T, low, high, guess)
+        if not result.infeasible:
+            return result.c, result.c is None
+        clipped = self._clip(step, values)
         reached = step.T[d:] @ clipped
         low[d:], high[d:] = np.minimum(low[d:], reached), np.maximum(high[d:], reached)
-        found = self._whole(step.T, low, high, clipped)
-        return (clipped if found.c is None else found.c), True
+        result = self._whole(step.T, low, high, clipped)
+        return (clipped if result.c is None else result.c), True
 
-    def _clipped(self, step: ControlStep, values: Array) -> Array:
+    def _clip(self, step: ControlStep, values: Array) -> Array:
         """The c of the regulator with each correction clipped to its limits in turn."""
         c = np.zeros(step.T.shape[1])
         for j in range(0, len(c), 2):
-            own = slice(j, j + 2)
-            now = values[own] + step.T[own] @ c
-            if np.any(step.T[own, own]):
-                wanted = np.clip(now, step.low[own], step.high[own])
-                c[own] = np.linalg.solve(step.T[own, own], wanted - now)
+            columns = slice(j, j + 2)
+            now = values[columns] + step.T[columns] @ c
+            if np.any(step.T[columns, columns]):
+                wanted = np.clip(now, step.low[columns], step.high[columns])
+                c[columns] = np.linalg.solve(step.T[columns, columns], wanted - now)
         return c
 
 
@@ -191,27 +194,27 @@ def _changes(ref: Reference, i: int) -> tuple[Array, Array]:
 
     The course's own change is that of its steepest tick.
     """
-    own = np.zeros((1, 2))
+    ramps = np.zeros((1, 2))
     if ref.timing.ticks > 1:
-        own = np.diff(ref.feed[i], axis=0) / ref.timing.tick
-    least = np.minimum(-ref.rate - own.min(axis=0), 0.0)
-    most = np.maximum(ref.rate - own.max(axis=0), 0.0)
+        ramps = np.diff(ref.feed[i], axis=0) / ref.timing.tick
+    least = np.minimum(-ref.rate - ramps.min(axis=0), 0.0)
+    most = np.maximum(ref.rate - ramps.max(axis=0), 0.0)
     return ref.timing.period * least, ref.timing.period * most
 
 
-def _idle(rows: int, n: int, width: int) -> Rows:
+def _free_rows(rows: int, n: int, width: int) -> Rows:
     """Rows of a period after the course's end, where nothing moves: free."""
     wide = np.full(rows, np.inf)
     return np.zeros((rows, n)), np.zeros((rows, width)), -wide, wide
 
 
-TOLERANCE = 1e-5
+OSQP_TOLERANCE = 1e-5
 """OSQP's absolute and relative tolerance, on unit rows and c."""
 
-STEP = 1.0
+OSQP_STEP = 1.0
 """OSQP's first step size rho, the same for every programme."""
 
-SOLVED, INFEASIBLE = 1, (3, 4)
+SOLVED_STATUS, INFEASIBLE_STATUSES = 1, (3, 4)
 """OSQP's status of a solution within tolerance, and those that say there is none."""
 
 
@@ -249,7 +252,7 @@ class Solver:
         self._entries, self._length = (rows, columns), np.ones(len(mask))
         self._rested: Array = np.zeros(len(mask))
         self._loaded: Any = None
-        self.solved = 0
+        self.solve_count = 0
         self._osqp = osqp.OSQP()
         T = sp.csc_matrix((np.ones(len(rows)), (rows, columns)), mask.shape)
         free = np.full(len(mask), np.inf)
@@ -261,12 +264,12 @@ class Solver:
             free,
             verbose=False,
             scaling=0,
-            rho=STEP,
+            rho=OSQP_STEP,
             adaptive_rho_interval=50,
             check_termination=10,
-            eps_abs=TOLERANCE,
-            eps_rel=TOLERANCE,
-            eps_prim_inf=TOLERANCE,
+            eps_abs=OSQP_TOLERANCE,
+            eps_rel=OSQP_TOLERANCE,
+            eps_prim_inf=OSQP_TOLERANCE,
             max_iter=iterations,
         )
 
@@ -288,9 +291,9 @@ class Solver:
         self._osqp.warm_start(x=guess, y=self._rested)
         result = osqp_result(self._osqp)
         if result.info.rho_updates:
-            self._osqp.update_settings(rho=STEP)
-        self.solved += 1
+            self._osqp.update_settings(rho=OSQP_STEP)
+        self.solve_count += 1
         status, iterations = result.info.status_val, result.info.iter
-        if status == SOLVED:
+        if status == SOLVED_STATUS:
             return ProgrammeResult(np.array(result.x), False, iterations)
-        return ProgrammeResult(None, status in INFEASIBLE, iterations)
+        return ProgrammeResult(None, status in INFEASIBLE_STATUSES, iterations)

@@ -42,10 +42,10 @@ from planner.support.compiled_calls import Pointwise
 from planner.systems.chained_form import chained_form
 from planner.systems.triangular_system import TriangularSystem
 
-LEFT = float(np.deg2rad(0.05))
+LEFT_JOINT_RAD = float(np.deg2rad(0.05))
 """How far from its joint an axis counts as having left it, rad."""
 
-RESTING = 1e-3
+RESTING_SHARE = 1e-3
 """Part of the limit within which the drive counts as resting: less than its resolution."""
 
 
@@ -59,22 +59,22 @@ class Reference:
         rate: Largest |du/dt|, (2,); infinite where there is none.
         start: The course at the first reading, (N,).
         s: When each period's effect on the path begins, and the last one's ends, (K+1,), s.
-        begun: Whether that is after the start of the motion that counts, (K,).
+        is_counted: Whether that is after the start of the motion that counts, (K,).
         rests: Periods before it in which the drive rests while θ₁ swings, (K,).
         q: The course then, (K+1, N); of passive joints where their axes would push them to.
         joints: Passive joints then, (K+1, N−2).
         feed: Its mean input in each tick, within the limit, (K, M, 2).
-        last: Tick from the first reading on at whose start each motor is told to end, (2,).
-        first: Mean inputs of the ticks before the first correction can act, (latency, 2).
+        last_ticks: Tick from the first reading on at whose start each motor is told to end, (2,).
+        first_inputs: Mean inputs of the ticks before the first correction can act, (latency, 2).
         A: ∂δqₖ₊₁/∂δqₖ, (K, N, N).
-        before: ∂δqₖ₊₁/∂v of the period before, (K, N, 2); zero for held corrections.
+        B_before: ∂δqₖ₊₁/∂v of the period before, (K, N, 2); zero for held corrections.
         B: ∂δqₖ₊₁/∂v, (K, N, 2).
         E: ∂δqₖ₊₁/∂(ε, δw), (K, N, 2(N−2)).
         way: Which way each passive axis pushes its joint next, 1 or −1, (K+1, N−2).
-        more: How far it pushes it before it turns back, (K+1, N−2); negative where it never reaches
+        push: How far it pushes it before it turns back, (K+1, N−2); negative where it never reaches
             it: by how much not.
-        then: The same of the push that comes next, (K+1, N−2).
-        lost: Lost motion that the course allows for, (N−2, 1).
+        next_push: The same of the push that comes next, (K+1, N−2).
+        lost_motion: Lost motion that the course allows for, (N−2, 1).
         low: Least correction, (K, 2).
         high: Greatest correction, (K, 2).
         rows: Unit rows (K, c, N): c distances in δqₖ₊₁ that have limits.
@@ -87,21 +87,21 @@ class Reference:
     rate: Array
     start: Array
     s: Array
-    begun: NDArray[np.bool_]
+    is_counted: NDArray[np.bool_]
     rests: NDArray[np.bool_]
     q: Array
     joints: Array
     feed: Array
-    last: NDArray[np.int64]
-    first: Array
+    last_ticks: NDArray[np.int64]
+    first_inputs: Array
     A: Array
-    before: Array
+    B_before: Array
     B: Array
     E: Array
     way: Array
-    more: Array
-    then: Array
-    lost: Array
+    push: Array
+    next_push: Array
+    lost_motion: Array
     low: Array
     high: Array
     rows: Array
@@ -134,25 +134,25 @@ def reference(
     issued = timing.begin + timing.wait + timing.period * np.arange(count + 1, dtype=np.float64)
     s = issued + timing.shift[0]
     edges = timing.begin + tick * np.arange(timing.latency + count * ticks + 1, dtype=np.float64)
-    told = np.clip(np.diff(course.told(edges), axis=0) / tick, -limit, limit)
-    first, feed = told[: timing.latency], told[timing.latency :].reshape(count, ticks, 2)
+    inputs = np.clip(np.diff(course.commanded_angles(edges), axis=0) / tick, -limit, limit)
+    first, feed = inputs[: timing.latency], inputs[timing.latency :].reshape(count, ticks, 2)
     q = course.q(s)
     q[:, 1] = course.q(issued + timing.shift[1])[:, 1]
     begin = course.q(np.array(timing.begin))
-    at_edges = _pushes(forecast, course.q(edges + timing.shift[0]), told * tick, lost)
-    way, gap, more, then = (value[timing.latency :: ticks] for value in at_edges)
+    at_edges = _pushes(forecast, course.q(edges + timing.shift[0]), inputs * tick, lost)
+    way, gap, push, next_push = (value[timing.latency :: ticks] for value in at_edges)
     joints = q[:, 2:].copy()
     q[:, 2:] -= way * gap
     middle = issued[:-1, None] + tick * (np.arange(ticks) + 0.5) + timing.shift[0]
     ramp = bool(np.any(np.isfinite(problem.limits.input_rate)))
     A, before, B, E = _model(system, course.q(middle), feed, tick, ramp)
     E = np.concatenate([E, np.zeros_like(E)], axis=2)
-    own = np.arange(2, system.size)
-    E[:, own, own + len(own) - 2] = way[:-1] - way[1:]
-    begun = s[:-1] >= course.start
-    low, high = _bounds(feed, limit, np.where(begun, least_speed, 0.0))
+    passive = np.arange(2, system.size)
+    E[:, passive, passive + len(passive) - 2] = way[:-1] - way[1:]
+    is_counted = s[:-1] >= course.start
+    low, high = _bounds(feed, limit, np.where(is_counted, least_speed, 0.0))
     rests = (s[1:] <= course.start) & np.all(feed[:, :, 0] == 0, axis=1)
-    high[rests, 0], low[rests, 0] = RESTING * limit[0], -RESTING * limit[0]
+    high[rests, 0], low[rests, 0] = RESTING_SHARE * limit[0], -RESTING_SHARE * limit[0]
     rows, floor, ceiling = _state_limits(problem, q[1:], s[1:] >= course.start)
     return Reference(
         timing=timing,
@@ -160,21 +160,23 @@ def reference(
         rate=problem.limits.input_rate,
         start=begin,
         s=s,
-        begun=begun,
+        is_counted=is_counted,
         rests=rests,
         q=q,
         joints=joints,
         feed=feed,
-        last=np.ceil((course.end - timing.shift - timing.begin) / tick - 1e-6).astype(np.int64),
-        first=first,
+        last_ticks=np.ceil((course.end - timing.shift - timing.begin) / tick - 1e-6).astype(
+            np.int64
+        ),
+        first_inputs=first,
         A=A,
-        before=before,
+        B_before=before,
         B=B,
         E=E,
         way=way,
-        more=more,
-        then=then,
-        lost=lost,
+        push=push,
+        next_push=next_push,
+        lost_motion=lost,
         low=low,
         high=high,
         rows=rows,
@@ -193,7 +195,7 @@ def _pushes(forecast: Forecast, q: Array, travel: Array, lost: Array) -> tuple[A
         lost: Lost motion of each axis, (N−2, 1).
 
     Returns:
-        Way, gap, `more` and `then` of `Reference` at the edges, (m+1, N−2).
+        Way, gap, `push` and `next_push` of `Reference` at the edges, (m+1, N−2).
     """
     change = forecast.rates((q[:-1] + q[1:]) / 2, travel)[:, 2:]
     place, pushed = np.zeros((len(q), change.shape[1])), np.zeros_like(change)
@@ -201,7 +203,7 @@ def _pushes(forecast: Forecast, q: Array, travel: Array, lost: Array) -> tuple[A
         place[k + 1] = np.clip(place[k] + step, -lost[:, 0], lost[:, 0])
         pushed[k] = place[k] + step - place[k + 1]
     pushed = np.where(lost[:, 0] > 0, pushed, change)
-    way, more, then = np.zeros_like(place), np.zeros_like(place), np.zeros_like(place)
+    way, push, next_push = np.zeros_like(place), np.zeros_like(place), np.zeros_like(place)
     for i in range(place.shape[1]):
         moving = np.flatnonzero(pushed[:, i])
         last = moving[-1] if len(moving) else -1
@@ -210,14 +212,16 @@ def _pushes(forecast: Forecast, q: Array, travel: Array, lost: Array) -> tuple[A
         ]
         way[last + 1 :, i] = way[last, i] if last >= 0 else 1.0
         off = lost[i, 0] - way[-1, i] * place[last + 1 :, i]
-        if last >= 0 and np.max(off) > LEFT:  # it leaves its joint and never pushes it again
+        if (
+            last >= 0 and np.max(off) > LEFT_JOINT_RAD
+        ):  # it leaves its joint and never pushes it again
             way[last + 1 :, i] *= -1
-            more[-1, i] = np.max(off) - 2 * lost[i, 0]
+            push[-1, i] = np.max(off) - 2 * lost[i, 0]
         for k in range(len(change) - 1, -1, -1):
             same = way[k, i] == way[k + 1, i]
-            more[k, i] = abs(pushed[k, i]) + (more[k + 1, i] if same else 0.0)
-            then[k, i] = then[k + 1, i] if same else more[k + 1, i]
-    return way, lost[:, 0] - way * place, more, then
+            push[k, i] = abs(pushed[k, i]) + (push[k + 1, i] if same else 0.0)
+            next_push[k, i] = next_push[k + 1, i] if same else push[k + 1, i]
+    return way, lost[:, 0] - way * place, push, next_push
 
 
 @lru_cache(maxsize=32)
@@ -225,8 +229,10 @@ def _derivatives(system: TriangularSystem) -> Pointwise:
     """(q, u) → [∂q̇/∂q, ∂q̇/∂u, q̇ of each passive coordinate by itself], (N, N + 2 + N − 2)."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     f = ca.vertcat(*system.rates_expr(q, u))
-    own = ca.diag(f)[:, 2:]
-    return Pointwise("deviation", [q, u], ca.horzcat(ca.jacobian(f, q), ca.jacobian(f, u), own))
+    diagonal = ca.diag(f)[:, 2:]
+    return Pointwise(
+        "deviation", [q, u], ca.horzcat(ca.jacobian(f, q), ca.jacobian(f, u), diagonal)
+    )
 
 
 def _model(
@@ -240,9 +246,9 @@ def _model(
     before = np.zeros((count, size, effects))
     now = np.zeros((count, size, effects))
     for m in range(ticks):
-        own = slopes[:, m, :, :size]
-        step = np.eye(size) + tick * own + tick**2 / 2 * own @ own
-        effect = (tick * np.eye(size) + tick**2 / 2 * own) @ slopes[:, m, :, size:]
+        slope = slopes[:, m, :, :size]
+        step = np.eye(size) + tick * slope + tick**2 / 2 * slope @ slope
+        effect = (tick * np.eye(size) + tick**2 / 2 * slope) @ slopes[:, m, :, size:]
         share = (m + 0.5) / ticks if ramp else 1.0
         A, before = step @ A, step @ before + (1 - share) * effect
         now = step @ now + share * effect
@@ -376,7 +382,7 @@ def _augmented(ref: Reference) -> tuple[Array, Array]:
     n = size + 2 + ref.E.shape[-1]
     F = np.zeros((count, n, n))
     F[:, :size, :size] = ref.A
-    F[:, :size, size : size + 2] = ref.before
+    F[:, :size, size : size + 2] = ref.B_before
     F[:, :size, size + 2 :] = ref.E
     F[:, range(size + 2, n), range(size + 2, n)] = 1.0
     G = np.zeros((count, n, 2))

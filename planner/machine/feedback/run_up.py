@@ -37,7 +37,7 @@ from planner.machine.feedback.means import (
     lost_spread,
 )
 from planner.machine.machine import Machine
-from planner.plan.measures import beyond, peak_inputs
+from planner.plan.measures import excess_share, peak_inputs
 from planner.plan.plan import Plan
 from planner.problem.tables.problem_file import FeedbackTable
 from planner.support.arrays import Array
@@ -64,7 +64,7 @@ LEGS = np.array(
 longer than it gains, below 60 joint 3 moves joint 2 too much (E 0.27 degrees instead of 0.23, 95 %;
 the paper's problem, where all takes 8 s)."""
 
-BEHIND_DEG, BEHIND_SPREADS, AT_LAST_DEG = 8.0, 10.0, 4.0
+BACK_DEG, BACK_SPREADS, FINAL_BACK_DEG = 8.0, 10.0, 4.0
 """How far the last joint goes back: degrees, for learning, and at least so many standard deviations
 of its lost motion w. Both joints lose 2w on the way back and forth; the difference of that between
 two joints has the deviation 2√2, so there is room for 3.5 of it. With half of it E is 2.1 degrees
@@ -75,10 +75,10 @@ APPROACH_DEG, APPROACH_S, REST_S = 1.5, 0.4, 0.2
 """From how far away θ₁ approaches its start, degrees, in what time, and the rest after it, s: ten
 time constants of the servos and of the joints' friction."""
 
-SWING, DRIVE = 0.95, 0.9
+SWING_SHARE, DRIVE_SHARE = 0.95, 0.9
 """Speeds of both motors, as parts of their limits; the drive's rest is for corrections."""
 
-COAST_DEG, SLOWEST = 0.25, 0.2
+COAST_DEG, LEAST_SPEED_SHARE = 0.25, 0.2
 """How far a joint with inertia may coast until friction stops it, degrees: it rests ahead of its
 axis by that, and the plan starts as far off. At full speed the prototype's coast by up to 4
 degrees, and E is 1.2 instead of 0.3 (50 %). But speeds stay at least this part of what they would
@@ -105,16 +105,16 @@ def run_up(plan: Plan, machine: Machine, options: FeedbackTable) -> RunUp | None
             f"feedback.run_up = true: one drive cannot bring {system.n - 1} passive joints to their"
             " start one by one; the run-up works for arms of two or three joints"
         )
-    speed = np.array([DRIVE, SWING]) * input_scale(plan, machine)
-    speed = np.minimum(speed, np.maximum(_coasting(machine), SLOWEST * speed))
+    speed = np.array([DRIVE_SHARE, SWING_SHARE]) * input_scale(plan, machine)
+    speed = np.minimum(speed, np.maximum(_coasting_speed(machine), LEAST_SPEED_SHARE * speed))
     play = gearhead_play(system, machine)
     forecast = Forecast(system, play[0], STEP_S)
     lost = np.concatenate([play[1:] / 2, lost])[:, None]
-    behind = max(np.deg2rad(BEHIND_DEG), BEHIND_SPREADS * float(lost_spread(machine).max()))
-    return _Approach(plan, forecast, lost, first, speed, behind).solved()
+    behind = max(np.deg2rad(BACK_DEG), BACK_SPREADS * float(lost_spread(machine).max()))
+    return _Approach(plan, forecast, lost, first, speed, behind).solve()
 
 
-def _coasting(machine: Machine) -> Array:
+def _coasting_speed(machine: Machine) -> Array:
     """Speeds (2,), rad/s, at which joints coast by `COAST_DEG`; infinite without inertia.
 
     A link that θ₁ swings goes on at its speed when it stops; one that its axis meets at the end of
@@ -168,7 +168,7 @@ class _Approach:
         self._most = plan.problem.limits.joint[1] - np.deg2rad(APPROACH_DEG)
         self._back = self._drive(34.0, -1, float(lost[-1, 0]) + behind)
 
-    def solved(self) -> RunUp:
+    def solve(self) -> RunUp:
         """The run-up whose nominal motion ends at the plan's start."""
         from scipy.optimize import least_squares  # slow to import
 
@@ -176,8 +176,8 @@ class _Approach:
             return np.asarray((self._motion(self._inputs(drives))[-1] - self._start)[2:])
 
         guess = 3 * self._back * np.ones(len(self._lost) - 1)
-        found = least_squares(miss, guess, bounds=(0.0, np.inf), diff_step=1e-2)
-        u = self._inputs(found.x)
+        solution = least_squares(miss, guess, bounds=(0.0, np.inf), diff_step=1e-2)
+        u = self._inputs(solution.x)
         q = self._motion(u)
         q += (self._start - q[-1]) * np.linspace(0.0, 1.0, len(q))[:, None]
         return RunUp(STEP_S * np.arange(-len(u), 1.0), q, u)
@@ -193,7 +193,7 @@ class _Approach:
         start = self._start[1]
         before = start - self._way[1] * np.deg2rad(APPROACH_DEG)
         if len(self._lost) > 2:
-            at_last = self._drive(20.0, 2, np.deg2rad(AT_LAST_DEG))
+            at_last = self._drive(20.0, 2, np.deg2rad(FINAL_BACK_DEG))
             travels = LEGS[:, 1:] @ np.array([-self._back, *drives, at_last])
             places = np.minimum(np.deg2rad(LEGS[:, 0]), self._most) * (1 if start >= 0 else -1)
         else:
@@ -218,33 +218,35 @@ class _Approach:
         q = self._start[:, None]
         pose, out = Pose(q, q[1:], np.zeros(1)), [self._start]
         for step in STEP_S * u:
-            pose = self._forecast.turned(pose, step[:, None], self._lost, np.ones_like(self._lost))
+            pose = self._forecast.predict(pose, step[:, None], self._lost, np.ones_like(self._lost))
             out.append(pose.q[:, 0])
         return np.stack(out)
 
 
-BEYOND = 0.05
+EXCESS_TRAVEL_SHARE = 0.05
 """Part of an input's travel that may lie above its limit: what the tracker can still catch up."""
 
 
-def refuse_beyond(plan: Plan, machine: Machine) -> None:
+def refuse_excess(plan: Plan, machine: Machine) -> None:
     """Refuse a plan whose inputs cannot be commanded for a good part of its motion.
 
     Raises:
         UntrackableError: Naming the input, its peak, the limit and where that comes from.
     """
     limit = input_limit(plan, machine)
-    share = beyond(plan.trajectory, limit)
+    share = excess_share(plan.trajectory, limit)
     i = int(np.argmax(share))
-    if share[i] <= BEYOND:
+    if share[i] <= EXCESS_TRAVEL_SHARE:
         return
     c, peak = plan.problem.system.inputs[i], peak_inputs(plan.trajectory)[i]
-    own = limit[i] >= plan.problem.limits.input[i]
-    source = "the problem's limits allow" if own else "the machine's velocity_limit_rad_s allows"
-    asked = f"{c.name} asks for {peak:.3g} {c.unit}"
+    by_problem = limit[i] >= plan.problem.limits.input[i]
+    source = (
+        "the problem's limits allow" if by_problem else "the machine's velocity_limit_rad_s allows"
+    )
+    request = f"{c.name} asks for {peak:.3g} {c.unit}"
     raise UntrackableError(
-        f"feedback cannot follow this {plan.method} plan: {asked}, {source} {limit[i]:g}, and"
+        f"feedback cannot follow this {plan.method} plan: {request}, {source} {limit[i]:g}, and"
         f" {share[i]:.0%} of its motion lies beyond; give it more time (goal.duration, or"
         " planner.retime)",
-        why=f"feedback cannot follow it, {asked}, allowed {limit[i]:g}",
+        why=f"feedback cannot follow it, {request}, allowed {limit[i]:g}",
     )

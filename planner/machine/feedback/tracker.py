@@ -26,7 +26,7 @@ from planner.machine.feedback.means import (
 )
 from planner.machine.feedback.programme import TrackingProgramme
 from planner.machine.feedback.reference import Reference, Weights, reference, regulator
-from planner.machine.feedback.run_up import REST_S, refuse_beyond, run_up
+from planner.machine.feedback.run_up import REST_S, refuse_excess, run_up
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
 from planner.problem.tables.problem_file import FeedbackTable
@@ -59,7 +59,7 @@ class Tracker:
         InputError: If a key is unknown or a value impossible.
     """
 
-    _KEPT = 4
+    _MOST_DESIGNS = 4
 
     def __init__(self, options: FeedbackTable | None = None, **changes: Any) -> None:
         if options is not None:
@@ -82,15 +82,15 @@ class Tracker:
         key = (id(plan), machine)
         if key not in self._designs:
             self._designs[key] = (plan, design(plan, machine, self.options))
-            if len(self._designs) > self._KEPT:
+            if len(self._designs) > self._MOST_DESIGNS:
                 self._designs.popitem(last=False)
         return self._designs[key][1]
 
 
-AHEAD = 5
+CROSSING_PERIODS = 5
 """Periods in which a reversal must be worth crossing the play."""
 
-UNCERTAIN = 0.1
+PLAY_SPREAD_SHARE = 0.1
 """How well the play of a gearhead is known in the end: to this part of its mean."""
 
 
@@ -110,11 +110,11 @@ class TrackerControl:
         self.end_s = clock.begin + len(ref.feed) * clock.period + clock.latency * clock.tick
         self.fallbacks: NDArray[np.int64] = np.zeros(count, dtype=np.int64)
         self._k = 0
-        self._history = History(clock.tick, ref.first, count)
-        self._answer = design.programme.none(count)
+        self._history = History(clock.tick, ref.first_inputs, count)
+        self._answer = design.programme.empty_decision(count)
         self._forecast = design.forecast
         start = np.repeat(ref.start[:, None], count, axis=1)
-        self._estimate = Estimate(start, design.resolution, design.lost)
+        self._estimate = Estimate(start, design.resolution, design.lost_motion)
 
     def __call__(self, t: float, measured: Array) -> Array:
         """Commands of the ticks from t to the next reading, (M, 2, S), rad/s.
@@ -127,7 +127,7 @@ class TrackerControl:
         now, estimate = k * clock.period - clock.shift, self._estimate
         if k:
             before = now - clock.period
-            estimate.predicted(self._forecast(estimate, before, now, self._history))
+            estimate.take_forecast(self._forecast(estimate, before, now, self._history))
         estimate.read(measured)
         if k < len(self._ref.feed):
             self._decide(k, now)
@@ -137,8 +137,8 @@ class TrackerControl:
     def _decide(self, k: int, now: Array) -> None:
         """Add the commands of one period, from when they can act."""
         clock, ref = self._clock, self._ref
-        told = np.full(2, k * clock.period + clock.wait)
-        pose = self._forecast(self._estimate, now, told, self._history)
+        until = np.full(2, k * clock.period + clock.wait)
+        pose = self._forecast(self._estimate, now, until, self._history)
         w, state = self._answer.corrections[0], self._state(k, pose)
         self._answer = self._design.programme(k, state, self._answer)
         self.fallbacks += self._answer.fallback
@@ -147,8 +147,8 @@ class TrackerControl:
         if self._design.ramp:
             share = (np.arange(clock.ticks)[:, None, None] + 0.5) / clock.ticks
             added = w + share * (v - w)
-        commands = self._limited(k, ref.feed[k][:, :, None] + added)
-        self._history.append(self._limited(k, commands + self._crossing(k, commands, pose)))
+        commands = self._clip_commands(k, ref.feed[k][:, :, None] + added)
+        self._history.append(self._clip_commands(k, commands + self._crossing(k, commands, pose)))
 
     def _state(self, k: int, pose: Pose) -> Array:
         """Deviation, last corrections, rate errors and lost motion, (n, S); see `Regulator`.
@@ -159,11 +159,13 @@ class TrackerControl:
         """
         ref, known = self._ref, self._estimate
         off, way = pose.q - ref.q[k][:, None], ref.way[k][:, None]
-        more, then = ref.more[k][:, None], ref.then[k][:, None]
+        more, then = ref.push[k][:, None], ref.next_push[k][:, None]
         stays = way * (pose.q[2:] - ref.joints[k][:, None]) - np.maximum(more, 0)
-        pushed = way * (pose.axis[1:] - ref.q[k][2:, None]) - known.lost[1:] + np.minimum(more, 0)
+        pushed = (
+            way * (pose.axis[1:] - ref.q[k][2:, None]) - known.lost_motion[1:] + np.minimum(more, 0)
+        )
         off[2:] = way * np.maximum(stays, pushed)
-        lost = known.lost[1:] - ref.lost - np.minimum(then, 0) / 2
+        lost = known.lost_motion[1:] - ref.lost_motion - np.minimum(then, 0) / 2
         lost = np.minimum(lost, np.maximum(then, 0) / 2)
         return np.concatenate([off, self._answer.corrections[0], known.rate_error[1:], lost])
 
@@ -176,18 +178,20 @@ class TrackerControl:
         clock, play = self._clock, self._design.play
         if not np.any(play):
             return np.zeros_like(commands)
-        half = np.stack([np.full(len(pose.side), play[0] / 2), self._estimate.lost[0]])
+        half = np.stack([np.full(len(pose.side), play[0] / 2), self._estimate.lost_motion[0]])
         side = np.stack([pose.side, pose.axis[0] - pose.q[1]])
         way = np.sign(commands.sum(axis=0))
         gap = np.where(way == 0, 0.0, half - way * side)
-        feed = self._ref.feed[k : k + min(AHEAD, self._design.programme.horizon)].mean(axis=1)
+        feed = self._ref.feed[k : k + min(CROSSING_PERIODS, self._design.programme.horizon)].mean(
+            axis=1
+        )
         soon = feed[:, :, None] + self._answer.corrections[: len(feed)]
-        worth = way * clock.period * soon.sum(axis=0) > UNCERTAIN * 2 * half
+        worth = way * clock.period * soon.sum(axis=0) > PLAY_SPREAD_SHARE * 2 * half
         added = np.where(worth, way * gap / clock.period, 0.0)
         stand = ~worth & (gap > half / 2)
         return np.where(stand, -commands, added)
 
-    def _limited(self, k: int, commands: Array) -> Array:
+    def _clip_commands(self, k: int, commands: Array) -> Array:
         """Within the limits of speed and of its change from tick to tick.
 
         Where the course ends with a speed it may stop at once, as the plan does.
@@ -199,7 +203,7 @@ class TrackerControl:
         most = rate * self._clock.tick
         before, out = self._history.last, []
         for i, u in enumerate(commands, k * self._clock.ticks + self._clock.latency):
-            before = np.where(self._ref.last[:, None] == i, 0.0, before)
+            before = np.where(self._ref.last_ticks[:, None] == i, 0.0, before)
             before = np.clip(u, before - most, before + most)
             out.append(before)
         return np.stack(out)
@@ -224,7 +228,7 @@ class TrackerDesign:
         ref: The course on the tracker's clock.
         programme: The control steps.
         forecast: The nominal machine.
-        lost: Mean lost motion of each joint, (N−1, 1), rad.
+        lost_motion: Mean lost motion of each joint, (N−1, 1), rad.
         play: Whole play of each motor's gearhead, (2,), rad; zero when it is not crossed.
         resolution: Of each reading, (N, 1).
     """
@@ -232,7 +236,7 @@ class TrackerDesign:
     ref: Reference
     programme: TrackingProgramme
     forecast: Forecast
-    lost: Array
+    lost_motion: Array
     play: Array
     resolution: Array
 
@@ -249,7 +253,7 @@ def design(plan: Plan, machine: Machine, options: FeedbackTable) -> TrackerDesig
         InputError: If the options do not fit the machine.
         UntrackableError: If the plan's inputs are far beyond what may be commanded.
     """
-    refuse_beyond(plan, machine)
+    refuse_excess(plan, machine)
     system = plan.problem.system
     shift, play = shift_of(system, machine), gearhead_play(system, machine) * options.take_up_play
     before, lost = run_up(plan, machine, options), lost_motion(system, machine)[:, None]
@@ -258,7 +262,7 @@ def design(plan: Plan, machine: Machine, options: FeedbackTable) -> TrackerDesig
     span = course.end + options.overtime_s - clock.wait - clock.shift[0] - clock.begin
     count = max(1, int(np.ceil(span / clock.period - 1e-9)))
     forecast = Forecast(system, play[0], clock.tick)
-    allowed = lost if before is not None or course.predicted else 0 * lost
+    allowed = lost if before is not None or course.is_predicted else 0 * lost
     limit = input_limit(plan, machine)
     ref = reference(course, clock, forecast, allowed, limit, count, options.least_speed)
     law = regulator(ref, _weights(plan, ref, input_scale(plan, machine), options))
@@ -267,7 +271,7 @@ def design(plan: Plan, machine: Machine, options: FeedbackTable) -> TrackerDesig
         ref=ref,
         programme=TrackingProgramme(ref, law, horizon, options.max_iterations),
         forecast=forecast,
-        lost=np.concatenate([play[1:, None] / 2, lost]),
+        lost_motion=np.concatenate([play[1:, None] / 2, lost]),
         play=play,
         resolution=resolution_of(system, machine),
     )
@@ -280,7 +284,7 @@ def _weights(plan: Plan, ref: Reference, scale: Array, options: FeedbackTable) -
         tracked[0] = 0.0
     goal = tracked / np.deg2rad(options.goal_error_deg) ** 2
     path = np.repeat(tracked[None] / np.deg2rad(options.path_error_deg) ** 2, len(ref.feed), axis=0)
-    start = int(np.argmax(ref.begun))
+    start = int(np.argmax(ref.is_counted))
     moving = max(0, start - round(REST_S / ref.timing.period))
     path[:moving] = tracked / np.deg2rad(RUN_UP_ERROR_DEG) ** 2
     size, step = options.correction * scale, options.correction_step * scale

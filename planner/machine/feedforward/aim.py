@@ -20,16 +20,16 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError, NoPlanError
-from planner.machine.feedforward.shaping import MotorCommands, shaped
+from planner.machine.feedforward.shaping import MotorCommands, shape_commands
 from planner.machine.machine import Machine
 from planner.machine.replay import SETTLE_S
 from planner.machine.simulate import Progress, simulate
-from planner.plan.plan import Compensation, Plan, cut_short
+from planner.plan.plan import Compensation, Plan, mark_cut_short
 from planner.problem.problem import Problem
 from planner.problem.tables.problem_file import CompensationTable
 from planner.support import deadline
 from planner.support.arrays import Array
-from planner.support.deadline import TimeUpError, limited
+from planner.support.deadline import TimeUpError, time_limit
 from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem
 
@@ -37,18 +37,18 @@ MOST_PLANS = 12
 """Plans after which the best is taken: two or three do where the drive keeps its direction, four to
 ten where it turns back."""
 
-LEAST_S, TIMES = 5.0, 20.0
+LEAST_TIME_S, SOLVE_TIME_FACTOR = 5.0, 20.0
 """Seconds for all of them (replays do not count), at least and as a multiple of what the plan
 itself took: each starts next to the last. Where one must be searched for, the goal cannot be
 reached in the time."""
 
-AIMED_RAD = np.deg2rad(0.01)
+AIM_TOLERANCE_RAD = np.deg2rad(0.01)
 """Error on the nominal machine that is good enough: a hundredth of what spreads leave."""
 
-CUT_SHORT = "ended the compensation; this is the plan that ends nearest to the goal so far"
+CUT_SHORT_WORDS = "ended the compensation; this is the plan that ends nearest to the goal so far"
 """What a plan says for which there was too little time."""
 
-FARTHEST = 3.0
+LONGEST_STEP_FACTOR = 3.0
 """A step so many times longer than what is missed comes of derivatives across a plan of another
 kind, and leads away; the search then begins anew from where it is. Of ten plans of problems/ this
 changes one, which else shifts its goal by 129 degrees."""
@@ -62,7 +62,7 @@ def compensable(system: TriangularSystem) -> bool:
     return isinstance(system, Manipulator)
 
 
-def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Replan) -> Plan:
+def aim(plan: Plan, machine: Machine, options: CompensationTable, replan: Replan) -> Plan:
     """A plan whose inputs lead the nominal machine along the plan, and to its goal; not verified.
 
     Where time is up before it ends at the goal, it is the nearest that there was time for, and
@@ -87,25 +87,25 @@ def aimed(plan: Plan, machine: Machine, options: CompensationTable, replan: Repl
             " compensate"
         )
     tried: list[_Trial] = []
-    with limited(None) as span:
-        cut = False
+    with time_limit(None) as span:
+        was_cut_short = False
         try:
             tried.extend(_trials(plan, system, machine, options, replan))  # keeps those till then
         except (TimeUpError, NoPlanError):
-            cut = deadline.is_over()
-            if not tried or not cut:
+            was_cut_short = deadline.is_over()
+            if not tried or not was_cut_short:
                 raise
     best = min(tried, key=lambda trial: trial.worst)
     notes = {
         "plans": len(tried),
         "goal_shift": best.shift.tolist(),
         "missed_rad": best.worst,
-        "path_rad": best.away,
+        "path_rad": best.path_error,
         "lead_s": best.plan.lead_s,
         "tail_s": best.plan.tail_s,
     }
-    made = replace(best.plan, notes={**plan.notes, "compensation": notes})
-    return cut_short(made, span, CUT_SHORT) if cut else made
+    compensated = replace(best.plan, notes={**plan.notes, "compensation": notes})
+    return mark_cut_short(compensated, span, CUT_SHORT_WORDS) if was_cut_short else compensated
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,19 +115,19 @@ class _Trial:
     Attributes:
         plan: The compensated plan.
         shift: By how much its goal was shifted.
-        missed: By how much the nominal machine misses the goal.
-        away: How far it is at most from the path wanted, rad.
+        miss: By how much the nominal machine misses the goal.
+        path_error: How far it is at most from the path wanted, rad.
     """
 
     plan: Plan
     shift: Array
-    missed: Array
-    away: float
+    miss: Array
+    path_error: float
 
     @property
     def worst(self) -> float:
         """Largest component of the error at the goal."""
-        return float(np.max(np.abs(self.missed)))
+        return float(np.max(np.abs(self.miss)))
 
 
 def _trials(
@@ -140,41 +140,41 @@ def _trials(
     """Ever nearer to the goal, until that is near enough."""
     problem = plan.problem
     moved = slice(0 if problem.travel is not None else 1, None)
-    wanted = _wanted(plan)
-    target, made_from = wanted[moved], Compensation(plan, machine.to_dict(), 0.0, 0.0)
+    wanted = _wanted_end(plan)
+    target, compensation = wanted[moved], Compensation(plan, machine.to_dict(), 0.0, 0.0)
     shift, inverse = np.zeros(len(target)), np.eye(len(target))
-    near, left_s = plan, max(LEAST_S, TIMES * plan.solve_time_s)
+    near, left_s = plan, max(LEAST_TIME_S, SOLVE_TIME_FACTOR * plan.solve_time_s)
     before: _Trial | None = None
     for count in range(1, MOST_PLANS + 1):
-        commands = shaped(near, system, machine, options, plan)
-        timed = replace(made_from, lead_s=commands.lead_s, tail_s=commands.tail_s)
-        made, found = commanded(near, timed, commands)
-        missed, away = found.end[moved] - target, float(found.deviation.max())
-        trial = _Trial(made, shift, missed, away)
+        commands = shape_commands(near, system, machine, options, plan)
+        timed = replace(compensation, lead_s=commands.lead_s, tail_s=commands.tail_s)
+        compensated, prediction = plan_with_commands(near, timed, commands)
+        miss, path_error = prediction.end[moved] - target, float(prediction.deviation.max())
+        trial = _Trial(compensated, shift, miss, path_error)
         yield trial
-        if not options.aim or trial.worst < AIMED_RAD or count == MOST_PLANS:
+        if not options.aim or trial.worst < AIM_TOLERANCE_RAD or count == MOST_PLANS:
             return
         if before is not None:
-            inverse = _updated(inverse, before, trial)
-        step = inverse @ missed
-        if np.linalg.norm(step) > FARTHEST * np.linalg.norm(missed):
-            inverse, step = np.eye(len(target)), missed
+            inverse = _update_inverse(inverse, before, trial)
+        step = inverse @ miss
+        if np.linalg.norm(step) > LONGEST_STEP_FACTOR * np.linalg.norm(miss):
+            inverse, step = np.eye(len(target)), miss
         before, shift = trial, shift - step
         if deadline.is_over():
             raise deadline.time_up()
         if left_s <= 0:
             raise TimeUpError
         began = time.perf_counter()
-        with limited(left_s, "the time for a plan next to one known"):
-            near = replan(_shifted(problem, wanted, shift, moved), near)
+        with time_limit(left_s, "the time for a plan next to one known"):
+            near = replan(_shift_goal(problem, wanted, shift, moved), near)
         left_s -= time.perf_counter() - began
         if not near.executable:
             raise NoPlanError("that plan leaves the domain of the chained-form chart")
 
 
-def _updated(inverse: Array, before: _Trial, now: _Trial) -> Array:
+def _update_inverse(inverse: Array, before: _Trial, now: _Trial) -> Array:
     """Broyden's update of the inverse Jacobian, by the formula of Sherman and Morrison."""
-    step, change = now.shift - before.shift, now.missed - before.missed
+    step, change = now.shift - before.shift, now.miss - before.miss
     along = step @ inverse
     scale = float(along @ change)
     if abs(scale) < 1e-12 * float(step @ step):
@@ -182,7 +182,7 @@ def _updated(inverse: Array, before: _Trial, now: _Trial) -> Array:
     return np.asarray(inverse + np.outer(step - inverse @ change, along) / scale)
 
 
-def _wanted(plan: Plan) -> Array:
+def _wanted_end(plan: Plan) -> Array:
     """q(T), shape (N,): the goal, and where it leaves joints free what the plan chose."""
     goal, free = plan.problem.target, list(plan.problem.free)
     if free:
@@ -190,7 +190,7 @@ def _wanted(plan: Plan) -> Array:
     return goal
 
 
-def _shifted(problem: Problem, goal: Array, shift: Array, moved: slice) -> Problem:
+def _shift_goal(problem: Problem, goal: Array, shift: Array, moved: slice) -> Problem:
     """The problem with its goal shifted from there."""
     goal = goal.copy()
     goal[moved] += shift
@@ -224,12 +224,12 @@ class Prediction:
     end: Array
     deviation: Array
 
-    def at(self, times: Array) -> Array:
+    def q_at(self, times: Array) -> Array:
         """Coordinates (…, N) at times (…), straight from one step to the next."""
         return np.stack([np.interp(times, self.t, q) for q in self.q.T], axis=-1)
 
 
-def predicted(plan: Plan, machine: Machine, progress: Progress | None = None) -> Prediction:
+def predict(plan: Plan, machine: Machine, progress: Progress | None = None) -> Prediction:
     """What the nominal machine makes of a plan's inputs.
 
     Args:
@@ -247,12 +247,12 @@ def predicted(plan: Plan, machine: Machine, progress: Progress | None = None) ->
         record_s=machine.step_s,
         progress=progress,
     )
-    found = Prediction(run.t, run.q[0], run.q[0, -1].copy(), run.deviation[0])
-    found.end[0] -= found.at(np.array(plan.lead_s))[0] - found.q[0, 0]
-    return found
+    prediction = Prediction(run.t, run.q[0], run.q[0, -1].copy(), run.deviation[0])
+    prediction.end[0] -= prediction.q_at(np.array(plan.lead_s))[0] - prediction.q[0, 0]
+    return prediction
 
 
-def commanded(
+def plan_with_commands(
     near: Plan, compensation: Compensation, commands: MotorCommands
 ) -> tuple[Plan, Prediction]:
     """The compensated plan with these commands, and its prediction; not verified.
@@ -269,11 +269,13 @@ def commanded(
     still = np.repeat(near.q(0.0)[None], len(commands.t), axis=0)
     out = replace(
         wanted,
-        trajectory=commands.along(system, still),
+        trajectory=commands.trajectory(system, still),
         verified=False,
         certificate=None,
         compensation=compensation,
     )
     machine = Machine.from_table(compensation.machine)
-    found = predicted(out, machine, progress=lambda *_: deadline.check())
-    return replace(out, trajectory=commands.along(system, found.at(commands.t))), found
+    prediction = predict(out, machine, progress=lambda *_: deadline.check())
+    return replace(
+        out, trajectory=commands.trajectory(system, prediction.q_at(commands.t))
+    ), prediction

@@ -33,7 +33,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from planner.machine.feedback.course import DEFAULT_TICK_S, first_motion, turned, turns_back
+from planner.machine.feedback.course import DEFAULT_TICK_S, first_motion, turn_angles, turns_back
 from planner.machine.feedback.means import (
     gearhead_play,
     input_limit,
@@ -54,7 +54,7 @@ from planner.systems.triangular_system import TriangularSystem
 MOST_THETA1_DEG = 75.0
 """Largest |θ₁| of the preparation: beyond it the axes turn ten times slower than the drive asks."""
 
-BACK = 0.95
+WAY_BACK_SHARE = 0.95
 """Part of the way back at which a joint of the nominal machine would follow: creep and the pose
 that the machine has indeed may make it come a little sooner."""
 
@@ -115,7 +115,7 @@ def _way(plan: Plan, least: float) -> float:
     return float(np.sign(turned[np.argmax(far)]))
 
 
-def forward(plan: Plan, system: Manipulator, machine: Machine, tick: float) -> Array:
+def preparation_angles(plan: Plan, system: Manipulator, machine: Machine, tick: float) -> Array:
     """Angles of both motors at the ticks of the preparatory motion, from 0, shape (m+1, 2), rad.
 
     The motors' speeds and accelerations keep the problem's limits.
@@ -131,7 +131,7 @@ def forward(plan: Plan, system: Manipulator, machine: Machine, tick: float) -> A
     return np.concatenate(out)
 
 
-def back(plan: Plan, system: Manipulator, machine: Machine, tick: float) -> Array:
+def return_angles(plan: Plan, system: Manipulator, machine: Machine, tick: float) -> Array:
     """Angles of both motors at the ticks after the plan's end, from 0, shape (m+1, 2), rad.
 
     The drive turns back through just less than twice the lost motion of the axis that turns fastest
@@ -151,7 +151,7 @@ def back(plan: Plan, system: Manipulator, machine: Machine, tick: float) -> Arra
         return np.zeros((1, 2))
     end = plan.q(plan.duration)
     used = np.abs(system.rates(end, np.array([1.0, 0.0]))[2:]) / np.maximum(lost, 1e-12)
-    angle = -way * BACK * 2 / float(used.max())
+    angle = -way * WAY_BACK_SHARE * 2 / float(used.max())
     return np.concatenate([np.zeros((1, 2)), _move(plan, machine, 0, angle, tick)])
 
 
@@ -175,7 +175,7 @@ class MotorCommands:
         u: What they are told in each tick, shape (K, 2), rad/s.
         lead_s: How long before the plan's start they begin, s.
         tail_s: How long after the plan's end they end, s.
-        straight: Whether inputs go straight from one tick's beginning to the next, as limits on
+        is_linear: Whether inputs go straight from one tick's beginning to the next, as limits on
             their rates ask for; else they are held.
     """
 
@@ -183,16 +183,16 @@ class MotorCommands:
     u: Array
     lead_s: float
     tail_s: float = 0.0
-    straight: bool = False
+    is_linear: bool = False
 
-    def along(self, system: TriangularSystem, q: Array) -> StateTrajectory:
+    def trajectory(self, system: TriangularSystem, q: Array) -> StateTrajectory:
         """The trajectory with these inputs and coordinates (K+1, N) at the ends of the ticks."""
-        after = np.concatenate([self.u[1:], self.u[-1:]]) if self.straight else self.u
+        after = np.concatenate([self.u[1:], self.u[-1:]]) if self.is_linear else self.u
         q_curve = Bernstein(np.stack([q[:-1], q[1:]]), self.t)
         return StateTrajectory(system, q_curve, Bernstein(np.stack([self.u, after]), self.t))
 
 
-def shaped(
+def shape_commands(
     plan: Plan,
     system: Manipulator,
     machine: Machine,
@@ -210,34 +210,36 @@ def shaped(
             both stay as they are for plans next to it; `plan` itself when left out.
     """
     wanted = plan if wanted is None else wanted
-    held = machine.effects.get("control_period_s")
-    tick = held.value[0] if held else DEFAULT_TICK_S
+    hold = machine.effects.get("control_period_s")
+    tick = hold.value[0] if hold else DEFAULT_TICK_S
     before = after = np.zeros((1, 2))
     if options.preparation == "forward":
-        before = forward(wanted, system, machine, tick)
+        before = preparation_angles(wanted, system, machine, tick)
     if options.back_off and plan.problem.travel is None:
-        after = back(wanted, system, machine, tick)
+        after = return_angles(wanted, system, machine, tick)
     lead, tail = tick * (len(before) - 1), tick * (len(after) - 1)
     t = tick * np.arange(len(before) + len(after) - 1 + int(np.ceil(plan.duration / tick - 1e-9)))
     limit, rate = input_limit(plan, machine), plan.problem.limits.input_rate
     straight = bool(np.any(np.isfinite(rate)))
     ahead = shift_of(system, machine) if options.lag else np.zeros(2)
-    if straight and not held:  # what goes straight comes half a tick before what is held
+    if straight and not hold:  # what goes straight comes half a tick before what is held
         ahead = ahead - tick / 2
-    times, angles = turned(plan, tick)
+    times, angles = turn_angles(plan, tick)
     angle = np.empty((len(t), 2))
     for i in range(2):
         angle[:, i] = np.interp(t + ahead[i], tick * np.arange(len(before)), before[:, i])
-        own = t + ahead[i] - lead
-        angle[:, i] += np.interp(own, times, angles[:, i])
-        angle[:, i] += np.interp(own - plan.duration, tick * np.arange(len(after)), after[:, i])
+        plan_times = t + ahead[i] - lead
+        angle[:, i] += np.interp(plan_times, times, angles[:, i])
+        angle[:, i] += np.interp(
+            plan_times - plan.duration, tick * np.arange(len(after)), after[:, i]
+        )
     if options.preparation == "jump":
         angle[:, 0] += take_up(wanted, system, machine, plan.q(0.0)[1]).drive
     if options.gearheads:
         angle += _ahead_of_play(angle, gearhead_play(system, machine) / 2)
     grain = np.broadcast_to(machine.mean("velocity_resolution_rad_s"), 2)
     u = np.stack(
-        [_pursued(angle[:, i], limit[i], rate[i], grain[i], tick) for i in range(2)], axis=1
+        [_pursue(angle[:, i], limit[i], rate[i], grain[i], tick) for i in range(2)], axis=1
     )
     t[-1] = lead + plan.duration + tail
     return MotorCommands(np.asarray(t), u, lead, tail, straight)
@@ -261,7 +263,7 @@ STILL_RAD = 1e-9
 """Turn in a tick that is rounding and no motion."""
 
 
-def _pursued(wanted: Array, limit: float, rate: float, grain: float, tick: float) -> Array:
+def _pursue(wanted: Array, limit: float, rate: float, grain: float, tick: float) -> Array:
     """Speeds (K,) of a motor from angle 0 that goes after angles (K+1,) within its limits.
 
     Args:

@@ -10,7 +10,7 @@ import numpy as np
 from planner.methods.collocation.task import Solution, Task
 from planner.methods.collocation.transcription.form import Kind, scheme
 from planner.methods.collocation.transcription.unknowns import STEPS, Iterate
-from planner.problem.requirements.requirement import At, Requirement
+from planner.problem.requirements.requirement import MotionPoint, Requirement
 from planner.support.arrays import Array
 from planner.support.calculus.bernstein import basis
 
@@ -92,7 +92,7 @@ def excess(
         curves: Samples (C, K, M, N) of curves that are all held to the limits.
         held: What is kept, all of it when left out.
     """
-    system, at = task.problem.system, At.of(task.problem.system, curves)
+    system, at = task.problem.system, MotionPoint.of(task.problem.system, curves)
     held = task.held if held is None else held
     if any(required.reads != {"q"} for required in held):
         (left, right), tau = iterate.input_ends(), np.arange(STEPS + 1)[:, None] / STEPS
@@ -100,10 +100,10 @@ def excess(
         slope = (right - left) / (task.mesh.widths[:, None] * iterate.duration)
         du = np.broadcast_to(slope[:, None], u.shape)
         alike = (np.broadcast_to(each, (*curves.shape[:-1], 2)) for each in (u, du))
-        at = At.of(system, curves, *alike)
+        at = MotionPoint.of(system, curves, *alike)
     out = [np.zeros((curves.shape[1], 0))]
     for required in held:
-        (low, high, scale), values = required.sides, np.stack(required.values(at), axis=-1)
+        (low, high, scale), values = required.bounds, np.stack(required.values(at), axis=-1)
         if (low == -high).all():
             out.append(_over(np.abs(values), high, scale))
         else:

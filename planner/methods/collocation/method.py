@@ -26,11 +26,11 @@ from planner.methods.collocation.task import Solution, Task, offer, task, told
 from planner.methods.collocation.transcription.bounds import Asked
 from planner.methods.collocation.transcription.form import Form, InputKind, Mesh, objective
 from planner.methods.collocation.transcription.unknowns import Iterate
-from planner.plan.plan import Plan, cut_short
+from planner.plan.plan import Plan, mark_cut_short
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions
 from planner.support import deadline, progress
-from planner.support.deadline import MORE_TIME, Span, TimeUpError
+from planner.support.deadline import MORE_TIME_ADVICE, Span, TimeUpError
 
 CUT_SHORT = "ended the search; this is the best motion found so far"
 
@@ -63,9 +63,9 @@ def _planned(problem: Problem, options: CollocationOptions, warm: Plan | None) -
     search = Pipeline(ways, options, collocation_task, near=near)
     best = Best([reached, *ways, ways[0].likely], options.accuracy)
     with (
-        deadline.limited(options.time_limit_s),
+        deadline.time_limit(options.time_limit_s),
         told(best),
-        deadline.limited(None, holds=best.holds) as span,
+        deadline.time_limit(None, has_answer=best.holds) as span,
     ):
         try:
             found = search.run(best.holds)
@@ -78,7 +78,7 @@ def _planned(problem: Problem, options: CollocationOptions, warm: Plan | None) -
         answer, done = found
         notes = {"stage": answer.stage, "tried": search.log}
         made = _plan(problem, done, answer.start, notes, best.iterations, options, began)
-        return cut_short(made, span, CUT_SHORT) if span.reached else made
+        return mark_cut_short(made, span, CUT_SHORT) if span.was_reached else made
 
 
 def _in_hand(
@@ -99,7 +99,7 @@ def _in_hand(
     if both:
         accuracy = options.accuracy
         return min(both, key=lambda b: (not believed(b[1], accuracy), b[1].solution.objective))
-    far, last, broken = progress.now(), None, list[Violation]()
+    far, last, broken = progress.current_progress(), None, list[Violation]()
     if best.nearest is not None:
         last, broken = iterate_plan(problem, *best.nearest, options)
     came = "" if far is None else f" after {far.solves} solves (it was {far.doing})"
@@ -109,7 +109,7 @@ def _in_hand(
         f"{nearest}",
         plan=last,
         violations=broken,
-        advice=MORE_TIME,
+        advice=MORE_TIME_ADVICE,
     )
 
 

@@ -33,7 +33,7 @@ from planner.methods.collocation.transcription.form import (
 )
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.problem import Problem
-from planner.problem.requirements.requirement import At
+from planner.problem.requirements.requirement import MotionPoint
 from planner.support import progress
 from planner.support.arrays import Array
 
@@ -270,9 +270,9 @@ def needed_duration(problem: Problem, mesh: Mesh, iterate: Iterate) -> float:
     u = np.stack(iterate.input_ends())
     slope = (u[1] - u[0]) / (mesh.widths[:, None] * iterate.duration)
     q = np.stack([iterate.nodes[:-1], iterate.nodes[1:]])[..., : problem.system.size]
-    at, factors = At.of(problem.system, q, u, np.stack([slope, slope])), [0.0]
+    at, factors = MotionPoint.of(problem.system, q, u, np.stack([slope, slope])), [0.0]
     for required in problem.requirements:
         if required.speed:
             values = np.stack([np.ravel(value) for value in required.values(at)])
-            factors += required.slower(values.min(axis=1), values.max(axis=1)).tolist()
+            factors += required.slowing_factor(values.min(axis=1), values.max(axis=1)).tolist()
     return iterate.duration * float(np.max(factors))

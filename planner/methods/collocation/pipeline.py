@@ -111,7 +111,7 @@ class Pipeline:
         """
         stages, options = self._stages(holds), self.options
         while True:
-            with deadline.share(once=holds):
+            with deadline.time_share(condition=holds):
                 motions = next(stages, None)
             if motions is None:
                 return None
@@ -325,7 +325,7 @@ class Best:
         if better and self._asked(task) and clears(task, solution):
             self.motion = task, solution
             kind = task.objective.name.partition(":")[0]
-            progress.found(f"{kind} {solution.objective:.4g}")
+            progress.report_motion(f"{kind} {solution.objective:.4g}")
             if self.kept is None and deadline.remaining() < math.inf:
                 self.keep()
 

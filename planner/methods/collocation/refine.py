@@ -14,7 +14,7 @@ from planner.methods.collocation.task import Solution, Task, transferred
 from planner.methods.collocation.transcription.bounds import everywhere
 from planner.methods.collocation.transcription.form import Mesh
 from planner.support import progress
-from planner.support.deadline import TimeUpError, share
+from planner.support.deadline import TimeUpError, time_share
 from planner.verification.verify import LIMIT_TOLERANCE
 
 EVENNESS = 0.35
@@ -70,7 +70,7 @@ def polish(task: Task, solution: Solution, accuracy: float, refinements: int) ->
     meshes = [len(task.mesh.widths)]
     seen = look(task, solution)
     try:
-        with share(REFINING):
+        with time_share(REFINING):
             while True:
                 while left > 0 and not seen.fine(accuracy):
                     progress.tell("refining the mesh")

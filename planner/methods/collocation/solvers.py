@@ -18,7 +18,7 @@ from planner.methods.collocation.transcription.form import TERMS
 from planner.methods.collocation.transcription.transcription import Program, Transcription
 from planner.problem.tables.method_options import SolverName
 from planner.support.arrays import Array
-from planner.support.compiled_calls import IpoptCall, within
+from planner.support.compiled_calls import IpoptCall, call_within
 
 NEAR = 1e-4
 """Distance to the bounds to begin with when the start is near the answer."""
@@ -154,7 +154,7 @@ def way(made: Transcription, settings: Settings) -> Way:
         return WAYS["far"]
     if not short:
         return WAYS["far, long chain"]
-    winding = any("q" in required.reads and not required.plain for required in form.kept)
+    winding = any("q" in required.reads and not required.is_direct for required in form.kept)
     drawn = form.inner or (form.intervals > COARSE and not form.free_duration)
     return WAYS["far, winding" if winding or drawn else "far"]
 
@@ -251,7 +251,7 @@ class _Fatrop:
         answer = None
         try:
             seconds = PATIENCE_S + PATIENCE_EACH_S * self._intervals
-            answer = within(seconds, lambda: self._answer(start, data))
+            answer = call_within(seconds, lambda: self._answer(start, data))
         finally:
             if answer is None:
                 self._fresh()

@@ -106,7 +106,7 @@ class Task:
             if found is not None and found.residual <= FEASIBLE:
                 start, settings = found.iterate, replace(settings, near=True)
             deadline.check()
-            progress.solved()
+            progress.count_solve()
             call = backend(made, replace(settings, solver=name))
             packed = made.layout.pack(start, data.widths).clip(data.lower, data.upper)
             answer = call(packed, data)
@@ -175,7 +175,7 @@ def task(
     Whether the duration is an unknown of the form, and what it keeps, is for the problem to say.
     """
     held = held_by(problem)
-    kept, final = (tuple(each.blank for each in of) for of in (held, problem.final))
+    kept, final = (tuple(each.template for each in of) for of in (held, problem.final))
     form = replace(form, free_duration=problem.duration is None, kept=kept, final=final)
     built, began = transcription.cache_info().misses, time.perf_counter()
     made = transcription(problem.system, form)

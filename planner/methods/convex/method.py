@@ -26,7 +26,7 @@ from planner.methods.laws.free_numbers import candidate_travels
 from planner.methods.laws.law import chart_ends
 from planner.methods.refusal import BY_COLLOCATION, Change, free_travel, lasting
 from planner.plan.fastest_timing import fastest_motion
-from planner.plan.measures import peak_inputs, slowing, worst_margin
+from planner.plan.measures import peak_inputs, slowing_factor, worst_margin
 from planner.plan.plan import Plan
 from planner.plan.trajectory import ChainedTrajectory, Trajectory
 from planner.problem.feasibility import travel_window
@@ -182,7 +182,7 @@ def _timed(problem: Problem, path: ChainedTrajectory) -> tuple[Trajectory, str]:
     peaks = peak_inputs(path)
     if np.any(np.isnan(peaks)):  # no angles somewhere, which is for the verification to say
         return path, "v1 constant"
-    if duration is not None and slowing(problem.requirements, path) <= 1:
+    if duration is not None and slowing_factor(problem.requirements, path) <= 1:
         return path, "v1 constant"
     # An input without a limit goes no faster than with v1 constant.
     limits = replace(limits, input=np.where(limits.unlimited, peaks, limits.input))

@@ -36,11 +36,11 @@ from planner.plan.measures import effort, turns
 from planner.plan.plan import Plan
 from planner.plan.trajectory import Trajectory
 from planner.problem.problem import Problem
-from planner.problem.requirements.requirement import At, Part, Requirement
+from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions
 from planner.support.arrays import Array
-from planner.support.deadline import TimeUpError, limited, share
-from planner.systems.linearised import Parameter, parameters
+from planner.support.deadline import TimeUpError, time_limit, time_share
+from planner.systems.linearisation import Parameter, parameters
 from planner.systems.triangular_system import TriangularSystem
 from planner.verification.verify import verify
 
@@ -77,14 +77,16 @@ def plan_desensitised(
         NotConvergedError: If no motion is found.
     """
     began = time.perf_counter()
-    with limited(None, holds=lambda: False) as span:  # the plan of least effort is no answer
+    with time_limit(
+        None, has_answer=lambda: False
+    ) as span:  # the plan of least effort is no answer
         if near is not None:
             refuse_start(problem, near)
         job = _task(problem.within_reach(), options)
         _refuse_no_room(job)
         if near is None:
             plain = CollocationOptions(rest=options.rest, intervals=options.intervals)
-            with share(EASY):
+            with time_share(EASY):
                 easy = plan_collocation(problem, plain)
         else:
             easy = near
@@ -96,7 +98,7 @@ def plan_desensitised(
             job = replace(job, asked=replace(job.asked, way=way, turns=shares))
         start, solution, log = _searched(job, options, easy, near is not None)
         done = polish(job, solution, options.accuracy, REFINEMENTS)
-        if span.reached and not believed(done, options.accuracy):
+        if span.was_reached and not believed(done, options.accuracy):
             raise TimeUpError
         plan = _plan(done.task, done.solution, options)
         return replace(
@@ -309,7 +311,7 @@ def _refuse_no_room(job: Task) -> None:
             room = min(part.high - float(value.item()), float(value.item()) - part.low)
             needed = moved.backoff * float(np.linalg.norm(slope @ W))
             if needed > room:
-                name = required.called(part)
+                name = required.limit_name(part)
                 raise InfeasibleError(
                     f"{problem.source}: method.desensitised.backoff = {moved.backoff:g} needs a"
                     f" distance of {needed:.4g} from the limit on {name}, but the start has"
@@ -368,5 +370,5 @@ def _broken(job: Task, plan: Plan, nodes: Array) -> list[Violation]:
 def _functions(required: Requirement, system: TriangularSystem) -> list[tuple[Part, Any, Any]]:
     """Parts with their rows as expressions of q, which comes with each."""
     q = ca.SX.sym("q", system.size)
-    pairs = zip(required.parts, required.rows(At(system, q)), strict=True)
+    pairs = zip(required.parts, required.rows(MotionPoint(system, q)), strict=True)
     return [(part, row, q) for part, row in pairs]

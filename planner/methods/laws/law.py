@@ -15,7 +15,7 @@ import numpy as np
 from planner.errors import InputError, SingularError
 from planner.methods.laws.legs import Leg, LegMotion
 from planner.methods.refusal import BY_COLLOCATION
-from planner.plan.measures import effort, slowing
+from planner.plan.measures import effort, slowing_factor
 from planner.plan.plan import Plan
 from planner.plan.trajectory import ChainedTrajectory, Trajectory
 from planner.problem.problem import Problem
@@ -144,7 +144,7 @@ def fit_duration(problem: Problem, trajectory: Trajectory) -> Trajectory:
             f"{problem.source}: goal.duration is free but [limits] holds no limit of an input;"
             " set one of them"
         )
-    factor = slowing(problem.requirements, trajectory)
+    factor = slowing_factor(problem.requirements, trajectory)
     if not np.isfinite(factor):  # outside the domain, which is for the caller to refuse
         return trajectory
     return trajectory.slowed(factor * (1 + 1e-9))

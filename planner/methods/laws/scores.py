@@ -16,7 +16,7 @@ import numpy as np
 from planner.plan.measures import worst_margin
 from planner.plan.trajectory import ChainedTrajectory
 from planner.problem.problem import Problem
-from planner.problem.requirements.requirement import At
+from planner.problem.requirements.requirement import MotionPoint
 from planner.support import deadline
 from planner.support.arrays import Array
 from planner.support.calculus.bernstein import Bernstein, basis
@@ -206,7 +206,7 @@ def _slack(problem: Problem, z: Array, q: Array, pieces: int) -> Array:
 
 def _rooms(problem: Problem, z: Array, q: Array) -> Iterator[Array]:
     """Slack (…) to each limit on coordinates, relative to it, at z and q (…, N)."""
-    at = replace(At.of(problem.system, q), z=np.moveaxis(z, -1, 0))
+    at = replace(MotionPoint.of(problem.system, q), z=np.moveaxis(z, -1, 0))
     for required in problem.requirements:
         if required.reads == {"q"} and required.smooth:
             for part, value in zip(required.parts, required.values(at), strict=True):

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.problem.requirements.requirement import At, Broken, Demand, Part, Requirement
+from planner.problem.requirements.requirement import Breach, Demand, MotionPoint, Part, Requirement
 from planner.support.arrays import Array
 from planner.systems.triangular_system import Coordinate, arm_points_expr
 
@@ -28,17 +28,17 @@ class Goal(Demand):
     """The motion ends at the goal.
 
     Attributes:
-        named: The coordinates.
+        coordinates: The coordinates.
         free: Indices of those that the goal leaves to the planner.
     """
 
-    named: tuple[Coordinate, ...]
+    coordinates: tuple[Coordinate, ...]
     free: tuple[int, ...] = ()
 
     @property
     def parts(self) -> tuple[Part, ...]:
         """One for each coordinate that is given: its distance."""
-        given = [(i, c) for i, c in enumerate(self.named) if i not in self.free]
+        given = [(i, c) for i, c in enumerate(self.coordinates) if i not in self.free]
         return tuple(Part(f"goal {c.name}", c.unit, -np.inf, 0.0, 1.0, i) for i, c in given)
 
 
@@ -47,14 +47,14 @@ class TipGoal(Requirement):
     """The tip of an arm ends at a place, or its last link in a direction, or both.
 
     Attributes:
-        asked: Which of "x", "y" (both or neither) and "angle", in this order.
-        at: Their values, in metres and radians. The angle is the sum of all joints' angles.
+        quantities: Which of "x", "y" (both or neither) and "angle", in this order.
+        targets: Their values, in metres and radians. The angle is the sum of all joints' angles.
         reach: Sum of the links' lengths, metres. It scales position errors, since turning the first
             joint of the stretched arm moves its tip by the angle times this reach.
     """
 
-    asked: tuple[str, ...]
-    at: tuple[float, ...]
+    quantities: tuple[str, ...]
+    targets: tuple[float, ...]
     reach: float
 
     reads, final = frozenset({"q"}), True
@@ -65,52 +65,52 @@ class TipGoal(Requirement):
         kinds = {"x": ("m", self.reach), "y": ("m", self.reach), "angle": ("rad", 1.0)}
         return tuple(
             Part(f"goal tip {name}", kinds[name][0], value, value, kinds[name][1])
-            for name, value in zip(self.asked, self.at, strict=True)
+            for name, value in zip(self.quantities, self.targets, strict=True)
         )
 
     @property
     def place(self) -> Array | None:
         """Where the tip ends, shape (2,), metres; None where only its direction is required."""
-        return np.array(self.at[:2]) if "x" in self.asked else None
+        return np.array(self.targets[:2]) if "x" in self.quantities else None
 
     @property
     def angle(self) -> float | None:
         """The direction of the last link, radians; None where that is free."""
-        return self.at[-1] if "angle" in self.asked else None
+        return self.targets[-1] if "angle" in self.quantities else None
 
     def __str__(self) -> str:
         words = []
         if self.place is not None:
-            words.append(f"at ({self.at[0]:.4g}, {self.at[1]:.4g}) m")
+            words.append(f"at ({self.targets[0]:.4g}, {self.targets[1]:.4g}) m")
         if self.angle is not None:
             words.append(f"at {np.rad2deg(self.angle):.4g} deg")
         return "the tip " + ", ".join(words)
 
-    def rows(self, at: At) -> Sequence[Any]:
+    def rows(self, point: MotionPoint) -> Sequence[Any]:
         """The required quantities of the tip, as expressions."""
-        system: Any = at.system
-        theta = [at.q[i] for i in range(1, system.size)]
+        system: Any = point.system
+        theta = [point.q[i] for i in range(1, system.size)]
         x, y = arm_points_expr(theta, system.link_lengths)[-1]
         every = {"x": x, "y": y, "angle": sum(theta)}
-        return [every[name] for name in self.asked]
+        return [every[name] for name in self.quantities]
 
-    def values(self, at: At) -> Sequence[Any]:
+    def values(self, point: MotionPoint) -> Sequence[Any]:
         """The same by the arm's NumPy code."""
-        system: Any = at.system
-        theta = at.states[..., 1:]
+        system: Any = point.system
+        theta = point.states[..., 1:]
         tip = system.arm_points(theta)[..., -1, :]
         every = {"x": tip[..., 0], "y": tip[..., 1], "angle": np.sum(theta, axis=-1)}
-        return [every[name] for name in self.asked]
+        return [every[name] for name in self.quantities]
 
     @classmethod
-    def eased(cls, broken: Sequence[Broken]) -> str:
+    def easing(cls, broken: Sequence[Breach]) -> str:
         """The tip pose that the motion reaches."""
         tip = broken[0][0]
         assert isinstance(tip, TipGoal)
         reached = {part.label: violation.value for _, part, violation in broken}
-        at = [reached.get(part.label, part.low) for part in tip.parts]
-        keys = [f"goal.tip_m = [{at[0]:.4g}, {at[1]:.4g}]"] if "x" in tip.asked else []
-        keys += [f"goal.tip_angle_deg = {np.rad2deg(at[-1]):.4g}"] * ("angle" in tip.asked)
+        pose = [reached.get(part.label, part.low) for part in tip.parts]
+        keys = [f"goal.tip_m = [{pose[0]:.4g}, {pose[1]:.4g}]"] if "x" in tip.quantities else []
+        keys += [f"goal.tip_angle_deg = {np.rad2deg(pose[-1]):.4g}"] * ("angle" in tip.quantities)
         return " and ".join(keys)
 
 

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from planner.errors import Violation
-from planner.problem.requirements.requirement import At, Broken, Demand, Part, Requirement
+from planner.problem.requirements.requirement import Breach, Demand, MotionPoint, Part, Requirement
 from planner.support.arrays import Array
 from planner.systems.chained_form import chained_form
 from planner.systems.triangular_system import Coordinate, TriangularSystem
@@ -34,7 +34,7 @@ class ChartDomain(Demand):
         return (Part("chart domain", "", 0.0, np.inf, 1.0),)
 
     @classmethod
-    def eased(cls, broken: Sequence[Broken]) -> str:
+    def easing(cls, broken: Sequence[Breach]) -> str:
         """Nothing: no key of the file widens the domain."""
         return ""
 
@@ -42,9 +42,9 @@ class ChartDomain(Demand):
         """The chart's branch, shape (N,)."""
         return system.branch(np.array(self.start))
 
-    def rows(self, at: At) -> Sequence[Any]:
+    def rows(self, point: MotionPoint) -> Sequence[Any]:
         """The margins as expressions; none where the system does not write them down."""
-        return at.system.chart_margins_expr(at.q, self.branch(at.system))
+        return point.system.chart_margins_expr(point.q, self.branch(point.system))
 
     def contradiction(self, name: str, q: Array, system: TriangularSystem) -> str | None:
         """Why no motion in the chart begins or ends at q (N,), in words; None where one may."""
@@ -73,22 +73,28 @@ class ChartDomain(Demand):
 SMALLEST_Z2 = 1e-3
 """Scale of a z₂ margin that is smaller: an excess is compared with z₂ itself, which is near 1."""
 
-WIDEST = {"joint_deg": 88.0, "steering_deg": 88.0, "hitch_deg": 88.0, "heading_deg": 360.0, "q": {}}
+WIDEST_LIMITS = {
+    "joint_deg": 88.0,
+    "steering_deg": 88.0,
+    "hitch_deg": 88.0,
+    "heading_deg": 360.0,
+    "q": {},
+}
 """Keys of [limits] that limit coordinates, with their widest values."""
 
 
 @dataclass(frozen=True)
-class _Symmetric(Requirement):
+class SymmetricLimit(Requirement):
     """|value| ≤ most for some inputs or coordinates.
 
     Attributes:
         words: Prefix of its labels.
-        named: All of them, with names and units.
+        quantities: All of them, with names and units.
         most: Their limits; infinite where there is none.
     """
 
     words: ClassVar[str]
-    named: tuple[Coordinate, ...]
+    quantities: tuple[Coordinate, ...]
     most: tuple[float, ...]
 
     @cached_property
@@ -96,7 +102,7 @@ class _Symmetric(Requirement):
         """One part for each limited input or coordinate."""
         return tuple(
             Part(f"{self.words} {named.name}", self._unit(named), -most, most, most, i)
-            for i, (named, most) in enumerate(zip(self.named, self.most, strict=True))
+            for i, (named, most) in enumerate(zip(self.quantities, self.most, strict=True))
             if np.isfinite(most)
         )
 
@@ -104,13 +110,13 @@ class _Symmetric(Requirement):
         return named.unit
 
 
-class InputLimit(_Symmetric):
+class InputLimit(SymmetricLimit):
     """|uᵢ| ≤ most."""
 
     words, reads, speed = "input", frozenset({"u"}), 1
 
 
-class RateLimit(_Symmetric):
+class RateLimit(SymmetricLimit):
     """|duᵢ/dt| ≤ most; where an input jumps its rate is infinite."""
 
     words, reads, speed = "rate of input", frozenset({"du"}), 2
@@ -119,24 +125,24 @@ class RateLimit(_Symmetric):
         return named.rate_unit
 
 
-class JointLimit(_Symmetric):
+class JointLimit(SymmetricLimit):
     """|qᵢ| ≤ most."""
 
     words, reads = "joint", frozenset({"q"})
 
-    def called(self, part: Part) -> str:
+    def limit_name(self, part: Part) -> str:
         """The coordinate's name."""
-        return self.named[part.index].name
+        return self.quantities[part.index].name
 
-    def excluded(self, name: str, v: Violation) -> str:
+    def contradiction_text(self, name: str, v: Violation) -> str:
         """A contradiction in words."""
         value, limit, unit = replace(v, limit=abs(v.limit)).shown(6)
         what = f"{name} {v.label.removeprefix(self.words + ' ')} = {value}{unit}"
         return f"{what} lies outside its limit of {limit}{unit}; move it or widen the limit"
 
-    def without(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
+    def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
         """The change that widens them as far as possible."""
-        wide = {f"limits.{key}": most for key, most in WIDEST.items() if limits.get(key)}
+        wide = {f"limits.{key}": most for key, most in WIDEST_LIMITS.items() if limits.get(key)}
         return (wide, "", "the limits on the joints") if wide else None
 
 
@@ -160,24 +166,24 @@ class Z2Margin(Requirement):
         return (Part("z2 margin", "", self.margin, np.inf, max(self.margin, SMALLEST_Z2)),)
 
     @classmethod
-    def eased(cls, broken: Sequence[Broken]) -> str:
+    def easing(cls, broken: Sequence[Breach]) -> str:
         """A smaller margin, or none where the path changes sides."""
         ((_, _, v),) = broken
         if v.value > 0:
             return f"limits.z2_margin = {0.999 * v.value:.4g} or less"
         return "leave out limits.z2_margin, so that z2 may change sign"
 
-    def without(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
+    def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
         """The change that leaves the margin out."""
         return {"limits.z2_margin": None}, "leave out limits.z2_margin", "the z2 margin"
 
-    def rows(self, at: At) -> Sequence[Any]:
+    def rows(self, point: MotionPoint) -> Sequence[Any]:
         """z₂, positive on the start's side."""
-        return [self.side * chained_form(at.system).z_expr(at.q)[1]]
+        return [self.side * chained_form(point.system).z_expr(point.q)[1]]
 
-    def values(self, at: At) -> Sequence[Any]:
+    def values(self, point: MotionPoint) -> Sequence[Any]:
         """The same by the chart's NumPy code."""
-        z2 = chained_form(at.system).z(at.states)[..., 1] if at.z is None else at.z[1]
+        z2 = chained_form(point.system).z(point.states)[..., 1] if point.z is None else point.z[1]
         return [self.side * z2]
 
     def contradiction(self, name: str, q: Array, system: TriangularSystem) -> str | None:

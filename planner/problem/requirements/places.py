@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from planner.errors import Violation
-from planner.problem.requirements.requirement import At, Broken, Demand, Part, Requirement
+from planner.problem.requirements.requirement import Breach, Demand, MotionPoint, Part, Requirement
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
 
@@ -37,11 +37,11 @@ class Waypoint(Demand):
         return (Part(f"distance from waypoint {self.number}", self.unit, -np.inf, 0.0, 1.0),)
 
     @classmethod
-    def eased(cls, broken: Sequence[Broken]) -> str:
+    def easing(cls, broken: Sequence[Breach]) -> str:
         """Without them."""
-        return _left_out("waypoints", broken)
+        return _omission("waypoints", broken)
 
-    def without(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
+    def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
         """Without any."""
         return {"waypoints": []}, "", "the waypoints"
 
@@ -82,15 +82,15 @@ class Obstacle(Requirement):
         )
 
     @classmethod
-    def eased(cls, broken: Sequence[Broken]) -> str:
+    def easing(cls, broken: Sequence[Breach]) -> str:
         """Without them."""
-        return _left_out("obstacles", broken)
+        return _omission("obstacles", broken)
 
-    def without(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
+    def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
         """Without any."""
         return {"obstacles": []}, "", "the obstacles"
 
-    def rows(self, at: At) -> Sequence[Any]:
+    def rows(self, point: MotionPoint) -> Sequence[Any]:
         """The distance of each link from the disc, to first order near contact.
 
         With a link from P in direction e, length l, and the centre C, the nearest point is at
@@ -98,12 +98,12 @@ class Obstacle(Requirement):
         returned, (distance² − radius²)/(2 radius), is smooth where the distance is zero and has
         the distance's own slope at contact.
         """
-        system: Any = at.system
+        system: Any = point.system
         offset: list[Any] = [-self.x, -self.y]
         heading: Any = 0.0
         out = []
         for i, length in enumerate(system.link_lengths, 1):
-            heading = heading + at.q[i]
+            heading = heading + point.q[i]
             c, s = ca.cos(heading), ca.sin(heading)
             along = offset[0] * c + offset[1] * s
             t = ca.fmin(ca.fmax(-along, 0.0), length)
@@ -112,18 +112,18 @@ class Obstacle(Requirement):
             offset = [offset[0] + length * c, offset[1] + length * s]
         return out
 
-    def values(self, at: At) -> Sequence[Any]:
+    def values(self, point: MotionPoint) -> Sequence[Any]:
         """The distance of each link from the disc, negative inside, metres."""
-        system: Any = at.system
-        return list(np.moveaxis(self.clearances(system.arm_points(at.states[..., 1:])), -1, 0))
+        system: Any = point.system
+        return list(np.moveaxis(self.clearances(system.arm_points(point.states[..., 1:])), -1, 0))
 
-    def excluded(self, name: str, v: Violation) -> str:
+    def contradiction_text(self, name: str, v: Violation) -> str:
         """The words of a contradiction."""
         link = next(k for k, part in enumerate(self.parts, 1) if part.label == v.label)
         into = f"{-v.value:.3g} m into obstacle {self.number}"
         return f"at the {name} link {link} reaches {into}; move one of them"
 
-    def settled(self, system: TriangularSystem) -> Sequence[float] | None:
+    def values_out_of_reach(self, system: TriangularSystem) -> Sequence[float] | None:
         """Of a disc that no link can touch, the clearance of the stretched arm."""
         reach = float(np.sum(system.link_lengths))  # type: ignore[attr-defined]
         near = float(np.hypot(self.x, self.y)) - self.radius
@@ -148,6 +148,6 @@ class Obstacle(Requirement):
         return np.asarray(np.linalg.norm(nearest - self.centre, axis=-1) - self.radius)
 
 
-def _left_out(table: str, broken: Sequence[Broken]) -> str:
+def _omission(table: str, broken: Sequence[Breach]) -> str:
     numbers = sorted({demand.number for demand, *_ in broken})  # type: ignore[attr-defined]
     return f"leave out [[{table}]] {' and '.join(map(str, numbers))}"

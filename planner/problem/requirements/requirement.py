@@ -17,7 +17,7 @@ from planner.systems.triangular_system import TriangularSystem
 
 
 @dataclass(frozen=True, eq=False)
-class At:
+class MotionPoint:
     """Where a requirement is evaluated: at symbols, or at many states at once.
 
     Attributes:
@@ -35,7 +35,7 @@ class At:
     z: Any = None
 
     @classmethod
-    def of(cls, system: TriangularSystem, *last: Array) -> At:
+    def of(cls, system: TriangularSystem, *last: Array) -> MotionPoint:
         """From arrays q, u, du whose last axis is that of the coordinates and inputs."""
         return cls(system, *(np.moveaxis(values, -1, 0) for values in last))
 
@@ -80,22 +80,23 @@ class Demand(ABC):
     def parts(self) -> tuple[Part, ...]:
         """Its parts, R of them."""
 
-    def called(self, part: Part) -> str:
+    def limit_name(self, part: Part) -> str:
         """Name of a part where the context says that it is a limit."""
         return part.label
 
     @classmethod
-    def eased(cls, broken: Sequence[Broken]) -> str:
+    def easing(cls, broken: Sequence[Breach]) -> str:
         """The change of the problem file that would satisfy all of these, in words."""
         peaks = []
         for demand, part, v in broken:
             above = v.limit == part.high
             value = v.value + (1e-3 if above else -1e-3) * abs(v.value)
             shown, _, unit = replace(v, value=value).shown(4)
-            peaks.append(f"{demand.called(part)} at {'least' if above else 'most'} {shown}{unit}")
+            side = "least" if above else "most"
+            peaks.append(f"{demand.limit_name(part)} at {side} {shown}{unit}")
         return f"wider limits: {', '.join(peaks)}"
 
-    def without(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
+    def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
         """The change of the problem file that removes it.
 
         Args:
@@ -108,7 +109,7 @@ class Demand(ABC):
         return None
 
 
-Broken = tuple[Demand, Part, Violation]
+Breach = tuple[Demand, Part, Violation]
 """A demand, its violated part, and the violation."""
 
 
@@ -149,23 +150,23 @@ class Requirement(Demand):
         """
         return cls(value)  # type: ignore[call-arg]
 
-    def rows(self, at: At) -> Sequence[Any]:
+    def rows(self, point: MotionPoint) -> Sequence[Any]:
         """R expressions that lie between low and high, with derivatives.
 
         By default the inputs, rates or coordinates themselves, by the parts' indices.
         """
         (name,) = self.reads
-        read = getattr(at, name)
-        return [read[part.index] for part in self.parts]
+        entries = getattr(point, name)
+        return [entries[part.index] for part in self.parts]
 
-    def values(self, at: At) -> Sequence[Any]:
-        """The same for verification: R arrays of the shape of `at.q[0]`.
+    def values(self, point: MotionPoint) -> Sequence[Any]:
+        """The same for verification: R arrays of the shape of `point.q[0]`.
 
         A class whose rows are a substitute, or need CasADi, overrides this.
         """
-        return self.rows(at)
+        return self.rows(point)
 
-    def without(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
+    def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
         """Remove its key; a limit that depends on the speed is not one of the path."""
         if self.speed or not self.key:
             return None
@@ -182,15 +183,18 @@ class Requirement(Demand):
         """
         if self.reads != {"q"}:
             return None
-        found = []
-        for part, value in zip(self.parts, self.values(At.of(system, q)), strict=True):
+        violations = []
+        for part, value in zip(self.parts, self.values(MotionPoint.of(system, q)), strict=True):
             if value < part.low or value > part.high:  # neither where it is not a number
                 limit = part.low if value < part.low else part.high
                 scaled = abs(float(value) - limit) / part.scale
-                found.append(Violation(part.label, None, float(value), limit, part.unit, scaled))
-        return self.excluded(name, max(found, key=lambda v: v.scaled)) if found else None
+                exceeded = part.label, None, float(value), limit, part.unit, scaled
+                violations.append(Violation(*exceeded))
+        if not violations:
+            return None
+        return self.contradiction_text(name, max(violations, key=lambda v: v.scaled))
 
-    def excluded(self, name: str, v: Violation) -> str:
+    def contradiction_text(self, name: str, v: Violation) -> str:
         """A contradiction in words."""
         value, limit, unit = v.shown(6)
         change = f"change limits.{self.key}" if self.key else "widen the limit"
@@ -198,36 +202,36 @@ class Requirement(Demand):
             f"{v.label} at the {name} is {value}{unit}, allowed {limit}{unit}; move it or {change}"
         )
 
-    def settled(self, system: TriangularSystem) -> Sequence[float] | None:
+    def values_out_of_reach(self, system: TriangularSystem) -> Sequence[float] | None:
         """Its least values where no motion can violate it; None where one may."""
         return None
 
     @cached_property
-    def sides(self) -> tuple[Array, Array, Array]:
+    def bounds(self) -> tuple[Array, Array, Array]:
         """Low, high and scale of its parts, shape (R,) each."""
         low, high, scale = np.array([(p.low, p.high, p.scale) for p in self.parts]).T
         return low, high, scale
 
-    def slower(self, least: Array, most: Array) -> Array:
+    def slowing_factor(self, least: Array, most: Array) -> Array:
         """How many times slower a motion must be whose R values lie between these (R,), (R,)."""
-        low, high, _ = self.sides
+        low, high, _ = self.bounds
         with np.errstate(divide="ignore", invalid="ignore"):
             over = np.where(high > 0, most / high, 0.0), np.where(low < 0, least / low, 0.0)
         return np.asarray(np.maximum(*over) ** (1 / self.speed))
 
     @property
-    def plain(self) -> bool:
+    def is_direct(self) -> bool:
         """Whether each row is an input, a rate or a coordinate as it is."""
         return type(self).rows is Requirement.rows
 
     @cached_property
-    def blank(self) -> Self:
+    def template(self) -> Self:
         """The same without numbers: one expression serves all that differ only in them."""
-        own = {f.name: _without(getattr(self, f.name)) for f in fields(self)}
-        return replace(self, **{name: value for name, value in own.items() if value is not None})
+        erased = {f.name: _erase_numbers(getattr(self, f.name)) for f in fields(self)}
+        return replace(self, **{name: value for name, value in erased.items() if value is not None})
 
     @property
-    def given(self) -> list[float]:
+    def number_values(self) -> list[float]:
         """Its numbers that the rows read."""
         return [float(getattr(self, name)) for name in self.numbers]
 
@@ -238,24 +242,25 @@ class Requirement(Demand):
         except TypeError:
             return "has fields that are no texts, whole numbers, floats or tuples of them"
         places = ca.DM(np.linspace(0.1, 0.4, system.size)), ca.DM([0.3, 0.2]), ca.DM([0.1, 0.5])
-        whole, made = (
-            [float(row) for row in each.rows(At(system, *places))]
-            for each in (self, self.blank.asking(self.given))
+        whole, rebuilt = (
+            [float(row) for row in each.rows(MotionPoint(system, *places))]
+            for each in (self, self.template.with_numbers(self.number_values))
         )
-        if not len(whole) == len(self.parts) == len(self.blank.parts):
+        if not len(whole) == len(self.parts) == len(self.template.parts):
             return f"has {len(self.parts)} parts and {len(whole)} rows, or others without numbers"
-        return None if whole == made else "has rows that read a float which numbers does not name"
+        same = whole == rebuilt
+        return None if same else "has rows that read a float which numbers does not name"
 
-    def asking(self, values: Sequence[Any]) -> Self:
+    def with_numbers(self, values: Sequence[Any]) -> Self:
         """The same with other numbers, or symbols in their place."""
         new = dict(zip(self.numbers, values, strict=True))
         return replace(self, **new) if new else self
 
 
-def _without(value: Any) -> Any:
+def _erase_numbers(value: Any) -> Any:
     """Zero in place of a number; infinity stays, since it means that there is no limit."""
     if isinstance(value, float):
         return value if np.isinf(value) else 0.0
     if isinstance(value, tuple) and all(isinstance(v, float) for v in value):
-        return tuple(_without(v) for v in value)
+        return tuple(_erase_numbers(v) for v in value)
     return None

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import Violation
-from planner.problem.requirements.requirement import At, Broken, Part, Requirement
+from planner.problem.requirements.requirement import Breach, MotionPoint, Part, Requirement
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem, arm_points_expr
 
@@ -62,18 +62,18 @@ class SelfCollision(Requirement):
         return cls(len(lengths), float(value))
 
     @cached_property
-    def crossing(self) -> list[Pair]:
+    def link_pairs(self) -> list[Pair]:
         """Links, from 1, that are no neighbours."""
         pairs = product(range(1, self.links + 1), repeat=2)
         return [(i, j) for i, j in pairs if j >= i + 2]
 
     @cached_property
-    def near(self) -> dict[Pair, list[Pair]]:
+    def joint_link_pairs(self) -> dict[Pair, list[Pair]]:
         """What stays apart: a joint (from 0; the last is the tip) and a link, from 1. For each the
         links whose crossing it would mean."""
         out: dict[Pair, list[Pair]] = {}
-        for i, j in self.crossing:
-            for end in _ends((i, j)):
+        for i, j in self.link_pairs:
+            for end in _joints_of_pair((i, j)):
                 out.setdefault(end, []).append((i, j))
         return dict(sorted(out.items()))
 
@@ -84,53 +84,53 @@ class SelfCollision(Requirement):
         least = self.clearance
         return tuple(
             Part(f"clearance of {names[place]} from link {link}", "m", least, np.inf, least)
-            for place, link in self.near
+            for place, link in self.joint_link_pairs
         )
 
     @classmethod
-    def eased(cls, broken: Sequence[Broken]) -> str:
+    def easing(cls, broken: Sequence[Breach]) -> str:
         """A smaller clearance, or none where links cross."""
         least = min(v.value for *_, v in broken)
         if least > 0:
             return f"limits.{cls.key} = {0.999 * least:.4g} or less"
         return f"leave out limits.{cls.key}"
 
-    def without(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
+    def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
         """No clearance."""
         return {f"limits.{self.key}": None}, f"leave out limits.{self.key}", "the links' clearance"
 
-    def rows(self, at: At) -> Sequence[Any]:
+    def rows(self, point: MotionPoint) -> Sequence[Any]:
         """The distance of each joint from each link, to first order near the clearance c.
 
         (distance² + c²)/(2c) is smooth where the distance is zero, equals c where that does, and
         has its slope there. Where two links cross the distance counts as negative and is that of
         the nearest of their ends, which is the shortest way out.
         """
-        system: Any = at.system
-        points = arm_points_expr([at.q[i] for i in range(1, system.size)], system.link_lengths)
+        system: Any = point.system
+        points = arm_points_expr([point.q[i] for i in range(1, system.size)], system.link_lengths)
         square = {
-            (place, link): _square(points[place], points[link - 1], points[link])
-            for place, link in self.near
+            (place, link): _squared_distance(points[place], points[link - 1], points[link])
+            for place, link in self.joint_link_pairs
         }
         cross, deep = {}, {}
-        for i, j in self.crossing:
+        for i, j in self.link_pairs:
             a, b, c, d = points[i - 1], points[i], points[j - 1], points[j]
             apart = _side(a, b, c) * _side(a, b, d), _side(c, d, a) * _side(c, d, b)
             cross[i, j] = ca.logic_and(apart[0] < 0, apart[1] < 0)
-            ends = [square[end] for end in _ends((i, j))]
+            ends = [square[end] for end in _joints_of_pair((i, j))]
             deep[i, j] = ca.fmin(ca.fmin(ends[0], ends[1]), ca.fmin(ends[2], ends[3]))
         out = []
-        for end, pairs in self.near.items():
+        for end, pairs in self.joint_link_pairs.items():
             value = square[end]
             for pair in pairs:
                 value = ca.if_else(cross[pair], -deep[pair], value)
             out.append((value + self.clearance**2) / (2 * self.clearance))
         return out
 
-    def values(self, at: At) -> Sequence[Any]:
+    def values(self, point: MotionPoint) -> Sequence[Any]:
         """The distance of each joint from each link, metres; minus the way out where they cross."""
-        system: Any = at.system
-        return list(self.distances(system.arm_points(at.states[..., 1:])))
+        system: Any = point.system
+        return list(self.distances(system.arm_points(point.states[..., 1:])))
 
     def distances(self, points: Array) -> Array:
         """The same, shape (R, …).
@@ -138,11 +138,11 @@ class SelfCollision(Requirement):
         Args:
             points: Base, joints and tip, shape (…, n+1, 2), metres.
         """
-        i, j = np.array(self.crossing).T
+        i, j = np.array(self.link_pairs).T
         a, b, c, d = (points[..., k, :] for k in (i - 1, i, j - 1, j))
-        one = _turn(b - a, c - a) * _turn(b - a, d - a)
-        other = _turn(d - c, a - c) * _turn(d - c, b - c)
-        place, link = np.array(list(self.near)).T
+        one = _cross_product(b - a, c - a) * _cross_product(b - a, d - a)
+        other = _cross_product(d - c, a - c) * _cross_product(d - c, b - c)
+        place, link = np.array(list(self.joint_link_pairs)).T
         spot = points[..., place, :]
         gap = nearest_on_segment(spot, points[..., link - 1, :], points[..., link, :]) - spot
         away, (ends, pairs) = np.linalg.norm(gap, axis=-1), self._numbers
@@ -154,12 +154,14 @@ class SelfCollision(Requirement):
     def _numbers(self) -> tuple[Index, Index]:
         """The four ends among the parts of each pair that may cross (P, 4), and the one or two
         pairs that each part belongs to (R, 2)."""
-        parts, pairs = list(self.near), self.crossing
-        ends = [[parts.index(end) for end in _ends(pair)] for pair in pairs]
-        own = [[pairs.index(near[0]), pairs.index(near[-1])] for near in self.near.values()]
-        return np.array(ends), np.array(own)
+        parts, pairs = list(self.joint_link_pairs), self.link_pairs
+        ends = [[parts.index(end) for end in _joints_of_pair(pair)] for pair in pairs]
+        first_and_last = [
+            [pairs.index(near[0]), pairs.index(near[-1])] for near in self.joint_link_pairs.values()
+        ]
+        return np.array(ends), np.array(first_and_last)
 
-    def excluded(self, name: str, v: Violation) -> str:
+    def contradiction_text(self, name: str, v: Violation) -> str:
         """The words of a contradiction."""
         what = v.label.removeprefix("clearance of ")
         change = f"move it or lower limits.{self.key}"
@@ -168,7 +170,7 @@ class SelfCollision(Requirement):
         is_ = f"the clearance of {what} is {v.value:.3g} m, allowed {v.limit:g} m"
         return f"at the {name} {is_}; {change}"
 
-    def closest(self, points: Array) -> tuple[Array, Array, float]:
+    def nearest_pair(self, points: Array) -> tuple[Array, Array, float]:
         """The joint and the place of a link that are nearest to each other in one pose.
 
         Args:
@@ -180,10 +182,10 @@ class SelfCollision(Requirement):
         values = self.distances(points)
         places = [
             (points[place], nearest_on_segment(points[place], points[link - 1], points[link]))
-            for place, link in self.near
+            for place, link in self.joint_link_pairs
         ]
-        away = np.linalg.norm([one - other for one, other in places], axis=-1)
-        k = int(np.lexsort((away, values))[0])  # of those that cross the one with the way out
+        distances = np.linalg.norm([one - other for one, other in places], axis=-1)
+        k = int(np.lexsort((distances, values))[0])  # of those that cross the one with the way out
         return (*places[k], float(values[k]))
 
 
@@ -194,17 +196,17 @@ def nearest_on_segment(point: Array, first: Array, last: Array) -> Array:
     return np.asarray(first + np.clip(share, 0.0, 1.0)[..., None] * step)
 
 
-def _ends(pair: Pair) -> list[Pair]:
+def _joints_of_pair(pair: Pair) -> list[Pair]:
     """The ends of two links, each with the other link."""
     i, j = pair
     return [(i - 1, j), (i, j), (j - 1, i), (j, i)]
 
 
-def _turn(a: Array, b: Array) -> Array:
+def _cross_product(a: Array, b: Array) -> Array:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
-def _square(point: Any, first: Any, last: Any) -> Any:
+def _squared_distance(point: Any, first: Any, last: Any) -> Any:
     """Squared distance of a point from a segment, as an expression."""
     step, off = (last[0] - first[0], last[1] - first[1]), (point[0] - first[0], point[1] - first[1])
     share = (off[0] * step[0] + off[1] * step[1]) / (step[0] ** 2 + step[1] ** 2)

@@ -125,7 +125,7 @@ class JointGoal(GoalTable):
     )
 
     @model_validator(mode="after")
-    def _says_enough(self) -> JointGoal:
+    def _check_completeness(self) -> JointGoal:
         tip = [k for k in ("tip_m", "tip_angle_deg") if getattr(self, k) is not None]
         if self.theta_deg is None and not tip:
             raise ValueError("needs theta_deg, the joint angles; or, for the tip, tip_m")
@@ -143,7 +143,7 @@ class JointGoal(GoalTable):
 
     @field_validator("travel")
     @classmethod
-    def _plausible(cls, travel: Free | float) -> Free | float:
+    def _check_travel(cls, travel: Free | float) -> Free | float:
         if isinstance(travel, float | int) and abs(travel) > MAX_TRAVEL_RAD:
             raise ValueError(
                 f"is in radians and at most {MAX_TRAVEL_RAD:.4g} either way;"
@@ -212,8 +212,8 @@ class ArmFile(ProblemFile):
     @property
     def _goal_deg(self) -> list[float | Free]:
         """Angles of all joints at the goal."""
-        own = self.goal.theta_deg
-        return ["free"] * self.system.joints if own is None else own
+        theta_deg = self.goal.theta_deg
+        return ["free"] * self.system.joints if theta_deg is None else theta_deg
 
     def start_state(self) -> Array:
         """q(0), shape (n+1,), radians."""
@@ -256,11 +256,11 @@ class ArmFile(ProblemFile):
         return out
 
     def discs(self) -> list[ObstacleTable]:
-        """Obstacles."""
+        """The obstacles, as discs in the plane."""
         return self.obstacles
 
 
-def _counted(n: int, K: list[float] | None, link_lengths: list[float] | None) -> None:
+def _check_lengths(n: int, K: list[float] | None, link_lengths: list[float] | None) -> None:
     """Refuse lists of other lengths than n joints need."""
     if K is not None and len(K) != n - 1:
         raise ValueError(f"joints = {n} needs {n - 1} values in K (K2 ... K{n}), not {len(K)}")
@@ -278,8 +278,8 @@ class BallGearTable(Table):
     link_lengths: list[Positive] | None = Field(None, description="Link lengths for drawing.")
 
     @model_validator(mode="after")
-    def _consistent(self) -> BallGearTable:
-        _counted(self.joints, self.K, self.link_lengths)
+    def _check_constants(self) -> BallGearTable:
+        _check_lengths(self.joints, self.K, self.link_lengths)
         return self
 
 
@@ -325,10 +325,10 @@ class ManipulatorTable(Table):
     link_lengths: list[Positive] | None = Field(None, description="Link lengths for drawing.")
 
     @model_validator(mode="after")
-    def _consistent(self) -> ManipulatorTable:
+    def _check_constants(self) -> ManipulatorTable:
         if (self.K is None) == (self.gear is None):
             raise ValueError("give either K (with k_g) or gear, exactly one of them")
-        _counted(self.joints, self.K, self.link_lengths)
+        _check_lengths(self.joints, self.K, self.link_lengths)
         if self.K is not None and self.k_g is None:
             raise ValueError("K needs k_g too")
         return self

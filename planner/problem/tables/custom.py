@@ -21,7 +21,7 @@ from planner.problem.tables.problem_file import (
 )
 from planner.support.arrays import Array
 from planner.support.tables import line
-from planner.support.user_tables import Positive, Table, nearest
+from planner.support.user_tables import Positive, Table, allowed_hint
 from planner.systems.custom import CustomSystem
 from planner.systems.triangular_system import Coordinate
 
@@ -51,7 +51,7 @@ class CustomTable(Table):
     input_units: Names = Field(default_factory=lambda: ["", ""], description="Their units.")
 
     @model_validator(mode="after")
-    def _builds(self) -> CustomTable:
+    def _check_expressions(self) -> CustomTable:
         if len(self.units) != len(self.coordinates):
             raise ValueError(
                 f"units has {len(self.units)} entries for {len(self.coordinates)} coordinates"
@@ -131,13 +131,15 @@ class OwnFile(NamedFile):
         return [c.name for c in self.build_system().coordinates]
 
     @model_validator(mode="after")
-    def _named(self) -> OwnFile:
+    def _check_names(self) -> OwnFile:
         every, tail = self.names, self.names[1:]
         wanted = {"start.q": (self.start.q, every), "goal.q": (self.goal.q, tail)}
         for key, (given, names) in {**wanted, "limits.q": (self.limits.q, tail)}.items():
             for name in given:
                 if name not in names:
-                    raise ValueError(f"{key} has no coordinate '{name}'; {nearest(name, names)}")
+                    raise ValueError(
+                        f"{key} has no coordinate '{name}'; {allowed_hint(name, names)}"
+                    )
         for key, (given, names) in wanted.items():
             missing = [name for name in names if name not in given]
             if missing:

@@ -29,8 +29,8 @@ from planner.problem.requirements.requirement import Requirement
 from planner.problem.tables import arms, custom, vehicles
 from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.problem_file import BaseLimits, GoalTable, ProblemFile
-from planner.support.tables import brief, line
-from planner.support.user_tables import Table, nearest, parse
+from planner.support.tables import line, shorten
+from planner.support.user_tables import Table, allowed_hint, parse
 from planner.systems.triangular_system import TriangularSystem
 
 GROUP = "planner.plugins"
@@ -42,7 +42,7 @@ class _Plugins:
     Attributes:
         failures: One line for each that failed; None until they are called.
         caller: Name and version of the package whose plugin is being called, or "".
-        elsewhere_unknown: What was registered by no plugin, as in "method 'mine'".
+        local_names: What was registered by no plugin, as in "method 'mine'".
     """
 
     failures: list[str] | None = None
@@ -50,7 +50,7 @@ class _Plugins:
 
     def __init__(self) -> None:
         self.lock = threading.RLock()  # a plugin may itself read a problem
-        self.elsewhere_unknown: set[str] = set()
+        self.local_names: set[str] = set()
 
 
 _plugins = _Plugins()
@@ -94,12 +94,12 @@ def plugin_called() -> str:
 def remember(what: str) -> None:
     """Keep in mind what is registered by no plugin, as in "method 'mine'"."""
     if not _plugins.caller:
-        _plugins.elsewhere_unknown.add(what)
+        _plugins.local_names.add(what)
 
 
-def unknown_elsewhere(*used: str) -> list[str]:
+def local_only(*used: str) -> list[str]:
     """Which of these no other process knows, since no plugin registers them."""
-    return [what for what in used if what in _plugins.elsewhere_unknown]
+    return [what for what in used if what in _plugins.local_names]
 
 
 FILES: dict[str, type[ProblemFile]] = {**arms.FILES, **vehicles.FILES, **custom.FILES}
@@ -150,10 +150,10 @@ def register_system(kind: str, file: type[ProblemFile]) -> None:
         )
     if kind in FILES:
         raise InputError(f"system kind '{kind}' is taken, by {FILES[kind].__name__}")
-    if why := next(_faults(kind, file), None):
+    if why := next(_file_faults(kind, file), None):
         raise InputError(f"system kind '{kind}' cannot be registered: {why}")
     FILES[kind] = file
-    _give_keys()
+    _add_requirement_keys()
     remember(f"system '{kind}'")
 
 
@@ -179,7 +179,7 @@ def register_requirement(kind: type[Requirement]) -> None:
     if why:
         raise InputError(f"requirement '{line(str(key))}' cannot be registered: {why}")
     REQUIREMENTS[key] = kind
-    _give_keys()
+    _add_requirement_keys()
     remember(f"requirement '{key}'")
 
 
@@ -204,33 +204,33 @@ def limits_of(file: type[ProblemFile]) -> type[BaseLimits]:
     return cast("type[BaseLimits]", file.model_fields["limits"].annotation)
 
 
-def _give_keys() -> None:
+def _add_requirement_keys() -> None:
     """Give every kind's `[limits]` the keys of `REQUIREMENTS`."""
     for file in FILES.values():
         table = limits_of(file)
         for key, kind in REQUIREMENTS.items():
             if key not in table.model_fields and kind.table:
-                own, words, *shown = kind.table
-                typed: Any = Optional[own]  # noqa: UP045
+                value_type, words, *shown = kind.table
+                typed: Any = Optional[value_type]  # noqa: UP045
                 table.model_fields[key] = FieldInfo(
                     annotation=typed, default=None, description=words, examples=shown or None
                 )
                 table.model_rebuild(force=True)
     if REQUIREMENTS:
-        _build_anew()
+        _rebuild_files()
 
 
-def _build_anew() -> None:
+def _rebuild_files() -> None:
     """Build those files anew whose tables have changed; the rest are built when they are used."""
     for file in FILES.values():
         if file.__pydantic_complete__:
             file.model_rebuild(force=True)
 
 
-_TABLES = {"system": Table, "start": Table, "goal": GoalTable, "limits": BaseLimits}
+_TABLE_TYPES = {"system": Table, "start": Table, "goal": GoalTable, "limits": BaseLimits}
 
 
-def _faults(kind: str, file: Any) -> Iterator[str]:
+def _file_faults(kind: str, file: Any) -> Iterator[str]:
     """Why a class cannot read the problem files of a kind."""
     if not isinstance(file, type) or not issubclass(file, ProblemFile):
         yield f"{line(repr(file))} is not a subclass of ProblemFile"
@@ -238,7 +238,7 @@ def _faults(kind: str, file: Any) -> Iterator[str]:
     name = line(file.__name__)
     if inspect.isabstract(file):
         yield f"{name} lacks {', '.join(sorted(file.__abstractmethods__))}"
-    for key, base in _TABLES.items():
+    for key, base in _TABLE_TYPES.items():
         table: Any = file.model_fields[key].annotation
         if not isinstance(table, type) or not issubclass(table, base) or inspect.isabstract(table):
             yield f"{name}.{key} is not a table, a concrete subclass of {base.__name__}"
@@ -255,7 +255,7 @@ def _faults(kind: str, file: Any) -> Iterator[str]:
 def add_method_table(name: str, options: type[Table]) -> None:
     """Give all problem files a table `[method.NAME]`; the registry of methods asks for it."""
     MethodsTable.add(name, options)
-    _build_anew()
+    _rebuild_files()
 
 
 def parse_file(data: dict[str, Any], source: str) -> ProblemFile:
@@ -271,9 +271,9 @@ def parse_file(data: dict[str, Any], source: str) -> ProblemFile:
         raise InputError(f"{source}: missing key 'system.kind'; allowed: {', '.join(FILES)}")
     kind = system["kind"]
     if not isinstance(kind, str) or kind not in FILES:
-        hint = nearest(str(kind), list(FILES))
+        hint = allowed_hint(str(kind), list(FILES))
         raise InputError(f"{source}: 'system.kind' = {kind!r:.60}: {hint}")
-    with _complete(kind):
+    with _name_missing_methods(kind):
         return parse(FILES[kind], data, source)
 
 
@@ -283,12 +283,12 @@ def system_of(tables: ProblemFile) -> TriangularSystem:
     Raises:
         InputError: If its class lacks what every system has; names that.
     """
-    with _complete(tables.system.kind):
+    with _name_missing_methods(tables.system.kind):
         return tables.build_system()
 
 
 @contextmanager
-def _complete(kind: str) -> Iterator[None]:
+def _name_missing_methods(kind: str) -> Iterator[None]:
     """Name what the classes of a kind lack; `register_system` asks those of plugins beforehand."""
     try:
         yield
@@ -298,7 +298,7 @@ def _complete(kind: str) -> Iterator[None]:
         raise InputError(f"system kind '{kind}' is not complete: {error}") from error
 
 
-LEAST, MOST = 1e-15, 1e15
+LEAST_NUMBER, MOST_NUMBER = 1e-15, 1e15
 """Sizes of numbers, but zero: no length, time, angle, ratio or tolerance in these units is smaller
 or larger, and products of twenty of them, for twenty joints, stay numbers."""
 
@@ -312,13 +312,17 @@ def _refuse_extremes(data: dict[str, Any], source: str) -> None:
             waiting += [(f"{key}.{name}".lstrip("."), item) for name, item in value.items()]
         elif isinstance(value, list):
             waiting += [(f"{key}[{k}]", item) for k, item in enumerate(value)]
-        elif isinstance(value, float | int) and 0 < abs(value) < LEAST:
-            name = brief(key)
-            raise InputError(f"{source}: '{name}' = {value!r}: too small; 0, or at least {LEAST:g}")
-        elif isinstance(value, float | int) and MOST < abs(value) < math.inf:
+        elif isinstance(value, float | int) and 0 < abs(value) < LEAST_NUMBER:
+            name = shorten(key)
+            raise InputError(
+                f"{source}: '{name}' = {value!r}: too small; 0, or at least {LEAST_NUMBER:g}"
+            )
+        elif isinstance(value, float | int) and MOST_NUMBER < abs(value) < math.inf:
             few = isinstance(value, float) or value.bit_length() < 200
             shown = repr(value) if few else "a whole number of many digits"
-            raise InputError(f"{source}: '{brief(key)}' = {shown}: too large; at most {MOST:g}")
+            raise InputError(
+                f"{source}: '{shorten(key)}' = {shown}: too large; at most {MOST_NUMBER:g}"
+            )
 
 
 def json_schema() -> dict[str, Any]:
@@ -327,4 +331,4 @@ def json_schema() -> dict[str, Any]:
     return TypeAdapter(kinds).json_schema()
 
 
-_give_keys()
+_add_requirement_keys()

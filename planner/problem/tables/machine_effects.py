@@ -13,9 +13,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from planner.support.user_tables import Table, nearest
+from planner.support.user_tables import Table, allowed_hint
 
-Per = Literal["machine", "motor", "joint", "passive"]
+Owner = Literal["machine", "motor", "joint", "passive"]
 Numbers = float | list[float]
 
 
@@ -39,33 +39,33 @@ class Effect:
 
     Attributes:
         unit: Unit of value and spread; "" for plain numbers.
-        per: What has a value of its own: the machine, each of 2 motors, each of n joints, or each
+        owner: What has a value of its own: the machine, each of 2 motors, each of n joints, or each
             of the n−1 passive ones, 2 … n, which the disk chain drives.
-        off: The value that means "no such effect".
+        off_value: The value that means "no such effect".
         low: Least value; not allowed itself when `positive`.
         high: Greatest value.
         positive: Whether zero is impossible.
-        spreads: Whether it may differ from machine to machine.
-        dynamic: Whether it acts in dynamic fidelity alone.
+        may_spread: Whether it may differ from machine to machine.
+        dynamic_only: Whether it acts in dynamic fidelity alone.
     """
 
     unit: str
-    per: Per
-    off: float = 0.0
+    owner: Owner
+    off_value: float = 0.0
     low: float = -math.inf
     high: float = math.inf
     positive: bool = False
-    spreads: bool = True
-    dynamic: bool = False
+    may_spread: bool = True
+    dynamic_only: bool = False
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
         return core_schema.no_info_wrap_validator_function(
-            lambda value, _: self.checked(value), handler(source)
+            lambda value, _: self.check_setting(value), handler(source)
         )
 
-    def checked(self, setting: Any) -> Any:
+    def check_setting(self, setting: Any) -> Any:
         """The setting in its plain form; raises ValueError with one line when it cannot be."""
         if setting is None or setting is False:
             return setting
@@ -80,53 +80,55 @@ class Effect:
     def _table(self, table: Mapping[str, Any]) -> Spread:
         for key in table:
             if key not in ("value", "spread"):
-                raise ValueError(f"unknown key '{key}'; {nearest(str(key), ['value', 'spread'])}")
+                raise ValueError(
+                    f"unknown key '{key}'; {allowed_hint(str(key), ['value', 'spread'])}"
+                )
         if "value" not in table:
             raise ValueError("needs a value beside its spread: { value = ..., spread = ... }")
         value = self._numbers(table["value"])
         self._in_range(value)
         spread = self._numbers(table.get("spread", 0.0))
-        if min(_flat(spread)) < 0:
+        if min(_as_list(spread)) < 0:
             raise ValueError("spread is a standard deviation and must be >= 0")
-        if max(_flat(spread)) > 0 and not self.spreads:
+        if max(_as_list(spread)) > 0 and not self.may_spread:
             raise ValueError("is the same for every sample; it cannot have a spread")
         return Spread(value=value, spread=spread)
 
     def _numbers(self, value: Any) -> Numbers:
         if _is_number(value):
-            return _finite(value)
+            return _check_finite(value)
         if isinstance(value, str) or not isinstance(value, Sequence):
             raise ValueError(
                 "must be a number, a list of numbers, { value = ..., spread = ... },"
                 " or false to switch it off"
             )
-        if self.per == "machine":
+        if self.owner == "machine":
             raise ValueError("is one number for the whole machine, not a list")
         if not value or not all(_is_number(v) for v in value):
-            raise ValueError(f"must hold numbers, one for each of {self.every}")
-        if self.per == "motor" and len(value) != 2:
+            raise ValueError(f"must hold numbers, one for each of {self.owner_words}")
+        if self.owner == "motor" and len(value) != 2:
             raise ValueError(f"has {len(value)} values; give one, or one for each of 2 motors")
-        return [_finite(v) for v in value]
+        return [_check_finite(v) for v in value]
 
     def count(self, joints: int) -> int:
         """How many values it can have on a system of so many joints."""
-        return {"machine": 1, "motor": 2, "joint": joints, "passive": joints - 1}[self.per]
+        return {"machine": 1, "motor": 2, "joint": joints, "passive": joints - 1}[self.owner]
 
     def mismatch(self, key: str, numbers: Sequence[float], joints: int) -> str | None:
         """What is wrong with so many numbers on a system of so many joints, or None."""
         count = self.count(joints)
         if len(numbers) in (1, count):
             return None
-        return f"{key} has {len(numbers)} values, but needs one, or {count} for {self.every}"
+        return f"{key} has {len(numbers)} values, but needs one, or {count} for {self.owner_words}"
 
     @property
-    def every(self) -> str:
+    def owner_words(self) -> str:
         """What a list has one number for, in words."""
-        return _EVERY[self.per]
+        return _OWNER_WORDS[self.owner]
 
     def _in_range(self, numbers: Numbers) -> None:
         unit = f" {self.unit}" if self.unit else ""
-        for number in _flat(numbers):
+        for number in _as_list(numbers):
             if self.positive and number <= self.low:
                 raise ValueError(f"must be > {self.low:g}{unit}; false switches it off")
             if number < self.low:
@@ -135,7 +137,7 @@ class Effect:
                 raise ValueError(f"must be <= {self.high:g}{unit}")
 
 
-_EVERY = {
+_OWNER_WORDS = {
     "machine": "the machine",
     "motor": "2 motors",
     "joint": "joints 1 ... n",
@@ -143,7 +145,7 @@ _EVERY = {
 }
 
 
-def _flat(numbers: Numbers) -> list[float]:
+def _as_list(numbers: Numbers) -> list[float]:
     return numbers if isinstance(numbers, list) else [numbers]
 
 
@@ -151,7 +153,7 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _finite(value: Any) -> float:
+def _check_finite(value: Any) -> float:
     if not math.isfinite(value):
         raise ValueError("must be a finite number; false switches an effect off")
     return float(value)
@@ -176,13 +178,13 @@ class MachineTable(Table):
     )
 
     control_period_s: Annotated[
-        Setting | None, Effect("s", "machine", low=0, high=1, positive=True, spreads=False)
+        Setting | None, Effect("s", "machine", low=0, high=1, positive=True, may_spread=False)
     ] = Field(None, description="Sample and hold: period in seconds at which the command is read.")
     delay_s: Annotated[Setting | None, Effect("s", "machine", low=0, high=1)] = Field(
         None, description="Time from command to motor, seconds."
     )
     velocity_resolution_rad_s: Annotated[
-        Setting | None, Effect("rad/s", "motor", low=0, spreads=False)
+        Setting | None, Effect("rad/s", "motor", low=0, may_spread=False)
     ] = Field(None, description="Smallest step of the velocity command, rad/s.")
     input_gain_error: Annotated[Setting | None, Effect("", "motor", low=-0.9)] = Field(
         None, description="Motor runs at (1 + this) times its command (fraction)."
@@ -191,23 +193,23 @@ class MachineTable(Table):
         None, description="Added to each motor's speed while a plan runs, rad/s."
     )
     velocity_limit_rad_s: Annotated[
-        Setting | None, Effect("rad/s", "motor", low=0, off=math.inf, positive=True)
+        Setting | None, Effect("rad/s", "motor", low=0, off_value=math.inf, positive=True)
     ] = Field(None, description="Largest motor speed, rad/s.")
     acceleration_limit_rad_s2: Annotated[
-        Setting | None, Effect("rad/s^2", "motor", low=0, off=math.inf, positive=True)
+        Setting | None, Effect("rad/s^2", "motor", low=0, off_value=math.inf, positive=True)
     ] = Field(None, description="Largest motor acceleration, rad/s^2.")
     servo_bandwidth_rad_s: Annotated[
-        Setting | None, Effect("rad/s", "motor", low=0, off=math.inf, positive=True)
+        Setting | None, Effect("rad/s", "motor", low=0, off_value=math.inf, positive=True)
     ] = Field(
         None,
         description="Velocity loop: corner frequency of a first-order lag, or natural frequency"
         " when servo_damping is given, rad/s.",
     )
     servo_damping: Annotated[
-        Setting | None, Effect("", "motor", low=0, off=math.nan, positive=True)
+        Setting | None, Effect("", "motor", low=0, off_value=math.nan, positive=True)
     ] = Field(None, description="Damping ratio of a second-order velocity loop; off: first order.")
     motor_inertia_kgm2: Annotated[
-        Setting | None, Effect("kg m^2", "motor", low=0, dynamic=True)
+        Setting | None, Effect("kg m^2", "motor", low=0, dynamic_only=True)
     ] = Field(
         None,
         description="Inertia of each motor with its gearhead, at the gearhead's output, kg m^2"
@@ -215,20 +217,22 @@ class MachineTable(Table):
     )
     servo_gain_nms_per_rad: Annotated[
         Setting | None,
-        Effect("N m s/rad", "motor", low=0, off=math.inf, positive=True, dynamic=True),
+        Effect("N m s/rad", "motor", low=0, off_value=math.inf, positive=True, dynamic_only=True),
     ] = Field(
         None,
         description="Velocity loop: torque for each rad/s of lag behind the drive's own"
         " reference, at the gearhead's output, N m s/rad (dynamic); off: rigid.",
     )
     servo_integral_time_s: Annotated[
-        Setting | None, Effect("s", "motor", low=0, off=math.inf, positive=True, dynamic=True)
+        Setting | None,
+        Effect("s", "motor", low=0, off_value=math.inf, positive=True, dynamic_only=True),
     ] = Field(
         None,
         description="Velocity loop: integral time in seconds (dynamic); off: no integral action.",
     )
     torque_limit_nm: Annotated[
-        Setting | None, Effect("N m", "motor", low=0, off=math.inf, positive=True, dynamic=True)
+        Setting | None,
+        Effect("N m", "motor", low=0, off_value=math.inf, positive=True, dynamic_only=True),
     ] = Field(
         None, description="Largest torque of each motor at its gearhead's output, N m (dynamic)."
     )
@@ -245,14 +249,14 @@ class MachineTable(Table):
         " turns its rolling direction (fraction): a contact that is turned also slips sideways.",
     )
     friction_capacity_nm: Annotated[
-        Setting | None, Effect("N m", "machine", low=0, off=math.inf, positive=True)
+        Setting | None, Effect("N m", "machine", low=0, off_value=math.inf, positive=True)
     ] = Field(
         None,
         description="Largest torque a contact transmits, mu N r of its driving disk, N m;"
         " beyond it slips.",
     )
     disk_inertia_kgm2: Annotated[
-        Setting | None, Effect("kg m^2", "passive", low=0, dynamic=True)
+        Setting | None, Effect("kg m^2", "passive", low=0, dynamic_only=True)
     ] = Field(
         None,
         description="Inertia of the disks between two stages, about the axle of the first one's"
@@ -276,28 +280,28 @@ class MachineTable(Table):
         " direction.",
     )
     axis_inertia_kgm2: Annotated[
-        Setting | None, Effect("kg m^2", "passive", low=0, dynamic=True)
+        Setting | None, Effect("kg m^2", "passive", low=0, dynamic_only=True)
     ] = Field(
         None,
         description="Inertia of the gears and pulleys that drive joints 2 ... n, on the motor"
         " side of the backlash, at the joint, kg m^2 (dynamic).",
     )
     shaft_stiffness_nm_per_rad: Annotated[
-        Setting | None, Effect("N m/rad", "passive", low=0, off=math.inf, positive=True)
+        Setting | None, Effect("N m/rad", "passive", low=0, off_value=math.inf, positive=True)
     ] = Field(None, description="Torsional stiffness of the shaft into joints 2 ... n, N m/rad.")
     shaft_damping_nms_per_rad: Annotated[
-        Setting | None, Effect("N m s/rad", "passive", low=0, dynamic=True)
+        Setting | None, Effect("N m s/rad", "passive", low=0, dynamic_only=True)
     ] = Field(None, description="Damping of the twist of those shafts, N m s/rad (dynamic).")
-    link_inertia_kgm2: Annotated[Setting | None, Effect("kg m^2", "joint", low=0, dynamic=True)] = (
-        Field(
-            None,
-            description="Inertia of each link, with all that it carries, about its joint, kg m^2"
-            " (dynamic).",
-        )
+    link_inertia_kgm2: Annotated[
+        Setting | None, Effect("kg m^2", "joint", low=0, dynamic_only=True)
+    ] = Field(
+        None,
+        description="Inertia of each link, with all that it carries, about its joint, kg m^2"
+        " (dynamic).",
     )
-    base_friction_nm: Annotated[Setting | None, Effect("N m", "machine", low=0, dynamic=True)] = (
-        Field(None, description="Coulomb friction of joint 1, N m (dynamic).")
-    )
+    base_friction_nm: Annotated[
+        Setting | None, Effect("N m", "machine", low=0, dynamic_only=True)
+    ] = Field(None, description="Coulomb friction of joint 1, N m (dynamic).")
     coulomb_friction_nm: Annotated[Setting | None, Effect("N m", "passive", low=0)] = Field(
         None,
         description="Coulomb friction of joints 2 ... n, N m; it loads the contacts and twists a"
@@ -320,7 +324,7 @@ class MachineTable(Table):
         None, description="True minus assumed angle of each joint at the start, degrees."
     )
     encoder_resolution_deg: Annotated[
-        Setting | None, Effect("deg", "joint", low=0, spreads=False)
+        Setting | None, Effect("deg", "joint", low=0, may_spread=False)
     ] = Field(None, description="Smallest step of the joint encoders, degrees.")
 
     def mismatch(self, joints: int) -> str | None:

@@ -167,7 +167,7 @@ class LegOptions(TravelOptions):
 
     @field_validator("offset", mode="before")
     @classmethod
-    def _was_left_out(cls, offset: object) -> object:
+    def _read_omission_as_mean(cls, offset: object) -> object:
         return "mean" if offset is None else offset  # in plans of earlier versions
 
 
@@ -205,7 +205,7 @@ class SinusoidOptions(LawOptions):
 
     @field_validator("amplitude")
     @classmethod
-    def _moves(cls, amplitude: float | str) -> float | str:
+    def _check_amplitude(cls, amplitude: float | str) -> float | str:
         if amplitude == 0:
             raise ValueError("is not zero: without it the method cannot reach z4 and beyond")
         return amplitude
@@ -228,7 +228,7 @@ class SinusoidStepsOptions(LawOptions):
 
     @field_validator("amplitude")
     @classmethod
-    def _moves(cls, amplitude: float | list[float] | str) -> float | list[float] | str:
+    def _check_amplitude(cls, amplitude: float | list[float] | str) -> float | list[float] | str:
         if amplitude == 0 or (isinstance(amplitude, list) and 0 in amplitude):
             raise ValueError("is not zero: a period without it moves nothing")
         return amplitude
@@ -327,7 +327,7 @@ class CollocationOptions(Table):
 
     @field_validator("start")
     @classmethod
-    def _still_known(cls, start: str) -> str:
+    def _read_former_starts(cls, start: str) -> str:
         return "auto" if start in ("polynomial", "convex") else start
 
 

@@ -17,7 +17,7 @@ from pydantic import AfterValidator, Field, field_validator
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.method_options import MethodsTable
 from planner.support.arrays import Array
-from planner.support.user_tables import Positive, Table, nearest
+from planner.support.user_tables import Positive, Table, allowed_hint
 from planner.systems.triangular_system import TriangularSystem
 
 
@@ -59,13 +59,13 @@ class CompensationTable(Table):
     )
 
 
-def _two(value: float | list[float] | None) -> float | list[float] | None:
+def _check_two_values(value: float | list[float] | None) -> float | list[float] | None:
     if isinstance(value, list) and len(value) != 2:
         raise ValueError(f"has {len(value)} values; give one, or one for each of the 2 inputs")
     return value
 
 
-PerInput = Annotated[Positive | list[Positive] | None, AfterValidator(_two)]
+PerInput = Annotated[Positive | list[Positive] | None, AfterValidator(_check_two_values)]
 
 
 def bound(value: float | Sequence[float] | None, size: int) -> Array:
@@ -195,7 +195,7 @@ class JointWaypoint(WaypointTable):
 
     @field_validator("theta_deg")
     @classmethod
-    def _says_something(cls, angles: list[float | str]) -> list[float | str]:
+    def _check_angles(cls, angles: list[float | str]) -> list[float | str]:
         if all(isinstance(angle, str) for angle in angles):
             raise ValueError("leaves every joint free; give at least one angle")
         return angles
@@ -313,6 +313,6 @@ class NamedFile(ProblemFile):
                 if name not in coordinates:
                     raise ValueError(
                         f"waypoints[{number}].q has no coordinate '{name}';"
-                        f" {nearest(name, coordinates)}"
+                        f" {allowed_hint(name, coordinates)}"
                     )
         return [np.array([p.q.get(name, np.nan) for name in coordinates]) for p in self.waypoints]

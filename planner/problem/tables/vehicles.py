@@ -61,13 +61,13 @@ class VehicleLimits(BaseLimits):
 
     def inputs(self) -> Array:
         """Largest |u|, shape (2,), m/s and rad/s."""
-        return self._both("speed_m_s", f"{self.second}_rate_rad_s")
+        return self._bounds_of("speed_m_s", f"{self.second}_rate_rad_s")
 
     def input_rates(self) -> Array:
         """Largest |du/dt|, shape (2,), m/s² and rad/s²."""
-        return self._both("acceleration_m_s2", f"{self.second}_acceleration_rad_s2")
+        return self._bounds_of("acceleration_m_s2", f"{self.second}_acceleration_rad_s2")
 
-    def _both(self, *keys: str) -> Array:
+    def _bounds_of(self, *keys: str) -> Array:
         return np.concatenate([bound(getattr(self, key), 1) for key in keys])
 
 
@@ -83,14 +83,14 @@ class VehicleFile(NamedFile):
 
     def angles(self, table: Any, missing: float) -> list[float]:
         """The system's angles in a table, radians, in triangular order; `missing` if left out."""
-        found = []
+        degrees = []
         for name in [c.name for c in self.build_system().coordinates[1:-1]]:
             word = name.rstrip("0123456789")
             given = getattr(table, f"{word}_deg", None)
             if isinstance(given, list):
                 given = given[int(name.removeprefix(word)) - 1]
-            found.append(missing if given is None else float(np.deg2rad(given)))
-        return found
+            degrees.append(missing if given is None else float(np.deg2rad(given)))
+        return degrees
 
     def start_state(self) -> Array:
         """q(0), shape (N,), in m and radians."""

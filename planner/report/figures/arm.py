@@ -139,7 +139,7 @@ def _draw_closest(ax: Any, plan: Plan) -> None:
         return
     poses = body(plan.problem, plan.q(times(plan)))
     points = poses[int(np.argmin(np.min(required.distances(poses), axis=0)))]
-    one, other, away = required.closest(points)
+    one, other, away = required.nearest_pair(points)
     ax.plot(*points.T, "-", color="crimson", linewidth=1, zorder=4)
     ax.plot(*np.stack([one, other]).T, "-", color="crimson", linewidth=2.5, zorder=6)
     words = f"links {away:.2g} m apart" if away > 0 else "links cross"

@@ -19,7 +19,7 @@ from planner.errors import InputError
 from planner.plan.plan import Plan, expect_plan
 from planner.support.arrays import Array
 from planner.support.calculus.extremes import sample_times
-from planner.support.tables import clean
+from planner.support.tables import clean_text
 from planner.systems.triangular_system import Coordinate
 
 if TYPE_CHECKING:
@@ -251,7 +251,7 @@ def as_words(name: str) -> str:
 
 def as_text(text: str) -> str:
     """Foreign text as Matplotlib draws it letter by letter; between two $ it reads mathematics."""
-    return clean(text).replace("$", r"\$")
+    return clean_text(text).replace("$", r"\$")
 
 
 def axis_label(coordinate: Coordinate) -> str:

@@ -28,7 +28,7 @@ from planner.report.page.words import (
 )
 from planner.report.panels import FIGURES
 from planner.report.saved import load_comparison, load_replays
-from planner.support.files import named, read_json, write_text
+from planner.support.files import expect_path, read_json, write_text
 from planner.support.tables import Column, Markup, R, html_table, number
 
 ROOM = "planner.report.page"
@@ -51,7 +51,7 @@ def write_report(folder: str | Path, out: str | Path | None = None) -> Path:
         InputError: If the folder is not that of a comparison, a plan in it is none any more, or the
             page cannot be written.
     """
-    place = named(folder)
+    place = expect_path(folder)
     comparison, replays = load_comparison(place, strict=True), load_replays(place)
     made = read_json(place / "comparison.json")
     target = place / "report.html" if out is None else Path(out)

@@ -92,7 +92,7 @@ class Bernstein:
         """The piece that each time (…) is read from."""
         return np.asarray(self.x[1:-1].searchsorted(t, side="right"))
 
-    def inside(self, piece: Pieces, fraction: Array) -> Array:
+    def piece_values(self, piece: Pieces, fraction: Array) -> Array:
         """Values (P, C, …) at fractions (P, C) of the pieces (C,)."""
         c = self.c[:, piece].reshape(len(self.c), len(piece), -1)
         if np.all(fraction == fraction[:, :1]):  # the same in all pieces: one matrix
@@ -174,11 +174,11 @@ def integral(c: Array) -> Array:
     return np.concatenate([np.zeros_like(c[:1]), np.cumsum(c, axis=0)]) / len(c)
 
 
-def split(c: Array, at: Array | float) -> tuple[Array, Array]:
+def split(c: Array, place: Array | float) -> tuple[Array, Array]:
     """On [0, at] and on [at, 1], by de Casteljau; at is one number, or one for each polynomial."""
-    left, right, row, rest = [c[0]], [c[-1]], c, 1 - at
+    left, right, row, rest = [c[0]], [c[-1]], c, 1 - place
     while len(row) > 1:
-        row = rest * row[:-1] + at * row[1:]
+        row = rest * row[:-1] + place * row[1:]
         left.append(row[0])
         right.append(row[-1])
     return np.stack(left), np.stack(right[::-1])

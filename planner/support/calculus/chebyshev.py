@@ -71,8 +71,10 @@ def to_bernstein(count: int) -> Array:
     """
     out = np.zeros((count, count))
     for n in range(count):
-        own = np.array([(-1.0) ** (n - i) * comb(2 * n, 2 * i) / comb(n, i) for i in range(n + 1)])
-        out[:, n] = elevate(own, count - 1)
+        weights = np.array(
+            [(-1.0) ** (n - i) * comb(2 * n, 2 * i) / comb(n, i) for i in range(n + 1)]
+        )
+        out[:, n] = elevate(weights, count - 1)
     out = out @ to_series(count)
     out[0], out[-1] = np.eye(count)[[0, -1]]  # ends exact, so that pieces join
     return np.asarray(out)
@@ -125,9 +127,9 @@ class Grid:
 
     def integral(self, f: Array) -> Array:
         """∫ f from the first break to every point."""
-        own = _on_pieces(integration(DEGREE + 1), f) * self._width(f)
-        before = np.cumsum(own[:, -1], axis=0) - own[:, -1]
-        return own + before[:, None]
+        integrals = _on_pieces(integration(DEGREE + 1), f) * self._width(f)
+        before = np.cumsum(integrals[:, -1], axis=0) - integrals[:, -1]
+        return integrals + before[:, None]
 
     def derivative(self, f: Array) -> Array:
         """df/dt at the points."""

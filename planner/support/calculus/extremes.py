@@ -26,7 +26,7 @@ def sample_times(breaks: Array, count: int = 2000) -> Array:
     return times
 
 
-FLAT = 1e-13
+FLAT_DEPTH = 1e-13
 """Depth of a dip that is rounding, where a function is of order one."""
 
 _ROUNDS = 11
@@ -55,8 +55,8 @@ def minimum(function: Function, times: Array) -> tuple[float, float]:
     filled = np.where(np.isnan(values), np.inf, values)
     best = int(np.argmin(filled))
     dips, depth = _dips(filled)
-    deep = (depth > FLAT) & (filled[dips] - 2 * depth <= filled[best])
-    lowest, when = _narrowed(function, times, dips[deep])
+    deep = (depth > FLAT_DEPTH) & (filled[dips] - 2 * depth <= filled[best])
+    lowest, when = _narrow_samples(function, times, dips[deep])
     lowest, when = np.append(filled[best], lowest), np.append(times[best], when)
     k = int(np.argmin(lowest))
     return float(lowest[k]), float(when[k])
@@ -80,7 +80,11 @@ def zeros(function: Function, times: Array) -> list[float]:
         sided = np.where(sign * values > 0, sign * values, np.inf)
         dips, depth = _dips(sided)
         near = dips[sided[dips] < 2 * depth]
-        lowest, when = _narrowed(lambda t, s=sign: s * _nan_negative(function(t)), times, near)  # type: ignore[misc]
+
+        def signed(t: Array, s: float = sign) -> Array:
+            return s * _nan_negative(function(t))
+
+        lowest, when = _narrow_samples(signed, times, near)
         extra += when[lowest < 0].tolist()
     grid = np.unique(np.concatenate([times, extra]))
     inside = _nan_negative(function(grid)) > 0
@@ -109,16 +113,18 @@ def _dips(values: Array) -> tuple[NDArray[np.int_], Array]:
     return np.flatnonzero(is_dip) + 1, depth[is_dip]
 
 
-def _narrowed(function: Function, times: Array, dips: NDArray[np.int_]) -> tuple[Array, Array]:
+def _narrow_samples(
+    function: Function, times: Array, dips: NDArray[np.int_]
+) -> tuple[Array, Array]:
     """Least values between the samples beside each dip, and when."""
 
     def together(x: Array) -> Array:
         return function(x.ravel()).reshape(x.shape)
 
-    return narrowed(together, times[dips - 1], times[dips + 1])
+    return narrow_dips(together, times[dips - 1], times[dips + 1])
 
 
-def narrowed(function: Function, low: Array, high: Array) -> tuple[Array, Array]:
+def narrow_dips(function: Function, low: Array, high: Array) -> tuple[Array, Array]:
     """Least values of functions that dip once between `low` and `high` (M,), and where.
 
     Args:

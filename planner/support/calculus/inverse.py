@@ -58,7 +58,9 @@ def inverse(function: WithSlope, value: Array, low: float, high: float, sign: fl
     inset = INSET * (high - low)
     a, b = np.full(value.shape, low + inset), np.full(value.shape, high - inset)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        (gap_a, at_a), (gap_b, at_b) = (_look(function, x, value, sign)[:2] for x in (a, b))
+        (gap_a, at_a), (gap_b, at_b) = (
+            _gap_and_slope(function, x, value, sign)[:2] for x in (a, b)
+        )
         under, over = at_a & (gap_a <= 0), at_b & (gap_b >= 0)
         none = (~at_a & ~at_b) | np.isnan(value)
         outside = none | (at_a & (gap_a > 0)) | (at_b & (gap_b < 0))
@@ -78,7 +80,7 @@ def inverse(function: WithSlope, value: Array, low: float, high: float, sign: fl
     )
 
 
-def _look(
+def _gap_and_slope(
     function: WithSlope, x: Array, value: Array, sign: float
 ) -> tuple[Array, NDArray[np.bool_], Array]:
     """sign·(f − value), whether x is on the stretch, and the Newton step's target."""
@@ -100,7 +102,7 @@ def _search(
     turn_is_high = on_stretch[0] & ~on_stretch[1]
     x, last = 0.5 * (low + high), high - low
     for _ in range(_STEPS):
-        gap, on, newton = _look(function, x, value, sign)
+        gap, on, newton = _gap_and_slope(function, x, value, sign)
         under, over = under | (on & (gap <= 0)), over | (on & (gap >= 0))
         too_far = np.where(on, gap > 0, turn_is_high)
         low, high = np.where(too_far, low, x), np.where(too_far, x, high)

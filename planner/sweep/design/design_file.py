@@ -13,14 +13,14 @@ from pydantic import Field, model_validator
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.methods.spec import COMPENSATED, parse_specs
-from planner.problem.asked import with_changes
+from planner.problem.conditions import with_changes
 from planner.problem.problem import Problem
 from planner.problem.tables.arms import GearTable, Joints
 from planner.problem.tables.problem_file import AngleDeg
 from planner.support.arrays import plain
 from planner.support.files import read_toml
 from planner.support.tables import line, number
-from planner.support.user_tables import Positive, Table, nearest, parse
+from planner.support.user_tables import Positive, Table, allowed_hint, parse
 from planner.sweep.description import base_problem
 from planner.sweep.design.figures import Figure, figures_of
 from planner.sweep.design.geometry import Design, design, gear_of, gear_table
@@ -265,7 +265,9 @@ def read_design(source: Mapping[str, Any] | str | Path) -> StudyInput:
     figures = {figure.key: figure for figure in figures_of(methods, table.compensated)}
     for key in table.front:
         if key not in figures:
-            raise InputError(f"{named}: front: unknown figure '{key}'; {nearest(key, [*figures])}")
+            raise InputError(
+                f"{named}: front: unknown figure '{key}'; {allowed_hint(key, [*figures])}"
+            )
         if table.front.count(key) > 1:
             raise InputError(f"{named}: front names '{key}' twice")
     designs = _designs(table, base, system, named)

@@ -16,7 +16,7 @@ import numpy as np
 from planner.errors import InputError
 from planner.problem.feasibility import TravelWindow
 from planner.support.tables import number
-from planner.support.user_tables import nearest
+from planner.support.user_tables import allowed_hint
 from planner.sweep.case import CARRIED
 from planner.sweep.design.geometry import Design
 
@@ -161,7 +161,7 @@ class DesignRow:
 
     def __getitem__(self, key: str) -> float:
         if key not in self.figures:
-            raise InputError(f"no figure '{key}'; {nearest(key, [*self.figures])}")
+            raise InputError(f"no figure '{key}'; {allowed_hint(key, [*self.figures])}")
         return self.figures[key]
 
     @property

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from planner.errors import InputError
-from planner.plan.samples import imported
+from planner.plan.samples import import_library
 from planner.support.arrays import jsonable
 from planner.support.files import make_folder, write_bytes, write_text
-from planner.support.package import handed_to, versions
+from planner.support.package import import_function, versions
 from planner.support.tables import (
     Column,
     csv_table,
@@ -23,7 +23,7 @@ from planner.support.tables import (
     markdown,
     markdown_table,
     number,
-    short,
+    short_number,
     terminal_table,
 )
 from planner.sweep.design.design_file import StudyInput
@@ -126,7 +126,7 @@ class DesignStudy:
         Raises:
             InputError: If pandas is not installed.
         """
-        frame = imported("pandas").DataFrame.from_records([_flat(row) for row in self.rows])
+        frame = import_library("pandas").DataFrame.from_records([_flat(row) for row in self.rows])
         frame.attrs = {"title": self.title, "tasks": self.tasks}
         return frame.set_index("design")
 
@@ -175,7 +175,7 @@ class DesignStudy:
 
     def plot(self, *, axes: Any = None) -> tuple[Picture, Any]:
         """One picture for a designer; see `planner.report.plot_design`."""
-        draw = handed_to("planner.report.figures.design.plot_design")
+        draw = import_function("planner.report.figures.design.plot_design")
         return cast("tuple[Picture, Any]", draw(self, axes=axes))
 
     def save(self, folder: str | Path) -> Path:
@@ -212,8 +212,8 @@ def _columns(study: DesignStudy) -> list[Column[DesignRow]]:
     out = [
         Column("design", "", lambda row: row.design.name, left=True),
         Column("front", "", lambda row: "take" if row is study.recommended else "*" * row.on_front),
-        column("rho", shown=short),
-        column("kappa", shown=short),
+        column("rho", shown=short_number),
+        column("kappa", shown=short_number),
         *map(column, ("r1", "R", "r3", "lambda", "eta", "joints")),
     ]
     for figure in sorted(study.figures, key=lambda f: not f.key.startswith("solved")):

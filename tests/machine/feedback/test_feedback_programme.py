@@ -98,9 +98,9 @@ def test_without_active_limits_it_is_the_regulator(
     smooth: Plan, machine: Machine, plain: TrackerDesign, k: int
 ) -> None:
     state = error(plain, [0.02, 0.01, -0.01], rate=0.002)
-    before = plain.programme.solved
-    answer = plain.programme(k, state, plain.programme.none(1))
-    assert plain.programme.solved == before
+    before = plain.programme.solve_count
+    answer = plain.programme(k, state, plain.programme.empty_decision(1))
+    assert plain.programme.solve_count == before
     full = written_out(plain, smooth, machine, k, state[:, 0], horizon=20)
     H = min(plain.programme.horizon, len(full))
     assert answer.corrections[:H, :, 0] == pytest.approx(full[:H], abs=1e-6)
@@ -115,9 +115,9 @@ def test_with_active_limits_it_is_the_whole_programme(
     law = regulator(plain.ref, weights(smooth, plain.ref, machine))
     unlimited = -law.gain[k] @ state[:, 0]
     assert np.any((unlimited < plain.ref.low[k]) | (unlimited > plain.ref.high[k]))
-    before = plain.programme.solved
-    answer = plain.programme(k, state, plain.programme.none(1))
-    assert plain.programme.solved == before + 1
+    before = plain.programme.solve_count
+    answer = plain.programme(k, state, plain.programme.empty_decision(1))
+    assert plain.programme.solve_count == before + 1
     full = written_out(plain, smooth, machine, k, state[:, 0], plain.programme.horizon)
     H = min(plain.programme.horizon, len(full))
     assert answer.corrections[:H, :, 0] == pytest.approx(full[:H], abs=2e-4)
@@ -137,12 +137,12 @@ def test_a_joint_limit_bites_and_is_kept(
 ) -> None:
     k, most = 30, float(np.deg2rad(0.3))
     state = error(plain, [0.0, -2.0, 2.0])
-    free = plain.programme(k, state, plain.programme.none(1))
+    free = plain.programme(k, state, plain.programme.empty_decision(1))
     assert after(plain, k, state, free.corrections).min() < -most  # θ₁ swings without the limit
     floor = np.full_like(plain.ref.floor, -9.0)
     floor[:, 0] = -most
     kept = programme(smooth, replace(plain.ref, floor=floor), machine)
-    answer = kept(k, state, kept.none(1))
+    answer = kept(k, state, kept.empty_decision(1))
     assert after(plain, k, state, answer.corrections).min() == pytest.approx(-most, abs=1e-5)
     assert not answer.fallback[0]
 
@@ -154,7 +154,7 @@ def test_a_state_limit_that_cannot_be_kept_is_widened_and_counted(
     ceiling[:, 0] = -1.0  # θ₁ one radian below its course, at once
     tight = programme(smooth, replace(plain.ref, ceiling=ceiling), machine)
     state = error(plain, [0.0, 0.0, 0.0])
-    answer = tight(30, state, tight.none(1))
+    answer = tight(30, state, tight.empty_decision(1))
     assert answer.fallback.tolist() == [True]
     v = answer.corrections[:, :, 0]
     assert np.all(v >= plain.ref.low[30:40])
@@ -166,7 +166,7 @@ def test_when_the_solver_is_late_the_last_decision_goes_on(
 ) -> None:
     hasty = programme(smooth, plain.ref, machine, plain.programme.horizon, iterations=10)
     state = error(plain, [9.0, -12.0, -12.0])
-    last = plain.programme(49, error(plain, [0.1, 0.1, 0.1]), plain.programme.none(1))
+    last = plain.programme(49, error(plain, [0.1, 0.1, 0.1]), plain.programme.empty_decision(1))
     answer = hasty(50, state, last)
     assert answer.fallback.tolist() == [True]
     assert answer.corrections[:-1] == pytest.approx(last.corrections[1:], abs=1e-12)
@@ -179,7 +179,7 @@ def test_rates_of_the_inputs_are_limited(unlimited: planner.Problem, machine: Ma
     task = design(plan, machine, OPTIONS)
     assert task.ramp
     k, state = 30, error(task, [3.0, -4.0, -4.0])
-    answer = task.programme(k, state, task.programme.none(1))
+    answer = task.programme(k, state, task.programme.empty_decision(1))
     steps = np.diff(np.concatenate([state[None, 4:6], answer.corrections]), axis=0)[:, :, 0]
     ranges = np.array([_changes(task.ref, k + j) for j in range(len(steps))])
     low, high = ranges[:, 0], ranges[:, 1]

@@ -96,8 +96,8 @@ def forecast_by(found: Estimate, advance: np.ndarray) -> None:
     """The axes turn by `advance` (3, 1), and joints follow as the estimate has it."""
     axis = found.pose.axis + (1 + found.rate_error) * advance
     q = found.pose.q.copy()
-    q[1:] = np.clip(q[1:], axis - found.lost, axis + found.lost)
-    found.predicted(Pose(q, axis, found.pose.side))
+    q[1:] = np.clip(q[1:], axis - found.lost_motion, axis + found.lost_motion)
+    found.take_forecast(Pose(q, axis, found.pose.side))
 
 
 def test_an_angle_is_known_to_a_step_and_rates_are_learnt() -> None:
@@ -140,7 +140,7 @@ def test_lost_motion_is_learnt_by_going_back_and_forth(true_deg: float) -> None:
             forecast_by(found, advance)
         found.read(np.round(joint / step) * step)
         assert found.pose.q[1:] == pytest.approx(joint[1:], abs=1.01 * step)
-    assert np.rad2deg(found.lost[:, 0]) == pytest.approx(np.full(3, true_deg), abs=0.02)
+    assert np.rad2deg(found.lost_motion[:, 0]) == pytest.approx(np.full(3, true_deg), abs=0.02)
     assert np.abs(found.rate_error).max() < 0.002
 
 
@@ -160,7 +160,9 @@ def test_the_run_up_ends_where_and_as_the_plan_begins(smooth: Plan, machine: Mac
     assert task.ref.q[0, :2] == pytest.approx(smooth.q(0.0)[:2], abs=2e-2)
     assert task.ref.joints[0] == pytest.approx(smooth.q(0.0)[2:], abs=1e-2)
     # pushed back at first, from the middle of its play
-    assert task.ref.q[0, 2:] == pytest.approx(task.ref.joints[0] + task.ref.lost[:, 0], abs=1e-2)
+    assert task.ref.q[0, 2:] == pytest.approx(
+        task.ref.joints[0] + task.ref.lost_motion[:, 0], abs=1e-2
+    )
     at_start = int(np.argmin(np.abs(task.ref.s)))
     assert task.ref.q[at_start][1:] == pytest.approx(smooth.q(task.ref.s[at_start])[1:], abs=1e-2)
     drive = task.ref.feed[:at_start, :, 0]
@@ -195,10 +197,10 @@ def test_the_model_of_a_turn_is_that_of_the_play(parked: Plan, machine: Machine)
         change = ref.way[k + 1] - ref.way[k]
         assert ref.E[k, [2, 3], [2, 3]] == pytest.approx(-change)
         jump = ref.q[k + 1, 2:] - ref.q[k, 2:]
-        assert jump == pytest.approx(-change * ref.lost[:, 0], abs=np.deg2rad(2.5))
+        assert jump == pytest.approx(-change * ref.lost_motion[:, 0], abs=np.deg2rad(2.5))
     pushing = np.abs(ref.q[:, 2:] - ref.joints) < 1e-9
     assert 0.4 < pushing.mean() < 0.95
-    assert np.all(ref.more[~pushing] > -2 * ref.lost.max())
+    assert np.all(ref.push[~pushing] > -2 * ref.lost_motion.max())
 
 
 def test_joints_with_inertia_coast_little_during_the_run_up(smooth: Plan) -> None:

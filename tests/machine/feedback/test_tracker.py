@@ -107,7 +107,7 @@ def test_a_run_is_the_same_again_and_a_sample_whichever_others_run_with_it(
     """Machines beyond what the commands' limits allow, so that OSQP is asked often."""
     tracker = Tracker(path_error_deg=1.0, run_up=False)
     closed = replay(smooth, machine, SAMPLES, seed=3, feedback=tracker, record_s=None)
-    assert tracker.design(smooth, machine).programme.solved > 300
+    assert tracker.design(smooth, machine).programme.solve_count > 300
     assert np.median(closed.terminal_E_deg) < 0.1  # without a run-up the end is as good,
     assert closed.percentile(50) > 1.5  # but not the way
     some = np.argsort(closed.index_E_deg)[-5:]

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import planner
 from planner.machine.machine import Machine
-from planner.problem.problem import FREE_WITHIN
+from planner.problem.problem import WIDEST_FREE_JOINT_RAD
 from planner.problem.requirements.ends import TipGoal
 from planner.solve import solve_and_check
 from planner.verification.verify import GOAL_TOLERANCE
@@ -139,7 +139,7 @@ def test_some_joints_given_the_others_free(paper: planner.Problem) -> None:
 def test_free_joints_end_inside_their_limits(problem: planner.Problem) -> None:
     folded = problem.changed({"goal.tip_m": [0.2, 0.42], "limits": {}, "goal.duration": "free"})
     plan = planner.solve(folded.changed({"limits.input_rad_s": 0.5}))
-    assert np.max(np.abs(end(plan)[1:])) <= FREE_WITHIN + 1e-9
+    assert np.max(np.abs(end(plan)[1:])) <= WIDEST_FREE_JOINT_RAD + 1e-9
     np.testing.assert_allclose(tip(plan), [0.2, 0.42], atol=1e-6)
 
 
@@ -227,7 +227,7 @@ def test_a_tip_that_misses_says_which_key_would_be_kept() -> None:
         (asked, part, planner.Violation(part.label, 1.0, value, part.low, part.unit, 1.0))
         for part, value in ((x, 0.45), (angle, np.pi / 3))
     ]
-    assert TipGoal.eased(broken) == "goal.tip_m = [0.45, 0.6] and goal.tip_angle_deg = 60"
+    assert TipGoal.easing(broken) == "goal.tip_m = [0.45, 0.6] and goal.tip_angle_deg = 60"
 
 
 def test_a_long_arm_finds_its_tip() -> None:

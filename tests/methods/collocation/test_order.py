@@ -17,7 +17,7 @@ from planner.methods.collocation.transcription.transcription import transcriptio
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.requirements.limits import JointLimit, Z2Margin
 from planner.systems.chained_form import chained_form
-from planner.systems.linearised import parameters
+from planner.systems.linearisation import parameters
 from planner.systems.manipulator import Manipulator
 
 PROBLEMS = Path(__file__).parents[3] / "problems"

@@ -16,7 +16,7 @@ from planner.methods.collocation.candidates import routes
 from planner.methods.collocation.transcription.form import through
 from planner.methods.refusal import in_other_time, on_other_paths
 from planner.problem.requirements.places import Obstacle
-from planner.problem.requirements.requirement import At
+from planner.problem.requirements.requirement import MotionPoint
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
 DISC = {"centre_m": [2.2, 1.75], "radius_m": 0.3}
@@ -39,7 +39,7 @@ def test_clearances_by_three_codes(seed: int) -> None:
     points = arm.arm_points(q[1:])
     judged = disc.clearances(points)
     np.testing.assert_allclose(judged, sampled_clearance(points, disc), atol=2e-3)
-    rows = ca.vertcat(*disc.rows(At(arm, ca.DM(q))))
+    rows = ca.vertcat(*disc.rows(MotionPoint(arm, ca.DM(q))))
     distance = np.sqrt(np.array(rows).ravel() * 2 * disc.radius + disc.radius**2)
     np.testing.assert_allclose(distance - disc.radius, judged, atol=1e-9)
 

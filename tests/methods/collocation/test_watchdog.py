@@ -13,7 +13,7 @@ import planner
 from planner.methods.collocation import solvers
 from planner.methods.collocation.method import plan_collocation
 from planner.problem.tables.method_options import CollocationOptions
-from planner.support.compiled_calls import within
+from planner.support.compiled_calls import call_within
 
 
 def _busy(until: threading.Event) -> None:
@@ -22,21 +22,21 @@ def _busy(until: threading.Event) -> None:
 
 
 def test_a_value_or_an_error_comes_through() -> None:
-    assert within(10.0, lambda: 7) == 7
+    assert call_within(10.0, lambda: 7) == 7
     with pytest.raises(ZeroDivisionError):
-        within(10.0, lambda: 1 // 0)
+        call_within(10.0, lambda: 1 // 0)
 
 
 def test_a_call_that_does_not_return_is_left_and_the_next_is_made() -> None:
     done = threading.Event()
-    assert within(0.05, lambda: _busy(done)) is None
-    assert within(10.0, lambda: 7) == 7
+    assert call_within(0.05, lambda: _busy(done)) is None
+    assert call_within(10.0, lambda: 7) == 7
     done.set()
 
 
 def test_a_loaded_machine_leaves_no_call_behind() -> None:
     """What counts is the time that the processor spends, not how long that takes."""
-    assert within(0.1, lambda: time.sleep(0.8) or 7) == 7
+    assert call_within(0.1, lambda: time.sleep(0.8) or 7) == 7
 
 
 def test_ctrl_c_does_not_wait_for_it() -> None:
@@ -44,7 +44,7 @@ def test_ctrl_c_does_not_wait_for_it() -> None:
     timer = threading.Timer(0.2, lambda: os.kill(os.getpid(), signal.SIGINT))
     timer.start()
     with pytest.raises(KeyboardInterrupt):
-        within(60.0, lambda: never.wait(60))
+        call_within(60.0, lambda: never.wait(60))
     timer.join(10.0)
     assert timer.finished.is_set()
     never.set()

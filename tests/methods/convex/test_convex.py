@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 import planner
 from planner.plan.measures import peak_inputs, peak_rates
-from planner.problem.requirements.requirement import At, Part, Requirement
+from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 
 PIECES = 20
 
@@ -151,8 +151,8 @@ class RatesTogether(Requirement):
     reads, speed = frozenset({"du"}), 2
     parts = (Part("rates together", "rad/s²", -np.inf, 5.0, 5.0),)
 
-    def rows(self, at: At) -> Sequence[Any]:
-        return [at.du[0] + at.du[1]]
+    def rows(self, point: MotionPoint) -> Sequence[Any]:
+        return [point.du[0] + point.du[1]]
 
 
 def test_a_limit_on_rates_of_any_kind_makes_v2_continuous(paper: planner.Problem) -> None:

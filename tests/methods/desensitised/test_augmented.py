@@ -11,7 +11,7 @@ from scipy.interpolate import BPoly
 import planner
 from planner.methods.collocation.transcription.augmented import Augmented
 from planner.robustness.sensitivity import PAPER_SPREAD
-from planner.systems.linearised import parameters
+from planner.systems.linearisation import parameters
 
 
 def spread(names: tuple[str, ...]) -> tuple[tuple[str, float], ...]:

@@ -160,9 +160,7 @@ def test_a_choice_leaves_what_the_proof_needs_to_a_limit(paper: planner.Problem)
     angles = np.abs(free.q(np.linspace(0.0, free.duration, 2001))[:, 1])
     ends = max(angles[0], angles[-1])
     limit = float(np.rad2deg(ends + 0.9 * (np.max(angles) - ends)))
-    plan = planner.solve(
-        paper.changed({"limits": {"joint_deg": limit}}), "sinusoid", amplitude=0.04
-    )
+    plan = planner.solve(paper.changed({"limits": {"joint_deg": limit}}), "sinusoid")
     assert plan.certificate is not None
     assert plan.certificate.ok, str(plan.certificate)
     assert 1e-7 < plan.certificate["joint theta1"].guaranteed < 1e-4

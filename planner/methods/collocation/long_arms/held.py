@@ -41,7 +41,7 @@ DRAWN_IN = 1e-4
 
 def can_hold(job: Task) -> bool:
     """Whether a task asks no more of a path than limits on joints and inputs."""
-    plain = all(required.plain for required in job.problem.requirements)
+    plain = all(required.is_direct for required in job.problem.requirements)
     return can_jump(job) and plain and not (job.problem.waypoints or job.made.form.augmented)
 
 

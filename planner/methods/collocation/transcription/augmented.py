@@ -19,7 +19,7 @@ import numpy as np
 from planner.problem.requirements.requirement import Requirement
 from planner.support.arrays import Array
 from planner.support.compiled_calls import Pointwise
-from planner.systems.linearised import Linearised, linearised
+from planner.systems.linearisation import Linearisation, linearise
 from planner.systems.triangular_system import Coordinate, TriangularSystem
 
 DEGREES = 180 / np.pi
@@ -127,7 +127,7 @@ class _Expressions:
 
 
 def _expressions(made: Augmented) -> _Expressions:
-    form, system = linearised(made.system), made.system
+    form, system = linearise(made.system), made.system
     names, states, rates, columns = list[str](), list[Any](), list[Any](), list[Any]()
     for error, sigma in made.spread:
         moving, column = _column(form, error)
@@ -149,7 +149,7 @@ def _expressions(made: Augmented) -> _Expressions:
     )
 
 
-def _column(form: Linearised, error: str) -> tuple[dict[int, Any], Any]:
+def _column(form: Linearisation, error: str) -> tuple[dict[int, Any], Any]:
     """One error's column of S, and the symbols of those of its entries that move."""
     N, b, start = form.q.numel(), form.forcing[error], form.initial[error]
     read = [[j for j in range(N) if form.A[i, j].nnz() > 0] for i in range(N)]

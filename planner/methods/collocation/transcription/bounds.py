@@ -96,7 +96,7 @@ def bounds(
         drawn: By how much each part of what is kept is drawn in, shape (K, R), so that it holds
             between the nodes.
     """
-    low, high = (np.concatenate([[], *(each.sides[k] for each in held)]) for k in (0, 1))
+    low, high = (np.concatenate([[], *(each.bounds[k] for each in held)]) for k in (0, 1))
     most = MOST_DRAWN_IN * (high - low) / 2
     inside, edges = np.minimum(drawn, most), np.minimum(_at_nodes(drawn), most)
     lower, upper = _limits(problem, made, mesh, asked, inside, edges)
@@ -122,7 +122,7 @@ def bounds(
         row_lower[:, where], row_upper[:, where] = low[r] + amounts, high[r] - amounts
     numbers: list[float] = []
     for required in (*held, *problem.final):
-        numbers += required.given
+        numbers += required.number_values
     known = [] if made.form.free_duration else [problem.duration]
     parameters = np.concatenate([objective.weights, numbers, known, mesh.widths])
     return Bounds(lower, upper, row_lower.ravel(), row_upper.ravel(), parameters, mesh.widths)
@@ -142,13 +142,13 @@ def _limits(
 
     r = 0
     for required in problem.requirements:
-        index, (low, high, _) = [part.index for part in required.parts], required.sides
-        if required.plain and required.reads != {"q"}:
+        index, (low, high, _) = [part.index for part in required.parts], required.bounds
+        if required.is_direct and required.reads != {"q"}:
             unknowns = places.inputs if "u" in required.reads else places.slopes
             if not asked.timeless:
                 within(unknowns[:, index], (low, high))
             continue
-        if required.plain:
+        if required.is_direct:
             within(places.nodes[:, index], (low, high), edges[:, r : r + len(index)])
             for k in set(index) & set(places.lifted):
                 at = index.index(k)

@@ -91,7 +91,7 @@ TERMS = 6
 def held_by(problem: Problem) -> list[Requirement]:
     """What may be broken between the nodes: all but inputs and their rates as they are."""
     drives = {"u", "du"}
-    return [each for each in problem.requirements if not (each.plain and each.reads & drives)]
+    return [each for each in problem.requirements if not (each.is_direct and each.reads & drives)]
 
 
 @dataclass(frozen=True)

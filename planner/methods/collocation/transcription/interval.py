@@ -19,7 +19,7 @@ import numpy as np
 
 from planner.methods.collocation.transcription.augmented import Augmented, Moved, backs_off
 from planner.methods.collocation.transcription.form import TERMS, Form
-from planner.problem.requirements.requirement import At
+from planner.problem.requirements.requirement import MotionPoint
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
 
@@ -234,15 +234,15 @@ def _kept(
     part, first = 0, TERMS
     for blank in form.kept:
         last = first + len(blank.numbers)
-        required, first = blank.asking(ca.vertsplit(x.weights[first:last])), last
-        places = [*[0.0] * (not blank.plain), *at_points]
+        required, first = blank.with_numbers(ca.vertsplit(x.weights[first:last])), last
+        places = [*[0.0] * (not blank.is_direct), *at_points]
         if "q" not in blank.reads:
             places = ALONG if "u" in blank.reads and form.input == "linear" else [0.0]
         elif blank.reads != {"q"}:
             places = sorted({*places, 1.0})  # inputs may jump at the edge that follows
         found = [
             required.rows(
-                At(
+                MotionPoint(
                     system,
                     state.get(tau, x.X)[: system.size],
                     x.input_at(tau),
@@ -257,8 +257,8 @@ def _kept(
     part = 0
     for blank in form.final:
         last = first + len(blank.numbers)
-        required, first = blank.asking(ca.vertsplit(x.weights[first:last])), last
-        for row in required.rows(At(system, after[: system.size])):
+        required, first = blank.with_numbers(ca.vertsplit(x.weights[first:last])), last
+        for row in required.rows(MotionPoint(system, after[: system.size])):
             rows.add("final", part, np.ones(1), [row])
             part += 1
 
@@ -268,7 +268,7 @@ def _backed_off(form: Form, moved: Augmented, places: list[Any], rows: _RowList)
     system, q = moved.system, ca.SX.sym("q", moved.system.size)
     tau, part = np.repeat(np.append(form.scheme.points, 1.0), 2), 0
     for blank in form.kept:
-        own = blank.rows(At(system, q)) if backs_off(blank) else []
+        own = blank.rows(MotionPoint(system, q)) if backs_off(blank) else []
         for k, row in enumerate(own, part):
             rows.add("kept", k, tau, moved.sides(q, row, places))
         part += len(blank.parts)

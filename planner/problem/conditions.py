@@ -109,12 +109,12 @@ def tip_of(
     Raises:
         InputError: If no joints' angles at all, within 90 degrees, would do it.
     """
-    asked = tables.tip()
-    if not asked:
+    table = tables.tip()
+    if not table:
         return None
     lengths = system.link_lengths  # type: ignore[attr-defined]
     reach = float(np.sum(lengths))
-    tip = TipGoal(tuple(asked), tuple(asked.values()), reach)
+    tip = TipGoal(tuple(table), tuple(table.values()), reach)
     turn = 90.0 * len(lengths)
     if tip.angle is not None and abs(np.rad2deg(tip.angle)) >= turn:
         raise InputError(
@@ -165,7 +165,9 @@ def self_collision_of(
         raise InputError(f"{source}: 'limits.{SelfCollision.key}': {error}") from None
 
 
-def further_of(tables: ProblemFile, system: TriangularSystem, source: str) -> list[Requirement]:
+def further_requirements(
+    tables: ProblemFile, system: TriangularSystem, source: str
+) -> list[Requirement]:
     """The limits of kinds that all systems know.
 
     Raises:
@@ -197,7 +199,7 @@ def contradiction(
     return ""
 
 
-APART_S = 1e-6
+LEAST_WAYPOINT_GAP = 1e-6
 """Least time between two waypoints, relative to the duration."""
 
 
@@ -213,7 +215,7 @@ def clash_of_times(waypoints: Sequence[Waypoint], duration: float | None) -> str
         )
     before, after = [(0.0, 0), *timed], [*timed, (duration, 0)]
     for (earlier, first), (later, second) in zip(before, after, strict=True):
-        if later - earlier > APART_S * duration:
+        if later - earlier > LEAST_WAYPOINT_GAP * duration:
             continue
         if first and second:
             return (

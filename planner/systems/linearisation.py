@@ -41,7 +41,7 @@ class Parameter:
 
 
 @dataclass(frozen=True, eq=False)
-class Linearised:
+class Linearisation:
     """CasADi expressions of the linearised motion.
 
     Attributes:
@@ -73,17 +73,17 @@ def parameters(system: TriangularSystem) -> tuple[Parameter, ...]:
         *(Parameter(f"delay {i.name}", "s") for i in u),
         *(Parameter(f"stretch {i.name}", "1") for i in u),
         *(Parameter(f"start {c.name}", c.unit) for c in system.coordinates),
-        *(Parameter(f"K{i}", "1") for i in range(2, geared(system) + 2)),
+        *(Parameter(f"K{i}", "1") for i in range(2, gear_count(system) + 2)),
     )
 
 
-def geared(system: TriangularSystem) -> int:
+def gear_count(system: TriangularSystem) -> int:
     """Number of gear constants Kᵢ."""
     return system.n - 1 if isinstance(system, Manipulator | BallGear) else 0
 
 
 @lru_cache(maxsize=32)
-def linearised(system: TriangularSystem) -> Linearised:
+def linearise(system: TriangularSystem) -> Linearisation:
     """Form the expressions for a system.
 
     A late input uᵢ(t − p) acts through the Lie bracket alone: after integrating −u̇ᵢ gᵢ by parts
@@ -97,7 +97,7 @@ def linearised(system: TriangularSystem) -> Linearised:
     late = u[0] * u[1] * (ca.jacobian(g2, q) @ g1 - ca.jacobian(g1, q) @ g2)  # u1 u2 [g1, g2]
     columns = [g1 * u[0], g2 * u[1], g1, g2, -late, late, -t * late, t * late]
     columns += [ca.SX(system.size, 1) for _ in system.coordinates]
-    for i in range(2, geared(system) + 2):
+    for i in range(2, gear_count(system) + 2):
         column = ca.SX(system.size, 1)
         column[i] = f[i]
         columns.append(column)
@@ -105,6 +105,6 @@ def linearised(system: TriangularSystem) -> Linearised:
     initial = {name: np.zeros(system.size) for name in names}
     for i, c in enumerate(system.coordinates):
         initial[f"start {c.name}"][i] = 1.0
-    return Linearised(
+    return Linearisation(
         q, u, t, f, ca.jacobian(f, q), dict(zip(names, columns, strict=True)), initial
     )

@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 from numpy.polynomial.chebyshev import chebval
 
-from planner.plan.curves import Cells, joined
+from planner.plan.curves import Cells, join_cells
 from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import Trajectory
 from planner.problem.requirements.places import Waypoint
@@ -30,19 +30,19 @@ from planner.verification.balls import Ball
 from planner.verification.enclosure import Enclosure
 from planner.verification.functions import Expression
 from planner.verification.models import (
-    UNIT,
+    ROUNDING_UNIT,
     Index,
-    Least,
+    LeastValue,
     Model,
-    halved,
-    joined_models,
-    least,
+    halves,
+    join_models,
+    least_values,
     nodes,
 )
 
-HALVINGS = 10
+MOST_HALVINGS = 10
 
-ROUNDS = 7
+SEARCH_ROUNDS = 7
 """Rounds that each narrow a dip eight times: to 1e-7 of the distance between samples."""
 
 MOST_CELLS = 20_000
@@ -51,20 +51,26 @@ times past a disc would have millions."""
 
 
 def clearances(
-    system: TriangularSystem, motion: Enclosure, centre: Sequence[Ball], links: list[int], by: float
-) -> Iterator[Least]:
+    system: TriangularSystem,
+    motion: Enclosure,
+    centre: Sequence[Ball],
+    links: list[int],
+    radius: float,
+) -> Iterator[LeastValue]:
     """How far some links (from 0) are from a place, beyond a distance, in metres."""
     balls = _links(system)(motion.q, centre)
     lengths = system.link_lengths  # type: ignore[attr-defined]
     values = motion.models(*(balls[3 * link + k] for link in links for k in range(3)))
     for k, link in enumerate(links):
-        square, cells = _square(values[3 * k : 3 * k + 3], float(lengths[link]), motion.cells)
-        (found,) = least([(1.0, square, 0.0)], cells, np.array([by**2]))
-        low, high = (
-            float(np.sqrt(max(x, 0.0)) - by) if np.isfinite(x) else x
-            for x in (found.guaranteed, found.attained)
+        square, cells = _squared_distance(
+            values[3 * k : 3 * k + 3], float(lengths[link]), motion.cells
         )
-        yield Least(low, high, found.time_s)
+        (bounds,) = least_values([(1.0, square, 0.0)], cells, np.array([radius**2]))
+        low, high = (
+            float(np.sqrt(max(x, 0.0)) - radius) if np.isfinite(x) else x
+            for x in (bounds.guaranteed, bounds.attained)
+        )
+        yield LeastValue(low, high, bounds.time_s)
 
 
 def joints(system: TriangularSystem, motion: Enclosure) -> list[Ball]:
@@ -95,81 +101,89 @@ def _points(system: TriangularSystem) -> Expression:
     return Expression([q], ca.vertcat(*(x for point in points for x in point)))
 
 
-def _square(values: list[Model], length: float, cells: Cells) -> tuple[Model, Cells]:
+def _squared_distance(values: list[Model], length: float, cells: Cells) -> tuple[Model, Cells]:
     """A model that is nowhere above the squared distance, close to it where it may be least, and
     its cells."""
     kept: list[tuple[Cells, list[Model]]] = []
     best = np.inf
-    for step in range(HALVINGS + 1):
+    for step in range(MOST_HALVINGS + 1):
         deadline.check_stopped()
         square, along, _ = values
         low, high = along.low, along.high
-        best = np.fmin(best, np.fmin.reduce(square.high + _least_of(high, length)))
-        far = square.low + _least_of(low, length) > best
+        best = np.fmin(best, np.fmin.reduce(square.high + _least_quadratic(high, length)))
+        far = square.low + _least_quadratic(low, length) > best
         one = (low >= 0) | (high <= -length) | ((high <= 0) & (low >= -length))
-        last = step == HALVINGS or len(low) > MOST_CELLS
+        last = step == MOST_HALVINGS or len(low) > MOST_CELLS
         settled = one | far | last | ~np.isfinite(along.r)
-        kept.append((cells.only(settled), [x.only(settled) for x in values]))
+        kept.append((cells.select(settled), [x.select(settled) for x in values]))
         if np.all(settled):
             break
-        values = [Model(*halved(x.c[~settled], x.r[~settled])) for x in values]
-        cells = cells.only(~settled).halved()
-    square, along, twice = (joined_models([m[k] for _, m in kept]) for k in range(3))
-    return _lower(square, along, twice, length), joined([c for c, _ in kept])
+        values = [Model(*halves(x.c[~settled], x.r[~settled])) for x in values]
+        cells = cells.select(~settled).halves()
+    square, along, twice = (join_models([m[k] for _, m in kept]) for k in range(3))
+    return _lower_model(square, along, twice, length), join_cells([c for c, _ in kept])
 
 
-def _lower(square: Model, along: Model, twice: Model, length: float) -> Model:
+def _lower_model(square: Model, along: Model, twice: Model, length: float) -> Model:
     """|P − C|² + m(a), or with the chord of m on cells across two of its ranges."""
     low, high = np.clip(along.low, -1e6, 1e6), np.clip(along.high, -1e6, 1e6)
     behind, beyond, beside = low >= 0, high <= -length, (high <= 0) & (low >= -length)
-    at_low, at_high = _least_of(low, length), _least_of(high, length)
+    at_low, at_high = _least_quadratic(low, length), _least_quadratic(high, length)
     slope = np.divide(at_high - at_low, high - low, out=np.zeros_like(low), where=high > low)
     slope = np.where(behind | beside, 0.0, np.where(beyond, 2 * length, slope))
     level = np.where(behind | beside, 0.0, np.where(beyond, length**2, at_low - slope * low))
-    doubt = 16 * UNIT * (np.abs(slope * low) + np.abs(level) + np.abs(at_low) + np.abs(at_high))
+    doubt = (
+        16
+        * ROUNDING_UNIT
+        * (np.abs(slope * low) + np.abs(level) + np.abs(at_low) + np.abs(at_high))
+    )
     straight = along.scaled(slope) + Model(level[:, None], doubt)
     return square + straight + twice.scaled(np.where(beside, -1.0, 0.0))
 
 
-def _least_of(a: Array, length: float) -> Array:
+def _least_quadratic(a: Array, length: float) -> Array:
     t = np.clip(-a, 0.0, length)
     return np.asarray(2 * a * t + t**2)
 
 
-def nearest(motion: Enclosure, point: Waypoint, tolerance: float) -> tuple[float, bool]:
+def nearest_time(motion: Enclosure, point: Waypoint, tolerance: float) -> tuple[float, bool]:
     """The time at which the motion is next to a waypoint, and whether it provably never is near.
 
     Nothing is proven of that time, so the dips between samples are narrowed as they are.
     """
     places, fixed = np.array([-1.0, *nodes(), 1.0]), np.flatnonzero(~np.isnan(point.q))
-    own = [(motion.states[i], float(point.q[i])) for i in fixed]
+    coordinates = [(motion.states[i], float(point.q[i])) for i in fixed]
 
-    def away(cell: Index, x: Array) -> Array:
+    def distances(cell: Index, x: Array) -> Array:
         """Distance at places x (R, M) of cells (R,)."""
-        values = [chebval(x, p.c[cell].T[..., None], tensor=False) - at for p, at in own]
-        doubts = [p.r[cell, None] for p, _ in own]
+        values = [
+            chebval(x, p.c[cell].T[..., None], tensor=False) - value for p, value in coordinates
+        ]
+        doubts = [p.r[cell, None] for p, _ in coordinates]
         return np.asarray(np.max(np.abs(values) + np.array(doubts), axis=0))
 
-    sampled = away(
+    sampled = distances(
         np.arange(len(motion.cells.piece)), np.tile(places, (len(motion.cells.piece), 1))
     )
     side = np.pad(sampled, ((0, 0), (1, 1)), constant_values=np.inf)
     cell, place = np.nonzero((sampled <= side[:, :-2]) & (sampled <= side[:, 2:]))
     low, high = places[np.maximum(place - 1, 0)], places[np.minimum(place + 1, len(places) - 1)]
     row = np.arange(len(cell))
-    for _ in range(ROUNDS):
+    for _ in range(SEARCH_ROUNDS):
         x = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, 17)
-        found = away(cell, x)
-        k = np.argmin(found, axis=1)
+        distances_there = distances(cell, x)
+        k = np.argmin(distances_there, axis=1)
         low, high = x[row, np.maximum(k - 1, 0)], x[row, np.minimum(k + 1, 16)]
-    best = int(np.argmin(found[row, k]))
+    best = int(np.argmin(distances_there[row, k]))
     time = float(motion.cells.time(cell[best], x[best, k[best]]))
-    off = [p - at for p, at in own]
+    off = [p - value for p, value in coordinates]
     far = np.max([np.maximum(p.low, -p.high) for p in off], axis=0)
     return time, bool(np.all(far > tolerance))
 
 
-def distance(motion: Enclosure, point: Waypoint, time: float, slip: float) -> tuple[float, float]:
+def distance_bounds(
+    motion: Enclosure, point: Waypoint, time: float, slip: float
+) -> tuple[float, float]:
     """Bounds of the distance at a time that is known to within `slip`."""
     ends = motion.cells.times(np.array([-1.0, 1.0]))
     k = int(np.clip(np.searchsorted(ends[:, 0], time, side="right") - 1, 0, len(ends) - 1))
@@ -185,13 +199,13 @@ def distance(motion: Enclosure, point: Waypoint, time: float, slip: float) -> tu
     return low, high
 
 
-def own_time(trajectory: Trajectory, time_s: float) -> tuple[float, float]:
+def path_time(trajectory: Trajectory, time_s: float) -> tuple[float, float]:
     """The path's own time at a time of the plan, and how far off it may be; infinite beyond it."""
     if not 0 <= time_s <= trajectory.duration:
         return time_s, np.inf
     if not isinstance(trajectory, RetimedTrajectory):
         return time_s, 0.0
-    length, s, own = trajectory.length, trajectory.clock(time_s), float(trajectory.place(time_s))
+    length, s, sigma = trajectory.length, trajectory.clock(time_s), float(trajectory.sigma(time_s))
     off = 1e-9 * length.x[-1]
-    low, high = max(own - off, 0.0), min(own + off, length.x[-1])
-    return own, off if length(low) <= s <= length(high) else np.inf
+    low, high = max(sigma - off, 0.0), min(sigma + off, length.x[-1])
+    return sigma, off if length(low) <= s <= length(high) else np.inf

@@ -7,6 +7,7 @@ guess; and the answer when time is up before the search has ended.
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -18,11 +19,11 @@ from planner.errors import InputError, TimeLimitError, Violation
 from planner.methods.collocation.between_nodes import clears, excess, look
 from planner.methods.collocation.candidates import mesh_through, routes
 from planner.methods.collocation.long_arms.held import can_hold, chain_of, held
-from planner.methods.collocation.pipeline import SEARCHED, Answer, Best, Pipeline
+from planner.methods.collocation.pipeline import SEARCHED, Best, Motion, Pipeline
 from planner.methods.collocation.refine import Polished, polish
 from planner.methods.collocation.refusals import NAME, iterate_plan, no_goal, refusal
 from planner.methods.collocation.solvers import Settings
-from planner.methods.collocation.task import Solution, Task, offer, task, told
+from planner.methods.collocation.task import Solution, Task, task
 from planner.methods.collocation.transcription.bounds import Asked
 from planner.methods.collocation.transcription.form import Form, InputKind, Mesh, objective
 from planner.methods.collocation.transcription.unknowns import Iterate
@@ -60,42 +61,42 @@ def _planned(problem: Problem, options: CollocationOptions, warm: Plan | None) -
     if not ways:
         raise no_goal(problem)
     near = None if warm is None else partial(_next_to, reached, options, warm)
-    search = Pipeline(ways, options, collocation_task, near=near)
-    best = Best([reached, *ways, ways[0].likely], options.accuracy)
+    best = Best(options.accuracy)
+    search = Pipeline(ways, options, collocation_task, best, near=near)
     with (
         deadline.limited(options.time_limit_s),
-        told(best),
+        progress.listening(None),
         deadline.limited(None, holds=best.holds) as span,
     ):
         try:
-            found = search.run(best.holds)
+            found = search.run()
         except deadline.TimeUpError:
             if warm is not None and not best.holds():
                 raise
             found = _in_hand(best, span, problem, options)
         if found is None:
             raise refusal(problem, search)
-        answer, done = found
-        notes = {"stage": answer.stage, "tried": search.log}
-        made = _plan(problem, done, answer.start, notes, best.iterations, options, began)
+        motion, done = found
+        notes = {"stage": motion.stage, "tried": search.log}
+        made = _plan(problem, done, motion.start, notes, options, began)
         return cut_short(made, span, CUT_SHORT) if span.reached else made
 
 
 def _in_hand(
     best: Best, span: Span, problem: Problem, options: CollocationOptions
-) -> tuple[Answer, Polished]:
+) -> tuple[Motion, Polished]:
     """Where time is up: the best motion found so far, refined in the rest of the time.
 
     Raises:
         TimeLimitError: If there is none.
     """
     with suppress(TimeUpError):
-        best.keep()
+        best.make_exact()
     both = []
-    for motion in (best.kept, best.motion):
+    for motion in (best.exact, best.motion):
         if motion is not None:
             done = polish(*motion, options.accuracy, options.refinements)
-            both.append((Answer("the best found by then", "time limit", *motion), done))
+            both.append((Motion("the best found by then", "time limit", *motion), done))
     if both:
         accuracy = options.accuracy
         return min(both, key=lambda b: (not believed(b[1], accuracy), b[1].solution.objective))
@@ -124,12 +125,12 @@ def _plan(
     done: Polished,
     start: str,
     notes: dict[str, Any],
-    iterations: int,
     options: CollocationOptions,
     began: float,
 ) -> Plan:
-    """The plan of a motion refined, with how it was come by; `began` by the clock of `time`."""
-    job, solution = done.task, done.solution
+    """The plan of a refined motion; `began` by the clock of `time`."""
+    job, solution, search = done.task, done.solution, progress.now()
+    assert search is not None
     wall = time.perf_counter() - began
     return Plan(
         problem=problem,
@@ -140,7 +141,7 @@ def _plan(
         objective_name=job.objective.name,
         solve_time_s=wall - job.build_time_s,
         build_time_s=job.build_time_s,
-        iterations=iterations,
+        iterations=search.iterations,
         notes={
             "start": start,
             **notes,
@@ -244,23 +245,19 @@ def refuse_start(problem: Problem, warm: Plan) -> None:
         )
 
 
-def _next_to(problem: Problem, options: CollocationOptions, warm: Plan) -> list[Answer]:
+def _next_to(problem: Problem, options: CollocationOptions, warm: Plan) -> Iterator[Motion]:
     """The optimum next to a plan; and the plan's own motion, where the problem has its ends."""
     own = warm.method == NAME and options.intervals == "auto" and not problem.waypoints
     mesh = Mesh(warm.t / warm.duration) if own else SEARCHED
     job = collocation_task(problem, options, mesh)
     if own and warm.notes.get("limits_inside", False):
         job = job.inside()
-    start, motions = _resampled(job, warm), list[tuple[Task, Solution]]()
+    start = _resampled(job, warm)
     same = warm.problem.start.tolist() == problem.start.tolist()
     same = same and np.array_equal(warm.problem.target, problem.target, equal_nan=True)
     if same and (kept := _kept(job, start, options.accuracy)):
-        offer(*kept)
-        motions.append(kept)
-    solution = job.solve_near(start)
-    if solution.ok:
-        motions.append((job, solution))
-    return [Answer("warm", "warm start", *motion) for motion in motions]
+        yield Motion("warm", "warm start", *kept)
+    yield Motion("warm", "warm start", job, job.solve_near(start))
 
 
 def _kept(job: Task, start: Iterate, accuracy: float) -> tuple[Task, Solution] | None:

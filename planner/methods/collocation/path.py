@@ -8,8 +8,8 @@ starts from a motion that is feasible after stretching.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,6 @@ from planner.methods.collocation.solvers import way
 from planner.methods.collocation.task import (
     Solution,
     Task,
-    offer,
     stretched,
     task,
     transferred,
@@ -55,19 +54,31 @@ class FoundPath:
     solution: Solution
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Search:
-    """What a search leaves.
+    """What a search has come to.
 
     Attributes:
-        found: Paths, shortest first.
-        last: The last solution that failed, or None.
+        solved: Paths in the order in which they were found.
+        failure: The last solution that failed, or None.
         log: One entry a seed, JSON-ready.
+        latest: What the last seed led to: a path that failed, and its task; or the path as a motion
+            of the job, if there is no time for a better one. None where it leads to neither.
     """
 
-    found: list[FoundPath]
-    last: Solution | None
-    log: list[dict[str, Any]]
+    solved: list[FoundPath] = field(default_factory=list)
+    failure: Solution | None = None
+    log: list[dict[str, Any]] = field(default_factory=list)
+    latest: tuple[Task, Solution] | None = None
+
+    @property
+    def found(self) -> list[FoundPath]:
+        """The paths that differ, shortest first."""
+        distinct: list[FoundPath] = []
+        for path in sorted(self.solved, key=lambda path: path.solution.objective):
+            if not distinct or not same_path(path.solution.objective, distinct[-1]):
+                distinct.append(path)
+        return distinct
 
 
 def search(
@@ -75,43 +86,45 @@ def search(
     seeds: Sequence[Seed],
     enough: int,
     simple: bool = False,
-) -> Search:
+) -> Iterator[Search]:
     """Solve the task's path problem from one seed after the other until enough have converged.
 
     With `simple`, a path whose drive never turns back is enough by itself, and so is one that is
     found again and again.
     Two thirds of the seeds in a row found infeasible end the search too. A path whose links pass
     through a disc between two nodes may come clear once it is timed, but counts half.
+
+    Yields:
+        The one search, before the first seed and after each.
     """
-    free, clear = path_task(job), 0
-    found, last, log = list[FoundPath](), None, list[dict[str, Any]]()
+    free, clear, state = path_task(job), 0, Search()
+    yield state
     for count, seed in enumerate(seeds, 1):
         progress.tell(f"searching a path from the first guess '{seed.name}'")
         solution = free.solve(guess(free.problem, free.made, free.mesh, seed))
         effort = solution.objective if solution.ok else None
         entry = {"start": seed.name, "status": solution.status, "path_effort": effort}
-        log.append({**entry, "iterations": solution.iterations})
+        state.log.append({**entry, "iterations": solution.iterations})
+        state.latest = None
         if solution.ok:
-            found.append(FoundPath(seed.name, solution))
+            state.solved.append(FoundPath(seed.name, solution))
         else:
-            last = solution
+            state.failure, state.latest = solution, (free, solution)
         if solution.ok and clears(free, solution):
             clear += 1
             needed = needed_duration(job.problem, job.mesh, solution.iterate)
             wanted = job.problem.duration
-            if wanted is None or needed <= wanted:  # a motion, if there is no time for a better one
+            if wanted is None or needed <= wanted:
                 duration = wanted or needed or solution.iterate.duration
                 motion = stretched(transferred(free, solution.iterate, job), duration)
-                offer(job, job.judged(motion))
-        hopeless = 3 * count >= 2 * len(seeds) and all(e["status"] == INFEASIBLE for e in log)
-        plain = simple and solution.ok and (one_way(solution.iterate) or _again(found))
-        if hopeless or plain or clear >= enough or len(found) >= 2 * enough:
+                state.latest = job, job.judged(motion)
+        yield state
+        hopeless = 3 * count >= 2 * len(seeds)
+        hopeless = hopeless and all(entry["status"] == INFEASIBLE for entry in state.log)
+        plain = simple and solution.ok
+        plain = plain and (one_way(solution.iterate) or _again(state.solved))
+        if hopeless or plain or clear >= enough or len(state.solved) >= 2 * enough:
             break
-    distinct: list[FoundPath] = []
-    for path in sorted(found, key=lambda path: path.solution.objective):
-        if not distinct or not same_path(path.solution.objective, distinct[-1]):
-            distinct.append(path)
-    return Search(distinct, last, log)
 
 
 def path_task(job: Task) -> Task:

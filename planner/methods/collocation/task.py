@@ -1,21 +1,15 @@
 """One problem on one transcription, ready to be solved from any start.
 
-What a solver says of itself is checked: rows are evaluated anew. And whoever searches hears of all
-that is found on the way, wherever it is.
+What a solver says of itself is checked: rows are evaluated anew.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
-from planner.methods.collocation.long_arms.bridges import PieceChain
 from planner.methods.collocation.solvers import Settings, SolverAnswer, backend, names
 from planner.methods.collocation.transcription.bounds import Asked, Bounds, bounds
 from planner.methods.collocation.transcription.form import Form, Mesh, Objective, held_by
@@ -116,7 +110,7 @@ class Task:
             if found.ok:
                 break
         assert found is not None
-        offer(self, found)
+        progress.iterated(found.iterations)
         return found
 
     def solve_near(self, start: Iterate) -> Solution:
@@ -197,41 +191,6 @@ def _checked(made: Transcription, data: Bounds, answer: SolverAnswer, accepted: 
     residual = float(np.where(np.isnan(values), np.inf, over).max())
     ok = answer.finished and residual <= accepted
     return Solution(iterate, objective, residual, ok, answer.status, answer.iterations)
-
-
-class Listener(Protocol):
-    """Who hears of all motions and paths that a search finds, wherever it does."""
-
-    def take(self, task: Task, solution: Solution) -> None:
-        """Hear of a solution, which may be none."""
-
-    def take_chain(self, task: Task, chain: PieceChain) -> None:
-        """Hear of a path within the joint limits that is not timed yet."""
-
-
-_listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
-
-
-@contextmanager
-def told(listener: Listener) -> Iterator[None]:
-    """Tell a listener of all that is found inside."""
-    token = _listener.set(listener)
-    try:
-        yield
-    finally:
-        _listener.reset(token)
-
-
-def offer(task: Task, solution: Solution) -> None:
-    """Offer a solution, which may be none, to the search around."""
-    if listener := _listener.get():
-        listener.take(task, solution)
-
-
-def offer_chain(task: Task, chain: PieceChain) -> None:
-    """Offer a path within the joint limits."""
-    if listener := _listener.get():
-        listener.take_chain(task, chain)
 
 
 def can_jump(job: Task) -> bool:

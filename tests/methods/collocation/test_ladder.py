@@ -18,7 +18,7 @@ from planner.methods.collocation.long_arms import ladder
 from planner.methods.collocation.long_arms.bridges import ChainEnds, PieceChain
 from planner.methods.collocation.long_arms.bridges import ends_of as ends
 from planner.methods.collocation.long_arms.held import can_hold, held
-from planner.methods.collocation.long_arms.ladder import Climbed, climbed
+from planner.methods.collocation.long_arms.ladder import arm_path, timed_path
 from planner.methods.collocation.method import collocation_task
 from planner.methods.collocation.refine import Polished, polish
 from planner.methods.collocation.task import Solution, Task
@@ -50,9 +50,12 @@ def chain() -> PieceChain:
 
 
 def test_what_is_climbed_is_a_motion_within_the_limits() -> None:
-    found = climbed(collocation_task(PROBLEM, CollocationOptions(), 40), 5e-6)
+    job = collocation_task(PROBLEM, CollocationOptions(), 40)
+    path = arm_path(job)
+    assert path is not None
+    found = timed_path(job, path[0], 5e-6)
     assert found is not None
-    solution = found.solution
+    solution = found[1]
     assert solution.ok
     assert solution.residual < 1e-7
     assert np.max(np.abs(solution.iterate.inputs)) <= 0.5 + 1e-9
@@ -72,15 +75,15 @@ def test_a_motion_that_turns_out_to_be_none_gives_way_to_a_path(
 ) -> None:
     climbs: list[Task] = []
 
-    def climbing(job: Task, accuracy: float) -> Climbed | None:
+    def climbing(job: Task) -> tuple[PieceChain, int] | None:
         climbs.append(job)
-        return climbed(job, accuracy)
+        return arm_path(job)
 
     def doubted(*given: Any) -> Polished:
         done = polish(*given)
         return done if climbs else replace(done, error=1.0)
 
-    monkeypatch.setattr(pipeline, "climbed", climbing)
+    monkeypatch.setattr(pipeline, "arm_path", climbing)
     monkeypatch.setattr(pipeline, "polish", doubted)
     plan = planner.solve(PROBLEM, "collocation", attempts=4)
     assert plan.notes["start"] == "lifted from 2 joints"
@@ -143,7 +146,7 @@ def test_an_arm_climbs_within_narrow_limits() -> None:
 
 def test_what_is_no_arm_has_no_shorter_one() -> None:
     car = planner.load_problem(Path(__file__).parents[3] / "problems" / "car.toml")
-    assert climbed(collocation_task(car, CollocationOptions(), 40), 5e-6) is None
+    assert arm_path(collocation_task(car, CollocationOptions(), 40)) is None
 
 
 @pytest.mark.usefixtures("no_guesses")

@@ -18,7 +18,7 @@ geometric approach to motion planning (Nonholonomic Motion Planning, Kluwer 1993
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -32,7 +32,6 @@ from planner.methods.collocation.task import (
     ACCEPTED_RESIDUAL,
     Solution,
     Task,
-    offer_chain,
     stretched,
     task,
 )
@@ -61,45 +60,26 @@ MOST_SOLVED = 300
 """Intervals beyond which a path is kept as it is."""
 
 
-@dataclass(frozen=True, eq=False)
-class Climbed:
-    """A motion by way of shorter arms.
+def arm_path(job: Task) -> tuple[PieceChain, int] | None:
+    """A path within the joint limits, and the number of joints of the arm that it began with.
 
-    Attributes:
-        name: For reports.
-        task: The job on the path's own mesh.
-        solution: The motion.
-    """
-
-    name: str
-    task: Task
-    solution: Solution
-
-
-def climbed(job: Task, accuracy: float) -> Climbed | None:
-    """A motion within all limits, its duration free; None where the system is no arm, or there is
-    none.
-
-    z2, discs and waypoints are not looked at.
+    z2, discs and waypoints are not looked at. None where the system is no arm, or there is none.
     """
     system = job.problem.system
     if not isinstance(system, Manipulator) or system.n < 3 or not can_hold(job):
         return None
     progress.tell("looking for a path by way of shorter arms")
-    found = _by_shorter(job)
-    if found is None:
-        return None
-    chain, joints = found
-    offer_chain(job, chain)
+    return _by_shorter(job)
+
+
+def timed_path(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, Solution] | None:
+    """The motion along a path, its duration free, on the path's own mesh; None if there is none."""
     progress.tell("timing that path")
     own, path = follow(job, chain)
     solution = _timed(own, path) if len(own.mesh.widths) <= MOST_SOLVED else None
     if solution is None or not solution.ok:
-        kept = held(job, chain, accuracy)
-        if kept is None:
-            return None
-        own, solution = kept
-    return Climbed(f"lifted from {joints} joints", own, solution)
+        return held(job, chain, accuracy)
+    return own, solution
 
 
 def _timed(own: Task, path: Iterate) -> Solution:
@@ -162,8 +142,8 @@ def _searched(job: Task) -> tuple[PieceChain, int] | None:
     guesses = way(job.made, job.settings).guesses
     settings = replace(job.settings, max_iterations=RUNGS["guess"])
     job = path_task(replace(job, settings=settings))
-    paths = search(job, seeds("auto", guesses), ENOUGH, simple=True)
-    if not paths.found:
+    *_, paths = search(job, seeds("auto", guesses), ENOUGH, simple=True)
+    if not paths.solved:
         return None
     system, coarse = job.problem.system, chain_of(job, paths.found[0].solution)
     chain, _ = closed(system, coarse, ChainEnds.of(job.problem))

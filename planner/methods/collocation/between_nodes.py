@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -28,28 +28,35 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
-    """Samples between the nodes, at the same times.
+class Inspection:
+    """A solution and samples of it between the nodes.
 
     Attributes:
-        iterate: What is sampled.
-        curves: Of the iterate's own interpolant, and of the motion its input really makes, shape
-            (2, K, M, N).
+        task: What it solves.
+        solution: The solution.
+        curves: Samples at the same times of the iterate's own interpolant, and of the motion that
+            its input really makes, shape (2, K, M, N).
         end_error: How far they differ at the end, the largest over coordinates.
         largest_error: The same at any time.
     """
 
-    iterate: Iterate
+    task: Task
+    solution: Solution
     curves: Array
     end_error: float
     largest_error: float
+
+    @cached_property
+    def excess(self) -> Array:
+        """By how much either curve breaks what is kept, see `excess`."""
+        return excess(self.task, self.solution.iterate, self.curves)
 
     def fine(self, accuracy: float) -> bool:
         """Whether the mesh needs no refinement."""
         return self.end_error <= accuracy and self.largest_error <= INTERPOLANT * accuracy
 
 
-def look(task: Task, solution: Solution) -> Look:
+def inspect(task: Task, solution: Solution) -> Inspection:
     """Sample an iterate and the motion its input really makes."""
     iterate, form = solution.iterate, task.made.form
     values = np.concatenate([iterate.nodes[:-1, None], iterate.points], axis=1)
@@ -57,7 +64,7 @@ def look(task: Task, solution: Solution) -> Look:
     plan = _basis(form.scheme_kind, form.degree) @ values
     curves = np.stack([plan, task.motion(iterate).states])
     gap = np.abs(curves[1] - curves[0])
-    return Look(iterate, curves, float(gap[-1, -1].max()), float(gap.max()))
+    return Inspection(task, solution, curves, float(gap[-1, -1].max()), float(gap.max()))
 
 
 @lru_cache(maxsize=16)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError, TimeLimitError, Violation
-from planner.methods.collocation.between_nodes import clears, excess, look
+from planner.methods.collocation.between_nodes import clears, inspect
 from planner.methods.collocation.candidates import mesh_through, routes
 from planner.methods.collocation.long_arms.held import can_hold, chain_of, held
 from planner.methods.collocation.pipeline import SEARCHED, Best, Motion, Pipeline
@@ -116,8 +116,8 @@ def _in_hand(
 
 def believed(done: Polished, accuracy: float) -> bool:
     """Whether a motion is the true one to this accuracy, and keeps its limits between the nodes."""
-    seen = look(done.task, done.solution)
-    return seen.fine(accuracy) and not excess(done.task, seen.iterate, seen.curves).any()
+    inspection = inspect(done.task, done.solution)
+    return inspection.fine(accuracy) and not inspection.excess.any()
 
 
 def _plan(

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.methods.collocation.between_nodes import clears, excess, look
+from planner.methods.collocation.between_nodes import clears, inspect
 from planner.methods.collocation.candidates import Seed, guess
 from planner.methods.collocation.solvers import way
 from planner.methods.collocation.task import (
@@ -160,8 +160,8 @@ def refine_path(free: Task, path: Solution) -> tuple[Task, Solution] | None:
     nodes, by half a radian where joints have 40 degrees. So it is first put on more nodes, then
     drawn inside, and only then timed: as a path it has no bound on inputs to run into.
     """
-    seen = look(free, path)
-    if seen.end_error <= SAME and not excess(free, seen.iterate, seen.curves).any():
+    inspection = inspect(free, path)
+    if inspection.end_error <= SAME and not inspection.excess.any():
         return free, path
     fine = free.on(uniform(path_intervals(free, path.iterate)))
     for new in (fine, fine.inside()):
@@ -175,7 +175,7 @@ def refine_path(free: Task, path: Solution) -> tuple[Task, Solution] | None:
 def halve_mesh(free: Task, path: Solution) -> tuple[Task, Solution]:
     """A refined path on intervals half as wide, where it is not its true motion yet."""
     count = len(free.mesh.widths)
-    if look(free, path).end_error <= SAME or count >= LONGEST:
+    if inspect(free, path).end_error <= SAME or count >= LONGEST:
         return free, path
     new = free.on(uniform(min(2 * count, LONGEST)))
     better = new.solve(transferred(free, path.iterate, new))

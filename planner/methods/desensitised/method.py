@@ -38,6 +38,7 @@ from planner.plan.trajectory import Trajectory
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import At, Part, Requirement
 from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions
+from planner.support import progress
 from planner.support.arrays import Array
 from planner.support.deadline import TimeUpError, limited, share
 from planner.systems.linearised import Parameter, parameters
@@ -94,8 +95,11 @@ def plan_desensitised(
             way = 1.0 if first >= 0 else -1.0
             shares = tuple(turned / easy.duration)
             job = replace(job, asked=replace(job.asked, way=way, turns=shares))
-        start, solution, log = _searched(job, options, easy, near is not None)
-        done = polish(job, solution, options.accuracy, REFINEMENTS)
+        with progress.listening(None):  # counts from here on
+            start, solution, log = _searched(job, options, easy, near is not None)
+            done = polish(job, solution, options.accuracy, REFINEMENTS)
+            search = progress.now()
+        assert search is not None
         if span.reached and not believed(done, options.accuracy):
             raise TimeUpError
         plan = _plan(done.task, done.solution, options)
@@ -104,7 +108,7 @@ def plan_desensitised(
             problem=problem,
             solve_time_s=time.perf_counter() - began - done.task.build_time_s,
             build_time_s=done.task.build_time_s,
-            iterations=sum(entry["iterations"] for entry in log) + done.iterations,
+            iterations=search.iterations,
             notes={"start": start, "tried": log, **plan.notes, **done.notes},
         )
 

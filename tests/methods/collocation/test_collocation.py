@@ -402,7 +402,7 @@ def test_the_fastest_motion_may_be_of_another_form_than_what_was_asked(paper: Pr
     job = collocation_task(paper.changed({"goal.duration": 2.5}), coarse, 20)
     free = collocation_task(paper.changed({"goal.duration": "free"}), kept, 30)
     solution = free.solve(guess(free.problem, free.made, free.mesh, seeds("straight")[0]))
-    fastest = Polished(free, solution, 0.0, True, {}, 1)
+    fastest = Polished(free, solution, 0.0, True, {})
 
     refusal = too_short(job.problem, fastest, coarse)
     assert refusal.plan is not None

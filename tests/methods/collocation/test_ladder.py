@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 import planner
 from planner.errors import NotConvergedError
 from planner.methods.collocation import pipeline
-from planner.methods.collocation.between_nodes import look
+from planner.methods.collocation.between_nodes import inspect
 from planner.methods.collocation.long_arms import ladder
 from planner.methods.collocation.long_arms.bridges import ChainEnds, PieceChain
 from planner.methods.collocation.long_arms.bridges import ends_of as ends
@@ -105,7 +105,7 @@ def test_a_kept_path_errs_less_than_its_own_steps_show(chain: PieceChain) -> Non
         span = times[k], times[k + 1]
         q = solve_ivp(lambda _, y, u=u: PROBLEM.system.rates(y, u), span, q, **fine).y[:, -1]
     true = np.max(np.abs(q - solution.iterate.nodes[-1]))
-    assert true < look(own, solution).end_error < 5e-6
+    assert true < inspect(own, solution).end_error < 5e-6
 
 
 @pytest.mark.usefixtures("no_guesses")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.methods.collocation.between_nodes import excess, look
+from planner.methods.collocation.between_nodes import excess, inspect
 from planner.methods.collocation.candidates import seeds
 from planner.methods.collocation.long_arms.bridges import PieceChain, ends_of, finer
 from planner.methods.collocation.method import collocation_task
@@ -59,14 +59,14 @@ def test_a_plan_is_held_as_slowly_as_is_asked_for(fastest: planner.Plan) -> None
 def test_a_refined_path_keeps_between_its_nodes_what_a_coarse_one_leaves() -> None:
     job = collocation_task(ARM, OPTIONS, 40)
     free, found = path_task(job), [*search(job, seeds("auto", 6), 6)][-1].found
-    coarse = [look(free, path.solution) for path in found]
-    left = [float(excess(free, seen.iterate, seen.curves).max()) for seen in coarse]
+    coarse = [inspect(free, path.solution) for path in found]
+    left = [float(inspection.excess.max()) for inspection in coarse]
     worst = int(np.argmax(left))
     refined = refine_path(free, found[worst].solution)
     assert refined is not None
-    seen = look(*refined)
+    inspection = inspect(*refined)
     assert left[worst] > 0.05  # rad, of 0.7
-    assert excess(refined[0], seen.iterate, seen.curves).max() < left[worst] / 5
+    assert inspection.excess.max() < left[worst] / 5
 
 
 def test_by_its_clock_an_input_of_a_path_is_at_its_limit_all_the_time() -> None:

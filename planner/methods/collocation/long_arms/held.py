@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.methods.collocation.between_nodes import look
+from planner.methods.collocation.between_nodes import inspect
 from planner.methods.collocation.long_arms.bridges import (
     ChainEnds,
     PieceChain,
@@ -71,7 +71,7 @@ def held(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, Solution]
         if wanted is None:
             return None
         solution = own.judged(stretched(path, wanted))
-        if solution.ok and look(own, solution).fine(accuracy):
+        if solution.ok and inspect(own, solution).fine(accuracy):
             return own, solution
     return None
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.methods.collocation.between_nodes import excess, inspect
+from planner.methods.collocation.between_nodes import inspect
 from planner.methods.collocation.candidates import seeds
 from planner.methods.collocation.long_arms.bridges import PieceChain, ends_of, finer
 from planner.methods.collocation.method import collocation_task

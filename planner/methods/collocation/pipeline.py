@@ -4,8 +4,8 @@
 
 The systems are driftless: what a path looks like and how fast it is run are two questions. Paths of
 least effort come from many first guesses (`candidates`, `path`); the shortest few get the duration,
-the limits and the objective asked for (`timed`), and the best of these a mesh on which it is the
-machine's true motion (`refine`). A stage is tried only where those before it have no answer.
+the limits and the objective asked for (`solve_timing`), and the best of these a mesh on which it is
+the machine's true motion (`refine`). A stage is tried only where those before it have no answer.
 
 A stage yields what it finds, in the order in which it finds it. `Best` keeps the best of all that,
 for when the search must end early.
@@ -21,27 +21,37 @@ from typing import Any
 import numpy as np
 
 from planner.methods.collocation.between_nodes import clears
-from planner.methods.collocation.candidates import guess, rebalanced, seeds
+from planner.methods.collocation.candidates import guess, rebalance, seeds
 from planner.methods.collocation.long_arms.bridges import PieceChain
-from planner.methods.collocation.long_arms.held import can_hold, chain_of, held
-from planner.methods.collocation.long_arms.ladder import arm_path, timed_path
-from planner.methods.collocation.path import FoundPath, one_way, same_path, search, timed
-from planner.methods.collocation.refine import Polished, polish
-from planner.methods.collocation.route_paths import HASTE, RoutePaths
-from planner.methods.collocation.task import Solution, Task, stretched
+from planner.methods.collocation.long_arms.exact_motion import (
+    chain_of,
+    exact_motion,
+    has_only_limits,
+)
+from planner.methods.collocation.long_arms.ladder import find_arm_path, time_arm_path
+from planner.methods.collocation.path import (
+    SeedPath,
+    never_reverses,
+    same_path,
+    search,
+    solve_timing,
+)
+from planner.methods.collocation.refine import PolishedMotion, polish
+from planner.methods.collocation.route_paths import LEAST_TIME_RATIO, RoutePaths
+from planner.methods.collocation.task import Solution, Task, stretch_to
 from planner.methods.collocation.transcription.form import Mesh
 from planner.problem.feasibility import travel_window
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import CollocationOptions
 from planner.support import deadline, progress
 
-DIRECT, SEARCHED = 14, 40
+DIRECT_INTERVALS, SEARCH_INTERVALS = 14, 40
 """Mesh intervals near a straight line in a given time, and for what may wind more than once."""
 
-SHARINGS = 6
+MOST_REBALANCINGS = 6
 """Times that the duration is shared out anew among the parts between waypoints."""
 
-RESOLVED = 1e-4
+LARGEST_ERROR = 1e-4
 """Difference at the end, rad, between a motion and its interpolant up to which it is believed."""
 
 Tasks = Callable[[Problem, CollocationOptions, Mesh | int, bool], Task]
@@ -103,25 +113,25 @@ class Best:
             self.motion = task, solution
             kind = task.objective.name.partition(":")[0]
             progress.found(f"{kind} {solution.objective:.4g}")
-            self._make_exact_in_time()
+            self._make_exact_if_limited()
 
     def take_chain(self, task: Task, chain: PieceChain) -> None:
         """Keep a path within the joint limits that is not timed yet."""
         self.chain = task, chain
-        self._make_exact_in_time()
+        self._make_exact_if_limited()
 
     def make_exact(self) -> None:
         """Make what is held a motion to the accuracy asked for, where that needs no solver."""
         path = self.chain
         if self.motion is not None:
             path = self.motion[0], chain_of(*self.motion)
-        if path is None or not can_hold(path[0]):
+        if path is None or not has_only_limits(path[0]):
             return
-        found = held(*path, self._accuracy)
+        found = exact_motion(*path, self._accuracy)
         if found and (self.exact is None or found[1].objective < self.exact[1].objective):
             self.exact = found
 
-    def _make_exact_in_time(self) -> None:
+    def _make_exact_if_limited(self) -> None:
         if self.exact is None and deadline.remaining() < math.inf:
             self.make_exact()
 
@@ -159,13 +169,13 @@ class Pipeline:
         """
         self.routes, self.options, self.make, self.best = routes, options, make, best
         self.log: list[dict[str, Any]] = []
-        self.fastest: Polished | None = None
+        self.fastest: PolishedMotion | None = None
         self.pathless = True
         self.last: tuple[Task, Solution] | None = None
         self._paths, self._near, self._answers = {} if paths is None else paths, near, answers
         self._free = options.start == "auto"
 
-    def run(self) -> tuple[Motion, Polished] | None:
+    def run(self) -> tuple[Motion, PolishedMotion] | None:
         """The best motion of the first stage that has one, on a mesh fine enough to believe it."""
         options = self.options
         for stage in self._stages():
@@ -178,7 +188,7 @@ class Pipeline:
                         motions.append(motion)
             for motion in sorted(motions, key=lambda each: each.solution.objective):
                 done = polish(motion.task, motion.solution, options.accuracy, options.refinements)
-                good = done.error <= RESOLVED and done.inside
+                good = done.error <= LARGEST_ERROR and done.inside
                 if good or not self._free or options.refinements == 0:
                     return motion, done
                 self.last = done.task, done.solution
@@ -192,27 +202,27 @@ class Pipeline:
         ladder is, which finds paths of long arms that no guess leads to.
         """
         if self._near is not None:
-            yield self._next_to(self._near)
+            yield self._near_motions(self._near)
         if self.options.start in ("auto", "straight"):
-            yield self._straight()
-        yield self._along(range(len(self.routes)))
+            yield self._straight_motions()
+        yield self._path_motions(range(len(self.routes)))
         if self.routes[0].duration is not None:
-            yield self._slowed_down()
+            yield self._slower_motions()
         elif self._free:
-            yield self._by_ladder()
+            yield self._ladder_motions()
 
-    def _next_to(self, near: Callable[[], Iterator[Motion]]) -> Iterator[Motion]:
+    def _near_motions(self, near: Callable[[], Iterator[Motion]]) -> Iterator[Motion]:
         for motion in near():
             if motion.solution.ok:
-                self._note(motion)
+                self._log_motion(motion)
             yield motion
 
-    def _note(self, motion: Motion) -> None:
+    def _log_motion(self, motion: Motion) -> None:
         solution = motion.solution
         entry = {"start": motion.start, "status": solution.status}
         self.log.append({**entry, "objective": solution.objective})
 
-    def _straight(self) -> Iterator[Motion]:
+    def _straight_motions(self) -> Iterator[Motion]:
         """From the straight line at once, where the motion can be one way in a given time.
 
         All routes or none; but of the branches of a goal that leaves joints free those that can,
@@ -220,49 +230,51 @@ class Pipeline:
         """
         motions = list[Motion]()
         for k, problem in enumerate(self.routes):
-            if self._free and not _one_way(problem):
+            if self._free and not _can_go_one_way(problem):
                 return
             plain = problem.duration is not None and self.options.input != "constant"
-            few = DIRECT if plain else SEARCHED
+            few = DIRECT_INTERVALS if plain else SEARCH_INTERVALS
             job, seed = self.make(problem, self.options, few, True), seeds("straight")[0]
             solution = job.solve(guess(job.problem, job.made, job.mesh, seed))
             later, name = replace(job, settings=replace(job.settings, direct=False)), seed.name
-            motion = Motion(name + _towards(problem), "straight line", later, solution, k, False)
+            motion = Motion(name + _goal_words(problem), "straight line", later, solution, k, False)
             yield motion
-            if not solution.ok or (problem.duration is None and not one_way(solution.iterate)):
+            if not solution.ok or (
+                problem.duration is None and not never_reverses(solution.iterate)
+            ):
                 if problem.free:
                     continue
                 return
-            self._note(motion)
+            self._log_motion(motion)
             motions.append(motion)
         for motion in motions:
-            yield from self._shared_out(motion)
+            yield from self._share_time(motion)
         if motions:
             straight = {motion.route for motion in motions}
-            yield from self._along([k for k in range(len(self.routes)) if k not in straight])
+            yield from self._path_motions([k for k in range(len(self.routes)) if k not in straight])
 
-    def _along(self, routes: Sequence[int]) -> Iterator[Motion]:
+    def _path_motions(self, routes: Sequence[int]) -> Iterator[Motion]:
         """Motions of these routes along the paths that guesses lead to.
 
         Branches of one goal share the paths that are enough, and none is timed twice.
         """
-        motions, known = list[Solution](), list[FoundPath]()
+        motions, known = list[Solution](), list[SeedPath]()
         for k in routes:
             problem = self.routes[k]
-            job = self.make(problem, self.options, SEARCHED, False)
-            paths = yield from self._paths_of(k, job)
+            job = self.make(problem, self.options, SEARCH_INTERVALS, False)
+            paths = yield from self._find_paths(k, job)
             log = [dict(entry) for entry in paths.search.log]
             progress.tell("timing the most promising paths")
             for path, own, start in paths.starts(job, motions):
                 if problem.free and any(same_path(path.solution.objective, one) for one in known):
                     continue
                 known.append(path)
-                solution = timed(own, start)
-                name = path.seed + _towards(problem)
+                solution = solve_timing(own, start)
+                name = path.seed + _goal_words(problem)
                 motion = Motion(name, "guesses", own, solution, k, final=False)
                 yield motion
                 if solution.ok and clears(own, solution):
-                    motion = yield from self._shared_out(motion)
+                    motion = yield from self._share_time(motion)
                     motions.append(motion.solution)
                     self.pathless = False
                 elif not solution.ok:
@@ -272,11 +284,11 @@ class Pipeline:
                     if effort is not None and same_path(effort, path):
                         entry["objective"] = solution.objective if solution.ok else None
             if self.pathless:
-                failed = [paths.search.failure, *(path.solution for path in paths.search.found)]
+                failed = [paths.search.failure, *(path.solution for path in paths.search.distinct)]
                 self.last = next(((paths.free, last) for last in failed if last), self.last)
-            self.log += [entry | {"start": entry["start"] + _towards(problem)} for entry in log]
+            self.log += [entry | {"start": entry["start"] + _goal_words(problem)} for entry in log]
 
-    def _paths_of(self, k: int, job: Task) -> Generator[Motion, None, RoutePaths]:
+    def _find_paths(self, k: int, job: Task) -> Generator[Motion, None, RoutePaths]:
         """The paths of a route, the most promising of them refined."""
         if k in self._paths:
             return self._paths[k]
@@ -291,22 +303,22 @@ class Pipeline:
         self._paths[k] = RoutePaths.of(job, found, mesh_given)
         return self._paths[k]
 
-    def _by_ladder(self) -> Iterator[Motion]:
+    def _ladder_motions(self) -> Iterator[Motion]:
         """The motion along a path by way of shorter arms."""
-        job = self.make(self.routes[0].likely, self.options, SEARCHED, False)
-        path = arm_path(job)
+        job = self.make(self.routes[0].likely, self.options, SEARCH_INTERVALS, False)
+        path = find_arm_path(job)
         if path is None:
             return
         chain, joints = path
         if self._answers:
             self.best.take_chain(job, chain)
-        found = timed_path(job, chain, self.options.accuracy)
+        found = time_arm_path(job, chain, self.options.accuracy)
         if found is not None:
             motion = Motion(f"lifted from {joints} joints", "ladder", *found)
-            self._note(motion)
+            self._log_motion(motion)
             yield motion
 
-    def _slowed_down(self) -> Iterator[Motion]:
+    def _slower_motions(self) -> Iterator[Motion]:
         """The fastest motion, bettered in the duration given, or else as it is but slower."""
         wanted, limits = self.routes[0].duration, self.routes[0].limits
         passed = [point.time_s for point in self.routes[0].waypoints]
@@ -325,20 +337,20 @@ class Pipeline:
         motion, self.fastest = found
         self.last = self.fastest.task, self.fastest.solution
         iterate = self.fastest.solution.iterate
-        if iterate.duration * HASTE > wanted:
+        if iterate.duration * LEAST_TIME_RATIO > wanted:
             return
         problem = self.routes[motion.route]
-        goal = self.make(problem, self.options, SEARCHED, False).objective
-        own = self.fastest.task.asking(problem, goal)
-        solution = own.solve(stretched(iterate, wanted))
+        goal = self.make(problem, self.options, SEARCH_INTERVALS, False).objective
+        own = self.fastest.task.for_problem(problem, goal)
+        solution = own.solve(stretch_to(iterate, wanted))
         if not solution.ok and iterate.duration <= wanted:
-            solution = own.judged(stretched(iterate, wanted))
+            solution = own.judge(stretch_to(iterate, wanted))
         yield Motion(motion.start, "slowed down", own, solution, motion.route)
 
-    def _shared_out(self, motion: Motion) -> Generator[Motion, None, Motion]:
+    def _share_time(self, motion: Motion) -> Generator[Motion, None, Motion]:
         """With the time shared out among the parts between waypoints as the objective wants it."""
-        for _ in range(SHARINGS if motion.task.mesh.marks else 0):
-            moved = rebalanced(motion.task, motion.solution.iterate)
+        for _ in range(MOST_REBALANCINGS if motion.task.mesh.marks else 0):
+            moved = rebalance(motion.task, motion.solution.iterate)
             if moved is None:
                 break
             solution = moved[0].solve(moved[1], near=True)
@@ -350,7 +362,7 @@ class Pipeline:
         return motion
 
 
-def _towards(problem: Problem) -> str:
+def _goal_words(problem: Problem) -> str:
     """Of a goal that leaves joints free, which one the search expects, in words."""
     if not problem.free:
         return ""
@@ -358,7 +370,7 @@ def _towards(problem: Problem) -> str:
     return f" towards ({angles}) deg"
 
 
-def _one_way(problem: Problem) -> bool:
+def _can_go_one_way(problem: Problem) -> bool:
     if problem.free:
         return not problem.divided  # no window is known; whoever cannot soon says so
     window = travel_window(problem)

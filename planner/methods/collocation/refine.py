@@ -10,9 +10,13 @@ from typing import Any
 import numpy as np
 
 from planner.methods.collocation.between_nodes import INTERPOLANT, Inspection, inspect
-from planner.methods.collocation.long_arms.held import can_hold, chain_of, held
-from planner.methods.collocation.task import Solution, Task, transferred
-from planner.methods.collocation.transcription.bounds import everywhere
+from planner.methods.collocation.long_arms.exact_motion import (
+    chain_of,
+    exact_motion,
+    has_only_limits,
+)
+from planner.methods.collocation.task import Solution, Task, transfer
+from planner.methods.collocation.transcription.bounds import spread_drawing_in
 from planner.methods.collocation.transcription.form import Mesh
 from planner.support import progress
 from planner.support.deadline import TimeUpError, share
@@ -24,16 +28,16 @@ EVENNESS = 0.35
 LARGEST_MESH = 2000
 TIGHTENING_TRIES = 6
 
-REFINING = 0.6
+REFINING_SHARE = 0.6
 """Share of the time that is left which refining may take; then what there is by then is held."""
 
-ELSEWHERE = 0.01
+DRAWN_IN_ELSEWHERE = 0.01
 """Share of the greatest excess over a limit by which it is drawn in where it is kept so far: a
 motion that gives way in one place moves a little in all."""
 
 
 @dataclass(frozen=True, eq=False)
-class Polished:
+class PolishedMotion:
     """A solution, the task it belongs to now, and what was done to it.
 
     Attributes:
@@ -51,55 +55,55 @@ class Polished:
     notes: dict[str, Any]
 
 
-def polish(task: Task, solution: Solution, accuracy: float, refinements: int) -> Polished:
+def polish(task: Task, solution: Solution, accuracy: float, refinements: int) -> PolishedMotion:
     """Refine the mesh until the re-simulated end is accurate, then draw limits in where needed.
 
     Limits drawn in move the motion, which may want a finer mesh then; so both are gone through
     until neither has anything to do, or the refinements are used up.
 
     Where time is up, what is refined by then is made a motion as
-    `planner.methods.collocation.long_arms.held` does.
+    `planner.methods.collocation.long_arms.exact_motion` does.
     """
     now, left = inspect(task, solution), refinements
     meshes, rounds = [len(task.mesh.widths)], 0
     try:
-        with share(REFINING):
+        with share(REFINING_SHARE):
             while True:
-                for finer in _on_finer_meshes(now, accuracy, left):
+                for finer in _finer_motions(now, accuracy, left):
                     now, left = finer, left - 1
                     meshes.append(len(now.task.mesh.widths))
                 if not now.fine(accuracy):  # nor will it be
                     left = 0
-                    if refinements > 0 and (exact := _as_it_is(now, accuracy)):
+                    if refinements > 0 and (exact := _exact_path(now, accuracy)):
                         now = exact
                         meshes.append(len(now.task.mesh.widths))
                 rounds = 0
-                for rounds, tighter in _with_limits_drawn_in(now):  # noqa: B007
+                for rounds, tighter in _tighter_motions(now):  # noqa: B007
                     now = tighter
                 if left == 0 or now.fine(accuracy):
                     break
     except TimeUpError:
         with suppress(TimeUpError):
-            now = _as_it_is(now, accuracy) or now
+            now = _exact_path(now, accuracy) or now
         meshes.append(len(now.task.mesh.widths))
-    parts = [part for required in now.task.held for part in required.parts]
+    parts = [part for required in now.task.requirements for part in required.parts]
     scales = np.array([part.scale for part in parts])
     inside = bool((now.excess <= LIMIT_TOLERANCE * scales).all())
     most = zip(parts, now.task.drawn.max(axis=0).tolist(), strict=True)
     drawn = {"rounds": rounds, **{part.label: amount for part, amount in most if amount}}
     inner = now.task.made.form.inner
     notes = {"intervals": meshes, "limits_inside": inner, "limits_drawn_in": drawn}
-    return Polished(now.task, now.solution, now.end_error, inside, notes)
+    return PolishedMotion(now.task, now.solution, now.end_error, inside, notes)
 
 
-def _on_finer_meshes(now: Inspection, accuracy: float, most: int) -> Iterator[Inspection]:
+def _finer_motions(now: Inspection, accuracy: float, most: int) -> Iterator[Inspection]:
     """The motion on one finer mesh after the other until one is fine enough, or leads to none."""
     for _ in range(most):
         if now.fine(accuracy):
             return
         progress.tell("refining the mesh")
-        finer = _and_built(now.task, now.task.on(_finer(now, accuracy)))
-        start = transferred(now.task, now.solution.iterate, finer)
+        finer = _add_build_time(now.task, now.task.on_mesh(_finer_mesh(now, accuracy)))
+        start = transfer(now.task, now.solution.iterate, finer)
         solution = finer.solve(start, near=True)
         if not solution.ok:
             return
@@ -107,7 +111,7 @@ def _on_finer_meshes(now: Inspection, accuracy: float, most: int) -> Iterator[In
         yield now
 
 
-def _with_limits_drawn_in(now: Inspection) -> Iterator[tuple[int, Inspection]]:
+def _tighter_motions(now: Inspection) -> Iterator[tuple[int, Inspection]]:
     """The motion with limits kept between the edges too, and how often they were drawn in for it.
 
     First they are kept at the collocation points, then they are drawn in by what is still broken,
@@ -121,10 +125,12 @@ def _with_limits_drawn_in(now: Inspection) -> Iterator[tuple[int, Inspection]]:
             return
         progress.tell("keeping limits between the nodes")
         if not now.task.made.form.inner:
-            tighter = _and_built(now.task, now.task.inside())
+            tighter = _add_build_time(now.task, now.task.with_inner_rows())
         else:
             rounds += 1
-            more = everywhere(now.excess, ELSEWHERE if rounds == 1 else 1.0, times=rounds)
+            more = spread_drawing_in(
+                now.excess, DRAWN_IN_ELSEWHERE if rounds == 1 else 1.0, times=rounds
+            )
             tighter = replace(now.task, drawn=now.task.drawn + more)
         solution = tighter.solve_near(now.solution.iterate)
         now = inspect(tighter, solution) if solution.ok else replace(now, task=tighter)
@@ -133,20 +139,20 @@ def _with_limits_drawn_in(now: Inspection) -> Iterator[tuple[int, Inspection]]:
             return
 
 
-def _as_it_is(now: Inspection, accuracy: float) -> Inspection | None:
+def _exact_path(now: Inspection, accuracy: float) -> Inspection | None:
     """The path as it is, where no solver gets from it to the best of a finer mesh."""
-    if not can_hold(now.task):
+    if not has_only_limits(now.task):
         return None
-    found = held(now.task, chain_of(now.task, now.solution), accuracy)
-    return None if found is None else inspect(_and_built(now.task, found[0]), found[1])
+    found = exact_motion(now.task, chain_of(now.task, now.solution), accuracy)
+    return None if found is None else inspect(_add_build_time(now.task, found[0]), found[1])
 
 
-def _and_built(before: Task, task: Task) -> Task:
+def _add_build_time(before: Task, task: Task) -> Task:
     """A task, with the time it took to build the one before it."""
     return replace(task, build_time_s=before.build_time_s + task.build_time_s)
 
 
-def _finer(now: Inspection, accuracy: float) -> Mesh:
+def _finer_mesh(now: Inspection, accuracy: float) -> Mesh:
     """Intervals as dense as the errors ask for, at most three times as many, and evenly graded.
 
     The errors are those of the motion that begins with the interval. They shrink with its width to

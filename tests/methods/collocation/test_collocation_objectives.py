@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.methods.collocation.transcription.interval import NEAR
+from planner.methods.collocation.transcription.interval import EDGE_MARGIN
 
 TIMES = np.linspace(0, 10, 20001)
 
@@ -22,7 +22,9 @@ def smoothness(plan: planner.Plan) -> float:
 def closeness(plan: planner.Plan) -> float:
     """Mean over time of the sum over θ₁, θ₂ of exp(−sin²/0.05) + exp(−cos²/0.05)."""
     theta = plan.q(TIMES)[:, 1:3]
-    terms = np.exp(-(np.sin(theta) ** 2) / NEAR) + np.exp(-(np.cos(theta) ** 2) / NEAR)
+    terms = np.exp(-(np.sin(theta) ** 2) / EDGE_MARGIN) + np.exp(
+        -(np.cos(theta) ** 2) / EDGE_MARGIN
+    )
     return float(np.trapezoid(np.sum(terms, axis=1), TIMES) / 10)
 
 

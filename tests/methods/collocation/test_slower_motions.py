@@ -8,7 +8,7 @@ import pytest
 import planner
 from planner.methods.collocation.between_nodes import inspect
 from planner.methods.collocation.candidates import seeds
-from planner.methods.collocation.long_arms.bridges import PieceChain, ends_of, finer
+from planner.methods.collocation.long_arms.bridges import PieceChain, cut_finer, ends_of
 from planner.methods.collocation.method import collocation_task
 from planner.methods.collocation.path import clock, path_task, refine_path, search
 from planner.problem.tables.method_options import CollocationOptions
@@ -58,7 +58,7 @@ def test_a_plan_is_held_as_slowly_as_is_asked_for(fastest: planner.Plan) -> None
 
 def test_a_refined_path_keeps_between_its_nodes_what_a_coarse_one_leaves() -> None:
     job = collocation_task(ARM, OPTIONS, 40)
-    free, found = path_task(job), [*search(job, seeds("auto", 6), 6)][-1].found
+    free, found = path_task(job), [*search(job, seeds("auto", 6), 6)][-1].distinct
     coarse = [inspect(free, path.solution) for path in found]
     left = [float(inspection.excess.max()) for inspection in coarse]
     worst = int(np.argmax(left))
@@ -71,7 +71,9 @@ def test_a_refined_path_keeps_between_its_nodes_what_a_coarse_one_leaves() -> No
 
 def test_by_its_clock_an_input_of_a_path_is_at_its_limit_all_the_time() -> None:
     job = collocation_task(ARM, OPTIONS, 40)
-    refined = refine_path(path_task(job), [*search(job, seeds("auto", 3), 3)][-1].found[0].solution)
+    refined = refine_path(
+        path_task(job), [*search(job, seeds("auto", 3), 3)][-1].distinct[0].solution
+    )
     assert refined is not None
     free, solution = refined
     own, motion = clock(job, free, solution.iterate)
@@ -90,7 +92,9 @@ def test_all_pieces_of_a_path_are_halved_where_little_turns_in_them() -> None:
     q[0] = ARM.start
     for k in range(4):
         q[k + 1] = ends_of(system, q[k][None], u[k][None])[0]
-    halved = finer(system, PieceChain(q, u, np.zeros((4, system.size))), [1, 2, 3], 0.4, least=2)
+    halved = cut_finer(
+        system, PieceChain(q, u, np.zeros((4, system.size))), [1, 2, 3], 0.4, least=2
+    )
     assert len(halved.u) == 8
     assert halved.u.sum(axis=0) == pytest.approx(u.sum(axis=0))
     assert np.abs(halved.gap).max() < 1e-7

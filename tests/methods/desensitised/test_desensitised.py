@@ -7,7 +7,7 @@ import pytest
 from perturbed import draws, motions
 
 import planner
-from planner.methods.collocation.long_arms.held import can_hold
+from planner.methods.collocation.long_arms.exact_motion import has_only_limits
 from planner.methods.collocation.method import collocation_task
 from planner.methods.desensitised.method import _task
 from planner.plan.measures import effort, turns
@@ -122,7 +122,7 @@ def test_no_room_to_back_off_at_the_start(paper: planner.Problem) -> None:
 def test_back_off_is_kept_at_the_goal(paper: planner.Problem) -> None:
     """The goal lies inside its limit, but nearer to it than three standard deviations."""
     changes = {"limits.joint_deg": 31.0, "start.theta_deg": [10, 20, 10]}
-    tight = planner.Problem.from_dict(planner.problem.asked.with_changes(
+    tight = planner.Problem.from_dict(planner.problem.demands.with_changes(
         {k: v for k, v in paper.to_dict().items() if k != "limits"}, changes))  # fmt: skip
     assert planner.solve(tight, "desensitised", starts=1, intervals=12).verified
     with pytest.raises(planner.NotConvergedError) as refusal:
@@ -140,8 +140,8 @@ def test_a_coarse_mesh_is_refined(paper: planner.Problem) -> None:
 def test_no_path_kept_as_it_is_stands_for_the_least_response(paper: planner.Problem) -> None:
     free = {k: v for k, v in paper.to_dict()["limits"].items() if k != "z2_margin"}
     problem = paper.changed({"limits": free})
-    assert can_hold(collocation_task(problem, CollocationOptions(), 8))
-    assert not can_hold(_task(problem, DesensitisedOptions(intervals=8)))
+    assert has_only_limits(collocation_task(problem, CollocationOptions(), 8))
+    assert not has_only_limits(_task(problem, DesensitisedOptions(intervals=8)))
 
 
 def test_input_rates_rest_and_a_free_duration(paper: planner.Problem) -> None:

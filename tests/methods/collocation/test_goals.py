@@ -118,8 +118,8 @@ def test_a_tip_that_is_missed_is_broken_and_proven_to_be(
 
 
 def test_place_and_direction_together(problem: planner.Problem) -> None:
-    demands = problem.changed({"goal.tip_m": [0.5, 0.65], "goal.tip_angle_deg": 90.0})
-    plan = planner.solve(demands)
+    asked = problem.changed({"goal.tip_m": [0.5, 0.65], "goal.tip_angle_deg": 90.0})
+    plan = planner.solve(asked)
     np.testing.assert_allclose(tip(plan), [0.5, 0.65], atol=1e-6)
     assert np.sum(end(plan)[1:]) == pytest.approx(np.deg2rad(90), abs=1e-6)
     assert plan.certificate is not None
@@ -221,10 +221,10 @@ def test_both_solvers_pose_the_same_end(problem: planner.Problem, plan: planner.
 
 
 def test_a_tip_that_misses_says_which_key_would_be_kept() -> None:
-    demands = TipGoal(("x", "y", "angle"), (0.5, 0.6, 1.0), 0.9)
-    x, _, angle = demands.parts
+    asked = TipGoal(("x", "y", "angle"), (0.5, 0.6, 1.0), 0.9)
+    x, _, angle = asked.parts
     broken = [
-        (demands, part, planner.Violation(part.label, 1.0, value, part.low, part.unit, 1.0))
+        (asked, part, planner.Violation(part.label, 1.0, value, part.low, part.unit, 1.0))
         for part, value in ((x, 0.45), (angle, np.pi / 3))
     ]
     assert TipGoal.eased(broken) == "goal.tip_m = [0.45, 0.6] and goal.tip_angle_deg = 60"

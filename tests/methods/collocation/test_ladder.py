@@ -177,8 +177,8 @@ def test_a_path_is_not_kept_where_more_is_asked_than_limits() -> None:
     assert has_only_limits(job)
     assert not has_only_limits(collocation_task(PROBLEM, CollocationOptions(rest=True), 40))
     for limit in ({"z2_margin": 0.01}, {"input_rate": np.ones(2)}):
-        demands = replace(PROBLEM, limits=replace(PROBLEM.limits, **limit))
-        assert not has_only_limits(collocation_task(demands, CollocationOptions(), 40))
+        asked = replace(PROBLEM, limits=replace(PROBLEM.limits, **limit))
+        assert not has_only_limits(collocation_task(asked, CollocationOptions(), 40))
 
 
 def test_a_path_too_slow_for_the_duration_is_not_kept(chain: PieceChain) -> None:
@@ -195,7 +195,7 @@ def test_a_path_too_slow_for_the_duration_is_not_kept(chain: PieceChain) -> None
 
 @pytest.mark.parametrize(("share", "asked"), [(0.0, 1), (0.4, len(ladder.LARGEST_GAPS))])
 def test_smaller_gaps_are_asked_for_only_where_some_of_them_are_closed(
-    share: float, demands: int, monkeypatch: pytest.MonkeyPatch
+    share: float, asked: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     gaps, inner = [], ladder.closed
 
@@ -212,4 +212,4 @@ def test_smaller_gaps_are_asked_for_only_where_some_of_them_are_closed(
     monkeypatch.setattr(ladder, "closed", closed)
     monkeypatch.setattr(ladder, "lift", lifted)
     assert ladder._lift_shorter_path(collocation_task(PROBLEM, CollocationOptions(), 40)) is None
-    assert len(gaps) == demands
+    assert len(gaps) == asked

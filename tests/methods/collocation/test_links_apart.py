@@ -43,11 +43,11 @@ def test_the_least_effort_crosses_and_is_refused(
     problem: planner.Problem, crossing: planner.Plan
 ) -> None:
     assert np.min(distances(crossing)) < -0.02
-    demands = planner.Plan(problem, crossing.method, {}, crossing.trajectory)
-    broken = planner.verify(demands).violations
+    asked = planner.Plan(problem, crossing.method, {}, crossing.trajectory)
+    broken = planner.verify(asked).violations
     assert {v.label for v in broken} >= {"clearance of joint 1 from link 4"}
     assert min(v.value for v in broken) == pytest.approx(np.min(distances(crossing)), abs=1e-6)
-    certificate = planner.certify(demands)
+    certificate = planner.certify(asked)
     assert "violated" in {certificate[v.label].status for v in broken}
 
 

@@ -46,17 +46,17 @@ def test_a_search_among_random_starts_does_not_end_early() -> None:
 
 
 def test_a_search_leaves_fatrop_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    demands: list[str] = []
+    asked: list[str] = []
     backend = task.backend
 
     def noted(made: Any, settings: Settings) -> Any:
-        demands.append(settings.solver)
+        asked.append(settings.solver)
         return backend(made, settings)
 
     monkeypatch.setattr(task, "backend", noted)
     planner.solve(TURNS, "collocation", starts=2)
-    assert "ipopt" in demands
-    assert "fatrop" not in demands
-    demands.clear()
+    assert "ipopt" in asked
+    assert "fatrop" not in asked
+    asked.clear()
     planner.solve(TURNS, "collocation", starts=2, solver="fatrop")
-    assert set(demands) == {"fatrop"}
+    assert set(asked) == {"fatrop"}

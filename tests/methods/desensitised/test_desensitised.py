@@ -122,7 +122,7 @@ def test_no_room_to_back_off_at_the_start(paper: planner.Problem) -> None:
 def test_back_off_is_kept_at_the_goal(paper: planner.Problem) -> None:
     """The goal lies inside its limit, but nearer to it than three standard deviations."""
     changes = {"limits.joint_deg": 31.0, "start.theta_deg": [10, 20, 10]}
-    tight = planner.Problem.from_dict(planner.problem.demands.with_changes(
+    tight = planner.Problem.from_dict(planner.problem.asked.with_changes(
         {k: v for k, v in paper.to_dict().items() if k != "limits"}, changes))  # fmt: skip
     assert planner.solve(tight, "desensitised", starts=1, intervals=12).verified
     with pytest.raises(planner.NotConvergedError) as refusal:

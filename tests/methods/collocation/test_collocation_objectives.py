@@ -82,9 +82,12 @@ def test_smoothness_refuses_inputs_that_jump(paper: planner.Problem) -> None:
 
 
 @pytest.mark.parametrize("start", ["polynomial", "convex"])
-def test_first_guesses_of_before_are_taken_as_auto(
+def test_options_of_earlier_versions_load_and_change_nothing(
     paper: planner.Problem, plans: dict[str, planner.Plan], start: str
 ) -> None:
-    plan = planner.solve(paper, "collocation", start=start, variations=12)
+    former = {"method.collocation": {"start": start, "variations": 12}}
+    plan = planner.solve(paper.changed(former), "collocation")
+    assert plan.options["start"] == "auto"
+    assert "variations" not in plan.options
     assert plan.notes["start"] == "straight"
     assert plan.objective == plans["effort"].objective

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 import planner
-from planner.methods.collocation import route_paths
+from planner.methods.collocation import pipeline, route_paths
 from planner.methods.collocation.between_nodes import inspect
 from planner.methods.collocation.candidates import seeds
 from planner.methods.collocation.long_arms.bridges import PieceChain, cut_finer, ends_of
 from planner.methods.collocation.method import collocation_task
 from planner.methods.collocation.path import clock, path_task, refine_path, search
 from planner.problem.tables.method_options import CollocationOptions
+from planner.support import deadline
 
 OPTIONS = CollocationOptions()
 ARM = planner.Problem.from_dict(
@@ -110,3 +111,14 @@ def test_all_pieces_of_a_path_are_halved_where_little_turns_in_them() -> None:
     assert len(halved.u) == 8
     assert halved.u.sum(axis=0) == pytest.approx(u.sum(axis=0))
     assert np.abs(halved.gap).max() < 1e-7
+
+
+def test_the_fastest_motion_is_no_answer_where_time_is_up_before_it_is_slowed_down(
+    paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def ended(*_: object) -> None:
+        raise deadline.time_up()
+
+    monkeypatch.setattr(pipeline, "polish", ended)
+    with pytest.raises(planner.TimeLimitError, match="before it had found a motion"):
+        planner.solve(paper.changed({"goal.duration": 2.5}), time_limit_s=600)

@@ -83,7 +83,7 @@ def test_a_motion_that_turns_out_to_be_none_gives_way_to_a_path(
         done = polish(*given)
         return done if climbs else replace(done, error=1.0)
 
-    monkeypatch.setattr(pipeline, "arm_path", climbing)
+    monkeypatch.setattr(pipeline, "find_arm_path", climbing)
     monkeypatch.setattr(pipeline, "polish", doubted)
     plan = planner.solve(PROBLEM, "collocation", attempts=4)
     assert plan.notes["start"] == "lifted from 2 joints"
@@ -197,7 +197,7 @@ def test_a_path_too_slow_for_the_duration_is_not_kept(chain: PieceChain) -> None
 def test_smaller_gaps_are_asked_for_only_where_some_of_them_are_closed(
     share: float, asked: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    gaps, inner = [], ladder.closed
+    gaps, inner = [], ladder.close_gaps
 
     def closed(
         system: TriangularSystem, path: PieceChain, ends: ChainEnds
@@ -209,7 +209,7 @@ def test_smaller_gaps_are_asked_for_only_where_some_of_them_are_closed(
         return inner_lift(*given)
 
     inner_lift = ladder.lift
-    monkeypatch.setattr(ladder, "closed", closed)
+    monkeypatch.setattr(ladder, "close_gaps", closed)
     monkeypatch.setattr(ladder, "lift", lifted)
     assert ladder._lift_shorter_path(collocation_task(PROBLEM, CollocationOptions(), 40)) is None
     assert len(gaps) == asked

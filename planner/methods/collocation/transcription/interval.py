@@ -132,9 +132,9 @@ def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
     for i, residuals in defects.items():
         rows.add("defect", i, form.scheme.points, residuals)
     columns = [ca.vertcat(*column) for column in points]
-    _kept(system, form, x, columns, after, rows)
+    _limit_rows(system, form, x, columns, after, rows)
     if form.augmented and form.augmented.backoff:
-        _backed_off(form, form.augmented, [*columns, after[: moved.size]], rows)
+        _backed_off_rows(form, form.augmented, [*columns, after[: moved.size]], rows)
     cost = _cost(system, form, x, columns)
     return Stage(
         state=x.state,
@@ -221,7 +221,7 @@ LIMITED_PLACES = [0.0, 0.25, 0.5, 0.75, 1.0]
 mesh of 15 intervals passes its limit by a fifth, between five by a twentieth."""
 
 
-def _kept(
+def _limit_rows(
     system: TriangularSystem, form: Form, x: _Symbols, points: list[Any], after: Any, rows: _RowList
 ) -> None:
     """Rows of what is kept, where it is not a bound on an unknown.
@@ -263,7 +263,7 @@ def _kept(
             part += 1
 
 
-def _backed_off(form: Form, moved: Augmented, places: list[Any], rows: _RowList) -> None:
+def _backed_off_rows(form: Form, moved: Augmented, places: list[Any], rows: _RowList) -> None:
     """Limits on coordinates to either side by the response, at points and the right edge."""
     system, q = moved.system, ca.SX.sym("q", moved.system.size)
     tau, part = np.repeat(np.append(form.scheme.points, 1.0), 2), 0

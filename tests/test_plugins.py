@@ -27,7 +27,7 @@ from planner.cli.app import main
 from planner.cli.start import problem_text
 from planner.explorer.controls import limit_controls
 from planner.explorer.state import State
-from planner.methods.refusal import on_other_paths
+from planner.methods.refusal import path_changes
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.problem.tables import kinds as plugins
 from planner.problem.tables.kinds import FILES, REQUIREMENTS, json_schema
@@ -539,7 +539,7 @@ def test_a_limit_on_the_way_is_kept_or_said_not_to_be_promised(
     law = problem.with_travel(planner.solve(fast, "polynomial").travel)
     with pytest.raises(planner.VerificationError, match="which this method does not promise"):
         planner.solve(law, "polynomial")
-    (change,) = (c for c in on_other_paths(problem) if "limits.folded" in c.keys)
+    (change,) = (c for c in path_changes(problem) if "limits.folded" in c.keys)
     assert problem.changed(change.keys).further == ()
     (folded,) = problem.further
     (part,) = folded.parts

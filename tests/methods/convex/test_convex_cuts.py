@@ -16,7 +16,13 @@ from scipy.optimize import linprog
 
 import planner
 from planner.methods.convex.band import Band, band_of
-from planner.methods.convex.global_optimum import Above, ClassOptimum, Impossible, band_rows, cut
+from planner.methods.convex.global_optimum import (
+    BoundAboveCeiling,
+    ClassOptimum,
+    EmptyClass,
+    band_rows,
+    optimum_by_cuts,
+)
 from planner.methods.convex.paths import Frame
 from planner.methods.convex.programme import Programme, StalledError
 
@@ -67,7 +73,7 @@ def test_figures_of_the_example(
 ) -> None:
     """v₂ piecewise constant on 60 pieces gives them to the last printed digit."""
     frame = frame_at(travel)
-    best = cut(frame, band_at(printed, frame), SMOOTH)
+    best = optimum_by_cuts(frame, band_at(printed, frame), SMOOTH)
     assert isinstance(best, ClassOptimum)
     assert best.value == pytest.approx(value, abs=5.1e-7)
     effort = np.sum(best.frame.x(best.y) ** 2) / 2 / best.frame.travel
@@ -80,7 +86,7 @@ def test_continuous_v2_does_not_give_those_figures(
     printed: planner.Problem, frame_at: Frames
 ) -> None:
     frame = frame_at(0.79, degree=1)
-    best = cut(frame, band_at(printed, frame), SMOOTH)
+    best = optimum_by_cuts(frame, band_at(printed, frame), SMOOTH)
     assert isinstance(best, ClassOptimum)
     assert best.value == pytest.approx(0.561116, abs=1e-6)
     assert 0 <= best.gap < 1e-6
@@ -96,8 +102,8 @@ def test_certificate_checked_independently(
     assert travel in planner.travel_window(printed)
     frame = frame_at(travel, pieces=30, degree=degree)
     band = band_at(printed, frame)
-    answer = cut(frame, band, programme)
-    assert isinstance(answer, Impossible)
+    answer = optimum_by_cuts(frame, band, programme)
+    assert isinstance(answer, EmptyClass)
     u, proof = answer.proof.multipliers, answer.proof
     assert np.all(u >= 0)
     # Nothing a path inside the band can do makes up for it: |y| is bounded by the cap's top.
@@ -105,7 +111,7 @@ def test_certificate_checked_independently(
     assert linprog(np.zeros(frame.size), answer.A, answer.b, bounds=(None, None)).status == 2
     # The rows say what they claim: every band path that exists at a feasible travel keeps them.
     other = frame_at(0.82, pieces=30, degree=degree)
-    best = cut(other, band, SMOOTH)
+    best = optimum_by_cuts(other, band, SMOOTH)
     assert isinstance(best, ClassOptimum)
     A, b = band_rows(other, band, answer.touch)
     assert np.max(A @ best.y - b) <= 1e-9
@@ -116,7 +122,7 @@ def test_a_travel_theory_calls_infeasible_has_a_path(
 ) -> None:
     """At 0.89 there is one, proven here by dense evaluation in the angles' own terms."""
     frame = frame_at(0.89)
-    best = cut(frame, band_at(printed, frame), SMOOTH)
+    best = optimum_by_cuts(frame, band_at(printed, frame), SMOOTH)
     assert isinstance(best, ClassOptimum)
     assert best.value == pytest.approx(6.46285, abs=1e-5)
     K2, K3 = printed.system.K  # type: ignore[attr-defined]
@@ -144,7 +150,7 @@ def test_optimum_agrees_with_ipopt(
 ) -> None:
     frame = frame_at(travel, pieces=20)
     band = band_at(printed, frame)
-    best = cut(frame, band, SMOOTH if kind == "smooth" else PEAK)
+    best = optimum_by_cuts(frame, band, SMOOTH if kind == "smooth" else PEAK)
     assert isinstance(best, ClassOptimum)
     assert 0 <= best.gap < 1e-6
     expected = reference(frame, band, kind)
@@ -159,8 +165,8 @@ def test_domain_bites(printed: planner.Problem, frame_at: Frames) -> None:
     frame = frame_at(0.79)
     band = band_at(printed, frame)
     open_band = replace(band, K=np.zeros(0))
-    free = cut(frame, open_band, SMOOTH)
-    kept = cut(frame, band, SMOOTH)
+    free = optimum_by_cuts(frame, open_band, SMOOTH)
+    kept = optimum_by_cuts(frame, band, SMOOTH)
     assert isinstance(free, ClassOptimum)
     assert isinstance(kept, ClassOptimum)
     _, z2, z3, _ = frame.bernstein(free.y)
@@ -170,7 +176,9 @@ def test_domain_bites(printed: planner.Problem, frame_at: Frames) -> None:
 
 def test_floor_bites(printed: planner.Problem, frame_at: Frames) -> None:
     frame = frame_at(0.79)
-    low, high = (cut(frame, replace(band_at(printed, frame), floor=f), SMOOTH) for f in (0, 0.02))
+    low, high = (
+        optimum_by_cuts(frame, replace(band_at(printed, frame), floor=f), SMOOTH) for f in (0, 0.02)
+    )
     assert isinstance(low, ClassOptimum)
     assert isinstance(high, ClassOptimum)
     assert np.max(frame.bernstein(low.y)[1]) > -0.02
@@ -199,21 +207,24 @@ def test_branches_mirror_each_other(printed: planner.Problem, flip: list[int]) -
 
 def test_ceiling_stops_early_with_a_valid_bound(printed: planner.Problem, frame_at: Frames) -> None:
     frame = frame_at(0.79)
-    answer = cut(frame, band_at(printed, frame), SMOOTH, ceiling=0.4)
-    assert isinstance(answer, Above)
+    answer = optimum_by_cuts(frame, band_at(printed, frame), SMOOTH, ceiling=0.4)
+    assert isinstance(answer, BoundAboveCeiling)
     assert 0.4 < answer.bound <= 0.562707
 
 
 def test_running_out_of_rounds_is_said(printed: planner.Problem, frame_at: Frames) -> None:
     frame = frame_at(0.79)
     with pytest.raises(StalledError, match="2 rounds"):
-        cut(frame, band_at(printed, frame), SMOOTH, max_rounds=2)
+        optimum_by_cuts(frame, band_at(printed, frame), SMOOTH, max_rounds=2)
 
 
 def test_osqp_throughout_gives_the_same(printed: planner.Problem, frame_at: Frames) -> None:
     frame = frame_at(0.83)
     band = band_at(printed, frame)
-    ours, theirs = cut(frame, band, SMOOTH), cut(frame, band, Programme("smooth", "osqp"))
+    ours, theirs = (
+        optimum_by_cuts(frame, band, SMOOTH),
+        optimum_by_cuts(frame, band, Programme("smooth", "osqp")),
+    )
     assert isinstance(ours, ClassOptimum)
     assert isinstance(theirs, ClassOptimum)
     assert theirs.final.engine == "osqp"

@@ -15,7 +15,7 @@ import pytest
 import planner
 from planner.cli import output
 from planner.cli.app import main
-from planner.cli.output import Job, ends_with_the_best
+from planner.cli.output import Job, keep_best_on_interrupt
 from planner.explorer.outcome import path
 from planner.explorer.state import State
 from planner.machine.feedforward import aim
@@ -172,7 +172,7 @@ def test_the_command_says_that_ctrl_c_takes_what_is_held() -> None:
     notice, progress = Job("planning"), Progress("refining", 3.0, 5, "effort 0.101")
     notice.hear(progress)
     assert "Ctrl-C" not in notice.line
-    with ends_with_the_best():
+    with keep_best_on_interrupt():
         notice.hear(replace(progress, best=None))
         assert "Ctrl-C" not in notice.line
         notice.hear(progress)

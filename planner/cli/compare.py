@@ -41,7 +41,7 @@ from planner.cli.output import (
 )
 from planner.cli.standard_output import ReaderGoneError
 from planner.comparison.compare import compare as run
-from planner.comparison.compare import planned, specs
+from planner.comparison.compare import plan_row, specs_of
 from planner.comparison.comparison import Comparison, worst_command
 from planner.comparison.differences import rich_differences
 from planner.comparison.rows import Row
@@ -318,10 +318,10 @@ def _plans(
         plan = load_plan(subject, strict=True)
         return {plan.method: plan}
     problem = read_problem(subject, changes)
-    requests, rows = specs(problem, methods), []
+    requests, rows = specs_of(problem, methods), []
     for k, spec in enumerate(requests):
         progress(f"planning {spec.label}", k / len(requests))
-        rows.append(planned(problem, spec))
+        rows.append(plan_row(problem, spec))
     plans = executable_plans(rows)
     for row in rows:
         if row.label not in plans:

@@ -225,7 +225,7 @@ def _on_the_machine(plan: Plan, samples: int, seed: int) -> Row:
 
 def _figures(plan: Plan, check: Check) -> Row:
     """What a comparison says of the plan, as far as it is kept here, and what only a sweep asks."""
-    known = rows.Row.of(plan.method, plan.method, plan, check)
+    known = rows.Row.from_plan(plan.method, plan.method, plan, check)
     columns = rows.columns(plan.problem.system)
     told = {c.name: c.value(known) for c in columns if RESULTS.get(c.name) == "REAL"}
     return {**told, "objective": plan.objective, "iterations": plan.iterations}

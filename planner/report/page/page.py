@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from planner.comparison.comparison import Comparison
-from planner.comparison.rows import CLOSED, Row
+from planner.comparison.rows import FEEDBACK_NOTE, Row
 from planner.errors import InputError
 from planner.report.charts.scripts import script, source, stylesheet
 from planner.report.figures.mechanism import mechanism_svg
@@ -85,7 +85,7 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], made: Mappin
         mechanism=_mechanism(comparison),
         figures=_figures(),
         samples=str(comparison.samples),
-        closed=CLOSED if any(row.feedback for row in comparison.rows) else "",
+        closed=FEEDBACK_NOTE if any(row.feedback for row in comparison.rows) else "",
         command=html.escape(made.get("command") or "made from Python"),
         versions=_definitions(list(dict(made.get("versions") or {}).items())),
         machine=html.escape(json.dumps(comparison.machine.to_dict(), indent=1)),

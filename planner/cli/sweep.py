@@ -13,7 +13,7 @@ from planner.cli.arguments import Cluster, Workers, dry_run_option, out_option
 from planner.cli.output import explain_interruption, facts, finish, job, say
 from planner.sweep.description import Sweep
 from planner.sweep.design.design_file import StudyInput, read_design
-from planner.sweep.design.study import CASES, design_study
+from planner.sweep.design.study import CASES_FILE, design_study
 from planner.sweep.results import export, refuse_unexportable
 from planner.sweep.run import run_sweep
 
@@ -133,7 +133,7 @@ def design(
     if dry_run:
         return _count_designs(read_design(file))
     folder = Path(file.stem) if out is None else out
-    with explain_interruption("cases", folder / CASES), job() as progress:
+    with explain_interruption("cases", folder / CASES_FILE), job() as progress:
         study = design_study(file, folder, workers=workers, cluster=cluster, progress=progress)
         study.save(folder)
     parts: list[str | Table] = [study.title, "", study.table()]
@@ -141,7 +141,10 @@ def design(
     if refused := [(name, f"cannot be built: {why}") for name, why in whys if why]:
         parts += [facts(refused), ""]
     if study.bugs:
-        say(f"{study.bugs} cases met a bug; see the column 'traceback' of {folder / CASES}", "red")
+        say(
+            f"{study.bugs} cases met a bug; see the column 'traceback' of {folder / CASES_FILE}",
+            "red",
+        )
     status = 1 if study.bugs else 0 if study.recommended else 3
     data = {**study.to_dict(), "written": folder}
     return finish(data, *parts, study.reason, status=status)

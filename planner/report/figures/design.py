@@ -10,7 +10,7 @@ import numpy as np
 from planner.errors import expect
 from planner.report.figures.style import COLOURS, TAG, as_text, grid, heading, legend, logarithmic
 from planner.support.tables import number
-from planner.sweep.design.figures import LOAD, DesignRow, Figure
+from planner.sweep.design.figures import CONTACT_LOAD, DesignRow, Figure
 from planner.sweep.design.result import DesignStudy
 
 if TYPE_CHECKING:
@@ -67,14 +67,14 @@ def _decisive(study: DesignStudy) -> list[Figure]:
     by_key = {figure.key: figure for figure in study.figures}
     solved = [key for key in by_key if key.startswith("solved ")]
     after = [key for key in ("compensated_end_deg", "end_deg") if key in by_key]
-    keys = [*(f.key for f in study.front_by), LOAD, "one_way", *solved[1:2], *after]
+    keys = [*(f.key for f in study.front_by), CONTACT_LOAD, "one_way", *solved[1:2], *after]
     return [by_key[key] for key in dict.fromkeys(keys)][:5]
 
 
 def _front(ax: Any, study: DesignStudy) -> None:
     """The first two figures traded; of a single one, against the contacts' load."""
     x, *rest = study.front_by
-    load = next(figure for figure in study.figures if figure.key == LOAD)
+    load = next(figure for figure in study.figures if figure.key == CONTACT_LOAD)
     y = rest[0] if rest else load
     built = [row for row in study.rows if row.figures]
     solved = f"solved {study.asked.methods[0]}"
@@ -140,7 +140,7 @@ def _scaled(axis: Any, values: Sequence[float]) -> tuple[float, float]:
 
 def _titled(study: DesignStudy, figure: Figure) -> str:
     words = {
-        LOAD: "contacts: torque over what they transmit",
+        CONTACT_LOAD: "contacts: torque over what they transmit",
         "one_way": f"tasks of {study.tasks} with a one-way motion",
         "spread_deg": "spread at the end on the machine",
         "E_deg": "error E on the machine",
@@ -156,7 +156,7 @@ def _titled(study: DesignStudy, figure: Figure) -> str:
 def _value(study: DesignStudy, figure: Figure, row: DesignRow) -> tuple[float, str]:
     """The value and how it is written."""
     value = row.figures.get(figure.key, np.nan)
-    if figure.over == "part":
+    if figure.reduction == "part":
         return value * study.tasks, number(value * study.tasks, 4)
     return value, number(value, 2)
 

@@ -30,7 +30,7 @@ from planner.methods.desensitised.method import spreads
 from planner.methods.registry import find_method
 from planner.plan.plan import Plan
 from planner.problem.tables.method_options import DesensitisedOptions
-from planner.report.figures.robustness import bought, entry_name, size_of
+from planner.report.figures.robustness import entry_name, knee_sentence, size_of
 from planner.report.folders import save_sensitivity
 from planner.robustness.machine_sensitivity import (
     MachineEntry,
@@ -275,7 +275,7 @@ def _end_error(which: str, point: TradeOffPoint, key: str = "terminal_p95_deg") 
 def _knee(curve: TradeOff) -> str:
     first, k = curve.points[0], curve.knee
     text = (
-        f"{curve.problem.name}: {bought(curve)}; total {number(k.total_deg)} deg instead of"
+        f"{curve.problem.name}: {knee_sentence(curve)}; total {number(k.total_deg)} deg instead of"
         f" {number(first.total_deg)}, of it irreducible {number(k.floor_deg)}.\n"
         "The knee lies farthest below the chord between the curve's ends. Errors are the largest"
         " joint error at the end: under the design errors alone, and on the problem's machine, with"

@@ -17,7 +17,7 @@ from planner.explorer.state import JOINTS, State
 from planner.problem.feasibility import travel_window
 from planner.problem.problem import Problem
 from planner.problem.tables.kinds import parse_file
-from planner.report.figures.style import as_words
+from planner.report.figures.style import readable_name
 from planner.systems.chained_form import chained_form
 
 Kind = Literal["slider", "choice", "switch"]
@@ -205,7 +205,7 @@ def _sliders(group: str, key: str, now: Any, usual: Any, help_text: str) -> Iter
         if listed:  # the first joint has a motor of its own, so that gears begin with K2
             number = k + (2 if name == "K" else 1)
             counted = f"{label.removesuffix('s')} {number}"
-            known = {"theta": as_words(f"theta{number}"), "K": as_words(f"K{number}")}
+            known = {"theta": readable_name(f"theta{number}"), "K": readable_name(f"K{number}")}
             label = f"tip {'xy'[k]}" if name == "tip" else known.get(name, counted)
         if key == JOINTS:
             ends: tuple[float, float] = (2, max(MOST_SHOWN, value))

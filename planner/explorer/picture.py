@@ -10,15 +10,15 @@ from planner.explorer.controls import POINTS
 from planner.explorer.outcome import ScreenOutcome
 from planner.machine.replay import Replay
 from planner.plan.plan import Plan
-from planner.report.figures.arm import body, drawable, tips_to_pass
+from planner.report.figures.arm import body_points, can_draw, tips_to_pass
 from planner.report.figures.style import colour_numbers, times
 from planner.report.panels import (
     FIGURES,
     Panel,
     PlanCurves,
     merge,
-    over_time,
     screen_data,
+    time_panel,
     to_screen_digits,
 )
 
@@ -46,7 +46,7 @@ def picture(outcome: ScreenOutcome) -> dict[str, Any]:
     fit = [figure for figure in FIGURES.values() if figure.fits(system)]
     found = {p["id"]: p for figure in fit for p in merge(figure.panels([one]))}
     _add_words(found, one)
-    if drawable(system):
+    if can_draw(system):
         found["plane"] = _plane(one)
     drawn = {
         "label": plan.method,
@@ -86,7 +86,7 @@ def error_panel(run: Replay | None) -> dict[str, Any] | None:
     begun = np.isfinite(wanted).all(axis=1)
     error = np.rad2deg(np.abs(run.q - wanted)[:, begun][:, :, list(run.angles)]).max(axis=2)
     low, middle, high = np.percentile(error, [5, 50, 95], axis=0)
-    panel = over_time(
+    panel = time_panel(
         "error",
         "error",
         "deg",
@@ -122,8 +122,8 @@ def _peaks(panel: Panel) -> str:
 
 def _plane(one: PlanCurves) -> Panel:
     plan = one.plan
-    poses = body(plan.problem, plan.q(np.linspace(0, plan.duration, POSES)))
-    path = body(plan.problem, one.q)[:, -1]
+    poses = body_points(plan.problem, plan.q(np.linspace(0, plan.duration, POSES)))
+    path = body_points(plan.problem, one.q)[:, -1]
     arm = hasattr(plan.problem.system, "arm_points")
     unit = "link lengths" if arm else "m"
     return {

@@ -43,7 +43,7 @@ from planner.paper.statements import (
 )
 from planner.plan.plan import Plan
 from planner.problem.tables.machine_effects import EFFECTS
-from planner.report.figures.style import COLOURS, GRID
+from planner.report.figures.style import COLOURS, GRID_STYLE
 from planner.support.files import folder
 from planner.support.progress import expect_listener
 from planner.support.tables import Column, Markup, markdown_table
@@ -351,7 +351,7 @@ def picture(plan: Plan, motions: Mapping[str, PaperReplays], data: Sequence[Data
     errors: Any = figure.add_subplot(grid[0, 0])
     motors: Any = figure.add_subplot(grid[1, 0], sharex=errors)
     for axes in (errors, motors):
-        axes.grid(**GRID)
+        axes.grid(**GRID_STYLE)
         axes.spines[["top", "right"]].set_visible(False)
     _errors(errors, motions)
     _motors(motors, plan, motions)

@@ -20,7 +20,7 @@ from planner.paper.numbers import (
 )
 from planner.paper.reproduce import FIGURES, FILM, Reproduction, reproduce
 from planner.plan.measures import effort
-from planner.report.film import HOLD_S
+from planner.report.film import LAST_FRAME_S
 
 
 def once(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -61,7 +61,7 @@ def test_the_film_shows_the_arm_at_twice_its_speed_and_is_small(made: Reproducti
     assert f"({FILM})" in (made.path / "README.md").read_text(encoding="utf-8")
     with Image.open(path) as film:
         seconds = [film.seek(k) or film.info["duration"] / 1000 for k in range(film.n_frames)]
-    assert sum(seconds) == pytest.approx(made.cases.valid.duration / 2 + HOLD_S, abs=0.1)
+    assert sum(seconds) == pytest.approx(made.cases.valid.duration / 2 + LAST_FRAME_S, abs=0.1)
     efforts = [effort(made.cases.best.trajectory), effort(made.cases.valid.trajectory)]
     assert made.cases.best.verified
     assert efforts[0] < efforts[1]

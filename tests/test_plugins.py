@@ -118,7 +118,7 @@ def test_compare_check_and_all_know_its_method(problem_file: Path) -> None:
     analysis = planner.check(problem)
     assert [o["verified"] for o in analysis.outcomes if o["method"] == "two_speeds"] == [True]
     assert "two_speeds" in [
-        spec.method for spec in planner.comparison.compare.specs(problem, "all")
+        spec.method for spec in planner.comparison.compare.specs_of(problem, "all")
     ]
 
 

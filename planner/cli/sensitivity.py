@@ -191,7 +191,7 @@ def _contribution(angle: int, entry: MachineEntry) -> str:
 
 
 def _machine_text(responses: MachineSensitivity) -> str:
-    silent = sum(e.silent for e in responses.entries)
+    silent = sum(e.has_no_effect for e in responses.entries)
     rest = len(responses.entries) - silent - MAX_PARAMETERS
     more = f"; {rest} smaller ones are in --json and --out" if rest > 0 else ""
     nominal: list[Any] = [f"{e:.3g}" for e in responses.nominal_error_deg]

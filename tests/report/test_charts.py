@@ -53,7 +53,7 @@ def test_a_method_has_one_colour_in_pictures_on_the_page_and_in_the_explorer() -
             assert re.findall(rf"--plan-{k}: (#\w+);", text) == [light, dark]
             assert f".charts .plan-{k} {{ color: var(--plan-{k}); }}" in text
     problem = planner.load_problem(PROBLEM)
-    (plan,) = Screen(State.of(problem, "collocation", 0)).picture()["plans"]
+    (plan,) = Screen(State.from_problem(problem, "collocation", 0)).picture()["plans"]
     assert plan["colour"] == METHOD_COLOURS["collocation"]
 
 
@@ -82,7 +82,7 @@ def test_panels_have_one_shape() -> None:
     found = quick_comparison()
     page = [p for f in page_data(found, replay_data(found))["figures"] for p in f["panels"]]
     problem = planner.load_problem(PROBLEM, {"goal.travel": 0.82})
-    screen = Screen(State.of(problem, "polynomial", 2))
+    screen = Screen(State.from_problem(problem, "polynomial", 2))
     explorer = [*screen.picture()["panels"], screen.errors()]
     allowed = {"id", "kind", "title", "unit", "series", "band", "limits", "floor", "zero", "ends"}
     allowed |= {"stops", "marks", "view", "notes", "note"}  # those that `panels` names
@@ -128,7 +128,7 @@ def test_a_figure_is_one_entry_and_is_drawn_everywhere(monkeypatch: pytest.Monke
     assert picture.get_suptitle().startswith("Speeds: ")
     assert len(picture.axes[0].lines) == 2
     problem = planner.load_problem(PROBLEM, {"goal.travel": 0.82})
-    panels = Screen(State.of(problem, "polynomial", 0)).picture()["panels"]
+    panels = Screen(State.from_problem(problem, "polynomial", 0)).picture()["panels"]
     assert "speed" in [panel["id"] for panel in panels]
 
 

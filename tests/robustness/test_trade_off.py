@@ -14,7 +14,7 @@ from planner import TradeOff, trade_off
 from planner.plan.measures import effort, peak_inputs
 from planner.report.figures.robustness import distinct_texts, knee_sentence, reversals
 from planner.robustness.trade_off import knee
-from planner.robustness.trade_off_points import allowed_for
+from planner.robustness.trade_off_points import compensated_errors
 
 SETTINGS = {"samples": 20, "intervals": 12}
 
@@ -62,10 +62,10 @@ def test_points_are_saved_plans_and_were_replayed(curve: TradeOff) -> None:
 
 
 def test_design_errors_alone_show_the_total(two_joints: planner.Problem, curve: TradeOff) -> None:
-    from planner.robustness.trade_off_points import errors_machine, replayed
+    from planner.robustness.trade_off_points import errors_machine, replay_errors
 
     machine = errors_machine(two_joints, curve.options)
-    run = replayed(curve.points[0].plan, machine, 800, 0)
+    run = replay_errors(curve.points[0].plan, machine, 800, 0)
     assert run["terminal_rms_deg"] == pytest.approx(curve.points[0].total_deg, rel=0.05)
 
 
@@ -155,7 +155,7 @@ def test_the_machine_is_told_with_and_without_compensation(curve: TradeOff) -> N
 def test_a_system_that_cannot_be_compensated_says_so() -> None:
     problem = planner.load_problem(Path(__file__).parents[2] / "problems" / "unicycle.toml")
     plan = planner.solve(problem)
-    assert "compensation is for arms with friction disks" in allowed_for(
+    assert "compensation is for arms with friction disks" in compensated_errors(
         plan, planner.Machine.ideal(), 2, 0)["refused"]  # fmt: skip
 
 

@@ -125,7 +125,7 @@ def plot(name: str, plans: Plans, axes: Any = None) -> tuple[Figure, Any]:
     """Draw a figure of `FIGURES`: all plans in each panel, or a column a plan.
 
     Args:
-        name: Its name.
+        name: Name of the figure.
         plans: One plan, several, or several by label; those it cannot show are left out.
         axes: Axes to draw into, one per panel.
 

@@ -29,7 +29,8 @@ from planner.support import progress
 
 TIMED, REFINED_INTERVALS = 2, 200
 """Paths that are timed, and intervals of all meshes on which paths are refined: long paths each
-take long to refine."""
+take long to refine, and where the first failed, so did all others (6 of 6 among 22 random pairs of
+four joints within 40 degrees; the ladder then had the answer)."""
 
 ALIKE = 6
 """Paths that are timed on a mesh that is given: nothing says beforehand which is the fastest."""
@@ -78,14 +79,12 @@ class RoutePaths:
             return cls(free, found, None)
         for path in found.found:
             count = path_intervals(free, path.solution.iterate)
-            if refined and spent + count > REFINED_INTERVALS:
+            if spent and spent + count > REFINED_INTERVALS:
                 break
             progress.tell(f"refining the path of '{path.seed}'")
             spent += count
             if both := refine_path(free, path.solution):
                 refined.append(RefinedPath(path, *both))
-            elif spent > 2 * REFINED_INTERVALS:
-                break
         return cls(free, found, refined)
 
     def starts(

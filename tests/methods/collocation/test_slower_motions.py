@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import planner
+from planner.methods.collocation import route_paths
 from planner.methods.collocation.between_nodes import excess, look
 from planner.methods.collocation.candidates import seeds
 from planner.methods.collocation.long_arms.bridges import PieceChain, ends_of, finer
@@ -67,6 +68,17 @@ def test_a_refined_path_keeps_between_its_nodes_what_a_coarse_one_leaves() -> No
     seen = look(*refined)
     assert left[worst] > 0.05  # rad, of 0.7
     assert excess(refined[0], seen.iterate, seen.curves).max() < left[worst] / 5
+
+
+def test_long_paths_that_cannot_be_refined_are_given_up_soon(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    job, tries = collocation_task(ARM, OPTIONS, 40), []
+    found = search(job, seeds("auto", 6), 6)
+    monkeypatch.setattr(route_paths, "path_intervals", lambda *_: 150)
+    monkeypatch.setattr(route_paths, "refine_path", lambda *path: tries.append(path))
+    assert route_paths.RoutePaths.of(job, found, mesh_given=False).refined == []
+    assert len(found.found) > 1 == len(tries)
 
 
 def test_by_its_clock_an_input_of_a_path_is_at_its_limit_all_the_time() -> None:

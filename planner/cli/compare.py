@@ -118,10 +118,10 @@ def compare(
     """
     task = read_problem(problem, changes)
     _refuse_early(out, budget, report)
-    comparison: Comparison | None = None
+    result: Comparison | None = None
     try:
         with job() as progress:
-            comparison = run(
+            result = run(
                 task,
                 methods,
                 samples=sample or samples,
@@ -131,19 +131,17 @@ def compare(
                 time_limit_s=time_limit,
             )
     except KeyboardInterrupt:
-        if comparison is None:
+        if result is None:
             raise
-    assert comparison is not None
+    assert result is not None
     # A reader of the table who leaves (`| head`) does not take the folder away.
     gone = nullcontext() if out is None else suppress(ReaderGoneError)
     if not manner.as_json:  # before budgets and figures, which take a while
         with gone:
-            _print_comparison(comparison)
+            _print_comparison(result)
     shares: dict[str, Budget] = {}
     complete = (
-        comparison.complete
-        and not is_interrupted()
-        and (not budget or _add_budgets(shares, comparison))
+        result.complete and not is_interrupted() and (not budget or _add_budgets(shares, result))
     )
     if not manner.as_json:
         with gone:
@@ -151,10 +149,10 @@ def compare(
                 print_text(share.table(), "")
     # After Ctrl-C `job` would end the command before what is done is written.
     with job("drawing figures") if out and complete else nullcontext():
-        written = out and comparison.save(out, report=report)
+        written = out and result.save(out, report=report)
         if out is not None and shares:
             save_budget(shares, out / "budget")
-    solved = any(row.solved for row in comparison.rows)
+    solved = any(row.solved for row in result.rows)
     status = (
         (0 if solved else NoPlanError.exit_status) if complete else ReportedStatus(INTERRUPT_STATUS)
     )
@@ -162,8 +160,8 @@ def compare(
         extra: dict[str, Any] = {"complete": complete, "exit_status": status, "written": written}
         if budget:
             extra["budgets"] = {label: each.to_dict() for label, each in shares.items()}
-        print_json({"file": task.source, **comparison.to_dict(), **extra})
-    _say_results(comparison, complete, written, report, changes)
+        print_json({"file": task.source, **result.to_dict(), **extra})
+    _say_results(result, complete, written, report, changes)
     return status
 
 
@@ -178,7 +176,7 @@ def _refuse_early(out: Path | None, budget: bool, report: bool) -> None:
 
 
 def _say_results(
-    comparison: Comparison,
+    result: Comparison,
     complete: bool,
     written: Path | None,
     report: bool,
@@ -191,45 +189,38 @@ def _say_results(
     elif written is not None:
         look = f"open {written}/report.html" if report else f"pictures in {written}/figures"
         note(f"written to {written}; {look}")
-    if complete and not any(row.solved for row in comparison.rows):
-        command = shlex.join(["planner", "check", comparison.problem.source, *_set_words(changes)])
-        tried = any("(tried)" in advice for advice in comparison.advice.values())
+    if complete and not any(row.solved for row in result.rows):
+        command = shlex.join(["planner", "check", result.problem.source, *_sets(changes)])
+        tried = any("(tried)" in advice for advice in result.advice.values())
         help_ = f"what would help stands after 'Try', more by: {command}"
         note(f"no method has a plan; {help_ if tried else f'what would help: {command}'}")
 
 
-def _set_words(changes: list[str] | None) -> list[str]:
+def _sets(changes: list[str] | None) -> list[str]:
     """The words with which a command says the changes again."""
     return [word for change in changes or [] for word in ("--set", change)]
 
 
-def _add_budgets(shares: dict[str, Budget], comparison: Comparison) -> bool:
+def _add_budgets(shares: dict[str, Budget], result: Comparison) -> bool:
     """Add the budget of each plan; whether that went on to the end, without Ctrl-C."""
-    plans = executable_plans(comparison.rows)
+    plans = executable_plans(result.rows)
     try:
         with job() as progress:
             # What is done before Ctrl-C stays: pairs go in one by one.
             shares.update(
-                budgets(
-                    plans,
-                    comparison.machine,
-                    BUDGET_SAMPLES,
-                    BUDGET_BASE,
-                    comparison.seed,
-                    progress,
-                )
+                budgets(plans, result.machine, BUDGET_SAMPLES, BUDGET_BASE, result.seed, progress)
             )
     except KeyboardInterrupt:
         return False
     return True
 
 
-def _print_comparison(comparison: Comparison) -> None:
-    print_text(comparison.problem.name, "", comparison.table())
-    pairs = rich_differences(comparison)
+def _print_comparison(result: Comparison) -> None:
+    print_text(result.problem.name, "", result.table())
+    pairs = rich_differences(result)
     if pairs is not None:
         print_text("", pairs)
-    commands = [c for c in (worst_command(comparison, row) for row in comparison.rows) if c]
+    commands = [c for c in (worst_command(result, row) for row in result.rows) if c]
     if commands:
         print_text("", "to replay each plan on its worst machine:", *(f"  {c}" for c in commands))
 
@@ -270,15 +261,7 @@ def budget(
         report = partial(_report_share, progress, 0.3, 1.0)
         shares = dict(budgets(plans, machine, samples, base, seed, report))
     words = ["planner", "budget", str(subject), *(["--methods", methods] if methods else [])]
-    words += [
-        "--samples",
-        str(samples),
-        "--base",
-        str(base),
-        "--seed",
-        str(seed),
-        *_set_words(changes),
-    ]
+    words += ["--samples", str(samples), "--base", str(base), "--seed", str(seed), *_sets(changes)]
     written = out and save_budget(shares, out, shlex.join([*words, "--out", str(out)]))
     data = {label: each.to_dict() for label, each in shares.items()}
     tables = [part for each in shares.values() for part in (each.table(), "")]

@@ -15,7 +15,7 @@ from planner.cli.output import finish, job
 from planner.paper.calibrate import calibrate as run_calibration
 from planner.paper.calibrate import remaining_share, write
 from planner.paper.reproduce import reproduce as run_reproduction
-from planner.paper.statements import FITTED_PARAMETERS, STATEMENTS, FittedParameter
+from planner.paper.statements import FITTED_PARAMETERS, STATEMENTS, Parameter
 from planner.support.files import refuse_unwritable_folder
 from planner.support.tables import Column, terminal_table
 
@@ -65,7 +65,7 @@ def calibrate(
         if out is not None:
             progress("writing", 0.95)
             write(calibration, out)
-    columns: list[Column[FittedParameter]] = [
+    columns: list[Column[Parameter]] = [
         Column("parameter", "", lambda r: r.name, left=True),
         Column("low", "", lambda r: r.low, "{:g}".format),
         Column("high", "", lambda r: r.high, "{:g}".format),

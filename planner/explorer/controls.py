@@ -32,8 +32,8 @@ from planner.problem.tables.kinds import parse_file
 from planner.problem.tables.machine_effects import EFFECTS, Effect, MachineTable
 from planner.problem.tables.method_options import NO_SLIDER, Slider
 
-GOAL_GROUP = "Goal"
-METHOD_GROUP = "Method"
+GOAL_TITLE = "Goal"
+METHOD_TITLE = "Method"
 TASK_KEYS = ("system.", "start.", "goal.theta", "goal.heading", "goal.q")
 """What decides which travels are possible."""
 
@@ -48,7 +48,7 @@ def motion_controls(state: State, problem: Problem, plan: Plan | None) -> list[C
 
 def _method(state: State) -> Control:
     return Control(
-        METHOD_GROUP,
+        METHOD_TITLE,
         "method",
         "choice",
         "method",
@@ -70,7 +70,7 @@ def _travel(state: State, problem: Problem, plan: Plan | None) -> Control:
     coordinate = problem.system.coordinates[0]
     label = "travel" if key.endswith("travel") else key_words(key.rsplit(".", 1)[-1])[0]
     return Control(
-        GOAL_GROUP,
+        GOAL_TITLE,
         label,
         "slider",
         key,
@@ -92,7 +92,7 @@ def _duration(state: State, plan: Plan | None) -> Control:
     position = whole if whole != "free" else usual if plan is None else plan.duration
     low, high = usual / 10, usual * 4
     return Control(
-        GOAL_GROUP,
+        GOAL_TITLE,
         "duration",
         "slider",
         "goal.duration",
@@ -116,7 +116,7 @@ def _points(state: State, problem: Problem, plan: Plan | None) -> list[Control]:
     count = 3 if whole == "auto" else min(len(whole), 2)
     controls = [
         Control(
-            METHOD_GROUP,
+            METHOD_TITLE,
             "constraint points",
             "choice",
             POINTS_KEY,
@@ -137,7 +137,7 @@ def _points(state: State, problem: Problem, plan: Plan | None) -> list[Control]:
             label, ends_of = f"{name}: {what}", (point[part], round_digits(low), round_digits(high))
             controls.append(
                 Control(
-                    METHOD_GROUP, label, "slider", POINTS_KEY, whole, (k, part), *ends_of, unit=unit
+                    METHOD_TITLE, label, "slider", POINTS_KEY, whole, (k, part), *ends_of, unit=unit
                 )
             )
     return controls
@@ -152,7 +152,7 @@ def _new_points(count: int, duration: float, plan: Plan | None) -> list[list[flo
     ]
 
 
-MACHINE_GROUP = "Machine"
+MACHINE_TITLE = "Machine"
 
 
 def machine_controls(state: State, problem: Problem) -> list[Control]:
@@ -161,7 +161,7 @@ def machine_controls(state: State, problem: Problem) -> list[Control]:
     Effects that act in dynamic fidelity alone are left out in the quasi-static one.
     """
     count = Control(
-        MACHINE_GROUP, "machines", "slider", "samples", state.samples, shown=state.samples,
+        MACHINE_TITLE, "machines", "slider", "samples", state.samples, shown=state.samples,
         high=200, integer=True,
         help="number of random machines on which the plan is replayed; 0: none",
     )  # fmt: skip
@@ -183,7 +183,7 @@ def _compensation(state: State, problem: Problem) -> list[Control]:
         "plan commands that allow for the mean machine's backlash, shaft torsion, creep and lag"
     )
     label = "compensate for the machine"
-    return [Control(MACHINE_GROUP, label, "switch", key, on, shown=on, help=help_text)]
+    return [Control(MACHINE_TITLE, label, "switch", key, on, shown=on, help=help_text)]
 
 
 def _effect(name: str, first: Machine, now: Machine) -> Control:
@@ -199,19 +199,19 @@ def _effect(name: str, first: Machine, now: Machine) -> Control:
     key = f"machine.{name}"
     if isinstance(number, list):
         return Control(
-            MACHINE_GROUP, label, "choice", key, whole, shown="on" if on else "off",
+            MACHINE_TITLE, label, "choice", key, whole, shown="on" if on else "off",
             choices=["on", "off"], writes=[usual, False], help=help_text,
         )  # fmt: skip
-    number_or_word = whole[part[0]] if part else whole
+    position = whole[part[0]] if part else whole
     low, high = _effect_range(effect, float(number), spread=part == ("spread",))
     return Control(
-        MACHINE_GROUP,
+        MACHINE_TITLE,
         label,
         "slider",
         key,
         whole,
         part,
-        number_or_word,
+        position,
         low,
         high,
         unit=effect.unit,
@@ -233,7 +233,7 @@ def _effect_range(effect: Effect, usual: float, *, spread: bool) -> tuple[float,
     return round_digits(low, 3), round_digits(high if spread else min(high, effect.high), 3)
 
 
-LIMITS_GROUP = "Limits"
+LIMITS_TITLE = "Limits"
 
 USUAL_LIMITS: Mapping[str, float] = {"deg": 80.0, "": 0.01, "m": 0.02}
 """Where a limit starts when it is switched on, by unit; 1 of other units."""
@@ -271,7 +271,7 @@ def _slider(
     else:
         ends, log = log_range(usual), True
     return Control(
-        LIMITS_GROUP,
+        LIMITS_TITLE,
         label,
         "slider",
         key,
@@ -295,7 +295,7 @@ def _first(value: Any) -> float:
     return float(value[0] if isinstance(value, list) else value)
 
 
-SOLVER_GROUP = "Solver"
+SOLVER_TITLE = "Solver"
 
 
 def option_controls(state: State, plan: Plan | None) -> list[Control]:
@@ -320,10 +320,10 @@ def _control(
     if ends is NO_SLIDER:
         return None
     if annotation is bool:
-        return Control(SOLVER_GROUP, label, "switch", key, whole, shown=bool(whole))
+        return Control(SOLVER_TITLE, label, "switch", key, whole, shown=bool(whole))
     if get_origin(annotation) is Literal:
         words = list(get_args(annotation))
-        return Control(SOLVER_GROUP, label, "choice", key, whole, shown=whole, choices=words)
+        return Control(SOLVER_TITLE, label, "choice", key, whole, shown=whole, choices=words)
     number = whole if isinstance(whole, int | float) else _chosen_value(plan, name)
     plain = isinstance(default, int | float)
     if isinstance(whole, list) or not (plain or ends):
@@ -335,7 +335,7 @@ def _control(
     integer = isinstance(low, int)
     position = low if number is None else number
     return Control(
-        SOLVER_GROUP,
+        SOLVER_TITLE,
         label,
         "slider",
         key,

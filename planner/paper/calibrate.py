@@ -34,8 +34,8 @@ from planner.paper.statements import (
     FIXED_PARAMETERS,
     SPREADS,
     STATEMENTS,
-    FittedParameter,
     PaperReplays,
+    Parameter,
     Statement,
     calibration_plan,
     move,
@@ -247,7 +247,7 @@ def _fidelities(
 
 
 def _parameters(settings: Mapping[str, Any], data: Sequence[DataSet]) -> str:
-    columns: list[Column[FittedParameter]] = [
+    columns: list[Column[Parameter]] = [
         Column("parameter", "", lambda r: r.name, left=True, code=True),
         Column("unit", "", lambda r: EFFECTS[r.name].unit or "1", left=True),
         Column("range", "95 %", lambda r: f"{r.low:g} ... {r.high:g}", left=True),
@@ -265,7 +265,7 @@ def _parameters(settings: Mapping[str, Any], data: Sequence[DataSet]) -> str:
     return text + markdown_table(columns, FITTED_PARAMETERS) + "\n"
 
 
-def remaining_share(data: DataSet, parameter: FittedParameter) -> float:
+def remaining_share(data: DataSet, parameter: Parameter) -> float:
     """Share of a parameter's range that is left when the data are known; 1: unidentifiable."""
     return float(data.remaining[FITTED_PARAMETERS.index(parameter)])
 

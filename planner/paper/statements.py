@@ -145,7 +145,7 @@ def coordinates(parameters: Mapping[str, float]) -> Array:
 
 
 @dataclass(frozen=True)
-class FittedParameter:
+class Parameter:
     """A parameter that is fitted.
 
     Attributes:
@@ -171,65 +171,49 @@ class FittedParameter:
 
 
 FITTED_PARAMETERS = (
-    FittedParameter(
+    Parameter(
         "servo_bandwidth_rad_s", 30, 150, "profile filters of small servo drives: 5 to 25 Hz"
     ),
-    FittedParameter(
+    Parameter(
         "motor_inertia_kgm2", 0.01, 0.04, "rotors of 10 to 40 g cm^2 (20 to 60 W) behind 1:100"
     ),
-    FittedParameter("servo_gain_nms_per_rad", 2.5, 10, "loops of 20 to 80 Hz around 0.02 kg m^2"),
-    FittedParameter(
-        "servo_integral_time_s", 0.01, 0.04, "2 to 5 times the time constant of that loop"
-    ),
-    FittedParameter("torque_limit_nm", 1, 6, "continuous torque of planetary gearheads of 32 mm"),
-    FittedParameter(
-        "creep", 0.001, 0.01, "rolling radius of a loaded polymer tread: 0.1 to 1 % less"
-    ),
-    FittedParameter(
+    Parameter("servo_gain_nms_per_rad", 2.5, 10, "loops of 20 to 80 Hz around 0.02 kg m^2"),
+    Parameter("servo_integral_time_s", 0.01, 0.04, "2 to 5 times the time constant of that loop"),
+    Parameter("torque_limit_nm", 1, 6, "continuous torque of planetary gearheads of 32 mm"),
+    Parameter("creep", 0.001, 0.01, "rolling radius of a loaded polymer tread: 0.1 to 1 % less"),
+    Parameter(
         "creep_per_nm", 0.001, 0.02, "0.1 to 1 % of creepage at half of the torque that slips"
     ),
-    FittedParameter(
+    Parameter(
         "friction_capacity_nm", 0.5, 5, "mu N r: 0.15 to 0.4, 150 to 300 N, 20 to 40 mm of radius"
     ),
-    FittedParameter(
-        "disk_inertia_kgm2", 5e-5, 5e-4, "two steel disks, 40 to 80 mm by 8 mm: m r^2/2"
-    ),
-    FittedParameter(
+    Parameter("disk_inertia_kgm2", 5e-5, 5e-4, "two steel disks, 40 to 80 mm by 8 mm: m r^2/2"),
+    Parameter(
         "gearhead_backlash_deg",
         0.25,
         1.0,
         "planetary gearheads of 32 mm; preloaded ones have 0.15 to 0.5 (maxon GP 32 BZ)",
     ),
-    FittedParameter(
+    Parameter(
         "backlash_deg",
         1.3,
         5.2,
         "0.1 to 0.4 mm between the teeth of bevel gears on 8 mm (0.7 to 2.9) and of belts on 10 mm",
     ),
-    FittedParameter(
+    Parameter(
         "axis_inertia_kgm2", 2e-6, 5e-5, "bevel gear, shaft and pulley: 40 to 200 g on 10 mm"
     ),
-    FittedParameter(
+    Parameter(
         "shaft_stiffness_nm_per_rad",
         1.7,
         7.5,
         "G pi d^4/(32 L) of steel, 3 to 4 mm by 0.2 to 0.3 m (2.1 to 9.9), and a belt (10 to 30)",
     ),
-    FittedParameter(
-        "shaft_damping_nms_per_rad", 0.005, 0.08, "1 to 10 % of critical: belt and bearings"
-    ),
-    FittedParameter(
-        "link_inertia_kgm2", 0.01, 0.1, "0.25 to 1.5 kg at 0.2 m: a link with its mechanism"
-    ),
-    FittedParameter(
-        "base_friction_nm", 0.05, 0.5, "bearings and seals under the weight of the arm"
-    ),
-    FittedParameter(
-        "coulomb_friction_nm", 0.05, 0.5, "bearings, belt tension, disks of the next joint"
-    ),
-    FittedParameter(
-        "viscous_friction_nms_per_rad", 0.01, 0.2, "grease: a tenth to all of it at 1 rad/s"
-    ),
+    Parameter("shaft_damping_nms_per_rad", 0.005, 0.08, "1 to 10 % of critical: belt and bearings"),
+    Parameter("link_inertia_kgm2", 0.01, 0.1, "0.25 to 1.5 kg at 0.2 m: a link with its mechanism"),
+    Parameter("base_friction_nm", 0.05, 0.5, "bearings and seals under the weight of the arm"),
+    Parameter("coulomb_friction_nm", 0.05, 0.5, "bearings, belt tension, disks of the next joint"),
+    Parameter("viscous_friction_nms_per_rad", 0.01, 0.2, "grease: a tenth to all of it at 1 rad/s"),
 )
 """In the order of the signal path."""
 

@@ -33,7 +33,7 @@ from planner.problem.tables import kinds as plugins
 from planner.problem.tables.kinds import FILES, REQUIREMENTS, json_schema
 from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.vehicles import UnicycleFile, UnicycleLimits, VehicleFile
-from planner.report.page.words import asked_for
+from planner.report.page.words import task_facts
 from planner.support.user_tables import Positive, Table
 from planner.systems.triangular_system import Coordinate, TangentSystem
 
@@ -112,13 +112,13 @@ def test_compare_check_and_all_know_its_method(problem_file: Path) -> None:
     result = planner.compare(problem, "two_speeds:first=0.4,polynomial", samples=2)
     assert [row.solved for row in result.rows] == [True, True]
     assert result.rows[0].replay is not None
-    assert (f"Limit: {PRODUCT}", "at least -9, at most 9") in asked_for(result)
+    assert (f"Limit: {PRODUCT}", "at least -9, at most 9") in task_facts(result)
     with pytest.raises(InputError, match=r"did you mean 'first'\?"):
         planner.compare(problem, "two_speeds:frst=0.4", samples=2)
     analysis = planner.check(problem)
     assert [o["verified"] for o in analysis.outcomes if o["method"] == "two_speeds"] == [True]
     assert "two_speeds" in [
-        spec.method for spec in planner.comparison.compare.specs(problem, "all")
+        spec.method for spec in planner.comparison.compare.specs_of(problem, "all")
     ]
 
 

@@ -109,7 +109,7 @@ def test_ctrl_c_keeps_what_is_done(file: Path) -> None:
     while process.poll() is None and len(kept) < 2:
         try:
             with Store("small/cases.sqlite") as store:
-                kept = store.finished()
+                kept = store.finished_keys()
         except InputError:  # not there yet
             continue
     os.kill(process.pid, signal.SIGINT)

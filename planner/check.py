@@ -10,7 +10,13 @@ import numpy as np
 
 from planner.errors import InputError, MethodError, NoPlanError
 from planner.methods.keeping import not_promised
-from planner.methods.refusal import Change, in_other_time, on_other_paths, tried, within_reach
+from planner.methods.refusal import (
+    Change,
+    duration_changes,
+    path_changes,
+    reach_changes,
+    try_changes,
+)
 from planner.methods.registry import METHODS, find_method
 from planner.plan.measures import DomainReport
 from planner.plan.plan import Plan
@@ -214,14 +220,14 @@ def find_remedy(
     def attempt(change: Change) -> Plan:
         return solve_and_check(problem.changed(change.keys), change.method, advice=False)[0]
 
-    nearer = within_reach(problem, reach) if reach else []
+    nearer = reach_changes(problem, reach) if reach else []
     able = sorted(names, key=lambda name: name != "collocation")  # the most able first
     changes = [
         replace(change, method=name)
-        for change in (*nearer, *in_other_time(problem), *on_other_paths(problem))
+        for change in (*nearer, *duration_changes(problem), *path_changes(problem))
         for name in able
     ]
-    found = tried(changes, attempt, say)
+    found = try_changes(changes, attempt, say)
     if found.change is None or found.plan is None:
         return None
     words = str(replace(found.change, method=""))

@@ -14,7 +14,7 @@ import numpy as np
 
 from planner.errors import InputError, NoPlanError, TimeLimitError, VerificationError
 from planner.methods.keeping import not_promised, refuse_unkept
-from planner.methods.refusal import BY_COLLOCATION, Change, advise, asked_instead, lasting
+from planner.methods.refusal import BY_COLLOCATION, Change, advise, changed_words, duration_change
 from planner.methods.registry import METHODS, Method, find_method, merged_options, typed
 from planner.plan.plan import Plan, expect_plan, mark_cut_short
 from planner.problem.feasibility import refuse_too_short
@@ -205,12 +205,12 @@ def _remedies(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
         sizes = (v.value / v.limit for v in check.violations)
         factor = max(size ** (1 / speed) for size, speed in zip(sizes, speeds, strict=True))
         if factor < float("inf"):
-            slower = lasting(plan.duration * factor * 1.0001)
+            slower = duration_change(plan.duration * factor * 1.0001)
             return [slower, BY_COLLOCATION], None
     if len(broken) < len(violated) or any(isinstance(each, Goal | TipGoal) for each in broken):
         return [], "a finer mesh: more method.collocation.intervals or a higher degree"
     other = [BY_COLLOCATION] if plan.method != BY_COLLOCATION.method else []
-    instead = asked_instead(plan, [v for v in check.violations if np.isfinite(v.value)])
+    instead = changed_words(plan, [v for v in check.violations if np.isfinite(v.value)])
     return other, f"{instead or 'wider limits'}, or another {plan.problem.travel_key}"
 
 

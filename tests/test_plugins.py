@@ -27,13 +27,13 @@ from planner.cli.app import main
 from planner.cli.start import problem_text
 from planner.explorer.controls import limit_controls
 from planner.explorer.state import State
-from planner.methods.refusal import on_other_paths
+from planner.methods.refusal import path_changes
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.problem.tables import kinds as plugins
 from planner.problem.tables.kinds import FILES, REQUIREMENTS, json_schema
 from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.vehicles import UnicycleFile, UnicycleLimits, VehicleFile
-from planner.report.page.words import asked_for
+from planner.report.page.words import task_facts
 from planner.support.user_tables import Positive, Table
 from planner.systems.triangular_system import Coordinate, TangentSystem
 
@@ -112,13 +112,13 @@ def test_compare_check_and_all_know_its_method(problem_file: Path) -> None:
     result = planner.compare(problem, "two_speeds:first=0.4,polynomial", samples=2)
     assert [row.solved for row in result.rows] == [True, True]
     assert result.rows[0].replay is not None
-    assert (f"Limit: {PRODUCT}", "at least -9, at most 9") in asked_for(result)
+    assert (f"Limit: {PRODUCT}", "at least -9, at most 9") in task_facts(result)
     with pytest.raises(InputError, match=r"did you mean 'first'\?"):
         planner.compare(problem, "two_speeds:frst=0.4", samples=2)
     analysis = planner.check(problem)
     assert [o["verified"] for o in analysis.outcomes if o["method"] == "two_speeds"] == [True]
     assert "two_speeds" in [
-        spec.method for spec in planner.comparison.compare.specs(problem, "all")
+        spec.method for spec in planner.comparison.compare.specs_of(problem, "all")
     ]
 
 
@@ -539,7 +539,7 @@ def test_a_limit_on_the_way_is_kept_or_said_not_to_be_promised(
     law = problem.with_travel(planner.solve(fast, "polynomial").travel)
     with pytest.raises(planner.VerificationError, match="which this method does not promise"):
         planner.solve(law, "polynomial")
-    (change,) = (c for c in on_other_paths(problem) if "limits.folded" in c.keys)
+    (change,) = (c for c in path_changes(problem) if "limits.folded" in c.keys)
     assert problem.changed(change.keys).further == ()
     (folded,) = problem.further
     (part,) = folded.parts

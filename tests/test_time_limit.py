@@ -15,7 +15,7 @@ import pytest
 import planner
 from planner.cli import output
 from planner.cli.app import main
-from planner.cli.output import Job, ends_with_the_best
+from planner.cli.output import Job, keep_best_on_interrupt
 from planner.explorer.outcome import path
 from planner.explorer.state import State
 from planner.machine.feedforward import aim
@@ -172,7 +172,7 @@ def test_the_command_says_that_ctrl_c_takes_what_is_held() -> None:
     notice, progress = Job("planning"), Progress("refining", 3.0, 5, "effort 0.101")
     notice.hear(progress)
     assert "Ctrl-C" not in notice.line
-    with ends_with_the_best():
+    with keep_best_on_interrupt():
         notice.hear(replace(progress, best=None))
         assert "Ctrl-C" not in notice.line
         notice.hear(progress)
@@ -196,7 +196,7 @@ def test_the_command_refuses_with_what_it_came_to(
 def test_a_redirected_job_says_a_line_now_and_then(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(output, "EVERY_S", 0.01)
+    monkeypatch.setattr(output, "LOG_INTERVAL_S", 0.01)
     with output.job("planning"):
         time.sleep(0.2)
     with output.job() as tell:
@@ -266,7 +266,7 @@ def test_nor_in_a_sweep(paper: planner.Problem, tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("late")
 def test_nor_in_the_explorer(both: planner.Problem) -> None:
-    outcome = path(State.of(both, "collocation", 0, 100.0))
+    outcome = path(State.from_problem(both, "collocation", 0, 100.0))
     assert outcome.kind == "verified"
     assert outcome.plan is not None
     assert outcome.plan.notes["ended_early"] == LATE

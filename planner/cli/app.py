@@ -20,25 +20,25 @@ import typer
 from typer.core import TyperGroup
 
 from planner.cli.output import (
-    INTERRUPTED,
+    INTERRUPT_STATUS,
     Command,
-    Told,
-    interrupted,
+    ReportedStatus,
+    add_common_options,
+    is_interrupted,
     manner,
     print_json,
     say,
-    with_manner,
 )
-from planner.cli.standard_output import ReaderGoneError, results_alone
+from planner.cli.standard_output import ReaderGoneError, reserve_output
 from planner.errors import NO_MEMORY, InputWarning, MethodError, PlannerError, lacks_memory
 from planner.support.files import written_paths
 from planner.support.interrupts import Terminated, hear_signals, signal_listener
 from planner.support.package import version as installed_version
 from planner.support.tables import clean_text, shorten
 
-LONGEST = 5000
+MAX_MESSAGE = 5000
 """Characters of a message: about what a terminal shows at once."""
-FULL = (errno.ENOSPC, errno.EDQUOT)
+DISK_FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT)
 """Numbers of the errors that a full disk gives."""
 
 # Typer brings its own copy of click in some versions; this is the base of usage errors in all.
@@ -65,7 +65,7 @@ COMMANDS = {
 """Each command's file, and the first line of its docstring, so that a list needs no file."""
 
 
-def function_of(name: str) -> Command:
+def load_command(name: str) -> Command:
     """The function of a command; its file, and what that imports, is loaded now."""
     function: Command = getattr(import_module(f"planner.cli.{COMMANDS[name][0]}"), name)
     return function
@@ -78,9 +78,9 @@ class _Commands(TyperGroup):
         name, _, rest = super().resolve_command(ctx, args)
         if name is None:  # of an unfinished line that a shell asks about
             return None, None, rest
-        alone = typer.Typer(add_completion=False, rich_markup_mode=None)
-        alone.command(name)(with_manner(function_of(name)))
-        return name, typer.main.get_command(alone), rest
+        single = typer.Typer(add_completion=False, rich_markup_mode=None)
+        single.command(name)(add_common_options(load_command(name)))
+        return name, typer.main.get_command(single), rest
 
 
 app = typer.Typer(
@@ -93,16 +93,19 @@ app = typer.Typer(
 )
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
+def _print_version(active: bool) -> None:
+    if active:
         print(f"planner {installed_version()}")
         raise typer.Exit
 
 
 @app.callback()
-def _top(
+def _root_options(
     version: Annotated[
-        bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True)
+        bool,
+        typer.Option(
+            "--version", help="Print the version.", callback=_print_version, is_eager=True
+        ),
     ] = False,
     debug: Annotated[
         bool, typer.Option("--debug", help="Show the traceback of a bug.", envvar="PLANNER_DEBUG")
@@ -122,12 +125,12 @@ def _top(
     """
 
 
-def _unloaded() -> None:
+def _stand_in() -> None:
     """Stands in the list of commands for one whose file is not loaded."""
 
 
 for _name, (_, _line) in COMMANDS.items():
-    app.command(_name, help=_line)(_unloaded)
+    app.command(_name, help=_line)(_stand_in)
 
 
 def main(arguments: Sequence[str] | None = None, *, last: bool = False) -> int:
@@ -143,24 +146,24 @@ def main(arguments: Sequence[str] | None = None, *, last: bool = False) -> int:
     words = sys.argv[1:] if arguments is None else list(arguments)
     for name in ("stdout", "stderr"):  # None where the caller has closed it
         if getattr(sys, name) is None:
-            setattr(sys, name, _nowhere())
+            setattr(sys, name, _null_stream())
     if (name := next((word for word in words if not word.startswith("-")), "")) in COMMANDS:
-        function_of(name)  # here, where `planner_start` still has the signals
+        load_command(name)  # here, where `planner_start` still has the signals
     try:
-        alone = "--json" in words and not {"-h", "--help", "--version"} & set(words)
-        with hear_signals(last), _warnings_told(), results_alone(alone, last):
+        json_only = "--json" in words and not {"-h", "--help", "--version"} & set(words)
+        with hear_signals(last), _show_warnings(), reserve_output(json_only, last):
             return _run(words)
     except (ReaderGoneError, BrokenPipeError):
-        sys.stdout = _nowhere()  # the interpreter would fail to flush the old one at exit
+        sys.stdout = _null_stream()  # the interpreter would fail to flush the old one at exit
         return 0
 
 
 @contextmanager
-def _warnings_told() -> Iterator[None]:
+def _show_warnings() -> Iterator[None]:
     """Warnings about the input in the command's own words, each once."""
     with warnings.catch_warnings():
         warnings.simplefilter("always", InputWarning)
-        usual, told = warnings.showwarning, set[str]()
+        usual, messages = warnings.showwarning, set[str]()
 
         def show(
             message: Warning | str,
@@ -172,15 +175,15 @@ def _warnings_told() -> Iterator[None]:
         ) -> None:
             if not issubclass(category, InputWarning):
                 usual(message, category, filename, lineno, file, line)
-            elif str(message) not in told:
-                told.add(str(message))
+            elif str(message) not in messages:
+                messages.add(str(message))
                 say(f"warning: {message}", "yellow")
 
         warnings.showwarning = show
         yield
 
 
-def _nowhere() -> TextIO:
+def _null_stream() -> TextIO:
     """A stream that discards its output."""
     return open(os.devnull, "w", encoding="utf-8")
 
@@ -201,70 +204,70 @@ def _run(words: list[str]) -> int:
         raise
     except BaseException as error:
         signal_listener.is_over = True
-        return _failed(error, words)
+        return _report_failure(error, words)
     signal_listener.is_over = True
-    if status == INTERRUPTED and not isinstance(status, Told):
-        return _interrupted()
+    if status == INTERRUPT_STATUS and not isinstance(status, ReportedStatus):
+        return _report_interruption()
     return int(status or 0) if words else 2  # no command: older versions of click say 0
 
 
-def _failed(error: BaseException, words: list[str]) -> int:
+def _report_failure(error: BaseException, words: list[str]) -> int:
     # Compiled code swallows signals and says that there is no plan; modules that are being loaded
     # make an error of their own of them. A command that told what it kept has the last word.
-    told = isinstance(error, PlannerError) and error.exit_status >= INTERRUPTED
-    ended = isinstance(error, KeyboardInterrupt | Terminated | typer.Abort)
-    if ended or (interrupted() and not told):
-        return _interrupted()
+    has_reason = isinstance(error, PlannerError) and error.exit_status >= INTERRUPT_STATUS
+    stopped = isinstance(error, KeyboardInterrupt | Terminated | typer.Abort)
+    if stopped or (is_interrupted() and not has_reason):
+        return _report_interruption()
     if isinstance(error, PlannerError):
-        if isinstance(error, MethodError) and _debugging(words):
+        if isinstance(error, MethodError) and _wants_traceback(words):
             sys.stderr.write(clean_text(error.traceback))
         kind = getattr(error, "status", "bad_input")
-        return _refuse(error.exit_status, kind, str(error))
+        return _print_error(error.exit_status, kind, str(error))
     if isinstance(error, UsageError):
-        return _usage(error)
-    if isinstance(error, OSError) and error.errno in FULL:
+        return _report_usage_error(error)
+    if isinstance(error, OSError) and error.errno in DISK_FULL_ERRORS:
         where = error.filename or "standard output"
-        return _refuse(2, "bad_input", f"cannot write {where}: {error.strerror}")
+        return _print_error(2, "bad_input", f"cannot write {where}: {error.strerror}")
     if lacks_memory(error):
-        return _refuse(2, "bad_input", NO_MEMORY.format(str(error) or "MemoryError"))
-    return _bug(words, error)
+        return _print_error(2, "bad_input", NO_MEMORY.format(str(error) or "MemoryError"))
+    return _report_bug(words, error)
 
 
-def _interrupted() -> int:
-    what = "interrupted" if signal_listener.status == INTERRUPTED else "terminated"
-    there = [str(path) for path in written_paths if path.exists()]
-    left = f"{', '.join(there)} was written before" if there else "nothing written"
-    return _refuse(signal_listener.status, what, f"{what}, {left}")
+def _report_interruption() -> int:
+    what = "interrupted" if signal_listener.status == INTERRUPT_STATUS else "terminated"
+    files = [str(path) for path in written_paths if path.exists()]
+    state = f"{', '.join(files)} was written before" if files else "nothing written"
+    return _print_error(signal_listener.status, what, f"{what}, {state}")
 
 
-def _refuse(status: int, kind: str, message: str) -> int:
+def _print_error(status: int, kind: str, message: str) -> int:
     if manner.as_json:
         try:
             print_json({"status": kind, "error": message, "exit_status": status})
         except PlannerError as error:
             message = str(error)
-    say(f"planner: {shorten(message, LONGEST)}", "" if status >= INTERRUPTED else "red")
+    say(f"planner: {shorten(message, MAX_MESSAGE)}", "" if status >= INTERRUPT_STATUS else "red")
     return status
 
 
-def _usage(error: Any) -> int:
+def _report_usage_error(error: Any) -> int:
     if manner.as_json:
         print_json({"status": "bad_input", "error": error.format_message(), "exit_status": 2})
-    shown = io.StringIO()
-    error.show(file=shown)
-    sys.stderr.write(clean_text(shown.getvalue()))
+    text = io.StringIO()
+    error.show(file=text)
+    sys.stderr.write(clean_text(text.getvalue()))
     return 2
 
 
-def _debugging(words: list[str]) -> bool:
+def _wants_traceback(words: list[str]) -> bool:
     return "--debug" in words or bool(os.environ.get("PLANNER_DEBUG"))
 
 
-def _bug(words: list[str], error: BaseException) -> int:
-    if _debugging(words):
+def _report_bug(words: list[str], error: BaseException) -> int:
+    if _wants_traceback(words):
         traceback.print_exception(error)
     message = (
         f"a bug in planner {installed_version()}: {type(error).__name__}: {error}. Please report it"
         " with the problem file and this command; `planner --debug ...` shows the traceback."
     )
-    return _refuse(1, "bug", message)
+    return _print_error(1, "bug", message)

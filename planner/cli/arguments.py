@@ -55,9 +55,9 @@ Cluster = Annotated[
 def complete_methods(incomplete: str) -> list[tuple[str, str]]:
     """Lists that go on from what is typed: the names after its last comma."""
     before, comma, _ = incomplete.rpartition(",")
-    kept = f"{before}{comma}"
-    said = before.split(",")
-    return [(kept + m.name, m.summary) for m in all_methods().values() if m.name not in said]
+    head = f"{before}{comma}"
+    names = before.split(",")
+    return [(head + m.name, m.summary) for m in all_methods().values() if m.name not in names]
 
 
 MethodNames = Annotated[

@@ -28,10 +28,10 @@ from planner.cli.arguments import (
     samples_option,
 )
 from planner.cli.output import (
-    INTERRUPTED,
-    Told,
+    INTERRUPT_STATUS,
+    ReportedStatus,
     finish,
-    interrupted,
+    is_interrupted,
     job,
     manner,
     note,
@@ -41,7 +41,7 @@ from planner.cli.output import (
 )
 from planner.cli.standard_output import ReaderGoneError
 from planner.comparison.compare import compare as run
-from planner.comparison.compare import planned, specs
+from planner.comparison.compare import plan_row, specs_of
 from planner.comparison.comparison import Comparison, worst_command
 from planner.comparison.differences import rich_differences
 from planner.comparison.rows import Row
@@ -117,11 +117,11 @@ def compare(
       planner compare problems/paper.toml --methods collocation:intervals=20,collocation
     """
     task = read_problem(problem, changes)
-    _refuse_in_time(out, budget, report)
-    found: Comparison | None = None
+    _refuse_early(out, budget, report)
+    result: Comparison | None = None
     try:
         with job() as progress:
-            found = run(
+            result = run(
                 task,
                 methods,
                 samples=sample or samples,
@@ -131,37 +131,41 @@ def compare(
                 time_limit_s=time_limit,
             )
     except KeyboardInterrupt:
-        if found is None:
+        if result is None:
             raise
-    assert found is not None
+    assert result is not None
     # A reader of the table who leaves (`| head`) does not take the folder away.
     gone = nullcontext() if out is None else suppress(ReaderGoneError)
     if not manner.as_json:  # before budgets and figures, which take a while
         with gone:
-            _print(found)
+            _print_comparison(result)
     shares: dict[str, Budget] = {}
-    complete = found.complete and not interrupted() and (not budget or _fill(shares, found))
+    complete = (
+        result.complete and not is_interrupted() and (not budget or _add_budgets(shares, result))
+    )
     if not manner.as_json:
         with gone:
             for share in shares.values():
                 print_text(share.table(), "")
     # After Ctrl-C `job` would end the command before what is done is written.
     with job("drawing figures") if out and complete else nullcontext():
-        written = out and found.save(out, report=report)
+        written = out and result.save(out, report=report)
         if out is not None and shares:
             save_budget(shares, out / "budget")
-    solved = any(row.solved for row in found.rows)
-    status = (0 if solved else NoPlanError.exit_status) if complete else Told(INTERRUPTED)
+    solved = any(row.solved for row in result.rows)
+    status = (
+        (0 if solved else NoPlanError.exit_status) if complete else ReportedStatus(INTERRUPT_STATUS)
+    )
     if manner.as_json:
         extra: dict[str, Any] = {"complete": complete, "exit_status": status, "written": written}
         if budget:
             extra["budgets"] = {label: each.to_dict() for label, each in shares.items()}
-        print_json({"file": task.source, **found.to_dict(), **extra})
-    _say_the_rest(found, complete, written, report, changes)
+        print_json({"file": task.source, **result.to_dict(), **extra})
+    _say_results(result, complete, written, report, changes)
     return status
 
 
-def _refuse_in_time(out: Path | None, budget: bool, report: bool) -> None:
+def _refuse_early(out: Path | None, budget: bool, report: bool) -> None:
     """Refuse what would fail after the work."""
     if report and out is None:
         raise InputError("--report needs a folder: add --out FOLDER")
@@ -171,8 +175,12 @@ def _refuse_in_time(out: Path | None, budget: bool, report: bool) -> None:
         refuse_unwritable_folder(out)
 
 
-def _say_the_rest(
-    found: Comparison, complete: bool, written: Path | None, report: bool, changes: list[str] | None
+def _say_results(
+    result: Comparison,
+    complete: bool,
+    written: Path | None,
+    report: bool,
+    changes: list[str] | None,
 ) -> None:
     """Where the results are, whether all are there, and what would help where no method has one."""
     if not complete:
@@ -181,11 +189,11 @@ def _say_the_rest(
     elif written is not None:
         look = f"open {written}/report.html" if report else f"pictures in {written}/figures"
         note(f"written to {written}; {look}")
-    if complete and not any(row.solved for row in found.rows):
-        asked = shlex.join(["planner", "check", found.problem.source, *_sets(changes)])
-        tried = any("(tried)" in advice for advice in found.advice.values())
-        help_ = f"what would help stands after 'Try', more by: {asked}"
-        note(f"no method has a plan; {help_ if tried else f'what would help: {asked}'}")
+    if complete and not any(row.solved for row in result.rows):
+        command = shlex.join(["planner", "check", result.problem.source, *_sets(changes)])
+        tried = any("(tried)" in advice for advice in result.advice.values())
+        help_ = f"what would help stands after 'Try', more by: {command}"
+        note(f"no method has a plan; {help_ if tried else f'what would help: {command}'}")
 
 
 def _sets(changes: list[str] | None) -> list[str]:
@@ -193,26 +201,26 @@ def _sets(changes: list[str] | None) -> list[str]:
     return [word for change in changes or [] for word in ("--set", change)]
 
 
-def _fill(shares: dict[str, Budget], found: Comparison) -> bool:
+def _add_budgets(shares: dict[str, Budget], result: Comparison) -> bool:
     """Add the budget of each plan; whether that went on to the end, without Ctrl-C."""
-    plans = executable(found.rows)
+    plans = executable_plans(result.rows)
     try:
         with job() as progress:
             # What is done before Ctrl-C stays: pairs go in one by one.
             shares.update(
-                budgets(plans, found.machine, BUDGET_SAMPLES, BUDGET_BASE, found.seed, progress)
+                budgets(plans, result.machine, BUDGET_SAMPLES, BUDGET_BASE, result.seed, progress)
             )
     except KeyboardInterrupt:
         return False
     return True
 
 
-def _print(found: Comparison) -> None:
-    print_text(found.problem.name, "", found.table())
-    pairs = rich_differences(found)
+def _print_comparison(result: Comparison) -> None:
+    print_text(result.problem.name, "", result.table())
+    pairs = rich_differences(result)
     if pairs is not None:
         print_text("", pairs)
-    commands = [c for c in (worst_command(found, row) for row in found.rows) if c]
+    commands = [c for c in (worst_command(result, row) for row in result.rows) if c]
     if commands:
         print_text("", "to replay each plan on its worst machine:", *(f"  {c}" for c in commands))
 
@@ -247,16 +255,16 @@ def budget(
     if out is not None:
         refuse_unwritable_folder(out)
     with job() as progress:
-        plans = _plans(subject, methods, changes, partial(_part, progress, 0.0, 0.3))
+        plans = _plans(subject, methods, changes, partial(_report_share, progress, 0.0, 0.3))
         problem = next(iter(plans.values())).problem.changed(parse_changes(changes or []))
         machine = Machine.from_table(problem.machine)
-        told = partial(_part, progress, 0.3, 1.0)
-        found = dict(budgets(plans, machine, samples, base, seed, told))
+        report = partial(_report_share, progress, 0.3, 1.0)
+        shares = dict(budgets(plans, machine, samples, base, seed, report))
     words = ["planner", "budget", str(subject), *(["--methods", methods] if methods else [])]
     words += ["--samples", str(samples), "--base", str(base), "--seed", str(seed), *_sets(changes)]
-    written = out and save_budget(found, out, shlex.join([*words, "--out", str(out)]))
-    data = {label: each.to_dict() for label, each in found.items()}
-    tables = [part for each in found.values() for part in (each.table(), "")]
+    written = out and save_budget(shares, out, shlex.join([*words, "--out", str(out)]))
+    data = {label: each.to_dict() for label, each in shares.items()}
+    tables = [part for each in shares.values() for part in (each.table(), "")]
     return finish({"file": subject, "written": written, "budgets": data}, *tables)
 
 
@@ -275,7 +283,7 @@ def budgets(
         )
 
 
-def executable(rows: Sequence[Row]) -> dict[str, Plan]:
+def executable_plans(rows: Sequence[Row]) -> dict[str, Plan]:
     """The plans that have a budget, by label."""
     return {
         row.label: row.plan
@@ -293,18 +301,18 @@ def _plans(
         plan = load_plan(subject, strict=True)
         return {plan.method: plan}
     problem = read_problem(subject, changes)
-    wanted, rows = specs(problem, methods), []
-    for k, spec in enumerate(wanted):
-        progress(f"planning {spec.label}", k / len(wanted))
-        rows.append(planned(problem, spec))
-    found = executable(rows)
+    requests, rows = specs_of(problem, methods), []
+    for k, spec in enumerate(requests):
+        progress(f"planning {spec.label}", k / len(requests))
+        rows.append(plan_row(problem, spec))
+    plans = executable_plans(rows)
     for row in rows:
-        if row.label not in found:
+        if row.label not in plans:
             say(f"{row.label}: {row.why}", "yellow")
-    if not found:
+    if not plans:
         raise NoPlanError("no method has a plan that can be executed, so there is no error budget")
-    return found
+    return plans
 
 
-def _part(progress: Progress, begin: float, end: float, doing: str, share: float) -> None:
+def _report_share(progress: Progress, begin: float, end: float, doing: str, share: float) -> None:
     progress(doing, begin + (end - begin) * share)

@@ -68,8 +68,8 @@ def export(
     refuse_unwritable(out)
     names = None if joints is None else joints.split(",")
     with job(f"writing {name}"):
-        found = load_plan(plan, strict=True)
-        written = write(found, out, name, rate_hz=rate, joint_names=names)
+        motion = load_plan(plan, strict=True)
+        written = write(motion, out, name, rate_hz=rate, joint_names=names)
     return finish({"plan": plan, "format": name, "written": written})
 
 
@@ -94,17 +94,17 @@ def animate(
       planner animate polynomial.json collocation.json --speed 2 --out both.mp4
     """
     check_film(out, fps, speed)
-    found = _labelled(plans)
+    motions = _plans_by_label(plans)
     with job() as tell:
 
-        def drawn(done: int, total: int) -> None:
+        def report(done: int, total: int) -> None:
             tell("drawing frames", done / total)
 
-        written = film(found, out, fps=fps, speed=speed, progress=drawn)
+        written = film(motions, out, fps=fps, speed=speed, progress=report)
     return finish({"plans": plans, "written": written})
 
 
-def _labelled(paths: Sequence[Path]) -> dict[str, Plan]:
+def _plans_by_label(paths: Sequence[Path]) -> dict[str, Plan]:
     """Plans by the names of their methods; by those of their files where methods are the same."""
     loaded = [load_plan(path, strict=True) for path in paths]
     methods = [plan.method for plan in loaded]

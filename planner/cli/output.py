@@ -35,7 +35,7 @@ from rich.table import Column as TableColumn
 from rich.table import Table
 from rich.text import Text
 
-from planner.cli.standard_output import told_where_it_fails, write_result
+from planner.cli.standard_output import translate_output_errors, write_result
 from planner.errors import InputError, PlannerError
 from planner.support import deadline
 from planner.support.arrays import jsonable
@@ -44,18 +44,18 @@ from planner.support.package import versions
 from planner.support.progress import Progress, progress_listener
 from planner.support.tables import Column, clean_text, terminal_table
 
-INTERRUPTED = 130
+INTERRUPT_STATUS = 130
 WIDTH_WITHOUT_TERMINAL = 160
-PATIENCE_S = 2.0
+PROGRESS_DELAY_S = 2.0
 """How long a job may take before its progress is shown."""
 
 
-FINISHING = b"planner: finishing with the best plan found so far; Ctrl-C again ends at once\n"
-EVERY_S = 10.0
+FINISH_MESSAGE = b"planner: finishing with the best plan found so far; Ctrl-C again ends at once\n"
+LOG_INTERVAL_S = 10.0
 """Time between the lines that tell of a job whose standard error is no terminal."""
 
 
-class Told(int):
+class ReportedStatus(int):
     """An exit status whose reason the command itself has told."""
 
 
@@ -75,7 +75,7 @@ def print_text(*parts: str | Text | Table) -> None:
         InputError: As for `print_json`.
     """
     console = _console(stderr=False)
-    with told_where_it_fails(), console.capture() as capture:
+    with translate_output_errors(), console.capture() as capture:
         for part in parts:
             console.print(part, highlight=False, markup=False, soft_wrap=isinstance(part, str))
     write_result("\n".join(line.rstrip() for line in capture.get().splitlines()) + "\n")
@@ -100,7 +100,7 @@ manner = Manner()
 
 
 def note(text: str) -> None:
-    """A message that one can do without (written to ...), on standard error."""
+    """A message that `--quiet` leaves out (written to ...), on standard error."""
     if not manner.quiet:
         say(text)
 
@@ -178,7 +178,8 @@ class Job:
 
     def hear(self, progress: Progress) -> None:
         """Add what a search tells."""
-        takes = "; Ctrl-C verifies and takes it" if progress.best and _ends_with_the_best() else ""
+        usable = progress.best and signal_listener.substitute is _end_search
+        takes = "; Ctrl-C verifies and takes it" if usable else ""
         self.line = f"{self.text}: {progress}{takes}"
         if self._share is not None:
             return
@@ -195,95 +196,86 @@ def job(text: str = "") -> Iterator[Job]:
     Elsewhere, as in a log, a line says so every ten seconds. What libraries print meanwhile goes to
     standard error, so that standard output holds results only.
     """
-    now, done, began = Job(text), threading.Event(), time.monotonic()
+    current, done, start = Job(text), threading.Event(), time.monotonic()
 
     def show() -> None:
-        if _lively():
-            if not done.wait(PATIENCE_S):
-                now.bar.start()
+        if sys.stderr.isatty() and not manner.quiet and not manner.verbose:
+            if not done.wait(PROGRESS_DELAY_S):
+                current.bar.start()
         elif not manner.quiet:
-            while not done.wait(EVERY_S):
-                say(f"planner: {time.monotonic() - began:.0f} s: {now.line}")
+            while not done.wait(LOG_INTERVAL_S):
+                say(f"planner: {time.monotonic() - start:.0f} s: {current.line}")
 
     if text:
         detail(text)
     thread = threading.Thread(target=show, daemon=True)
     thread.start()
     try:
-        with redirect_stdout(sys.stderr), progress_listener(now.hear):
-            yield now
+        with redirect_stdout(sys.stderr), progress_listener(current.hear):
+            yield current
     finally:
         done.set()
         thread.join()
-        if now.bar.live.is_started:
-            now.bar.stop()
-    if interrupted():  # CasADi's solvers swallow the exception and return
+        if current.bar.live.is_started:
+            current.bar.stop()
+    if is_interrupted():  # CasADi's solvers swallow the exception and return
         raise signal_listener.exception
 
 
-class Interrupted(PlannerError):  # noqa: N818 (not an error)
+class Interruption(PlannerError):  # noqa: N818 (not an error)
     """Ctrl-C or SIGTERM, after which the same command goes on."""
 
-    def __init__(self, kept: str) -> None:
+    def __init__(self, progress: str) -> None:
         self.exit_status = signal_listener.status
-        self.status = "interrupted" if self.exit_status == INTERRUPTED else "terminated"
-        super().__init__(f"{self.status}; {kept}; the same command runs the rest")
+        self.status = "interrupted" if self.exit_status == INTERRUPT_STATUS else "terminated"
+        super().__init__(f"{self.status}; {progress}; the same command runs the rest")
 
 
 @contextmanager
-def resumable(what: str, place: Path) -> Iterator[None]:
+def explain_interruption(what: str, place: Path) -> Iterator[None]:
     """Run a job that keeps what is finished, such as "cases", in a file or folder.
 
     Raises:
-        Interrupted: After Ctrl-C or SIGTERM, also where an error hides it, once the place is there.
+        Interruption: After Ctrl-C or SIGTERM, even if an error hides it, once the place is there.
     """
     try:
         yield
     except BaseException as error:
-        ended = interrupted() or isinstance(error, KeyboardInterrupt | Terminated)
-        if not (ended and place.exists()):
+        stopped = is_interrupted() or isinstance(error, KeyboardInterrupt | Terminated)
+        if not (stopped and place.exists()):
             raise
-        raise Interrupted(f"finished {what} are in {place}") from None
+        raise Interruption(f"finished {what} are in {place}") from None
 
 
-def interrupted() -> bool:
+def is_interrupted() -> bool:
     """Whether Ctrl-C was pressed or the process was told to end since the command began."""
     return bool(signal_listener.signals)
 
 
 @contextmanager
-def ends_with_the_best() -> Iterator[None]:
+def keep_best_on_interrupt() -> Iterator[None]:
     """The first Ctrl-C in the block only ends a search that holds an answer."""
-    signal_listener.substitute = _finish
+    signal_listener.substitute = _end_search
     try:
         yield
     finally:
         signal_listener.substitute = None
 
 
-def _ends_with_the_best() -> bool:
-    return signal_listener.substitute is _finish
-
-
-def _finish() -> bool:
+def _end_search() -> bool:
     if not deadline.stop():
         return False
     with suppress(OSError, ValueError):  # the stream may be in use where this came in
-        os.write(sys.__stderr__.fileno(), FINISHING)  # type: ignore[union-attr]
+        os.write(sys.__stderr__.fileno(), FINISH_MESSAGE)  # type: ignore[union-attr]
     return True
 
 
-def ended_with_the_best() -> bool:
+def search_ended_early() -> bool:
     """Whether Ctrl-C did so since the command began."""
     return signal_listener.was_substituted
 
 
-def _lively() -> bool:
-    """Whether progress may move about: on a terminal, unless told to be quiet or to say it all."""
-    return sys.stderr.isatty() and not manner.quiet and not manner.verbose
-
-
-class _Door(Console):
+class _CleanConsole(Console):
     """A console that foreign text cannot steer: what it writes itself is no text but style."""
 
     def render(
@@ -295,14 +287,14 @@ class _Door(Console):
 
 def _console(stderr: bool) -> Console:
     stream = sys.stderr if stderr else sys.stdout
-    return _Door(
+    return _CleanConsole(
         stderr=stderr, width=None if stream.isatty() else WIDTH_WITHOUT_TERMINAL, emoji=False
     )
 
 
 Command = Callable[..., int]
 
-_OPTIONS = {
+_COMMON_OPTIONS = {
     "as_json": Annotated[
         bool,
         typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
@@ -321,33 +313,33 @@ _OPTIONS = {
 }
 
 
-def with_manner(command: Command) -> Command:
+def add_common_options(command: Command) -> Command:
     """The command with the options of all commands after its own; one of that name is its own."""
     hints = get_type_hints(command, include_extras=True)
-    own = [
+    own_parameters = [
         each.replace(annotation=hints[each.name])
         for each in inspect.signature(command).parameters.values()
     ]
-    added = [
+    common_parameters = [
         inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=option)
-        for name, option in _OPTIONS.items()
+        for name, option in _COMMON_OPTIONS.items()
         if name not in hints
     ]
 
     @functools.wraps(command)
     def run(**options: Any) -> int:
-        for name in _OPTIONS:
+        for name in _COMMON_OPTIONS:
             setattr(manner, name, options.pop(name, False))
         if manner.quiet and manner.verbose:
             raise InputError("--quiet and --verbose contradict each other; give one of them")
-        began = time.monotonic()
+        start = time.monotonic()
         if manner.verbose:
             detail(", ".join(f"{name} {number}" for name, number in versions().items()))
         try:
             return command(**options)
         finally:
-            detail(f"{command.__name__}: {time.monotonic() - began:.3g} s in all")
+            detail(f"{command.__name__}: {time.monotonic() - start:.3g} s in all")
 
-    run.__signature__ = inspect.Signature([*own, *added])  # type: ignore[attr-defined]
-    run.__annotations__ = {**hints, **{each.name: each.annotation for each in added}}
+    run.__signature__ = inspect.Signature([*own_parameters, *common_parameters])  # type: ignore[attr-defined]
+    run.__annotations__ = {**hints, **{each.name: each.annotation for each in common_parameters}}
     return run

@@ -13,9 +13,9 @@ from typing import Annotated
 from planner.cli.arguments import Seed, out_option, samples_option
 from planner.cli.output import finish, job
 from planner.paper.calibrate import calibrate as run_calibration
-from planner.paper.calibrate import left, write
+from planner.paper.calibrate import remaining_share, write
 from planner.paper.reproduce import reproduce as run_reproduction
-from planner.paper.statements import FITTED, STATEMENTS, Fitted
+from planner.paper.statements import FITTED_PARAMETERS, STATEMENTS, Parameter
 from planner.support.files import refuse_unwritable_folder
 from planner.support.tables import Column, terminal_table
 
@@ -34,14 +34,14 @@ def reproduce(
       planner reproduce --out results/paper
     """
     with job() as progress:
-        made = run_reproduction(out, samples, seed, progress)
+        reproduction = run_reproduction(out, samples, seed, progress)
     columns = [
         Column(head, "", attrgetter(head), left=True)
         for head in ("where", "printed", "ours", "verdict")
     ]
-    rows = [vars(f) for f in made.findings]
-    data = {"written": made.path, "seed": seed, "samples": samples, "findings": rows}
-    return finish(data, terminal_table(columns, made.findings))
+    rows = [vars(f) for f in reproduction.findings]
+    data = {"written": reproduction.path, "seed": seed, "samples": samples, "findings": rows}
+    return finish(data, terminal_table(columns, reproduction.findings))
 
 
 def calibrate(
@@ -61,24 +61,27 @@ def calibrate(
     if out is not None:
         refuse_unwritable_folder(out)
     with job() as progress:
-        found = run_calibration(progress, seed)
+        calibration = run_calibration(progress, seed)
         if out is not None:
             progress("writing", 0.95)
-            write(found, out)
-    columns: list[Column[Fitted]] = [
+            write(calibration, out)
+    columns: list[Column[Parameter]] = [
         Column("parameter", "", lambda r: r.name, left=True),
         Column("low", "", lambda r: r.low, "{:g}".format),
         Column("high", "", lambda r: r.high, "{:g}".format),
-        Column("preset", "", lambda r: found.fit.parameters[r.name], "{:g}".format),
-        *(Column(d.name, "", partial(left, d), "{:.2f}".format) for d in found.data),
+        Column("preset", "", lambda r: calibration.fit.parameters[r.name], "{:g}".format),
+        *(
+            Column(d.name, "", partial(remaining_share, d), "{:.2f}".format)
+            for d in calibration.data
+        ),
     ]
     met = [
-        f"{s.text}: {value:.2f} {s.unit} (target {s.wanted})"
-        for s, value in zip(STATEMENTS, found.fit.found, strict=True)
+        f"{s.text}: {value:.2f} {s.unit} (target {s.target_text})"
+        for s, value in zip(STATEMENTS, calibration.fit.values, strict=True)
     ]
     return finish(
-        {**found.to_dict(), "written": out},
-        terminal_table(columns, FITTED),
+        {**calibration.to_dict(), "written": out},
+        terminal_table(columns, FITTED_PARAMETERS),
         *met,
         "last columns: share of the range that remains, given that statement; 1 = not identifiable",
     )

@@ -27,16 +27,16 @@ from planner.cli.arguments import (
     read_problem,
 )
 from planner.cli.output import (
-    INTERRUPTED,
-    Told,
-    ended_with_the_best,
-    ends_with_the_best,
+    INTERRUPT_STATUS,
+    ReportedStatus,
     facts,
     finish,
-    interrupted,
+    is_interrupted,
     job,
+    keep_best_on_interrupt,
     number,
     say,
+    search_ended_early,
 )
 from planner.errors import NoPlanError
 from planner.methods.registry import find_method
@@ -79,25 +79,25 @@ def plan(
     if out is not None:
         refuse_unwritable(out)
     try:
-        with job(f"planning with {name}"), ends_with_the_best():
+        with job(f"planning with {name}"), keep_best_on_interrupt():
             began = time.perf_counter()
-            found, check = solve_and_check(task, name, time_limit_s=time_limit)
+            motion, check = solve_and_check(task, name, time_limit_s=time_limit)
             took = time.perf_counter() - began
-            summary = plan_summary(found, check)
+            summary = plan_summary(motion, check)
     except NoPlanError as error:
-        return _refused(task, name, error)
-    summary |= _heading(task) | {"written": out and found.save(out)}
+        return _report_refusal(task, name, error)
+    summary |= _heading(task) | {"written": out and motion.save(out)}
     status = 0
-    if ended_with_the_best():
-        status = Told(INTERRUPTED)
+    if search_ended_early():
+        status = ReportedStatus(INTERRUPT_STATUS)
         say("planner: interrupted: this is the best plan found so far")
     table = facts(_properties(task, summary, took))
-    parts = (f"{task.name}: {name}", table, "", _verdict(found))
+    parts = (f"{task.name}: {name}", table, "", _verdict(motion))
     return finish(summary, *parts, status=status, where="plan written to {}")
 
 
-def _refused(problem: Problem, method: str, error: NoPlanError) -> int:
-    if interrupted() or ended_with_the_best():
+def _report_refusal(problem: Problem, method: str, error: NoPlanError) -> int:
+    if is_interrupted() or search_ended_early():
         raise signal_listener.exception
     say(f"planner: no plan ({error.status.replace('_', ' ')})", "bold red")
     say(str(error))
@@ -140,8 +140,8 @@ def _properties(problem: Problem, summary: dict[str, Any], took: float) -> Rows:
         system.inputs, problem.limits.input, summary["peak_u_rad_s"], strict=True
     ):
         allowed = f", allowed {number(most)}" if np.isfinite(most) else ""
-        found = "undefined" if np.isnan(peak) else f"{number(peak)} {c.unit}"
-        yield f"peak |{c.name}|", found + allowed
+        peak_text = "undefined" if np.isnan(peak) else f"{number(peak)} {c.unit}"
+        yield f"peak |{c.name}|", peak_text + allowed
     yield "largest error at the goal", _worst_error(problem, summary["terminal_error"])
     if angles := notes.get("goal_theta_deg"):
         yield "joints at the goal", f"{_degrees(angles)} deg"
@@ -156,11 +156,11 @@ def _properties(problem: Problem, summary: dict[str, Any], took: float) -> Rows:
         tried = len(notes.get("tried", ()))
         rivals = f", the best of {tried}" if tried > 1 else ""
         yield "first guess", notes["start"] + rivals
-    if made := notes.get("compensation"):
-        lead, tail = number(made["lead_s"]), number(made["tail_s"])
-        before = f"{lead} s of preparatory motion, then " if made["lead_s"] else ""
-        after = f", then {tail} s of drive reversal" if made["tail_s"] else ""
-        aim = f"the plan, made {made['plans']} times to aim at the goal"
+    if compensation := notes.get("compensation"):
+        lead, tail = number(compensation["lead_s"]), number(compensation["tail_s"])
+        before = f"{lead} s of preparatory motion, then " if compensation["lead_s"] else ""
+        after = f", then {tail} s of drive reversal" if compensation["tail_s"] else ""
+        aim = f"the plan, made {compensation['plans']} times to aim at the goal"
         yield "compensated", f"{before}{aim}{after}"
     if proof := notes.get("optimality"):
         gap = proof["relative_gap"]
@@ -213,7 +213,7 @@ def check(
     return finish(
         {"file": task.source, **analysis.to_dict()},
         *(task.name, "", facts(_findings(analysis)), "", _methods(analysis)),
-        *_not_promised(analysis),
+        *_unpromised_limits(analysis),
         *_refusals(analysis),
         *("", analysis.verdict),
         status=status,
@@ -286,31 +286,31 @@ def _reach(analysis: Analysis) -> Rows:
         yield "reach", f"{number(away)} m from the base; the arm is {reach.reach:.4g} m long"
     if reach.branches:
         count = len(reach.branches)
-        said = f"elbows can bend in {count} way{'s' * (count > 1)}, the one nearest to the start"
-        said += f" {_degrees(np.rad2deg(reach.branches[0][1:]).tolist())} deg"
+        elbows = f"elbows can bend in {count} way{'s' * (count > 1)}, the one nearest to the start"
+        elbows += f" {_degrees(np.rad2deg(reach.branches[0][1:]).tolist())} deg"
     elif reach.blocked:
-        said = "none that keeps every limit"
+        elbows = "none that keeps every limit"
     else:
         angle = problem.tip is not None and problem.tip.place is None
         off = f"{np.rad2deg(reach.missed):.3g} deg" if angle else f"{reach.missed:.3g} m"
         x, y, turn = reach.tip
-        said = f"none found within the limits of the joints; the nearest, {off} off, has the tip"
-        said += f" at ({x:.4g}, {y:.4g}) m, {np.rad2deg(turn):.4g} deg"
+        elbows = f"none found within the limits of the joints; the nearest, {off} off, has the tip"
+        elbows += f" at ({x:.4g}, {y:.4g}) m, {np.rad2deg(turn):.4g} deg"
     if reach.blocked:
-        said += (
+        elbows += (
             f"; {reach.blocked} more break{'s' * (reach.blocked == 1)} a limit or touch something"
         )
-    yield "places of the joints", said
+    yield "places of the joints", elbows
 
 
 def _window(analysis: Analysis) -> Rows:
     window, problem = analysis.window, analysis.problem
-    given = "free" if problem.travel is None else number(problem.travel)
+    travel = "free" if problem.travel is None else number(problem.travel)
     name, unit = problem.system.coordinates[0].name, problem.system.coordinates[0].unit
     if window is None:
-        yield f"travel of {name}", f"{given} {unit}".replace("free " + unit, "free")
+        yield f"travel of {name}", f"{travel} {unit}".replace("free " + unit, "free")
         return
-    text = given if problem.travel is None else f"{given} {unit}"
+    text = travel if problem.travel is None else f"{travel} {unit}"
     if problem.travel is not None and not window.empty:
         text += ", inside the window" if problem.travel in window else ", outside the window"
     high = "no upper end" if np.isinf(window.high) else f"{window.high:.5g}"
@@ -352,7 +352,7 @@ def _kind(outcome: Outcome) -> str:
     return f"{outcome['direction']}{where}" if outcome["verified"] else ""
 
 
-def _not_promised(analysis: Analysis) -> list[str]:
+def _unpromised_limits(analysis: Analysis) -> list[str]:
     """What methods do not promise to keep, those with the same list together."""
     lists: dict[tuple[str, ...], list[str]] = {}
     for name, labels in analysis.not_promised.items():

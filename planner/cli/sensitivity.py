@@ -24,13 +24,13 @@ from planner.cli.arguments import (
     read_problem,
     samples_option,
 )
-from planner.cli.output import finish, job, number, resumable
+from planner.cli.output import explain_interruption, finish, job, number
 from planner.errors import InputError
 from planner.methods.desensitised.method import spreads
 from planner.methods.registry import find_method
 from planner.plan.plan import Plan
 from planner.problem.tables.method_options import DesensitisedOptions
-from planner.report.figures.robustness import bought, entry_name, size_of
+from planner.report.figures.robustness import entry_name, knee_sentence, size_of
 from planner.report.folders import save_sensitivity
 from planner.robustness.machine_sensitivity import (
     MachineEntry,
@@ -48,7 +48,7 @@ from planner.support.tables import Column, csv_table, terminal_table
 from planner.support.user_tables import parse
 from planner.verification.load_plan import load_plan
 
-SHOWN = 12
+MAX_PARAMETERS = 12
 """Most parameters of the machine in the table; those with the largest response are shown."""
 
 
@@ -104,21 +104,27 @@ def sensitivity(
     with job("planning") as notice:
         plan = _plan(source, method, changes)
         notice("differentiating")
-        spread = spreads(plan.problem.system, design(plan))
-        found = analyse(plan)
-        on_machine = machine_sensitivity(plan) if machine else None
+        spread = spreads(plan.problem.system, design_errors(plan))
+        responses = analyse(plan)
+        machine_responses = machine_sensitivity(plan) if machine else None
         heading = {"source": str(source), "method": plan.method, "duration_s": plan.duration}
-        written = out and save_sensitivity(found, on_machine, spread, out, heading)
-    data = {**heading, **found.to_dict(spread), "written": written}
-    data["machine"] = None if on_machine is None else on_machine.to_dict()
+        written = out and save_sensitivity(responses, machine_responses, spread, out, heading)
+    data = {**heading, **responses.to_dict(spread), "written": written}
+    data["machine"] = None if machine_responses is None else machine_responses.to_dict()
     title = f"{plan.problem.name}: {plan.method}"
-    parts: list[str | Table] = [title, "", _matrix(found, spread), "", _sums(found, spread)]
-    if on_machine is not None:
-        parts += ["", _on_machine(on_machine), "", _machine_sums(on_machine)]
+    parts: list[str | Table] = [
+        title,
+        "",
+        _response_table(responses, spread),
+        "",
+        _sum_text(responses, spread),
+    ]
+    if machine_responses is not None:
+        parts += ["", _machine_table(machine_responses), "", _machine_text(machine_responses)]
     return finish(data, *parts)
 
 
-def design(plan: Plan) -> DesensitisedOptions:
+def design_errors(plan: Plan) -> DesensitisedOptions:
     """The design errors: those a desensitised plan was made with, else the problem's table."""
     if plan.method == "desensitised":
         return parse(DesensitisedOptions, dict(plan.options), "options of the plan")
@@ -133,38 +139,40 @@ def _plan(source: Path, method: str, changes: list[str] | None) -> Plan:
     return load_plan(source, strict=True)
 
 
-def _matrix(found: Sensitivity, spread: dict[str, float]) -> Table:
-    coordinates = found.plan.problem.system.coordinates
-    sizes, values = found.reference(spread), found.contribution_deg(spread)
+def _response_table(responses: Sensitivity, spread: dict[str, float]) -> Table:
+    coordinates = responses.plan.problem.system.coordinates
+    sizes, values = responses.reference(spread), responses.contribution_deg(spread)
 
     def cell(angle: int, p: int) -> str:
         value = float(values[angle, p])
         if abs(value) < 5e-7:
             return ""
-        return f"{value:.3g}{'*' if found.irreducible[found.angles[angle], p] else ' '}"
+        return f"{value:.3g}{'*' if responses.irreducible[responses.angles[angle], p] else ' '}"
 
     columns: list[Column[int]] = [
-        Column("error", "", lambda p: found.parameters[p], left=True),
-        Column("size", "", lambda p: size_of(float(sizes[p]), found.units[p])),
+        Column("error", "", lambda p: responses.parameters[p], left=True),
+        Column("size", "", lambda p: size_of(float(sizes[p]), responses.units[p])),
     ]
     angles = [
-        Column(coordinates[i].name, "deg", partial(cell, k)) for k, i in enumerate(found.angles)
+        Column(coordinates[i].name, "deg", partial(cell, k)) for k, i in enumerate(responses.angles)
     ]
     loud = [p for p in range(len(sizes)) if any(angle.text(p) for angle in angles)]
     return terminal_table([*columns, *angles], loud)
 
 
-def _sums(found: Sensitivity, spread: dict[str, float]) -> str:
-    given = ", ".join(spread)
+def _sum_text(responses: Sensitivity, spread: dict[str, float]) -> str:
+    sizes = ", ".join(spread)
     return (
-        f"One standard deviation of each of {given}: total {number(found.total_deg(spread))} deg."
-        f"\n* irreducible, start and goal alone decide it: {number(found.floor_deg(spread))} deg."
+        f"One standard deviation of each of {sizes}:"
+        f" total {number(responses.total_deg(spread))} deg."
+        "\n* irreducible, start and goal alone decide it:"
+        f" {number(responses.floor_deg(spread))} deg."
         "\nPassive block (theta2 ... to the start of theta1 and the gain of u2):"
-        f" {number(found.passive_block_deg(spread))} deg."
+        f" {number(responses.passive_block_deg(spread))} deg."
     )
 
 
-def _on_machine(found: MachineSensitivity) -> Table:
+def _machine_table(responses: MachineSensitivity) -> Table:
     columns: list[Column[MachineEntry]] = [
         Column("machine", "", entry_name, left=True),
         Column("value", "", lambda e: e.value, number),
@@ -172,9 +180,9 @@ def _on_machine(found: MachineSensitivity) -> Table:
         Column("", "", lambda e: e.unit, left=True),
     ]
     columns += [
-        Column(name, "deg", partial(_contribution, k)) for k, name in enumerate(found.angles)
+        Column(name, "deg", partial(_contribution, k)) for k, name in enumerate(responses.angles)
     ]
-    return terminal_table(columns, found.loudest[:SHOWN])
+    return terminal_table(columns, responses.loudest[:MAX_PARAMETERS])
 
 
 def _contribution(angle: int, entry: MachineEntry) -> str:
@@ -182,26 +190,26 @@ def _contribution(angle: int, entry: MachineEntry) -> str:
     return f"{value:.3g}" if abs(value) >= 5e-5 else ""
 
 
-def _machine_sums(found: MachineSensitivity) -> str:
-    silent = sum(e.silent for e in found.entries)
-    left = len(found.entries) - silent - SHOWN
-    more = f"; {left} smaller ones are in --json and --out" if left > 0 else ""
-    nominal: list[Any] = [f"{e:.3g}" for e in found.nominal_error_deg]
+def _machine_text(responses: MachineSensitivity) -> str:
+    silent = sum(e.has_no_effect for e in responses.entries)
+    rest = len(responses.entries) - silent - MAX_PARAMETERS
+    more = f"; {rest} smaller ones are in --json and --out" if rest > 0 else ""
+    nominal: list[Any] = [f"{e:.3g}" for e in responses.nominal_error_deg]
     return (
         f"Nominal machine: errors {', '.join(nominal)} deg; one spread of each parameter: total"
-        f" {number(found.total_deg)} deg{more}."
-        f" Without effect here: {silent} parameters; switched off: {len(found.omitted)}."
+        f" {number(responses.total_deg)} deg{more}."
+        f" Without effect here: {silent} parameters; switched off: {len(responses.omitted)}."
     )
 
 
-PICTURE, TABLE = "trade-off.png", "trade-off.csv"
+PICTURE_FILE, TABLE_FILE = "trade-off.png", "trade-off.csv"
 
 
 def run_trade_off(
     source: Path,
     kind: str,
     points: int,
-    drawn: tuple[int, int],
+    machines: tuple[int, int],
     *,
     changes: list[str] | None,
     out: Path | None,
@@ -220,15 +228,15 @@ def run_trade_off(
     if is_plan(source):
         raise InputError(f"{source} is a plan; --pareto needs a problem file")
     problem = read_problem(source, changes)
-    named = next(k for k in KINDS if k == kind)
-    with resumable("points", out), job() as progress:
+    axis = next(k for k in KINDS if k == kind)
+    with explain_interruption("points", out), job() as progress:
         curve = trade_off(
-            problem, named, points, out, samples=drawn[0], seed=drawn[1], progress=progress
+            problem, axis, points, out, samples=machines[0], seed=machines[1], progress=progress
         )
         drawing = BytesIO()
         curve.figure().savefig(drawing, format="png", dpi=110)
-        write_bytes(out / PICTURE, drawing.getvalue())
-        write_text(out / TABLE, csv_table(_columns(curve), curve.points))
+        write_bytes(out / PICTURE_FILE, drawing.getvalue())
+        write_text(out / TABLE_FILE, csv_table(_columns(curve), curve.points))
     table = terminal_table(_columns(curve), curve.points)
     title = f"{problem.name}: least sensitivity against {kind}"
     return finish({**curve.to_dict(), "written": out}, title, "", table, "", _knee(curve))
@@ -246,9 +254,9 @@ def _columns(curve: TradeOff) -> list[Column[TradeOffPoint]]:
         Column("passive", "deg", lambda p: p.passive_deg, number),
         Column("irreducible", "deg", lambda p: p.floor_deg, None),
         Column("reversals", "", lambda p: p.reversals),
-        *(Column(f"{name} 95 %", "deg", partial(_end, kind), number) for name, kind in ends),
+        *(Column(f"{name} 95 %", "deg", partial(_end_error, kind), number) for name, kind in ends),
         *(
-            Column(f"{name} {what}", "deg", partial(_end, kind, key=key), None)
+            Column(f"{name} {what}", "deg", partial(_end_error, kind, key=key), None)
             for name, kind in ends[1:]
             for what, key in (("E 95 %", "E_p95_deg"), ("median", "terminal_median_deg"))
         ),
@@ -259,15 +267,15 @@ def _peak(which: int, point: TradeOffPoint) -> float:
     return point.peak_u[which]
 
 
-def _end(which: str, point: TradeOffPoint, key: str = "terminal_p95_deg") -> float | None:
-    found: Mapping[str, Any] = getattr(point, which) or {}
-    return found.get(key)
+def _end_error(which: str, point: TradeOffPoint, key: str = "terminal_p95_deg") -> float | None:
+    errors: Mapping[str, Any] = getattr(point, which) or {}
+    return errors.get(key)
 
 
 def _knee(curve: TradeOff) -> str:
     first, k = curve.points[0], curve.knee
     text = (
-        f"{curve.problem.name}: {bought(curve)}; total {number(k.total_deg)} deg instead of"
+        f"{curve.problem.name}: {knee_sentence(curve)}; total {number(k.total_deg)} deg instead of"
         f" {number(first.total_deg)}, of it irreducible {number(k.floor_deg)}.\n"
         "The knee lies farthest below the chord between the curve's ends. Errors are the largest"
         " joint error at the end: under the design errors alone, and on the problem's machine, with"

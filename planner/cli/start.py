@@ -95,8 +95,8 @@ def methods() -> int:
     Example:
       planner methods
     """
-    found = {name: method.summary for name, method in all_methods().items()}
-    return _list("method", found)
+    summaries = {name: method.summary for name, method in all_methods().items()}
+    return _print_list("method", summaries)
 
 
 def systems() -> int:
@@ -106,7 +106,7 @@ def systems() -> int:
     Example:
       planner systems
     """
-    return _list("system.kind", _summaries())
+    return _print_list("system.kind", _summaries())
 
 
 def _summaries() -> dict[str, str]:
@@ -143,30 +143,30 @@ def schema(
     from planner.sweep.design.design_file import design_schema
     from planner.sweep.sweep_file import sweep_schema
 
-    made: dict[str, Callable[[], dict[str, Any]]] = {
+    makers: dict[str, Callable[[], dict[str, Any]]] = {
         "problem": json_schema,
         "sweep": sweep_schema,
         "design": design_schema,
         "plan": lambda: plan_schema(json_schema()),
     }
-    print_json(made[of]())
+    print_json(makers[of]())
     return 0
 
 
 SCHEMAS = ("problem", "sweep", "design", "plan")
 
 
-def _list(what: str, found: dict[str, str]) -> int:
+def _print_list(what: str, summaries: dict[str, str]) -> int:
     if manner.as_json:
-        print_json(found)
+        print_json(summaries)
         return 0
     heads = (what, "what it is")
     columns = [Column(head, "", itemgetter(k), left=True) for k, head in enumerate(heads)]
-    print_text(terminal_table(columns, found.items()))
+    print_text(terminal_table(columns, summaries.items()))
     return 0
 
 
-WIDTH = 100
+LINE_WIDTH = 100
 
 _LEGEND = """\
 # A problem file of planner. Try it:
@@ -196,32 +196,32 @@ def problem_text(
         raise InputError(f"no system '{kind}'; {allowed_hint(kind, list(kinds))}")
     file = kinds[kind]
     last = system_of(parse_file(tomllib.loads(example_of(kind)), kind)).coordinates[-1]
-    head = _with_limits(f"{example_of(kind)}\n", limits_of(file))
+    head = _add_limits(f"{example_of(kind)}\n", limits_of(file))
     head += file.places.replace("COORDINATE", last.name)
     if joints is not None:
-        head = _with_joints(head, kind, file, joints)
+        head = _resize_arm(head, kind, file, joints)
     parts = [f"{_LEGEND}{head}"]
     if brief:
         about = "Methods, feedback and the emulated machine have keys too: planner new OTHER"
         return f"{parts[0]}\n#   {about} --system {kind}\n"
     for name, method in all_methods().items():
-        options = _keys(method.options, _defaults(method.options))
-        parts.append(f"[method.{name}]\n{_prose(method.summary)}{options}")
+        options = _key_comments(method.options, _defaults(method.options))
+        parts.append(f"[method.{name}]\n{_comment_lines(method.summary)}{options}")
     about = "Commands that compensate the machine's systematic errors. With on = true the plans"
     about += " of all methods are compensated."
-    parts.append(
-        f"[compensation]\n{_prose(about)}{_keys(CompensationTable, _defaults(CompensationTable))}"
-    )
+    keys = _key_comments(CompensationTable, _defaults(CompensationTable))
+    parts.append(f"[compensation]\n{_comment_lines(about)}{keys}")
     about = "The tracker that closes the loop: planner compare FILE --feedback."
-    parts.append(f"[feedback]\n{_prose(about)}{_keys(FeedbackTable, _defaults(FeedbackTable))}")
+    keys = _key_comments(FeedbackTable, _defaults(FeedbackTable))
+    parts.append(f"[feedback]\n{_comment_lines(about)}{keys}")
     preset = {**_defaults(MachineTable), **Machine.prototype().to_dict()}
     about = "The emulated machine. Each effect is a number, or { value = mean, spread = standard"
     about += " deviation } over machines, or false, which switches it off."
-    parts.append(f"[machine]\n{_prose(about)}{_keys(MachineTable, preset)}")
+    parts.append(f"[machine]\n{_comment_lines(about)}{_key_comments(MachineTable, preset)}")
     return "\n".join(parts)
 
 
-def _with_joints(head: str, kind: str, file: type[ProblemFile], joints: int) -> str:
+def _resize_arm(head: str, kind: str, file: type[ProblemFile], joints: int) -> str:
     """The head of an arm's file for another number of joints.
 
     Lists go on with their last entry, K by the prototype's ratio; with more joints the motion takes
@@ -234,33 +234,33 @@ def _with_joints(head: str, kind: str, file: type[ProblemFile], joints: int) -> 
         raise InputError(f"--joints {joints}: an arm here has 2 to {MOST_JOINTS} joints")
     shipped = tomllib.loads(head)["system"]["joints"]
 
-    def resized(found: re.Match[str]) -> str:
-        entries = found[2].split(", ")
-        if found[1].startswith("K"):
-            return f"{found[1]}{toml(prototype_ratios(joints))}"
-        return f"{found[1]}[{', '.join([*entries, *entries[-1:] * joints][:joints])}]"
+    def resize(match: re.Match[str]) -> str:
+        entries = match[2].split(", ")
+        if match[1].startswith("K"):
+            return f"{match[1]}{toml(prototype_ratios(joints))}"
+        return f"{match[1]}[{', '.join([*entries, *entries[-1:] * joints][:joints])}]"
 
-    text = re.sub(r"((?:K|theta_deg|link_lengths) = )\[([^\]]*)\]", resized, head)
+    text = re.sub(r"((?:K|theta_deg|link_lengths) = )\[([^\]]*)\]", resize, head)
     text = text.replace(f"joints = {shipped}", f"joints = {joints}")
     if joints > shipped:
         text = re.sub(r"(?m)^(travel|duration) = [\w.]+ ", r'\1 = "free" ', text)
     return re.sub(r"(?m)^(\S.*?) +(# .*)$", lambda row: f"{row[1]:<28} {row[2]}", text)
 
 
-def _with_limits(head: str, table: type[BaseModel]) -> str:
+def _add_limits(head: str, table: type[BaseModel]) -> str:
     """The head with the limits that it does not name, as comments at the end of its `[limits]`."""
-    if not (found := re.search(r"(?m)^\[limits\].*\n(?:(?!\[).+\n)*", head)):
-        return _with_limits(f"{head}\n[limits]\n", table)
+    if not (section := re.search(r"(?m)^\[limits\].*\n(?:(?!\[).+\n)*", head)):
+        return _add_limits(f"{head}\n[limits]\n", table)
     rows = []
     for key, field in table.model_fields.items():
-        if re.search(rf"(?m)^#? ?{key} =", found[0]):
+        if re.search(rf"(?m)^#? ?{key} =", section[0]):
             continue
-        about, shown = field.description or "", f"# {key}: not set"
+        about, entry = field.description or "", f"# {key}: not set"
         if field.examples:
-            shown = f"#{key} = {toml(field.examples[0])}"
-        row = f"{shown:<28} # {about[:1].lower()}{about[1:].rstrip('.')}"
-        rows.append(f"{row}\n" if len(row) <= WIDTH else f"{_prose(about)}{shown}\n")
-    return head[: found.end()] + "".join(rows) + head[found.end() :]
+            entry = f"#{key} = {toml(field.examples[0])}"
+        row = f"{entry:<28} # {about[:1].lower()}{about[1:].rstrip('.')}"
+        rows.append(f"{row}\n" if len(row) <= LINE_WIDTH else f"{_comment_lines(about)}{entry}\n")
+    return head[: section.end()] + "".join(rows) + head[section.end() :]
 
 
 def _defaults(table: type[BaseModel]) -> Mapping[str, Any]:
@@ -270,22 +270,26 @@ def _defaults(table: type[BaseModel]) -> Mapping[str, Any]:
     }
 
 
-def _keys(table: type[BaseModel], values: Mapping[str, Any]) -> str:
+def _key_comments(table: type[BaseModel], values: Mapping[str, Any]) -> str:
     """Each key of a table as a comment, what it means above it."""
     lines = []
     for name, field in table.model_fields.items():
         key, value = field.alias or name, values[name]
-        shown = "# " + f"{key}: not set" if value is None else f"#{key} = {toml(value)}"
-        lines.append(f"{_prose(field.description or '')}{shown}\n")
+        entry = "# " + f"{key}: not set" if value is None else f"#{key} = {toml(value)}"
+        lines.append(f"{_comment_lines(field.description or '')}{entry}\n")
     return "".join(lines)
 
 
-def _prose(text: str) -> str:
+def _comment_lines(text: str) -> str:
     if not text:
         return ""
     return (
         textwrap.fill(
-            text, WIDTH, initial_indent="#   ", subsequent_indent="#   ", break_on_hyphens=False
+            text,
+            LINE_WIDTH,
+            initial_indent="#   ",
+            subsequent_indent="#   ",
+            break_on_hyphens=False,
         )
         + "\n"
     )

@@ -10,10 +10,10 @@ import typer
 from rich.table import Table
 
 from planner.cli.arguments import Cluster, Workers, dry_run_option, out_option
-from planner.cli.output import facts, finish, job, resumable, say
+from planner.cli.output import explain_interruption, facts, finish, job, say
 from planner.sweep.description import Sweep
 from planner.sweep.design.design_file import StudyInput, read_design
-from planner.sweep.design.study import CASES, design_study
+from planner.sweep.design.study import CASES_FILE, design_study
 from planner.sweep.results import export, refuse_unexportable
 from planner.sweep.run import run_sweep
 
@@ -67,7 +67,7 @@ def sweep(
     path = Path(f"{file.stem}.sqlite") if db is None else db
     if export_to is not None:
         refuse_unexportable(export_to)
-    with resumable("cases", path), job() as progress:
+    with explain_interruption("cases", path), job() as progress:
         outcome = run_sweep(
             task, path, workers=workers, cluster=cluster, retry=retry or (), progress=progress
         )
@@ -133,7 +133,7 @@ def design(
     if dry_run:
         return _count_designs(read_design(file))
     folder = Path(file.stem) if out is None else out
-    with resumable("cases", folder / CASES), job() as progress:
+    with explain_interruption("cases", folder / CASES_FILE), job() as progress:
         study = design_study(file, folder, workers=workers, cluster=cluster, progress=progress)
         study.save(folder)
     parts: list[str | Table] = [study.title, "", study.table()]
@@ -141,21 +141,24 @@ def design(
     if refused := [(name, f"cannot be built: {why}") for name, why in whys if why]:
         parts += [facts(refused), ""]
     if study.bugs:
-        say(f"{study.bugs} cases met a bug; see the column 'traceback' of {folder / CASES}", "red")
+        say(
+            f"{study.bugs} cases met a bug; see the column 'traceback' of {folder / CASES_FILE}",
+            "red",
+        )
     status = 1 if study.bugs else 0 if study.recommended else 3
     data = {**study.to_dict(), "written": folder}
     return finish(data, *parts, study.reason, status=status)
 
 
-def _count_designs(asked: StudyInput) -> int:
-    runs = len(asked.pairs) * len(asked.methods)
-    refused = {each.name: each.refused for each in asked.designs if each.refused}
+def _count_designs(study: StudyInput) -> int:
+    runs = len(study.pairs) * len(study.methods)
+    refused = {each.name: each.refused for each in study.designs if each.refused}
     rows = [
-        ("designs", str(len(asked.designs))),
-        ("methods", ", ".join(asked.methods)),
+        ("designs", str(len(study.designs))),
+        ("methods", ", ".join(study.methods)),
         ("cases", str(runs)),
         *((name, f"cannot be built: {why}") for name, why in refused.items()),
     ]
-    counts = {"designs": len(asked.designs), "refused": refused, "runs": runs}
-    data = {"title": asked.title, "methods": asked.methods, **counts}
-    return finish(data, asked.title, facts(rows))
+    counts = {"designs": len(study.designs), "refused": refused, "runs": runs}
+    data = {"title": study.title, "methods": study.methods, **counts}
+    return finish(data, study.title, facts(rows))

@@ -37,7 +37,7 @@ from planner.support.progress import expect_listener
 from planner.support.statistics import LEAST_DIFFERENCE_DEG
 from planner.verification.verify import Check, verify
 
-MOTIONS = 1000
+KEPT_MOTIONS = 1000
 """Machines whose motions are kept of each row: enough for the band in a figure."""
 
 Progress = Callable[[str, float], None]
@@ -89,26 +89,26 @@ def compare(
     expect_listener(progress)
     expect_problem(problem)
     numbers = sample_numbers(samples)
-    wanted = specs(problem, methods)
-    used = machine_for(problem.machine, machine)
+    requests = specs_of(problem, methods)
+    distribution = machine_for(problem.machine, machine)
     chosen = None if isinstance(samples, int) else tuple(numbers.tolist())
     if not threshold_deg >= 0:
         raise InputError(f"threshold_deg = {threshold_deg}: must be degrees, at least 0")
-    closed = [spec.label for spec in wanted if feedback]
-    closed = closed[-1:] if methods is None else closed
+    feedback_labels = [spec.label for spec in requests if feedback]
+    feedback_labels = feedback_labels[-1:] if methods is None else feedback_labels
     run = _ComparisonRun(
-        problem, used, numbers.tolist(), seed, closed, methods == ALL, time_limit_s
+        problem, distribution, numbers.tolist(), seed, feedback_labels, methods == ALL, time_limit_s
     )
     try:
-        for k, spec in enumerate(wanted):
-            run.add(spec, partial(_part, progress, k, len(wanted), spec.label))
+        for k, spec in enumerate(requests):
+            run.add(spec, partial(_report_share, progress, k, len(requests), spec.label))
     except KeyboardInterrupt:
         if not run.rows:
             raise
-    complete = run.done == len(wanted)
+    complete = run.finished_methods == len(requests)
     rows = tuple(run.rows)
     return Comparison(
-        problem, rows, used, len(numbers), seed, chosen, complete, float(threshold_deg)
+        problem, rows, distribution, len(numbers), seed, chosen, complete, float(threshold_deg)
     )
 
 
@@ -117,7 +117,7 @@ class _ComparisonRun:
 
     Attributes:
         rows: Those that are there; the last may lack its replay when interrupted.
-        done: Number of methods that are done with.
+        finished_methods: Number of methods that are done with.
     """
 
     def __init__(
@@ -126,50 +126,50 @@ class _ComparisonRun:
         machine: Machine,
         numbers: list[int],
         seed: int,
-        closed: Sequence[str],
+        feedback_labels: Sequence[str],
         tolerant: bool,
         time_limit_s: float | None,
     ) -> None:
-        self._problem, self._machine, self._closed_too = problem, machine, closed
+        self._problem, self._machine, self._feedback_labels = problem, machine, feedback_labels
         self._tolerant, self._time_limit_s = tolerant, time_limit_s
         self._numbers, self._seed = numbers, seed
         self.rows: list[Row] = []
-        self.done = 0
+        self.finished_methods = 0
 
     def add(self, spec: Spec, part: Progress) -> None:
         """Plan by one method and replay its plan."""
         part("planning", 0.0)
-        row = self._planned(spec)
+        row = self._plan(spec)
         self.rows.append(row)
         part("replaying", 0.5)
-        closed = spec.label in self._closed_too
-        half = 0.75 if closed else 1.0
-        self.rows[-1] = self._replayed(row, part, 0.5, half)
-        if closed and self.rows[-1].replay is not None:
-            self.rows.append(self._closed(row, partial(self._replayed, part=part, begin=half)))
+        with_feedback = spec.label in self._feedback_labels
+        half = 0.75 if with_feedback else 1.0
+        self.rows[-1] = self._replay(row, part, 0.5, half)
+        if with_feedback and self.rows[-1].replay is not None:
+            self.rows.append(self._feedback_row(row, partial(self._replay, part=part, begin=half)))
         part("done", 1.0)
-        self.done += 1
+        self.finished_methods += 1
 
-    def _planned(self, spec: Spec) -> Row:
+    def _plan(self, spec: Spec) -> Row:
         try:
-            return planned(self._problem, spec, self._time_limit_s, self._machine)
+            return plan_row(self._problem, spec, self._time_limit_s, self._machine)
         except InputError as error:  # of all methods some may not fit the problem
             if not self._tolerant:
                 raise
             why = str(error).splitlines()[0].removeprefix(f"{self._problem.source}: ")
             return Row(spec.label, spec.method, False, why)
 
-    def _closed(self, row: Row, replayed: Callable[[Row], Row]) -> Row:
+    def _feedback_row(self, row: Row, replay: Callable[[Row], Row]) -> Row:
         """The row with feedback of a plan, or why feedback cannot follow it."""
         assert row.plan is not None
         label, hindered = row.label + FEEDBACK, hindrance(row.plan, self._machine)
         try:
-            return replayed(replace(row, label=label, feedback=True, note=hindered or row.note))
+            return replay(replace(row, label=label, feedback=True, note=hindered or row.note))
         except UntrackableError as error:
-            closed = replace(row, label=label, feedback=True, solved=False, why=error.why)
-            return replace(closed, effort=np.nan, peak_u=(np.nan, np.nan))
+            refusal = replace(row, label=label, feedback=True, solved=False, why=error.why)
+            return replace(refusal, effort=np.nan, peak_u=(np.nan, np.nan))
 
-    def _replayed(self, row: Row, part: Progress, begin: float, end: float = 1.0) -> Row:
+    def _replay(self, row: Row, part: Progress, begin: float, end: float = 1.0) -> Row:
         if row.plan is None or not row.plan.executable:
             return row
         doing = "replaying with feedback" if row.feedback else "replaying"
@@ -185,7 +185,7 @@ class _ComparisonRun:
             self._seed,
             row.feedback,
             record_s=max(RECORD_S, row.plan.duration / 500),
-            motions=MOTIONS,
+            motions=KEPT_MOTIONS,
             progress=tell,
         )
         row = replace(row, replay=runs)
@@ -197,7 +197,7 @@ class _ComparisonRun:
         return replace(row, **machine_figures(runs))
 
 
-def specs(problem: Problem, methods: str | Sequence[str] | None) -> list[Spec]:
+def specs_of(problem: Problem, methods: str | Sequence[str] | None) -> list[Spec]:
     """What `compare` runs.
 
     Raises:
@@ -221,14 +221,14 @@ def default_methods(problem: Problem) -> list[str]:
     return [*out, f"collocation {COMPENSATED}"] if compensable(problem.system) else out
 
 
-def _part(
+def _report_share(
     progress: Progress | None, k: int, count: int, label: str, doing: str, share: float
 ) -> None:
     if progress is not None:
         progress(f"{doing} {label}", (k + share) / count)
 
 
-def planned(
+def plan_row(
     problem: Problem,
     spec: Spec,
     time_limit_s: float | None = None,
@@ -248,7 +248,7 @@ def planned(
     options, advice = dict(spec.options), ""
     if time_limit_s is not None:
         options = {"time_limit_s": time_limit_s, **options}
-    began = time.perf_counter()
+    start = time.perf_counter()
     try:
         plan, check = solve_and_check(
             problem,
@@ -257,22 +257,22 @@ def planned(
             compensated_for=machine,
             **options,
         )
-        took = time.perf_counter() - began
+        took = time.perf_counter() - start
         early = str(plan.notes.get("ended_early", ""))
-        why = early if plan.verified else _outside(plan.domain.singular_times_s)
+        why = early if plan.verified else _exit_text(plan.domain.singular_times_s)
     except NoPlanError as error:
-        took = time.perf_counter() - began
+        took = time.perf_counter() - start
         why, advice = _reason(problem, error), error.advice or ""
-        kept = _complete(error) or _too_short(problem, spec)
-        if kept is None:
+        motion = _whole_plan(error) or _plan_too_short(problem, spec)
+        if motion is None:
             row = Row(spec.label, spec.method, False, why)
             return replace(row, took_s=took, advice=advice)
-        plan, check = replace(kept[0], status=error.status, verified=False), kept[1]
-    row = Row.of(spec.label, spec.method, plan, check, why)
+        plan, check = replace(motion[0], status=error.status, verified=False), motion[1]
+    row = Row.from_plan(spec.label, spec.method, plan, check, why)
     return replace(row, took_s=took, advice=advice)
 
 
-def _complete(error: NoPlanError) -> tuple[Plan, Check] | None:
+def _whole_plan(error: NoPlanError) -> tuple[Plan, Check] | None:
     """The plan a refusal carries if it is a whole motion, not a solver's last iterate."""
     whole = isinstance(error, SingularError | VerificationError | InfeasibleError) or error.blamed
     if error.plan is None or not whole:
@@ -281,15 +281,15 @@ def _complete(error: NoPlanError) -> tuple[Plan, Check] | None:
     check = error.check if isinstance(error, VerificationError) else None
     check = check or verify(plan)
     # What is proven impossible may come with a motion that is not even one to the goal.
-    missed = any(v.label.startswith(("goal", "integration")) for v in check.violations)
-    return None if missed and isinstance(error, InfeasibleError) else (plan, check)
+    misses_goal = any(v.label.startswith(("goal", "integration")) for v in check.violations)
+    return None if misses_goal and isinstance(error, InfeasibleError) else (plan, check)
 
 
-STUDY_S = 5.0
+STUDY_LIMIT_S = 5.0
 """Longest wait for a motion that is refused already."""
 
 
-def _too_short(problem: Problem, spec: Spec) -> tuple[Plan, Check] | None:
+def _plan_too_short(problem: Problem, spec: Spec) -> tuple[Plan, Check] | None:
     """What a method makes of a time that is proven too short, for which `solve` never asks it."""
     method = find_method(spec.method)
     try:
@@ -298,7 +298,7 @@ def _too_short(problem: Problem, spec: Spec) -> tuple[Plan, Check] | None:
         return None
     except NoPlanError:
         pass
-    with time_limit(STUDY_S), suppress(NoPlanError, TimeUpError):
+    with time_limit(STUDY_LIMIT_S), suppress(NoPlanError, TimeUpError):
         plan = method.plan(problem, merged_options(problem, method, dict(spec.options)))
         return plan, verify(plan)
     return None
@@ -306,21 +306,21 @@ def _too_short(problem: Problem, spec: Spec) -> tuple[Plan, Check] | None:
 
 def _reason(problem: Problem, error: NoPlanError) -> str:
     if isinstance(error, SingularError) and error.plan is not None and error.times_s:
-        return _outside(error.times_s)
+        return _exit_text(error.times_s)
     if isinstance(error, VerificationError) and error.violations:
         more = len(error.violations) - 1
-        return _broken(error.violations[0]) + (f", and {more} more" if more else "")
+        return _violation_text(error.violations[0]) + (f", and {more} more" if more else "")
     first = error.reason.splitlines()[0].removeprefix(f"{problem.source}: ")
     # A sentence that introduces a list says nothing without it.
     return first.rpartition(". ")[0] if first.endswith(":") and ". " in first else first
 
 
-def _broken(violation: Violation) -> str:
+def _violation_text(violation: Violation) -> str:
     value, limit, unit = violation.shown(3)
     verb, allowed = violation.verbs
     return f"{violation.label} {verb} {value}{unit}, {allowed} {limit}"
 
 
-def _outside(times: Sequence[float]) -> str:
+def _exit_text(times: Sequence[float]) -> str:
     listed = ", ".join(f"{t:.3g}" for t in times[:4]) + (", ..." if len(times) > 4 else "")
     return f"leaves the chart's domain at t = {listed} s"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.comparison.rows import CLOSED, Row, columns, intervals, verdict
+from planner.comparison.rows import FEEDBACK_NOTE, Row, columns, intervals, verdict
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
@@ -137,26 +137,26 @@ class Comparison:
     def table(self) -> Table:
         """The table for a terminal, at most 100 columns wide: `rich.print(comparison.table())`."""
         return terminal_table(
-            self._with_advice(),
+            self._advised_columns(),
             self.rows,
-            caption=_explained(self),
+            caption=_caption(self),
             ruled=True,
             dim=lambda row: not row.solved,
         )
 
     def _repr_html_(self) -> str:
         """The table, as a notebook shows it."""
-        table = html_table(self._with_advice(), self.rows, self.problem.name)
-        return f"{table}<p><small>{escape(_explained(self))}</small></p>"
+        table = html_table(self._advised_columns(), self.rows, self.problem.name)
+        return f"{table}<p><small>{escape(_caption(self))}</small></p>"
 
-    def _with_advice(self) -> list[Column[Row]]:
+    def _advised_columns(self) -> list[Column[Row]]:
         """The columns, with what would help under each verdict."""
         tries = {label: f"\nTry: {advice}" for label, advice in self.advice.items()}
 
-        def told(row: Row) -> str:
+        def advice_text(row: Row) -> str:
             return verdict(row) + tries.get(row.label, "")
 
-        return [replace(c, value=told) if c.value is verdict else c for c in self.columns]
+        return [replace(c, value=advice_text) if c.value is verdict else c for c in self.columns]
 
     def markdown(self) -> str:
         """The table as Markdown text."""
@@ -164,8 +164,8 @@ class Comparison:
 
     def figures(self) -> dict[str, Figure]:
         """Figures by name: z, joints, inputs, arm, errors, effort, replay, as far as they apply."""
-        made: dict[str, Figure] = import_function("planner.report.folders.figures")(self)
-        return made
+        figures: dict[str, Figure] = import_function("planner.report.folders.figures")(self)
+        return figures
 
     def save(self, folder: str | Path, *, report: bool = False) -> Path:
         """Save table, figures, plans and data in a folder, all or nothing.
@@ -199,14 +199,14 @@ def command(comparison: Comparison, out: str | None = None, *, report: bool = Fa
     if settings is None:
         return None
     words = ["planner", "compare", comparison.problem.source]
-    named = dict.fromkeys(row.spec for row in comparison.rows)
+    methods = dict.fromkeys(row.spec for row in comparison.rows)
     closed = {row.spec for row in comparison.rows if row.feedback}
-    by_default = closed and len(named) > len(closed)
+    by_default = closed and len(methods) > len(closed)
     if not by_default:  # of methods that are named feedback closes all that it can
-        words += ["--methods", ",".join(named)]
+        words += ["--methods", ",".join(methods)]
     words += ["--feedback"] * bool(closed)
-    for drawn in comparison.chosen or ():
-        words += ["--sample", str(drawn)]
+    for sample in comparison.chosen or ():
+        words += ["--sample", str(sample)]
     if comparison.chosen is None:
         words += ["--samples", str(comparison.samples)]
     words += ["--seed", str(comparison.seed)]
@@ -235,8 +235,8 @@ def _settings(comparison: Comparison) -> dict[str, Any] | None:
     if settings is None:
         return None
     usual = Machine.from_table(problem.machine).to_dict()
-    own = machine.to_dict()
-    changed = {f"machine.{key}": own[key] for key in own if own[key] != usual[key]}
+    table = machine.to_dict()
+    changed = {f"machine.{key}": table[key] for key in table if table[key] != usual[key]}
     return {**settings, **changed}
 
 
@@ -259,7 +259,7 @@ def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, A
 
 def comparison_markdown(comparison: Comparison) -> str:
     """Markdown text with a heading, the table, what it says, and how to make it again."""
-    shown = [*comparison.columns, *intervals(comparison.problem.system)]
+    columns = [*comparison.columns, *intervals(comparison.problem.system)]
     repeat = command(comparison)
     again = (
         f"Made by:\n\n    {clean_text(repeat)}\n"
@@ -272,12 +272,12 @@ def comparison_markdown(comparison: Comparison) -> str:
     tries = [
         f"- Try, for {markdown_code(k)}: {clean_text(v)}" for k, v in comparison.advice.items()
     ]
-    said = [*tries, ""] if tries else []
-    after = ["", *said, _explained(comparison), "", *_worst(comparison), again]
-    return "\n".join([heading, markdown_table(shown, comparison.rows), *after])
+    advice = [*tries, ""] if tries else []
+    after = ["", *advice, _caption(comparison), "", *_worst_machines(comparison), again]
+    return "\n".join([heading, markdown_table(columns, comparison.rows), *after])
 
 
-def _worst(comparison: Comparison) -> list[str]:
+def _worst_machines(comparison: Comparison) -> list[str]:
     """The machine with the largest error of each plan, and the command that replays it alone."""
     lines = [
         f"- {markdown_code(row.label)}: E {number(float(row.replay.index_E_deg.max()))} deg"
@@ -293,17 +293,17 @@ def _worst(comparison: Comparison) -> list[str]:
 def comparison_csv(comparison: Comparison) -> str:
     """One line per method, full precision, empty where a number is not defined."""
     # The inputs' peaks come after what is one number a row, as they always did.
-    shown = sorted(comparison.columns, key=lambda c: c.title.startswith("|u"))
-    return csv_table([*shown, *intervals(comparison.problem.system)], comparison.rows)
+    columns = sorted(comparison.columns, key=lambda c: c.title.startswith("|u"))
+    return csv_table([*columns, *intervals(comparison.problem.system)], comparison.rows)
 
 
-def _explained(comparison: Comparison) -> str:
+def _caption(comparison: Comparison) -> str:
     return (
         "effort: integral of u1^2 + u2^2 dt; E: largest joint error on the machine at any time"
         " (eq. 29), end: at the end; median and 95th"
         f" percentile over {comparison.samples} machines ({comparison.machine.preset}), seed"
         f" {comparison.seed}, the same machines for every plan; took: planning and verification;"
         " refused plans that can be executed are replayed for study."
-        + (CLOSED if any(row.feedback for row in comparison.rows) else "")
+        + (FEEDBACK_NOTE if any(row.feedback for row in comparison.rows) else "")
         + "".join(f" {row.label}: {row.note}." for row in comparison.rows if row.note)
     )

@@ -19,7 +19,7 @@ TINY_DEG = 1e-9
 """What is smaller is rounding."""
 
 
-def _signed(value: float) -> str:
+def _signed_number(value: float) -> str:
     if abs(value) < TINY_DEG:
         return "0"
     return f"{value:+.3g}" if np.isfinite(value) else "-"
@@ -40,9 +40,9 @@ def _verdict(d: Difference) -> str:
 COLUMNS: list[Column[Difference]] = [
     Column("plan", "", lambda d: d.first, key="first", left=True, code=True),
     Column("against", "", lambda d: d.second, key="second", left=True, code=True),
-    Column("difference (deg)", "", lambda d: d.median_deg, _signed, key="median_deg"),
-    Column("from", "", lambda d: d.interval_deg[0], _signed, key="interval_low_deg"),
-    Column("to", "", lambda d: d.interval_deg[1], _signed, key="interval_high_deg"),
+    Column("difference (deg)", "", lambda d: d.median_deg, _signed_number, key="median_deg"),
+    Column("from", "", lambda d: d.interval_deg[0], _signed_number, key="interval_low_deg"),
+    Column("to", "", lambda d: d.interval_deg[1], _signed_number, key="interval_high_deg"),
     Column("better on", "", lambda d: d.first_better, _percent, key="first_better"),
     Column("p_value", "", lambda d: d.p_value, None),
     Column("p (Holm)", "", lambda d: d.p_corrected, "{:.2g}".format, key="p_corrected"),
@@ -55,12 +55,12 @@ COLUMNS: list[Column[Difference]] = [
 def rich_differences(comparison: Comparison) -> Table | None:
     """The best plan against every other, for a terminal; None with fewer than two plans."""
     best = comparison.best
-    found = [_seen_from(best, d) for d in comparison.differences if best in (d.first, d.second)]
-    if not found:
+    pairs = [_reverse(best, d) for d in comparison.differences if best in (d.first, d.second)]
+    if not pairs:
         return None
     return terminal_table(
         COLUMNS[1:],
-        found,
+        pairs,
         ruled=True,
         title=f"{best} against the others, machine by machine",
         caption="difference: median over the machines of E minus the other plan's E, with its 95 %"
@@ -68,7 +68,7 @@ def rich_differences(comparison: Comparison) -> Table | None:
     )
 
 
-def _seen_from(label: str, d: Difference) -> Difference:
+def _reverse(label: str, d: Difference) -> Difference:
     """The same with this plan as the first."""
     if d.first == label:
         return d

@@ -92,7 +92,7 @@ class Row(PlanFigures):
     advice: str = ""
 
     @classmethod
-    def of(cls, label: str, method: str, plan: Plan, check: Check, why: str = "") -> Row:
+    def from_plan(cls, label: str, method: str, plan: Plan, check: Check, why: str = "") -> Row:
         """What is known of a plan before it is replayed.
 
         Args:
@@ -153,7 +153,7 @@ def machine_figures(run: Replay, *, sweep: bool = False) -> dict[str, Any]:
     return {n: f.replay(run) for n, f in known if f.replay and (f.sweep or not sweep)}
 
 
-CLOSED = (
+FEEDBACK_NOTE = (
     " Rows with feedback: the same plan with feedback by the tracker; effort is the median"
     " effort of its commands, |u1| and |u2| are the largest motor speeds on any machine."
 )
@@ -189,12 +189,12 @@ def _columns(system: TriangularSystem, files: bool) -> Iterator[Column[Row]]:
         if not one.headings:
             yield _fact(name)
         for k, head in enumerate(one.headings):
-            value = attrgetter(name) if len(one.headings) == 1 else _part(name, k)
+            value = attrgetter(name) if len(one.headings) == 1 else _component(name, k)
             unit, key = head.unit_of(system), head.key or name
             yield Column(head.title, unit, value, digits(head.digits), key=key)
 
 
-def _part(name: str, k: int) -> Callable[[Row], float]:
+def _component(name: str, k: int) -> Callable[[Row], float]:
     return lambda row: float(getattr(row, name)[k])
 
 
@@ -205,5 +205,5 @@ def _fact(name: str) -> Column[Row]:
 
 def sweep_columns() -> list[str]:
     """Names of the numbers that sweeps keep of a plan and of its replays, as in CSV."""
-    kept = {name: one for name, one in figures(Row).items() if one.sweep}
-    return [key for n, f in kept.items() for key in ([h.key or n for h in f.headings] or [n])]
+    names = {name: one for name, one in figures(Row).items() if one.sweep}
+    return [key for n, f in names.items() for key in ([h.key or n for h in f.headings] or [n])]

@@ -13,11 +13,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from planner.explorer.state import JOINTS, State
+from planner.explorer.state import JOINTS_KEY, State
 from planner.problem.feasibility import travel_window
 from planner.problem.problem import Problem
 from planner.problem.tables.kinds import parse_file
-from planner.report.figures.style import as_words
+from planner.report.figures.style import readable_name
 from planner.systems.chained_form import chained_form
 
 Kind = Literal["slider", "choice", "switch"]
@@ -72,7 +72,7 @@ class Control:
         """Unique on the screen, and the same while the screen keeps its shape."""
         return ":".join([self.key, *map(str, self.part)])
 
-    def written(self, value: Any) -> Any:
+    def new_value(self, value: Any) -> Any:
         """The key's new value when this control is set to `value` (None: switched off)."""
         if self.kind == "switch":
             return bool(value)
@@ -80,7 +80,7 @@ class Control:
             return self.writes[self.choices.index(value)] if self.writes else value
         if value is None:
             return self.off
-        number = round(float(value)) if self.integer else rounded(float(value))
+        number = round(float(value)) if self.integer else round_digits(float(value))
         if not self.part:
             return number
         whole = copy.deepcopy(self.whole)
@@ -97,12 +97,12 @@ class Control:
         return {**plain, "name": self.name, "choices": list(self.choices)}
 
 
-def rounded(value: float, digits: int = 6) -> float:
+def round_digits(value: float, digits: int = 6) -> float:
     """A number with so many significant digits, as a slider should write it."""
     return float(f"{value:.{digits}g}")
 
 
-def span(value: float, factor: float = 10.0) -> tuple[float, float]:
+def log_range(value: float, factor: float = 10.0) -> tuple[float, float]:
     """Ends of a logarithmic slider about a positive value, at one significant digit."""
     low, high = (10.0 ** np.floor(np.log10(v)) for v in (value / factor, value * factor))
     return float(low), float(np.ceil(value * factor / high) * high)
@@ -111,33 +111,38 @@ def span(value: float, factor: float = 10.0) -> tuple[float, float]:
 def travel_range(problem: Problem) -> tuple[float, float, float]:
     """Least and greatest travel of the slider, and one between them."""
     window = travel_window(problem)
-    given = problem.travel
+    travel = problem.travel
     if window is not None and not window.empty and np.isfinite(window.high):
         margin = 0.3 * (window.high - window.low)
         low, high = window.low - margin, window.high + margin
         middle = (window.low + window.high) / 2
     else:
-        middle = 0.0 if given is None else given
+        middle = 0.0 if travel is None else travel
         reach = max(1.0, abs(middle))
         low, high = middle - reach, middle + reach
-    if given is not None:
-        low, high = min(low, given), max(high, given)
-    return rounded(low, 4), rounded(high, 4), middle
+    if travel is not None:
+        low, high = min(low, travel), max(high, travel)
+    return round_digits(low, 4), round_digits(high, 4), middle
 
 
 def z2_reach(problem: Problem) -> float:
     """A |z₂| beyond what the problem's ends have, for the range of a slider."""
     form = chained_form(problem.system)
     ends = [form.z(np.nan_to_num(q))[1] for q in (problem.start, problem.goal)]
-    return rounded(max(1e-3, 2 * float(np.max(np.abs(ends)))), 2)
+    return round_digits(max(1e-3, 2 * float(np.max(np.abs(ends)))), 2)
 
 
 GROUPS = {"system": "System", "start": "Start", "goal": "Goal"}
 
-MOST_SHOWN = 6
+MAX_JOINTS = 6
 """Joints on the slider: with more of them no answer comes while one looks at the screen."""
 
-REACH: Mapping[str, float] = {"theta": 89.0, "steering": 80.0, "hitch": 120.0, "heading": 180.0}
+ANGLE_ENDS: Mapping[str, float] = {
+    "theta": 89.0,
+    "steering": 80.0,
+    "hitch": 120.0,
+    "heading": 180.0,
+}
 """Ends of sliders of angles, degrees."""
 
 UNITS = {
@@ -157,7 +162,7 @@ UNITS = {
 """Unit by the ending of a key; the longest first."""
 
 
-def worded(key: str) -> tuple[str, str]:
+def key_words(key: str) -> tuple[str, str]:
     """Words and unit of a key: "input_rate_rad_s2" gives ("input rate", "rad/s²")."""
     for ending, unit in UNITS.items():
         if key.endswith(ending):
@@ -165,20 +170,20 @@ def worded(key: str) -> tuple[str, str]:
     return key.replace("_", " "), ""
 
 
-ELSEWHERE = frozenset({"phi_rad", "travel", "duration"})
+EXCLUDED_KEYS = frozenset({"phi_rad", "travel", "duration"})
 """Has a control of its own, or (the disk's first angle) changes no motion."""
 
 
 def task_controls(state: State, travel_key: str) -> list[Control]:
     """One slider a number of the tables `system`, `start` and `goal`."""
     file, first = parse_file(state.base.to_dict(), state.base.source), State(state.base)
-    found: list[Control] = []
+    controls: list[Control] = []
     for table, group in GROUPS.items():
         fields = getattr(file, table)
         about = {(f.alias or n): f.description or "" for n, f in type(fields).model_fields.items()}
         for name, base in fields.model_dump(by_alias=True).items():
             key = f"{table}.{name}"
-            if name in ELSEWHERE or key == travel_key:
+            if name in EXCLUDED_KEYS or key == travel_key:
                 continue
             inner = base if isinstance(base, Mapping) else {"": base}
             for ending, usual in inner.items():
@@ -186,13 +191,13 @@ def task_controls(state: State, travel_key: str) -> list[Control]:
                     continue
                 whole_key = f"{key}.{ending}".rstrip(".")
                 now, usual = state.value(whole_key, usual), first.value(whole_key, usual)
-                found += _sliders(group, whole_key, now, usual, about[name])
-    return found
+                controls += _sliders(group, whole_key, now, usual, about[name])
+    return controls
 
 
 def _sliders(group: str, key: str, now: Any, usual: Any, help_text: str) -> Iterator[Control]:
     """One for the number under a key, or one for each in its list; none for anything else."""
-    name, unit = worded(key.rsplit(".", 1)[-1])
+    name, unit = key_words(key.rsplit(".", 1)[-1])
     listed = isinstance(now, list)
     for k, value in enumerate(now if listed else [now]):
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -205,17 +210,17 @@ def _sliders(group: str, key: str, now: Any, usual: Any, help_text: str) -> Iter
         if listed:  # the first joint has a motor of its own, so that gears begin with K2
             number = k + (2 if name == "K" else 1)
             counted = f"{label.removesuffix('s')} {number}"
-            known = {"theta": as_words(f"theta{number}"), "K": as_words(f"K{number}")}
+            known = {"theta": readable_name(f"theta{number}"), "K": readable_name(f"K{number}")}
             label = f"tip {'xy'[k]}" if name == "tip" else known.get(name, counted)
-        if key == JOINTS:
-            ends: tuple[float, float] = (2, max(MOST_SHOWN, value))
+        if key == JOINTS_KEY:
+            ends: tuple[float, float] = (2, max(MAX_JOINTS, value))
         elif group == GROUPS["system"]:
-            ends = span(size, 3.0)
+            ends = log_range(size, 3.0)
         else:
-            reach = max(size, REACH.get(name, 89.0) if unit == "deg" else max(1.0, 2 * size))
+            reach = max(size, ANGLE_ENDS.get(name, 89.0) if unit == "deg" else max(1.0, 2 * size))
             ends = (-reach, reach)
-        constant = group == GROUPS["system"] and key != JOINTS
+        constant = group == GROUPS["system"] and key != JOINTS_KEY
         yield Control(
             group, label, "slider", key, now, (k,) if listed else (), value, *ends,
-            log=constant, integer=key == JOINTS, unit=unit, help=help_text,
+            log=constant, integer=key == JOINTS_KEY, unit=unit, help=help_text,
         )  # fmt: skip

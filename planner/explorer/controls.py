@@ -14,7 +14,14 @@ from typing import Any, Literal, get_args, get_origin
 import numpy as np
 from pydantic.fields import FieldInfo
 
-from planner.explorer.control import Control, rounded, span, travel_range, worded, z2_reach
+from planner.explorer.control import (
+    Control,
+    key_words,
+    log_range,
+    round_digits,
+    travel_range,
+    z2_reach,
+)
 from planner.explorer.state import State
 from planner.machine.feedforward.aim import compensable
 from planner.machine.machine import Machine
@@ -25,23 +32,23 @@ from planner.problem.tables.kinds import parse_file
 from planner.problem.tables.machine_effects import EFFECTS, Effect, MachineTable
 from planner.problem.tables.method_options import NO_SLIDER, Slider
 
-MOTION = "Goal"
-PATH = "Method"
-TASK = ("system.", "start.", "goal.theta", "goal.heading", "goal.q")
+GOAL_TITLE = "Goal"
+METHOD_TITLE = "Method"
+TASK_KEYS = ("system.", "start.", "goal.theta", "goal.heading", "goal.q")
 """What decides which travels are possible."""
 
-POINTS = "method.polynomial.points"
+POINTS_KEY = "method.polynomial.points"
 
 
 def motion_controls(state: State, problem: Problem, plan: Plan | None) -> list[Control]:
     """Travel and duration, the method, and for the polynomial its constraint points."""
-    found = [_travel(state, problem, plan), _duration(state, plan), _method(state)]
-    return found + (_points(state, problem, plan) if state.method == "polynomial" else [])
+    controls = [_travel(state, problem, plan), _duration(state, plan), _method(state)]
+    return controls + (_points(state, problem, plan) if state.method == "polynomial" else [])
 
 
 def _method(state: State) -> Control:
     return Control(
-        PATH,
+        METHOD_TITLE,
         "method",
         "choice",
         "method",
@@ -55,20 +62,20 @@ def _method(state: State) -> Control:
 def _travel(state: State, problem: Problem, plan: Plan | None) -> Control:
     key = problem.travel_key
     whole = state.value(key, "free")
-    asked = any(key.startswith(TASK) and key != problem.travel_key for key in state.changes)
-    low, high, middle = travel_range(problem if asked else state.base)
+    is_fixed = any(key.startswith(TASK_KEYS) and key != problem.travel_key for key in state.changes)
+    low, high, middle = travel_range(problem if is_fixed else state.base)
     travel = middle if plan is None else plan.travel
-    shown = float(problem.travel_change(travel)[key]) if whole == "free" else whole
+    position = float(problem.travel_change(travel)[key]) if whole == "free" else whole
     ends = [float(problem.travel_change(end)[key]) for end in (low, high)]
     coordinate = problem.system.coordinates[0]
-    label = "travel" if key.endswith("travel") else worded(key.rsplit(".", 1)[-1])[0]
+    label = "travel" if key.endswith("travel") else key_words(key.rsplit(".", 1)[-1])[0]
     return Control(
-        MOTION,
+        GOAL_TITLE,
         label,
         "slider",
         key,
         whole,
-        shown=shown,
+        shown=position,
         low=ends[0],
         high=ends[1],
         unit=coordinate.unit,
@@ -82,15 +89,15 @@ def _travel(state: State, problem: Problem, plan: Plan | None) -> Control:
 def _duration(state: State, plan: Plan | None) -> Control:
     whole = state.value("goal.duration", 10.0)
     usual = 10.0 if state.base.duration is None else state.base.duration
-    shown = whole if whole != "free" else usual if plan is None else plan.duration
+    position = whole if whole != "free" else usual if plan is None else plan.duration
     low, high = usual / 10, usual * 4
     return Control(
-        MOTION,
+        GOAL_TITLE,
         "duration",
         "slider",
         "goal.duration",
         whole,
-        shown=shown,
+        shown=position,
         low=low,
         high=high,
         log=True,
@@ -103,16 +110,16 @@ def _duration(state: State, plan: Plan | None) -> Control:
 
 
 def _points(state: State, problem: Problem, plan: Plan | None) -> list[Control]:
-    whole = state.value(POINTS, [])
+    whole = state.value(POINTS_KEY, [])
     words = ["none", "one", "two", "auto"]
     duration = problem.duration or (10.0 if plan is None else plan.duration)
     count = 3 if whole == "auto" else min(len(whole), 2)
-    found = [
+    controls = [
         Control(
-            PATH,
+            METHOD_TITLE,
             "constraint points",
             "choice",
-            POINTS,
+            POINTS_KEY,
             whole,
             shown=words[count],
             choices=words,
@@ -121,27 +128,31 @@ def _points(state: State, problem: Problem, plan: Plan | None) -> list[Control]:
         )
     ]
     if whole == "auto":
-        return found
+        return controls
     reach = z2_reach(state.base)
     for k, point in enumerate(whole):
         name = f"point {k + 1}" if len(whole) > 1 else "point"
         ends = ("time", 0.01 * duration, 0.99 * duration, "s"), ("z2", -reach, reach, "")
         for part, (what, low, high, unit) in enumerate(ends):
-            label, ends_of = f"{name}: {what}", (point[part], rounded(low), rounded(high))
-            found.append(
-                Control(PATH, label, "slider", POINTS, whole, (k, part), *ends_of, unit=unit)
+            label, ends_of = f"{name}: {what}", (point[part], round_digits(low), round_digits(high))
+            controls.append(
+                Control(
+                    METHOD_TITLE, label, "slider", POINTS_KEY, whole, (k, part), *ends_of, unit=unit
+                )
             )
-    return found
+    return controls
 
 
 def _new_points(count: int, duration: float, plan: Plan | None) -> list[list[float]]:
     """Points on the present path, so that adding one does not move it."""
     times = duration * np.arange(1, count + 1) / (count + 1)
     values = np.zeros(count) if plan is None else plan.z(times)[:, 1]
-    return [[rounded(float(t)), rounded(float(z))] for t, z in zip(times, values, strict=True)]
+    return [
+        [round_digits(float(t)), round_digits(float(z))] for t, z in zip(times, values, strict=True)
+    ]
 
 
-MACHINE = "Machine"
+MACHINE_TITLE = "Machine"
 
 
 def machine_controls(state: State, problem: Problem) -> list[Control]:
@@ -150,15 +161,16 @@ def machine_controls(state: State, problem: Problem) -> list[Control]:
     Effects that act in dynamic fidelity alone are left out in the quasi-static one.
     """
     count = Control(
-        MACHINE, "machines", "slider", "samples", state.samples, shown=state.samples, high=200,
-        integer=True, help="number of random machines on which the plan is replayed; 0: none",
+        MACHINE_TITLE, "machines", "slider", "samples", state.samples, shown=state.samples,
+        high=200, integer=True,
+        help="number of random machines on which the plan is replayed; 0: none",
     )  # fmt: skip
     first = Machine.from_table(state.base.machine)
     now = Machine.from_table(problem.machine)
-    used = {**first.effects, **now.effects}
+    active = {**first.effects, **now.effects}
     static = now.fidelity == "quasi-static"
-    effects = [k for k, e in EFFECTS.items() if k in used and not (static and e.dynamic_only)]
-    return [count, *_compensation(state, problem), *(_effect(name, first, now) for name in effects)]
+    names = [k for k, e in EFFECTS.items() if k in active and not (static and e.dynamic_only)]
+    return [count, *_compensation(state, problem), *(_effect(name, first, now) for name in names)]
 
 
 def _compensation(state: State, problem: Problem) -> list[Control]:
@@ -171,7 +183,7 @@ def _compensation(state: State, problem: Problem) -> list[Control]:
         "plan commands that allow for the mean machine's backlash, shaft torsion, creep and lag"
     )
     label = "compensate for the machine"
-    return [Control(MACHINE, label, "switch", key, on, shown=on, help=help_text)]
+    return [Control(MACHINE_TITLE, label, "switch", key, on, shown=on, help=help_text)]
 
 
 def _effect(name: str, first: Machine, now: Machine) -> Control:
@@ -187,19 +199,19 @@ def _effect(name: str, first: Machine, now: Machine) -> Control:
     key = f"machine.{name}"
     if isinstance(number, list):
         return Control(
-            MACHINE, label, "choice", key, whole, shown="on" if on else "off",
+            MACHINE_TITLE, label, "choice", key, whole, shown="on" if on else "off",
             choices=["on", "off"], writes=[usual, False], help=help_text,
         )  # fmt: skip
-    shown = whole[part[0]] if part else whole
-    low, high = _ends(effect, float(number), spread=part == ("spread",))
+    position = whole[part[0]] if part else whole
+    low, high = _effect_range(effect, float(number), spread=part == ("spread",))
     return Control(
-        MACHINE,
+        MACHINE_TITLE,
         label,
         "slider",
         key,
         whole,
         part,
-        shown,
+        position,
         low,
         high,
         unit=effect.unit,
@@ -211,44 +223,44 @@ def _effect(name: str, first: Machine, now: Machine) -> Control:
 
 
 def _label(name: str, part: tuple[str, ...]) -> str:
-    return worded(name)[0] + (" (spread)" if part == ("spread",) else "")
+    return key_words(name)[0] + (" (spread)" if part == ("spread",) else "")
 
 
-def _ends(effect: Effect, usual: float, *, spread: bool) -> tuple[float, float]:
+def _effect_range(effect: Effect, usual: float, *, spread: bool) -> tuple[float, float]:
     """From (almost) nothing to three times the usual value."""
     low = 0.1 * usual if effect.positive and not spread else 0.0
     high = 3 * usual
-    return rounded(low, 3), rounded(high if spread else min(high, effect.high), 3)
+    return round_digits(low, 3), round_digits(high if spread else min(high, effect.high), 3)
 
 
-LIMITS = "Limits"
+LIMITS_TITLE = "Limits"
 
-USUAL: Mapping[str, float] = {"deg": 80.0, "": 0.01, "m": 0.02}
+USUAL_LIMITS: Mapping[str, float] = {"deg": 80.0, "": 0.01, "m": 0.02}
 """Where a limit starts when it is switched on, by unit; 1 of other units."""
 
 
 def limit_controls(state: State, problem: Problem) -> list[Control]:
     """One slider per limit, or one per input where the problem gives two numbers."""
     table = parse_file(state.base.to_dict(), state.base.source).limits
-    found = []
+    controls = []
     for name, field in type(table).model_fields.items():
         key = f"limits.{name}"
         whole = state.value(key)
         if isinstance(whole, Mapping):
             continue
-        label, unit = worded(name)
+        label, unit = key_words(name)
         about = {"help": field.description or "", "unit": unit}
-        start = State(state.base).value(key, USUAL.get(unit, 1.0))
+        start = State(state.base).value(key, USUAL_LIMITS.get(unit, 1.0))
         if not isinstance(whole, list):
-            shown = _first(start) if whole is None else whole
+            position = _first(start) if whole is None else whole
             off = {"on": whole is not None, "off": None, "off_word": "none"}
-            found.append(_slider(label, key, whole, (), shown, _first(start), **about, **off))
+            controls.append(_slider(label, key, whole, (), position, _first(start), **about, **off))
             continue
-        names = _names(problem, name, len(whole))
+        names = _coordinate_names(problem, name, len(whole))
         for k, value in enumerate(whole):
             usual = start[k] if isinstance(start, list) and len(start) == len(whole) else value
-            found.append(_slider(f"{label} {names[k]}", key, whole, (k,), value, usual, **about))
-    return found
+            controls.append(_slider(f"{label} {names[k]}", key, whole, (k,), value, usual, **about))
+    return controls
 
 
 def _slider(
@@ -257,13 +269,23 @@ def _slider(
     if rest["unit"] == "deg":
         ends, log = (1.0, max(89.0, usual)), False
     else:
-        ends, log = span(usual), True
+        ends, log = log_range(usual), True
     return Control(
-        LIMITS, label, "slider", key, whole, part, shown, low=ends[0], high=ends[1], log=log, **rest
+        LIMITS_TITLE,
+        label,
+        "slider",
+        key,
+        whole,
+        part,
+        shown,
+        low=ends[0],
+        high=ends[1],
+        log=log,
+        **rest,
     )
 
 
-def _names(problem: Problem, name: str, count: int) -> list[str]:
+def _coordinate_names(problem: Problem, name: str, count: int) -> list[str]:
     if name.startswith("input") and count == 2:
         return [i.name for i in problem.system.inputs]
     return [c.name for c in problem.system.coordinates[1 : count + 1]]
@@ -273,21 +295,21 @@ def _first(value: Any) -> float:
     return float(value[0] if isinstance(value, list) else value)
 
 
-METHOD = "Solver"
+SOLVER_TITLE = "Solver"
 
 
 def option_controls(state: State, plan: Plan | None) -> list[Control]:
     """One control per option of the present method."""
     table = METHODS[state.method].options
-    found = []
+    controls = []
     for name, field in table.model_fields.items():
         key = f"method.{state.method}.{name}"
         default = field.get_default(call_default_factory=True)
         whole = state.value(key, default)
         control = _control(name, key, whole, default, field, plan)
         if control is not None:
-            found.append(replace(control, help=field.description or ""))
-    return found
+            controls.append(replace(control, help=field.description or ""))
+    return controls
 
 
 def _control(
@@ -298,26 +320,37 @@ def _control(
     if ends is NO_SLIDER:
         return None
     if annotation is bool:
-        return Control(METHOD, label, "switch", key, whole, shown=bool(whole))
+        return Control(SOLVER_TITLE, label, "switch", key, whole, shown=bool(whole))
     if get_origin(annotation) is Literal:
         words = list(get_args(annotation))
-        return Control(METHOD, label, "choice", key, whole, shown=whole, choices=words)
-    number = whole if isinstance(whole, int | float) else _noted(plan, name)
+        return Control(SOLVER_TITLE, label, "choice", key, whole, shown=whole, choices=words)
+    number = whole if isinstance(whole, int | float) else _chosen_value(plan, name)
     plain = isinstance(default, int | float)
     if isinstance(whole, list) or not (plain or ends):
         return None
     off = {} if plain else {"on": whole != default, "off": default, "off_word": default or "auto"}
     log = ends is None and default > 0
-    usual = span(float(default)) if log else (0.0, 1.0)
+    usual = log_range(float(default)) if log else (0.0, 1.0)
     low, high = usual if ends is None else (ends.low, ends.high)
     integer = isinstance(low, int)
-    shown = low if number is None else number
+    position = low if number is None else number
     return Control(
-        METHOD, label, "slider", key, whole, (), shown, low, high, log=log, integer=integer, **off
+        SOLVER_TITLE,
+        label,
+        "slider",
+        key,
+        whole,
+        (),
+        position,
+        low,
+        high,
+        log=log,
+        integer=integer,
+        **off,
     )
 
 
-def _noted(plan: Plan | None, name: str) -> float | None:
+def _chosen_value(plan: Plan | None, name: str) -> float | None:
     """The value that the method chose by itself, from the notes of its plan."""
-    noted = None if plan is None else plan.notes.get(name)
-    return float(noted) if isinstance(noted, int | float) else None
+    value = None if plan is None else plan.notes.get(name)
+    return float(value) if isinstance(value, int | float) else None

@@ -68,27 +68,27 @@ def path(state: State) -> ScreenOutcome:
     with time_limit(getattr(options, "time_limit_s", None) or state.time_limit_s) as span:
         try:
             refuse_too_short(problem)
-            wanted = problem.compensation.on
-            with time_share(SEARCH_SHARE if wanted else 1.0, condition=holds_answer):
+            compensates = problem.compensation.on
+            with time_share(SEARCH_SHARE if compensates else 1.0, condition=holds_answer):
                 plan = method.plan(problem, options)
-            if wanted and plan.status != "singular":
+            if compensates and plan.status != "singular":
                 plan = compensate_in_time(*judge_plan(plan), None, problem.compensation)[0]
             return ScreenOutcome(state, problem, plan, judged=plan.verified)
         except InputError as error:
             return ScreenOutcome(state, problem, None, error, judged=True)
         except TimeUpError:
-            said = f"{problem.source}: {span.why} ended the method '{method.name}' before it had"
-            refusal: NoPlanError = TimeLimitError(f"{said} a plan", advice=MORE_TIME_ADVICE)
+            reason = f"{problem.source}: {span.why} ended the method '{method.name}' before it had"
+            refusal: NoPlanError = TimeLimitError(f"{reason} a plan", advice=MORE_TIME_ADVICE)
         except NoPlanError as error:
             refusal = error
         if span.ended_by:
             refusal.status = "stopped"
-        shown = refusal.plan
-        if shown is None:
+        motion = refusal.plan
+        if motion is None:
             with suppress(TimeUpError):
-                shown = _for_study(problem, method, options)
-        shown = None if shown is None else replace(shown, status=refusal.status)
-        return ScreenOutcome(state, problem, shown, refusal, judged=True)
+                motion = _study_path(problem, method, options)
+        motion = None if motion is None else replace(motion, status=refusal.status)
+        return ScreenOutcome(state, problem, motion, refusal, judged=True)
 
 
 def judge(outcome: ScreenOutcome) -> ScreenOutcome:
@@ -118,15 +118,15 @@ def errors(outcome: ScreenOutcome) -> Replay | None:
         return None
     record = max(2 * RECORD_S, plan.duration / 200)
 
-    def in_time(*_: int) -> None:
+    def check_time(*_: int) -> None:
         deadline.check()
 
     with time_limit(state.time_limit_s), suppress(TimeUpError):
-        return replay(plan, None, state.samples, 0, record_s=record, progress=in_time)
+        return replay(plan, None, state.samples, 0, record_s=record, progress=check_time)
     return None
 
 
-def _for_study(problem: Problem, method: Method, options: Any) -> Plan | None:
+def _study_path(problem: Problem, method: Method, options: Any) -> Plan | None:
     """A path that the method would take if the reason of the refusal did not count."""
     if "allow_singular" in method.options.model_fields:
         options = options.model_copy(update={"allow_singular": True})
@@ -138,8 +138,8 @@ def _for_study(problem: Problem, method: Method, options: Any) -> Plan | None:
             return method.plan(task, options)
         except NoPlanError as error:
             if error.plan is not None:
-                drawn: Plan = error.plan
-                return drawn
+                plan: Plan = error.plan
+                return plan
         except InputError:
             pass
     return None

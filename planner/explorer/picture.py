@@ -6,23 +6,23 @@ from typing import Any
 
 import numpy as np
 
-from planner.explorer.controls import POINTS
+from planner.explorer.controls import POINTS_KEY
 from planner.explorer.outcome import ScreenOutcome
 from planner.machine.replay import Replay
 from planner.plan.plan import Plan
-from planner.report.figures.arm import body, drawable, tips_to_pass
+from planner.report.figures.arm import body_points, can_draw, tips_to_pass
 from planner.report.figures.style import colour_numbers, times
 from planner.report.panels import (
     FIGURES,
     Panel,
     PlanCurves,
     merge,
-    over_time,
     screen_data,
+    time_panel,
     to_screen_digits,
 )
 
-SAMPLES = 160
+CURVE_SAMPLES = 160
 """Instants a curve is drawn by, where it is not finer by itself."""
 
 POSES = 10
@@ -41,56 +41,56 @@ def picture(outcome: ScreenOutcome) -> dict[str, Any]:
     if plan is None:
         return {"plans": [], "panels": []}
     name = f"{plan.method} compensated" if plan.compensates else plan.method
-    one = PlanCurves(0, plan, times(plan, SAMPLES))
+    one = PlanCurves(0, plan, times(plan, CURVE_SAMPLES))
     system = plan.problem.system
     fit = [figure for figure in FIGURES.values() if figure.fits(system)]
-    found = {p["id"]: p for figure in fit for p in merge(figure.panels([one]))}
-    _add_words(found, one)
-    if drawable(system):
-        found["plane"] = _plane(one)
-    drawn = {
+    panels = {p["id"]: p for figure in fit for p in merge(figure.panels([one]))}
+    _add_words(panels, one)
+    if can_draw(system):
+        panels["plane"] = _plane(one)
+    curve = {
         "label": plan.method,
         "refused": outcome.error is not None,
         "colour": colour_numbers([name])[name],
         "duration": plan.duration,
         "t": to_screen_digits(one.t),
     }
-    return {"plans": [drawn], "panels": [screen_data(panel) for panel in found.values()]}
+    return {"plans": [curve], "panels": [screen_data(panel) for panel in panels.values()]}
 
 
-def _add_words(found: dict[str, Panel], one: PlanCurves) -> None:
+def _add_words(panels: dict[str, Panel], one: PlanCurves) -> None:
     """What the screen has besides: handles, the margin's limit, words beside the titles."""
     problem = one.plan.problem
     margin = problem.limits.z2_margin
-    found["z2"] |= {
+    panels["z2"] |= {
         "zero": True,
         "handles": _handles(one.plan),
         "limits": [problem.z2_sign * margin] if margin else [],
     }
-    if "band" in found["z2"]:
-        found["z2"]["band"]["name"] = "a real θ₁ exists"
-    for panel in (p for p in found.values() if p["id"].startswith("inputs")):
+    if "band" in panels["z2"]:
+        panels["z2"]["band"]["name"] = "a real θ₁ exists"
+    for panel in (p for p in panels.values() if p["id"].startswith("inputs")):
         panel |= {"zero": True, "note": _peaks(panel)}
-    if "map" in found:
-        found["map"]["key"].insert(0, ["path", "path"])
+    if "map" in panels:
+        panels["map"]["key"].insert(0, ["path", "path"])
     for key, title in TITLES.items():
-        if key in found and (key == "z2" or len(found[key]["series"]) > 1):
-            found[key]["title"] = title
+        if key in panels and (key == "z2" or len(panels[key]["series"]) > 1):
+            panels[key]["title"] = title
 
 
 def error_panel(run: Replay | None) -> dict[str, Any] | None:
     """The largest error of any angle over time, on the machines: median and 90 % of them."""
     if run is None or not run.angles:
         return None
-    wanted = run.plan.wanted(run.t)  # not a number while a compensated plan prepares
-    begun = np.isfinite(wanted).all(axis=1)
-    error = np.rad2deg(np.abs(run.q - wanted)[:, begun][:, :, list(run.angles)]).max(axis=2)
+    target = run.plan.wanted(run.t)  # not a number while a compensated plan prepares
+    under_way = np.isfinite(target).all(axis=1)
+    error = np.rad2deg(np.abs(run.q - target)[:, under_way][:, :, list(run.angles)]).max(axis=2)
     low, middle, high = np.percentile(error, [5, 50, 95], axis=0)
-    panel = over_time(
+    panel = time_panel(
         "error",
         "error",
         "deg",
-        [{"plan": 0, "y": middle, "name": "median machine", "t": run.t[begun]}],
+        [{"plan": 0, "y": middle, "name": "median machine", "t": run.t[under_way]}],
         band={"low": low, "high": high, "name": "90 % of the machines"},
         note=f"E median {run.percentile(50):.3g} deg, 95 % {run.percentile(95):.3g} deg",
         zero=True,
@@ -103,10 +103,13 @@ def _handles(plan: Plan) -> list[dict[str, Any]]:
     if plan.method != "polynomial":
         return []
     options = plan.options["points"]
-    given = isinstance(options, list)
-    points = options if given else plan.notes.get("points", [])
+    can_drag = isinstance(options, list)
+    points = options if can_drag else plan.notes.get("points", [])
     return [
-        {"at": list(point), "names": [f"{POINTS}:{k}:0", f"{POINTS}:{k}:1"] if given else None}
+        {
+            "at": list(point),
+            "names": [f"{POINTS_KEY}:{k}:0", f"{POINTS_KEY}:{k}:1"] if can_drag else None,
+        }
         for k, point in enumerate(points)
     ]
 
@@ -122,8 +125,8 @@ def _peaks(panel: Panel) -> str:
 
 def _plane(one: PlanCurves) -> Panel:
     plan = one.plan
-    poses = body(plan.problem, plan.q(np.linspace(0, plan.duration, POSES)))
-    path = body(plan.problem, one.q)[:, -1]
+    poses = body_points(plan.problem, plan.q(np.linspace(0, plan.duration, POSES)))
+    path = body_points(plan.problem, one.q)[:, -1]
     arm = hasattr(plan.problem.system, "arm_points")
     unit = "link lengths" if arm else "m"
     return {

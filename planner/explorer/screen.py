@@ -60,7 +60,7 @@ class Screen:
             now = self.state.value(control.key)
             if control.part and isinstance(now, type(control.whole)):
                 control = replace(control, whole=now)
-            self.state = self.state.with_value(control.key, control.written(value))
+            self.state = self.state.with_value(control.key, control.new_value(value))
         before = list(self.controls)
         with suppress(InputError):
             self._rebuild(self.state.problem(), None)
@@ -86,7 +86,7 @@ class Screen:
     def reset(self) -> None:
         """Back to the problem the exploration started from."""
         now = self.state
-        self.state = State.of(now.base, now.method, now.samples, now.time_limit_s)
+        self.state = State.from_problem(now.base, now.method, now.samples, now.time_limit_s)
         self.plan_anew()
 
     def judge(self) -> None:
@@ -156,14 +156,14 @@ class Screen:
 
     def _rebuild(self, problem: Problem, plan: Plan | None) -> None:
         state = self.state
-        found = [
+        controls = [
             *task_controls(state, problem.travel_key),
             *motion_controls(state, problem, plan),
             *limit_controls(state, problem),
             *option_controls(state, plan),
             *machine_controls(state, problem),
         ]
-        self.controls = {control.name: control for control in found}
+        self.controls = {control.name: control for control in controls}
 
 
 def path_line(outcome: ScreenOutcome, took_s: float) -> str:

@@ -17,7 +17,7 @@ import tomli_w
 
 from planner.problem.problem import Problem
 
-QUICK: Mapping[str, Any] = {
+QUICK_SETTINGS: Mapping[str, Any] = {
     "method.collocation.starts": 1,
     "method.collocation.attempts": 2,
     "machine.step_s": 0.01,
@@ -26,7 +26,7 @@ QUICK: Mapping[str, Any] = {
 so that answers come in time; the problem file and the code say so, as of any other change."""
 
 
-JOINTS = "system.joints"
+JOINTS_KEY = "system.joints"
 
 PER_JOINT = {
     "system.K": 1,
@@ -58,20 +58,20 @@ class State:
     time_limit_s: float | None = None
 
     @classmethod
-    def of(
+    def from_problem(
         cls, problem: Problem, method: str, samples: int, time_limit_s: float | None = None
     ) -> State:
         """The state an exploration starts from."""
         data = problem.to_dict()
-        quick = {key: value for key, value in QUICK.items() if value_at(data, key) is None}
+        quick = {key: value for key, value in QUICK_SETTINGS.items() if value_at(data, key) is None}
         return cls(problem, method, quick, samples, time_limit_s)
 
     def value(self, key: str, otherwise: Any = None) -> Any:
         """Present value of a dotted key; `otherwise` where the problem does not say it."""
         if key in self.changes:
             return self.changes[key]
-        found = value_at(self._data, key)
-        return otherwise if found is None else found
+        value = value_at(self._data, key)
+        return otherwise if value is None else value
 
     def with_value(self, key: str, value: Any) -> State:
         """This state with one key set."""
@@ -79,12 +79,12 @@ class State:
             return replace(self, method=value)
         if key == "samples":
             return replace(self, samples=int(value))
-        more = self._resized(int(value)) if key == JOINTS else {}
+        more = self._resize(int(value)) if key == JOINTS_KEY else {}
         return replace(self, changes={**self.changes, **more, key: value})
 
-    def _resized(self, joints: int) -> dict[str, Any]:
+    def _resize(self, joints: int) -> dict[str, Any]:
         """What else changes with the number of joints: a joint more is like the last one."""
-        found: dict[str, Any] = {}
+        changes: dict[str, Any] = {}
         for key, lacking in PER_JOINT.items():
             now, base, count = self.value(key), value_at(self._data, key), joints - lacking
             if not isinstance(now, list):
@@ -94,13 +94,13 @@ class State:
             ratio = now[-1] / now[-2] if lacking and len(now) > 1 else None
             while len(now) < count:
                 now.append(now[-1] * ratio if ratio else now[-1])
-            found[key] = now[:count]
+            changes[key] = now[:count]
         if points := self.value("waypoints"):
             free = ["free"] * joints
-            found["waypoints"] = [
+            changes["waypoints"] = [
                 {**point, "theta_deg": [*point["theta_deg"], *free][:joints]} for point in points
             ]
-        return found
+        return changes
 
     def problem(self) -> Problem:
         """The problem on the screen, without the changes to options of other methods.
@@ -108,17 +108,17 @@ class State:
         Raises:
             InputError: If a change makes it impossible.
         """
-        return self.base.changed(self._concerning())
+        return self.base.changed(self._method_changes())
 
-    def told(self) -> dict[str, Any]:
+    def changes_from_base(self) -> dict[str, Any]:
         """The changes worth telling: those of `problem` that differ from the base."""
         return {
             key: value
-            for key, value in self._concerning().items()
+            for key, value in self._method_changes().items()
             if value_at(self._data, key) != value
         }
 
-    def _concerning(self) -> dict[str, Any]:
+    def _method_changes(self) -> dict[str, Any]:
         """Changes that concern this method."""
         return {
             key: value
@@ -151,22 +151,22 @@ def code(state: State) -> str:
 
 
 def _problem(state: State) -> list[str]:
-    told = state.told()
+    changes = state.changes_from_base()
     if Path(state.base.source).is_file():
         source = state.base.source.replace("\\", "/")
-        if not told:
+        if not changes:
             return [f'problem = planner.load_problem("{source}")']
         return [
-            f"changes = {_written(told)}",
+            f"changes = {_literal(changes)}",
             f'problem = planner.load_problem("{source}", changes)',
         ]
     return [
-        f"data = {_written(without_none(state.problem().to_dict()))}",
+        f"data = {_literal(drop_none(state.problem().to_dict()))}",
         "problem = planner.Problem.from_dict(data)",
     ]
 
 
-def _written(value: Any) -> str:
+def _literal(value: Any) -> str:
     text = pformat(value, width=92, sort_dicts=False)
     return text if "\n" not in text else "{\n " + text[1:-1] + ",\n}"
 
@@ -177,7 +177,7 @@ def problem_file(state: State) -> str:
     Raises:
         InputError: If a change makes the problem impossible.
     """
-    data = without_none(state.problem().to_dict())
+    data = drop_none(state.problem().to_dict())
     return f"# planner plan FILE --method {state.method}\n" + _one_line(tomli_w.dumps(data))
 
 
@@ -188,16 +188,16 @@ _LIST_OF_LISTS = re.compile(r"\[\n((?: +\[[^\n\[\]]*\],\n)+) *\]")
 def _one_line(text: str) -> str:
     """TOML with each list of numbers or words on one line, and lists of such lists likewise."""
 
-    def joined(found: re.Match[str]) -> str:
-        return "[" + " ".join(line.strip() for line in found[1].splitlines()).rstrip(",") + "]"
+    def join(match: re.Match[str]) -> str:
+        return "[" + " ".join(line.strip() for line in match[1].splitlines()).rstrip(",") + "]"
 
-    return _LIST_OF_LISTS.sub(joined, _LIST.sub(joined, text))
+    return _LIST_OF_LISTS.sub(join, _LIST.sub(join, text))
 
 
-def without_none(data: Mapping[str, Any]) -> dict[str, Any]:
+def drop_none(data: Mapping[str, Any]) -> dict[str, Any]:
     """Tables without the keys that say nothing: TOML has no null."""
     return {
-        key: without_none(value) if isinstance(value, Mapping) else value
+        key: drop_none(value) if isinstance(value, Mapping) else value
         for key, value in data.items()
         if value is not None
     }

@@ -18,30 +18,30 @@ from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.report.charts.scripts import script, stylesheet
 
-QUICK_S = 0.05
+INLINE_ERRORS_S = 0.05
 """Errors on the machine that took less than this come with the picture; others follow it."""
 
 logger = logging.getLogger("planner")
 
-ROOM = "planner.explorer"
+PACKAGE = "planner.explorer"
 SCRIPTS = ("static/controls.js", "static/explorer.js")
 
 
 class Explorer(anywidget.AnyWidget):
     """A picture of one problem whose sliders plan it anew; made by `planner.explore`."""
 
-    _esm = script(ROOM, SCRIPTS)
-    _css = stylesheet(ROOM, "static/explorer.css")
+    _esm = script(PACKAGE, SCRIPTS)
+    _css = stylesheet(PACKAGE, "static/explorer.css")
 
     def __init__(
         self, problem: Problem, method: str, samples: int, time_limit_s: float | None
     ) -> None:
         super().__init__()
-        self._state = State.of(problem, method, samples, time_limit_s)
-        self._made: Screen | None = None
+        self._state = State.from_problem(problem, method, samples, time_limit_s)
+        self._shown_screen: Screen | None = None
         self._errors_s = 0.0
-        self._asking: Future[None] | None = None
-        self.on_msg(self._asked)
+        self._answer_in_work: Future[None] | None = None
+        self.on_msg(self._hear)
 
     def __repr__(self) -> str:
         return f"Explorer({self._state.base.name!r}: sliders, where Jupyter is running)"
@@ -77,20 +77,20 @@ class Explorer(anywidget.AnyWidget):
     @property
     def _screen(self) -> Screen:
         """What is shown; planned in the worker, when it is first asked for."""
-        if self._made is None:
-            self._made = Screen(self._state)
-        return self._made
+        if self._shown_screen is None:
+            self._shown_screen = Screen(self._state)
+        return self._shown_screen
 
     def _texts(self) -> dict[str, str]:
         return self._screen.texts()
 
-    def _asked(self, _: Any, content: Mapping[str, Any], buffers: Any) -> None:
+    def _hear(self, _: Any, content: Mapping[str, Any], buffers: Any) -> None:
         """Hear one message of the browser, which waits for the answer, come what may."""
         if content.get("ask") == "stop":
-            if self._asking is not None:
-                worker().stop(self._asking, at_once=bool(content.get("at_once")))
+            if self._answer_in_work is not None:
+                worker().stop(self._answer_in_work, at_once=bool(content.get("at_once")))
         else:
-            self._asking = worker().do(lambda: self._reply(content))
+            self._answer_in_work = worker().do(lambda: self._reply(content))
 
     def _reply(self, content: Mapping[str, Any]) -> None:
         try:
@@ -106,14 +106,14 @@ class Explorer(anywidget.AnyWidget):
     def _answer(self, content: Mapping[str, Any]) -> dict[str, Any]:
         screen, what = self._screen, content.get("ask")
         if what == "texts":
-            return {**screen.texts(), "todo": self._todo(errors=False)}
+            return {**screen.texts(), "todo": self._next_steps(errors=False)}
         if what == "mechanism":
-            return {**screen.mechanism(), "todo": self._todo(errors=False)}
+            return {**screen.mechanism(), "todo": self._next_steps(errors=False)}
         if what == "judge":
             screen.judge()
             return {**screen.words(), "todo": []}
         if what == "errors":
-            return {"error": self._errors(), "todo": self._todo(errors=False)}
+            return {"error": self._errors(), "todo": self._next_steps(errors=False)}
         if what == "change":
             try:
                 others = screen.set([(name, value) for name, value in content["changes"]])
@@ -128,16 +128,16 @@ class Explorer(anywidget.AnyWidget):
         return self._picture()
 
     def _picture(self) -> dict[str, Any]:
-        quick = self._errors_s < QUICK_S
+        quick = self._errors_s < INLINE_ERRORS_S
         errors = {"error": self._errors()} if quick else {}
-        return {**self._screen.picture(), **errors, "todo": self._todo(errors=not quick)}
+        return {**self._screen.picture(), **errors, "todo": self._next_steps(errors=not quick)}
 
     def _errors(self) -> dict[str, Any] | None:
-        began = time.perf_counter()
-        found = self._screen.errors()
-        self._errors_s = time.perf_counter() - began if found else self._errors_s
-        return found
+        start = time.perf_counter()
+        panel = self._screen.errors()
+        self._errors_s = time.perf_counter() - start if panel else self._errors_s
+        return panel
 
-    def _todo(self, *, errors: bool) -> list[str]:
+    def _next_steps(self, *, errors: bool) -> list[str]:
         judge = [] if self._screen.outcome.judged else ["judge"]
         return (["errors"] if errors else []) + judge

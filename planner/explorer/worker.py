@@ -18,7 +18,7 @@ Value = TypeVar("Value")
 
 Job = tuple[Callable[[], Any], Context, Future[Any]]
 
-BUTTON = "the Stop button"
+STOP_BUTTON = "the Stop button"
 
 CLOSE_S = 5.0
 """Longest wait for the thread when Python ends."""
@@ -31,9 +31,9 @@ class PlanningThread:
     """
 
     def __init__(self) -> None:
-        self._todo: SimpleQueue[Job | None] = SimpleQueue()
-        self._doing: Job | None = None
-        self._unwanted: set[Future[Any]] = set()
+        self._queue: SimpleQueue[Job | None] = SimpleQueue()
+        self._current: Job | None = None
+        self._stopped: set[Future[Any]] = set()
         self._thread = threading.Thread(target=self._run, name="explorer", daemon=True)
         self._thread.start()
         atexit.register(self._close)
@@ -41,42 +41,42 @@ class PlanningThread:
     def do(self, work: Callable[[], Value]) -> Future[Value]:
         """Do this, after all that was asked for before."""
         future: Future[Value] = Future()
-        self._todo.put((work, copy_context(), future))
+        self._queue.put((work, copy_context(), future))
         return future
 
     def stop(self, future: Future[Any], at_once: bool) -> None:
         """End what was asked for, unless at once with what it has found so far, if anything."""
-        self._unwanted.add(future)
-        if self._doing is not None and self._doing[2] is future:
-            self._end(self._doing[1], at_once)
+        self._stopped.add(future)
+        if self._current is not None and self._current[2] is future:
+            self._end(self._current[1], at_once)
 
     def _end(self, context: Context, at_once: bool) -> None:
-        if at_once or not deadline.stop(context, BUTTON):
-            deadline.end(context, BUTTON)
+        if at_once or not deadline.stop(context, STOP_BUTTON):
+            deadline.end(context, STOP_BUTTON)
 
     def _run(self) -> None:
-        while (job := self._todo.get()) is not None:
-            work, context, future = self._doing = job
+        while (job := self._queue.get()) is not None:
+            work, context, future = self._current = job
             try:
-                future.set_result(context.run(self._within, work, future))
+                future.set_result(context.run(self._run_limited, work, future))
             except BaseException as error:
                 future.set_exception(error)
-            self._doing = None
-            self._unwanted.discard(future)
+            self._current = None
+            self._stopped.discard(future)
 
-    def _within(self, work: Callable[[], Value], future: Future[Value]) -> Value:
+    def _run_limited(self, work: Callable[[], Value], future: Future[Value]) -> Value:
         """Work in a block of its own; what was stopped before it began ends where time is asked."""
         with deadline.time_limit(None):
-            if future in self._unwanted:
-                deadline.end(copy_context(), BUTTON)
+            if future in self._stopped:
+                deadline.end(copy_context(), STOP_BUTTON)
             return work()
 
     def _close(self) -> None:
         """End the thread before Python ends: compiled code must not find it gone."""
-        self._todo.put(None)
+        self._queue.put(None)
         until = time.monotonic() + CLOSE_S
         while self._thread.is_alive() and time.monotonic() < until:
-            if (doing := self._doing) is not None:  # and then what was waiting
+            if (doing := self._current) is not None:  # and then what was waiting
                 self._end(doing[1], at_once=True)
             self._thread.join(0.05)
 

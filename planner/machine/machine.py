@@ -380,7 +380,7 @@ IDEAL: Mapping[str, Any] = MappingProxyType({"step_s": 0.001})
 PROTOTYPE: Mapping[str, Any] = MappingProxyType(
     {
         "step_s": 0.001,
-        # Not fitted (planner.paper.statements.FIXED says why they are what they are).
+        # Not fitted (planner.paper.statements.FIXED_PARAMETERS says why they are what they are).
         "control_period_s": 0.01,
         "delay_s": 0.005,
         "velocity_resolution_rad_s": 0.001,

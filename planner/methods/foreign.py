@@ -19,12 +19,12 @@ from planner.support.tables import line, shorten
 from planner.support.user_tables import parse
 from planner.verification.verify import verify
 
-LONGEST = 300
+LONGEST_MESSAGE = 300
 """Characters of a foreign error's message."""
 
 
 @dataclass(frozen=True)
-class Foreign:
+class MethodOwner:
     """Who brings a method.
 
     Attributes:
@@ -50,7 +50,7 @@ class Foreign:
         except (NoPlanError, TimeUpError):
             raise
         except (Exception, SystemExit) as error:
-            why = line(f"{type(error).__name__}: {error}", LONGEST)
+            why = line(f"{type(error).__name__}: {error}", LONGEST_MESSAGE)
             raise self.error(f"failed: {why}", traceback.format_exc()) from error
 
 
@@ -58,7 +58,7 @@ class Foreign:
 class ForeignPlans:
     """Makes plans by a function of another package: plans that can be judged, replayed and kept."""
 
-    owner: Foreign
+    owner: MethodOwner
     function: Callable[..., Any]
 
     def __call__(self, problem: Problem, options: Any, *near: Plan) -> Plan:
@@ -91,7 +91,7 @@ class ForeignPlans:
 class ForeignKeeps:
     """What a method of another package says that it keeps."""
 
-    owner: Foreign
+    owner: MethodOwner
     keeps: Keeps
 
     def __call__(self, problem: Problem, demand: Demand, part: Part) -> Keeping:

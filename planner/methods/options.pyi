@@ -46,9 +46,8 @@ class Collocation(SolveKeywords, total=False):
     effort_weight: float
     smoothness_weight: float
     edge_weight: float
-    start: Literal["auto", "straight", "polynomial", "convex", "bump", "reverse", "wander"]
+    start: Literal["auto", "straight", "bump", "reverse", "wander"]
     starts: int
-    variations: int
     attempts: int
     accuracy: float
     refinements: int

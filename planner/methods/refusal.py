@@ -56,17 +56,17 @@ class Change:
 BY_COLLOCATION = Change(method="collocation", words=", which plans in joint coordinates")
 
 
-def lasting(seconds: float) -> Change:
+def duration_change(seconds: float) -> Change:
     """The change to another duration, rounded up."""
-    return Change({"goal.duration": float(about(seconds))}, f"goal.duration = {about(seconds)}")
+    return Change({"goal.duration": float(rounded(seconds))}, f"goal.duration = {rounded(seconds)}")
 
 
-def free_travel(problem: Problem, without: str = "") -> list[Change]:
+def travel_changes(problem: Problem, without: str = "") -> list[Change]:
     """The travel left free, where it is given."""
     return [Change(problem.travel_change(None), without=without)][: problem.travel is not None]
 
 
-def within_reach(problem: Problem, reach: Reach) -> list[Change]:
+def reach_changes(problem: Problem, reach: Reach) -> list[Change]:
     """The tip at the nearest place within reach, where no joints' angles meet the goal."""
     tip, keys = problem.tip, dict[str, Any]()
     if tip is None or reach.branches or reach.blocked:
@@ -78,9 +78,9 @@ def within_reach(problem: Problem, reach: Reach) -> list[Change]:
     return [Change(keys)]
 
 
-def in_other_time(problem: Problem) -> list[Change]:
+def duration_changes(problem: Problem) -> list[Change]:
     """A free duration, a free travel, and both; of those that are given."""
-    free = free_travel(problem)
+    free = travel_changes(problem)
     timed = any(point.time_s is not None for point in problem.waypoints)
     if (
         problem.duration is None
@@ -92,7 +92,7 @@ def in_other_time(problem: Problem) -> list[Change]:
     return [duration, *free, *(Change({**duration.keys, **each.keys}) for each in free)]
 
 
-def on_other_paths(problem: Problem) -> list[Change]:
+def path_changes(problem: Problem) -> list[Change]:
     """One requirement on the path left out after the other, but for the travel."""
     limits, out = problem.to_dict().get("limits", {}), dict[str, Change]()
     for demand in reversed(problem.demands):
@@ -102,7 +102,7 @@ def on_other_paths(problem: Problem) -> list[Change]:
     return list(out.values())
 
 
-def about(value: float) -> str:
+def rounded(value: float) -> str:
     """A number rounded up to four digits or so."""
     scale = 10.0 ** (3 - int(np.floor(np.log10(value))))
     return f"{np.ceil(value * scale) / scale:.10g}"
@@ -111,16 +111,16 @@ def about(value: float) -> str:
 Attempt = Callable[[Change], Plan]
 """Plans with a change; may refuse."""
 
-TIMES, LEAST_S = 3.0, 10.0
+MOST_TIMES_REFUSAL, LEAST_S = 3.0, 10.0
 """All tries together take at most so many times as long as the refusal did, or so many seconds."""
 
-PART = 0.5
+TRY_SHARE = 0.5
 """Of the time left, what one try may take: what helps is most often among the first changes, and
 one that is as hard as what was asked must not keep the others from being tried."""
 
 
 @dataclass(frozen=True)
-class Tries:
+class TriedChanges:
     """What became of changes.
 
     Attributes:
@@ -136,7 +136,9 @@ class Tries:
     left: list[Change]
 
 
-def tried(changes: Sequence[Change], attempt: Attempt, told: Callable[[str], None]) -> Tries:
+def try_changes(
+    changes: Sequence[Change], attempt: Attempt, told: Callable[[str], None]
+) -> TriedChanges:
     """Try changes in order, each in its part of the time, until one leads to a verified plan."""
     vain, left = list[Change](), list[Change]()
     for change in changes:
@@ -145,7 +147,7 @@ def tried(changes: Sequence[Change], attempt: Attempt, told: Callable[[str], Non
             continue
         told(f"trying {change}")
         try:
-            with time_share(PART):
+            with time_share(TRY_SHARE):
                 plan = attempt(change)
         except (TimeUpError, TimeLimitError):
             left.append(change)
@@ -153,9 +155,9 @@ def tried(changes: Sequence[Change], attempt: Attempt, told: Callable[[str], Non
             vain.append(change)
         else:
             if plan.verified:
-                return Tries(change, plan, vain, left)
+                return TriedChanges(change, plan, vain, left)
             vain.append(change)
-    return Tries(None, None, vain, left)
+    return TriedChanges(None, None, vain, left)
 
 
 def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: float) -> Plan | None:
@@ -175,8 +177,8 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
     own = [change for change in error.changes if not change.method]
     if not own:
         return None
-    with time_limit(max(LEAST_S, TIMES * seconds), "the time for trying changes"):
-        tries = tried(own, attempt, lambda doing: progress.tell(f"no plan; {doing}"))
+    with time_limit(max(LEAST_S, MOST_TIMES_REFUSAL * seconds), "the time for trying changes"):
+        tries = try_changes(own, attempt, lambda doing: progress.tell(f"no plan; {doing}"))
     if tries.change is None or tries.plan is None:
         said = [error.otherwise] if error.otherwise else []
         if tries.vain:
@@ -189,20 +191,20 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
     broken = verify(shown).violations
     if not broken and not tries.change.defaults:
         return tries.plan
-    error.advise(f"{asked_instead(shown, broken) or tries.change} (tried)")
+    error.advise(f"{changed_words(shown, broken) or tries.change} (tried)")
     if tries.change.without:
         error.blame(tries.change.without, replace(shown, status=error.status), broken)
     return None
 
 
-def asked_instead(plan: Plan, broken: Sequence[Violation]) -> str:
+def changed_words(plan: Plan, broken: Sequence[Violation]) -> str:
     """What a problem would have to say for this to be a plan of it, given what it breaks now."""
     problem, parts = plan.problem, []
     found = [(*asked, v) for v in broken if (asked := problem.asking(v.label))]
     for kind in dict.fromkeys(type(demand) for demand in reversed(problem.demands)):
         own = [each for each in found if type(each[0]) is kind]
         if kind is Duration and own:
-            parts.append(f"goal.duration = {about(plan.duration)} or more")
+            parts.append(f"goal.duration = {rounded(plan.duration)} or more")
         elif kind is Goal and any(part.index == 0 for _, part, _ in own):
             ((key, value),) = problem.travel_change(plan.travel).items()
             parts.append(f"{key} = {value:.6g}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from planner.errors import InputError
 from planner.methods import keeping
-from planner.methods.foreign import Foreign, ForeignKeeps, ForeignPlans
+from planner.methods.foreign import ForeignKeeps, ForeignPlans, MethodOwner
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.problem.tables.kinds import (
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Later:
+class DeferredFunction:
     """Where a function is, whose module (and with it, say, OSQP) is imported when it is wanted."""
 
     module: str
@@ -67,21 +67,21 @@ class Method:
     name: str
     summary: str
     options: type[Any]
-    made_by: Callable[[Problem, Any], Plan] | Later
+    made_by: Callable[[Problem, Any], Plan] | DeferredFunction
     keeps: keeping.Keeps = keeping.nothing
-    remade_by: Callable[[Problem, Any, Plan], Plan] | Later | None = None
+    remade_by: Callable[[Problem, Any, Plan], Plan] | DeferredFunction | None = None
     refines: str | None = None
     finds_time: bool = False
 
     @property
     def plan(self) -> Callable[[Problem, Any], Plan]:
         """From problem and options to a plan that is not verified yet."""
-        return self.made_by() if isinstance(self.made_by, Later) else self.made_by
+        return self.made_by() if isinstance(self.made_by, DeferredFunction) else self.made_by
 
     @property
     def replan(self) -> Callable[[Problem, Any, Plan], Plan] | None:
         """The same as `plan` from a plan of a neighbouring problem, or None."""
-        return self.remade_by() if isinstance(self.remade_by, Later) else self.remade_by
+        return self.remade_by() if isinstance(self.remade_by, DeferredFunction) else self.remade_by
 
 
 _ALL = (
@@ -89,53 +89,53 @@ _ALL = (
         "polynomial",
         "the paper's method: v1 constant, v2 polynomial, with constraint points",
         PolynomialOptions,
-        Later("planner.methods.laws.polynomial", "plan_polynomial"),
+        DeferredFunction("planner.methods.laws.polynomial", "plan_polynomial"),
         keeping.law(keeping.one_leg),
     ),
     Method(
         "piecewise",
         "multirate: v1 constant, v2 piecewise constant",
         PiecewiseOptions,
-        Later("planner.methods.laws.piecewise", "plan_piecewise"),
+        DeferredFunction("planner.methods.laws.piecewise", "plan_piecewise"),
         keeping.law(keeping.slots),
     ),
     Method(
         "sinusoid",
         "one period of v1 = a0 + a1 sin wt, v2 = sum of bj cos jwt",
         SinusoidOptions,
-        Later("planner.methods.laws.sinusoids", "plan_sinusoid"),
+        DeferredFunction("planner.methods.laws.sinusoids", "plan_sinusoid"),
         keeping.law(keeping.smooth),
     ),
     Method(
         "sinusoid_steps",
         "z1 and z2 first, then one further coordinate in each period of sinusoids",
         SinusoidStepsOptions,
-        Later("planner.methods.laws.sinusoids", "plan_sinusoid_steps"),
+        DeferredFunction("planner.methods.laws.sinusoids", "plan_sinusoid_steps"),
         keeping.law(keeping.steps),
     ),
     Method(
         "collocation",
         "optimal plans in joint coordinates within all limits, by direct collocation",
         CollocationOptions,
-        Later("planner.methods.collocation.method", "plan_collocation"),
+        DeferredFunction("planner.methods.collocation.method", "plan_collocation"),
         keeping.collocation,
-        Later("planner.methods.collocation.method", "replan_collocation"),
+        DeferredFunction("planner.methods.collocation.method", "replan_collocation"),
         finds_time=True,
     ),
     Method(
         "convex",
         "globally optimal path in the chart with its gap, or a certificate that none exists",
         ConvexOptions,
-        Later("planner.methods.convex.method", "plan_convex"),
+        DeferredFunction("planner.methods.convex.method", "plan_convex"),
         keeping.convex,
     ),
     Method(
         "desensitised",
         "least response to errors of inputs, start and constants, traded against effort",
         DesensitisedOptions,
-        Later("planner.methods.desensitised.method", "plan_desensitised"),
+        DeferredFunction("planner.methods.desensitised.method", "plan_desensitised"),
         keeping.desensitised,
-        Later("planner.methods.desensitised.method", "plan_desensitised"),
+        DeferredFunction("planner.methods.desensitised.method", "plan_desensitised"),
         refines="collocation",
         finds_time=True,
     ),
@@ -214,7 +214,7 @@ def register_method(
     if why := next(_faults(entry), None):
         raise InputError(f"method '{name}' cannot be registered: {why}")
     add_method_table(name, options)
-    owner = Foreign(name, plugin_called() or f"module {line(str(plan.__module__))}")
+    owner = MethodOwner(name, plugin_called() or f"module {line(str(plan.__module__))}")
     METHODS[name] = replace(
         entry,
         made_by=ForeignPlans(owner, plan),

@@ -18,32 +18,32 @@ import numpy as np
 from planner.machine.machine import Machine
 from planner.machine.replay import Replay, replay
 from planner.paper.fit import (
+    DURATION_RATIOS,
     ENCODER_DEG,
     READ_DEG,
     READ_PERCENT,
-    SPEEDS,
-    Data,
+    DataSet,
     Fit,
     fit,
     identify,
-    leading,
+    main_parameters,
     to_preset_digits,
 )
 from planner.paper.statements import (
-    FITTED,
-    FIXED,
+    FITTED_PARAMETERS,
+    FIXED_PARAMETERS,
     SPREADS,
     STATEMENTS,
-    Fitted,
     PaperReplays,
+    Parameter,
     Statement,
     calibration_plan,
     move,
-    nominal,
+    nominal_machine,
 )
 from planner.plan.plan import Plan
 from planner.problem.tables.machine_effects import EFFECTS
-from planner.report.figures.style import COLOURS, GRID
+from planner.report.figures.style import COLOURS, GRID_STYLE
 from planner.support.files import folder
 from planner.support.progress import expect_listener
 from planner.support.tables import Column, Markup, markdown_table
@@ -71,7 +71,7 @@ class Calibration:
 
     plan: Plan
     fit: Fit
-    data: tuple[Data, ...]
+    data: tuple[DataSet, ...]
     motions: dict[str, PaperReplays]
     replays: dict[str, Replay]
 
@@ -84,14 +84,14 @@ class Calibration:
         """The preset's entries, the paper's statements, and what is identified; JSON-ready."""
         statements = [
             {"text": s.text, "target": s.target, "bound": s.bound, "unit": s.unit, "found": value}
-            for s, value in zip(STATEMENTS, self.fit.found.tolist(), strict=True)
+            for s, value in zip(STATEMENTS, self.fit.values.tolist(), strict=True)
         ]
         identified = [
             {
                 "data": d.name,
                 "rank": d.rank,
                 "singular_values": d.singular.tolist(),
-                "left": dict(zip(self.settings, d.left.tolist(), strict=True)),
+                "left": dict(zip(self.settings, d.remaining.tolist(), strict=True)),
             }
             for d in self.data
         ]
@@ -116,18 +116,18 @@ def calibrate(progress: Progress | None = None, seed: int = 0) -> Calibration:
     say("planning the paper's motion", 0.0)
     plan = calibration_plan()
     say("fitting", 0.05)
-    found = fit(plan)
+    result = fit(plan)
     say("identifiability", 0.5)
-    data = identify(plan, found)
+    data = identify(plan, result)
     say("replaying in both fidelities", 0.75)
-    machine = nominal(found.parameters)
-    spread = {name: setting(name, value) for name, value in found.parameters.items()}
+    machine = nominal_machine(result.parameters)
+    spread = {name: setting(name, value) for name, value in result.parameters.items()}
     motions, replays = {}, {}
     for fidelity in ("quasi-static", "dynamic"):
-        motions[fidelity] = move(plan, machine.with_(fidelity=fidelity), [found.parameters])
+        motions[fidelity] = move(plan, machine.with_(fidelity=fidelity), [result.parameters])
         many = Machine.prototype(step_s=machine.step_s, fidelity=fidelity, **spread)
         replays[fidelity] = replay(plan, many, MACHINES, seed, record_s=None)
-    return Calibration(plan, found, data, motions, replays)
+    return Calibration(plan, result, data, motions, replays)
 
 
 def write(calibration: Calibration, path: str | Path) -> Path:
@@ -173,7 +173,7 @@ method, at the travel of least peak input that stays inside the chart's domain.
 def page(
     fit: Fit,
     settings: Mapping[str, Any],
-    data: Sequence[Data],
+    data: Sequence[DataSet],
     motions: Mapping[str, PaperReplays],
     medians: Mapping[str, Sequence[float]],
     machines: int,
@@ -186,7 +186,7 @@ def page(
         data: How well each set of data determines the parameters.
         motions: The nominal machine, by fidelity.
         medians: Median of the largest error of each angle over machines with spreads, deg.
-        machines: How many.
+        machines: Number of machines.
     """
     return "\n".join(
         [
@@ -198,9 +198,9 @@ def page(
             "## Parameters\n",
             _parameters(settings, data),
             "## What can be identified\n",
-            _identified(data),
+            _identification(data),
             "## Not fitted\n",
-            _fixed(),
+            _fixed_parameters(),
         ]
     )
 
@@ -208,11 +208,11 @@ def page(
 def _statements(fit: Fit) -> str:
     columns: list[Column[tuple[Statement, float]]] = [
         Column("statement", "", lambda r: r[0].text, left=True),
-        Column("target", "", lambda r: r[0].wanted, left=True),
+        Column("target", "", lambda r: r[0].target_text, left=True),
         Column("standard deviation", "", lambda r: f"{r[0].tolerance:g} {r[0].unit}", left=True),
         Column("preset", "", lambda r: f"{r[1]:.2f} {r[0].unit}", left=True),
     ]
-    return markdown_table(columns, zip(STATEMENTS, fit.found, strict=True)) + "\n"
+    return markdown_table(columns, zip(STATEMENTS, fit.values, strict=True)) + "\n"
 
 
 def _fidelities(
@@ -246,25 +246,28 @@ def _fidelities(
     return markdown_table(columns, motions) + "\n\n" + text + more + "\n"
 
 
-def _parameters(settings: Mapping[str, Any], data: Sequence[Data]) -> str:
-    columns: list[Column[Fitted]] = [
+def _parameters(settings: Mapping[str, Any], data: Sequence[DataSet]) -> str:
+    columns: list[Column[Parameter]] = [
         Column("parameter", "", lambda r: r.name, left=True, code=True),
         Column("unit", "", lambda r: EFFECTS[r.name].unit or "1", left=True),
         Column("range", "95 %", lambda r: f"{r.low:g} ... {r.high:g}", left=True),
         Column("preset", "", lambda r: settings[r.name], _preset, left=True),
-        *(Column(d.name, "", partial(left, d), "{:.2f}".format, left=True) for d in data),
+        *(
+            Column(d.name, "", partial(remaining_share, d), "{:.2f}".format, left=True)
+            for d in data
+        ),
         Column("source of the range", "", lambda r: r.source, left=True),
     ]
     text = (
         "± is the spread between machines. The columns after it give the share of the range that is"
         " left when the data named there are known: 1 means not identifiable from these data.\n\n"
     )
-    return text + markdown_table(columns, FITTED) + "\n"
+    return text + markdown_table(columns, FITTED_PARAMETERS) + "\n"
 
 
-def left(data: Data, parameter: Fitted) -> float:
+def remaining_share(data: DataSet, parameter: Parameter) -> float:
     """Share of a parameter's range that is left when the data are known; 1: unidentifiable."""
-    return float(data.left[FITTED.index(parameter)])
+    return float(data.remaining[FITTED_PARAMETERS.index(parameter)])
 
 
 def _preset(value: Any) -> str:
@@ -273,7 +276,7 @@ def _preset(value: Any) -> str:
     return f"{value:g}"
 
 
-def _identified(data: Sequence[Data]) -> str:
+def _identification(data: Sequence[DataSet]) -> str:
     text = (
         "Singular values of the sensitivity of the observations to the parameters (dynamic"
         " fidelity). Observations are in units of their reading error, parameters in units of their"
@@ -281,26 +284,26 @@ def _identified(data: Sequence[Data]) -> str:
         " Along a direction with a value above 1 the data determine more than the range does; along"
         f" the others only the range is known. Reading errors: curves in a figure {READ_DEG:g} deg"
         f" and {READ_PERCENT:g} % of the peak; encoders {ENCODER_DEG:g} deg, at"
-        f" {', '.join(f'{f:g}' for f in SPEEDS)} times the duration. The bound on theta2 is left"
-        " out: an inequality gives no value.\n\n"
+        f" {', '.join(f'{f:g}' for f in DURATION_RATIOS)} times the duration. The bound on theta2"
+        " is left out: an inequality gives no value.\n\n"
     )
-    columns: list[Column[Data]] = [
+    columns: list[Column[DataSet]] = [
         Column("data", "", lambda d: d.name, left=True),
         Column("numbers", "", lambda d: d.count, left=True),
-        Column("identified directions", "", lambda d: f"{d.rank} of {len(d.left)}", left=True),
+        Column("identified directions", "", lambda d: f"{d.rank} of {len(d.remaining)}", left=True),
         Column(
             "largest singular values",
             "",
             lambda d: ", ".join(f"{s:.3g}" for s in d.singular[:8]),
             left=True,
         ),
-        Column("parameters not identified", "> 0.9", _blind, left=True),
+        Column("parameters not identified", "> 0.9", _unidentified, left=True),
     ]
     table = markdown_table(columns, data) + "\n"
-    said = data[0]
+    words = data[0]
     lines = [
-        f"{k + 1}. s = {said.singular[k]:.3g}: "
-        + ", ".join(f"{part:+.2f} `{name}`" for name, part in leading(said, k).items())
+        f"{k + 1}. s = {words.singular[k]:.3g}: "
+        + ", ".join(f"{part:+.2f} `{name}`" for name, part in main_parameters(words, k).items())
         for k in range(3)
     ]
     return (
@@ -315,24 +318,24 @@ def _identified(data: Sequence[Data]) -> str:
     )
 
 
-def _listed(numbers: Any) -> str:
+def _join_numbers(numbers: Any) -> str:
     return ", ".join(f"{x:.3g}" for x in numbers)
 
 
-def _blind(data: Data) -> Markup:
-    names = [f"`{r.name}`" for r in FITTED if left(data, r) > 0.9]
+def _unidentified(data: DataSet) -> Markup:
+    names = [f"`{r.name}`" for r in FITTED_PARAMETERS if remaining_share(data, r) > 0.9]
     return Markup("; ".join(names) or "none")
 
 
-def _fixed() -> str:
+def _fixed_parameters() -> str:
     effects = Machine.prototype().to_dict()
     columns: list[Column[str]] = [
         Column("parameter", "", str, left=True, code=True),
         Column("preset", "", lambda name: effects[name], _preset, left=True),
         Column("unit", "", lambda name: EFFECTS[name].unit or "1", left=True),
-        Column("why", "", lambda name: FIXED[name], left=True),
+        Column("why", "", lambda name: FIXED_PARAMETERS[name], left=True),
     ]
-    return markdown_table(columns, FIXED) + "\n"
+    return markdown_table(columns, FIXED_PARAMETERS) + "\n"
 
 
 def _slashed(numbers: Any) -> str:
@@ -342,7 +345,7 @@ def _slashed(numbers: Any) -> str:
 DASHES = {"quasi-static": "-", "dynamic": "--"}
 
 
-def picture(plan: Plan, motions: Mapping[str, PaperReplays], data: Sequence[Data]) -> Figure:
+def picture(plan: Plan, motions: Mapping[str, PaperReplays], data: Sequence[DataSet]) -> Figure:
     """Errors of the joints, speeds of the motors, and the remaining share of each range."""
     from matplotlib.figure import Figure
 
@@ -351,11 +354,11 @@ def picture(plan: Plan, motions: Mapping[str, PaperReplays], data: Sequence[Data
     errors: Any = figure.add_subplot(grid[0, 0])
     motors: Any = figure.add_subplot(grid[1, 0], sharex=errors)
     for axes in (errors, motors):
-        axes.grid(**GRID)
+        axes.grid(**GRID_STYLE)
         axes.spines[["top", "right"]].set_visible(False)
     _errors(errors, motions)
     _motors(motors, plan, motions)
-    _left(figure.add_subplot(grid[:, 1]), data)
+    _draw_remaining(figure.add_subplot(grid[:, 1]), data)
     return figure
 
 
@@ -387,13 +390,13 @@ def _motors(ax: Any, plan: Plan, motions: Mapping[str, PaperReplays]) -> None:
     ax.legend(fontsize=7, ncols=2)
 
 
-def _left(ax: Any, data: Sequence[Data]) -> None:
-    share = np.array([d.left for d in data]).T
+def _draw_remaining(ax: Any, data: Sequence[DataSet]) -> None:
+    share = np.array([d.remaining for d in data]).T
     ax.imshow(share, cmap="Blues_r", vmin=0, vmax=1, aspect="auto")
     for i, row in enumerate(share):
         for j, part in enumerate(row):
             dark = part < 0.5
             ax.text(j, i, f"{part:.2f}", ha="center", va="center", color="w" if dark else "k")
-    ax.set_yticks(range(len(FITTED)), [r.name for r in FITTED], fontsize=8)
+    ax.set_yticks(range(len(FITTED_PARAMETERS)), [r.name for r in FITTED_PARAMETERS], fontsize=8)
     ax.set_xticks(range(len(data)), [fill(d.name, 16) for d in data], fontsize=8)
     ax.set_title("part of each range that is left (1: not identifiable)", fontsize=10)

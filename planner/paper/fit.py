@@ -25,17 +25,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.machine.machine import Machine
-from planner.paper.statements import FITTED, STATEMENTS, PaperReplays, move, nominal, values
+from planner.paper.statements import (
+    FITTED_PARAMETERS,
+    STATEMENTS,
+    PaperReplays,
+    move,
+    nominal_machine,
+    values,
+)
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
 
-DELTA = 0.1
+HALF_STEP = 0.1
 """Half of a central difference, in standard deviations of the range."""
 
-TOLERANCE = 5e-3
+FIT_TOLERANCE = 5e-3
 """Of the fit, in standard deviations of the ranges."""
 
-DIGITS = 3
+PRESET_DIGITS = 3
 """Significant digits of the preset."""
 
 TARGETS = np.array([s.target for s in STATEMENTS])
@@ -50,66 +57,67 @@ class Fit:
     Attributes:
         x: Standardised parameters, (P,).
         parameters: The same in their units, rounded to the digits of the preset.
-        found: What the paper's statements come to with them.
+        values: What the paper's statements come to with them.
         evaluations: How many times x was looked at.
     """
 
     x: Array
     parameters: dict[str, float]
-    found: Array
+    values: Array
     evaluations: int
 
 
-def around(x: Array) -> list[dict[str, float]]:
+def difference_points(x: Array) -> list[dict[str, float]]:
     """x itself, and x with each coordinate a little more and a little less; 1 + 2 P of them."""
-    steps = DELTA * np.eye(len(x))
+    steps = HALF_STEP * np.eye(len(x))
     return [values(p) for p in (x, *(x + steps), *(x - steps))]
 
 
-def central_differences(seen: Array) -> Array:
-    """Derivatives by standardised parameters (…, P) from values (1 + 2 P, …) at `around`."""
-    count = len(seen) // 2
-    return np.moveaxis((seen[1 : 1 + count] - seen[1 + count :]) / (2 * DELTA), 0, -1)
+def central_differences(values: Array) -> Array:
+    """Derivatives by standardised parameters (…, P), from values at `difference_points`."""
+    count = len(values) // 2
+    return np.moveaxis((values[1 : 1 + count] - values[1 + count :]) / (2 * HALF_STEP), 0, -1)
 
 
-def said(plan: Plan, points: list[dict[str, float]]) -> Array:
+def statement_values(plan: Plan, points: list[dict[str, float]]) -> Array:
     """The quantities in the paper's statements, (S, 4)."""
-    machine = nominal(points[0])
+    machine = nominal_machine(points[0])
     still = move(plan, machine, points).statements
     moving = move(plan, machine.with_(fidelity="dynamic"), points).statements
     return np.column_stack([still[:, :2], moving[:, 2:]])
 
 
 def fit(plan: Plan) -> Fit:
-    """Fit the parameters of `FITTED`: without the bounds, then with those that this exceeds.
+    """Fit `FITTED_PARAMETERS`: without the bounds, then with those that this exceeds.
 
     A bound inside the search would be a kink in it, at which least squares ends too early.
     """
     from scipy.optimize import least_squares  # slow to import
 
     slopes: dict[bytes, Array] = {}
-    counted, x, evaluations = ~BOUNDS, np.zeros(len(FITTED)), 0
+    counted, x, evaluations = ~BOUNDS, np.zeros(len(FITTED_PARAMETERS)), 0
 
     def residuals(x: Array) -> Array:
-        seen = ((said(plan, around(x)) - TARGETS) / TOLERANCES)[:, counted]
-        slopes[x.tobytes()] = np.concatenate([np.eye(len(x)), central_differences(seen)])
-        return np.concatenate([x, seen[0]])
+        quantities = statement_values(plan, difference_points(x))
+        deviations = ((quantities - TARGETS) / TOLERANCES)[:, counted]
+        slopes[x.tobytes()] = np.concatenate([np.eye(len(x)), central_differences(deviations)])
+        return np.concatenate([x, deviations[0]])
 
     while True:
-        found = least_squares(
-            residuals, x, lambda x: slopes[x.tobytes()], xtol=TOLERANCE, ftol=TOLERANCE**2
+        solution = least_squares(
+            residuals, x, lambda x: slopes[x.tobytes()], xtol=FIT_TOLERANCE, ftol=FIT_TOLERANCE**2
         )
-        x, evaluations = found.x, evaluations + int(found.nfev)
+        x, evaluations = solution.x, evaluations + int(solution.nfev)
         parameters = {name: to_preset_digits(value) for name, value in values(x).items()}
-        seen = said(plan, [parameters])[0]
-        if not np.any((seen > TARGETS) & ~counted):
-            return Fit(x, parameters, seen, evaluations)
-        counted = counted | (seen > TARGETS)
+        quantities = statement_values(plan, [parameters])[0]
+        if not np.any((quantities > TARGETS) & ~counted):
+            return Fit(x, parameters, quantities, evaluations)
+        counted = counted | (quantities > TARGETS)
 
 
 def to_preset_digits(value: float) -> float:
     """To the digits of the preset."""
-    return float(f"{value:.{DIGITS}g}")
+    return float(f"{value:.{PRESET_DIGITS}g}")
 
 
 READ_DEG, READ_PERCENT = 0.25, 1.0
@@ -118,30 +126,30 @@ READ_DEG, READ_PERCENT = 0.25, 1.0
 ENCODER_DEG, TACHO_PERCENT = 0.088, 0.1
 """Resolution of the prototype's own encoders and tachometers."""
 
-EVERY = 5
+CURVE_STRIDE = 5
 """A point is read off a curve every so many records, that is 0.05 s."""
 
-SPEEDS = (0.5, 1.0, 4.0)
+DURATION_RATIOS = (0.5, 1.0, 4.0)
 """Durations, over that of the paper's motion, of the runs that would give most information."""
 
 
 @dataclass(frozen=True, eq=False)
-class Data:
+class DataSet:
     """Something measured.
 
     Attributes:
-        name: What.
-        count: How many numbers.
+        name: What was measured.
+        count: Number of measured values.
         singular: Singular values of the scaled sensitivity, (P,), decreasing.
         directions: Their directions among the standardised parameters, (P, P), one a row.
-        left: Part of each parameter's spread that it leaves, (P,).
+        remaining: Part of each parameter's spread that it leaves, (P,).
     """
 
     name: str
     count: int
     singular: Array
     directions: Array
-    left: Array
+    remaining: Array
 
     @property
     def rank(self) -> int:
@@ -149,20 +157,21 @@ class Data:
         return int(np.sum(self.singular > 1))
 
 
-def identify(plan: Plan, fit: Fit) -> tuple[Data, ...]:
+def identify(plan: Plan, fit: Fit) -> tuple[DataSet, ...]:
     """What three sets of data determine: the paper's words, its curves, and possible records.
 
     Bounds are left out: an inequality gives no value.
     """
-    points = around(fit.x)
-    machine = nominal(points[0], fidelity="dynamic")
+    points = difference_points(fit.x)
+    machine = nominal_machine(points[0], fidelity="dynamic")
     usual = move(plan, machine, points)
-    said = (central_differences(usual.statements) / TOLERANCES[:, None])[~BOUNDS]
+    words = (central_differences(usual.statements) / TOLERANCES[:, None])[~BOUNDS]
     every = [
-        _curves(_run(plan, f, usual, machine, points), ENCODER_DEG, TACHO_PERCENT) for f in SPEEDS
+        _curves(_run(plan, f, usual, machine, points), ENCODER_DEG, TACHO_PERCENT)
+        for f in DURATION_RATIOS
     ]
     return (
-        _data("the paper's words", said),
+        _data("the paper's words", words),
         _data("its curves in Figs 9 and 10", _curves(usual, READ_DEG, READ_PERCENT)),
         _data("encoders and tachometers, three speeds", np.concatenate(every)),
     )
@@ -180,21 +189,21 @@ def _run(
 
 def _curves(motion: PaperReplays, degrees: float, percent: float) -> Array:
     """Scaled sensitivities of all recorded angles and motor speeds, (numbers, P)."""
-    seen = np.concatenate([motion.error / degrees, motion.motors / percent], axis=2)
-    return central_differences(seen[:, ::EVERY].reshape(len(seen), -1))
+    curves = np.concatenate([motion.error / degrees, motion.motors / percent], axis=2)
+    return central_differences(curves[:, ::CURVE_STRIDE].reshape(len(curves), -1))
 
 
-def _data(name: str, scaled: Array) -> Data:
+def _data(name: str, scaled: Array) -> DataSet:
     size = scaled.shape[1]
     full = np.concatenate([scaled, np.zeros((max(0, size - len(scaled)), size))])
     _, singular, directions = np.linalg.svd(full, full_matrices=False)
-    left = np.sqrt(np.sum(directions**2 / (1 + singular[:, None] ** 2), axis=0))
-    return Data(name, len(scaled), singular, directions, left)
+    remaining = np.sqrt(np.sum(directions**2 / (1 + singular[:, None] ** 2), axis=0))
+    return DataSet(name, len(scaled), singular, directions, remaining)
 
 
-def leading(data: Data, k: int, least: float = 0.15) -> dict[str, float]:
+def main_parameters(data: DataSet, k: int, least: float = 0.15) -> dict[str, float]:
     """The parameters that direction k of some data is mostly made of, with their parts."""
-    names = list(values(np.zeros(len(data.left))))
+    names = list(values(np.zeros(len(data.remaining))))
     row = data.directions[k] * np.sign(data.directions[k][np.argmax(np.abs(data.directions[k]))])
     order = np.argsort(-np.abs(row))
     return {names[i]: float(row[i]) for i in order if abs(row[i]) >= least}

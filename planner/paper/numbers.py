@@ -160,7 +160,7 @@ def _domain(cases: Cases) -> list[PaperNumber]:
         PaperNumber(
             "4.2, step 5",
             "constraint points lead around singularities",
-            _ways_around(),
+            _detours(),
             "its point never; other points yes",
         ),
     ]
@@ -189,14 +189,14 @@ def _times(values: tuple[float, ...]) -> str:
 
 Points = list[list[float]] | Literal["auto"]
 
-AROUND_CROSSINGS: tuple[tuple[float, Points], ...] = (
+CROSSING_DETOURS: tuple[tuple[float, Points], ...] = (
     (0.7935, [[4.0, POINT[1]]]),
     (0.7932, "auto"),
     (0.7925, "auto"),
 )
 """Travels at which the plain cubic crosses z₂ = 0, and constraint points that avoid it."""
 
-AROUND_MISSING_ANGLES: tuple[tuple[float, Points], ...] = (
+MISSING_ANGLE_DETOURS: tuple[tuple[float, Points], ...] = (
     (0.85, [[0.5, -0.0946]]),
     (0.85, "auto"),
     (0.87, "auto"),
@@ -204,7 +204,7 @@ AROUND_MISSING_ANGLES: tuple[tuple[float, Points], ...] = (
 """Travels at which it keeps z₂ < 0 but has no real θ₁ in between, likewise."""
 
 
-def way_around(travel: float, points: Points) -> Plan:
+def detour(travel: float, points: Points) -> Plan:
     """The paper's closed-form method with constraint points; a verified plan.
 
     Raises:
@@ -213,28 +213,28 @@ def way_around(travel: float, points: Points) -> Plan:
     return solve(paper_problem(travel=travel), "polynomial", points=points)
 
 
-def _ways_around() -> str:
-    own, found = at_the_papers_point(), scan()
-    low, high = np.min(found.inside[:, 0]), np.max(found.inside[:, 0])
+def _detours() -> str:
+    margins, counts = margins_at_paper_point(), scan()
+    low, high = np.min(counts.inside[:, 0]), np.max(counts.inside[:, 0])
     crossings, angles = (
-        "; ".join(_way(way_around(*case)) for case in ways)
-        for ways in (AROUND_CROSSINGS, AROUND_MISSING_ANGLES)
+        "; ".join(_detour_text(detour(*case)) for case in ways)
+        for ways in (CROSSING_DETOURS, MISSING_ANGLE_DETOURS)
     )
     return (
-        f"not by its point ({POINT[0]:g}, {POINT[1]:g}): at {len(own)} travels from 0.7 to 1 rad"
-        f" the path leaves the domain, at best by {-np.max(own):.1g}. Where the cubic crosses zero,"
-        f" the value {POINT[1]:g} at another time does, of {found.tried} pairs of travel and time,"
-        f" only from {low:.4f} to {high:.4f} rad; such and other points: {crossings}. Where the"
-        f" cubic keeps z2 < 0 but has no real theta1: {angles}"
+        f"not by its point ({POINT[0]:g}, {POINT[1]:g}): at {len(margins)} travels from 0.7 to 1"
+        f" rad the path leaves the domain, at best by {-np.max(margins):.1g}. Where the cubic"
+        f" crosses zero, the value {POINT[1]:g} at another time does, of {counts.trials} pairs of"
+        f" travel and time, only from {low:.4f} to {high:.4f} rad; such and other points:"
+        f" {crossings}. Where the cubic keeps z2 < 0 but has no real theta1: {angles}"
     )
 
 
-def _way(plan: Plan) -> str:
+def _detour_text(plan: Plan) -> str:
     points = " and ".join(f"({t:.3g}, {value:.3g})" for t, value in plan.notes["points"])
     return f"travel {plan.travel:.4g} by {points}, {np.max(peak_inputs(plan.trajectory)):.3g} rad/s"
 
 
-def at_the_papers_point(travels: int = 301) -> Array:
+def margins_at_paper_point(travels: int = 301) -> Array:
     """Least chart margin with the paper's own point, at travels from 0.7 to 1 rad."""
     points = [Point(*POINT)]
     curves = [_curve(float(travel), points) for travel in np.linspace(0.70, 1.00, travels)]
@@ -246,11 +246,11 @@ class Scan:
     """Where the value of the paper's point helps, for travels whose plain cubic crosses z₂ = 0.
 
     Attributes:
-        tried: Number of pairs of travel and time tried.
+        trials: Number of pairs of travel and time tried.
         inside: Travel (rad) and time (s) of those whose path lies inside the domain, shape (m, 2).
     """
 
-    tried: int
+    trials: int
     inside: Array
 
 

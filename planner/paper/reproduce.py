@@ -62,21 +62,21 @@ def reproduce(
     say = progress or (lambda what, share: None)
     with folder(path) as place:
         say("planning and replaying", 0.0)
-        made = cases(samples, seed)
+        plans = cases(samples, seed)
         say("checking printed numbers", 0.4)
-        found = findings(made)
-        drawn = figures(made)
-        for k, (name, figure) in enumerate(drawn.items()):
-            say(f"drawing {name}", 0.6 + 0.3 * k / len(drawn))
+        numbers = findings(plans)
+        pictures = figures(plans)
+        for k, (name, figure) in enumerate(pictures.items()):
+            say(f"drawing {name}", 0.6 + 0.3 * k / len(pictures))
             figure.savefig(place / f"{name}.png", dpi=110, bbox_inches="tight")
         say(f"drawing {FILM}", 0.9)
-        both = {"the paper's polynomial law": made.valid, "least effort": made.best}
+        both = {"the paper's polynomial law": plans.valid, "least effort": plans.best}
         animate(both, place / FILM, fps=20, speed=2.0)
-        (place / "README.md").write_text(page(found, samples, seed), encoding="utf-8")
-    return Reproduction(Path(path), tuple(found), made)
+        (place / "README.md").write_text(page(numbers, samples, seed), encoding="utf-8")
+    return Reproduction(Path(path), tuple(numbers), plans)
 
 
-VALID = "same law, travel chosen inside the domain"
+VALID_LABEL = "same law, travel chosen inside the domain"
 
 
 def figures(cases: Cases) -> dict[str, Figure]:
@@ -88,10 +88,10 @@ def figures(cases: Cases) -> dict[str, Figure]:
         "fig4-z-no-point": plot_z(free)[0],
         "fig5-z-with-point": plot_z(point)[0],
         "fig5-no-real-theta1": _finding(cases),
-        "fig6-joints": plot_joints({VALID: cases.valid})[0],
-        "fig7-inputs": plot_inputs({VALID: cases.valid})[0],
-        "fig8-arm": plot_arm({VALID: cases.valid})[0],
-        "fig9-joints-machine": plot_replays({VALID: cases.replay})[0],
+        "fig6-joints": plot_joints({VALID_LABEL: cases.valid})[0],
+        "fig7-inputs": plot_inputs({VALID_LABEL: cases.valid})[0],
+        "fig8-arm": plot_arm({VALID_LABEL: cases.valid})[0],
+        "fig9-joints-machine": plot_replays({VALID_LABEL: cases.replay})[0],
         "fig10-motors-machine": _motors(cases),
     }
 
@@ -228,26 +228,29 @@ FIGURES = (
 )
 
 
-def _own(text: str) -> Markup:
+def _escape_separators(text: str) -> Markup:
     """Our own Markdown with formulas: only the table's separators are escaped."""
     return Markup(text.replace("|", "\\|"))
 
 
-FINDINGS: list[Column[PaperNumber]] = [
-    Column("where", "", lambda f: f.where, _own, left=True),
-    Column("printed", "", lambda f: f.printed, _own, left=True),
-    Column("ours", "", lambda f: f.ours, _own, left=True),
-    Column("verdict", "", lambda f: f"**{f.verdict}**", _own, left=True),
+FINDING_COLUMNS: list[Column[PaperNumber]] = [
+    Column("where", "", lambda f: f.where, _escape_separators, left=True),
+    Column("printed", "", lambda f: f.printed, _escape_separators, left=True),
+    Column("ours", "", lambda f: f.ours, _escape_separators, left=True),
+    Column("verdict", "", lambda f: f"**{f.verdict}**", _escape_separators, left=True),
 ]
 
 
 def page(findings: list[PaperNumber], samples: int, seed: int) -> str:
     """The page as Markdown text."""
     parts = [_HEAD.format(samples=samples, seed=seed), "## Numbers and claims\n"]
-    parts.append(markdown_table(FINDINGS, findings) + "\n")
+    parts.append(markdown_table(FINDING_COLUMNS, findings) + "\n")
     parts.append("\n## Misprints\n")
     heads = ("where", "printed", "corrected")
-    columns = [Column(head, "", itemgetter(k), _own, left=True) for k, head in enumerate(heads)]
+    columns = [
+        Column(head, "", itemgetter(k), _escape_separators, left=True)
+        for k, head in enumerate(heads)
+    ]
     parts.append(markdown_table(columns, MISPRINTS) + "\n")
     parts.append("\n## Figures\n")
     for name, title, text in FIGURES:

@@ -31,7 +31,7 @@ command for less than 0.05 s; recorded every 0.05 s, the rms depended on the tim
 
 SETTLE_S = 0.5
 
-BEGUN_S = 0.5
+COUNT_FROM_S = 0.5
 """Earlier times do not count: in the figure the jump of the first command hides any deviation."""
 
 
@@ -41,7 +41,7 @@ class Statement:
 
     Attributes:
         text: The statement.
-        target: Its number.
+        target: The number it states.
         tolerance: Standard deviation of that number.
         unit: Unit of both.
         bound: Whether it says "at most"; then any value below the target agrees with it.
@@ -54,7 +54,7 @@ class Statement:
     bound: bool = False
 
     @property
-    def wanted(self) -> str:
+    def target_text(self) -> str:
         """The target in words."""
         return f"{'at most ' if self.bound else ''}{self.target:g} {self.unit}"
 
@@ -100,12 +100,12 @@ class PaperReplays:
     @property
     def statements(self) -> Array:
         """The quantities in the paper's statements, (S, 4)."""
-        on = (self.t >= BEGUN_S) & (self.t < self.t[-1] - SETTLE_S - 1e-9)
-        rms = np.sqrt(np.mean(self.gap[:, on] ** 2, axis=1))
+        counted = (self.t >= COUNT_FROM_S) & (self.t < self.t[-1] - SETTLE_S - 1e-9)
+        rms = np.sqrt(np.mean(self.gap[:, counted] ** 2, axis=1))
         return np.column_stack([self.largest[:, [2, 1]], rms])
 
 
-def nominal(values: Mapping[str, float], **changes: object) -> Machine:
+def nominal_machine(values: Mapping[str, float], **changes: object) -> Machine:
     """The prototype with these parameters, no spread, and the given changes."""
     return Machine.prototype(step_s=STEP_S).nominal().with_(**{**values, **changes})
 
@@ -133,22 +133,25 @@ def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) ->
 
 def values(x: Array) -> dict[str, float]:
     """Parameters at standardised coordinates x (P,): 0 the centre of each range, ±2 its ends."""
-    return {r.name: r.centre * float(np.exp(r.width * xi)) for r, xi in zip(FITTED, x, strict=True)}
+    return {
+        r.name: r.centre * float(np.exp(r.width * xi))
+        for r, xi in zip(FITTED_PARAMETERS, x, strict=True)
+    }
 
 
 def coordinates(parameters: Mapping[str, float]) -> Array:
     """The inverse of `values`, (P,)."""
-    return np.array([np.log(parameters[r.name] / r.centre) / r.width for r in FITTED])
+    return np.array([np.log(parameters[r.name] / r.centre) / r.width for r in FITTED_PARAMETERS])
 
 
 @dataclass(frozen=True)
-class Fitted:
+class Parameter:
     """A parameter that is fitted.
 
     Attributes:
         name: Effect of the machine; its unit is that of the `[machine]` table.
-        low, high: Of its range.
-        source: Why.
+        low, high: Ends of its range.
+        source: Where the range comes from.
     """
 
     name: str
@@ -167,46 +170,54 @@ class Fitted:
         return float(np.log(self.high / self.low) / 4)
 
 
-FITTED = (
-    Fitted("servo_bandwidth_rad_s", 30, 150, "profile filters of small servo drives: 5 to 25 Hz"),
-    Fitted("motor_inertia_kgm2", 0.01, 0.04, "rotors of 10 to 40 g cm^2 (20 to 60 W) behind 1:100"),
-    Fitted("servo_gain_nms_per_rad", 2.5, 10, "loops of 20 to 80 Hz around 0.02 kg m^2"),
-    Fitted("servo_integral_time_s", 0.01, 0.04, "2 to 5 times the time constant of that loop"),
-    Fitted("torque_limit_nm", 1, 6, "continuous torque of planetary gearheads of 32 mm"),
-    Fitted("creep", 0.001, 0.01, "rolling radius of a loaded polymer tread: 0.1 to 1 % less"),
-    Fitted("creep_per_nm", 0.001, 0.02, "0.1 to 1 % of creepage at half of the torque that slips"),
-    Fitted(
+FITTED_PARAMETERS = (
+    Parameter(
+        "servo_bandwidth_rad_s", 30, 150, "profile filters of small servo drives: 5 to 25 Hz"
+    ),
+    Parameter(
+        "motor_inertia_kgm2", 0.01, 0.04, "rotors of 10 to 40 g cm^2 (20 to 60 W) behind 1:100"
+    ),
+    Parameter("servo_gain_nms_per_rad", 2.5, 10, "loops of 20 to 80 Hz around 0.02 kg m^2"),
+    Parameter("servo_integral_time_s", 0.01, 0.04, "2 to 5 times the time constant of that loop"),
+    Parameter("torque_limit_nm", 1, 6, "continuous torque of planetary gearheads of 32 mm"),
+    Parameter("creep", 0.001, 0.01, "rolling radius of a loaded polymer tread: 0.1 to 1 % less"),
+    Parameter(
+        "creep_per_nm", 0.001, 0.02, "0.1 to 1 % of creepage at half of the torque that slips"
+    ),
+    Parameter(
         "friction_capacity_nm", 0.5, 5, "mu N r: 0.15 to 0.4, 150 to 300 N, 20 to 40 mm of radius"
     ),
-    Fitted("disk_inertia_kgm2", 5e-5, 5e-4, "two steel disks, 40 to 80 mm by 8 mm: m r^2/2"),
-    Fitted(
+    Parameter("disk_inertia_kgm2", 5e-5, 5e-4, "two steel disks, 40 to 80 mm by 8 mm: m r^2/2"),
+    Parameter(
         "gearhead_backlash_deg",
         0.25,
         1.0,
         "planetary gearheads of 32 mm; preloaded ones have 0.15 to 0.5 (maxon GP 32 BZ)",
     ),
-    Fitted(
+    Parameter(
         "backlash_deg",
         1.3,
         5.2,
         "0.1 to 0.4 mm between the teeth of bevel gears on 8 mm (0.7 to 2.9) and of belts on 10 mm",
     ),
-    Fitted("axis_inertia_kgm2", 2e-6, 5e-5, "bevel gear, shaft and pulley: 40 to 200 g on 10 mm"),
-    Fitted(
+    Parameter(
+        "axis_inertia_kgm2", 2e-6, 5e-5, "bevel gear, shaft and pulley: 40 to 200 g on 10 mm"
+    ),
+    Parameter(
         "shaft_stiffness_nm_per_rad",
         1.7,
         7.5,
         "G pi d^4/(32 L) of steel, 3 to 4 mm by 0.2 to 0.3 m (2.1 to 9.9), and a belt (10 to 30)",
     ),
-    Fitted("shaft_damping_nms_per_rad", 0.005, 0.08, "1 to 10 % of critical: belt and bearings"),
-    Fitted("link_inertia_kgm2", 0.01, 0.1, "0.25 to 1.5 kg at 0.2 m: a link with its mechanism"),
-    Fitted("base_friction_nm", 0.05, 0.5, "bearings and seals under the weight of the arm"),
-    Fitted("coulomb_friction_nm", 0.05, 0.5, "bearings, belt tension, disks of the next joint"),
-    Fitted("viscous_friction_nms_per_rad", 0.01, 0.2, "grease: a tenth to all of it at 1 rad/s"),
+    Parameter("shaft_damping_nms_per_rad", 0.005, 0.08, "1 to 10 % of critical: belt and bearings"),
+    Parameter("link_inertia_kgm2", 0.01, 0.1, "0.25 to 1.5 kg at 0.2 m: a link with its mechanism"),
+    Parameter("base_friction_nm", 0.05, 0.5, "bearings and seals under the weight of the arm"),
+    Parameter("coulomb_friction_nm", 0.05, 0.5, "bearings, belt tension, disks of the next joint"),
+    Parameter("viscous_friction_nms_per_rad", 0.01, 0.2, "grease: a tenth to all of it at 1 rad/s"),
 )
 """In the order of the signal path."""
 
-FIXED: dict[str, str] = {
+FIXED_PARAMETERS: dict[str, str] = {
     "control_period_s": "a PC of 2010 commanding two drives over a bus",
     "delay_s": "half a period; it shifts the motion in time and hardly changes it",
     "velocity_resolution_rad_s": "one motor rpm behind 1:100",

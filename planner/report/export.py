@@ -139,8 +139,8 @@ def find_format(path: str | Path, format: str | None) -> str:
 
 def _csv(samples: Samples) -> str:
     rows = samples.table.tolist()
-    shown = (["" if np.isnan(x) else repr(x) for x in row] for row in rows)
-    return csv_text([samples.columns, *shown])
+    cells = (["" if np.isnan(x) else repr(x) for x in row] for row in rows)
+    return csv_text([samples.columns, *cells])
 
 
 def _mat(plan: Plan, samples: Samples) -> bytes:
@@ -167,10 +167,10 @@ def _mat(plan: Plan, samples: Samples) -> bytes:
     return stream.getvalue()
 
 
-REST = 1e-6
+REST_SHARE = 1e-6
 """Largest |u| at an end that counts as rest, relative to the input's peak."""
 
-STEP = 1e-6
+DIFFERENCE_SHARE = 1e-6
 """Half width of the differences for accelerations, relative to the smooth piece."""
 
 
@@ -234,7 +234,7 @@ def input_slopes(plan: Plan, t: Array) -> Array:
     """
     k = np.clip(np.searchsorted(plan.t, t, side="right") - 1, 0, len(plan.t) - 2)
     left, right = plan.t[k], plan.t[k + 1]
-    step = STEP * (right - left)
+    step = DIFFERENCE_SHARE * (right - left)
     middle = np.clip(t, left + step, right - 1.001 * step)
     before, after = middle - step, middle + step
     return np.asarray((plan.u(after) - plan.u(before)) / (after - before)[:, None])
@@ -260,7 +260,7 @@ def _refuse_unfit(plan: Plan) -> None:
     inputs = plan.problem.system.inputs
     for time, when in ((0.0, "start"), (plan.duration, "end")):
         moving = np.abs(plan.u(time))
-        for i in np.flatnonzero(moving > REST * peaks):
+        for i in np.flatnonzero(moving > REST_SHARE * peaks):
             raise InputError(
                 f"this {plan.method} plan does not {when} at rest: |{inputs[i].name}| ="
                 f" {moving[i]:.4g} {inputs[i].unit} at its {when}; plan it with rest = true"
@@ -269,7 +269,7 @@ def _refuse_unfit(plan: Plan) -> None:
             )
     inner = plan.t[1:-1]
     jumps = np.abs(plan.u(inner) - plan.u(np.nextafter(inner, 0.0)))
-    for k, i in np.argwhere(jumps > REST * peaks):
+    for k, i in np.argwhere(jumps > REST_SHARE * peaks):
         raise InputError(
             f"{inputs[i].name} of this {plan.method} plan jumps by {jumps[k, i]:.4g}"
             f" {inputs[i].unit} at t = {inner[k]:.4g} s, which no motor can follow; plan it with"
@@ -277,12 +277,12 @@ def _refuse_unfit(plan: Plan) -> None:
         )
 
 
-def _names(plan: Plan, given: Sequence[str] | None) -> list[str]:
+def _names(plan: Plan, names: Sequence[str] | None) -> list[str]:
     system = plan.problem.system
-    if given is None:
+    if names is None:
         arm = hasattr(system, "arm_points")
         return ["phi1", system.coordinates[1].name] if arm else [c.name for c in system.inputs]
-    names = [str(name).strip() for name in given]
+    names = [str(name).strip() for name in names]
     if len(set(names)) != 2 or len(names) != 2 or not all(names):
         raise InputError(f"joint names {', '.join(names)!r}: give two different names")
     return names

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.report.figures.arm import arrangement, body, draw_places, drawable
+from planner.report.figures.arm import arrange, body_points, can_draw, draw_places
 from planner.report.figures.style import Curve, Plans, curves, grid, heading
 from planner.report.figures.style import times as fine_times
 from planner.support.arrays import Array
@@ -35,12 +35,12 @@ Progress = Callable[[int, int], None]
 """Called with (frames done, frames in all)."""
 
 SUFFIXES = (".gif", ".mp4")
-HOLD_S = 1.0
+LAST_FRAME_S = 1.0
 """How long the last picture stays, seconds."""
 
 MAX_FRAMES = 5000
-GHOST = "#BBBBBB"
-BODY = "#222222"
+TRAIL_COLOUR = "#BBBBBB"
+BODY_COLOUR = "#222222"
 
 
 @dataclass(frozen=True)
@@ -52,11 +52,11 @@ class _Scene:
     trail: Any
     points: Array  # (frames, P, 2)
     path: Array  # (m, 2), of the tip, closely sampled
-    passed: NDArray[np.intp]  # how many points of the path lie behind the tip, by frame
+    tip_index: NDArray[np.intp]  # how many points of the path lie behind the tip, by frame
 
     def move(self, k: int) -> None:
         self.line.set_data(*self.points[k].T)
-        behind = np.vstack([self.path[: self.passed[k]], self.points[k, -1]])
+        behind = np.vstack([self.path[: self.tip_index[k]], self.points[k, -1]])
         self.trail.set_data(*behind.T)
 
 
@@ -89,7 +89,7 @@ def animate(
     expect_listener(progress)
     drawn = curves(plans, executable=True)
     system = drawn[0].plan.problem.system
-    if not drawable(system):
+    if not can_draw(system):
         raise InputError(f"a {system.kind} has neither an arm nor x and y to draw")
     longest = max(curve.plan.duration for curve in drawn)
     count = int(np.ceil(longest / speed * fps)) + 1
@@ -100,7 +100,7 @@ def animate(
         )
     times = np.minimum(np.arange(count) * speed / fps, longest)
     frames = _frames(drawn, times, progress)
-    hold = round(HOLD_S * fps)
+    hold = round(LAST_FRAME_S * fps)
     content = gif(frames, fps, hold) if suffix == ".gif" else mp4(frames, fps, hold)
     return write_bytes(path, content)
 
@@ -152,7 +152,7 @@ def _frames(drawn: Sequence[Curve], times: Array, progress: Progress | None) -> 
 
 
 def _stage(drawn: Sequence[Curve], times: Array) -> tuple[Figure, list[_Scene], Any]:
-    shape, size = arrangement(drawn)
+    shape, size = arrange(drawn)
     figure, axes = grid(*shape, size=size, share=("all", "all"))
     arm = hasattr(drawn[0].plan.problem.system, "arm_points")
     scenes = [_scene(ax, curve, times) for ax, curve in zip(axes.flat, drawn, strict=True)]
@@ -174,15 +174,22 @@ def _stage(drawn: Sequence[Curve], times: Array) -> tuple[Figure, list[_Scene], 
 
 def _scene(ax: Any, curve: Curve, times: Array) -> _Scene:
     plan = curve.plan
-    points, close = body(plan.problem, plan.trajectory.q(times)), fine_times(plan)
-    path = body(plan.problem, plan.q(close))[:, -1]
+    points, close = body_points(plan.problem, plan.trajectory.q(times)), fine_times(plan)
+    path = body_points(plan.problem, plan.q(close))[:, -1]
     draw_places(ax, plan.problem)
     for k in (0, -1):
-        ax.plot(*points[k].T, "-o", color=GHOST, linewidth=2, markersize=3, zorder=1)
+        ax.plot(*points[k].T, "-o", color=TRAIL_COLOUR, linewidth=2, markersize=3, zorder=1)
     ax.plot(*path.T, color=curve.colour, linewidth=0.8, alpha=0.4, zorder=2)
     (trail,) = ax.plot([], [], color=curve.colour, linewidth=2.2, zorder=3)
     (line,) = ax.plot(
-        [], [], "-o", color=BODY, linewidth=3, markersize=6, markerfacecolor="white", zorder=4
+        [],
+        [],
+        "-o",
+        color=BODY_COLOUR,
+        linewidth=3,
+        markersize=6,
+        markerfacecolor="white",
+        zorder=4,
     )
     ax.set_title(curve.title, fontsize=10)
     return _Scene(ax, line, trail, points, path, np.searchsorted(close, times))
@@ -191,7 +198,7 @@ def _scene(ax: Any, curve: Curve, times: Array) -> _Scene:
 Frame = NDArray[np.uint8]
 """A picture, shape (height, width, 3): red, green, blue."""
 
-COLOURS = 64
+GIF_COLOURS = 64
 
 
 def gif(frames: Iterator[Frame], fps: int, hold: int) -> bytes:
@@ -200,7 +207,7 @@ def gif(frames: Iterator[Frame], fps: int, hold: int) -> bytes:
 
     pictures = [Image.fromarray(frame) for frame in frames]
     last = pictures[-1]  # all that is drawn is in it
-    palette = last.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE)
+    palette = last.quantize(GIF_COLOURS, method=Image.Quantize.MAXCOVERAGE)
     small = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
     period = max(2, round(100 / fps)) * 10  # a GIF counts in 10 ms, and viewers ask for two
     times = [period] * (len(small) - 1) + [period * (1 + hold)]
@@ -222,18 +229,18 @@ def mp4(frames: Iterator[Frame], fps: int, hold: int) -> bytes:
     height, width = (n - n % 2 for n in first.shape[:2])  # the codec wants even numbers
     source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", str(fps)]
     codec = ["-c:v", "libx264", "-crf", "20", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
-    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as said:
+    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as log:
         target = Path(folder) / "film.mp4"
         words = [program, "-loglevel", "error", *source, "-i", "-", "-an", *codec, str(target)]
-        with subprocess.Popen(words, stdin=subprocess.PIPE, stderr=said) as job:
+        with subprocess.Popen(words, stdin=subprocess.PIPE, stderr=log) as job:
             try:
                 _feed(job, chain([first], frames), hold, (height, width))
             except BaseException:
                 job.kill()
                 raise
         if job.returncode or not target.exists():
-            said.seek(0)
-            reason = said.read().decode(errors="replace").strip().splitlines()
+            log.seek(0)
+            reason = log.read().decode(errors="replace").strip().splitlines()
             raise InputError(f"ffmpeg ({program}) failed: {reason[-1] if reason else 'no word'}")
         return target.read_bytes()
 
@@ -257,9 +264,9 @@ def find_ffmpeg() -> str:
     Raises:
         InputError: If there is none.
     """
-    found = shutil.which("ffmpeg")
-    if found is not None:
-        return found
+    program = shutil.which("ffmpeg")
+    if program is not None:
+        return program
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
 

@@ -13,7 +13,7 @@ import numpy as np
 from planner.comparison.comparison import command, comparison_csv, comparison_markdown
 from planner.comparison.differences import csv_differences, markdown_differences
 from planner.errors import InputError
-from planner.report.figures.arm import drawable, plot_arm
+from planner.report.figures.arm import can_draw, plot_arm
 from planner.report.figures.on_the_machine import (
     median_sample,
     plot_efforts,
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from planner.comparison.comparison import Comparison
 
 FIGURE_KINDS = ("png", "svg")
-MOTION = 300
+MOTION_INSTANTS = 300
 """Instants kept of the median machine's motion."""
 
 
@@ -91,7 +91,7 @@ def replay_data(comparison: Comparison) -> dict[str, Any]:
         if run is None or not run.angles:
             continue
         k = median_sample(run)
-        some = np.unique(np.linspace(0, len(run.t) - 1, MOTION).round().astype(int))
+        some = np.unique(np.linspace(0, len(run.t) - 1, MOTION_INSTANTS).round().astype(int))
         motion = {"number": run.numbers[k], "t": run.t[some], "q": np.round(run.motion(k)[some], 9)}
         out[row.label] = {"E_deg": np.round(run.index_E_deg, 6), "median": motion}
     return dict(jsonable(out))
@@ -179,12 +179,12 @@ def save_budget(
 def figures(comparison: Comparison) -> dict[str, Figure]:
     """Figures by name; those for which no plan has what they show are left out."""
     plans, system = comparison.plans, comparison.problem.system
-    found = [plan for plan in plans.values() if plan is not None]
+    motions = [plan for plan in plans.values() if plan is not None]
     out: dict[str, Figure] = {}
     for name, kind in FIGURES.items():
-        if kind.fits(system) and any(p.executable or not kind.executable for p in found):
+        if kind.fits(system) and any(p.executable or not kind.executable for p in motions):
             out[name] = plot(name, plans)[0]
-    if drawable(system) and any(plan.executable for plan in found):
+    if can_draw(system) and any(plan.executable for plan in motions):
         out["arm"] = plot_arm(plans)[0]
     replays = {row.label: row.replay for row in comparison.rows}
     if any(runs is not None and runs.angles for runs in replays.values()):
@@ -197,7 +197,7 @@ def figures(comparison: Comparison) -> dict[str, Figure]:
 
 
 def save_sensitivity(
-    found: Sensitivity,
+    responses: Sensitivity,
     machine: MachineSensitivity | None,
     spread: Mapping[str, float],
     path: str | Path,
@@ -206,7 +206,7 @@ def save_sensitivity(
     """Write sensitivity.json, matrix.csv, plan.json, heat-map.png, along.png and machine.png.
 
     Args:
-        found: Of a plan's own parameters.
+        responses: Of a plan's own parameters.
         machine: Of the machine's, or None.
         spread: Standard deviations of the errors.
         path: The folder; an earlier run's is replaced, and only when all is written.
@@ -218,24 +218,24 @@ def save_sensitivity(
     with folder(path) as place:
         data = {
             **(extra or {}),
-            **found.to_dict(spread),
+            **responses.to_dict(spread),
             "machine": None if machine is None else machine.to_dict(),
         }
         text = json.dumps(jsonable(data), indent=1, allow_nan=False)
         write_text(place / "sensitivity.json", text + "\n")
-        write_text(place / "matrix.csv", _csv(found))
-        found.plan.save(place / "plan.json")
-        plot_sensitivity(found, spread)[0].savefig(place / "heat-map.png", dpi=120)
-        plot_responses(found, spread)[0].savefig(place / "along.png", dpi=120)
+        write_text(place / "matrix.csv", _csv(responses))
+        responses.plan.save(place / "plan.json")
+        plot_sensitivity(responses, spread)[0].savefig(place / "heat-map.png", dpi=120)
+        plot_responses(responses, spread)[0].savefig(place / "along.png", dpi=120)
         if machine is not None:
             plot_machine_sensitivity(machine)[0].savefig(place / "machine.png", dpi=120)
     return Path(path)
 
 
-def _csv(found: Sensitivity) -> str:
+def _csv(responses: Sensitivity) -> str:
     """S(T): one row per coordinate, one column a parameter, units beside the names."""
-    named = zip(found.parameters, found.units, strict=True)
-    rows = [["coordinate", *(f"{name} ({unit})" for name, unit in named)]]
-    for c, row in zip(found.plan.problem.system.coordinates, found.terminal, strict=True):
+    columns = zip(responses.parameters, responses.units, strict=True)
+    rows = [["coordinate", *(f"{name} ({unit})" for name, unit in columns)]]
+    for c, row in zip(responses.plan.problem.system.coordinates, responses.terminal, strict=True):
         rows.append([f"{c.name} ({c.unit})", *(f"{value:.10g}" for value in row)])
     return csv_text(rows)

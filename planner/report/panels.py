@@ -34,7 +34,7 @@ import numpy as np
 from planner.plan.measures import worst_margin
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
-from planner.report.figures.style import as_words, shown, unit_of
+from planner.report.figures.style import readable_name, to_display, unit_of
 from planner.support.arrays import Array, jsonable
 from planner.systems.chained_form import chained_form
 from planner.systems.manipulator import Manipulator
@@ -42,13 +42,13 @@ from planner.systems.triangular_system import TriangularSystem
 
 Panel = dict[str, Any]
 
-NEAR = 0.75
+DRAWN_LIMIT_SHARE = 0.75
 """Part of a limit from which on it is drawn."""
 
 OVERSHOOT = 1.6
 """The view reaches this many times the limit; what goes beyond is named with its peak."""
 
-FAR = 5.0
+PEAK_RATIO = 5.0
 """Without a limit peaks are cut off only where they reach so many times what is usual."""
 
 
@@ -86,7 +86,7 @@ class PlanCurves:
         return {"plan": self.number, "y": values, **more}
 
 
-Drawn = Sequence[PlanCurves]
+DrawnPlans = Sequence[PlanCurves]
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class Figure:
     """
 
     id: str
-    panels: Callable[[Drawn], list[Panel]]
+    panels: Callable[[DrawnPlans], list[Panel]]
     title: str
     caption: str
     executable: bool = True
@@ -115,22 +115,22 @@ class Figure:
 # -- chained coordinates ------------------------------------------------------------------------
 
 
-def chained_panels(drawn: Drawn) -> list[Panel]:
+def chained_panels(drawn: DrawnPlans) -> list[Panel]:
     """z₂ with its domain (one panel a plan), the least margin where it says more, z₃ … z_N."""
     system = drawn[0].plan.problem.system
     panels = []
     if has_band(system):
         panels += [
-            over_time("z2", "z2", "", [one.curve(one.z[:, 1])], **_domain(one)) for one in drawn
+            time_panel("z2", "z2", "", [one.curve(one.z[:, 1])], **_domain(one)) for one in drawn
         ]
     else:
-        panels.append(over_time("z2", "z2", "", [one.curve(one.z[:, 1]) for one in drawn]))
+        panels.append(time_panel("z2", "z2", "", [one.curve(one.z[:, 1]) for one in drawn]))
     if not has_band(system) or system.size > 4:
         margins = [one.curve(worst_margin(one.plan.trajectory.margins(one.t))) for one in drawn]
         title = "least margin of the domain"
-        panels.append(over_time("margin", title, "", margins, floor=0.0))
+        panels.append(time_panel("margin", title, "", margins, floor=0.0))
     return panels + [
-        over_time("z", f"z{i + 1}", "", [one.curve(one.z[:, i]) for one in drawn])
+        time_panel("z", f"z{i + 1}", "", [one.curve(one.z[:, i]) for one in drawn])
         for i in range(2, system.size)
     ]
 
@@ -173,35 +173,35 @@ def _domain(one: PlanCurves) -> Mapping[str, Any]:
 # -- coordinates and inputs ---------------------------------------------------------------------
 
 
-def joint_panels(drawn: Drawn) -> list[Panel]:
+def joint_panels(drawn: DrawnPlans) -> list[Panel]:
     """Each coordinate after the first, with start, goal, waypoints, and limits that are near."""
     problem = drawn[0].plan.problem
     panels = []
     for i, coordinate in enumerate(problem.system.coordinates[1:], start=1):
         unit = coordinate.unit
-        series = [one.curve(shown(one.q[:, i], unit)) for one in drawn]
-        (limit,) = shown(problem.limits.joint[i : i + 1], unit).tolist()
+        series = [one.curve(to_display(one.q[:, i], unit)) for one in drawn]
+        (limit,) = to_display(problem.limits.joint[i : i + 1], unit).tolist()
         stops = [
-            [point.time_s, float(shown(point.q[i : i + 1], unit)[0])]
+            [point.time_s, float(to_display(point.q[i : i + 1], unit)[0])]
             for point in problem.waypoints
             if point.time_s is not None and np.isfinite(point.q[i])
         ]
-        panel = over_time("joints", coordinate.name, unit_of(coordinate), series)
-        panel["limits"] = near(np.concatenate([s["y"] for s in series]), limit)
-        panel["ends"] = shown(np.array([problem.start[i], problem.goal[i]]), unit).tolist()
+        panel = time_panel("joints", coordinate.name, unit_of(coordinate), series)
+        panel["limits"] = near_limits(np.concatenate([s["y"] for s in series]), limit)
+        panel["ends"] = to_display(np.array([problem.start[i], problem.goal[i]]), unit).tolist()
         panels.append({**panel, "stops": stops})
     return panels
 
 
-def input_panels(drawn: Drawn) -> list[Panel]:
+def input_panels(drawn: DrawnPlans) -> list[Panel]:
     """u₁ and u₂ under their limits; peaks far beyond are cut off and noted."""
     problem = drawn[0].plan.problem
     panels = []
     for i, coordinate in enumerate(problem.system.inputs):
         limit = float(problem.limits.input[i])
         values = [(one, one.t, np.nan_to_num(one.u[:, i])) for one in drawn]
-        low, high = view(values, limit)
-        panel = over_time(
+        low, high = view_range(values, limit)
+        panel = time_panel(
             "inputs", coordinate.name, coordinate.unit, [one.curve(one.u[:, i]) for one in drawn]
         )
         panel |= {"limits": [-limit, limit] if np.isfinite(limit) else [], "view": [low, high]}
@@ -215,13 +215,15 @@ def input_panels(drawn: Drawn) -> list[Panel]:
     return panels
 
 
-def near(values: Array, limit: float) -> list[float]:
+def near_limits(values: Array, limit: float) -> list[float]:
     """±limit, where values come near it; elsewhere its line would only make the curves small."""
     reach = [(side, np.nanmax(side * values, initial=-np.inf)) for side in (-1, 1)]
-    return [side * limit for side, most in reach if np.isfinite(limit) and most > NEAR * limit]
+    if not np.isfinite(limit):
+        return []
+    return [side * limit for side, most in reach if most > DRAWN_LIMIT_SHARE * limit]
 
 
-def view(values: Sequence[tuple[Any, Array, Array]], limit: float) -> tuple[float, float]:
+def view_range(values: Sequence[tuple[Any, Array, Array]], limit: float) -> tuple[float, float]:
     """Lowest and highest value to show of inputs (whose, times, values) under a limit."""
     every = np.concatenate([u for _, _, u in values])
     most = float(np.max(np.abs(every)))
@@ -229,7 +231,7 @@ def view(values: Sequence[tuple[Any, Array, Array]], limit: float) -> tuple[floa
     evenly = (np.interp(np.linspace(t[0], t[-1], 400), t, u) for _, t, u in values)
     usual = max(float(np.quantile(np.abs(u), 0.9)) for u in evenly)
     bound = OVERSHOOT * max(limit if np.isfinite(limit) else 0.0, 1.5 * usual)
-    if not np.isfinite(limit) and most < FAR * usual:
+    if not np.isfinite(limit) and most < PEAK_RATIO * usual:
         bound = 1.08 * most
     bound = min(bound, 1.08 * max(most, 1.02 * limit if np.isfinite(limit) else 0.0))
     bound = max(bound, 1e-9)
@@ -240,7 +242,7 @@ def view(values: Sequence[tuple[Any, Array, Array]], limit: float) -> tuple[floa
 # -- the chart ----------------------------------------------------------------------------------
 
 
-def map_panels(drawn: Drawn) -> list[Panel]:
+def map_panels(drawn: DrawnPlans) -> list[Panel]:
     """Where paths run in (θ₁, θ₂), and where the chart that the start lies in ends."""
     problem = drawn[0].plan.problem
     limits = np.rad2deg(problem.limits.joint[1:3])
@@ -250,19 +252,20 @@ def map_panels(drawn: Drawn) -> list[Panel]:
     if len(drawn) == 1:  # of free joints the plan's; several plans end at several places
         goal = np.where(np.isnan(goal), paths[0][-1], goal)
     ends = np.array([np.rad2deg(problem.start[1:3]), *([] if np.isnan(goal).any() else [goal])])
-    sides = [_inside(problem, i) for i in (1, 2)]
+    sides = [_chart_range(problem, i) for i in (1, 2)]
     frame = []
     for k in (0, 1):
-        edges = [edge for edge in sides[k] or () if abs(edge) < BEYOND]
-        seen = np.concatenate([*(path[:, k] for path in paths), ends[:, k], edges])
-        frame.append([float(np.nanmin(seen)) - MARGIN, float(np.nanmax(seen)) + MARGIN])
+        edges = [edge for edge in sides[k] or () if abs(edge) < NO_EDGE_DEG]
+        values = np.concatenate([*(path[:, k] for path in paths), ends[:, k], edges])
+        low, high = float(np.nanmin(values)), float(np.nanmax(values))
+        frame.append([low - MAP_MARGIN_DEG, high + MAP_MARGIN_DEG])
     lines = [[k, side * most] for k, most in enumerate(limits.tolist()) for side in (-1, 1)]
     panel = {
         "id": "map",
         "kind": "plane",
-        "title": f"{as_words(names[1])} over {as_words(names[0])}",
+        "title": f"{readable_name(names[1])} over {readable_name(names[0])}",
         "unit": "deg",
-        "across": f"{as_words(names[0])} (deg)",
+        "across": f"{readable_name(names[0])} (deg)",
         "names": names,
         "series": [
             {"plan": one.number, "x": path[:, 0], "y": path[:, 1]}
@@ -278,26 +281,27 @@ def map_panels(drawn: Drawn) -> list[Panel]:
     return [panel]
 
 
-MARGIN, BEYOND = 6.0, 1e4
+MAP_MARGIN_DEG, NO_EDGE_DEG = 6.0, 1e4
 """Degrees that the map reaches beyond what is in it; and where an edge is that there is none."""
 
 
-def _inside(problem: Problem, i: int) -> tuple[float, float] | None:
+def _chart_range(problem: Problem, i: int) -> tuple[float, float] | None:
     """Where coordinate i alone would leave the chart around the start, degrees; None if at once."""
     system, steps = problem.system, np.arange(0.0, 180.25, 0.5)
     branch = system.branch(problem.start)
-    own = [k for k, (index, _) in enumerate(system.margin_labels) if index == i]
-    found = []
+    margins = [k for k, (index, _) in enumerate(system.margin_labels) if index == i]
+    edges = []
     for side in (-1.0, 1.0):
-        at = np.rad2deg(problem.start[i]) + side * steps
-        at[1:] = np.round(2 * at[1:]) / 2  # edges lie at round angles
-        q = np.tile(problem.start, (len(at), 1))
-        q[:, i] = np.deg2rad(at)
-        out = np.any(system.chart_margins(q, branch)[:, own] < 1e-9, axis=1).nonzero()[0].tolist()
-        found.append(float(at[out[0]]) if out else side * BEYOND)
+        angles = np.rad2deg(problem.start[i]) + side * steps
+        angles[1:] = np.round(2 * angles[1:]) / 2  # edges lie at round angles
+        q = np.tile(problem.start, (len(angles), 1))
+        q[:, i] = np.deg2rad(angles)
+        on_edge = np.any(system.chart_margins(q, branch)[:, margins] < 1e-9, axis=1)
+        out = on_edge.nonzero()[0].tolist()
+        edges.append(float(angles[out[0]]) if out else side * NO_EDGE_DEG)
         if 0 in out:
             return None
-    return found[0], found[1]
+    return edges[0], edges[1]
 
 
 # -- the list -----------------------------------------------------------------------------------
@@ -340,7 +344,7 @@ FIGURES = {
 """Each figure of plans by its name, in order: what is listed here is drawn everywhere."""
 
 
-def over_time(id: str, title: str, unit: str, series: Sequence[Panel], **more: Any) -> Panel:
+def time_panel(id: str, title: str, unit: str, series: Sequence[Panel], **more: Any) -> Panel:
     """A panel over time; see above."""
     values = {"kind": "time", "title": title, "unit": unit, "series": list(series)}
     return {"id": id, **values, **more}
@@ -375,19 +379,19 @@ def merge(panels: Sequence[Panel]) -> Iterator[Panel]:
 
 # -- for a browser ------------------------------------------------------------------------------
 
-TINY = 1e-12
+ROUNDING = 1e-12
 """What is smaller is rounding, and would be read as a number with an exponent."""
 
-DIGITS = 5
+SCREEN_DIGITS = 5
 """More significant digits than a screen shows."""
 
 
 def screen_data(panel: Mapping[str, Any]) -> Panel:
     """A panel as JSON holds it, with names to be read; arrays have a screen's digits."""
     out: Panel = {key: _screen_value(value) for key, value in panel.items()}
-    out["title"] = as_words(panel["title"])
+    out["title"] = readable_name(panel["title"])
     if "names" in panel:
-        out["names"] = [as_words(name) for name in panel["names"]]
+        out["names"] = [readable_name(name) for name in panel["names"]]
     return out
 
 
@@ -397,7 +401,7 @@ def _screen_value(value: Any) -> Any:
             return to_screen_digits(value)
         case dict():
             inner = {key: _screen_value(item) for key, item in value.items()}
-            return inner | {"name": as_words(value["name"])} if "name" in value else inner
+            return inner | {"name": readable_name(value["name"])} if "name" in value else inner
         case list() | tuple():
             return [_screen_value(item) for item in value]
     return jsonable(value)
@@ -407,9 +411,9 @@ def to_screen_digits(values: Array) -> list[Any]:
     """Numbers to so many significant digits as a screen can show; None for those there are not."""
     values = np.asarray(values, dtype=float)
     finite, size = np.isfinite(values), np.abs(values)
-    seen = finite & (size >= TINY)
-    scale = 10.0 ** (DIGITS - 1 - np.floor(np.log10(np.where(seen, size, 1.0))))
-    short = (np.round(np.where(seen, values, 0.0) * scale) / scale).astype(object)
+    visible = finite & (size >= ROUNDING)
+    scale = 10.0 ** (SCREEN_DIGITS - 1 - np.floor(np.log10(np.where(visible, size, 1.0))))
+    short = (np.round(np.where(visible, values, 0.0) * scale) / scale).astype(object)
     short[~finite] = None
     out: list[Any] = short.tolist()
     return out

@@ -45,8 +45,8 @@ def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
     try:
         problem = Problem.from_dict(data["problem"], data["source"])
         rows = [_row(row, place, problem) for row in data["rows"]]
-        said = (row["why"] for row in data["rows"])
-        fallen = [row.why for row, why in zip(rows, said, strict=True) if row.why != why]
+        whys = (row["why"] for row in data["rows"])
+        fallen = [row.why for row, why in zip(rows, whys, strict=True) if row.why != why]
         if fallen and strict:
             raise InputError("\n".join(f"{folder}: {why}" for why in fallen))
         return Comparison(
@@ -73,7 +73,7 @@ def load_replays(folder: str | Path) -> dict[str, Any]:
     return read_json(path) if path.exists() else {}
 
 
-def _asked(problem: Problem) -> dict[str, Any]:
+def _task_tables(problem: Problem) -> dict[str, Any]:
     """What a problem asks for, whatever it is called."""
     return {key: value for key, value in problem.to_dict().items() if key != "title"}
 
@@ -82,7 +82,7 @@ def _row(data: Mapping[str, Any], place: Path, problem: Problem) -> Row:
     file = data.get("plan_file")
     plan = None if file is None else load_plan(place / file)
     fault = "" if plan is None else plan.why
-    if plan is not None and _asked(plan.problem) != _asked(problem):
+    if plan is not None and _task_tables(plan.problem) != _task_tables(problem):
         fault = "it is made for another problem than the folder's"
     elif data["solved"] and not (plan and plan.verified):
         fault = fault or "no verified plan is there"
@@ -90,8 +90,8 @@ def _row(data: Mapping[str, Any], place: Path, problem: Problem) -> Row:
         why = f"{file} was changed after it was made: {fault}; compare again"
         return Row(data["label"], data["method"], False, why, plan=plan, feedback=data["feedback"])
     known = {field.name: field for field in fields(Row)} | {"peak_u": None}
-    given = {**data, "peak_u": data["peak_u_rad_s"]}
-    values = {k: _read_back(v) for k, v in given.items() if k in known and k != "replay"}
+    values = {**data, "peak_u": data["peak_u_rad_s"]}
+    values = {k: _read_back(v) for k, v in values.items() if k in known and k != "replay"}
     values["domain_ok"] = data["domain_ok"]
     return Row(**values, plan=plan)
 

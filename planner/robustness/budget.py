@@ -20,7 +20,14 @@ from planner.machine.replay import SETTLE_S
 from planner.machine.simulate import simulate_draws
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.problem.tables.machine_effects import EFFECTS
-from planner.robustness.sobol import Index, between_machines, check, on_or_off, per_sample, switched
+from planner.robustness.sobol import (
+    Index,
+    check,
+    machine_indices,
+    switch_indices,
+    switch_off,
+    switches_per_sample,
+)
 from planner.support.arrays import Array, jsonable
 from planner.support.package import import_function
 from planner.support.progress import expect_listener
@@ -44,10 +51,10 @@ Progress = Callable[[str, float], None]
 
 Interval = tuple[float, float]
 
-SCREENED = 16
+SCREENING_MACHINES = 16
 """Machines on which an effect must change something to be looked at further."""
 
-BLOCK = 1000
+BLOCK_MACHINES = 1000
 """Machines that are looked at together, so that a million need no more memory than these."""
 
 IDLE_DEG = 1e-6
@@ -63,7 +70,7 @@ class Cost:
         alone_deg: Median of E with this effect alone, degrees.
         alone_interval_deg: Its interval; NaN where nothing varies.
         saves_deg: Median over machines of E with all effects minus E without this one, degrees.
-        saves_interval_deg: Its interval.
+        saves_interval_deg: Interval of `saves_deg`.
         between: Sobol indices among what differs from machine to machine; None without a spread.
         switch: Sobol indices as a switch.
     """
@@ -132,17 +139,17 @@ class Budget:
             [column for column in COLUMNS if not column.title.endswith(", first")],
             [("", cost) for cost in self.costs],
             title=f"Error budget of {self.plan.method}: {total(self)}",
-            caption=f"{EXPLAINED} {_idle(self)}",
+            caption=f"{CAPTION} {_idle_text(self)}",
             ruled=True,
             gap=1,
         )
 
     def figure(self) -> Figure:
         """Costs and indices as bars."""
-        drawn: tuple[Figure, Any] = import_function(
+        figure: tuple[Figure, Any] = import_function(
             "planner.report.figures.robustness.plot_budget"
         )(self)
-        return drawn[0]
+        return figure[0]
 
 
 def error_budget(
@@ -170,16 +177,16 @@ def error_budget(
             does not match the system, a number is out of range, or SALib is missing.
     """
     refuse_inexecutable(plan)
-    used = machine_for(plan.problem.machine, machine)
+    distribution = machine_for(plan.problem.machine, machine)
     count = len(sample_numbers(samples))
     check(base)
     expect_listener(progress)
     if all(c.unit != "rad" for c in plan.problem.system.coordinates[1:]):
         raise InputError("the error index E is defined for angles, and this system has none")
-    if not used.effects:
+    if not distribution.effects:
         raise InputError("this machine has no effects, so there is no error to attribute")
     return _BudgetRun(
-        plan, used, count, seed, base, progress or (lambda doing, share: None)
+        plan, distribution, count, seed, base, progress or (lambda doing, share: None)
     ).budget()
 
 
@@ -199,7 +206,7 @@ class _BudgetRun:
         self.tell("looking for effects without influence", 0.0)
         on, static = self.machine.effects, self.machine.fidelity == "quasi-static"
         every = [k for k, e in EFFECTS.items() if k in on and not (static and e.dynamic_only)]
-        none, whole, alone, without = self._one_by_one(every, min(self.samples, SCREENED))
+        none, whole, alone, without = self._one_by_one(every, min(self.samples, SCREENING_MACHINES))
         active = [
             k for k in every if np.max(np.abs([alone[k] - none, without[k] - whole])) >= IDLE_DEG
         ]
@@ -207,9 +214,9 @@ class _BudgetRun:
         none, whole, alone, without = self._one_by_one(active, self.samples)
         rest = (active, self.plan.problem.system.size - 1, self._given, self.base, self.seed)
         self.tell("Sobol indices between machines", 0.4)
-        between = between_machines(self.machine, *rest)
+        between = machine_indices(self.machine, *rest)
         self.tell("Sobol indices of effects on or off", 0.6)
-        switch = on_or_off(self.machine, *rest)
+        switch = switch_indices(self.machine, *rest)
         self.tell("done", 1.0)
         costs = [
             Cost(
@@ -251,8 +258,8 @@ class _BudgetRun:
     def _variants(self, changes: Sequence[frozenset[str]], count: int) -> list[Array]:
         """E of the first samples, (S,), with each of these sets of effects off."""
         blocks = [
-            self._block(changes, np.arange(k, min(k + BLOCK, count)))
-            for k in range(0, count, BLOCK)
+            self._block(changes, np.arange(k, min(k + BLOCK_MACHINES, count)))
+            for k in range(0, count, BLOCK_MACHINES)
         ]
         return [np.concatenate(each) for each in zip(*blocks, strict=True)]
 
@@ -268,7 +275,7 @@ class _BudgetRun:
         ]
         groups: dict[frozenset[str], list[int]] = {}
         for k, off in enumerate(changes):
-            shared = frozenset(name for name in off if not per_sample(name))
+            shared = frozenset(name for name in off if not switches_per_sample(name))
             groups.setdefault(shared, []).append(k)
         out: list[Array] = [np.empty(0)] * len(changes)
         for shared, members in groups.items():
@@ -277,7 +284,7 @@ class _BudgetRun:
             draws = draw(there, self.plan.problem.system.size - 1, numbers, self.seed)
             where = np.repeat(members, [sizes[k] for k in members])
             flags = {name: np.array([name in changes[k] for k in where]) for name in effects}
-            errors = self._given(there, switched(draws, flags))
+            errors = self._given(there, switch_off(draws, flags))
             for k in members:
                 out[k] = np.broadcast_to(errors[where == k], count)
         return out
@@ -299,7 +306,7 @@ def _interval(values: Array) -> Interval:
 TINY_DEG = 1e-4
 """What is smaller is shown as 0: it is that of the integration."""
 
-EXPLAINED = (
+CAPTION = (
     "alone: median error index E (eq. 29) with this effect and no other; saves: median over the"
     " machines of what E falls by when this effect alone is switched off, with its 95 % interval;"
     " between: Sobol indices of E between machines (what has no spread has none); switch: Sobol"
@@ -322,8 +329,8 @@ def _cost(
     title: str, key: str, value: Callable[[Cost], float], style: str | None = None
 ) -> Column[Labelled]:
     """A number of degrees; without a style for CSV alone."""
-    shown = None if style is None else lambda x: _degrees(x, style)
-    return Column(title, "", lambda row: value(row[1]), shown, key)
+    format = None if style is None else lambda x: _degrees(x, style)
+    return Column(title, "", lambda row: value(row[1]), format, key)
 
 
 def _sobol(kind: str, part: str) -> Iterator[Column[Labelled]]:
@@ -333,8 +340,8 @@ def _sobol(kind: str, part: str) -> Iterator[Column[Labelled]]:
         index: Index | None = getattr(row[1], kind)
         return (getattr(index, part, np.nan), getattr(index, f"{part}_half", np.nan))
 
-    def read(found: tuple[float, float]) -> str:
-        return "{:.2f} +- {:.2f}".format(*found) if np.isfinite(found[0]) else "-"
+    def read(pair: tuple[float, float]) -> str:
+        return "{:.2f} +- {:.2f}".format(*pair) if np.isfinite(pair[0]) else "-"
 
     yield Column(f"{kind}, {part}", "", pair, read, key="")
     yield Column(f"{kind}_{part}", "", lambda row: pair(row)[0], shown=None)
@@ -365,13 +372,13 @@ def budget_markdown(budgets: Mapping[str, Budget], command: str | None = None) -
     for label, budget in budgets.items():
         rows = [(label, cost) for cost in budget.costs]
         lines += [f"## {markdown_code(label)}", "", total(budget) + ".", ""]
-        lines += [markdown_table(COLUMNS, rows), "", _idle(budget), ""]
+        lines += [markdown_table(COLUMNS, rows), "", _idle_text(budget), ""]
     first = next(iter(budgets.values()))
     lines += [
         f"{first.samples} machines ({first.machine.preset}) a median; Sobol indices by Saltelli's"
         f" scheme from {first.base} base samples; seed {first.seed}.",
         "",
-        EXPLAINED[0].upper() + EXPLAINED[1:],
+        CAPTION[0].upper() + CAPTION[1:],
     ]
     if command:
         lines += ["", f"Made by:\n\n    {clean_text(command)}"]
@@ -391,7 +398,7 @@ def total(budget: Budget) -> str:
     return f"median E {number(budget.E_deg)} deg ({low} to {high}), {none} without any effect"
 
 
-def _idle(budget: Budget) -> str:
+def _idle_text(budget: Budget) -> str:
     if not budget.idle:
         return ""
     return f"On, and without influence here: {', '.join(budget.idle)}."

@@ -21,7 +21,7 @@ from planner.problem.tables.machine_effects import EFFECTS, Effect
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
 
-PART = 0.05
+RELATIVE_STEP = 0.05
 """Step of a parameter without spread, as a part of its value."""
 
 STEPS: Mapping[str, float] = {
@@ -36,15 +36,15 @@ STEPS: Mapping[str, float] = {
 }
 """Step of a parameter that is zero, by its unit."""
 
-ALONE = ("control_period_s", "delay_s")
+GRID_PARAMETERS = ("control_period_s", "delay_s")
 """Parameters that set the grid of times, which all machines of one replay share."""
 
 SETTLE_S = 0.5
 RECORDS = 200
-ALONG = 5
+WRITE_STRIDE = 5
 """Every so many of the recorded times are written out."""
 
-SILENT_DEG = 1e-9
+NO_EFFECT_DEG = 1e-9
 """Change of an angle, over the step, below which a parameter counts as without effect."""
 
 
@@ -93,9 +93,9 @@ class MachineEntry:
         return self.terminal * self.reference
 
     @property
-    def silent(self) -> bool:
+    def has_no_effect(self) -> bool:
         """Whether nothing changes, at any time."""
-        return bool(np.max(np.abs(self.along)) * (self.high - self.low) < SILENT_DEG)
+        return bool(np.max(np.abs(self.along)) * (self.high - self.low) < NO_EFFECT_DEG)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +139,7 @@ class MachineSensitivity:
     @property
     def loudest(self) -> list[MachineEntry]:
         """Parameters that have an effect, those of the largest response first."""
-        loud = [e for e in self.entries if not e.silent]
+        loud = [e for e in self.entries if not e.has_no_effect]
         return sorted(loud, key=lambda e: -float(np.max(np.abs(e.contribution))))
 
     def to_dict(self) -> dict[str, Any]:
@@ -148,7 +148,7 @@ class MachineSensitivity:
             "angles": list(self.angles),
             "nominal_error_deg": self.nominal_error_deg.tolist(),
             "total_deg": self.total_deg,
-            "t_s": self.t[::ALONG].tolist(),
+            "t_s": self.t[::WRITE_STRIDE].tolist(),
             "parameters": [
                 {
                     "effect": e.effect,
@@ -161,8 +161,8 @@ class MachineSensitivity:
                     "response_deg_per_unit": dict(zip(self.angles, e.terminal, strict=True)),
                     "reference": e.reference,
                     "response_deg": dict(zip(self.angles, e.contribution, strict=True)),
-                    "without_effect": e.silent,
-                    "along_deg_per_unit": e.along[::ALONG].tolist(),
+                    "without_effect": e.has_no_effect,
+                    "along_deg_per_unit": e.along[::WRITE_STRIDE].tolist(),
                 }
                 for e in self.entries
             ],
@@ -192,15 +192,15 @@ def machine_sensitivity(plan: Plan, machine: Machine | str | None = None) -> Mac
         InputError: If the plan cannot be executed or the machine does not match the system.
     """
     refuse_inexecutable(plan)
-    used = machine_for(plan.problem.machine, machine)
+    distribution = machine_for(plan.problem.machine, machine)
     system = plan.problem.system
     steps, omitted = [], {}
     for name, effect in EFFECTS.items():
-        found = list(_steps(used, system, name, effect))
-        steps += found
-        if not found:
+        perturbations = list(_steps(distribution, system, name, effect))
+        steps += perturbations
+        if not perturbations:
             omitted[name] = "off; it has no value to step from"
-    t, nominal, up, down = _motions(plan, used, steps)
+    t, nominal, up, down = _motions(plan, distribution, steps)
     angles = [i for i, c in enumerate(system.coordinates) if i and c.unit == "rad"]
     entries = []
     for k, step in enumerate(steps):
@@ -213,7 +213,7 @@ def machine_sensitivity(plan: Plan, machine: Machine | str | None = None) -> Mac
         )
     error = np.rad2deg(nominal[-1] - plan.q(plan.duration))[angles]
     names = tuple(system.coordinates[i].name for i in angles)
-    return MachineSensitivity(plan, used, names, t, error, tuple(entries), omitted)
+    return MachineSensitivity(plan, distribution, names, t, error, tuple(entries), omitted)
 
 
 def _steps(
@@ -228,7 +228,7 @@ def _steps(
     values = np.broadcast_to([effect.off_value] if on is None else on.value, count)
     spreads = np.broadcast_to([0.0] if on is None else on.spread, count)
     for i, (value, spread) in enumerate(zip(values, spreads, strict=True)):
-        size = spread or (PART * abs(value) if value else STEPS.get(effect.unit, 0.01))
+        size = spread or (RELATIVE_STEP * abs(value) if value else STEPS.get(effect.unit, 0.01))
         low, high = max(value - size, effect.low), min(value + size, effect.high)
         if effect.positive:
             low = max(low, value / 2)
@@ -249,32 +249,32 @@ def _motions(
     """Recorded times, the nominal motion (R, N), and those of the upper and lower machines."""
     nominal, joints = machine.nominal(), plan.problem.system.size - 1
     record = plan.duration / RECORDS
-    own = [k for k, s in enumerate(steps) if s.effect not in ALONE]
-    count = 1 + 2 * len(own)
+    batch_steps = [k for k, s in enumerate(steps) if s.effect not in GRID_PARAMETERS]
+    count = 1 + 2 * len(batch_steps)
     base = draw(nominal, joints, np.arange(count), 0)
     values = {name: value.copy() for name, value in base.values.items()}
-    for at, k in enumerate(own):
+    for place, k in enumerate(batch_steps):
         step = steps[k]
         effect = EFFECTS[step.effect]
         if step.effect not in values:
             values[step.effect] = np.full((effect.count(joints), count), effect.off_value)
-        values[step.effect][step.index, 1 + 2 * at : 3 + 2 * at] = step.high, step.low
-    drawn = Draws(base.numbers, values)
-    run = simulate_draws(plan, nominal, drawn, settle_s=SETTLE_S, record_s=record)
+        values[step.effect][step.index, 1 + 2 * place : 3 + 2 * place] = step.high, step.low
+    draws = Draws(base.numbers, values)
+    run = simulate_draws(plan, nominal, draws, settle_s=SETTLE_S, record_s=record)
     up, down = [run.q[0]] * len(steps), [run.q[0]] * len(steps)
-    for at, k in enumerate(own):
-        up[k], down[k] = run.q[1 + 2 * at], run.q[2 + 2 * at]
+    for place, k in enumerate(batch_steps):
+        up[k], down[k] = run.q[1 + 2 * place], run.q[2 + 2 * place]
     for k, step in enumerate(steps):
-        if step.effect in ALONE:
+        if step.effect in GRID_PARAMETERS:
             up[k], down[k] = (
-                _one(plan, nominal.with_(**{step.effect: value}), record)
+                _motion(plan, nominal.with_(**{step.effect: value}), record)
                 for value in (step.high, step.low)
             )
     return run.t, run.q[0], up, down
 
 
-def _one(plan: Plan, machine: Machine, record_s: float) -> Array:
+def _motion(plan: Plan, machine: Machine, record_s: float) -> Array:
     """Recorded motion (R, N) of one machine."""
-    drawn = draw(machine, plan.problem.system.size - 1, np.arange(1), 0)
-    run = simulate_draws(plan, machine, drawn, settle_s=SETTLE_S, record_s=record_s)
+    draws = draw(machine, plan.problem.system.size - 1, np.arange(1), 0)
+    run = simulate_draws(plan, machine, draws, settle_s=SETTLE_S, record_s=record_s)
     return np.asarray(run.q[0])

@@ -154,7 +154,7 @@ class Sensitivity:
         """JSON-ready: the matrix in SI units, responses to reference errors (deg), and sums."""
         names = [c.name for c in self.plan.problem.system.coordinates]
         angles = [names[i] for i in self.angles]
-        shown = self.contribution_deg(spread)
+        contribution = self.contribution_deg(spread)
         fixed = self.irreducible
         columns = [
             {
@@ -162,13 +162,14 @@ class Sensitivity:
                 "unit": self.units[p],
                 "standard_deviation": float(self._sigma(spread)[p]),
                 "reference": float(self.reference(spread)[p]),
-                "response_deg": dict(zip(angles, shown[:, p].tolist(), strict=True)),
+                "response_deg": dict(zip(angles, contribution[:, p].tolist(), strict=True)),
                 "irreducible": [names[i] for i in np.flatnonzero(fixed[:, p])],
             }
             for p, name in enumerate(self.parameters)
         ]
-        at = [int(np.argmin(np.abs(self.t - t))) for t in np.linspace(0, self.plan.duration, 51)]
-        along = self.along_deg(spread)[at]
+        even = np.linspace(0, self.plan.duration, 51)
+        instants = [int(np.argmin(np.abs(self.t - t))) for t in even]
+        along = self.along_deg(spread)[instants]
         return {
             "coordinates": names,
             "parameters": columns,
@@ -177,9 +178,9 @@ class Sensitivity:
             "floor_deg": self.floor_deg(spread),
             "passive_block_deg": self.passive_block_deg(spread),
             "along": {
-                "t_s": self.t[at].tolist(),
+                "t_s": self.t[instants].tolist(),
                 "standard_deviation_deg": dict(zip(angles, along.T.tolist(), strict=True)),
-                "matrix": self.along[at].tolist(),
+                "matrix": self.along[instants].tolist(),
             },
         }
 
@@ -223,7 +224,7 @@ def sensitivity(plan: Plan, samples: int = 2000) -> Sensitivity:
     S[0, :, first : first + system.size] = np.eye(system.size)
     ends = np.where(np.isin(t[1:], plan.t[1:-1]), np.nextafter(t[1:], 0.0), t[1:])
     places = (t[:-1], (t[:-1] + t[1:]) / 2, ends)
-    A, B = zip(*(_linearised(plan, at) for at in places), strict=True)
+    A, B = zip(*(_linearised(plan, instant) for instant in places), strict=True)
     for k, h in enumerate(np.diff(t)):
         S[k + 1] = runge_kutta.step(lambda S, j, k=k: A[j][k] @ S + B[j][k], S[k], h)  # type: ignore[misc]
     return Sensitivity(plan, t, S, names, units)
@@ -312,8 +313,8 @@ def indicators(plan: Plan, period_s: float = 0.01) -> Indicators:
     joints = [i for i, c in enumerate(coordinates) if i > 0 and c.unit == "rad"]
     if not joints:
         raise InputError(f"a {plan.problem.system.kind} has no angles after its path coordinate")
-    error = held_end(plan, period_s) - plan.q(plan.duration)
-    deviation, length = _from_straight(plan, joints)
+    error = sampled_end(plan, period_s) - plan.q(plan.duration)
+    deviation, length = _chord_deviation(plan, joints)
     matrix = _initial_errors(plan)
     return Indicators(
         joints=tuple(coordinates[i].name for i in joints),
@@ -326,7 +327,7 @@ def indicators(plan: Plan, period_s: float = 0.01) -> Indicators:
     )
 
 
-def held_end(plan: Plan, period_s: float) -> Array:
+def sampled_end(plan: Plan, period_s: float) -> Array:
     """q(T), shape (N,), of the ideal machine under the input sampled and held every period."""
     from scipy.integrate import solve_ivp  # slow to import
 
@@ -341,7 +342,7 @@ def held_end(plan: Plan, period_s: float) -> Array:
     return np.asarray(q)
 
 
-def _from_straight(plan: Plan, joints: list[int]) -> tuple[float, float]:
+def _chord_deviation(plan: Plan, joints: list[int]) -> tuple[float, float]:
     """Greatest distance from the chord of the joints' path, and the chord's length, in radians."""
     ends = plan.q(np.array([0.0, plan.duration]))[:, joints]
     chord = ends[1] - ends[0]

@@ -27,14 +27,14 @@ from planner.support.package import how_to_install
 
 CONFIDENCE = 0.95
 
-LARGE = 1e6
+INFINITY_FACTOR = 1e6
 """What stands for infinity (a rigid shaft, no limit): so many times the effect's value, or one."""
 
-TOGETHER = ("delay_s", "servo_bandwidth_rad_s", "acceleration_limit_rad_s2")
+SHARED_SWITCHES = ("delay_s", "servo_bandwidth_rad_s", "acceleration_limit_rad_s2")
 """Off for all samples of a simulation or for none: with one delay for all, the grid of time holds
 every jump of the command, and without lag and ramp the command is integrated to higher order."""
 
-INSIDE = 1e-9
+QUANTILE_MARGIN = 1e-9
 """Quantiles are kept so far from 0 and 1."""
 
 Errors = Callable[[Machine, Draws], Array]
@@ -46,9 +46,9 @@ class Index:
     """Sobol indices of one effect, as shares of the variance of E.
 
     Attributes:
-        first: First order.
+        first: Index of first order.
         first_half: Half of its 95 % interval (bootstrap).
-        total: Total.
+        total: Total index.
         total_half: Half of its 95 % interval.
     """
 
@@ -58,19 +58,19 @@ class Index:
     total_half: float
 
 
-NONE = Index(0.0, 0.0, 0.0, 0.0)
+NO_INDEX = Index(0.0, 0.0, 0.0, 0.0)
 
 
-def between_machines(
+def machine_indices(
     machine: Machine, names: Sequence[str], joints: int, errors: Errors, base: int, seed: int
 ) -> dict[str, Index]:
     """Indices of the effects that differ from machine to machine.
 
     Args:
-        machine: The distribution.
+        machine: The distribution of machines.
         names: The effects to look at.
         joints: Coordinates after the first, N−1.
-        errors: Simulates.
+        errors: Simulates single machines; see `Errors`.
         base: Number of base samples, a power of 2; (effects + 2) · base machines are simulated.
         seed: Seed of the samples and of the bootstrap.
     """
@@ -88,19 +88,19 @@ def between_machines(
     return indices(sizes, evaluate, base, seed)
 
 
-def on_or_off(
+def switch_indices(
     machine: Machine, names: Sequence[str], joints: int, errors: Errors, base: int, seed: int
 ) -> dict[str, Index]:
-    """Indices of each effect as a switch; arguments as for `between_machines`."""
+    """Indices of each effect as a switch; arguments as for `machine_indices`."""
     nominal = machine.nominal()
 
     def evaluate(places: Mapping[str, Array]) -> Array:
         off = {name: place[0] < 0.5 for name, place in places.items()}
         out = np.empty(len(next(iter(off.values()))))
         for shared, rows in _patterns(off):
-            there = nominal.without(*shared)
-            draws = draw(there, joints, np.arange(len(rows)), seed)
-            out[rows] = errors(there, switched(draws, {k: f[rows] for k, f in off.items()}))
+            reduced = nominal.without(*shared)
+            draws = draw(reduced, joints, np.arange(len(rows)), seed)
+            out[rows] = errors(reduced, switch_off(draws, {k: f[rows] for k, f in off.items()}))
         return out
 
     return indices(dict.fromkeys(names, 1), evaluate, base, seed)
@@ -128,8 +128,8 @@ def indices(
     Args:
         sizes: Number of factors of each group.
         evaluate: From each group's factors (size, S) to the output (S,).
-        base: As for `between_machines`.
-        seed: Likewise.
+        base: As for `machine_indices`.
+        seed: Seed of the samples and of the bootstrap.
 
     Raises:
         InputError: If SALib is missing or `base` is no power of 2.
@@ -142,7 +142,7 @@ def indices(
     problem: dict[str, Any] = {
         "num_vars": len(owner),
         "names": [f"{name} {k}" for k, name in enumerate(owner)],
-        "bounds": [[INSIDE, 1 - INSIDE]] * len(owner),
+        "bounds": [[QUANTILE_MARGIN, 1 - QUANTILE_MARGIN]] * len(owner),
     }
     if len(sizes) > 1:
         problem["groups"] = owner
@@ -150,18 +150,20 @@ def indices(
     columns = {name: places[:, [k for k, o in enumerate(owner) if o == name]].T for name in sizes}
     output = evaluate(columns)
     if np.ptp(output) == 0:
-        return dict.fromkeys(sizes, NONE)
+        return dict.fromkeys(sizes, NO_INDEX)
     if len(sizes) == 1:  # alone it explains everything
         return dict.fromkeys(sizes, Index(1.0, 0.0, 1.0, 0.0))
-    own = seed + 1  # SALib draws its bootstrap anew each time from seed 0
-    found = analyze(problem, output, calc_second_order=False, conf_level=CONFIDENCE, seed=own)
-    rows = zip(*(found[key] for key in ("S1", "S1_conf", "ST", "ST_conf")), strict=True)
+    bootstrap_seed = seed + 1  # SALib draws its bootstrap anew each time from seed 0
+    result = analyze(
+        problem, output, calc_second_order=False, conf_level=CONFIDENCE, seed=bootstrap_seed
+    )
+    rows = zip(*(result[key] for key in ("S1", "S1_conf", "ST", "ST_conf")), strict=True)
     return {name: Index(*map(float, row)) for name, row in zip(sizes, rows, strict=True)}
 
 
 def _patterns(off: Mapping[str, Array]) -> list[tuple[list[str], NDArray[np.int64]]]:
     """Samples by what they must share: effects off for all of a simulation, and their places."""
-    shared = [name for name in off if not per_sample(name)]
+    shared = [name for name in off if not switches_per_sample(name)]
     count = len(next(iter(off.values())))
     flags = np.stack([off[name] for name in shared]) if shared else np.zeros((1, count), dtype=bool)
     kinds, which = np.unique(flags, axis=1, return_inverse=True)
@@ -172,13 +174,13 @@ def _patterns(off: Mapping[str, Array]) -> list[tuple[list[str], NDArray[np.int6
     ]
 
 
-def per_sample(name: str) -> bool:
+def switches_per_sample(name: str) -> bool:
     """Whether samples of one simulation may have an effect on or off each for itself."""
     effect = EFFECTS[name]
-    return effect.may_spread and not np.isnan(effect.off_value) and name not in TOGETHER
+    return effect.may_spread and not np.isnan(effect.off_value) and name not in SHARED_SWITCHES
 
 
-def switched(draws: Draws, off: Mapping[str, Array]) -> Draws:
+def switch_off(draws: Draws, off: Mapping[str, Array]) -> Draws:
     """Single machines with effects off that samples may have each for itself.
 
     Args:
@@ -187,11 +189,15 @@ def switched(draws: Draws, off: Mapping[str, Array]) -> Draws:
             own. What samples must share is left as it is.
     """
     values = {}
-    for name, own in draws.values.items():
+    for name, drawn in draws.values.items():
         effect = EFFECTS[name]
-        neutral = LARGE * np.maximum(own, 1.0) if np.isinf(effect.off_value) else effect.off_value
-        flags = off.get(name) if per_sample(name) else None
-        values[name] = own if flags is None else np.where(flags, neutral, own)
+        neutral = (
+            INFINITY_FACTOR * np.maximum(drawn, 1.0)
+            if np.isinf(effect.off_value)
+            else effect.off_value
+        )
+        flags = off.get(name) if switches_per_sample(name) else None
+        values[name] = drawn if flags is None else np.where(flags, neutral, drawn)
     return Draws(draws.numbers, values)
 
 

@@ -24,9 +24,9 @@ from planner.robustness.trade_off_axis import KINDS, Axis, Kind, axis
 from planner.robustness.trade_off_points import (
     PointStore,
     TradeOffPoint,
-    allowed_for,
+    compensated_errors,
     errors_machine,
-    replayed,
+    replay_errors,
     solved_point,
 )
 from planner.support.arrays import Array
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 Progress = Callable[[str, float], None]
 """Told what is being done, and the share done, 0 … 1."""
 
-SAME = 1e-4
+NO_GAIN = 1e-4
 """Relative change of the response below which a point counts as no better."""
 
 
@@ -130,10 +130,10 @@ class TradeOff:
 
     def figure(self) -> Figure:
         """One picture of what is bought and for how much."""
-        drawn: tuple[Figure, Any] = import_function(
+        figure: tuple[Figure, Any] = import_function(
             "planner.report.figures.robustness.plot_trade_off"
         )(self)
-        return drawn[0]
+        return figure[0]
 
 
 def trade_off(
@@ -179,25 +179,25 @@ def trade_off(
     if isinstance(points, bool) or not isinstance(points, int) or not 3 <= points <= 200:
         raise InputError(f"points = {points}: must be a whole number, 3 to 200")
     design = merged_options(problem, find_method("desensitised"), options)
-    used = machine_for(problem.machine, machine)
-    asked = {
+    distribution = machine_for(problem.machine, machine)
+    request = {
         "problem": problem.to_dict(),
         "kind": kind,
         "count": points,
         "options": design.model_dump(),
-        "machine": used.to_dict(),
+        "machine": distribution.to_dict(),
         "samples": samples,
         "seed": seed,
     }
     expect_listener(progress)
-    store = PointStore(folder, asked)
+    store = PointStore(folder, request)
     tell = progress or (lambda _, __: None)
     if len(store.points) < points or any(p.swept < 2 for p in store.points.values()):
         tell("finding the ends of the curve", 0.0)
         _sweep(problem, design, axis(problem, design, kind, points), store, tell)
-    _replay(store, problem, design, used, (samples, seed), tell)
-    kept = _descending([store.points[k] for k in sorted(store.points)])
-    return TradeOff(problem, kind, kept, design, used, store.path)
+    _replay(store, problem, design, distribution, (samples, seed), tell)
+    descending = _keep_descending([store.points[k] for k in sorted(store.points)])
+    return TradeOff(problem, kind, descending, design, distribution, store.path)
 
 
 def _sweep(
@@ -209,19 +209,19 @@ def _sweep(
     for k, limit in enumerate(along.limits):
         tell(f"point {k + 1} of {count}", 0.1 + 0.5 * k / count)
         if k not in store.points:
-            best = _better([attempt(limit, near), attempt(limit, None)])
+            best = _best_point([attempt(limit, near), attempt(limit, None)])
             if best is None:
                 continue
             store.put(k, best)
         near = store.points[k].plan
     if not store.points:  # say why: without points this raises
-        solved_point(*along.posed(problem, options, along.limits[-1]), along.limits[-1], None)
+        solved_point(*along.task_at(problem, options, along.limits[-1]), along.limits[-1], None)
     after: Plan | None = None
     for j, k in enumerate(sorted(store.points, reverse=True)):
         point = store.points[k]
         tell(f"point {k + 1} from the other side", 0.6 + 0.2 * j / len(store.points))
         if point.swept < 2:
-            best = _better([point, None if after is None else attempt(point.limit, after)])
+            best = _best_point([point, None if after is None else attempt(point.limit, after)])
             assert best is not None
             store.put(k, replace(best, swept=2))
         after = store.points[k].plan
@@ -231,7 +231,7 @@ def _attempt(
     problem: Problem, options: DesensitisedOptions, along: Axis, limit: float, near: Plan | None
 ) -> TradeOffPoint | None:
     """The point found next to a plan, or afresh; None if there is none."""
-    problem, options = along.posed(problem, options, float(limit))
+    problem, options = along.task_at(problem, options, float(limit))
     if near is None:
         options = options.model_copy(update={"starts": min(options.starts, 2)})
     try:
@@ -240,11 +240,11 @@ def _attempt(
         return None
 
 
-def _better(points: list[TradeOffPoint | None]) -> TradeOffPoint | None:
+def _best_point(points: list[TradeOffPoint | None]) -> TradeOffPoint | None:
     """The one of the least response; the first of those that hardly differ."""
     best: TradeOffPoint | None = None
     for point in filter(None, points):
-        if best is None or point.response_deg < best.response_deg * (1 - SAME):
+        if best is None or point.response_deg < best.response_deg * (1 - NO_GAIN):
             best = point
     return best
 
@@ -254,7 +254,7 @@ def _replay(
     problem: Problem,
     options: DesensitisedOptions,
     machine: Machine,
-    drawn: tuple[int, int],
+    machines: tuple[int, int],
     tell: Progress,
 ) -> None:
     alone = errors_machine(problem, options)
@@ -263,18 +263,18 @@ def _replay(
         share = 0.8 + 0.2 * j / len(store.points)
         tell(f"point {k + 1} on the machine, as it is and compensated", share)
         if point.machine is None or point.compensated is None:
-            runs = [replayed(point.plan, each, *drawn) for each in (machine, alone)]
-            allowed = allowed_for(point.plan, machine, *drawn)
+            runs = [replay_errors(point.plan, each, *machines) for each in (machine, alone)]
+            allowed = compensated_errors(point.plan, machine, *machines)
             store.put(k, replace(point, machine=runs[0], errors_alone=runs[1], compensated=allowed))
 
 
-def _descending(points: list[TradeOffPoint]) -> tuple[TradeOffPoint, ...]:
+def _keep_descending(points: list[TradeOffPoint]) -> tuple[TradeOffPoint, ...]:
     """Points that respond less than all with a smaller limit: the others buy nothing."""
-    kept: list[TradeOffPoint] = []
+    descending: list[TradeOffPoint] = []
     for point in points:
-        if not kept or point.response_deg < kept[-1].response_deg * (1 - SAME):
-            kept.append(point)
-    return tuple(kept)
+        if not descending or point.response_deg < descending[-1].response_deg * (1 - NO_GAIN):
+            descending.append(point)
+    return tuple(descending)
 
 
 def knee(cost: Array, response: Array) -> int:

@@ -20,16 +20,16 @@ from planner.support.arrays import Array
 Kind = Literal["effort", "duration", "peak"]
 KINDS: tuple[Kind, ...] = ("effort", "duration", "peak")
 
-SETTLING = 1e-4
+CURVE_EFFORT_WEIGHT = 1e-4
 """Weight of the effort on the curve: it settles what the response leaves open."""
 
-MOST = 1e-3
+END_EFFORT_WEIGHT = 1e-3
 """Weight of the effort at the costly end: what more would buy no longer shows."""
 
-ROOM = 1.02
+LEAST_FACTOR = 1.02
 """Least effort, duration and peak are exceeded by this: at the least only one plan is left."""
 
-LONGEST = 4.0
+LONGEST_RATIO = 4.0
 """The longest duration, in least durations, where the problem's own is not longer."""
 
 
@@ -49,14 +49,14 @@ class Axis:
     base: Array
     least: Plan
 
-    def posed(
+    def task_at(
         self, problem: Problem, options: DesensitisedOptions, limit: float
     ) -> tuple[Problem, DesensitisedOptions]:
         """Problem and options of the point with this limit."""
         if self.kind == "effort":
-            calm = {"effort": min(options.effort, SETTLING), "effort_limit": limit}
+            calm = {"effort": min(options.effort, CURVE_EFFORT_WEIGHT), "effort_limit": limit}
             return problem, options.model_copy(update=calm)
-        calm_only = options.model_copy(update={"effort": min(options.effort, SETTLING)})
+        calm_only = options.model_copy(update={"effort": min(options.effort, CURVE_EFFORT_WEIGHT)})
         if self.kind == "duration":
             return problem.changed({"goal.duration": float(limit)}), calm_only
         return with_input_limits(problem, limit * self.base), calm_only
@@ -79,10 +79,10 @@ def axis(problem: Problem, options: DesensitisedOptions, kind: Kind, points: int
         )
     least = judge_plan(plan_collocation(problem, easy))[0]
     if kind == "effort":
-        calm = options.model_copy(update={"effort": MOST})
+        calm = options.model_copy(update={"effort": END_EFFORT_WEIGHT})
         most = judge_plan(plan_desensitised(problem, calm))[0]
         ends = (
-            ROOM * effort(least.trajectory),
+            LEAST_FACTOR * effort(least.trajectory),
             max(effort(most.trajectory), 1.1 * effort(least.trajectory)),
         )
         return Axis(kind, np.geomspace(*ends, points), problem.limits.input, least)
@@ -91,8 +91,8 @@ def axis(problem: Problem, options: DesensitisedOptions, kind: Kind, points: int
 
 def _durations(problem: Problem, easy: CollocationOptions, points: int) -> Axis:
     quickest = _quickest(problem, easy)
-    longest = max(LONGEST * quickest.duration, problem.duration or 0.0)
-    limits = np.geomspace(ROOM * quickest.duration, longest, points)
+    longest = max(LONGEST_RATIO * quickest.duration, problem.duration or 0.0)
+    limits = np.geomspace(LEAST_FACTOR * quickest.duration, longest, points)
     return Axis("duration", limits, problem.limits.input, quickest)
 
 
@@ -116,22 +116,22 @@ def _peaks(
     """Parts of the input limits; where there is no limit, of what a desensitised plan takes."""
     base = problem.limits.input.copy()
     if not np.all(np.isfinite(base)):
-        calm = options.model_copy(update={"effort": MOST})
-        taken = peak_inputs(judge_plan(plan_desensitised(problem, calm))[0].trajectory)
-        base = np.where(np.isfinite(base), base, taken)
+        calm = options.model_copy(update={"effort": END_EFFORT_WEIGHT})
+        peaks = peak_inputs(judge_plan(plan_desensitised(problem, calm))[0].trajectory)
+        base = np.where(np.isfinite(base), base, peaks)
     quickest = _quickest(with_input_limits(problem, base), easy)
     assert problem.duration is not None
-    lowest = ROOM * quickest.duration / problem.duration  # the systems are driftless
+    lowest = LEAST_FACTOR * quickest.duration / problem.duration  # the systems are driftless
     if lowest >= 1:
         raise InputError(
             f"{problem.source}: goal.duration = {problem.duration:g} s leaves the inputs no room:"
             f" the fastest motion takes {quickest.duration:.4g} s; give more time"
         )
     start = with_input_limits(problem, lowest * base)
-    return Axis("peak", np.geomspace(lowest, 1.0, points), base, _slowed(quickest, start))
+    return Axis("peak", np.geomspace(lowest, 1.0, points), base, _slow_down(quickest, start))
 
 
-def _slowed(plan: Plan, problem: Problem) -> Plan:
+def _slow_down(plan: Plan, problem: Problem) -> Plan:
     """The same path in the problem's duration, as a start."""
     assert problem.duration is not None
     factor = problem.duration / plan.duration

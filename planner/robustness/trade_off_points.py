@@ -87,8 +87,8 @@ def solved_point(
 def point_of(plan: Plan, options: DesensitisedOptions, limit: float) -> TradeOffPoint:
     """A verified plan's figures."""
     spread = spreads(plan.problem.system, options)
-    found = sensitivity(plan)
-    passive, total = found.passive_block_deg(spread), found.total_deg(spread)
+    responses = sensitivity(plan)
+    passive, total = responses.passive_block_deg(spread), responses.total_deg(spread)
     weights = np.array([options.passive, options.terminal])
     if not np.any(weights):
         weights = np.ones(2)
@@ -103,42 +103,44 @@ def point_of(plan: Plan, options: DesensitisedOptions, limit: float) -> TradeOff
         response_deg=float(np.sqrt(mean)),
         passive_deg=passive,
         total_deg=total,
-        floor_deg=found.floor_deg(spread),
+        floor_deg=responses.floor_deg(spread),
         reversals=len(turns(plan.trajectory)),
     )
 
 
-def replayed(plan: Plan, machine: Machine, samples: int, seed: int) -> dict[str, Any]:
+def replay_errors(plan: Plan, machine: Machine, samples: int, seed: int) -> dict[str, Any]:
     """Errors of a plan on samples of a machine, degrees: E of eq. (29), and at the end."""
     run = replay(plan, machine, samples, seed, record_s=None)
     rms = float(np.sqrt(np.mean(np.sum(run.terminal_error_deg**2, axis=1))))
-    kept = {key: value for key, value in run.summary().items() if key in KEPT}
-    return {**kept, "terminal_rms_deg": rms}
+    figures = {key: value for key, value in run.summary().items() if key in KEPT_FIGURES}
+    return {**figures, "terminal_rms_deg": rms}
 
 
-KEPT = (
+KEPT_FIGURES = (
     *("samples", "seed", "E_median_deg", "E_p95_deg"),
     *("terminal_median_deg", "terminal_p95_deg"),
 )
 """Of a replay's summary."""
 
-AIMING = 1.1
+AIMING_FACTOR = 1.1
 """What a shifted goal may cost of the effort that a point is limited to: at the least effort there
 is no plan for any goal that lies farther."""
 
 
-def allowed_for(plan: Plan, machine: Machine, samples: int, seed: int) -> dict[str, Any]:
+def compensated_errors(plan: Plan, machine: Machine, samples: int, seed: int) -> dict[str, Any]:
     """The same of the plan compensated for the machine, or {"refused": why}."""
     options = plan.problem.compensation.model_copy(update={"on": True})
     limit, refused = plan.options.get("effort_limit"), {"refused": ""}
-    for eased in (1.0,) if limit is None else (1.0, AIMING):
-        own = plan.options if limit is None else {**plan.options, "effort_limit": eased * limit}
+    for eased in (1.0,) if limit is None else (1.0, AIMING_FACTOR):
+        settings = (
+            plan.options if limit is None else {**plan.options, "effort_limit": eased * limit}
+        )
         try:
-            made, _ = compensate_plan(replace(plan, options=own), machine, options)
+            informed, _ = compensate_plan(replace(plan, options=settings), machine, options)
         except (InputError, NoPlanError) as error:  # another system, or no plan ends at the goal
             refused = {"refused": str(error).splitlines()[0]}
         else:
-            return replayed(made, machine, samples, seed)
+            return replay_errors(informed, machine, samples, seed)
     return refused
 
 
@@ -177,16 +179,16 @@ class PointStore:
 
     Args:
         path: The folder, made when missing; None keeps nothing.
-        asked: What the curve is of; a folder made for something else is refused.
+        request: What the curve is of; a folder made for something else is refused.
 
     Raises:
         InputError: If the folder holds another curve or other files, or cannot be written.
     """
 
-    def __init__(self, path: str | Path | None, asked: Mapping[str, Any]) -> None:
+    def __init__(self, path: str | Path | None, request: Mapping[str, Any]) -> None:
         self.path = None if path is None else Path(path)
-        self.asked = dict(jsonable(asked))
-        text = json.dumps(self.asked, sort_keys=True)
+        self.request = dict(jsonable(request))
+        text = json.dumps(self.request, sort_keys=True)
         self.key = hashlib.sha256(text.encode()).hexdigest()[:16]
         self.points: dict[int, TradeOffPoint] = {}
         if self.path is not None:
@@ -202,7 +204,7 @@ class PointStore:
             "format": FORMAT,
             "version": VERSION,
             "key": self.key,
-            **self.asked,
+            **self.request,
             "points": {
                 f"{place:02d}": jsonable(self.points[place].to_dict())
                 for place in sorted(self.points)

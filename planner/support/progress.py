@@ -28,12 +28,14 @@ class Progress:
         seconds: Since it began.
         solves: Times that a solver was called so far.
         best: The best motion found so far, in words; None while there is none.
+        iterations: Of all solvers so far.
     """
 
     doing: str
     seconds: float
     solves: int
     best: str | None
+    iterations: int = 0
 
     def __str__(self) -> str:
         best = "no motion yet" if self.best is None else f"a motion is held ({self.best})"
@@ -57,14 +59,16 @@ class _Run:
     def __init__(self, listener: Listener | None, outer: _Run | None) -> None:
         self.listener, self.outer = listener, outer
         self.began, self.doing = time.monotonic(), "preparing"
-        self.solves, self.best = 0, None
+        self.solves, self.iterations, self.best = 0, 0, None
 
     solves: int
+    iterations: int
     best: str | None
 
     @property
     def now(self) -> Progress:
-        return Progress(self.doing, time.monotonic() - self.began, self.solves, self.best)
+        seconds = time.monotonic() - self.began
+        return Progress(self.doing, seconds, self.solves, self.best, self.iterations)
 
 
 _run: ContextVar[_Run | None] = ContextVar("run", default=None)
@@ -102,6 +106,14 @@ def count_solve() -> None:
     run = _run.get()
     while run is not None:
         run.solves += 1
+        run = run.outer
+
+
+def count_iterations(iterations: int) -> None:
+    """Count a solver's iterations."""
+    run = _run.get()
+    while run is not None:
+        run.iterations += iterations
         run = run.outer
 
 

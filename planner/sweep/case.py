@@ -36,7 +36,7 @@ from planner.problem.tables.machine_effects import MachineTable
 from planner.solve import solve_and_check
 from planner.support.package import versions
 from planner.support.user_tables import parse
-from planner.sweep.sweep_file import canonical, digest
+from planner.sweep.sweep_file import canonical_json, digest
 from planner.systems.manipulator import Manipulator
 from planner.verification.verify import Check, verify
 
@@ -68,14 +68,14 @@ and the first peak are in metres and metres per second.
 `end_median_deg` and `end_p95_deg` are of the largest error of an angle at the end, and
 `end_spread_deg` is the largest standard deviation over the machines of an angle there.
 `contact_torque_nm` is the largest torque at a friction contact, in the median over the machines,
-and `contact_load` that over what the contact transmits, on `CARRIED` % of them; see
+and `contact_load` that over what the contact transmits, on `CONTACT_PERCENTILE` % of them; see
 `planner.machine.contact_load`. Figures of the machine are there where plans are replayed."""
 
-CARRIED = 99
+CONTACT_PERCENTILE = 99
 """Percent of the machines whose contacts are to hold: where a contact slips the motion is lost, and
 a few machines of a hundred that do so make most of the spread."""
 
-CONTACTS = 1000
+CONTACT_MACHINES = 1000
 """Machines of which that is taken; they take a few milliseconds, since nothing is simulated."""
 
 Row = dict[str, Any]
@@ -135,10 +135,12 @@ def _description(request: Request, spec: Spec) -> str:
     try:
         file = parse_file(request["tables"], "")
         entry = find_method(spec.method)
-        own = getattr(file.method, spec.method).model_dump(exclude_unset=True)
-        options = parse(entry.options, {**own, **spec.options}, "").model_dump(mode="json")
+        settings = getattr(file.method, spec.method).model_dump(exclude_unset=True)
+        options = parse(entry.options, {**settings, **spec.options}, "").model_dump(mode="json")
     except InputError:
-        return canonical({k: v for k, v in request.items() if k not in ("source", "keep_plan")})
+        return canonical_json(
+            {k: v for k, v in request.items() if k not in ("source", "keep_plan")}
+        )
     compensated = file.compensation.on
     own_keys = {"title", "method", "machine"} | (set() if compensated else {"compensation"})
     problem = file.model_dump(mode="json", by_alias=True, exclude=own_keys)
@@ -146,7 +148,7 @@ def _description(request: Request, spec: Spec) -> str:
     if samples or compensated:
         machine = _machine_of(file.machine.model_dump_json(exclude_unset=True))
     whole = {"problem": problem, "method": spec.method, "options": options, "machine": machine}
-    return canonical({**whole, "samples": samples, "seed": seed if samples else None})
+    return canonical_json({**whole, "samples": samples, "seed": seed if samples else None})
 
 
 @lru_cache(maxsize=256)
@@ -154,7 +156,7 @@ def _machine_of(text: str) -> dict[str, Any]:
     return Machine.from_table(MachineTable.model_validate_json(text)).to_dict()
 
 
-_one_at_a_time = threading.Lock()
+_casadi_lock = threading.Lock()
 """CasADi is not safe in two threads at once, and a Dask worker may have several."""
 
 
@@ -163,7 +165,7 @@ def run_case(request: Request) -> Row:
 
     Runs in another process, perhaps on another machine.
     """
-    with _one_at_a_time:
+    with _casadi_lock:
         began = time.perf_counter()
         row: Row = dict.fromkeys(RESULTS) | {"solved": False}
         try:
@@ -200,15 +202,15 @@ def _run(request: Request) -> Row:
         plan = replace(error.plan, status=error.status)
         check = verify(plan)
         row = _refusal(error)
-    row |= _figures(plan, check)
+    row |= _plan_figures(plan, check)
     if request["samples"] and plan.executable:
-        row |= _on_the_machine(plan, request["samples"], request["seed"])
+        row |= _replay_figures(plan, request["samples"], request["seed"])
     if request["keep_plan"] and plan.verified:
         row["plan"] = plan.to_json()
     return row
 
 
-def _on_the_machine(plan: Plan, samples: int, seed: int) -> Row:
+def _replay_figures(plan: Plan, samples: int, seed: int) -> Row:
     row: Row = {}
     # The instants of `compare`, on which the steps depend, so that both give the same numbers.
     record = max(RECORD_S, plan.duration / 500)
@@ -217,23 +219,23 @@ def _on_the_machine(plan: Plan, samples: int, seed: int) -> Row:
         row |= rows.machine_figures(runs, sweep=True)
         row["end_spread_deg"] = np.max(np.std(runs.terminal_error_deg, axis=0))
     if isinstance(plan.problem.system, Manipulator):
-        load = contact_load(plan, samples=CONTACTS, seed=seed)
+        load = contact_load(plan, samples=CONTACT_MACHINES, seed=seed)
         row["contact_torque_nm"] = np.median(load.torque_nm)
-        row["contact_load"] = np.percentile(load.share, CARRIED)
+        row["contact_load"] = np.percentile(load.share, CONTACT_PERCENTILE)
     return row
 
 
-def _figures(plan: Plan, check: Check) -> Row:
+def _plan_figures(plan: Plan, check: Check) -> Row:
     """What a comparison says of the plan, as far as it is kept here, and what only a sweep asks."""
-    known = rows.Row.of(plan.method, plan.method, plan, check)
+    known = rows.Row.from_plan(plan.method, plan.method, plan, check)
     columns = rows.columns(plan.problem.system)
-    told = {c.name: c.value(known) for c in columns if RESULTS.get(c.name) == "REAL"}
-    return {**told, "objective": plan.objective, "iterations": plan.iterations}
+    figures = {c.name: c.value(known) for c in columns if RESULTS.get(c.name) == "REAL"}
+    return {**figures, "objective": plan.objective, "iterations": plan.iterations}
 
 
 @lru_cache(maxsize=1)
 def _versions() -> str:
-    return canonical(versions())
+    return canonical_json(versions())
 
 
 def _refusal(error: NoPlanError) -> Row:

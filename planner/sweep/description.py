@@ -23,7 +23,7 @@ from planner.support.arrays import plain
 from planner.support.files import read_toml
 from planner.support.tables import line
 from planner.support.user_tables import parse
-from planner.sweep.sweep_file import Point, ReplayTable, SweepFile, flat, points, varied
+from planner.sweep.sweep_file import Point, ReplayTable, SweepFile, flatten, points, varied_keys
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,22 +75,22 @@ class Sweep:
             InputError: If a key or value is wrong, nothing varies, a varied key does not exist or
                 has an impossible value, or changes nothing of what is run.
         """
-        given = dict(data)
-        problem = given.get("problem")
+        tables = dict(data)
+        problem = tables.get("problem")
         if isinstance(problem, Problem):
-            given["problem"] = problem.to_dict()
-        table = parse(SweepFile, _flattened(plain(given)), source)
+            tables["problem"] = problem.to_dict()
+        table = parse(SweepFile, _flatten_blocks(plain(tables)), source)
         known = problem if isinstance(problem, Problem) else None
         base = base_problem(table.problem, table.changes, source, known)
         methods = parse_specs(base, table.methods)
-        found = points(table, source)
-        check_keys(base, table, found, [m.method for m in methods], source)
+        sweep_points = points(table, source)
+        check_keys(base, table, sweep_points, [m.method for m in methods], source)
         return cls(
             name=line(table.title) or line(Path(source).stem),
             base=base,
             methods=tuple(methods),
-            keys=tuple(varied(table)),
-            points=tuple(found),
+            keys=tuple(varied_keys(table)),
+            points=tuple(sweep_points),
             replay=table.replay,
             plans=table.plans,
             _data=table.model_dump(mode="json", by_alias=True, exclude_unset=True),
@@ -102,18 +102,18 @@ class Sweep:
         return {**data, "problem": self.base.to_dict()}
 
 
-def _flattened(data: dict[str, Any]) -> dict[str, Any]:
+def _flatten_blocks(data: dict[str, Any]) -> dict[str, Any]:
     """The same tables with dotted keys in the blocks that hold keys of the problem."""
     out = dict(data)
     for block in ("set", "grid"):
         if isinstance(out.get(block), dict):
-            out[block] = flat(out[block])
+            out[block] = flatten(out[block])
     if isinstance(out.get("sample"), dict):
-        own = {k: v for k, v in out["sample"].items() if not isinstance(v, dict)}
+        settings = {k: v for k, v in out["sample"].items() if not isinstance(v, dict)}
         keys = {k: v for k, v in out["sample"].items() if isinstance(v, dict)}
-        out["sample"] = {**own, **flat(keys)}
+        out["sample"] = {**settings, **flatten(keys)}
     if isinstance(out.get("cases"), list):
-        out["cases"] = [flat(row) if isinstance(row, dict) else row for row in out["cases"]]
+        out["cases"] = [flatten(row) if isinstance(row, dict) else row for row in out["cases"]]
     return out
 
 
@@ -155,19 +155,19 @@ def check_keys(
         InputError: For a key that does not exist, a value it can never have, or a key that has no
             effect on any case.
     """
-    keys = varied(table)
+    keys = varied_keys(table)
     _refuse_idle(keys, table.replay.samples, methods, source)
     rows = table.cases or [{}]
-    together = {key for row in rows for key in row}
-    first = {key: value for key, value in points[0].items() if key not in together}
+    row_keys = {key for row in rows for key in row}
+    first = {key: value for key, value in points[0].items() if key not in row_keys}
     for row in rows:
         _refuse_impossible(base, {**first, **row}, source)
     for key in keys:
-        for value in () if key in together else _telling(p[key] for p in points):
+        for value in () if key in row_keys else _extreme_values(p[key] for p in points):
             _refuse_impossible(base, {**first, **rows[0], key: value}, source)
 
 
-def _telling(values: Iterable[Any]) -> list[Any]:
+def _extreme_values(values: Iterable[Any]) -> list[Any]:
     """Every kind of value that there is; of ordinary numbers only the least and the greatest."""
     numbers, others = [], {}
     for value in values:
@@ -185,7 +185,7 @@ def _refuse_impossible(base: Problem, point: Point, source: str) -> None:
         raise InputError(f"{source}: {error}") from None
     system = data.get("system")
     model = FILES.get(str(system.get("kind"))) if isinstance(system, dict) else None
-    if model is None or any(_blames(error, point) for error in _errors(model, data)):
+    if model is None or any(_blames_key(error, point) for error in _errors(model, data)):
         parse_file(data, source)
 
 
@@ -197,7 +197,7 @@ def _errors(model: type[BaseModel], data: Any) -> Sequence[Any]:
     return ()
 
 
-def _blames(error: Any, point: Point) -> bool:
+def _blames_key(error: Any, point: Point) -> bool:
     """Whether the error says that a key is unknown, or lies in the value of a varied key."""
     if error["type"] == "extra_forbidden":
         return True

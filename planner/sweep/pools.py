@@ -25,12 +25,12 @@ from planner.support.package import ROOT, how_to_install
 from planner.support.tables import shorten
 from planner.sweep.case import RESULTS, Request, Row, run_case
 
-ONE_THREAD = dict.fromkeys(
+ONE_THREAD_ENVIRONMENT = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
 """One thread a process: so many processes as cores use the cores better than threads do."""
 
-START = """
+START_CODE = """
 import sys
 from importlib.machinery import PathFinder
 from importlib.util import module_from_spec
@@ -48,10 +48,10 @@ serve()
 That folder is searched last: beside an installed package there may be a module with the name of one
 of Python's own."""
 
-READY = "ready\n"
+READY_LINE = "ready\n"
 """What a process says first."""
 
-ATTEMPTS = 2
+MAX_DEATHS = 2
 """How many processes may die on a case before it is given up."""
 
 
@@ -71,7 +71,7 @@ class Pool(Protocol):
         """Drop what runs and what waits, and leave nothing behind."""
 
 
-class HerePool:
+class SerialPool:
     """This process, one case after another; for debuggers and tests."""
 
     window = 1
@@ -117,14 +117,14 @@ class LocalPool:
             worker.release()
 
     def _run(self, request: Request) -> Row:
-        for _ in range(ATTEMPTS):
+        for _ in range(MAX_DEATHS):
             worker = self._worker()
             answer = worker.ask(request)
             if answer is not None:
                 return answer
             if self._closed:
                 break
-        return died(f"the process running it died {ATTEMPTS} times", *worker.last_words())
+        return death_row(f"the process running it died {MAX_DEATHS} times", *worker.last_words())
 
     def _worker(self) -> _WorkerProcess:
         """This thread's process, started if there is none that lives."""
@@ -145,11 +145,11 @@ class _WorkerProcess:
         self._ready = False
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 (closed in `release`)
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-X", "faulthandler", "-c", START, str(ROOT)],
+            [sys.executable, "-P", "-X", "faulthandler", "-c", START_CODE, str(ROOT)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,
-            env={**os.environ, **ONE_THREAD},
+            env={**os.environ, **ONE_THREAD_ENVIRONMENT},
             text=True,
             encoding="utf-8",
             process_group=0,  # Ctrl-C is for the parent alone
@@ -167,7 +167,7 @@ class _WorkerProcess:
         """
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        if not self._ready and self._process.stdout.readline() != READY:
+        if not self._ready and self._process.stdout.readline() != READY_LINE:
             self.end()
             status, words = self.last_words()
             reason = words.strip().rpartition("\n")[2]
@@ -210,7 +210,7 @@ def serve() -> None:
     # Solvers print from compiled code: what they print must not end up between the rows.
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
-    answers.write(READY)
+    answers.write(READY_LINE)
     answers.flush()
     requests: SimpleQueue[str] = SimpleQueue()
 
@@ -224,7 +224,7 @@ def serve() -> None:
         print(json.dumps(run_case(json.loads(requests.get()))), file=answers, flush=True)
 
 
-def died(what: str, status: int | None = None, words: str = "") -> Row:
+def death_row(what: str, status: int | None = None, words: str = "") -> Row:
     """The row of a case that took its process with it."""
     signal = f" (signal {-status}; 9 is often a lack of memory)" if status and status < 0 else ""
     ended = "" if signal or status is None else f" (exit status {status})"
@@ -236,13 +236,13 @@ def died(what: str, status: int | None = None, words: str = "") -> Row:
     }
 
 
-WINDOW = 500
+CLUSTER_WINDOW = 500
 """Cases handed to the scheduler at once; workers may come and go meanwhile."""
 
-ANSWER_S = 4.0
+SCHEDULER_WAIT_S = 4.0
 """How long to wait for the scheduler, which is there or is not."""
 
-PATIENCE_S = 15.0
+WORKER_WAIT_S = 15.0
 """How long to wait for the first worker."""
 
 
@@ -259,7 +259,7 @@ class ClusterPool:
             they lack this package.
     """
 
-    window = WINDOW
+    window = CLUSTER_WINDOW
 
     def __init__(self, address: str) -> None:
         _refuse_junk(address)
@@ -268,14 +268,16 @@ class ClusterPool:
         for part in ("client", "core", "utils"):
             logging.getLogger(f"distributed.{part}").setLevel(logging.CRITICAL)
         try:
-            self._client = distributed.Client(address, timeout=ANSWER_S, set_as_default=False)
+            self._client = distributed.Client(
+                address, timeout=SCHEDULER_WAIT_S, set_as_default=False
+            )
         # Dask raises whatever the part of it that meets a strange answer raises.
         except Exception as error:
             raise InputError(
                 f"no Dask scheduler answers at {shorten(address)}: {shorten(str(error), 200)}"
             ) from None
         try:
-            self._refuse_unable(address)
+            self._refuse_unable_workers(address)
         except BaseException:
             self._client.close()
             raise
@@ -283,16 +285,16 @@ class ClusterPool:
         self._executor = self._client.get_executor(pure=False)
         self._killed: type[Exception] = distributed.scheduler.KilledWorker
 
-    def _refuse_unable(self, address: str) -> None:
+    def _refuse_unable_workers(self, address: str) -> None:
         try:
-            self._client.wait_for_workers(1, timeout=PATIENCE_S)
+            self._client.wait_for_workers(1, timeout=WORKER_WAIT_S)
         except TimeoutError:
             raise InputError(
                 f"the Dask scheduler at {address} has no workers; start some with"
                 f" 'dask worker {address} --nthreads 1'"
             ) from None
         try:
-            self._client.submit(_able, pure=False).result(timeout=4 * PATIENCE_S)
+            self._client.submit(_probe_worker, pure=False).result(timeout=4 * WORKER_WAIT_S)
         except Exception as error:
             raise InputError(
                 f"the workers of {address} cannot run this package ({type(error).__name__}:"
@@ -305,21 +307,23 @@ class ClusterPool:
 
         def done(future: Future[Row]) -> None:
             if future.cancelled():
-                answer.set_exception(InputError(self._lost))
+                answer.set_exception(InputError(self._failure))
                 return
             error = future.exception()
             if error is None:
                 answer.set_result(future.result())
             elif isinstance(error, self._killed):
-                answer.set_result(died("every worker of the cluster that ran it died"))
+                answer.set_result(death_row("every worker of the cluster that ran it died"))
             else:
-                answer.set_exception(InputError(f"{self._lost} ({type(error).__name__}: {error})"))
+                answer.set_exception(
+                    InputError(f"{self._failure} ({type(error).__name__}: {error})")
+                )
 
         self._executor.submit(run_case, request).add_done_callback(done)
         return answer
 
     @property
-    def _lost(self) -> str:
+    def _failure(self) -> str:
         return (
             f"the Dask cluster at {self._address} has failed; finished cases are saved, and the"
             " same command runs the rest"
@@ -333,10 +337,10 @@ class ClusterPool:
 
 def _refuse_junk(address: str) -> None:
     """Refuse at once what is no address; Dask would look for it until its patience ends."""
-    scheme, given, place = address.rpartition("://")
+    scheme, prefix, place = address.rpartition("://")
     host, colon, port = place.rpartition(":")
     numbered = colon and port.isascii() and port.isdigit() and 0 < int(port[:6]) < 65536
-    known = not given or scheme in ("tcp", "tls", "ws", "wss", "ucx")
+    known = not prefix or scheme in ("tcp", "tls", "ws", "wss", "ucx")
     if not (known and host and numbered and host.isprintable() and " " not in host):
         raise InputError(
             f"--cluster {shorten(address)!r} is not the address of a Dask scheduler, as in"
@@ -348,7 +352,7 @@ def _refuse_junk(address: str) -> None:
         raise InputError(f"no Dask scheduler answers at {shorten(address)}: {error}") from None
 
 
-def _able() -> bool:
+def _probe_worker() -> bool:
     """Runs on a worker; unpickling it there needs this package."""
     return True
 

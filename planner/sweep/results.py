@@ -21,7 +21,7 @@ from planner.verification.load_plan import load_plan
 if TYPE_CHECKING:
     import pandas
 
-FIXED = ("method", *(name for name in RESULTS if name != "plan"), "case", "finished_at")
+RESULT_COLUMNS = ("method", *(name for name in RESULTS if name != "plan"), "case", "finished_at")
 """Columns after those of the varied keys."""
 
 SUFFIXES = (".csv", ".parquet")
@@ -117,7 +117,7 @@ def read(db: str | Path, which: int | None = None) -> tuple[list[str], list[Reco
         if not 0 <= number < len(sweeps):
             raise InputError(f"{db} holds {len(sweeps)} sweeps; there is no number {which}")
         keys = sweeps[number]["keys"]
-        columns = [*keys, *FIXED]
+        columns = [*keys, *RESULT_COLUMNS]
         records = []
         for row in store.rows(sweeps[number]["id"]):
             row |= {"solved": bool(row["solved"])}

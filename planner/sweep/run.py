@@ -20,13 +20,13 @@ from planner.support.interrupts import Terminated, hold_signals
 from planner.support.progress import expect_listener
 from planner.sweep.case import Case, Row, case_at, cases
 from planner.sweep.description import Sweep
-from planner.sweep.pools import ClusterPool, HerePool, LocalPool, Pool
+from planner.sweep.pools import ClusterPool, LocalPool, Pool, SerialPool
 from planner.sweep.store import Store
 
 Progress = Callable[[str, float], None]
 """Told what is being done, and the share done, 0 … 1."""
 
-TELL_S = 1.0
+PROGRESS_INTERVAL_S = 1.0
 """How often progress is told at least, so that a bar shows even before the first result."""
 
 
@@ -89,17 +89,17 @@ def run_sweep(
     expect_listener(progress)
     if not isinstance(sweep, Sweep):
         sweep = Sweep.from_dict(sweep) if isinstance(sweep, Mapping) else Sweep.load(sweep)
-    began = time.perf_counter()
+    start = time.perf_counter()
     with Store(db, create=True) as store:
         index = store.register(sweep, cases(sweep))
-        wanted = store.positions(index)
-        done = wanted.keys() & store.finished(retry, sweep.plans)
-        missing = (position for key, position in wanted.items() if key not in done)
+        positions = store.positions(index)
+        done = positions.keys() & store.finished_keys(retry, sweep.plans)
+        missing = (position for key, position in positions.items() if key not in done)
         waiting = (case_at(sweep, position) for position in missing)
-        run = _SweepRun(store, waiting, len(wanted) - len(done), progress)
+        run = _SweepRun(store, waiting, len(positions) - len(done), progress)
         if run.total:
             if workers != 0:
-                _refuse_unknown_elsewhere(sweep)
+                _refuse_local_plugins(sweep)
             pool = _pool(workers, cluster, run.total)
             try:
                 run.drive(pool)
@@ -108,10 +108,10 @@ def run_sweep(
                     pool.close()
         store.refuse_lost()
         statuses = store.statuses(index)
-        if sum(statuses.values()) < len(wanted):
+        if sum(statuses.values()) < len(positions):
             raise InputError(f"{db} has lost cases while the sweep ran; run the same command again")
-    elapsed = time.perf_counter() - began
-    return Outcome(str(db), len(sweep), len(wanted), len(done), run.done, statuses, elapsed)
+    elapsed = time.perf_counter() - start
+    return Outcome(str(db), len(sweep), len(positions), len(done), run.done, statuses, elapsed)
 
 
 def _pool(workers: int | None, cluster: str | None, total: int) -> Pool:
@@ -122,7 +122,7 @@ def _pool(workers: int | None, cluster: str | None, total: int) -> Pool:
     if workers is not None and (isinstance(workers, bool) or workers < 0):
         raise InputError(f"workers = {workers}: must be a whole number, at least 0")
     if workers == 0:
-        return HerePool()
+        return SerialPool()
     if hasattr(os, "sched_getaffinity"):  # the cores that this process may use
         cores = len(os.sched_getaffinity(0))
     else:
@@ -130,18 +130,18 @@ def _pool(workers: int | None, cluster: str | None, total: int) -> Pool:
     return LocalPool(min(workers or cores, total))
 
 
-def _refuse_unknown_elsewhere(sweep: Sweep) -> None:
+def _refuse_local_plugins(sweep: Sweep) -> None:
     """Refuse methods, systems and limits that other processes would not know."""
     base = sweep.base.to_dict()
     kinds = {base["system"]["kind"], *(point.get("system.kind") for point in sweep.points)}
     keys = {key.removeprefix("limits.") for point in sweep.points for key in point}
     limits = (f"requirement '{key}'" for key in sorted({*base.get("limits", {}), *keys}))
     methods = dict.fromkeys(f"method '{spec.method}'" for spec in sweep.methods)
-    if found := local_only(*methods, *(f"system '{kind}'" for kind in kinds), *limits):
+    if unknown := local_only(*methods, *(f"system '{kind}'" for kind in kinds), *limits):
         raise InputError(
-            f"{' and '.join(found)}: registered in this process alone, so that no other can run the"
-            " cases; name the function that registers it under the entry point planner.plugins of"
-            " an installed package, or run the cases here (workers = 0)"
+            f"{' and '.join(unknown)}: registered in this process alone, so that no other can run"
+            " the cases; name the function that registers it under the entry point planner.plugins"
+            " of an installed package, or run the cases here (workers = 0)"
         )
 
 
@@ -159,16 +159,16 @@ class _SweepRun:
 
     def drive(self, pool: Pool) -> None:
         """Hand over cases as others finish, and keep each at once."""
-        self._tell()
+        self._report()
         running = sum(self._launch(pool, case) for case in islice(self.waiting, pool.window))
         try:
             while running:
                 with suppress(Empty):
-                    self._keep(*self.finished.get(timeout=TELL_S))
+                    self._keep(*self.finished.get(timeout=PROGRESS_INTERVAL_S))
                     running -= 1
-                self._tell()
-                wanted = pool.window - running
-                running += sum(self._launch(pool, case) for case in islice(self.waiting, wanted))
+                self._report()
+                room = pool.window - running
+                running += sum(self._launch(pool, case) for case in islice(self.waiting, room))
         except (KeyboardInterrupt, Terminated):
             while not self.finished.empty():
                 self._keep(*self.finished.get())
@@ -188,9 +188,9 @@ class _SweepRun:
         future.add_done_callback(lambda future: self.finished.put((case, future)))
         return 1
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         if self.progress is None:
             return
-        found = ", ".join(f"{n} {status.replace('_', ' ')}" for status, n in self.statuses.items())
-        doing = f"{self.done} of {self.total} cases" + (f" ({found})" if found else "")
+        counts = ", ".join(f"{n} {status.replace('_', ' ')}" for status, n in self.statuses.items())
+        doing = f"{self.done} of {self.total} cases" + (f" ({counts})" if counts else "")
         self.progress(doing, self.done / self.total)

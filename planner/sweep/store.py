@@ -25,10 +25,10 @@ from planner.support.files import expect_path, parse_json, refuse_unwritable, wr
 from planner.support.interrupts import hold_signals
 from planner.sweep.case import RESULTS, Case, Row
 from planner.sweep.description import Sweep
-from planner.sweep.sweep_file import canonical, digest
+from planner.sweep.sweep_file import canonical_json, digest
 
 SCHEMA_VERSION = 1
-WAIT_S = 30.0
+LOCK_WAIT_S = 30.0
 """How long to wait for another process that writes to the same file."""
 
 _TABLES = f"""
@@ -78,17 +78,17 @@ class Database:
             raise InputError(f"cannot use {path}: it is a folder, a pipe or a device")
         if new and not create:
             raise InputError(f"cannot read {path}: no such file; `planner sweep` makes it")
-        with self.explained():
-            self.db = sqlite3.connect(self.path, timeout=WAIT_S, isolation_level=None)
-            found = os.stat(self.path)
-            self._file = (found.st_dev, found.st_ino)
+        with self.explain_errors():
+            self.db = sqlite3.connect(self.path, timeout=LOCK_WAIT_S, isolation_level=None)
+            file = os.stat(self.path)
+            self._file = (file.st_dev, file.st_ino)
         if create:
             written_paths.append(self.path)  # from here on whoever ends this run says so
         try:
-            with self.explained():
+            with self.explain_errors():
                 self._prepare(create)
         except BaseException:
-            empty = new and self._empty()
+            empty = new and self._is_empty()
             self.db.close()
             if empty:  # a full disk
                 for end in ("", "-wal", "-shm"):
@@ -109,7 +109,7 @@ class Database:
     def _prepare(self, create: bool) -> None:
         (tables,) = self.db.execute("SELECT count(*) FROM sqlite_master").fetchone()
         if create and tables == 0:
-            self._log_ahead()
+            self._enable_write_ahead()
             with self.transaction():
                 # Another process may have been faster.
                 if not self._has_version():
@@ -119,13 +119,13 @@ class Database:
                         "INSERT INTO schema_version VALUES (?, ?)", (SCHEMA_VERSION, _FORMAT)
                     )
         self._refuse_foreign()
-        self._complete()
+        self._add_columns()
         # A commit survives the end of the process; to survive a power cut as well costs 10 ms each.
         self.db.execute("PRAGMA synchronous = NORMAL")
 
-    def _log_ahead(self) -> None:
+    def _enable_write_ahead(self) -> None:
         """Turn write-ahead logging on; for this SQLite itself waits for no other process."""
-        end = time.monotonic() + WAIT_S
+        end = time.monotonic() + LOCK_WAIT_S
         while True:
             try:
                 self.db.execute("PRAGMA journal_mode = WAL")
@@ -136,7 +136,7 @@ class Database:
             else:
                 return
 
-    def _empty(self) -> bool:
+    def _is_empty(self) -> bool:
         """Whether nothing has been kept in it, by another process either."""
         try:
             return self.db.execute("SELECT 1 FROM sqlite_master").fetchone() is None
@@ -149,28 +149,28 @@ class Database:
         )
 
     def _refuse_foreign(self) -> None:
-        found = None
+        version = None
         if self._has_version():
-            found = self.db.execute("SELECT * FROM schema_version").fetchone()
-        if found is None or found[-1] != _FORMAT:
+            version = self.db.execute("SELECT * FROM schema_version").fetchone()
+        if version is None or version[-1] != _FORMAT:
             raise InputError(
                 f"{self.path} is a database of something else, not of a sweep; name another file"
             )
-        if found[0] != SCHEMA_VERSION:
+        if version[0] != SCHEMA_VERSION:
             raise InputError(
-                f"{self.path} has schema version {found[0]}; this planner reads and writes version"
-                f" {SCHEMA_VERSION}; use the planner that made it, or name a new file"
+                f"{self.path} has schema version {version[0]}; this planner reads and writes"
+                f" version {SCHEMA_VERSION}; use the planner that made it, or name a new file"
             )
 
-    def _complete(self) -> None:
+    def _add_columns(self) -> None:
         """Add the results that an older planner, which made the file, did not know."""
-        if not self._lacking():
+        if not self._missing_columns():
             return
         with self.transaction():
-            for name in self._lacking():  # another process may have been faster
+            for name in self._missing_columns():  # another process may have been faster
                 self.db.execute(f"ALTER TABLE cases ADD COLUMN {name} {RESULTS[name]}")
 
-    def _lacking(self) -> list[str]:
+    def _missing_columns(self) -> list[str]:
         there = {row[1] for row in self.db.execute("PRAGMA table_info(cases)")}
         return [name for name in RESULTS if name not in there]
 
@@ -181,7 +181,7 @@ class Database:
         A signal waits until its end: between two steps it would leave the transaction open, and
         what is finished could not be kept any more.
         """
-        with hold_signals(), self.explained():
+        with hold_signals(), self.explain_errors():
             try:
                 self.db.execute("BEGIN IMMEDIATE")
                 yield
@@ -193,7 +193,7 @@ class Database:
                 raise
 
     @contextmanager
-    def explained(self) -> Iterator[None]:
+    def explain_errors(self) -> Iterator[None]:
         """SQLite's errors as an `InputError` that names the file."""
         try:
             yield
@@ -229,15 +229,17 @@ class Store(Database):
             The sweep's number in this file.
         """
         data = sweep.to_dict()
-        own = digest(data)
-        rows = [(c.label, canonical(c.changes), c.key) for c in cases]  # slow: before the lock
+        sweep_digest = digest(data)
+        rows = [(c.label, canonical_json(c.changes), c.key) for c in cases]  # slow: before the lock
         with self.transaction():
             self.db.execute(
                 "INSERT INTO sweeps (digest, description, keys, started_at) VALUES (?, ?, ?, ?)"
                 " ON CONFLICT (digest) DO UPDATE SET started_at = excluded.started_at",
-                (own, canonical(data), json.dumps(sweep.keys), _now()),
+                (sweep_digest, canonical_json(data), json.dumps(sweep.keys), _now()),
             )
-            (number,) = self.db.execute("SELECT id FROM sweeps WHERE digest = ?", (own,)).fetchone()
+            (number,) = self.db.execute(
+                "SELECT id FROM sweeps WHERE digest = ?", (sweep_digest,)
+            ).fetchone()
             # A later version of the program may give the same points other keys.
             self.db.execute("DELETE FROM points WHERE sweep = ?", (number,))
             self.db.executemany(
@@ -260,7 +262,7 @@ class Store(Database):
 
     def positions(self, sweep: int) -> dict[str, int]:
         """Keys of the different cases of a sweep, finished or not, and where each comes first."""
-        with self.explained():
+        with self.explain_errors():
             return dict(
                 self.db.execute(
                     "SELECT key, min(position) AS first FROM points WHERE sweep = ?"
@@ -269,7 +271,7 @@ class Store(Database):
                 )
             )
 
-    def finished(self, retry: Collection[str] = (), plans: bool = False) -> set[str]:
+    def finished_keys(self, retry: Collection[str] = (), plans: bool = False) -> set[str]:
         """Keys of the finished cases.
 
         Args:
@@ -277,17 +279,17 @@ class Store(Database):
             plans: Whether a solved case without its plan does not count either.
         """
         marks = ", ".join("?" * len(retry))
-        with self.explained():
-            found = self.db.execute(
+        with self.explain_errors():
+            rows = self.db.execute(
                 "SELECT key FROM cases WHERE NOT (? AND solved AND plan IS NULL)"
                 f" AND status NOT IN ({marks})",
                 (plans, *retry),
             )
-            return {key for (key,) in found}
+            return {key for (key,) in rows}
 
     def statuses(self, sweep: int) -> dict[str, int]:
         """How many different cases of a sweep ended in each status."""
-        with self.explained():
+        with self.explain_errors():
             return dict(
                 self.db.execute(
                     "SELECT status, count(*) FROM cases WHERE key IN"
@@ -298,39 +300,39 @@ class Store(Database):
 
     def sweeps(self) -> list[dict[str, Any]]:
         """The sweeps run into this file, the last one started last: id, description, keys."""
-        with self.explained():
-            found = self.db.execute(
+        with self.explain_errors():
+            rows = self.db.execute(
                 "SELECT id, description, keys FROM sweeps ORDER BY started_at, id"
             ).fetchall()
         return [
             {
                 "id": i,
-                "description": self._parsed(d, "a description", dict),
-                "keys": self._parsed(keys, "the keys of a sweep", list),
+                "description": self._parse(d, "a description", dict),
+                "keys": self._parse(keys, "the keys of a sweep", list),
             }
-            for i, d, keys in found
+            for i, d, keys in rows
         ]
 
     def rows(self, sweep: int) -> Iterator[dict[str, Any]]:
         """The finished cases of a sweep in its order: changes, method, results but the plan."""
         results = [name for name in RESULTS if name != "plan"]
         columns = ", ".join(f"cases.{name}" for name in results)
-        with self.explained():
-            found = self.db.execute(
+        with self.explain_errors():
+            rows = self.db.execute(
                 f"SELECT changes, method, cases.key, {columns}, finished_at FROM points"
                 " JOIN cases ON cases.key = points.key WHERE sweep = ? ORDER BY position",
                 (sweep,),
             )
-            for changes, method, key, *values, finished in found:
+            for changes, method, key, *values, finished in rows:
                 yield {
-                    "changes": self._parsed(changes, "the changes of a case", dict),
+                    "changes": self._parse(changes, "the changes of a case", dict),
                     "method": method,
                     "case": key,
                     **dict(zip(results, values, strict=True)),
                     "finished_at": finished,
                 }
 
-    def _parsed(self, text: Any, what: str, kind: type) -> Any:
+    def _parse(self, text: Any, what: str, kind: type) -> Any:
         """The value of a column that holds JSON."""
         try:
             value = parse_json(text)
@@ -342,13 +344,13 @@ class Store(Database):
 
     def plan(self, key: str) -> str | None:
         """The text of a stored plan, by its case's key or a beginning of it that is unique."""
-        with self.explained():
-            found = self.db.execute(
+        with self.explain_errors():
+            rows = self.db.execute(
                 "SELECT plan FROM cases WHERE substr(key, 1, ?) = ?", (len(key), key)
             ).fetchall()
-        if len(found) != 1:
-            raise InputError(f"{self.path}: {len(found) or 'no'} cases have a key '{key}...'")
-        return None if found[0][0] is None else str(found[0][0])
+        if len(rows) != 1:
+            raise InputError(f"{self.path}: {len(rows) or 'no'} cases have a key '{key}...'")
+        return None if rows[0][0] is None else str(rows[0][0])
 
 
 def _now() -> str:

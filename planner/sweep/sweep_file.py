@@ -37,7 +37,7 @@ class Range(Table):
     )
 
     @model_validator(mode="after")
-    def _spaced(self) -> Range:
+    def _check_spacing(self) -> Range:
         if self.low == self.high:
             raise ValueError("'from' and 'to' are the same; give one value in a list instead")
         if self.spacing == "log" and not self.low * self.high > 0:
@@ -69,11 +69,11 @@ class Distribution(Table):
         return data
 
     @model_validator(mode="after")
-    def _one(self) -> Distribution:
-        given = self.model_fields_set
-        if len(given) != 1:
+    def _check_single(self) -> Distribution:
+        fields = self.model_fields_set
+        if len(fields) != 1:
             raise ValueError(f"give exactly one of {', '.join(Distribution.model_fields)}")
-        for name in given & {"uniform", "log_uniform", "integer"}:
+        for name in fields & {"uniform", "log_uniform", "integer"}:
             low, high = getattr(self, name)
             if not low < high:
                 raise ValueError(f"{name} = [{low:g}, {high:g}]: the first must be the lower")
@@ -96,14 +96,14 @@ class SampleTable(Table):
         "sobol", description="Scrambled Sobol sequence, or independent draws."
     )
 
-    _own: ClassVar[tuple[str, ...]] = ("count", "seed", "method")
+    _own_keys: ClassVar[tuple[str, ...]] = ("count", "seed", "method")
 
     @model_validator(mode="before")
     @classmethod
     def _keys(cls, data: Any) -> Any:
         for key in data if isinstance(data, dict) else ():
-            if "." not in key and key not in cls._own:
-                hint = allowed_hint(key, [*cls._own, "dotted keys of the problem"])
+            if "." not in key and key not in cls._own_keys:
+                hint = allowed_hint(key, [*cls._own_keys, "dotted keys of the problem"])
                 raise ValueError(f"unknown key '{key}'; {hint}")
         return data
 
@@ -169,9 +169,9 @@ def points(table: SweepFile, source: str) -> list[Point]:
     Raises:
         InputError: If nothing varies, a key varies twice, or there are too many points.
     """
-    keys = varied(table)
+    keys = varied_keys(table)
     _refuse_clashes(table, keys, source)
-    axes = {key: _axis(values) for key, values in table.grid.items()}
+    axes = {key: _axis_values(values) for key, values in table.grid.items()}
     for key, values in axes.items():
         _refuse_repeats(key, values, source)
     rows = table.cases or [{}]
@@ -180,17 +180,17 @@ def points(table: SweepFile, source: str) -> list[Point]:
     if count > MAX_POINTS:
         raise InputError(f"{source}: {count} points are more than {MAX_POINTS}; vary less at once")
     grid = [dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values())]
-    sample = _sample(table.sample) if table.sample else [{}]
+    sample = _sample_points(table.sample) if table.sample else [{}]
     return [{**a, **b, **c} for a, b, c in itertools.product(rows, grid, sample)]
 
 
-def varied(table: SweepFile) -> list[str]:
+def varied_keys(table: SweepFile) -> list[str]:
     """Every key that varies, each once, in the order of the file: rows, grid, sample."""
-    drawn = table.sample.keys if table.sample else {}
-    return list(dict.fromkeys([*_row_keys(table), *table.grid, *drawn]))
+    sampled = table.sample.keys if table.sample else {}
+    return list(dict.fromkeys([*_row_keys(table), *table.grid, *sampled]))
 
 
-def flat(tables: Mapping[str, Any]) -> Point:
+def flatten(tables: Mapping[str, Any]) -> Point:
     """Dotted keys from nested tables: `goal.travel = 1` means the same as `"goal.travel" = 1`.
 
     Keys are taken apart down to the keys of the problem's tables, one level deeper in `method`.
@@ -218,13 +218,13 @@ def _refuse_clashes(table: SweepFile, keys: list[str], source: str) -> None:
             f"{source}: nothing varies; give [grid], [sample] or [[cases]], as in"
             ' [grid] "goal.travel" = [0.80, 0.82]'
         )
-    drawn = table.sample.keys if table.sample else {}
-    if table.sample and not drawn:
+    sampled = table.sample.keys if table.sample else {}
+    if table.sample and not sampled:
         raise InputError(
             f"{source}: [sample] names no key to draw; add for example"
             ' "limits.z2_margin" = { uniform = [0.0, 0.02] }'
         )
-    blocks = [*dict.fromkeys(_row_keys(table)), *table.grid, *drawn]
+    blocks = [*dict.fromkeys(_row_keys(table)), *table.grid, *sampled]
     for key in keys:
         if blocks.count(key) > 1:
             raise InputError(f"{source}: '{key}' varies in two of cases, grid and sample; keep one")
@@ -242,7 +242,7 @@ def _refuse_repeats(key: str, values: list[Any], source: str) -> None:
         seen.add(text)
 
 
-def _axis(values: list[Any] | Range) -> list[Any]:
+def _axis_values(values: list[Any] | Range) -> list[Any]:
     if isinstance(values, list):
         return values
     space = np.linspace if values.spacing == "linear" else np.geomspace
@@ -250,14 +250,17 @@ def _axis(values: list[Any] | Range) -> list[Any]:
     return [float(f"{v:.12g}") for v in space(values.low, values.high, values.count)]
 
 
-def _sample(table: SampleTable) -> list[Point]:
+def _sample_points(table: SampleTable) -> list[Point]:
     """The draws; a larger count begins with the draws of a smaller one."""
     keys = table.keys
-    columns = [_drawn(d, u) for d, u in zip(keys.values(), _unit(table, len(keys)).T, strict=True)]
+    columns = [
+        _draw_values(d, u)
+        for d, u in zip(keys.values(), _unit_points(table, len(keys)).T, strict=True)
+    ]
     return [dict(zip(keys, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
-def _unit(table: SampleTable, size: int) -> Array:
+def _unit_points(table: SampleTable, size: int) -> Array:
     """Points of the open unit cube, shape (count, size)."""
     rng = np.random.default_rng(table.seed)
     if table.method == "random":
@@ -270,7 +273,7 @@ def _unit(table: SampleTable, size: int) -> Array:
     return np.clip(cube, 1e-12, 1 - 1e-12)
 
 
-def _drawn(distribution: Distribution, unit: Array) -> list[Any]:
+def _draw_values(distribution: Distribution, unit: Array) -> list[Any]:
     """Values of one key at positions `unit`, shape (count,), of its cumulative distribution."""
     from scipy.special import ndtri
 
@@ -291,11 +294,11 @@ def _drawn(distribution: Distribution, unit: Array) -> list[Any]:
     return [float(v) for v in low + (high - low) * unit]
 
 
-def canonical(value: Any) -> str:
+def canonical_json(value: Any) -> str:
     """JSON with sorted keys and no spaces; what JSON lacks (TOML's dates) becomes text."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), default=str)
 
 
 def digest(value: Any) -> str:
-    """SHA-256 of `canonical`, 64 hexadecimal digits."""
-    return hashlib.sha256(canonical(value).encode()).hexdigest()
+    """SHA-256 of `canonical_json`, 64 hexadecimal digits."""
+    return hashlib.sha256(canonical_json(value).encode()).hexdigest()

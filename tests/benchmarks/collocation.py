@@ -34,10 +34,10 @@ from scipy.stats import linregress
 
 import planner
 from planner.methods.collocation.method import plan_collocation, replan_collocation
-from planner.methods.collocation.pipeline import DIRECT
+from planner.methods.collocation.pipeline import DIRECT_INTERVALS
 from planner.methods.collocation.solvers import Settings
 from planner.methods.collocation.task import task
-from planner.methods.collocation.transcription.bounds import Asked
+from planner.methods.collocation.transcription.bounds import InputDemands
 from planner.methods.collocation.transcription.form import Form, objective, uniform
 from planner.methods.convex.method import plan_convex
 from planner.problem.tables.method_options import CollocationOptions, ConvexOptions
@@ -103,7 +103,7 @@ def contest(case: Case, rounds: int) -> dict[str, Any]:
     """All contestants on one case: times, iterations, objective, error at the goal."""
     makers: dict[str, Callable[[], Call]] = {
         RADAU: lambda: radau_ipopt(case.arm),
-        RADAU_OURS: lambda: radau_ipopt(case.arm, intervals=DIRECT, linear=True),
+        RADAU_OURS: lambda: radau_ipopt(case.arm, intervals=DIRECT_INTERVALS, linear=True),
         SHOOTING: lambda: shooting_fatrop(case.arm),
         OURS: lambda: ours(case),
         WHOLE: lambda: ours_verified(case),
@@ -264,7 +264,12 @@ def over_joints() -> dict[str, Any]:
         problem = chain(joints)
         form = Form(20, "legendre", 3, "linear")
         job = task(
-            problem, objective(problem, CollocationOptions()), form, mesh, Asked(), Settings()
+            problem,
+            objective(problem, CollocationOptions()),
+            form,
+            mesh,
+            InputDemands(),
+            Settings(),
         )
         start = along(problem, mesh)
         job, seconds = replace(job, settings=Settings(solver="ipopt")), []

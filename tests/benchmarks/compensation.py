@@ -20,7 +20,7 @@ from planner.machine.machine import Machine
 from planner.machine.replay import Replay
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan
-from planner.report.figures.style import GRID, colour_of
+from planner.report.figures.style import GRID_STYLE, colour_of
 from planner.support.arrays import Array
 from planner.support.files import folder
 
@@ -214,7 +214,7 @@ def picture(before: Replay, after: Replay) -> Figure:
     axes[1].set_xlabel("time since the plan's start (s)")
     for axis in axes:
         axis.axvspan(-lead, 0.0, color="#EEEEEE", zorder=0)
-        axis.grid(**GRID)
+        axis.grid(**GRID_STYLE)
         axis.set_xlim(-lead, t[-1])
     axes[0].text(
         -lead / 2, 16, "preparation:\ntakes up the\nbacklash", ha="center", va="center", fontsize=9

@@ -25,7 +25,7 @@ from planner.machine.machine import Machine, draw
 from planner.machine.replay import Replay, replay
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
-from planner.report.figures.style import COLOURS, GRID
+from planner.report.figures.style import COLOURS, GRID_STYLE
 from planner.support.arrays import Array
 from planner.support.files import folder
 
@@ -244,7 +244,7 @@ class Study:
             axis.plot(values, ends, "s--", color=COLOURS[1], label="at the end")
             axis.set_xlabel(label)
             axis.set_yscale("log")
-            axis.grid(**GRID)
+            axis.grid(**GRID_STYLE)
         axes[0].set_ylabel("largest error, 95 % (deg)")
         axes[0].legend(fontsize="small")
         return figure

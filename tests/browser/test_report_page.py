@@ -18,7 +18,7 @@ from planner import Comparison
 from planner.comparison.rows import Row
 from planner.report import folders as report_folder
 from planner.report import write_report
-from planner.report.figures.arm import body
+from planner.report.figures.arm import body_points
 
 SOLVED = "polynomial"
 JOINTS = "#fig-joints .panel"
@@ -184,7 +184,7 @@ def test_scrubbing_shows_the_arm_of_that_time(opened: Callable) -> None:
     stage = page.locator(".stage").nth(1)
     assert stage.locator("select").evaluate("(s) => s.selectedOptions[0].text") == SOLVED
     drawn = points_of(stage.locator(".body").get_attribute("d"))
-    planned = body(plan.problem, plan.q(t))
+    planned = body_points(plan.problem, plan.q(t))
     scale = np.linalg.norm(drawn[1] - drawn[0]) / np.linalg.norm(planned[1] - planned[0])
     rebuilt = (drawn - drawn[0]) * [1, -1] / scale
     np.testing.assert_allclose(rebuilt, planned - planned[0], atol=0.01)

@@ -41,7 +41,7 @@ Run = Callable[..., Result]
 
 @pytest.fixture
 def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
-    monkeypatch.setattr(output, "EVERY_S", 1e6)  # or a slow machine has one line more to say
+    monkeypatch.setattr(output, "LOG_INTERVAL_S", 1e6)  # or a slow machine has one line more to say
 
     def call(*words: str | Path) -> Result:
         capsys.readouterr()

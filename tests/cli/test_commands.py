@@ -321,7 +321,7 @@ class Terminal(io.StringIO):
 def test_progress_shows_on_a_terminal_only_and_after_a_while(
     stream: io.StringIO, patience_s: float, shown: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(output, "PATIENCE_S", patience_s)
+    monkeypatch.setattr(output, "PROGRESS_DELAY_S", patience_s)
     monkeypatch.setattr(sys, "stderr", stream)
     with output.job("planning with patience") as notice:
         notice("still planning")

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 import planner
-from planner.cli.app import COMMANDS, function_of, main
+from planner.cli.app import COMMANDS, load_command, main
 
 PAPER = Path(__file__).parents[2] / "problems/paper.toml"
 FAST = ("plan", PAPER, "-m", "polynomial", "--set", "goal.travel=0.82", "--set", "limits={}")
@@ -32,7 +32,7 @@ def test_help_of_every_command(command: str, run: Callable) -> None:
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_the_list_says_of_a_command_what_the_command_says(command: str) -> None:
-    assert COMMANDS[command][1] == (inspect.getdoc(function_of(command)) or "").splitlines()[0]
+    assert COMMANDS[command][1] == (inspect.getdoc(load_command(command)) or "").splitlines()[0]
 
 
 @pytest.mark.parametrize("command", [["plan", PAPER], ["new"], ["systems"]])

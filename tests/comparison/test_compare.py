@@ -451,7 +451,7 @@ def test_of_many_machines_a_comparison_keeps_the_errors_and_some_motions(
     paper: planner.Problem, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     whole = planner.compare(paper, [OPTIMAL], samples=9, feedback=True)
-    monkeypatch.setattr(compare_module, "MOTIONS", 2)
+    monkeypatch.setattr(compare_module, "KEPT_MOTIONS", 2)
     some = planner.compare(paper, [OPTIMAL], samples=9, feedback=True)
     for one, other in zip(whole.rows, some.rows, strict=True):
         assert one.replay is not None

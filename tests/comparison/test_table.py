@@ -169,6 +169,6 @@ def test_a_figure_of_a_plan_stands_in_one_place_and_is_everywhere() -> None:
 
 def test_a_path_that_cannot_be_executed_has_no_effort_and_no_peaks() -> None:
     plan = outside()
-    row = Row.of("x", plan.method, plan, planner.verify(plan))
+    row = Row.from_plan("x", plan.method, plan, planner.verify(plan))
     assert np.isnan([row.effort, *row.peak_u]).all()
     assert row.travel_rad == plan.travel

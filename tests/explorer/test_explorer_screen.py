@@ -27,7 +27,7 @@ def screen(name: str, method: str = "polynomial", samples: int = 2, **changes: A
     if name == "paper":  # a fixed travel is planned at once
         changes = {"goal.travel": 0.82, **changes}
     problem = planner.load_problem(ROOT / "problems" / f"{name}.toml", changes)
-    return Screen(State.of(problem, method, samples))
+    return Screen(State.from_problem(problem, method, samples))
 
 
 def panel(screen: Screen, name: str) -> dict[str, Any]:
@@ -69,7 +69,7 @@ def test_a_goal_of_the_tip_moves_with_its_sliders() -> None:
     assert shown.outcome.plan is not None
     poses = panel(shown, "plane")["poses"]
     np.testing.assert_allclose(poses[-1][-1], [0.5, 0.64], atol=1e-6)
-    fixed = State.of(
+    fixed = State.from_problem(
         shown.state.problem().changed({"goal.theta_deg": [20, "free", "free"]}), "auto", 0
     )
     assert fixed.with_value("system.joints", 5).changes["goal.theta_deg"] == [20.0, *["free"] * 4]
@@ -190,7 +190,7 @@ def test_code_and_problem_file_give_the_plan_on_the_screen(name: str, tmp_path: 
 def test_a_problem_without_a_file_is_written_out_in_the_code() -> None:
     problem = planner.load_problem(ROOT / "problems" / "paper.toml")
     problem = planner.Problem.from_dict(problem.with_travel(0.82).to_dict(), "no file")
-    state = State.of(problem, "polynomial", 0).with_value("limits.joint_deg", None)
+    state = State.from_problem(problem, "polynomial", 0).with_value("limits.joint_deg", None)
     names: dict[str, Any] = {}
     exec(Screen(state).texts()["code"].split("plan =")[0], names)
     assert names["problem"] == planner.Problem.from_dict(names["data"])
@@ -200,12 +200,12 @@ def test_a_problem_without_a_file_is_written_out_in_the_code() -> None:
 @pytest.mark.parametrize("method", list(planner.METHODS))
 def test_every_option_control_writes_what_the_method_takes(method: str) -> None:
     problem = planner.load_problem(ROOT / "problems" / "paper.toml", {"goal.travel": 0.82})
-    shown = Screen(State.of(problem, "polynomial", 0))
+    shown = Screen(State.from_problem(problem, "polynomial", 0))
     shown.set([("method", method)])
     for control in shown.controls.values():
         values = control.choices or [control.low, control.high]
         for value in [True, False] if control.kind == "switch" else values:
-            state = shown.state.with_value(control.key, control.written(value))
+            state = shown.state.with_value(control.key, control.new_value(value))
             if control.key.startswith(("method.", "machine.", "goal.duration", "goal.travel")):
                 state.problem()  # the schema takes it
 
@@ -228,7 +228,7 @@ def test_gear_geometry_has_sliders_too() -> None:
     gear = {"r1": 20.0, "R": 23.0, "r3": 14.0, "lambda": 1.0, "eta": 1.0}
     data = planner.load_problem(ROOT / "problems" / "paper.toml").to_dict()
     data["system"] = {"kind": "manipulator", "joints": 3, "gear": gear}
-    shown = Screen(State.of(planner.Problem.from_dict(data, "geared"), "collocation", 0))
+    shown = Screen(State.from_problem(planner.Problem.from_dict(data, "geared"), "collocation", 0))
     own = {c.label: c.shown for c in shown.controls.values() if c.key.startswith("system.gear.")}
     assert own == gear
     before = shown.outcome.problem
@@ -281,11 +281,14 @@ def test_the_map_shows_the_chart_s_edges_and_the_path() -> None:
 
 def test_planning_ends_at_the_explorer_s_time_limit() -> None:
     problem = planner.load_problem(ROOT / "problems" / "paper.toml")
-    shown = Screen(State.of(problem, "collocation", 0, time_limit_s=1e-4))
+    shown = Screen(State.from_problem(problem, "collocation", 0, time_limit_s=1e-4))
     assert shown.words()["kind"] == "time limit"
     assert "the time limit of 0.0001 s ended" in shown.words()["text"]
     own = problem.changed({"method.collocation.time_limit_s": 20.0})
-    assert Screen(State.of(own, "collocation", 0, time_limit_s=1e-4)).outcome.plan is not None
+    assert (
+        Screen(State.from_problem(own, "collocation", 0, time_limit_s=1e-4)).outcome.plan
+        is not None
+    )
 
 
 def test_the_facts_have_units_and_the_time_waited() -> None:
@@ -340,7 +343,7 @@ def test_reset_goes_back_to_the_problem() -> None:
     shown = screen("paper")
     shown.change([("goal.travel", 0.81)])
     shown.reset()
-    assert "goal.travel" not in shown.state.told()
+    assert "goal.travel" not in shown.state.changes_from_base()
 
 
 def test_unknown_controls_and_arguments_are_named(paper: planner.Problem) -> None:

@@ -40,11 +40,11 @@ def sent(monkeypatch: pytest.MonkeyPatch, paper: planner.Problem) -> tuple[Any, 
 
 def test_each_question_has_one_answer_with_its_number(sent: tuple[Any, list[Any]]) -> None:
     widget, messages = sent
-    widget._asked(widget, {"ask": "picture", "number": 1}, [])
+    widget._hear(widget, {"ask": "picture", "number": 1}, [])
     changes = [["goal.travel", 0.8286], ["goal.duration", 40.0]]
-    widget._asked(widget, {"ask": "change", "number": 2, "changes": changes}, [])
-    widget._asked(widget, {"ask": "judge", "number": 3}, [])
-    widget._asked(widget, {"ask": "texts", "number": 4}, [])
+    widget._hear(widget, {"ask": "change", "number": 2, "changes": changes}, [])
+    widget._hear(widget, {"ask": "judge", "number": 3}, [])
+    widget._hear(widget, {"ask": "texts", "number": 4}, [])
     done()
     assert [m["number"] for m in messages] == [1, 2, 3, 4]
     assert messages[1]["todo"][-1:] == ["judge"]
@@ -57,7 +57,7 @@ def test_each_question_has_one_answer_with_its_number(sent: tuple[Any, list[Any]
 
 def test_a_message_about_a_control_that_is_gone_is_answered(sent: tuple[Any, list[Any]]) -> None:
     widget, messages = sent
-    widget._asked(widget, {"ask": "change", "number": 1, "changes": [["gone", 1.0]]}, [])
+    widget._hear(widget, {"ask": "change", "number": 1, "changes": [["gone", 1.0]]}, [])
     done()
     assert "no control 'gone'" in messages[0]["text"]
     assert messages[0]["panels"]
@@ -65,7 +65,7 @@ def test_a_message_about_a_control_that_is_gone_is_answered(sent: tuple[Any, lis
 
 def test_another_method_brings_its_controls_before_its_plan(sent: tuple[Any, list[Any]]) -> None:
     widget, messages = sent
-    widget._asked(widget, {"ask": "change", "number": 1, "changes": [["method", "convex"]]}, [])
+    widget._hear(widget, {"ask": "change", "number": 1, "changes": [["method", "convex"]]}, [])
     done()
     first, last = messages
     assert first.keys() == {"number", "controls", "more"}
@@ -91,9 +91,9 @@ def test_stop_ends_the_search(
 
     entry = replace(METHODS["convex"], made_by=endless)
     monkeypatch.setitem(METHODS, "convex", entry)  # type: ignore[index]
-    widget._asked(widget, {"ask": "change", "number": 7, "changes": [["method", "convex"]]}, [])
+    widget._hear(widget, {"ask": "change", "number": 7, "changes": [["method", "convex"]]}, [])
     assert begun.wait(60)
-    widget._asked(widget, {"ask": "stop", "number": 7, "at_once": at_once}, [])
+    widget._hear(widget, {"ask": "stop", "number": 7, "at_once": at_once}, [])
     done()
     assert (messages[-1]["number"], messages[-1]["kind"]) == (7, "stopped")
     assert "the Stop button ended the method 'convex'" in messages[-1]["text"]
@@ -112,14 +112,14 @@ def test_stop_ends_the_verification_and_the_path_stays(
             deadline.check_stopped()
             time.sleep(0.001)
 
-    widget._asked(widget, {"ask": "change", "number": 1, "changes": [["goal.travel", 0.8286]]}, [])
+    widget._hear(widget, {"ask": "change", "number": 1, "changes": [["goal.travel", 0.8286]]}, [])
     done()
     monkeypatch.setattr(verdict, "certify", endless)
-    widget._asked(widget, {"ask": "change", "number": 2, "changes": [["goal.duration", 40.0]]}, [])
-    widget._asked(widget, {"ask": "judge", "number": 3}, [])
+    widget._hear(widget, {"ask": "change", "number": 2, "changes": [["goal.duration", 40.0]]}, [])
+    widget._hear(widget, {"ask": "judge", "number": 3}, [])
     assert begun.wait(60)
     began = time.monotonic()
-    widget._asked(widget, {"ask": "stop", "number": 3, "at_once": False}, [])
+    widget._hear(widget, {"ask": "stop", "number": 3, "at_once": False}, [])
     done()
     assert time.monotonic() - began < 1.0
     assert (messages[-1]["number"], messages[-1]["kind"]) == (3, "stopped")
@@ -133,9 +133,9 @@ def test_the_mechanism_is_drawn_for_the_constants_on_the_screen(
     sent: tuple[Any, list[Any]],
 ) -> None:
     widget, messages = sent
-    widget._asked(widget, {"ask": "picture", "number": 1}, [])
-    widget._asked(widget, {"ask": "mechanism", "number": 2}, [])
-    widget._asked(widget, {"ask": "change", "number": 3, "changes": [["system.K:0", 0.9]]}, [])
+    widget._hear(widget, {"ask": "picture", "number": 1}, [])
+    widget._hear(widget, {"ask": "mechanism", "number": 2}, [])
+    widget._hear(widget, {"ask": "change", "number": 3, "changes": [["system.K:0", 0.9]]}, [])
     done()
     first, drawing, changed = messages
     assert "<svg" in drawing["mechanism"]
@@ -154,8 +154,8 @@ def test_stop_ends_what_has_not_begun_and_nothing_else(sent: tuple[Any, list[Any
 
     another = worker().do(other)
     assert begun.wait(60)
-    widget._asked(widget, {"ask": "change", "number": 1, "changes": [["method", "convex"]]}, [])
-    widget._asked(widget, {"ask": "stop", "number": 1}, [])
+    widget._hear(widget, {"ask": "change", "number": 1, "changes": [["method", "convex"]]}, [])
+    widget._hear(widget, {"ask": "stop", "number": 1}, [])
     go_on.set()
     assert another.result(60) == math.inf
     done()

@@ -10,7 +10,7 @@ import pytest
 import planner
 from planner.errors import NoPlanError, NotConvergedError, TimeLimitError
 from planner.methods import refusal as refusals
-from planner.methods.refusal import BY_COLLOCATION, Change, advise, in_other_time, on_other_paths
+from planner.methods.refusal import BY_COLLOCATION, Change, advise, duration_changes, path_changes
 from planner.methods.registry import METHODS
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
@@ -84,7 +84,9 @@ def test_tries_take_a_few_times_as_long_as_the_refusal(paper: Problem) -> None:
 
     error = refusal()
     advise(error, paper, attempt, 100.0)
-    assert all(seconds <= refusals.TIMES * 100 * refusals.PART for seconds in left)
+    assert all(
+        seconds <= refusals.MOST_TIMES_REFUSAL * 100 * refusals.TRY_SHARE for seconds in left
+    )
     assert len(left) == len(CHANGES)
     assert "not tried for lack of time: limits.joint_deg = 80.0" in str(error.advice)
     assert "larger time limit" not in str(error.advice)
@@ -151,7 +153,7 @@ def test_every_change_of_a_problem_is_one(paper: Problem) -> None:
             "waypoints": [{"theta_deg": ["free", 10.0, "free"]}],
         }
     )
-    changes = [*in_other_time(problem), *on_other_paths(problem)]
+    changes = [*duration_changes(problem), *path_changes(problem)]
     changed = [problem.changed(change.keys) for change in changes]
     assert [each.duration for each in changed] == [None, 10.0, None, *[10.0] * 4]
     assert [each.travel for each in changed[:3]] == [0.8, None, None]

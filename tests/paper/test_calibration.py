@@ -14,8 +14,15 @@ import planner.paper.fit as fitting
 from planner import Machine
 from planner.cli.app import main
 from planner.paper.calibrate import Calibration, calibrate, write
-from planner.paper.fit import BOUNDS, TOLERANCES, Fit, said
-from planner.paper.statements import FITTED, FIXED, coordinates, move, nominal, values
+from planner.paper.fit import BOUNDS, TOLERANCES, Fit, statement_values
+from planner.paper.statements import (
+    FITTED_PARAMETERS,
+    FIXED_PARAMETERS,
+    coordinates,
+    move,
+    nominal_machine,
+    values,
+)
 
 COMMAND = import_module("planner.cli.paper")
 
@@ -44,7 +51,7 @@ def parts(setting: object) -> list[float]:
 
 
 def test_it_says_what_the_paper_says(made: Calibration) -> None:
-    theta3, theta2, *motors = made.fit.found
+    theta3, theta2, *motors = made.fit.values
     assert theta3 == pytest.approx(5.0, abs=0.1)  # as it is read off the figure
     assert theta2 < 5.01  # E is the largest of all joints; 0.01 by the digits of the preset
     assert max(motors) < 0.5  # % of the peak
@@ -61,34 +68,34 @@ def test_a_bound_counts_where_it_is_exceeded(made: Calibration) -> None:
             return fitting.fit(made.plan)
 
     loose, looser = fitted(5.5), fitted(7.0)
-    assert 5.1 < loose.found[1] < 5.4
-    assert loose.found[0] == pytest.approx(5.0, abs=0.02)
+    assert 5.1 < loose.values[1] < 5.4
+    assert loose.values[0] == pytest.approx(5.0, abs=0.02)
     assert np.array_equal(loose.x, looser.x)
     assert np.linalg.norm(made.fit.x) > np.linalg.norm(loose.x) + 0.2
 
 
 def test_every_effect_of_the_prototype_has_a_reason() -> None:
-    fitted = [r.name for r in FITTED]
-    assert set(fitted) | set(FIXED) == set(Machine.prototype().effects)
-    assert not set(fitted) & set(FIXED)
-    for r in FITTED:
+    fitted = [r.name for r in FITTED_PARAMETERS]
+    assert set(fitted) | set(FIXED_PARAMETERS) == set(Machine.prototype().effects)
+    assert not set(fitted) & set(FIXED_PARAMETERS)
+    for r in FITTED_PARAMETERS:
         assert r.low < parts(Machine.prototype().to_dict()[r.name])[0] < r.high
         assert r.source
-        assert values(coordinates({q.name: q.high for q in FITTED}))[r.name] == pytest.approx(
-            r.high
-        )
+        assert values(coordinates({q.name: q.high for q in FITTED_PARAMETERS}))[
+            r.name
+        ] == pytest.approx(r.high)
 
 
 def test_the_papers_words_fix_one_direction_and_curves_more(made: Calibration) -> None:
     words, curves, records = made.data
     assert words.rank == 1
-    assert 1 < curves.rank < records.rank <= len(FITTED)
-    assert np.all(words.left <= 1 + 1e-12)
-    names = [r.name for r in FITTED]
+    assert 1 < curves.rank < records.rank <= len(FITTED_PARAMETERS)
+    assert np.all(words.remaining <= 1 + 1e-12)
+    names = [r.name for r in FITTED_PARAMETERS]
     for name in ("torque_limit_nm", "friction_capacity_nm"):  # never reached
-        assert words.left[names.index(name)] == pytest.approx(1, abs=1e-6)
-    assert words.left[names.index("coulomb_friction_nm")] < 0.7
-    assert np.mean(records.left) < np.mean(curves.left) < np.mean(words.left)
+        assert words.remaining[names.index(name)] == pytest.approx(1, abs=1e-6)
+    assert words.remaining[names.index("coulomb_friction_nm")] < 0.7
+    assert np.mean(records.remaining) < np.mean(curves.remaining) < np.mean(words.remaining)
 
 
 def test_sensitivities_foretell_what_a_changed_machine_does(made: Calibration) -> None:
@@ -96,7 +103,7 @@ def test_sensitivities_foretell_what_a_changed_machine_does(made: Calibration) -
     words, size = made.data[0], 0.2
     known, unknown = words.directions[0], words.directions[5]
     points = [values(made.fit.x + size * d) for d in (0 * known, known, unknown)]
-    seen = (said(made.plan, points) / TOLERANCES)[:, ~BOUNDS]
+    seen = (statement_values(made.plan, points) / TOLERANCES)[:, ~BOUNDS]
     assert np.linalg.norm(seen[1] - seen[0]) == pytest.approx(size * words.singular[0], rel=0.1)
     assert np.linalg.norm(seen[2] - seen[0]) < 0.01 * size * words.singular[0]
     assert (
@@ -105,7 +112,7 @@ def test_sensitivities_foretell_what_a_changed_machine_does(made: Calibration) -
 
 
 def test_half_of_a_joints_own_play_goes_into_its_error(made: Calibration) -> None:
-    machine = nominal(made.fit.parameters).without("backlash_deg")
+    machine = nominal_machine(made.fit.parameters).without("backlash_deg")
     none, second, third = (
         move(made.plan, machine.with_(backlash_deg=gaps), [{"creep": 0.003}]).largest[0, 2]
         for gaps in ([0.0, 0.0], [2.7, 0.0], [0.0, 2.7])
@@ -118,8 +125,8 @@ def test_the_folder(made: Calibration, tmp_path: Path) -> None:
     place = write(made, tmp_path / "calibration")
     text = (place / "README.md").read_text()
     assert "planner calibrate --out results/calibration" in text
-    assert all(f"`{r.name}`" in text and r.source in text for r in FITTED)
-    assert all(f"`{name}`" in text for name in FIXED)
+    assert all(f"`{r.name}`" in text and r.source in text for r in FITTED_PARAMETERS)
+    assert all(f"`{name}`" in text for name in FIXED_PARAMETERS)
     rows = [line for line in text.splitlines() if line.startswith("| largest error of theta")]
     for row, target, joint in zip(rows, ("5 deg", "at most 5 deg"), (2, 1), strict=True):
         found = made.motions["quasi-static"].largest[0, joint]

@@ -13,14 +13,14 @@ from planner import solve
 from planner.paper import numbers
 from planner.paper.cases import paper_problem
 from planner.paper.numbers import (
-    AROUND_CROSSINGS,
-    AROUND_MISSING_ANGLES,
+    CROSSING_DETOURS,
+    MISSING_ANGLE_DETOURS,
     Points,
-    at_the_papers_point,
+    margins_at_paper_point,
 )
 from planner.paper.reproduce import FIGURES, FILM, Reproduction, reproduce
 from planner.plan.measures import effort
-from planner.report.film import HOLD_S
+from planner.report.film import LAST_FRAME_S
 
 
 def once(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -36,13 +36,13 @@ def once(function: Callable[..., Any]) -> Callable[..., Any]:
     return call
 
 
-way_around, scan = once(numbers.way_around), once(numbers.scan)
+detour, scan = once(numbers.detour), once(numbers.scan)
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Reproduction:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(numbers, "way_around", way_around)
+        patch.setattr(numbers, "detour", detour)
         patch.setattr(numbers, "scan", scan)
         return reproduce(tmp_path_factory.mktemp("out") / "paper", samples=20, seed=0)
 
@@ -61,7 +61,7 @@ def test_the_film_shows_the_arm_at_twice_its_speed_and_is_small(made: Reproducti
     assert f"({FILM})" in (made.path / "README.md").read_text(encoding="utf-8")
     with Image.open(path) as film:
         seconds = [film.seek(k) or film.info["duration"] / 1000 for k in range(film.n_frames)]
-    assert sum(seconds) == pytest.approx(made.cases.valid.duration / 2 + HOLD_S, abs=0.1)
+    assert sum(seconds) == pytest.approx(made.cases.valid.duration / 2 + LAST_FRAME_S, abs=0.1)
     efforts = [effort(made.cases.best.trajectory), effort(made.cases.valid.trajectory)]
     assert made.cases.best.verified
     assert efforts[0] < efforts[1]
@@ -100,24 +100,24 @@ def test_the_findings_are_those_of_the_plans(made: Reproduction) -> None:
 
 
 def test_the_papers_own_point_leads_around_at_no_travel() -> None:
-    assert np.max(at_the_papers_point()) < -0.05
+    assert np.max(margins_at_paper_point()) < -0.05
 
 
 def test_its_value_leads_around_a_crossing_in_a_thin_strip_of_travels() -> None:
     found = scan()
     travels = found.inside[:, 0]
-    assert found.tried > 1500
+    assert found.trials > 1500
     assert 0.7929 < travels.min() < travels.max() < 0.79367  # there the plain cubic stays inside
     for travel, time in found.inside[[0, -1]]:
-        assert way_around(travel, [[time, -0.2]]).verified
+        assert detour(travel, [[time, -0.2]]).verified
 
 
-@pytest.mark.parametrize(("travel", "points"), AROUND_CROSSINGS + AROUND_MISSING_ANGLES)
+@pytest.mark.parametrize(("travel", "points"), CROSSING_DETOURS + MISSING_ANGLE_DETOURS)
 def test_other_points_lead_around(travel: float, points: Points) -> None:
     plain = solve(paper_problem(travel=travel), "polynomial", allow_singular=True)
     assert not plain.domain.ok
-    assert bool(plain.domain.z2_crossings_s) == ((travel, points) in AROUND_CROSSINGS)
-    plan = way_around(travel, points)
+    assert bool(plain.domain.z2_crossings_s) == ((travel, points) in CROSSING_DETOURS)
+    plan = detour(travel, points)
     assert plan.verified
     assert plan.notes["points"]
 

@@ -15,11 +15,11 @@ from planner.explorer.screen import Screen
 from planner.explorer.state import State
 from planner.report import charts
 from planner.report.charts.scripts import CHARTS, SCRIPTS, STYLE, source
-from planner.report.figures.style import COLOURS, METHODS, PALETTE, colour_numbers, curves
+from planner.report.figures.style import COLOURS, METHOD_COLOURS, PALETTE, colour_numbers, curves
 from planner.report.folders import replay_data
 from planner.report.page.page import report_page
 from planner.report.page.series import page_data
-from planner.report.panels import FIGURES, Figure, Panel, PlanCurves, merge, near, over_time
+from planner.report.panels import FIGURES, Figure, Panel, PlanCurves, merge, near_limits, time_panel
 
 PROBLEM = Path(__file__).parents[2] / "problems/paper.toml"
 
@@ -41,8 +41,8 @@ def test_every_script_is_in_the_page_and_in_the_explorer() -> None:
 
 def test_a_method_has_one_colour_in_pictures_on_the_page_and_in_the_explorer() -> None:
     widget = pytest.importorskip("planner.explorer.widget", reason="needs the extra 'notebook'")
-    assert set(METHODS) == {*planner.METHODS, "compensated"}
-    assert len(set(METHODS.values())) == len(METHODS) < len(PALETTE)
+    assert set(METHOD_COLOURS) == {*planner.METHODS, "compensated"}
+    assert len(set(METHOD_COLOURS.values())) == len(METHOD_COLOURS) < len(PALETTE)
     found = quick_comparison()
     numbers = {plan["label"]: plan["colour"] for plan in page_data(found, {})["plans"]}
     assert {k: COLOURS[n] for k, n in numbers.items()} == {
@@ -53,18 +53,18 @@ def test_a_method_has_one_colour_in_pictures_on_the_page_and_in_the_explorer() -
             assert re.findall(rf"--plan-{k}: (#\w+);", text) == [light, dark]
             assert f".charts .plan-{k} {{ color: var(--plan-{k}); }}" in text
     problem = planner.load_problem(PROBLEM)
-    (plan,) = Screen(State.of(problem, "collocation", 0)).picture()["plans"]
-    assert plan["colour"] == METHODS["collocation"]
+    (plan,) = Screen(State.from_problem(problem, "collocation", 0)).picture()["plans"]
+    assert plan["colour"] == METHOD_COLOURS["collocation"]
 
 
 def test_colours_of_what_is_drawn_together_differ_and_feedback_keeps_its_plans() -> None:
     labels = ["polynomial:travel=middle", "mine", "polynomial", "collocation:degree=2"]
     labels += ["collocation compensated:rest=true", "2: convex", "polynomial + feedback"]
     numbers = colour_numbers(labels)
-    assert numbers[labels[0]] == METHODS["polynomial"]
-    assert numbers[labels[3]] == METHODS["collocation"]
-    assert numbers[labels[4]] == METHODS["compensated"]
-    assert numbers[labels[5]] == METHODS["convex"]
+    assert numbers[labels[0]] == METHOD_COLOURS["polynomial"]
+    assert numbers[labels[3]] == METHOD_COLOURS["collocation"]
+    assert numbers[labels[4]] == METHOD_COLOURS["compensated"]
+    assert numbers[labels[5]] == METHOD_COLOURS["convex"]
     assert numbers["polynomial + feedback"] == numbers["polynomial"]
     assert len(set(numbers.values())) == len(labels) - 1
     assert len(colour_numbers([str(k) for k in range(12)])) == 12
@@ -82,7 +82,7 @@ def test_panels_have_one_shape() -> None:
     found = quick_comparison()
     page = [p for f in page_data(found, replay_data(found))["figures"] for p in f["panels"]]
     problem = planner.load_problem(PROBLEM, {"goal.travel": 0.82})
-    screen = Screen(State.of(problem, "polynomial", 2))
+    screen = Screen(State.from_problem(problem, "polynomial", 2))
     explorer = [*screen.picture()["panels"], screen.errors()]
     allowed = {"id", "kind", "title", "unit", "series", "band", "limits", "floor", "zero", "ends"}
     allowed |= {"stops", "marks", "view", "notes", "note"}  # those that `panels` names
@@ -99,10 +99,10 @@ def test_panels_have_one_shape() -> None:
 
 
 def test_a_limit_is_drawn_on_the_side_that_is_near() -> None:
-    assert near(np.array([0.0, 70.0]), 80.0) == [80.0]
-    assert near(np.array([-70.0, 70.0]), 80.0) == [-80.0, 80.0]
-    assert near(np.array([np.nan, 10.0]), 80.0) == []
-    assert near(np.array([10.0]), np.inf) == []
+    assert near_limits(np.array([0.0, 70.0]), 80.0) == [80.0]
+    assert near_limits(np.array([-70.0, 70.0]), 80.0) == [-80.0, 80.0]
+    assert near_limits(np.array([np.nan, 10.0]), 80.0) == []
+    assert near_limits(np.array([10.0]), np.inf) == []
 
 
 def test_the_band_marks_where_its_edge_is_crossed() -> None:
@@ -114,7 +114,7 @@ def test_the_band_marks_where_its_edge_is_crossed() -> None:
 def test_a_figure_is_one_entry_and_is_drawn_everywhere(monkeypatch: pytest.MonkeyPatch) -> None:
     def speeds(drawn: Sequence[PlanCurves]) -> list[Panel]:
         one = [s.curve(np.gradient(s.q[:, 1], s.t)) for s in drawn]
-        return [over_time("speed", "speed of theta1", "rad/s", one)]
+        return [time_panel("speed", "speed of theta1", "rad/s", one)]
 
     speed = Figure("speed", speeds, "Speeds", "How fast the first joint turns.")
     monkeypatch.setitem(FIGURES, "speed", speed)
@@ -128,7 +128,7 @@ def test_a_figure_is_one_entry_and_is_drawn_everywhere(monkeypatch: pytest.Monke
     assert picture.get_suptitle().startswith("Speeds: ")
     assert len(picture.axes[0].lines) == 2
     problem = planner.load_problem(PROBLEM, {"goal.travel": 0.82})
-    panels = Screen(State.of(problem, "polynomial", 0)).picture()["panels"]
+    panels = Screen(State.from_problem(problem, "polynomial", 0)).picture()["panels"]
     assert "speed" in [panel["id"] for panel in panels]
 
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 import planner
 from planner import BallGear, Gear, InputError, Manipulator
 from planner.report import plot_mechanism
-from planner.report.figures.mechanism_layout import BENT
+from planner.report.figures.mechanism_layout import BEND_ANGLE
 
 GEAR = Gear(r1=30.0, R=36.0, r3=25.0, lam=1.3, eta=1.4)
 LARGEST = 36.0
@@ -146,11 +146,11 @@ def test_the_view_from_above_shows_the_cosine(drawn: tuple[Manipulator, Drawn]) 
     radius = picture.centre("A1 from above") - here
     stage = picture.centre("A1")[0] - picture.centre("B1")[0]
     assert np.hypot(*radius) == pytest.approx(stage)
-    assert np.arctan2(*radius[::-1]) == pytest.approx(BENT)
+    assert np.arctan2(*radius[::-1]) == pytest.approx(BEND_ANGLE)
     assert picture.radius("B1 from above", 1) == pytest.approx(picture.radius("B1", 1))
     ends = {a.get_gid(): np.array(a.xy) - here for a in picture.ax.texts if a.get_gid()}
     rim, taken = ends["speed of B1"], ends["speed of A1"]
-    assert np.hypot(*taken) / np.hypot(*rim) == pytest.approx(np.cos(BENT))
+    assert np.hypot(*taken) / np.hypot(*rim) == pytest.approx(np.cos(BEND_ANGLE))
     assert taken @ radius == pytest.approx(0, abs=1e-12)  # A turns about its axle
     assert (rim - taken) @ taken == pytest.approx(0, abs=1e-12)
 

@@ -18,7 +18,7 @@ import planner
 from planner.cli.app import main
 from planner.comparison.rows import FEEDBACK
 from planner.report import folders as report_folder
-from planner.report.figures.style import as_words
+from planner.report.figures.style import readable_name
 from planner.report.page.page import report_page, write_report
 from planner.report.page.series import page_data
 from planner.report.panels import FIGURES
@@ -180,7 +180,7 @@ def test_compare_with_a_report(
     [("theta1", "θ₁"), ("u2", "u₂"), ("phi12", "φ₁₂"), ("steering_rate", "steering rate")],
 )
 def test_names_on_the_page(name: str, shown: str) -> None:
-    assert as_words(name) == shown
+    assert readable_name(name) == shown
 
 
 def test_the_page_of_an_arm_shows_its_mechanism(

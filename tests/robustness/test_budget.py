@@ -117,7 +117,7 @@ def test_many_machines_are_looked_at_block_by_block(
         sizes.append(draws.count)
         return simulate_draws(of, there, draws, **more)
 
-    monkeypatch.setattr("planner.robustness.budget.BLOCK", 3)
+    monkeypatch.setattr("planner.robustness.budget.BLOCK_MACHINES", 3)
     monkeypatch.setattr("planner.robustness.budget.simulate_draws", counted)
     assert data() == together
     assert max(sizes) <= 3 * (2 + 2 * len(machine.effects))

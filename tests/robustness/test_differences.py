@@ -59,7 +59,7 @@ def test_every_parameter_of_the_machine_is_there(plan: planner.Plan) -> None:
     assert found.matrix.shape == (3, len(found.entries))
     assert all(e.high > e.low for e in found.entries)
     period = next(e for e in found.entries if e.effect == "control_period_s")
-    assert not period.silent
+    assert not period.has_no_effect
 
 
 def test_total_predicts_the_spread_of_replays_of_smooth_errors(plan: planner.Plan) -> None:

@@ -89,7 +89,7 @@ def test_switches_share_what_samples_cannot_have_each_for_itself() -> None:
         ]
         return sum(on)
 
-    found = sobol.on_or_off(machine, names, 3, errors, 8, 0)
+    found = sobol.switch_indices(machine, names, 3, errors, 8, 0)
     assert list(found) == names
     assert len(seen) == 4  # patterns of the two that are shared
     assert sum(draws.count for _, draws in seen) == 8 * (4 + 2)
@@ -106,12 +106,12 @@ def test_every_effect_has_a_value_that_stands_for_off() -> None:
     names = list(machine.effects)
     flags = {name: np.array([True, False]) for name in names}
     before = draw(machine.nominal(), 3, np.arange(2), 0)
-    draws = sobol.switched(before, flags)
+    draws = sobol.switch_off(before, flags)
     for name in names:
         off, on = draws[name][:, 0], draws[name][:, 1]
         assert np.all(np.isfinite(draws[name]))
         assert np.array_equal(on, before[name][:, 1])
-        if not sobol.per_sample(name):
+        if not sobol.switches_per_sample(name):
             assert np.array_equal(on, off)
         elif np.isinf(EFFECTS[name].off_value):
             assert np.all(off >= 1e6)

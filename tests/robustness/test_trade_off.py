@@ -12,9 +12,9 @@ import pytest
 import planner
 from planner import TradeOff, trade_off
 from planner.plan.measures import effort, peak_inputs
-from planner.report.figures.robustness import apart, bought, reversals
+from planner.report.figures.robustness import distinct_texts, knee_sentence, reversals
 from planner.robustness.trade_off import knee
-from planner.robustness.trade_off_points import allowed_for
+from planner.robustness.trade_off_points import compensated_errors
 
 SETTINGS = {"samples": 20, "intervals": 12}
 
@@ -62,10 +62,10 @@ def test_points_are_saved_plans_and_were_replayed(curve: TradeOff) -> None:
 
 
 def test_design_errors_alone_show_the_total(two_joints: planner.Problem, curve: TradeOff) -> None:
-    from planner.robustness.trade_off_points import errors_machine, replayed
+    from planner.robustness.trade_off_points import errors_machine, replay_errors
 
     machine = errors_machine(two_joints, curve.options)
-    run = replayed(curve.points[0].plan, machine, 800, 0)
+    run = replay_errors(curve.points[0].plan, machine, 800, 0)
     assert run["terminal_rms_deg"] == pytest.approx(curve.points[0].total_deg, rel=0.05)
 
 
@@ -155,24 +155,24 @@ def test_the_machine_is_told_with_and_without_compensation(curve: TradeOff) -> N
 def test_a_system_that_cannot_be_compensated_says_so() -> None:
     problem = planner.load_problem(Path(__file__).parents[2] / "problems" / "unicycle.toml")
     plan = planner.solve(problem)
-    assert "compensation is for arms with friction disks" in allowed_for(
+    assert "compensation is for arms with friction disks" in compensated_errors(
         plan, planner.Machine.ideal(), 2, 0)["refused"]  # fmt: skip
 
 
 def test_titles_never_compare_nothing_with_nothing(curve: TradeOff) -> None:
-    assert apart(0.001, 1.0) == ["0.0010 deg", "1.0 deg"]
-    assert apart(0.0, 1e-9) == ["less than 0.001 deg"] * 2
-    assert apart(12.34, 12.36) == ["12.3 deg", "12.4 deg"]
-    assert apart(123.0, 0.5) == ["123 deg", "0.50 deg"]
+    assert distinct_texts(0.001, 1.0) == ["0.0010 deg", "1.0 deg"]
+    assert distinct_texts(0.0, 1e-9) == ["less than 0.001 deg"] * 2
+    assert distinct_texts(12.34, 12.36) == ["12.3 deg", "12.4 deg"]
+    assert distinct_texts(123.0, 0.5) == ["123 deg", "0.50 deg"]
 
     def told(k: int, **figures: float) -> str:
         points = [replace(p, **figures) if i == k else p for i, p in enumerate(curve.points)]
-        return bought(replace(curve, points=tuple(points)))
+        return knee_sentence(replace(curve, points=tuple(points)))
 
     first, knee = curve.points[0], curve.knee_index
     assert "buys a passive block of 0.0010 deg instead of" in told(knee, passive_deg=0.001)
     assert "buys a total of" in told(knee, passive_deg=first.passive_deg)
-    assert "more buys little" in bought(replace(curve, points=curve.points[:1]))
+    assert "more buys little" in knee_sentence(replace(curve, points=curve.points[:1]))
     assert [reversals(count) for count in (0, 1, 2)] == ["one way", "1 reversal", "2 reversals"]
 
 

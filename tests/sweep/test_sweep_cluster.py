@@ -75,7 +75,7 @@ def test_a_killed_worker_costs_nothing_but_time(
 def test_a_cluster_without_workers_is_told(
     scheduler: str, monkeypatch: pytest.MonkeyPatch, tables: dict[str, Any], tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("planner.sweep.pools.PATIENCE_S", 0.2)
+    monkeypatch.setattr("planner.sweep.pools.WORKER_WAIT_S", 0.2)
     with pytest.raises(planner.InputError, match="has no workers; start some with 'dask worker"):
         planner.run_sweep(tables, tmp_path / "x.sqlite", cluster=scheduler)
 
@@ -84,7 +84,7 @@ def test_a_cluster_that_is_not_there_is_told(
     monkeypatch: pytest.MonkeyPatch, tables: dict[str, Any], tmp_path: Path
 ) -> None:
     pytest.importorskip("distributed", reason="Dask is not installed: pip install '.[cluster]'")
-    monkeypatch.setattr("planner.sweep.pools.ANSWER_S", 0.2)
+    monkeypatch.setattr("planner.sweep.pools.SCHEDULER_WAIT_S", 0.2)
     for address in ("tcp://127.0.0.1:9", "tcp://no-such-host.invalid:8786"):
         with pytest.raises(planner.InputError, match=f"no Dask scheduler answers at {address}"):
             planner.run_sweep(tables, tmp_path / "x.sqlite", cluster=address)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -17,10 +17,10 @@ from planner.support.calculus.bernstein import basis
 INTERPOLANT = 10.0
 """How much more the interpolant may differ inside the motion than at its end."""
 
-SLACK = 1e-7
+DRAWN_IN_SLACK = 1e-7
 """Distance from a limit, relative to it, that is kept where the limit is drawn in."""
 
-CUBIC = 0.0642
+CUBIC_BULGE = 0.0642
 """Most that a cubic differs from the parabola through three even samples, in third differences."""
 
 ROUNDING = 1e-9
@@ -28,28 +28,35 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
-    """Samples between the nodes, at the same times.
+class Inspection:
+    """A solution and samples of it between the nodes.
 
     Attributes:
-        iterate: What is sampled.
-        curves: Of the iterate's own interpolant, and of the motion its input really makes, shape
-            (2, K, M, N).
+        task: What it solves.
+        solution: The solution.
+        curves: Samples at the same times of the iterate's own interpolant, and of the motion that
+            its input really makes, shape (2, K, M, N).
         end_error: How far they differ at the end, the largest over coordinates.
         largest_error: The same at any time.
     """
 
-    iterate: Iterate
+    task: Task
+    solution: Solution
     curves: Array
     end_error: float
     largest_error: float
+
+    @cached_property
+    def excess(self) -> Array:
+        """By how much either curve breaks what is kept, see `excess`."""
+        return excess(self.task, self.solution.iterate, self.curves)
 
     def fine(self, accuracy: float) -> bool:
         """Whether the mesh needs no refinement."""
         return self.end_error <= accuracy and self.largest_error <= INTERPOLANT * accuracy
 
 
-def look(task: Task, solution: Solution) -> Look:
+def inspect(task: Task, solution: Solution) -> Inspection:
     """Sample an iterate and the motion its input really makes."""
     iterate, form = solution.iterate, task.made.form
     values = np.concatenate([iterate.nodes[:-1, None], iterate.points], axis=1)
@@ -57,7 +64,7 @@ def look(task: Task, solution: Solution) -> Look:
     plan = _basis(form.scheme_kind, form.degree) @ values
     curves = np.stack([plan, task.motion(iterate).states])
     gap = np.abs(curves[1] - curves[0])
-    return Look(iterate, curves, float(gap[-1, -1].max()), float(gap.max()))
+    return Inspection(task, solution, curves, float(gap[-1, -1].max()), float(gap.max()))
 
 
 @lru_cache(maxsize=16)
@@ -72,17 +79,17 @@ def clears(task: Task, solution: Solution) -> bool:
 
     What reaches less than half its radius into a disc can be drawn out of it.
     """
-    held = [required for required in task.held if required.divides]
-    if not held:
+    requirements = [required for required in task.requirements if required.divides]
+    if not requirements:
         return True
-    scale = np.array([part.scale for required in held for part in required.parts])
+    scale = np.array([part.scale for required in requirements for part in required.parts])
     iterate = solution.iterate
-    deep = excess(task, iterate, task.motion(iterate).states[None], held)
+    deep = excess(task, iterate, task.motion(iterate).states[None], requirements)
     return bool(np.all(deep < scale / 2))
 
 
 def excess(
-    task: Task, iterate: Iterate, curves: Array, held: list[Requirement] | None = None
+    task: Task, iterate: Iterate, curves: Array, requirements: list[Requirement] | None = None
 ) -> Array:
     """By how much each interval breaks each part of what is kept, plus a little, shape (K, R).
 
@@ -90,11 +97,11 @@ def excess(
         task: What is asked.
         iterate: Whose inputs they are.
         curves: Samples (C, K, M, N) of curves that are all held to the limits.
-        held: What is kept, all of it when left out.
+        requirements: What is kept, all of it when left out.
     """
     system, at = task.problem.system, MotionPoint.of(task.problem.system, curves)
-    held = task.held if held is None else held
-    if any(required.reads != {"q"} for required in held):
+    requirements = task.requirements if requirements is None else requirements
+    if any(required.reads != {"q"} for required in requirements):
         (left, right), tau = iterate.input_ends(), np.arange(STEPS + 1)[:, None] / STEPS
         u = left[:, None] + tau * (right - left)[:, None]
         slope = (right - left) / (task.mesh.widths[:, None] * iterate.duration)
@@ -102,7 +109,7 @@ def excess(
         alike = (np.broadcast_to(each, (*curves.shape[:-1], 2)) for each in (u, du))
         at = MotionPoint.of(system, curves, *alike)
     out = [np.zeros((curves.shape[1], 0))]
-    for required in held:
+    for required in requirements:
         (low, high, scale), values = required.bounds, np.stack(required.values(at), axis=-1)
         if (low == -high).all():
             out.append(_over(np.abs(values), high, scale))
@@ -124,7 +131,7 @@ def _over(curves: Array, limit: Array, scale: Array) -> Array:
         return np.zeros((curves.shape[1], *curves.shape[3:]))
     excess = np.max(peaks(flat).reshape(curves.shape[:2] + curves.shape[3:]), axis=0) - limit
     with np.errstate(invalid="ignore"):
-        return np.where(excess > ROUNDING * scale, 1.1 * excess + SLACK * scale, 0.0)
+        return np.where(excess > ROUNDING * scale, 1.1 * excess + DRAWN_IN_SLACK * scale, 0.0)
 
 
 def peaks(values: Array) -> Array:
@@ -139,7 +146,7 @@ def peaks(values: Array) -> Array:
     slope, bend = (after - before) / 2, after - 2 * inner + before
     top = np.abs(slope) < -bend
     with np.errstate(divide="ignore", invalid="ignore"):
-        vertex = np.where(top, inner - slope**2 / (2 * bend) + CUBIC * _uneven(bend), -np.inf)
+        vertex = np.where(top, inner - slope**2 / (2 * bend) + CUBIC_BULGE * _uneven(bend), -np.inf)
     return np.asarray(np.maximum(np.max(values, axis=1), np.max(vertex, axis=1, initial=-np.inf)))
 
 

@@ -11,7 +11,7 @@ the solver to say.
 A waypoint is an edge of the mesh at which some coordinates are fixed. One with a time has its place
 in the mesh; the others are first placed by distance. The systems are driftless, so how long each
 part of the way may take is settled afterwards: least effort moves at the same speed everywhere, and
-so parts get time in proportion to their length (`rebalanced`), which is repeated until it settles.
+so parts get time in proportion to their length (`rebalance`), which is repeated until it settles.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def seeds(kind: str, count: int = 12) -> list[Seed]:
     - reverse: q₁ first leaves the line, then returns late; q₂ goes out and back.
     - wander: smooth random loops, from `count` fixed random seeds.
     """
-    known = _known()
+    known = _fixed_seeds()
     wander = [_wander(k) for k in range(max(count, 2))]
     if kind != "auto":
         return wander if kind == "wander" else [*known[kind]]
@@ -74,7 +74,7 @@ def seeds(kind: str, count: int = 12) -> list[Seed]:
 
 
 @lru_cache(maxsize=1)
-def _known() -> dict[str, list[Seed]]:
+def _fixed_seeds() -> dict[str, list[Seed]]:
     return {
         "straight": [Seed("straight", np.zeros_like, lambda s: 0.1 * np.sin(np.pi * s))],
         "bump": [_bump(a, b) for a, b in ((1.0, 0.8), (-1.0, -0.8), (-1.0, 0.8), (1.0, -0.8))],
@@ -113,7 +113,7 @@ def likely_travel(problem: Problem) -> float:
 
 def _states(problem: Problem, mesh: Mesh, seed: Seed, s: Array) -> Array:
     travel = likely_travel(problem)
-    q = through_waypoints(problem, mesh.knots, travel, s)
+    q = lines_through_waypoints(problem, mesh.knots, travel, s)
     q[:, 0] += max(1.0, abs(travel) / 2) * seed.path(s)
     q[:, 1] += seed.driven(s)
     limit = problem.limits.joint.copy()
@@ -122,7 +122,7 @@ def _states(problem: Problem, mesh: Mesh, seed: Seed, s: Array) -> Array:
     return np.clip(q, -limit, limit)
 
 
-def through_waypoints(problem: Problem, knots: Array, travel: float, s: Array) -> Array:
+def lines_through_waypoints(problem: Problem, knots: Array, travel: float, s: Array) -> Array:
     """Straight lines from start to goal by way of the waypoints, shape (S, N), at s (S,)."""
     goal = problem.likely.goal.copy()
     goal[0] = problem.start[0] + travel
@@ -224,14 +224,14 @@ def mesh_through(problem: Problem, intervals: int) -> Mesh:
         return uniform(intervals)
     passed, total = problem.waypoints, problem.duration or 1.0
     fixed = [0.0, *(np.nan if w.time_s is None else w.time_s / total for w in passed), 1.0]
-    knots = _between(np.array(fixed), _steps(problem, passed) + 1e-3)
+    knots = _place_knots(np.array(fixed), _steps(problem, passed) + 1e-3)
     return through(intervals, list(knots[1:-1]))
 
 
-def rebalanced(job: Task, iterate: Iterate) -> tuple[Task, Iterate] | None:
+def rebalance(job: Task, iterate: Iterate) -> tuple[Task, Iterate] | None:
     """The task and iterate with time shared out anew among the parts; None where it is settled."""
     old = job.mesh.knots
-    new = _shared_out(job, iterate)
+    new = _balanced_knots(job, iterate)
     if np.max(np.abs(new - old)) < 0.002:
         return None
     edges = np.interp(job.mesh.edges, old, new)
@@ -242,7 +242,7 @@ def rebalanced(job: Task, iterate: Iterate) -> tuple[Task, Iterate] | None:
     if len(iterate.inputs) != len(pace):
         factor = np.append(pace, pace[-1])[:, None]
     moved = replace(iterate, inputs=iterate.inputs * factor)
-    fresh = task(job.problem, job.objective, form, mesh, job.asked, job.settings)
+    fresh = task(job.problem, job.objective, form, mesh, job.demands, job.settings)
     return fresh, moved
 
 
@@ -262,11 +262,11 @@ def _length(problem: Problem, order: tuple[Waypoint, ...]) -> float:
 def _steps(problem: Problem, order: tuple[Waypoint, ...]) -> Array:
     """Straight-line distances from each place to the next, in joint space without q₁."""
     places = np.linspace(0.0, 1.0, len(order) + 2)
-    q = through_waypoints(replace(problem, waypoints=order), places, 0.0, places)
+    q = lines_through_waypoints(replace(problem, waypoints=order), places, 0.0, places)
     return np.asarray(np.linalg.norm(np.diff(q[:, 1:], axis=0), axis=1))
 
 
-def _between(knots: Array, needs: Array) -> Array:
+def _place_knots(knots: Array, needs: Array) -> Array:
     """Knots with those that are NaN placed between their neighbours in proportion to needs."""
     covered = np.append(0.0, np.cumsum(needs))
     known = ~np.isnan(knots)
@@ -274,7 +274,7 @@ def _between(knots: Array, needs: Array) -> Array:
     return np.where(known, knots, out)
 
 
-def _shared_out(job: Task, iterate: Iterate) -> Array:
+def _balanced_knots(job: Task, iterate: Iterate) -> Array:
     left, right = iterate.input_ends()
     weights = np.sqrt(job.objective.weights[1:3])
     if job.problem.duration is None or not np.any(weights):
@@ -284,4 +284,4 @@ def _shared_out(job: Task, iterate: Iterate) -> Array:
     needs = np.maximum(needs, LEAST_SHARE * np.sum(needs))
     timed = [w.time_s is not None for w in job.problem.waypoints]
     fixed = np.where([True, *timed, True], job.mesh.knots, np.nan)
-    return _between(fixed, needs)
+    return _place_knots(fixed, needs)

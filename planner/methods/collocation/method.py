@@ -7,6 +7,7 @@ guess; and the answer when time is up before the search has ended.
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -15,15 +16,19 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError, TimeLimitError, Violation
-from planner.methods.collocation.between_nodes import clears, excess, look
+from planner.methods.collocation.between_nodes import clears, inspect
 from planner.methods.collocation.candidates import mesh_through, routes
-from planner.methods.collocation.long_arms.held import can_hold, chain_of, held
-from planner.methods.collocation.pipeline import SEARCHED, Answer, Best, Pipeline
-from planner.methods.collocation.refine import Polished, polish
+from planner.methods.collocation.long_arms.exact_motion import (
+    chain_of,
+    exact_motion,
+    has_only_limits,
+)
+from planner.methods.collocation.pipeline import SEARCH_INTERVALS, Best, Motion, Pipeline
+from planner.methods.collocation.refine import PolishedMotion, polish
 from planner.methods.collocation.refusals import NAME, iterate_plan, no_goal, refusal
 from planner.methods.collocation.solvers import Settings
-from planner.methods.collocation.task import Solution, Task, offer, task, told
-from planner.methods.collocation.transcription.bounds import Asked
+from planner.methods.collocation.task import Solution, Task, task
+from planner.methods.collocation.transcription.bounds import InputDemands
 from planner.methods.collocation.transcription.form import Form, InputKind, Mesh, objective
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.plan.plan import Plan, mark_cut_short
@@ -51,54 +56,56 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
             one found.
         NotConvergedError: If no motion is found, or none as short as the duration.
     """
-    return _planned(problem, options, None)
+    return _plan_from(problem, options, None)
 
 
-def _planned(problem: Problem, options: CollocationOptions, warm: Plan | None) -> Plan:
+def _plan_from(problem: Problem, options: CollocationOptions, warm: Plan | None) -> Plan:
     began, reached = time.perf_counter(), problem.within_reach()
     ways = routes(reached)
     if not ways:
         raise no_goal(problem)
-    near = None if warm is None else partial(_next_to, reached, options, warm)
-    search = Pipeline(ways, options, collocation_task, near=near)
-    best = Best([reached, *ways, ways[0].likely], options.accuracy)
+    near = None if warm is None else partial(_near_motions, reached, options, warm)
+    best = Best(options.accuracy)
+    search = Pipeline(ways, options, collocation_task, best, near=near)
     with (
         deadline.time_limit(options.time_limit_s),
-        told(best),
+        progress.progress_listener(None),
         deadline.time_limit(None, has_answer=best.holds) as span,
     ):
         try:
-            found = search.run(best.holds)
+            found = search.run()
         except deadline.TimeUpError:
             if warm is not None and not best.holds():
                 raise
-            found = _in_hand(best, span, problem, options)
+            found = _finish_best(best, span, problem, options)
         if found is None:
             raise refusal(problem, search)
-        answer, done = found
-        notes = {"stage": answer.stage, "tried": search.log}
-        made = _plan(problem, done, answer.start, notes, best.iterations, options, began)
+        motion, done = found
+        notes = {"stage": motion.stage, "tried": search.log}
+        made = _plan(problem, done, motion.start, notes, options, began)
         return mark_cut_short(made, span, CUT_SHORT) if span.was_reached else made
 
 
-def _in_hand(
+def _finish_best(
     best: Best, span: Span, problem: Problem, options: CollocationOptions
-) -> tuple[Answer, Polished]:
+) -> tuple[Motion, PolishedMotion]:
     """Where time is up: the best motion found so far, refined in the rest of the time.
 
     Raises:
         TimeLimitError: If there is none.
     """
     with suppress(TimeUpError):
-        best.keep()
+        best.make_exact()
     both = []
-    for motion in (best.kept, best.motion):
+    for motion in (best.exact, best.motion):
         if motion is not None:
             done = polish(*motion, options.accuracy, options.refinements)
-            both.append((Answer("the best found by then", "time limit", *motion), done))
+            both.append((Motion("the best found by then", "time limit", *motion), done))
     if both:
         accuracy = options.accuracy
-        return min(both, key=lambda b: (not believed(b[1], accuracy), b[1].solution.objective))
+        return min(
+            both, key=lambda b: (not is_true_motion(b[1], accuracy), b[1].solution.objective)
+        )
     far, last, broken = progress.current_progress(), None, list[Violation]()
     if best.nearest is not None:
         last, broken = iterate_plan(problem, *best.nearest, options)
@@ -113,23 +120,23 @@ def _in_hand(
     )
 
 
-def believed(done: Polished, accuracy: float) -> bool:
+def is_true_motion(done: PolishedMotion, accuracy: float) -> bool:
     """Whether a motion is the true one to this accuracy, and keeps its limits between the nodes."""
-    seen = look(done.task, done.solution)
-    return seen.fine(accuracy) and not excess(done.task, seen.iterate, seen.curves).any()
+    inspection = inspect(done.task, done.solution)
+    return inspection.fine(accuracy) and not inspection.excess.any()
 
 
 def _plan(
     problem: Problem,
-    done: Polished,
+    done: PolishedMotion,
     start: str,
     notes: dict[str, Any],
-    iterations: int,
     options: CollocationOptions,
     began: float,
 ) -> Plan:
-    """The plan of a motion refined, with how it was come by; `began` by the clock of `time`."""
-    job, solution = done.task, done.solution
+    """The plan of a refined motion; `began` by the clock of `time`."""
+    job, solution, search = done.task, done.solution, progress.current_progress()
+    assert search is not None
     wall = time.perf_counter() - began
     return Plan(
         problem=problem,
@@ -140,7 +147,7 @@ def _plan(
         objective_name=job.objective.name,
         solve_time_s=wall - job.build_time_s,
         build_time_s=job.build_time_s,
-        iterations=iterations,
+        iterations=search.iterations,
         notes={
             "start": start,
             **notes,
@@ -179,7 +186,9 @@ def collocation_task(
         edge=goal.edge,
     )
     settings = Settings(options.tolerance, options.max_iterations, solver=options.solver)
-    return task(problem, goal, form, mesh, Asked(options.rest), replace(settings, direct=direct))
+    return task(
+        problem, goal, form, mesh, InputDemands(options.rest), replace(settings, direct=direct)
+    )
 
 
 def input_kind(
@@ -227,7 +236,7 @@ def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan
         TimeLimitError, InfeasibleError, NotConvergedError: As for `plan_collocation`.
     """
     refuse_start(problem, warm)
-    return _planned(problem, options, warm)
+    return _plan_from(problem, options, warm)
 
 
 def refuse_start(problem: Problem, warm: Plan) -> None:
@@ -244,34 +253,30 @@ def refuse_start(problem: Problem, warm: Plan) -> None:
         )
 
 
-def _next_to(problem: Problem, options: CollocationOptions, warm: Plan) -> list[Answer]:
+def _near_motions(problem: Problem, options: CollocationOptions, warm: Plan) -> Iterator[Motion]:
     """The optimum next to a plan; and the plan's own motion, where the problem has its ends."""
     own = warm.method == NAME and options.intervals == "auto" and not problem.waypoints
-    mesh = Mesh(warm.t / warm.duration) if own else SEARCHED
+    mesh = Mesh(warm.t / warm.duration) if own else SEARCH_INTERVALS
     job = collocation_task(problem, options, mesh)
     if own and warm.notes.get("limits_inside", False):
-        job = job.inside()
-    start, motions = _resampled(job, warm), list[tuple[Task, Solution]]()
+        job = job.with_inner_rows()
+    start = _resample(job, warm)
     same = warm.problem.start.tolist() == problem.start.tolist()
     same = same and np.array_equal(warm.problem.target, problem.target, equal_nan=True)
-    if same and (kept := _kept(job, start, options.accuracy)):
-        offer(*kept)
-        motions.append(kept)
-    solution = job.solve_near(start)
-    if solution.ok:
-        motions.append((job, solution))
-    return [Answer("warm", "warm start", *motion) for motion in motions]
+    if same and (kept := _own_motion(job, start, options.accuracy)):
+        yield Motion("warm", "warm start", *kept)
+    yield Motion("warm", "warm start", job, job.solve_near(start))
 
 
-def _kept(job: Task, start: Iterate, accuracy: float) -> tuple[Task, Solution] | None:
+def _own_motion(job: Task, start: Iterate, accuracy: float) -> tuple[Task, Solution] | None:
     """A plan's motion on the job's mesh, or else on one of its own."""
-    motion = job.judged(start)
+    motion = job.judge(start)
     if motion.ok:
         return (job, motion) if clears(job, motion) else None
-    return held(job, chain_of(job, motion), accuracy) if can_hold(job) else None
+    return exact_motion(job, chain_of(job, motion), accuracy) if has_only_limits(job) else None
 
 
-def _resampled(job: Task, warm: Plan) -> Iterate:
+def _resample(job: Task, warm: Plan) -> Iterate:
     """The plan's motion on the task's mesh, its ends moved to start and goal, and all with them."""
     problem, mesh, T = job.problem, job.mesh, warm.duration
     duration = problem.duration or T

@@ -8,22 +8,21 @@ starts from a motion that is feasible after stretching.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from planner.methods.collocation.between_nodes import clears, excess, look
+from planner.methods.collocation.between_nodes import clears, inspect
 from planner.methods.collocation.candidates import Seed, guess
-from planner.methods.collocation.solvers import way
+from planner.methods.collocation.solvers import strategy
 from planner.methods.collocation.task import (
     Solution,
     Task,
-    offer,
-    stretched,
+    stretch_to,
     task,
-    transferred,
+    transfer,
 )
 from planner.methods.collocation.transcription.form import (
     Mesh,
@@ -39,35 +38,47 @@ from planner.support.arrays import Array
 
 INFEASIBLE = "Infeasible_Problem_Detected"
 
-OFTEN, AMONG = 3, 6
+REPEATS, LEAST_PATHS = 3, 6
 """Times that the shortest path is found, among at least so many, that end a search: so far from
 chance others are seldom shorter."""
 
-STANDSTILL = 1e-6
+STANDSTILL_SHARE = 1e-6
 """Share of the greatest input that counts as none."""
 
 
 @dataclass(frozen=True, eq=False)
-class FoundPath:
+class SeedPath:
     """A solution and the seed it grew from."""
 
     seed: str
     solution: Solution
 
 
-@dataclass(frozen=True, eq=False)
-class Search:
-    """What a search leaves.
+@dataclass(eq=False)
+class PathSearch:
+    """What a search has come to.
 
     Attributes:
-        found: Paths, shortest first.
-        last: The last solution that failed, or None.
+        solved: Paths in the order in which they were found.
+        failure: The last solution that failed, or None.
         log: One entry a seed, JSON-ready.
+        latest: What the last seed led to: a path that failed, and its task; or the path as a motion
+            of the job, if there is no time for a better one. None where it leads to neither.
     """
 
-    found: list[FoundPath]
-    last: Solution | None
-    log: list[dict[str, Any]]
+    solved: list[SeedPath] = field(default_factory=list)
+    failure: Solution | None = None
+    log: list[dict[str, Any]] = field(default_factory=list)
+    latest: tuple[Task, Solution] | None = None
+
+    @property
+    def distinct(self) -> list[SeedPath]:
+        """The paths that differ, shortest first."""
+        distinct: list[SeedPath] = []
+        for path in sorted(self.solved, key=lambda path: path.solution.objective):
+            if not distinct or not same_path(path.solution.objective, distinct[-1]):
+                distinct.append(path)
+        return distinct
 
 
 def search(
@@ -75,43 +86,45 @@ def search(
     seeds: Sequence[Seed],
     enough: int,
     simple: bool = False,
-) -> Search:
+) -> Iterator[PathSearch]:
     """Solve the task's path problem from one seed after the other until enough have converged.
 
     With `simple`, a path whose drive never turns back is enough by itself, and so is one that is
     found again and again.
     Two thirds of the seeds in a row found infeasible end the search too. A path whose links pass
     through a disc between two nodes may come clear once it is timed, but counts half.
+
+    Yields:
+        The one search, before the first seed and after each.
     """
-    free, clear = path_task(job), 0
-    found, last, log = list[FoundPath](), None, list[dict[str, Any]]()
+    free, clear, state = path_task(job), 0, PathSearch()
+    yield state
     for count, seed in enumerate(seeds, 1):
         progress.tell(f"searching a path from the first guess '{seed.name}'")
         solution = free.solve(guess(free.problem, free.made, free.mesh, seed))
         effort = solution.objective if solution.ok else None
         entry = {"start": seed.name, "status": solution.status, "path_effort": effort}
-        log.append({**entry, "iterations": solution.iterations})
+        state.log.append({**entry, "iterations": solution.iterations})
+        state.latest = None
         if solution.ok:
-            found.append(FoundPath(seed.name, solution))
+            state.solved.append(SeedPath(seed.name, solution))
         else:
-            last = solution
+            state.failure, state.latest = solution, (free, solution)
         if solution.ok and clears(free, solution):
             clear += 1
             needed = needed_duration(job.problem, job.mesh, solution.iterate)
             wanted = job.problem.duration
-            if wanted is None or needed <= wanted:  # a motion, if there is no time for a better one
+            if wanted is None or needed <= wanted:
                 duration = wanted or needed or solution.iterate.duration
-                motion = stretched(transferred(free, solution.iterate, job), duration)
-                offer(job, job.judged(motion))
-        hopeless = 3 * count >= 2 * len(seeds) and all(e["status"] == INFEASIBLE for e in log)
-        plain = simple and solution.ok and (one_way(solution.iterate) or _again(found))
-        if hopeless or plain or clear >= enough or len(found) >= 2 * enough:
+                motion = stretch_to(transfer(free, solution.iterate, job), duration)
+                state.latest = job, job.judge(motion)
+        yield state
+        hopeless = 3 * count >= 2 * len(seeds)
+        hopeless = hopeless and all(entry["status"] == INFEASIBLE for entry in state.log)
+        plain = simple and solution.ok
+        plain = plain and (never_reverses(solution.iterate) or _repeats_shortest(state.solved))
+        if hopeless or plain or clear >= enough or len(state.solved) >= 2 * enough:
             break
-    distinct: list[FoundPath] = []
-    for path in sorted(found, key=lambda path: path.solution.objective):
-        if not distinct or not same_path(path.solution.objective, distinct[-1]):
-            distinct.append(path)
-    return Search(distinct, last, log)
 
 
 def path_task(job: Task) -> Task:
@@ -120,22 +133,22 @@ def path_task(job: Task) -> Task:
     It is a function of system, ends and geometry alone: the same paths are found whatever the
     duration is, so that whoever has a motion finds every slower one.
     """
-    unhurried = replace(job.problem, duration=way(job.made, job.settings).reference_s)
-    asked = replace(job.asked, timeless=True)
+    unhurried = replace(job.problem, duration=strategy(job.made, job.settings).reference_s)
+    demands = replace(job.demands, timeless=True)
     settings, effort = replace(job.settings, direct=False), shortest_path(job.problem)
-    free = task(unhurried, effort, job.made.form, job.mesh, asked, settings)
+    free = task(unhurried, effort, job.made.form, job.mesh, demands, settings)
     return replace(free, drawn=job.drawn)
 
 
-REACH, STEP, LONGEST = 0.5, 20, 400
+MOST_INPUT_ANGLE, INTERVAL_STEP, MOST_INTERVALS = 0.5, 20, 400
 """A refined path's mesh: most that an input integrates to in an interval, rad, where joints have
 80 degrees; intervals that it grows by, so that paths share their transcriptions; and the most."""
 
-FAST, DENSER = 100, 1.5
+LEAST_FAST_INTERVALS, FAST_DENSITY = 100, 1.5
 """Fewest intervals of a motion as fast as can be: a linear input needs them to switch;
 and how many more it has than the path."""
 
-SAME = 1e-4
+PATH_ERROR = 1e-4
 """Difference at the end, rad or m, between a path and its true motion up to which it counts as one:
 what is left then is for the motion's own mesh."""
 
@@ -147,13 +160,13 @@ def refine_path(free: Task, path: Solution) -> tuple[Task, Solution] | None:
     nodes, by half a radian where joints have 40 degrees. So it is first put on more nodes, then
     drawn inside, and only then timed: as a path it has no bound on inputs to run into.
     """
-    seen = look(free, path)
-    if seen.end_error <= SAME and not excess(free, seen.iterate, seen.curves).any():
+    inspection = inspect(free, path)
+    if inspection.end_error <= PATH_ERROR and not inspection.excess.any():
         return free, path
-    fine = free.on(uniform(path_intervals(free, path.iterate)))
-    for new in (fine, fine.inside()):
+    fine = free.on_mesh(uniform(path_intervals(free, path.iterate)))
+    for new in (fine, fine.with_inner_rows()):
         if new.made.form != free.made.form:
-            path, free = new.solve(transferred(free, path.iterate, new)), new
+            path, free = new.solve(transfer(free, path.iterate, new)), new
             if not path.ok:
                 return None
     return free, path
@@ -162,10 +175,10 @@ def refine_path(free: Task, path: Solution) -> tuple[Task, Solution] | None:
 def halve_mesh(free: Task, path: Solution) -> tuple[Task, Solution]:
     """A refined path on intervals half as wide, where it is not its true motion yet."""
     count = len(free.mesh.widths)
-    if look(free, path).end_error <= SAME or count >= LONGEST:
+    if inspect(free, path).end_error <= PATH_ERROR or count >= MOST_INTERVALS:
         return free, path
-    new = free.on(uniform(min(2 * count, LONGEST)))
-    better = new.solve(transferred(free, path.iterate, new))
+    new = free.on_mesh(uniform(min(2 * count, MOST_INTERVALS)))
+    better = new.solve(transfer(free, path.iterate, new))
     return (new, better) if better.ok else (free, path)
 
 
@@ -177,13 +190,13 @@ def path_intervals(free: Task, path: Iterate) -> int:
     steps = steps / (limit / np.max(limit) if np.isfinite(limit).all() else 1.0)
     joints = free.problem.limits.joint[list(free.problem.system.limited)]
     room = min(1.0, float(np.min(joints, initial=1.4)) / 1.4)
-    count = int(np.sum(np.max(steps, axis=1)) / (REACH * room))
-    return int(np.clip(_stepped(count), len(free.mesh.widths), LONGEST))
+    count = int(np.sum(np.max(steps, axis=1)) / (MOST_INPUT_ANGLE * room))
+    return int(np.clip(_round_up(count), len(free.mesh.widths), MOST_INTERVALS))
 
 
-def _stepped(count: float) -> int:
+def _round_up(count: float) -> int:
     """The count of intervals, or a few more that other meshes have too."""
-    return STEP * int(np.ceil(count / STEP))
+    return INTERVAL_STEP * int(np.ceil(count / INTERVAL_STEP))
 
 
 def clock(job: Task, free: Task, path: Iterate) -> tuple[Task, Iterate]:
@@ -198,17 +211,19 @@ def clock(job: Task, free: Task, path: Iterate) -> tuple[Task, Iterate]:
         path: The path.
     """
     times, slower = clock_times(job.problem, free.mesh, path)
-    fast = free.on(Mesh(times / times[-1]))
+    fast = free.on_mesh(Mesh(times / times[-1]))
     motion = replace(path, duration=float(times[-1]), inputs=path.inputs / slower[:, None])
     intervals = len(free.mesh.widths)
-    own = on_mesh(job, free, uniform(_stepped(max(DENSER * intervals, FAST))))
-    return own, transferred(fast, motion, own)
+    own = on_mesh(
+        job, free, uniform(_round_up(max(FAST_DENSITY * intervals, LEAST_FAST_INTERVALS)))
+    )
+    return own, transfer(fast, motion, own)
 
 
 def clock_times(problem: Problem, mesh: Mesh, path: Iterate) -> tuple[Array, Array]:
     """Seconds of the clock at the path's edges, (K+1,), and what divides the path's inputs."""
     left, right = (end / problem.limits.input for end in path.input_ends())
-    least = STANDSTILL * float(np.max(np.abs([left, right])))
+    least = STANDSTILL_SHARE * float(np.max(np.abs([left, right])))
     first, middle, last = (
         np.maximum(np.max(np.abs(u), axis=1), least) for u in (left, (left + right) / 2, right)
     )
@@ -219,31 +234,31 @@ def clock_times(problem: Problem, mesh: Mesh, path: Iterate) -> tuple[Array, Arr
 
 def on_mesh(job: Task, free: Task, mesh: Mesh) -> Task:
     """The job on a mesh, limits kept inside the intervals where the path's task has to."""
-    own = job.on(mesh)
-    return own.inside() if free.made.form.inner and not own.made.form.inner else own
+    own = job.on_mesh(mesh)
+    return own.with_inner_rows() if free.made.form.inner and not own.made.form.inner else own
 
 
-def _again(found: Sequence[FoundPath]) -> bool:
+def _repeats_shortest(found: Sequence[SeedPath]) -> bool:
     """Whether the shortest path comes back."""
-    if len(found) < AMONG:
+    if len(found) < LEAST_PATHS:
         return False
     shortest = min(path.solution.objective for path in found)
-    return sum(same_path(shortest, path) for path in found) >= OFTEN
+    return sum(same_path(shortest, path) for path in found) >= REPEATS
 
 
-def same_path(effort: float, path: FoundPath) -> bool:
+def same_path(effort: float, path: SeedPath) -> bool:
     """Whether a path of that effort is taken for the same as another."""
     return abs(effort - path.solution.objective) <= 1e-6 * path.solution.objective
 
 
-def one_way(iterate: Iterate) -> bool:
+def never_reverses(iterate: Iterate) -> bool:
     """Whether the drive never turns back."""
     drive = iterate.inputs[:, 0]
-    slack = STANDSTILL * np.max(np.abs(drive))
+    slack = STANDSTILL_SHARE * np.max(np.abs(drive))
     return bool(np.all(drive >= -slack) or np.all(drive <= slack))
 
 
-def timed(job: Task, start: Iterate) -> Solution:
+def solve_timing(job: Task, start: Iterate) -> Solution:
     """The job solved from a path at some speed.
 
     All of it slowed or hastened alike, it is a motion to start from where it fits the duration. One
@@ -251,17 +266,17 @@ def timed(job: Task, start: Iterate) -> Solution:
     """
     needed, wanted = needed_duration(job.problem, job.mesh, start), job.problem.duration
     if wanted is None:
-        return job.solve(stretched(start, 1.1 * needed) if needed > 0 else start)
+        return job.solve(stretch_to(start, 1.1 * needed) if needed > 0 else start)
     if needed > wanted:
         free = replace(job.problem, duration=None)
-        quick = job.asking(free, fastest(free)).solve(stretched(start, 1.1 * needed))
+        quick = job.for_problem(free, fastest(free)).solve(stretch_to(start, 1.1 * needed))
         if not quick.ok or quick.iterate.duration > wanted:
             return replace(quick, ok=False)
-        return job.solve(stretched(quick.iterate, wanted))
+        return job.solve(stretch_to(quick.iterate, wanted))
     # The path of least effort is that of any duration. Among discs, where there are many such
     # paths, a start from farther off may find a shorter one.
     near = job.objective.kind == "effort" and not job.problem.divided
-    motion = stretched(start, wanted)
+    motion = stretch_to(start, wanted)
     return job.solve_near(motion) if near else job.solve(motion)
 
 

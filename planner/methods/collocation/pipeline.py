@@ -4,46 +4,54 @@
 
 The systems are driftless: what a path looks like and how fast it is run are two questions. Paths of
 least effort come from many first guesses (`candidates`, `path`); the shortest few get the duration,
-the limits and the objective asked for (`timed`), and the best of these a mesh on which it is the
-machine's true motion (`refine`). A stage is tried only where those before it have no answer.
+the limits and the objective asked for (`solve_timing`), and the best of these a mesh on which it is
+the machine's true motion (`refine`). A stage is tried only where those before it have no answer.
 
-`Best` is what the search holds at any time, for when it must end early. A search finds motions in
-many places, and in most of them it does not choose its answer. So whatever solves a task offers
-what it finds, and of that only motions of the problem in question, which is the same object, are
-kept.
+A stage yields what it finds, in the order in which it finds it. `Best` keeps the best of all that,
+for when the search must end early.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from planner.methods.collocation.between_nodes import clears
-from planner.methods.collocation.candidates import guess, rebalanced, seeds
+from planner.methods.collocation.candidates import guess, rebalance, seeds
 from planner.methods.collocation.long_arms.bridges import PieceChain
-from planner.methods.collocation.long_arms.held import can_hold, chain_of, held
-from planner.methods.collocation.long_arms.ladder import climbed
-from planner.methods.collocation.path import FoundPath, one_way, same_path, search, timed
-from planner.methods.collocation.refine import Polished, polish
-from planner.methods.collocation.route_paths import HASTE, RoutePaths
-from planner.methods.collocation.task import Solution, Task, stretched
+from planner.methods.collocation.long_arms.exact_motion import (
+    chain_of,
+    exact_motion,
+    has_only_limits,
+)
+from planner.methods.collocation.long_arms.ladder import find_arm_path, time_arm_path
+from planner.methods.collocation.path import (
+    SeedPath,
+    never_reverses,
+    same_path,
+    search,
+    solve_timing,
+)
+from planner.methods.collocation.refine import PolishedMotion, polish
+from planner.methods.collocation.route_paths import LEAST_TIME_RATIO, RoutePaths
+from planner.methods.collocation.task import Solution, Task, stretch_to
 from planner.methods.collocation.transcription.form import Mesh
 from planner.problem.feasibility import travel_window
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import CollocationOptions
 from planner.support import deadline, progress
 
-DIRECT, SEARCHED = 14, 40
+DIRECT_INTERVALS, SEARCH_INTERVALS = 14, 40
 """Mesh intervals near a straight line in a given time, and for what may wind more than once."""
 
-SHARINGS = 6
+MOST_REBALANCINGS = 6
 """Times that the duration is shared out anew among the parts between waypoints."""
 
-RESOLVED = 1e-4
+LARGEST_ERROR = 1e-4
 """Difference at the end, rad, between a motion and its interpolant up to which it is believed."""
 
 Tasks = Callable[[Problem, CollocationOptions, Mesh | int, bool], Task]
@@ -52,20 +60,80 @@ lead to the answer soon or not at all, to the task."""
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
-    """A motion, the task it solves, and how it was come by.
+class Motion:
+    """A solution, the task it solves, and where it comes from; one that failed is no motion.
 
     Attributes:
         start: Name of the start it grew from.
         stage: Name of the stage that found it.
         task: What it solves.
-        solution: It.
+        solution: The solution.
+        route: Number of the order of waypoints, or branch of the goal, that it takes.
+        final: Whether it is an answer of its stage, not only what the stage had on the way.
     """
 
     start: str
     stage: str
     task: Task
     solution: Solution
+    route: int = 0
+    final: bool = True
+
+
+class Best:
+    """What a search holds at any time.
+
+    Attributes:
+        motion: The best solution, and its task; None while there is none.
+        exact: A motion found that is one to the accuracy asked for; likewise. Only looked for where
+            time is limited, since it takes about a second.
+        chain: A path that was not timed yet, and what it is asked for; likewise.
+        nearest: Of what failed that which came closest to a path, and its task; likewise.
+    """
+
+    def __init__(self, accuracy: float) -> None:
+        self._accuracy = accuracy
+        self.exact: tuple[Task, Solution] | None = None
+        self.motion: tuple[Task, Solution] | None = None
+        self.chain: tuple[Task, PieceChain] | None = None
+        self.nearest: tuple[Task, Solution] | None = None
+
+    def holds(self) -> bool:
+        """Whether there is anything of which a plan may come."""
+        return self.motion is not None or self.chain is not None
+
+    def take(self, task: Task, solution: Solution) -> None:
+        """Keep a solution, which may have failed, if it is better than what there is."""
+        if not solution.ok:
+            if self.nearest is None or solution.residual < self.nearest[1].residual:
+                self.nearest = task, solution
+            return
+        better = self.motion is None or solution.objective < self.motion[1].objective
+        if better and clears(task, solution):
+            self.motion = task, solution
+            kind = task.objective.name.partition(":")[0]
+            progress.report_motion(f"{kind} {solution.objective:.4g}")
+            self._make_exact_if_limited()
+
+    def take_chain(self, task: Task, chain: PieceChain) -> None:
+        """Keep a path within the joint limits that is not timed yet."""
+        self.chain = task, chain
+        self._make_exact_if_limited()
+
+    def make_exact(self) -> None:
+        """Make what is held a motion to the accuracy asked for, where that needs no solver."""
+        path = self.chain
+        if self.motion is not None:
+            path = self.motion[0], chain_of(*self.motion)
+        if path is None or not has_only_limits(path[0]):
+            return
+        found = exact_motion(*path, self._accuracy)
+        if found and (self.exact is None or found[1].objective < self.exact[1].objective):
+            self.exact = found
+
+    def _make_exact_if_limited(self) -> None:
+        if self.exact is None and deadline.remaining() < math.inf:
+            self.make_exact()
 
 
 class Pipeline:
@@ -83,8 +151,10 @@ class Pipeline:
         routes: list[Problem],
         options: CollocationOptions,
         make: Tasks,
+        best: Best,
         paths: dict[int, RoutePaths] | None = None,
-        near: Callable[[], list[Answer]] | None = None,
+        near: Callable[[], Iterator[Motion]] | None = None,
+        answers: bool = True,
     ) -> None:
         """Set up a search.
 
@@ -92,105 +162,120 @@ class Pipeline:
             routes: The problem with its waypoints in each order worth trying.
             options: Of the method.
             make: The problem on a mesh.
+            best: What is held, for the end of the time.
             paths: Of these routes, where another search has found them: they know no duration.
             near: Motions next to a plan that is there, the first stage.
+            answers: Whether motions answer what is asked, so that `best` is to have them.
         """
-        self.routes, self.options, self.make = routes, options, make
+        self.routes, self.options, self.make, self.best = routes, options, make, best
         self.log: list[dict[str, Any]] = []
-        self.fastest: Polished | None = None
+        self.fastest: PolishedMotion | None = None
         self.pathless = True
         self.last: tuple[Task, Solution] | None = None
-        self._paths, self._near = {} if paths is None else paths, near
+        self._paths, self._near, self._answers = {} if paths is None else paths, near, answers
         self._free = options.start == "auto"
 
-    def run(self, holds: Callable[[], bool]) -> tuple[Answer, Polished] | None:
-        """The best motion of the first stage that has one, on a mesh fine enough to believe it.
-
-        Args:
-            holds: Whether anything is held by now; with nothing held there is nothing to refine.
-        """
-        stages, options = self._stages(holds), self.options
-        while True:
-            with deadline.time_share(condition=holds):
-                motions = next(stages, None)
-            if motions is None:
-                return None
-            for answer in sorted(motions, key=lambda each: each.solution.objective):
-                done = polish(answer.task, answer.solution, options.accuracy, options.refinements)
-                good = done.error <= RESOLVED and done.inside
+    def run(self) -> tuple[Motion, PolishedMotion] | None:
+        """The best motion of the first stage that has one, on a mesh fine enough to believe it."""
+        options = self.options
+        for stage in self._stages():
+            motions = list[Motion]()
+            with deadline.time_share(condition=self.best.holds):  # nothing held: nothing to refine
+                for motion in stage:
+                    if self._answers:
+                        self.best.take(motion.task, motion.solution)
+                    if motion.final and motion.solution.ok:
+                        motions.append(motion)
+            for motion in sorted(motions, key=lambda each: each.solution.objective):
+                done = polish(motion.task, motion.solution, options.accuracy, options.refinements)
+                good = done.error <= LARGEST_ERROR and done.inside
                 if good or not self._free or options.refinements == 0:
-                    return answer, done
+                    return motion, done
                 self.last = done.task, done.solution
+        return None
 
-    def _stages(self, holds: Callable[[], bool]) -> Iterator[list[Answer]]:
-        """The motions of one stage after the other; each is gone through only if it is asked for.
+    def _stages(self) -> Iterator[Iterator[Motion]]:
+        """One stage after the other.
 
         Whoever has a motion has every slower one: where the paths lead to none in the duration
         given, the search without a duration is gone through, and its motion slowed down. Else the
         ladder is, which finds paths of long arms that no guess leads to.
         """
         if self._near is not None:
-            motions = self._near()
-            self.log += [
-                {"start": m.start, "status": m.solution.status, "objective": m.solution.objective}
-                for m in motions
-            ]
-            yield motions
+            yield self._near_motions(self._near)
         if self.options.start in ("auto", "straight"):
-            found = self._straight()
-            answered = [each.task.problem for each in found]
-            left = [each for each in self.routes if not any(each is one for one in answered)]
-            yield found + self._along(left if found else [])
-        yield self._along(self.routes)
+            yield self._straight_motions()
+        yield self._path_motions(range(len(self.routes)))
         if self.routes[0].duration is not None:
-            yield self._slowed_down(holds)
+            yield self._slower_motions()
         elif self._free:
-            yield self._by_ladder()
+            yield self._ladder_motions()
 
-    def _straight(self) -> list[Answer]:
+    def _near_motions(self, near: Callable[[], Iterator[Motion]]) -> Iterator[Motion]:
+        for motion in near():
+            if motion.solution.ok:
+                self._log_motion(motion)
+            yield motion
+
+    def _log_motion(self, motion: Motion) -> None:
+        solution = motion.solution
+        entry = {"start": motion.start, "status": solution.status}
+        self.log.append({**entry, "objective": solution.objective})
+
+    def _straight_motions(self) -> Iterator[Motion]:
         """From the straight line at once, where the motion can be one way in a given time.
 
-        All routes or none; but of the branches of a goal that leaves joints free those that can.
+        All routes or none; but of the branches of a goal that leaves joints free those that can,
+        and the others along paths.
         """
-        out = []
-        for problem in self.routes:
-            if self._free and not _one_way(problem):
-                return []
+        motions = list[Motion]()
+        for k, problem in enumerate(self.routes):
+            if self._free and not _can_go_one_way(problem):
+                return
             plain = problem.duration is not None and self.options.input != "constant"
-            few = DIRECT if plain else SEARCHED
+            few = DIRECT_INTERVALS if plain else SEARCH_INTERVALS
             job, seed = self.make(problem, self.options, few, True), seeds("straight")[0]
             solution = job.solve(guess(job.problem, job.made, job.mesh, seed))
-            if not solution.ok or (problem.duration is None and not one_way(solution.iterate)):
+            later, name = replace(job, settings=replace(job.settings, direct=False)), seed.name
+            motion = Motion(name + _goal_words(problem), "straight line", later, solution, k, False)
+            yield motion
+            if not solution.ok or (
+                problem.duration is None and not never_reverses(solution.iterate)
+            ):
                 if problem.free:
                     continue
-                return []
-            later, name = replace(job, settings=replace(job.settings, direct=False)), seed.name
-            name += _towards(problem)
-            entry = {"start": name, "status": solution.status}
-            self.log.append(entry | {"objective": solution.objective})
-            out.append(Answer(name, "straight line", later, solution))
-        return [self._shared_out(answer) for answer in out]
+                return
+            self._log_motion(motion)
+            motions.append(motion)
+        for motion in motions:
+            yield from self._share_time(motion)
+        if motions:
+            straight = {motion.route for motion in motions}
+            yield from self._path_motions([k for k in range(len(self.routes)) if k not in straight])
 
-    def _along(self, routes: list[Problem]) -> list[Answer]:
+    def _path_motions(self, routes: Sequence[int]) -> Iterator[Motion]:
         """Motions of these routes along the paths that guesses lead to.
 
         Branches of one goal share the paths that are enough, and none is timed twice.
         """
-        out, motions, known = list[Answer](), list[Solution](), list[FoundPath]()
-        for problem in routes:
-            job = self.make(problem, self.options, SEARCHED, False)
-            paths = self._paths_of(problem, job)
+        motions, known = list[Solution](), list[SeedPath]()
+        for k in routes:
+            problem = self.routes[k]
+            job = self.make(problem, self.options, SEARCH_INTERVALS, False)
+            paths = yield from self._find_paths(k, job)
             log = [dict(entry) for entry in paths.search.log]
             progress.tell("timing the most promising paths")
             for path, own, start in paths.starts(job, motions):
                 if problem.free and any(same_path(path.solution.objective, one) for one in known):
                     continue
                 known.append(path)
-                solution = timed(own, start)
-                answer = Answer(path.seed + _towards(problem), "guesses", own, solution)
+                solution = solve_timing(own, start)
+                name = path.seed + _goal_words(problem)
+                motion = Motion(name, "guesses", own, solution, k, final=False)
+                yield motion
                 if solution.ok and clears(own, solution):
-                    out.append(self._shared_out(answer))
-                    motions.append(out[-1].solution)
+                    motion = yield from self._share_time(motion)
+                    motions.append(motion.solution)
                     self.pathless = False
                 elif not solution.ok:
                     self.pathless, self.last = False, (own, solution)
@@ -199,80 +284,85 @@ class Pipeline:
                     if effort is not None and same_path(effort, path):
                         entry["objective"] = solution.objective if solution.ok else None
             if self.pathless:
-                failed = [paths.search.last, *(path.solution for path in paths.search.found)]
+                failed = [paths.search.failure, *(path.solution for path in paths.search.distinct)]
                 self.last = next(((paths.free, last) for last in failed if last), self.last)
-            self.log += [entry | {"start": entry["start"] + _towards(problem)} for entry in log]
-        return out
+            self.log += [entry | {"start": entry["start"] + _goal_words(problem)} for entry in log]
 
-    def _paths_of(self, problem: Problem, job: Task) -> RoutePaths:
+    def _find_paths(self, k: int, job: Task) -> Generator[Motion, None, RoutePaths]:
         """The paths of a route, the most promising of them refined."""
-        k = next(k for k, each in enumerate(self.routes) if each is problem)
         if k in self._paths:
             return self._paths[k]
-        options = self.options
+        problem, options = self.routes[k], self.options
         enough = options.starts if options.start in ("auto", "wander") else 1
         enough = -(-enough // len(self.routes)) if problem.free else enough
-        guesses = seeds(options.start, options.attempts)
-        found = search(job, guesses, enough, self._free and not problem.divided)
+        guesses, simple = seeds(options.start, options.attempts), self._free and not problem.divided
+        for found in search(job, guesses, enough, simple):
+            if found.latest:
+                yield Motion(found.log[-1]["start"], "guesses", *found.latest, k, final=False)
         mesh_given = bool(job.mesh.marks) or options.intervals != "auto"
         self._paths[k] = RoutePaths.of(job, found, mesh_given)
         return self._paths[k]
 
-    def _by_ladder(self) -> list[Answer]:
+    def _ladder_motions(self) -> Iterator[Motion]:
         """The motion along a path by way of shorter arms."""
-        job = self.make(self.routes[0].likely, self.options, SEARCHED, False)
-        found = climbed(job, self.options.accuracy) if can_hold(job) else None
-        if found is None:
-            return []
-        solution = found.solution
-        self.log.append(
-            {"start": found.name, "status": solution.status, "objective": solution.objective}
-        )
-        return [Answer(found.name, "ladder", found.task, solution)]
+        job = self.make(self.routes[0].likely, self.options, SEARCH_INTERVALS, False)
+        path = find_arm_path(job)
+        if path is None:
+            return
+        chain, joints = path
+        if self._answers:
+            self.best.take_chain(job, chain)
+        found = time_arm_path(job, chain, self.options.accuracy)
+        if found is not None:
+            motion = Motion(f"lifted from {joints} joints", "ladder", *found)
+            self._log_motion(motion)
+            yield motion
 
-    def _slowed_down(self, holds: Callable[[], bool]) -> list[Answer]:
+    def _slower_motions(self) -> Iterator[Motion]:
         """The fastest motion, bettered in the duration given, or else as it is but slower."""
         wanted, limits = self.routes[0].duration, self.routes[0].limits
         passed = [point.time_s for point in self.routes[0].waypoints]
         if not np.isfinite(limits.input).all() or any(time_s is not None for time_s in passed):
-            return []
+            return
         assert wanted is not None
         free = [replace(problem, duration=None) for problem in self.routes]
         options = self.options.model_copy(update={"objective": "time"})
         progress.tell("looking for the fastest motion")
-        hasty = Pipeline(free, options, self.make, self._paths)
-        found = hasty.run(holds)
+        hasty = Pipeline(free, options, self.make, self.best, self._paths, answers=False)
+        found = hasty.run()
         self.log += hasty.log
         if found is None:
             self.pathless, self.last = hasty.pathless and self.pathless, self.last or hasty.last
-            return []
-        answer, self.fastest = found
+            return
+        motion, self.fastest = found
         self.last = self.fastest.task, self.fastest.solution
-        motion = self.fastest.solution.iterate
-        if motion.duration * HASTE > wanted:
-            return []
-        problem = self.routes[[each is answer.task.problem for each in free].index(True)]
-        goal = self.make(problem, self.options, SEARCHED, False).objective
-        own = self.fastest.task.asking(problem, goal)
-        solution = own.solve(stretched(motion, wanted))
-        if not solution.ok and motion.duration <= wanted:
-            solution = own.judged(stretched(motion, wanted))
-        return [Answer(answer.start, "slowed down", own, solution)][: solution.ok]
+        iterate = self.fastest.solution.iterate
+        if iterate.duration * LEAST_TIME_RATIO > wanted:
+            return
+        problem = self.routes[motion.route]
+        goal = self.make(problem, self.options, SEARCH_INTERVALS, False).objective
+        own = self.fastest.task.for_problem(problem, goal)
+        solution = own.solve(stretch_to(iterate, wanted))
+        if not solution.ok and iterate.duration <= wanted:
+            solution = own.judge(stretch_to(iterate, wanted))
+        yield Motion(motion.start, "slowed down", own, solution, motion.route)
 
-    def _shared_out(self, answer: Answer) -> Answer:
+    def _share_time(self, motion: Motion) -> Generator[Motion, None, Motion]:
         """With the time shared out among the parts between waypoints as the objective wants it."""
-        for _ in range(SHARINGS if answer.task.mesh.marks else 0):
-            moved = rebalanced(answer.task, answer.solution.iterate)
+        for _ in range(MOST_REBALANCINGS if motion.task.mesh.marks else 0):
+            moved = rebalance(motion.task, motion.solution.iterate)
             if moved is None:
                 break
             solution = moved[0].solve(moved[1], near=True)
-            if not solution.ok or solution.objective >= answer.solution.objective:
+            if not solution.ok or solution.objective >= motion.solution.objective:
                 break
-            answer = replace(answer, task=moved[0], solution=solution)
-        return answer
+            motion = replace(motion, task=moved[0], solution=solution)
+        motion = replace(motion, final=True)
+        yield motion
+        return motion
 
 
-def _towards(problem: Problem) -> str:
+def _goal_words(problem: Problem) -> str:
     """Of a goal that leaves joints free, which one the search expects, in words."""
     if not problem.free:
         return ""
@@ -280,70 +370,10 @@ def _towards(problem: Problem) -> str:
     return f" towards ({angles}) deg"
 
 
-def _one_way(problem: Problem) -> bool:
+def _can_go_one_way(problem: Problem) -> bool:
     if problem.free:
         return not problem.divided  # no window is known; whoever cannot soon says so
     window = travel_window(problem)
     if window is None or window.empty or problem.divided:
         return False
     return problem.travel is None or problem.travel in window
-
-
-class Best:
-    """What a search holds.
-
-    Attributes:
-        motion: The best solution of the problem, and its task; None while there is none.
-        kept: A motion found that is one to the accuracy asked for; likewise. Only looked for where
-            time is limited, since it takes about a second.
-        chain: A path that was not timed yet, and what it is asked for; likewise.
-        nearest: Of what failed that which came closest to a path, and its task; likewise.
-        iterations: Iterations of the solvers until now.
-    """
-
-    def __init__(self, problems: Sequence[Problem], accuracy: float) -> None:
-        self._problems, self._accuracy = problems, accuracy
-        self.kept: tuple[Task, Solution] | None = None
-        self.motion: tuple[Task, Solution] | None = None
-        self.chain: tuple[Task, PieceChain] | None = None
-        self.nearest: tuple[Task, Solution] | None = None
-        self.iterations = 0
-
-    def holds(self) -> bool:
-        """Whether there is anything of which a plan may come."""
-        return self.motion is not None or self.chain is not None
-
-    def take(self, task: Task, solution: Solution) -> None:
-        """Keep a solution if it is better than what there is."""
-        self.iterations += solution.iterations
-        if not solution.ok:
-            close = self.nearest is None or solution.residual < self.nearest[1].residual
-            if close and task.problem.system is self._problems[0].system:
-                self.nearest = task, solution
-            return
-        better = self.motion is None or solution.objective < self.motion[1].objective
-        if better and self._asked(task) and clears(task, solution):
-            self.motion = task, solution
-            kind = task.objective.name.partition(":")[0]
-            progress.report_motion(f"{kind} {solution.objective:.4g}")
-            if self.kept is None and deadline.remaining() < math.inf:
-                self.keep()
-
-    def keep(self) -> None:
-        """Make what is held a motion to the accuracy asked for, where that needs no solver."""
-        of = self.chain
-        if self.motion is not None:
-            of = self.motion[0], chain_of(*self.motion)
-        found = held(*of, self._accuracy) if of is not None and can_hold(of[0]) else None
-        if found and (self.kept is None or found[1].objective < self.kept[1].objective):
-            self.kept = found
-
-    def take_chain(self, task: Task, chain: PieceChain) -> None:
-        """Keep a path."""
-        if self._asked(task):
-            self.chain = task, chain
-            if self.kept is None and deadline.remaining() < math.inf:
-                self.keep()
-
-    def _asked(self, task: Task) -> bool:
-        return any(task.problem is problem for problem in self._problems)

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from planner.methods.collocation.between_nodes import INTERPOLANT, Look, excess, look
-from planner.methods.collocation.long_arms.held import can_hold, chain_of, held
-from planner.methods.collocation.task import Solution, Task, transferred
-from planner.methods.collocation.transcription.bounds import everywhere
+from planner.methods.collocation.between_nodes import INTERPOLANT, Inspection, inspect
+from planner.methods.collocation.long_arms.exact_motion import (
+    chain_of,
+    exact_motion,
+    has_only_limits,
+)
+from planner.methods.collocation.task import Solution, Task, transfer
+from planner.methods.collocation.transcription.bounds import spread_drawing_in
 from planner.methods.collocation.transcription.form import Mesh
 from planner.support import progress
 from planner.support.deadline import TimeUpError, time_share
@@ -23,16 +28,16 @@ EVENNESS = 0.35
 LARGEST_MESH = 2000
 TIGHTENING_TRIES = 6
 
-REFINING = 0.6
+REFINING_SHARE = 0.6
 """Share of the time that is left which refining may take; then what there is by then is held."""
 
-ELSEWHERE = 0.01
+DRAWN_IN_ELSEWHERE = 0.01
 """Share of the greatest excess over a limit by which it is drawn in where it is kept so far: a
 motion that gives way in one place moves a little in all."""
 
 
 @dataclass(frozen=True, eq=False)
-class Polished:
+class PolishedMotion:
     """A solution, the task it belongs to now, and what was done to it.
 
     Attributes:
@@ -41,7 +46,6 @@ class Polished:
         error: Largest difference at the end between true motion and interpolant, over coordinates.
         inside: Whether limits are kept between the nodes too, as exactly as `verify` asks.
         notes: JSON-ready.
-        iterations: Iterations of the solver.
     """
 
     task: Task
@@ -49,89 +53,106 @@ class Polished:
     error: float
     inside: bool
     notes: dict[str, Any]
-    iterations: int
 
 
-def polish(task: Task, solution: Solution, accuracy: float, refinements: int) -> Polished:
+def polish(task: Task, solution: Solution, accuracy: float, refinements: int) -> PolishedMotion:
     """Refine the mesh until the re-simulated end is accurate, then draw limits in where needed.
 
     Limits drawn in move the motion, which may want a finer mesh then; so both are gone through
     until neither has anything to do, or the refinements are used up.
 
-    Limits are kept between the edges by solving again with them at the collocation points too, then
-    with limits drawn in by what is still broken, at first little elsewhere, then everywhere alike.
-    A motion may give way by less than that, so that what is broken is drawn in twice in the second
-    round, thrice in the third.
-
     Where time is up, what is refined by then is made a motion as
-    `planner.methods.collocation.long_arms.held` does.
+    `planner.methods.collocation.long_arms.exact_motion` does.
     """
-    iterations, rounds, left, built = 0, 0, refinements, task.build_time_s
-    meshes = [len(task.mesh.widths)]
-    seen = look(task, solution)
+    now, left = inspect(task, solution), refinements
+    meshes, rounds = [len(task.mesh.widths)], 0
     try:
-        with time_share(REFINING):
+        with time_share(REFINING_SHARE):
             while True:
-                while left > 0 and not seen.fine(accuracy):
-                    progress.tell("refining the mesh")
-                    own = task.on(_finer(task, seen, accuracy))
-                    better = own.solve(transferred(task, solution.iterate, own), near=True)
-                    iterations += better.iterations
-                    built += own.build_time_s
-                    left -= 1
-                    if not better.ok:
-                        left = 0
-                        break
-                    task, solution, seen = own, better, look(own, better)
-                    meshes.append(len(task.mesh.widths))
-                coarse = refinements > 0 and not seen.fine(accuracy)
-                if coarse and (kept := _held(task, solution, accuracy)):
+                for finer in _finer_motions(now, accuracy, left):
+                    now, left = finer, left - 1
+                    meshes.append(len(now.task.mesh.widths))
+                if not now.fine(accuracy):  # nor will it be
                     left = 0
-                    (task, solution), seen = kept, look(*kept)
-                    meshes.append(len(task.mesh.widths))
-                rounds = tries = 0
-                over = excess(task, seen.iterate, seen.curves)
-                while over.any() and tries < TIGHTENING_TRIES:
-                    progress.tell("keeping limits between the nodes")
-                    tries += 1
-                    if not task.made.form.inner:
-                        own = task.inside()
-                        built += own.build_time_s
-                    else:
-                        rounds += 1
-                        more = everywhere(over, ELSEWHERE if rounds == 1 else 1.0, times=rounds)
-                        own = replace(task, drawn=task.drawn + more)
-                    better = own.solve_near(solution.iterate)
-                    iterations += better.iterations
-                    task = own
-                    if not better.ok:
-                        break
-                    solution, seen = better, look(task, better)
-                    over = excess(task, seen.iterate, seen.curves)
-                if left == 0 or seen.fine(accuracy):
+                    if refinements > 0 and (exact := _exact_path(now, accuracy)):
+                        now = exact
+                        meshes.append(len(now.task.mesh.widths))
+                rounds = 0
+                for rounds, tighter in _tighter_motions(now):  # noqa: B007
+                    now = tighter
+                if left == 0 or now.fine(accuracy):
                     break
     except TimeUpError:
         with suppress(TimeUpError):
-            task, solution = _held(task, solution, accuracy) or (task, solution)
-        meshes.append(len(task.mesh.widths))
-        seen = look(task, solution)
-        over = excess(task, seen.iterate, seen.curves)
-    parts = [part for required in task.held for part in required.parts]
-    inside = bool((over <= LIMIT_TOLERANCE * np.array([part.scale for part in parts])).all())
-    most = zip(parts, task.drawn.max(axis=0).tolist(), strict=True)
+            now = _exact_path(now, accuracy) or now
+        meshes.append(len(now.task.mesh.widths))
+    parts = [part for required in now.task.requirements for part in required.parts]
+    scales = np.array([part.scale for part in parts])
+    inside = bool((now.excess <= LIMIT_TOLERANCE * scales).all())
+    most = zip(parts, now.task.drawn.max(axis=0).tolist(), strict=True)
     drawn = {"rounds": rounds, **{part.label: amount for part, amount in most if amount}}
-    inner = task.made.form.inner
+    inner = now.task.made.form.inner
     notes = {"intervals": meshes, "limits_inside": inner, "limits_drawn_in": drawn}
-    task = replace(task, build_time_s=built)
-    return Polished(task, solution, seen.end_error, inside, notes, iterations)
+    return PolishedMotion(now.task, now.solution, now.end_error, inside, notes)
 
 
-def _held(task: Task, solution: Solution, accuracy: float) -> tuple[Task, Solution] | None:
+def _finer_motions(now: Inspection, accuracy: float, most: int) -> Iterator[Inspection]:
+    """The motion on one finer mesh after the other until one is fine enough, or leads to none."""
+    for _ in range(most):
+        if now.fine(accuracy):
+            return
+        progress.tell("refining the mesh")
+        finer = _add_build_time(now.task, now.task.on_mesh(_finer_mesh(now, accuracy)))
+        start = transfer(now.task, now.solution.iterate, finer)
+        solution = finer.solve(start, near=True)
+        if not solution.ok:
+            return
+        now = inspect(finer, solution)
+        yield now
+
+
+def _tighter_motions(now: Inspection) -> Iterator[tuple[int, Inspection]]:
+    """The motion with limits kept between the edges too, and how often they were drawn in for it.
+
+    First they are kept at the collocation points, then they are drawn in by what is still broken,
+    at first little elsewhere, then everywhere alike. A motion may give way by less than that, so
+    that what is broken is drawn in twice in the second round, thrice in the third. Where that leads
+    to no motion, the last one comes with the task that it was meant for.
+    """
+    rounds = 0
+    for _ in range(TIGHTENING_TRIES):
+        if not now.excess.any():
+            return
+        progress.tell("keeping limits between the nodes")
+        if not now.task.made.form.inner:
+            tighter = _add_build_time(now.task, now.task.with_inner_rows())
+        else:
+            rounds += 1
+            more = spread_drawing_in(
+                now.excess, DRAWN_IN_ELSEWHERE if rounds == 1 else 1.0, times=rounds
+            )
+            tighter = replace(now.task, drawn=now.task.drawn + more)
+        solution = tighter.solve_near(now.solution.iterate)
+        now = inspect(tighter, solution) if solution.ok else replace(now, task=tighter)
+        yield rounds, now
+        if not solution.ok:
+            return
+
+
+def _exact_path(now: Inspection, accuracy: float) -> Inspection | None:
     """The path as it is, where no solver gets from it to the best of a finer mesh."""
-    return held(task, chain_of(task, solution), accuracy) if can_hold(task) else None
+    if not has_only_limits(now.task):
+        return None
+    found = exact_motion(now.task, chain_of(now.task, now.solution), accuracy)
+    return None if found is None else inspect(_add_build_time(now.task, found[0]), found[1])
 
 
-def _finer(task: Task, seen: Look, accuracy: float) -> Mesh:
+def _add_build_time(before: Task, task: Task) -> Task:
+    """A task, with the time it took to build the one before it."""
+    return replace(task, build_time_s=before.build_time_s + task.build_time_s)
+
+
+def _finer_mesh(now: Inspection, accuracy: float) -> Mesh:
     """Intervals as dense as the errors ask for, at most three times as many, and evenly graded.
 
     The errors are those of the motion that begins with the interval. They shrink with its width to
@@ -140,10 +161,10 @@ def _finer(task: Task, seen: Look, accuracy: float) -> Mesh:
     least what chance makes of so many. The next solution may move where this one rests, so that no
     interval is much wider than another.
     """
-    d, widths = task.made.form.degree, task.mesh.widths
-    own = np.abs(task.motion_apart(seen.iterate) - seen.curves[0]).max(axis=2)
+    task, d, widths = now.task, now.task.made.form.degree, now.task.mesh.widths
+    own = np.abs(task.motion_apart(now.solution.iterate) - now.curves[0]).max(axis=2)
     nodes = own[:, -1]
-    growth = max(np.sqrt(len(widths)), seen.end_error / max(np.max(nodes), 1e-16))
+    growth = max(np.sqrt(len(widths)), now.end_error / max(np.max(nodes), 1e-16))
     at_nodes = (nodes * growth / accuracy) ** (1 / (2 * d - 1))
     inside = (own.max(axis=1) / (INTERPOLANT * accuracy)) ** (1 / (d + 1))
     density = np.maximum(at_nodes, inside) / widths

@@ -7,15 +7,15 @@ import numpy as np
 from planner.errors import InfeasibleError, NoPlanError, NotConvergedError, Violation
 from planner.methods.collocation.path import needed_duration
 from planner.methods.collocation.pipeline import Pipeline
-from planner.methods.collocation.refine import Polished
-from planner.methods.collocation.task import Solution, Task, stretched
+from planner.methods.collocation.refine import PolishedMotion
+from planner.methods.collocation.task import Solution, Task, stretch_to
 from planner.methods.refusal import (
     Change,
-    free_travel,
-    in_other_time,
-    lasting,
-    on_other_paths,
-    within_reach,
+    duration_change,
+    duration_changes,
+    path_changes,
+    reach_changes,
+    travel_changes,
 )
 from planner.plan.plan import Plan
 from planner.problem.feasibility import why_too_short
@@ -26,7 +26,7 @@ from planner.verification.verify import verify
 
 NAME = "collocation"
 
-LONGER = 1.05
+LONGER_DURATION = 1.05
 """Times the fastest motion found that is tried as a duration where that itself has no plan."""
 
 
@@ -51,12 +51,14 @@ def no_goal(problem: Problem) -> NoPlanError:
         why += f"; the nearest found is {off} off"
     return NotConvergedError(
         f"{problem.source}: no place of the joints within their limits was found that {why}",
-        changes=[*within_reach(problem, reach), *on_other_paths(problem)],
+        changes=[*reach_changes(problem, reach), *path_changes(problem)],
         advice="another goal",
     )
 
 
-def too_short(problem: Problem, fastest: Polished, options: CollocationOptions) -> NoPlanError:
+def too_short(
+    problem: Problem, fastest: PolishedMotion, options: CollocationOptions
+) -> NoPlanError:
     """The fastest motion found, squeezed into the duration asked for, shows what that breaks."""
     found, wanted = fastest.solution.iterate.duration, problem.duration
     proof = why_too_short(problem)
@@ -67,7 +69,7 @@ def too_short(problem: Problem, fastest: Polished, options: CollocationOptions) 
         f" {wanted:g} s it breaks:",
         plan=plan,
         violations=broken,
-        changes=[lasting(found), lasting(LONGER * found)],
+        changes=[duration_change(found), duration_change(LONGER_DURATION * found)],
         advice="wider limits on the inputs",
     )
 
@@ -81,11 +83,11 @@ def no_motion(problem: Problem, search: Pipeline) -> NoPlanError:
     solution, options = search.last[1], search.options
     plan, broken = iterate_plan(problem, *search.last, options)
     proof = why_too_short(problem)
-    changes = on_other_paths(problem)
+    changes = path_changes(problem)
     if search.pathless:
-        changes += free_travel(problem, "the travel")
+        changes += travel_changes(problem, "the travel")
     else:
-        changes = in_other_time(problem) + changes
+        changes = duration_changes(problem) + changes
     if options != CollocationOptions(time_limit_s=options.time_limit_s):
         words = "the default options of method.collocation"
         changes.append(Change({"method.collocation": {}}, words, defaults=True))
@@ -114,7 +116,7 @@ def iterate_plan(
     if not np.isfinite(iterate.duration):
         return None, []
     needed = needed_duration(problem, job.mesh, iterate)
-    iterate = stretched(iterate, problem.duration or needed or iterate.duration)
+    iterate = stretch_to(iterate, problem.duration or needed or iterate.duration)
     plan = Plan(
         problem=problem,
         method=NAME,

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.methods.collocation.path import (
-    FoundPath,
-    Search,
+    PathSearch,
+    SeedPath,
     clock,
     clock_times,
     halve_mesh,
@@ -23,19 +23,19 @@ from planner.methods.collocation.path import (
     path_task,
     refine_path,
 )
-from planner.methods.collocation.task import Solution, Task, transferred
+from planner.methods.collocation.task import Solution, Task, transfer
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.support import progress
 
-TIMED, REFINED_INTERVALS = 2, 200
+MOST_TIMED, REFINED_INTERVALS = 2, 200
 """Paths that are timed, and intervals of all meshes on which paths are refined: long paths each
 take long to refine, and where the first failed, so did all others (6 of 6 among 22 random pairs of
 four joints within 40 degrees; the ladder then had the answer)."""
 
-ALIKE = 6
+MOST_TIMED_UNREFINED = 6
 """Paths that are timed on a mesh that is given: nothing says beforehand which is the fastest."""
 
-HASTE = 0.95
+LEAST_TIME_RATIO = 0.95
 """What a motion may take less than the path at the speed of its clock, or than the fastest found:
 timing shortens a path by a few hundredths."""
 
@@ -44,7 +44,7 @@ timing shortens a path by a few hundredths."""
 class RefinedPath:
     """A path, and what refining made of it: its own task, and the solution of that."""
 
-    found: FoundPath
+    origin: SeedPath
     free: Task
     solution: Solution
 
@@ -68,16 +68,16 @@ class RoutePaths:
     """
 
     free: Task
-    search: Search
+    search: PathSearch
     refined: list[RefinedPath] | None
 
     @classmethod
-    def of(cls, job: Task, found: Search, mesh_given: bool) -> RoutePaths:
+    def of(cls, job: Task, found: PathSearch, mesh_given: bool) -> RoutePaths:
         """Those that a search left, the most promising of them refined."""
         free, refined, spent = path_task(job), list[RefinedPath](), 0
         if mesh_given:
             return cls(free, found, None)
-        for path in found.found:
+        for path in found.distinct:
             count = path_intervals(free, path.solution.iterate)
             if spent and spent + count > REFINED_INTERVALS:
                 break
@@ -89,7 +89,7 @@ class RoutePaths:
 
     def starts(
         self, job: Task, motions: Sequence[Solution]
-    ) -> Iterator[tuple[FoundPath, Task, Iterate]]:
+    ) -> Iterator[tuple[SeedPath, Task, Iterate]]:
         """The most promising paths, each as a motion to start from and on a mesh for it.
 
         In a duration that is long enough for them those of least effort; where they lead nowhere
@@ -100,30 +100,30 @@ class RoutePaths:
             motions: Those in hand; may grow between two starts.
         """
         if self.refined is None:
-            for one in self.search.found[:ALIKE]:
-                yield one, job, transferred(self.free, one.solution.iterate, job)
+            for one in self.search.distinct[:MOST_TIMED_UNREFINED]:
+                yield one, job, transfer(self.free, one.solution.iterate, job)
             return
         wanted, limited = job.problem.duration, bool(np.isfinite(job.problem.limits.input).all())
         slow = [each for each in self.refined if each.needed(job) <= (wanted or 0.0)]
-        for path in sorted(slow, key=lambda each: each.solution.objective)[:TIMED]:
-            yield _as_it_is(path, job)
+        for path in sorted(slow, key=lambda each: each.solution.objective)[:MOST_TIMED]:
+            yield _start_at_own_speed(path, job)
         if wanted and motions:
             return
         seconds = RefinedPath.clock_s if limited else RefinedPath.needed
-        most = wanted / HASTE if wanted else math.inf
+        most = wanted / LEAST_TIME_RATIO if wanted else math.inf
         fast = [(seconds(each, job), each) for each in self.refined if each not in slow]
-        for needed, path in sorted(fast, key=lambda each: each[0])[:TIMED]:
+        for needed, path in sorted(fast, key=lambda each: each[0])[:MOST_TIMED]:
             if needed > min([most, *(each.iterate.duration for each in motions)]):
                 return
             if limited:
                 free, solution = halve_mesh(path.free, path.solution)
-                yield path.found, *clock(job, free, solution.iterate)
+                yield path.origin, *clock(job, free, solution.iterate)
             else:
-                yield _as_it_is(path, job)
+                yield _start_at_own_speed(path, job)
 
 
-def _as_it_is(path: RefinedPath, job: Task) -> tuple[FoundPath, Task, Iterate]:
+def _start_at_own_speed(path: RefinedPath, job: Task) -> tuple[SeedPath, Task, Iterate]:
     """A path at its own speed on its own mesh."""
     free, solution = halve_mesh(path.free, path.solution)
     own = on_mesh(job, free, free.mesh)
-    return path.found, own, transferred(free, solution.iterate, own)
+    return path.origin, own, transfer(free, solution.iterate, own)

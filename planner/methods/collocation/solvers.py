@@ -20,7 +20,7 @@ from planner.problem.tables.method_options import SolverName
 from planner.support.arrays import Array
 from planner.support.compiled_calls import IpoptCall, call_within
 
-NEAR = 1e-4
+NEAR_DISTANCE = 1e-4
 """Distance to the bounds to begin with when the start is near the answer."""
 
 FATROP_ROWS = 1e-8
@@ -39,14 +39,14 @@ FATROP_RELAXES = 1e-8
 PATIENCE_S, PATIENCE_EACH_S = 5.0, 0.05
 """Processor time for Fatrop to return, and for each interval more: over ten times what it takes."""
 
-SHORT = 5
+SHORT_CHAIN = 5
 """Most coordinates of a short chain. Beyond, Fatrop is of no use: it eliminates the goal backwards
 through the inputs of the last few intervals, which leaves no digit; and there are many optima."""
 
-COARSE = 40
+COARSE_INTERVALS = 40
 """Intervals beyond which a path is refined, no longer searched."""
 
-MANY, MOST_ITERATIONS = 300, 120
+MANY_INTERVALS, MOST_ITERATIONS = 300, 120
 """Intervals beyond which each iteration takes long, and those granted there; a good start needs
 few."""
 
@@ -88,7 +88,7 @@ class SolverAnswer:
 
 
 @dataclass(frozen=True)
-class Way:
+class Strategy:
     """How starts of one kind are solved.
 
     Attributes:
@@ -116,52 +116,52 @@ class Way:
 
 _ADAPTIVE: dict[str, Any] = {"mu_strategy": "adaptive"}
 _PUSHES = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
-_CLOSE: dict[str, Any] = {"mu_init": 1e-6, **dict.fromkeys(_PUSHES, NEAR)}
+_CLOSE: dict[str, Any] = {"mu_init": 1e-6, **dict.fromkeys(_PUSHES, NEAR_DISTANCE)}
 
-WAYS = {
+STRATEGIES = {
     # the answer is hardly more than the start: 4 to 20 iterations in 130 of 134 random problems
     # that led to it, up to 50 where narrow limits are met
-    "straight": Way(("fatrop", "ipopt"), 1e2, 1e-4, _ADAPTIVE, iterations=50),
-    "straight, long chain": Way(("ipopt",), 1e2, 1e-4, _ADAPTIVE, iterations=50),
+    "straight": Strategy(("fatrop", "ipopt"), 1e2, 1e-4, _ADAPTIVE, iterations=50),
+    "straight, long chain": Strategy(("ipopt",), 1e2, 1e-4, _ADAPTIVE, iterations=50),
     # Fatrop takes half of IPOPT's time
-    "near": Way(("fatrop", "ipopt"), 1e3, 1e-5, _CLOSE),
-    "near, long chain": Way(("ipopt",), 1e3, 1e-5, _CLOSE),
-    "near, many intervals": Way(("ipopt",), 1e3, 1e-5, _CLOSE, MOST_ITERATIONS),
+    "near": Strategy(("fatrop", "ipopt"), 1e3, 1e-5, _CLOSE),
+    "near, long chain": Strategy(("ipopt",), 1e3, 1e-5, _CLOSE),
+    "near, many intervals": Strategy(("ipopt",), 1e3, 1e-5, _CLOSE, MOST_ITERATIONS),
     # Fatrop (1.1.8) is hardly faster here, and its iterates may be such that it never returns
-    "far": Way(("ipopt",), 1.0, 1e-4, _ADAPTIVE),
+    "far": Strategy(("ipopt",), 1.0, 1e-4, _ADAPTIVE),
     # many optima: a large barrier that is lowered step by step leads to better ones, and does not
     # lead a long way round along z2 = 0; nor does it crawl where a path is drawn inside its limits
-    "far, winding": Way(("ipopt",), 1.0, None, {}),
-    "far, long chain": Way(("ipopt",), 1.0, None, {}, reference_s=100.0, guesses=0),
+    "far, winding": Strategy(("ipopt",), 1.0, None, {}),
+    "far, long chain": Strategy(("ipopt",), 1.0, None, {}, reference_s=100.0, guesses=0),
 }
 """Which solver, barrier and patience, in one place."""
 
-RUNGS = {"guess": 300, "shortening": 100, "timing": 400}
+LADDER_ITERATIONS = {"guess": 300, "shortening": 100, "timing": 400}
 """Iterations granted on the ladder: to each guess for the arm that it begins with, to a path that
 is shortened, and at least to the timing, where the path is long and already a motion."""
 
 
-def way(made: Transcription, settings: Settings) -> Way:
-    """The row of `WAYS` for a transcription and a kind of start."""
+def strategy(made: Transcription, settings: Settings) -> Strategy:
+    """The row of `STRATEGIES` for a transcription and a kind of start."""
     form = made.form
-    short = made.system.size <= SHORT and not form.augmented
-    if settings.near and form.intervals > MANY:
-        return WAYS["near, many intervals"]
+    short = made.system.size <= SHORT_CHAIN and not form.augmented
+    if settings.near and form.intervals > MANY_INTERVALS:
+        return STRATEGIES["near, many intervals"]
     if settings.near or settings.direct:
         kind = "near" if settings.near else "straight"
-        return WAYS[kind if short else f"{kind}, long chain"]
+        return STRATEGIES[kind if short else f"{kind}, long chain"]
     if form.augmented:
-        return WAYS["far"]
+        return STRATEGIES["far"]
     if not short:
-        return WAYS["far, long chain"]
+        return STRATEGIES["far, long chain"]
     winding = any("q" in required.reads and not required.is_direct for required in form.kept)
-    drawn = form.inner or (form.intervals > COARSE and not form.free_duration)
-    return WAYS["far, winding" if winding or drawn else "far"]
+    drawn = form.inner or (form.intervals > COARSE_INTERVALS and not form.free_duration)
+    return STRATEGIES["far, winding" if winding or drawn else "far"]
 
 
 def names(made: Transcription, settings: Settings) -> tuple[SolverName, ...]:
     """The solvers to try, in this order."""
-    return way(made, settings).order if settings.solver == "auto" else (settings.solver,)
+    return strategy(made, settings).order if settings.solver == "auto" else (settings.solver,)
 
 
 Backend = Callable[[Array, Bounds], SolverAnswer]
@@ -176,7 +176,7 @@ class _Ipopt:
     """
 
     def __init__(self, made: Transcription, settings: Settings) -> None:
-        row = way(made, settings)
+        row = strategy(made, settings)
         options: dict[str, Any] = {
             "print_level": 0,
             "sb": "yes",
@@ -217,7 +217,7 @@ class _Fatrop:
     """
 
     def __init__(self, made: Transcription, settings: Settings) -> None:
-        row = way(made, settings)
+        row = strategy(made, settings)
         self._weight = row.weight
         options: dict[str, Any] = {
             "print_level": 0,
@@ -226,7 +226,7 @@ class _Fatrop:
             "max_iter": min(settings.max_iterations, row.iterations, FATROP_ITERATIONS),
         }
         if settings.near:
-            options |= {"bound_push": NEAR, "bound_frac": NEAR}
+            options |= {"bound_push": NEAR_DISTANCE, "bound_frac": NEAR_DISTANCE}
         if row.barrier is not None:
             options["mu_init"] = row.barrier * (row.weight if settings.near else 1.0)
         program = made.program
@@ -258,7 +258,7 @@ class _Fatrop:
         return answer or SolverAnswer(start, False, "Does_Not_Return", 0)
 
     def _answer(self, start: Array, data: Bounds) -> SolverAnswer:
-        bounds = _drawn_in(data.lower, data.upper), _drawn_in(data.row_lower, data.row_upper)
+        bounds = _draw_in(data.lower, data.upper), _draw_in(data.row_lower, data.row_upper)
         weighted = data.parameters.copy()
         weighted[:TERMS] *= self._weight
         given = (start, weighted, *bounds[0], *bounds[1])
@@ -296,14 +296,14 @@ def backend(made: Transcription, settings: Settings) -> Backend:
     return found
 
 
-def _drawn_in(lower: Array, upper: Array) -> tuple[Array, Array]:
+def _draw_in(lower: Array, upper: Array) -> tuple[Array, Array]:
     """Bounds drawn in by as much as Fatrop will relax them; fixed values stay."""
-    low, high = lower + _relaxed(lower), upper - _relaxed(upper)
+    low, high = lower + _relaxation(lower), upper - _relaxation(upper)
     wide = low < high
     return np.where(wide, low, lower), np.where(wide, high, upper)
 
 
-def _relaxed(bound: Array) -> Array:
+def _relaxation(bound: Array) -> Array:
     return FATROP_RELAXES * np.maximum(1.0, np.where(np.isfinite(bound), np.abs(bound), 0.0))
 
 

@@ -1,24 +1,18 @@
 """One problem on one transcription, ready to be solved from any start.
 
-What a solver says of itself is checked: rows are evaluated anew. And whoever searches hears of all
-that is found on the way, wherever it is.
+What a solver says of itself is checked: rows are evaluated anew.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
-from planner.methods.collocation.long_arms.bridges import PieceChain
 from planner.methods.collocation.solvers import Settings, SolverAnswer, backend, names
-from planner.methods.collocation.transcription.bounds import Asked, Bounds, bounds
-from planner.methods.collocation.transcription.form import Form, Mesh, Objective, held_by
+from planner.methods.collocation.transcription.bounds import Bounds, InputDemands, bounds
+from planner.methods.collocation.transcription.form import Form, Mesh, Objective, kept_between_nodes
 from planner.methods.collocation.transcription.transcription import Transcription, transcription
 from planner.methods.collocation.transcription.unknowns import (
     STEPS,
@@ -38,7 +32,7 @@ from planner.support.arrays import Array
 ACCEPTED_RESIDUAL = 1e-7
 """Largest excess of a row over its bounds, in its own unit, that counts as solved."""
 
-FEASIBLE = 1e-5
+FEASIBLE_RESIDUAL = 1e-5
 """Residual up to which one solver's last iterate is a better start for the other than the first."""
 
 
@@ -69,22 +63,22 @@ class Task:
 
     Attributes:
         problem: Start, goal and limits.
-        held: What of it may be broken between the nodes.
+        requirements: What of it may be broken between the nodes.
         objective: What is made least.
         made: The transcription.
         mesh: Its mesh.
-        asked: What is asked of the inputs beside the problem's limits.
+        demands: What is asked of the inputs beside the problem's limits.
         settings: Options of the solver.
         drawn: By how much each part of what is kept is drawn in, shape (K, R).
         build_time_s: Seconds it took to make the transcription; zero if it was there.
     """
 
     problem: Problem
-    held: list[Requirement]
+    requirements: list[Requirement]
     objective: Objective
     made: Transcription
     mesh: Mesh
-    asked: Asked
+    demands: InputDemands
     settings: Settings
     drawn: Array
     build_time_s: float
@@ -92,8 +86,8 @@ class Task:
     @property
     def bounds(self) -> Bounds:
         """Bounds from the problem's numbers."""
-        given = self.mesh, self.objective, self.asked, self.drawn
-        return bounds(self.problem, self.held, self.made, *given)
+        given = self.mesh, self.objective, self.demands, self.drawn
+        return bounds(self.problem, self.requirements, self.made, *given)
 
     def solve(self, start: Iterate, near: bool = False) -> Solution:
         """Solve from a start, which may be near the answer.
@@ -103,7 +97,7 @@ class Task:
         made, data, settings = self.made, self.bounds, replace(self.settings, near=near)
         iterations, found = 0, None
         for name in names(made, settings):
-            if found is not None and found.residual <= FEASIBLE:
+            if found is not None and found.residual <= FEASIBLE_RESIDUAL:
                 start, settings = found.iterate, replace(settings, near=True)
             deadline.check()
             progress.count_solve()
@@ -112,11 +106,11 @@ class Task:
             answer = call(packed, data)
             answer = replace(answer, vector=answer.vector.clip(data.lower, data.upper))
             iterations += answer.iterations
-            found = replace(_checked(made, data, answer, ACCEPTED_RESIDUAL), iterations=iterations)
+            found = replace(_check(made, data, answer, ACCEPTED_RESIDUAL), iterations=iterations)
             if found.ok:
                 break
         assert found is not None
-        offer(self, found)
+        progress.count_iterations(found.iterations)
         return found
 
     def solve_near(self, start: Iterate) -> Solution:
@@ -124,12 +118,12 @@ class Task:
         found = self.solve(start, near=True)
         return found if found.ok else self.solve(start)
 
-    def judged(self, iterate: Iterate) -> Solution:
+    def judge(self, iterate: Iterate) -> Solution:
         """An iterate that no solver has touched; ok if it keeps the task's rows and bounds."""
         data = self.bounds
         vector = self.made.layout.pack(iterate, data.widths)
         answer = SolverAnswer(vector, True, "a motion, not the best", 0)
-        return _checked(self.made, data, answer, FEASIBLE)
+        return _check(self.made, data, answer, FEASIBLE_RESIDUAL)
 
     def curve(self, iterate: Iterate) -> StateTrajectory:
         """The motion an iterate describes."""
@@ -146,20 +140,20 @@ class Task:
         states = resimulated_apart(self.made.moved, self.mesh, iterate)
         return states[..., : self.made.system.size]
 
-    def on(self, mesh: Mesh) -> Task:
+    def on_mesh(self, mesh: Mesh) -> Task:
         """The same task on another mesh, limits not drawn in."""
         form = replace(self.made.form, intervals=len(mesh.widths))
-        return task(self.problem, self.objective, form, mesh, self.asked, self.settings)
+        return task(self.problem, self.objective, form, mesh, self.demands, self.settings)
 
-    def asking(self, problem: Problem, objective: Objective) -> Task:
+    def for_problem(self, problem: Problem, objective: Objective) -> Task:
         """The same mesh and limits drawn in for another problem of the same system."""
-        made = self.made.form, self.mesh, self.asked, self.settings
+        made = self.made.form, self.mesh, self.demands, self.settings
         return replace(task(problem, objective, *made), drawn=self.drawn)
 
-    def inside(self) -> Task:
+    def with_inner_rows(self) -> Task:
         """The same task with limits kept at the collocation points too."""
         form = replace(self.made.form, inner=True)
-        return task(self.problem, self.objective, form, self.mesh, self.asked, self.settings)
+        return task(self.problem, self.objective, form, self.mesh, self.demands, self.settings)
 
 
 def task(
@@ -167,15 +161,15 @@ def task(
     objective: Objective,
     form: Form,
     mesh: Mesh,
-    asked: Asked,
+    demands: InputDemands,
     settings: Settings,
 ) -> Task:
     """Prepare a task: transcription and solver are made now unless they were made before.
 
     Whether the duration is an unknown of the form, and what it keeps, is for the problem to say.
     """
-    held = held_by(problem)
-    kept, final = (tuple(each.template for each in of) for of in (held, problem.final))
+    requirements = kept_between_nodes(problem)
+    kept, final = (tuple(each.template for each in of) for of in (requirements, problem.final))
     form = replace(form, free_duration=problem.duration is None, kept=kept, final=final)
     built, began = transcription.cache_info().misses, time.perf_counter()
     made = transcription(problem.system, form)
@@ -183,11 +177,11 @@ def task(
     new = transcription.cache_info().misses > built or wanted not in made.solvers
     backend(made, wanted)
     seconds = time.perf_counter() - began if new else 0.0
-    none = np.zeros((form.intervals, sum(len(required.parts) for required in held)))
-    return Task(problem, held, objective, made, mesh, asked, settings, none, seconds)
+    none = np.zeros((form.intervals, sum(len(required.parts) for required in requirements)))
+    return Task(problem, requirements, objective, made, mesh, demands, settings, none, seconds)
 
 
-def _checked(made: Transcription, data: Bounds, answer: SolverAnswer, accepted: float) -> Solution:
+def _check(made: Transcription, data: Bounds, answer: SolverAnswer, accepted: float) -> Solution:
     """An answer, whose word is not taken for it."""
     objective, rows, iterate = made.outcome(answer.vector, data.parameters)
     values = np.concatenate([rows, answer.vector])
@@ -199,47 +193,12 @@ def _checked(made: Transcription, data: Bounds, answer: SolverAnswer, accepted: 
     return Solution(iterate, objective, residual, ok, answer.status, answer.iterations)
 
 
-class Listener(Protocol):
-    """Who hears of all motions and paths that a search finds, wherever it does."""
-
-    def take(self, task: Task, solution: Solution) -> None:
-        """Hear of a solution, which may be none."""
-
-    def take_chain(self, task: Task, chain: PieceChain) -> None:
-        """Hear of a path within the joint limits that is not timed yet."""
-
-
-_listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
-
-
-@contextmanager
-def told(listener: Listener) -> Iterator[None]:
-    """Tell a listener of all that is found inside."""
-    token = _listener.set(listener)
-    try:
-        yield
-    finally:
-        _listener.reset(token)
-
-
-def offer(task: Task, solution: Solution) -> None:
-    """Offer a solution, which may be none, to the search around."""
-    if listener := _listener.get():
-        listener.take(task, solution)
-
-
-def offer_chain(task: Task, chain: PieceChain) -> None:
-    """Offer a path within the joint limits."""
-    if listener := _listener.get():
-        listener.take_chain(task, chain)
-
-
 def can_jump(job: Task) -> bool:
     """Whether nothing asks for inputs without jumps."""
-    return not (job.asked.rest or job.objective.smooth or job.problem.reads("du"))
+    return not (job.demands.rest or job.objective.smooth or job.problem.reads("du"))
 
 
-def transferred(old: Task, iterate: Iterate, new: Task) -> Iterate:
+def transfer(old: Task, iterate: Iterate, new: Task) -> Iterate:
     """An iterate of one task as a start for another that differs in mesh or input kind."""
     q, u = pieces(old.made.form, old.mesh, iterate)
     mesh, T = new.mesh, iterate.duration
@@ -251,7 +210,7 @@ def transferred(old: Task, iterate: Iterate, new: Task) -> Iterate:
     )
 
 
-def driven(job: Task, duration: float, inputs: Array) -> Iterate:
+def iterate_of_inputs(job: Task, duration: float, inputs: Array) -> Iterate:
     """The iterate that inputs, in the shape of `Iterate.inputs`, lead to from the start."""
     made, tau = job.made, job.made.form.scheme.points * STEPS
     shape = made.form.intervals, made.form.degree, made.moved.size
@@ -263,7 +222,7 @@ def driven(job: Task, duration: float, inputs: Array) -> Iterate:
     return replace(still, nodes=np.vstack([states[:, 0], states[-1:, -1]]), points=points)
 
 
-def stretched(iterate: Iterate, duration: float) -> Iterate:
+def stretch_to(iterate: Iterate, duration: float) -> Iterate:
     """The same path in another time: the systems are driftless, so it stays a motion."""
     factor = iterate.duration / duration
     return replace(iterate, duration=duration, inputs=iterate.inputs * factor)

@@ -28,7 +28,7 @@ from planner.support.arrays import Array
 TOLERANCE = 1e-10
 """Excess over the band, in z₂, below which cutting stops: what the engines resolve."""
 
-FAR = 1e6
+MOST_SLOPE = 1e6
 """Bound on |y|, the root mean square of dz₂/dτ, of the paths considered where z₂ has no bounds."""
 
 
@@ -93,14 +93,14 @@ class ClassOptimum:
 
 
 @dataclass(frozen=True)
-class Above:
+class BoundAboveCeiling:
     """The optimum was not sought further, since it cannot be below `bound`."""
 
     bound: float
 
 
 @dataclass(frozen=True)
-class Impossible:
+class EmptyClass:
     """A certificate that a class holds no path inside the band.
 
     Attributes:
@@ -118,14 +118,14 @@ class Impossible:
     proof: Farkas = field(repr=False)
 
 
-def cut(
+def optimum_by_cuts(
     frame: Frame,
     band: Band,
     programme: Programme,
     extra: Touch = NO_TOUCH,
     max_rounds: int = 100,
     ceiling: float = np.inf,
-) -> ClassOptimum | Impossible | Above:
+) -> ClassOptimum | EmptyClass | BoundAboveCeiling:
     """Solve one class at one travel.
 
     Args:
@@ -150,10 +150,10 @@ def cut(
             if relaxed is not None:
                 raise StalledError("feasible only within the tolerance of the cuts")
             length = np.linalg.norm(A, axis=1)
-            return Impossible(frame, touch, A / length[:, None], b / length, answer)
+            return EmptyClass(frame, touch, A / length[:, None], b / length, answer)
         if relaxed is None and answer.bound > ceiling:
-            return Above(answer.bound)
-        broken, proven = _broken(frame, band, answer.y, relaxed is not None)
+            return BoundAboveCeiling(answer.bound)
+        broken, proven = _violations(frame, band, answer.y, relaxed is not None)
         if len(broken.tau) == 0:
             relaxed = relaxed or answer
             tighten = 2 * max(tighten, TOLERANCE)
@@ -191,7 +191,7 @@ def _at_nodes(frame: Frame, band: Band) -> Touch:
     return touch.plus(Touch(nodes, frame.start[2] + (frame.goal[2] - frame.start[2]) * nodes))
 
 
-def _broken(frame: Frame, band: Band, y: Array, proof: bool) -> tuple[Touch, float]:
+def _violations(frame: Frame, band: Band, y: Array, proof: bool) -> tuple[Touch, float]:
     """Rows where a path leaves the band, and what its excess is proven not to exceed."""
     _, z2, z3, *_ = frame.bernstein(y)
     low, high = floor_excess(band, z2, TOLERANCE, proof), cap_excess(band, z2, z3, TOLERANCE, proof)
@@ -204,15 +204,15 @@ def _broken(frame: Frame, band: Band, y: Array, proof: bool) -> tuple[Touch, flo
 def _radius(frame: Frame, band: Band) -> float:
     """A bound on |y| of every path inside the band: 0 ≤ p ≤ top and Markov's inequality.
 
-    Where the band has no top there is none, and paths beyond `FAR` are left out of account.
+    Where the band has no top there is none, and paths beyond `MOST_SLOPE` are left out of account.
     """
     if not band.complete:
-        return FAR
+        return MOST_SLOPE
     return float((frame.shape.degree + 1) ** 2 * frame.shape.pieces * band.top)
 
 
-Solve = Callable[[float, Touch, float], ClassOptimum | Impossible | Above]
-"""The optimum at one travel: (travel, rows of a neighbour, ceiling as in `cut`)."""
+Solve = Callable[[float, Touch, float], ClassOptimum | EmptyClass | BoundAboveCeiling]
+"""The optimum at one travel: (travel, rows of a neighbour, ceiling as in `optimum_by_cuts`)."""
 
 
 @dataclass
@@ -227,7 +227,7 @@ class BestTravel:
     """
 
     best: ClassOptimum | None = None
-    refusals: list[Impossible] = field(default_factory=list)
+    refusals: list[EmptyClass] = field(default_factory=list)
     tried: int = 0
     kept: list[float] = field(default_factory=list)
 
@@ -255,11 +255,11 @@ def search_travels(solve: Solve, travels: Array, prune: bool = True) -> BestTrav
             answer = solve(float(travel), touch, ceiling)
         except StalledError:
             return float(np.inf)
-        if isinstance(answer, Impossible):
+        if isinstance(answer, EmptyClass):
             found.refusals.append(answer)
             return float(np.inf)
         found.kept.append(float(travel))
-        if isinstance(answer, Above):
+        if isinstance(answer, BoundAboveCeiling):
             return answer.bound
         touch = answer.touch
         if found.best is None or answer.value < found.best.value:

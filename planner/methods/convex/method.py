@@ -12,19 +12,19 @@ import numpy as np
 from planner.errors import InfeasibleError, InputError, NoPlanError, NotConvergedError
 from planner.methods.convex.band import Band, band_of
 from planner.methods.convex.global_optimum import (
-    Above,
     BestTravel,
+    BoundAboveCeiling,
     ClassOptimum,
-    Impossible,
+    EmptyClass,
     Touch,
-    cut,
+    optimum_by_cuts,
     search_travels,
 )
 from planner.methods.convex.paths import Frame, Shape, input_shape
 from planner.methods.convex.programme import Programme, StalledError
 from planner.methods.laws.free_numbers import candidate_travels
 from planner.methods.laws.law import chart_ends
-from planner.methods.refusal import BY_COLLOCATION, Change, free_travel, lasting
+from planner.methods.refusal import BY_COLLOCATION, Change, duration_change, travel_changes
 from planner.plan.fastest_timing import fastest_motion
 from planner.plan.measures import peak_inputs, slowing_factor, worst_margin
 from planner.plan.plan import Plan
@@ -80,7 +80,7 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
     found = _best_path(problem, options, frame, band, travels)
     if found.best is None:
         raise _no_path(problem, frame.shape, band, found)
-    trajectory, timing = _timed(problem, _path(problem, found.best.frame, found.best.y))
+    trajectory, timing = _time_path(problem, _path(problem, found.best.frame, found.best.y))
     value = found.best.value
     return Plan(
         problem=problem,
@@ -122,7 +122,7 @@ def _travels(problem: Problem, options: ConvexOptions) -> Array:
     words = "" if window is None else f"between {window.low:.6g} and {window.high:.6g} rad"
     if travel is not None and window is not None and travel not in window:
         why = f"goal.travel = {travel:.6g} rad: motions without reversal have travels {words}"
-        raise _infeasible(problem, why, free_travel(problem))
+        raise _infeasible(problem, why, travel_changes(problem))
     if window is not None and problem.duration is not None:
         assert isinstance(problem.system, Manipulator)  # no other has a window
         top = problem.system.k_g * problem.limits.input[0] * problem.duration
@@ -146,8 +146,10 @@ def _best_path(
         options.edge, float(np.min(problem.system.chart_margins(ends, problem.branch))) / 2
     )
 
-    def solve(travel: float, rows: Touch, ceiling: float) -> ClassOptimum | Impossible | Above:
-        answer = cut(frame.at(travel), band, programme, rows, options.max_cuts, ceiling)
+    def solve(
+        travel: float, rows: Touch, ceiling: float
+    ) -> ClassOptimum | EmptyClass | BoundAboveCeiling:
+        answer = optimum_by_cuts(frame.at(travel), band, programme, rows, options.max_cuts, ceiling)
         if isinstance(answer, ClassOptimum) and not band.complete:
             path = _path(problem, answer.frame, answer.y)
             if np.min(worst_margin(path.margins(sample_times(path.breaks)))) < least_margin:
@@ -176,7 +178,7 @@ def _path(problem: Problem, frame: Frame, y: Array) -> ChainedTrajectory:
     )
 
 
-def _timed(problem: Problem, path: ChainedTrajectory) -> tuple[Trajectory, str]:
+def _time_path(problem: Problem, path: ChainedTrajectory) -> tuple[Trajectory, str]:
     """The path within the input limits, in the problem's duration or as fast as they allow."""
     limits, duration = problem.limits, problem.duration
     peaks = peak_inputs(path)
@@ -196,7 +198,7 @@ def _timed(problem: Problem, path: ChainedTrajectory) -> tuple[Trajectory, str]:
         raise NotConvergedError(
             f"{problem.source}: the best path takes {fastest.duration:.4g} s within the input"
             f" limits{other}; goal.duration is {duration:.4g} s",
-            changes=[lasting(fastest.duration), BY_COLLOCATION],
+            changes=[duration_change(fastest.duration), BY_COLLOCATION],
         )
     return fastest.slowed(duration / fastest.duration), "in proportion to the fastest motion"
 
@@ -237,7 +239,7 @@ def _notes(problem: Problem, band: Band, found: BestTravel, best: ClassOptimum) 
 
 def _no_path(problem: Problem, shape: Shape, band: Band, found: BestTravel) -> NoPlanError:
     """No path of the class was found inside the domain; with a certificate where there is one."""
-    changes = [*free_travel(problem), BY_COLLOCATION]
+    changes = [*travel_changes(problem), BY_COLLOCATION]
     if not found.refusals:
         why = f"no quadratic program converged ({found.tried} tried), for {_class_words(shape)}"
         ways: str | None = "other method.convex.pieces"
@@ -265,12 +267,12 @@ def _no_path(problem: Problem, shape: Shape, band: Band, found: BestTravel) -> N
         why = f"{len(found.refusals)} of {found.tried} travels tried are proven to have no path"
         why = f"{problem.source}: {why}; for one, {proof}"
         return NotConvergedError(why, advice=ways, changes=changes)
-    error = _infeasible(problem, proof, free_travel(problem), ways)
+    error = _infeasible(problem, proof, travel_changes(problem), ways)
     error.certificate = _certificate(first)
     return error
 
 
-def _certificate(refusal: Impossible) -> dict[str, Any]:
+def _certificate(refusal: EmptyClass) -> dict[str, Any]:
     """As plain arrays: multipliers u >= 0 show that A y <= b has no |y| <= radius."""
     return {
         "travel": refusal.frame.travel,

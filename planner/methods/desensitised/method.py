@@ -19,17 +19,23 @@ import numpy as np
 from planner.errors import InfeasibleError, InputError, NotConvergedError, Violation
 from planner.methods.collocation.candidates import Excursion, Seed, sign_of
 from planner.methods.collocation.method import (
-    believed,
     chosen_goal,
     input_kind,
+    is_true_motion,
     plan_collocation,
     refuse_start,
 )
 from planner.methods.collocation.refine import polish
 from planner.methods.collocation.solvers import Settings
-from planner.methods.collocation.task import ACCEPTED_RESIDUAL, Solution, Task, driven, task
+from planner.methods.collocation.task import (
+    ACCEPTED_RESIDUAL,
+    Solution,
+    Task,
+    iterate_of_inputs,
+    task,
+)
 from planner.methods.collocation.transcription.augmented import Augmented, backs_off
-from planner.methods.collocation.transcription.bounds import Asked
+from planner.methods.collocation.transcription.bounds import InputDemands
 from planner.methods.collocation.transcription.form import Form, Objective, uniform
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.plan.measures import effort, turns
@@ -38,6 +44,7 @@ from planner.plan.trajectory import Trajectory
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions
+from planner.support import progress
 from planner.support.arrays import Array
 from planner.support.deadline import TimeUpError, time_limit, time_share
 from planner.systems.linearisation import Parameter, parameters
@@ -46,7 +53,7 @@ from planner.verification.verify import verify
 
 NAME = "desensitised"
 
-EASY = 0.5
+EASY_PLAN_SHARE = 0.5
 """Share of the time, where that is limited, for the plan of least effort."""
 
 REFINEMENTS = 4
@@ -86,19 +93,22 @@ def plan_desensitised(
         _refuse_no_room(job)
         if near is None:
             plain = CollocationOptions(rest=options.rest, intervals=options.intervals)
-            with time_share(EASY):
+            with time_share(EASY_PLAN_SHARE):
                 easy = plan_collocation(problem, plain)
         else:
             easy = near
         if not options.reversal:
             turned = turns(easy.trajectory)
             first = easy.q(turned[0] if len(turned) else easy.duration)[0] - easy.q(0.0)[0]
-            way = 1.0 if first >= 0 else -1.0
+            sign = 1.0 if first >= 0 else -1.0
             shares = tuple(turned / easy.duration)
-            job = replace(job, asked=replace(job.asked, way=way, turns=shares))
-        start, solution, log = _searched(job, options, easy, near is not None)
-        done = polish(job, solution, options.accuracy, REFINEMENTS)
-        if span.was_reached and not believed(done, options.accuracy):
+            job = replace(job, demands=replace(job.demands, first_sign=sign, turns=shares))
+        with progress.progress_listener(None):  # counts from here on
+            start, solution, log = _search(job, options, easy, near is not None)
+            done = polish(job, solution, options.accuracy, REFINEMENTS)
+            search = progress.current_progress()
+        assert search is not None
+        if span.was_reached and not is_true_motion(done, options.accuracy):
             raise TimeUpError
         plan = _plan(done.task, done.solution, options)
         return replace(
@@ -106,7 +116,7 @@ def plan_desensitised(
             problem=problem,
             solve_time_s=time.perf_counter() - began - done.task.build_time_s,
             build_time_s=done.task.build_time_s,
-            iterations=sum(entry["iterations"] for entry in log) + done.iterations,
+            iterations=search.iterations,
             notes={"start": start, "tried": log, **plan.notes, **done.notes},
         )
 
@@ -129,7 +139,7 @@ def _task(problem: Problem, options: DesensitisedOptions) -> Task:
         inner=True,
         augmented=moved,
     )
-    asked = Asked(options.rest, effort=options.effort_limit or np.inf)
+    demands = InputDemands(options.rest, effort=options.effort_limit or np.inf)
     settings = Settings(options.tolerance, options.max_iterations)
     time_weight = options.time if problem.duration is None else 0.0
     terms = [
@@ -142,7 +152,7 @@ def _task(problem: Problem, options: DesensitisedOptions) -> Task:
     name = " + ".join(f"{weight:g} x {term}" for weight, term in terms if weight)
     weights = np.array([time_weight, options.effort, options.effort, 0.0, 0.0, 0.0])
     goal = Objective(NAME, f"{NAME}: {name} (deg^2)", weights)
-    return task(problem, goal, form, uniform(options.intervals), asked, settings)
+    return task(problem, goal, form, uniform(options.intervals), demands, settings)
 
 
 def spreads(system: TriangularSystem, options: DesensitisedOptions) -> dict[str, float]:
@@ -191,7 +201,7 @@ def _family(
     return {p.name: float(value) * unit for p, value in named if value > 0}
 
 
-def _searched(
+def _search(
     job: Task, options: DesensitisedOptions, easy: Plan, near: bool
 ) -> tuple[str, Solution, list[dict[str, Any]]]:
     """The best of all starts, the name of its own, and what became of each."""
@@ -220,7 +230,7 @@ AMPLITUDE = (0.6, 0.5)
 SLOWEST_DRIVE = 0.05
 """Least drive by which an excursion of q₁ is turned into u₁."""
 
-UNHURRIED = 3.0
+FREE_DURATION_RATIO = 3.0
 """A free duration is guessed so many times longer than that of the easy plan, a fast one."""
 
 
@@ -253,7 +263,7 @@ def excursion_guess(job: Task, easy: Trajectory, seed: Seed) -> Iterate:
     They obey the kinematics, because the response along them must be that of a motion: inputs are
     chosen, states and response follow by integration.
     """
-    duration = job.problem.duration or UNHURRIED * easy.duration
+    duration = job.problem.duration or FREE_DURATION_RATIO * easy.duration
     s = job.made.form.input_places(job.mesh)
     u = easy.u(s * easy.duration) * easy.duration
     fine = np.linspace(0.0, 1.0, 2001)
@@ -264,7 +274,7 @@ def excursion_guess(job: Task, easy: Trajectory, seed: Seed) -> Iterate:
     drive = easy.system.drive(easy.q(s * easy.duration))
     swing[:, 0] /= np.where(np.abs(drive) < SLOWEST_DRIVE, SLOWEST_DRIVE, drive)
     limit = job.problem.limits.input
-    return driven(job, duration, np.clip((u + swing) / duration, -limit, limit))
+    return iterate_of_inputs(job, duration, np.clip((u + swing) / duration, -limit, limit))
 
 
 def _sizes(job: Task, solution: Solution) -> dict[str, Any]:
@@ -345,8 +355,10 @@ def _broken(job: Task, plan: Plan, nodes: Array) -> list[Violation]:
     problem, moved, spent = job.problem, job.made.form.augmented, effort(plan.trajectory)
     assert moved is not None
     out = list(verify(plan).violations)
-    if spent > job.asked.effort:
-        out.append(Violation("effort", None, spent, job.asked.effort, "", spent / job.asked.effort))
+    if spent > job.demands.effort:
+        out.append(
+            Violation("effort", None, spent, job.demands.effort, "", spent / job.demands.effort)
+        )
     if not moved.backoff:
         return out
     x = ca.SX.sym("x", moved.size)

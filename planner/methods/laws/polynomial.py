@@ -45,7 +45,7 @@ def plan_polynomial(problem: Problem, options: PolynomialOptions) -> Plan:
         InputError: If a constraint point lies outside the motion or contradicts another.
     """
     began = time.perf_counter()
-    points = _given(problem, options)
+    points = _points_given(problem, options)
     ends = Ends.of(problem)
     offset, turn = choose_offset(
         ends,
@@ -74,7 +74,7 @@ def plan_polynomial(problem: Problem, options: PolynomialOptions) -> Plan:
     return replace(plan, notes={"points": used, **plan.notes})
 
 
-def _given(problem: Problem, options: PolynomialOptions) -> tuple[Point, ...] | None:
+def _points_given(problem: Problem, options: PolynomialOptions) -> tuple[Point, ...] | None:
     """The constraint points of the options, checked; None when they are to be chosen."""
     if options.points == "auto":
         return None
@@ -122,7 +122,7 @@ _SHARES = np.arange(1, 12) / 12
 
 
 @dataclass(frozen=True)
-class Chosen:
+class PointChoice:
     """What `choose_points` found best.
 
     Attributes:
@@ -136,7 +136,7 @@ class Chosen:
     notes: dict[str, Any]
 
 
-def choose_points(ends: Ends, solve: Solve, options: PolynomialOptions) -> Chosen:
+def choose_points(ends: Ends, solve: Solve, options: PolynomialOptions) -> PointChoice:
     """Choose 0, 1 or 2 constraint points, and the travel where it is free.
 
     More points are taken only where they lower the cost by more than one percent. Where no choice
@@ -169,7 +169,7 @@ def choose_points(ends: Ends, solve: Solve, options: PolynomialOptions) -> Chose
         "auto_cost_with_0_1_2_points": costs,
         "auto_found_inside": best.inside,
     }
-    return Chosen(travel, points, notes)
+    return PointChoice(travel, points, notes)
 
 
 class _PointFamily:

@@ -71,10 +71,10 @@ class Scores:
             slack: The slack that keeps a limit; see `end_slack`.
         """
         with np.errstate(invalid="ignore"):
-            outside = 2 + _bounded(-self.margin)
+            outside = 2 + _bound(-self.margin)
             close = 1 - self.margin / (_CLOSE * ends)
-            broken = 1 + _bounded(np.maximum(close, slack - self.slack))
-            kept = _bounded(self.peak)
+            broken = 1 + _bound(np.maximum(close, slack - self.slack))
+            kept = _bound(self.peak)
             if criterion == "margin":
                 short = self.margin < ends * (1 - 1e-6)
                 kept = np.where(short, 1 - 0.5 * self.margin / ends, 0.5 * kept)
@@ -110,14 +110,14 @@ def score(
         if candidate is not None:
             count += len(candidate.z_curve.x[1:]) * _count(samples, candidate.z_curve)
         if count >= MOST_SAMPLES:
-            parts.append(_scored(problem, together, samples))
+            parts.append(_score_one(problem, together, samples))
             together, count = [], 0
-    parts.append(_scored(problem, together, samples))
+    parts.append(_score_one(problem, together, samples))
     joined = (np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Scores))
     return Scores(*joined)
 
 
-def _scored(
+def _score_one(
     problem: Problem, candidates: Sequence[ChainedTrajectory | None], samples: int
 ) -> Scores:
     """Of candidates whose samples go through the chart together."""
@@ -127,14 +127,14 @@ def _scored(
         return Scores(*out)
     chosen = [c for c in candidates if c is not None]
     form, branch = chained_form(problem.system), chosen[0].branch
-    z = _sampled([c.z_curve for c in chosen], samples)
+    z = _sample([c.z_curve for c in chosen], samples)
     pieces = z.shape[1] // _count(samples, chosen[0].z_curve)
     worst = worst_margin(form.margins(z, branch)).reshape(len(chosen), pieces, -1)
     margin = np.minimum(np.min(worst, axis=(1, 2)), _dips(worst))
     out[0, made] = margin
     good = np.flatnonzero(margin > 0)
     if good.size:
-        v = _sampled([chosen[k].v_curve for k in good], samples)
+        v = _sample([chosen[k].v_curve for k in good], samples)
         q, u = form.both(z[good], v, branch)
         at = np.asarray(made)[good]
         out[1, at] = _slack(problem, z[good], q, pieces)
@@ -143,7 +143,7 @@ def _scored(
     return Scores(*out)
 
 
-def _sampled(curves: Sequence[Bernstein], samples: int) -> Array:
+def _sample(curves: Sequence[Bernstein], samples: int) -> Array:
     """Values (C, S, D) of curves with the same pieces, crowded towards each piece's ends.
 
     The ends themselves belong to both neighbours, each with its own limit.
@@ -216,7 +216,7 @@ def _rooms(problem: Problem, z: Array, q: Array) -> Iterator[Array]:
                     yield np.minimum(part.high - value, value - part.low) / part.scale
 
 
-def _bounded(x: Array) -> Array:
+def _bound(x: Array) -> Array:
     """Increasing map of [0, ∞] onto [0, 1]."""
     return np.where(np.isinf(x), 1.0, x / (1 + np.abs(x)))
 

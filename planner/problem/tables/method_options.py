@@ -8,9 +8,9 @@ these tables by `make generated`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 from pydantic.fields import FieldInfo
 
 from planner.support.user_tables import Table
@@ -280,23 +280,18 @@ class CollocationOptions(Table):
     edge_weight: Annotated[float, Field(ge=0)] = Field(
         0.0, description="Weight of the closeness to the domain's edge in the objective 'mixed'."
     )
-    start: Literal["auto", "straight", "polynomial", "convex", "bump", "reverse", "wander"] = Field(
+    start: Literal["auto", "straight", "bump", "reverse", "wander"] = Field(
         "auto",
         description="First guess. straight: a straight line; bump: the first coordinate goes out"
         " and back; reverse: it leaves the line and returns late; wander: smooth"
         " random loops with fixed seeds. auto: the line if no reversal is needed;"
-        " else some of each kind, and the best result is used. polynomial, convex:"
-        " deprecated, the same as auto (plans of those methods gave no better"
-        " motions).",
+        " else some of each kind, and the best result is used.",
     )
     starts: Annotated[int, Field(ge=1), Slider(1, 6)] = Field(
         10,
         description="Number of paths to find before the best is used (start = 'auto' or"
         " 'wander'). With 'auto' the search also ends with a path without"
         " reversal, or when the same path is found three times.",
-    )
-    variations: Annotated[int, Field(ge=0), NO_SLIDER] = Field(
-        0, description="Deprecated, without effect. Use more `attempts` for a longer search."
     )
     attempts: Annotated[int, Field(ge=1), Slider(1, 24)] = Field(
         16, description="Largest number of first guesses."
@@ -325,10 +320,14 @@ class CollocationOptions(Table):
         " refusal says how far the search got.",
     )
 
-    @field_validator("start")
+    @model_validator(mode="before")
     @classmethod
-    def _read_former_starts(cls, start: str) -> str:
-        return "auto" if start in ("polynomial", "convex") else start
+    def _read_former_options(cls, table: Any) -> Any:
+        """Files of earlier versions may have these; they had no effect in the end."""
+        if not isinstance(table, dict):
+            return table
+        kept = {key: value for key, value in table.items() if key != "variations"}
+        return kept | ({"start": "auto"} if kept.get("start") in ("polynomial", "convex") else {})
 
 
 class ConvexOptions(Table):

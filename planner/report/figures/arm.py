@@ -10,7 +10,7 @@ import numpy as np
 from planner.errors import InputError
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
-from planner.report.figures.style import TAG, Curve, Plans, curves, grid, heading, times
+from planner.report.figures.style import LABEL_BOX, Curve, Plans, curves, grid, heading, times
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
 
@@ -36,14 +36,14 @@ def plot_arm(plans: Plans, *, axes: Any = None, poses: int = 12) -> tuple[Figure
 
     Raises:
         InputError: If no plan is executable, `axes` do not fit, or the system has no place in the
-            plane (see `drawable`).
+            plane (see `can_draw`).
     """
     drawn = curves(plans, executable=True)
     problem = drawn[0].plan.problem
-    if not drawable(problem.system):
+    if not can_draw(problem.system):
         raise InputError(f"a {problem.system.kind} has neither an arm nor x and y to draw")
     ours = axes is None
-    shape, size = arrangement(drawn)
+    shape, size = arrange(drawn)
     figure, axes = grid(*shape, axes, size=size, share=("all", "all"))
     scale = _time_scale(max(curve.plan.duration for curve in drawn))
     arm = hasattr(problem.system, "arm_points")
@@ -61,13 +61,13 @@ def plot_arm(plans: Plans, *, axes: Any = None, poses: int = 12) -> tuple[Figure
     return figure, axes
 
 
-def drawable(system: TriangularSystem) -> bool:
+def can_draw(system: TriangularSystem) -> bool:
     """Whether `plot_arm` can draw the system."""
     names = {c.name for c in system.coordinates}
     return hasattr(system, "arm_points") or {"x", "y"} <= names
 
 
-def body(problem: Problem, q: Array) -> Array:
+def body_points(problem: Problem, q: Array) -> Array:
     """Points of the body in the plane at q (…, N): shape (…, P, 2); the tip, or (x, y), is last."""
     system: Any = problem.system
     if hasattr(system, "arm_points"):
@@ -89,26 +89,30 @@ def draw_places(ax: Any, problem: Problem) -> None:
     for point in problem.waypoints:
         q = np.where(np.isnan(point.q), [0.0, *[np.nan] * (len(point.q) - 1)], point.q)
         if np.all(np.isfinite(q)):
-            points = body(problem, q)
+            points = body_points(problem, q)
             ax.plot(*points.T, "o:", color="black", linewidth=1, markersize=3, zorder=4)
             name = f"waypoint {point.number}"
-            ax.annotate(name, points[-1], (6, 4), textcoords="offset points", fontsize=8, bbox=TAG)
+            ax.annotate(
+                name, points[-1], (6, 4), textcoords="offset points", fontsize=8, bbox=LABEL_BOX
+            )
     if problem.tip is not None and problem.tip.place is not None:
         ax.plot(*problem.tip.place, "x", color="black", markersize=9, zorder=6)
 
 
 def tips_to_pass(problem: Problem) -> Array:
     """Where the tip is at waypoints that fix the whole pose, and is to end, shape (m, 2)."""
-    tips = [body(problem, point.q)[-1] for point in problem.waypoints]
+    tips = [body_points(problem, point.q)[-1] for point in problem.waypoints]
     if problem.tip is not None and problem.tip.place is not None:
         tips.append(problem.tip.place)
     return np.array([tip for tip in tips if np.all(np.isfinite(tip))]).reshape(-1, 2)
 
 
-def arrangement(drawn: Sequence[Curve]) -> tuple[tuple[int, int], tuple[float, float]]:
+def arrange(drawn: Sequence[Curve]) -> tuple[tuple[int, int], tuple[float, float]]:
     """Rows and columns, and the size of a panel (inches): wide motions one below the other."""
-    seen = [body(c.plan.problem, c.plan.q(times(c.plan, 200))).reshape(-1, 2) for c in drawn]
-    wide, high = np.ptp(np.concatenate(seen), axis=0)
+    extents = [
+        body_points(c.plan.problem, c.plan.q(times(c.plan, 200))).reshape(-1, 2) for c in drawn
+    ]
+    wide, high = np.ptp(np.concatenate(extents), axis=0)
     if wide < 2 * high:
         return (1, len(drawn)), (3.8, 3.6)
     return (len(drawn), 1), (7.5, max(1.4, 7 * float(high / wide) + 0.8))
@@ -117,10 +121,10 @@ def arrangement(drawn: Sequence[Curve]) -> tuple[tuple[int, int], tuple[float, f
 def _draw(ax: Any, curve: Curve, scale: Any, poses: int) -> None:
     plan = curve.plan
     draw_places(ax, plan.problem)
-    path = body(plan.problem, plan.q(times(plan)))[:, -1]
+    path = body_points(plan.problem, plan.q(times(plan)))[:, -1]
     ax.plot(*path.T, color=curve.colour, linestyle=curve.dashes, linewidth=1.6, zorder=3)
     for t in np.linspace(0, plan.duration, poses):
-        points = body(plan.problem, plan.q(t))
+        points = body_points(plan.problem, plan.q(t))
         style = {"linewidth": 1.8, "markersize": 2.5 if len(points) > 2 else 4, "alpha": 0.75}
         order = 2 if len(points) > 2 else 4
         ax.plot(*points.T, "-o", color=scale.to_rgba(t), zorder=order, **style)
@@ -128,7 +132,7 @@ def _draw(ax: Any, curve: Curve, scale: Any, poses: int) -> None:
     for point, text in ((path[0], "start"), (path[-1], "end")):
         ax.plot(*point, "o", color="black", markersize=4, zorder=5)
         ax.annotate(
-            text, point, (6, -10), textcoords="offset points", fontsize=8, zorder=6, bbox=TAG
+            text, point, (6, -10), textcoords="offset points", fontsize=8, zorder=6, bbox=LABEL_BOX
         )
 
 
@@ -137,13 +141,15 @@ def _draw_closest(ax: Any, plan: Plan) -> None:
     required = plan.problem.self_collision
     if required is None:
         return
-    poses = body(plan.problem, plan.q(times(plan)))
+    poses = body_points(plan.problem, plan.q(times(plan)))
     points = poses[int(np.argmin(np.min(required.distances(poses), axis=0)))]
     one, other, away = required.nearest_pair(points)
     ax.plot(*points.T, "-", color="crimson", linewidth=1, zorder=4)
     ax.plot(*np.stack([one, other]).T, "-", color="crimson", linewidth=2.5, zorder=6)
     words = f"links {away:.2g} m apart" if away > 0 else "links cross"
-    ax.annotate(words, one, (6, 6), textcoords="offset points", fontsize=8, bbox=TAG, zorder=6)
+    ax.annotate(
+        words, one, (6, 6), textcoords="offset points", fontsize=8, bbox=LABEL_BOX, zorder=6
+    )
 
 
 def _time_scale(longest: float) -> Any:

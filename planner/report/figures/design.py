@@ -8,23 +8,32 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import expect
-from planner.report.figures.style import COLOURS, TAG, as_text, grid, heading, legend, logarithmic
+from planner.report.figures.style import (
+    COLOURS,
+    LABEL_BOX,
+    escape_math,
+    grid,
+    heading,
+    legend,
+    make_logarithmic,
+)
 from planner.support.tables import number
-from planner.sweep.design.figures import LOAD, DesignRow, Figure
+from planner.sweep.design.figures import CONTACT_LOAD, DesignRow, Figure
 from planner.sweep.design.result import DesignStudy
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
 
-MAP = "Blues"
+COLOUR_MAP = "Blues"
 """Dark for large values."""
 
-TAKEN, PRESENT, SLIPS, OTHER = COLOURS[1], COLOURS[2], "#B00020", "#9A9A9A"
+TAKEN_COLOUR, PRESENT_COLOUR = COLOURS[1], COLOURS[2]
+SLIP_COLOUR, OTHER_COLOUR = "#B00020", "#9A9A9A"
 
-WIDE = 5.0
+LOG_RATIO = 5.0
 """A figure whose values are so many times apart is shown by its logarithm."""
 
-MOST_LABELS = 8
+MAX_LABELS = 8
 """Of points of the front; more would cover each other."""
 
 
@@ -51,30 +60,30 @@ def plot_design(study: DesignStudy, *, axes: Any = None) -> tuple[Picture, Any]:
     high = 0.24 * len(study.rows) + 1.0 if bars else 3.3
     figure, axes = grid(2, 3, axes, size=(4.4, max(high, 3.3)))
     _front(axes[0, 0], study)
-    for ax, each in zip(axes.flat[1:], _decisive(study), strict=False):
+    for ax, each in zip(axes.flat[1:], _decisive_figures(study), strict=False):
         (_bars if bars else _map)(ax, study, each)
-    for ax in axes.flat[1 + len(_decisive(study)) :]:
+    for ax in axes.flat[1 + len(_decisive_figures(study)) :]:
         ax.set_axis_off()
-    taken = study.recommended
-    said = "no design solves a task" if taken is None else f"take {taken.design.name}"
-    heading(figure, f"{study.title}: {said}", ours=ours)
+    choice = study.recommended
+    answer = "no design solves a task" if choice is None else f"take {choice.design.name}"
+    heading(figure, f"{study.title}: {answer}", ours=ours)
     legend(figure, axes, axes[0, 0].get_legend_handles_labels()[0], ours=ours, abreast=5)
     return figure, axes
 
 
-def _decisive(study: DesignStudy) -> list[Figure]:
+def _decisive_figures(study: DesignStudy) -> list[Figure]:
     """Five figures: those traded, contacts, one-way tasks, tasks that another method solves."""
     by_key = {figure.key: figure for figure in study.figures}
     solved = [key for key in by_key if key.startswith("solved ")]
     after = [key for key in ("compensated_end_deg", "end_deg") if key in by_key]
-    keys = [*(f.key for f in study.front_by), LOAD, "one_way", *solved[1:2], *after]
+    keys = [*(f.key for f in study.front_by), CONTACT_LOAD, "one_way", *solved[1:2], *after]
     return [by_key[key] for key in dict.fromkeys(keys)][:5]
 
 
 def _front(ax: Any, study: DesignStudy) -> None:
     """The first two figures traded; of a single one, against the contacts' load."""
     x, *rest = study.front_by
-    load = next(figure for figure in study.figures if figure.key == LOAD)
+    load = next(figure for figure in study.figures if figure.key == CONTACT_LOAD)
     y = rest[0] if rest else load
     built = [row for row in study.rows if row.figures]
     solved = f"solved {study.asked.methods[0]}"
@@ -84,51 +93,51 @@ def _front(ax: Any, study: DesignStudy) -> None:
     holding = [r for r in built if r[solved] == most and r.holds]
     edges = []
     for figure, axis in ((x, ax.xaxis), (y, ax.yaxis)):
-        edges.append(_scaled(axis, [r[figure.key] for r in holding or built]))
-        axis.set_label_text(_titled(study, figure))
+        edges.append(_scale_axis(axis, [r[figure.key] for r in holding or built]))
+        axis.set_label_text(_figure_title(study, figure))
     for label, marker, colour, rows in (
-        ("solves fewer tasks", "v", OTHER, fewer),
-        ("contacts slip (at an edge: beyond it)", "x", SLIPS, slipping),
+        ("solves fewer tasks", "v", OTHER_COLOUR, fewer),
+        ("contacts slip (at an edge: beyond it)", "x", SLIP_COLOUR, slipping),
         ("", "o", COLOURS[0], holding),
     ):
         if rows:
             values = ([r[figure.key] for r in rows] for figure in (x, y))
-            at = (np.clip(v, *edge) for v, edge in zip(values, edges, strict=True))
+            places = (np.clip(v, *edge) for v, edge in zip(values, edges, strict=True))
             look = {"marker": marker, "color": colour, "s": 30, "zorder": 3, "clip_on": False}
-            ax.scatter(*at, label=label or None, **look)
+            ax.scatter(*places, label=label or None, **look)
     front = sorted(study.front, key=lambda row: row[x.key])
     line = [r[x.key] for r in front], [r[y.key] for r in front]
     ax.plot(*line, color=COLOURS[0], linewidth=1.2, label="no other design beats these")
     ring = {"s": 130, "facecolor": "none", "linewidth": 2.0, "zorder": 4}
     present = next((row for row in built if not row.design.values), None)
     for row, colour, label in (
-        (present, PRESENT, "as it is"),
-        (study.recommended, TAKEN, "recommended"),
+        (present, PRESENT_COLOUR, "as it is"),
+        (study.recommended, TAKEN_COLOUR, "recommended"),
     ):
         if row is not None and not np.isnan([row[x.key], row[y.key]]).any():
             ax.scatter(row[x.key], row[y.key], edgecolor=colour, label=label, **ring)
-    for row in _spread_out(front):
+    for row in _thin_out(front):
         words = ", ".join(number(v) for v in row.design.values.values() if not isinstance(v, list))
         if not row.design.values:  # it has its ring
             continue
         place = row[x.key], row[y.key]
-        shift = {"textcoords": "offset points", "xytext": (5, 5), "bbox": TAG}
-        ax.annotate(as_text(words or row.design.name), place, fontsize=7, zorder=2, **shift)
+        shift = {"textcoords": "offset points", "xytext": (5, 5), "bbox": LABEL_BOX}
+        ax.annotate(escape_math(words or row.design.name), place, fontsize=7, zorder=2, **shift)
 
 
-def _spread_out(front: Sequence[DesignRow]) -> list[DesignRow]:
+def _thin_out(front: Sequence[DesignRow]) -> list[DesignRow]:
     """Some of the front, its ends among them."""
-    if len(front) <= MOST_LABELS:
+    if len(front) <= MAX_LABELS:
         return list(front)
-    return [front[k] for k in np.linspace(0, len(front) - 1, MOST_LABELS).round().astype(int)]
+    return [front[k] for k in np.linspace(0, len(front) - 1, MAX_LABELS).round().astype(int)]
 
 
-def _scaled(axis: Any, values: Sequence[float]) -> tuple[float, float]:
+def _scale_axis(axis: Any, values: Sequence[float]) -> tuple[float, float]:
     """Set the ends of an axis, logarithmic where values are far apart, and return them."""
-    found = [v for v in values if np.isfinite(v)] or [0.0, 1.0]
-    low, high = min(found), max(found)
-    if low > 0 and high > WIDE * low:
-        logarithmic(axis)
+    numbers = [v for v in values if np.isfinite(v)] or [0.0, 1.0]
+    low, high = min(numbers), max(numbers)
+    if low > 0 and high > LOG_RATIO * low:
+        make_logarithmic(axis)
         room = (high / low) ** 0.12
         ends = low / room, high * room
     else:
@@ -138,9 +147,9 @@ def _scaled(axis: Any, values: Sequence[float]) -> tuple[float, float]:
     return ends
 
 
-def _titled(study: DesignStudy, figure: Figure) -> str:
+def _figure_title(study: DesignStudy, figure: Figure) -> str:
     words = {
-        LOAD: "contacts: torque over what they transmit",
+        CONTACT_LOAD: "contacts: torque over what they transmit",
         "one_way": f"tasks of {study.tasks} with a one-way motion",
         "spread_deg": "spread at the end on the machine",
         "E_deg": "error E on the machine",
@@ -150,13 +159,13 @@ def _titled(study: DesignStudy, figure: Figure) -> str:
     title = words.get(figure.key, figure.title)
     if figure.key.startswith("solved "):
         title = f"tasks of {study.tasks} solved by {figure.key.removeprefix('solved ')}"
-    return as_text(f"{title} ({figure.unit})" if figure.unit else title)
+    return escape_math(f"{title} ({figure.unit})" if figure.unit else title)
 
 
 def _value(study: DesignStudy, figure: Figure, row: DesignRow) -> tuple[float, str]:
     """The value and how it is written."""
     value = row.figures.get(figure.key, np.nan)
-    if figure.over == "part":
+    if figure.reduction == "part":
         return value * study.tasks, number(value * study.tasks, 4)
     return value, number(value, 2)
 
@@ -177,29 +186,34 @@ def _map(ax: Any, study: DesignStudy, figure: Figure) -> None:
     """One figure over two design variables, a cell a design."""
     from matplotlib.patches import Rectangle
 
-    found = _variables(study)
-    assert found is not None
-    own = [row for row in study.rows if row.design.values]
-    columns, lines = (sorted({row.design.values[key] for row in own}) for key in found)
+    variables = _variables(study)
+    assert variables is not None
+    rows = [row for row in study.rows if row.design.values]
+    columns, lines = (sorted({row.design.values[key] for row in rows}) for key in variables)
     shade = np.full((len(lines), len(columns)), np.nan)
     places = [
-        (columns.index(row.design.values[found[0]]), lines.index(row.design.values[found[1]]))
-        for row in own
+        (
+            columns.index(row.design.values[variables[0]]),
+            lines.index(row.design.values[variables[1]]),
+        )
+        for row in rows
     ]
-    for (i, j), row in zip(places, own, strict=True):
+    for (i, j), row in zip(places, rows, strict=True):
         shade[j, i] = _value(study, figure, row)[0]
     known = shade[np.isfinite(shade)]
-    if known.size and known.min() > 0 and known.max() > WIDE * known.min():
+    if known.size and known.min() > 0 and known.max() > LOG_RATIO * known.min():
         shade = np.log(shade)
         known = np.log(known)
     low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
     room = max(high - low, 1e-9)
     ax.grid(False)
-    ax.imshow(shade, cmap=MAP, origin="lower", aspect="auto", vmin=low, vmax=high + 0.35 * room)
-    for (i, j), row in zip(places, own, strict=True):
+    ax.imshow(
+        shade, cmap=COLOUR_MAP, origin="lower", aspect="auto", vmin=low, vmax=high + 0.35 * room
+    )
+    for (i, j), row in zip(places, rows, strict=True):
         look: dict[str, Any] = {"fill": False}
         if row.design.refused:
-            look |= {"hatch": "////", "edgecolor": OTHER, "linewidth": 0.0}
+            look |= {"hatch": "////", "edgecolor": OTHER_COLOUR, "linewidth": 0.0}
             ax.add_patch(Rectangle((i - 0.5, j - 0.5), 1, 1, **look))
             continue
         dark = np.isfinite(shade[j, i]) and (shade[j, i] - low) / room > 0.75
@@ -207,15 +221,15 @@ def _map(ax: Any, study: DesignStudy, figure: Figure) -> None:
         ink = "white" if dark else "black"
         ax.text(i, j, text, ha="center", va="center", fontsize=8, color=ink)
         if not row.holds:
-            ax.plot(i + 0.36, j + 0.34, "x", color=SLIPS, markersize=6, markeredgewidth=1.6)
+            ax.plot(i + 0.36, j + 0.34, "x", color=SLIP_COLOUR, markersize=6, markeredgewidth=1.6)
         if row is study.recommended:
-            look |= {"edgecolor": TAKEN, "linewidth": 2.4, "zorder": 5}
+            look |= {"edgecolor": TAKEN_COLOUR, "linewidth": 2.4, "zorder": 5}
             ax.add_patch(Rectangle((i - 0.47, j - 0.47), 0.94, 0.94, **look))
     ax.set_xticks(range(len(columns)), [number(v) for v in columns])
     ax.set_yticks(range(len(lines)), [number(v) for v in lines])
-    ax.set_xlabel(found[0])
-    ax.set_ylabel(found[1])
-    ax.set_title(_titled(study, figure), fontsize=9)
+    ax.set_xlabel(variables[0])
+    ax.set_ylabel(variables[1])
+    ax.set_title(_figure_title(study, figure), fontsize=9)
 
 
 def _bars(ax: Any, study: DesignStudy, figure: Figure) -> None:
@@ -225,18 +239,18 @@ def _bars(ax: Any, study: DesignStudy, figure: Figure) -> None:
     for k, (row, (value, text)) in enumerate(zip(study.rows, values, strict=True)):
         colour = COLOURS[0]
         if row is study.recommended:
-            colour = TAKEN
+            colour = TAKEN_COLOUR
         elif not row.design.values:
-            colour = PRESENT
+            colour = PRESENT_COLOUR
         if row.design.refused:
-            ax.text(0, k, " cannot be built", va="center", fontsize=7, color=OTHER)
+            ax.text(0, k, " cannot be built", va="center", fontsize=7, color=OTHER_COLOUR)
         elif np.isfinite(value):
             ax.barh(k, value, color=colour, height=0.7)
             slips = "" if row.holds else "  slips"
-            ink = "black" if row.holds else SLIPS
+            ink = "black" if row.holds else SLIP_COLOUR
             ax.text(value, k, f" {text}{slips}", va="center", fontsize=7, color=ink)
-    names = [as_text(row.design.name) for row in study.rows]
+    names = [escape_math(row.design.name) for row in study.rows]
     ax.set_yticks(range(len(names)), names, fontsize=7)
     ax.set_ylim(len(names) - 0.4, -0.6)
     ax.set_xlim(min(0.0, min((v for v, _ in values if np.isfinite(v)), default=0.0)), 1.2 * most)
-    ax.set_title(_titled(study, figure), fontsize=9)
+    ax.set_title(_figure_title(study, figure), fontsize=9)

@@ -27,15 +27,15 @@ import numpy as np
 
 from planner.errors import expect
 from planner.report.figures.mechanism_layout import (
-    BENT,
-    INCH,
-    LETTERS,
-    RIM,
-    THICK,
+    BEND_ANGLE,
+    NOTE_LETTERS,
+    RADII_PER_INCH,
+    RIM_RATIO,
+    THICKNESS,
     MechanismLayout,
     layout,
 )
-from planner.report.figures.style import COLOURS, TAG, heading
+from planner.report.figures.style import COLOURS, LABEL_BOX, heading
 from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem
@@ -43,9 +43,9 @@ from planner.systems.triangular_system import TriangularSystem
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MOTOR_2, CHAIN, BRANCH = COLOURS[:3]
-CONTACT, LINK, INK, QUIET = "#B00020", "#9A9A9A", "#222222", "#666666"
-BANDS = ("#F3F3F3", "#FFFFFF")
+MOTOR_2_COLOUR, CHAIN_COLOUR, BRANCH_COLOUR = COLOURS[:3]
+CONTACT_COLOUR, LINK_COLOUR, INK_COLOUR, NOTE_COLOUR = "#B00020", "#9A9A9A", "#222222", "#666666"
+BAND_COLOURS = ("#F3F3F3", "#FFFFFF")
 
 
 def plot_mechanism(system: TriangularSystem, *, axes: Any = None) -> tuple[Figure, Any]:
@@ -70,22 +70,23 @@ def plot_mechanism(system: TriangularSystem, *, axes: Any = None) -> tuple[Figur
     assert isinstance(system, Manipulator)
     plan, ours = layout(system), axes is None
     if ours:
-        from planner.report.figures.shown import ShownFigure  # slow to import
+        from planner.report.figures.notebook_figure import NotebookFigure  # slow to import
 
-        size = (plan.right - plan.left) / INCH, (plan.top - plan.bottom) / INCH + 0.4
-        axes = ShownFigure(figsize=size, dpi=100, layout="constrained").subplots()
+        width, height = plan.right - plan.left, plan.top - plan.bottom
+        size = (width / RADII_PER_INCH, height / RADII_PER_INCH + 0.4)
+        axes = NotebookFigure(figsize=size, dpi=100, layout="constrained").subplots()
     axes.set(xlim=(plan.left, plan.right), ylim=(plan.bottom, plan.top), aspect="equal")
     axes.set_axis_off()
-    pen = _Pen(axes)
+    pen = _Drawing(axes)
     _bands(pen, plan)
     _base(pen, plan)
     for i in range(1, system.n):
         _stage(pen, plan, i)
-        _names(pen, plan, i)
+        _write_names(pen, plan, i)
     for i in range(1, system.n + 1):
         _link(pen, plan, i)
-    _from_above(pen, plan)
-    _words(pen, plan)
+    _top_view(pen, plan)
+    _write_notes(pen, plan)
     title = f"How two motors drive {system.n} joints: the arm stretched out, seen from the side"
     heading(axes.figure, title, ours=ours)
     return axes.figure, axes
@@ -105,7 +106,7 @@ def mechanism_svg(system: TriangularSystem) -> str:
     return stream.getvalue()
 
 
-class _Pen:
+class _Drawing:
     """Draws parts into axes; each has a name (gid), by which it is found again."""
 
     def __init__(self, ax: Any) -> None:
@@ -130,177 +131,186 @@ class _Pen:
         self._add(Circle((centre[0], centre[1]), radius), gid, **look)
 
     def _add(self, patch: Any, gid: str, **look: Any) -> None:
-        patch.set(**({"edgecolor": INK, "linewidth": 0.8, "zorder": 3, "gid": gid} | look))
+        patch.set(**({"edgecolor": INK_COLOUR, "linewidth": 0.8, "zorder": 3, "gid": gid} | look))
         self.ax.add_patch(patch)
 
     def axle(self, start: Any, end: Any, colour: str) -> None:
-        for width, own, order in ((4.2, INK, 2.0), (2.8, colour, 2.1)):
-            look = {"color": own, "linewidth": width, "solid_capstyle": "butt", "zorder": order}
+        for width, shade, order in ((4.2, INK_COLOUR, 2.0), (2.8, colour, 2.1)):
+            look = {"color": shade, "linewidth": width, "solid_capstyle": "butt", "zorder": order}
             self.ax.plot(*np.transpose([start, end]), **look)
 
     def line(self, start: Any, end: Any, dashes: Any) -> None:
-        self.ax.plot(*np.transpose([start, end]), color=INK, linewidth=0.9, linestyle=dashes)
+        self.ax.plot(*np.transpose([start, end]), color=INK_COLOUR, linewidth=0.9, linestyle=dashes)
 
     def arrow(self, start: Any, end: Any, gid: str, **look: Any) -> None:
-        look = {"color": INK, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0} | look
+        look = {"color": INK_COLOUR, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0} | look
         self.ax.annotate("", end, start, arrowprops=look, zorder=7).set_gid(gid)
 
     def distance(self, start: Any, end: Any, text: str) -> None:
         self.arrow(start, end, f"distance {text}", arrowstyle="<->")
-        self.say(np.mean([start, end], axis=0), text, ha="center", bbox=TAG)
+        self.write(np.mean([start, end], axis=0), text, ha="center", bbox=LABEL_BOX)
 
-    def contact(self, at: Any, gid: str) -> None:
-        look = {"color": CONTACT, "markeredgecolor": "white", "markersize": 7, "zorder": 7}
-        self.ax.plot(*at, "o", gid=gid, **look)
+    def contact(self, place: Any, gid: str) -> None:
+        look = {"color": CONTACT_COLOUR, "markeredgecolor": "white", "markersize": 7, "zorder": 7}
+        self.ax.plot(*place, "o", gid=gid, **look)
 
-    def say(self, at: Any, text: str, colour: str = INK, size: float = 9, **look: Any) -> None:
+    def write(
+        self, place: Any, text: str, colour: str = INK_COLOUR, size: float = 9, **look: Any
+    ) -> None:
         look = {"va": "center", "fontsize": size, "zorder": 8} | look
-        self.ax.text(*at, text, color=colour, **look)
+        self.ax.text(*place, text, color=colour, **look)
 
 
-AXIS = (0, (8, 3, 1, 3))
+AXIS_DASHES = (0, (8, 3, 1, 3))
 """Dashes of axes of rotation, as on drawings."""
 
 
-def _bands(pen: _Pen, plan: MechanismLayout) -> None:
+def _bands(pen: _Drawing, plan: MechanismLayout) -> None:
     """What stands between two joints is carried by the link between them."""
     low = plan.link - 0.75
     for k, (a, b) in enumerate(pairwise([plan.left, *plan.joints.tolist(), plan.right])):
         middle, height = ((a + b) / 2, (plan.top + low) / 2), plan.top - low
         look = {"edgecolor": "none", "zorder": 0}
-        pen.box(middle, b - a, height, f"band {k}", BANDS[k % 2], **look)
+        pen.box(middle, b - a, height, f"band {k}", BAND_COLOURS[k % 2], **look)
         name = "base" if k == 0 else f"carried by link {k}"
-        pen.say((middle[0], plan.top - 0.12), name, QUIET, ha="center")
+        pen.write((middle[0], plan.top - 0.12), name, NOTE_COLOUR, ha="center")
 
 
-def _base(pen: _Pen, plan: MechanismLayout) -> None:
+def _base(pen: _Drawing, plan: MechanismLayout) -> None:
     """The base with motor 1 on the axle of the first wheel, motor 2 on the axis of joint 1."""
     wall, floor, top = plan.left + 0.25, plan.link - 0.45, plan.r1 + 0.4
     motor, look = (wall + 0.75, plan.r1), {"hatch": "///"}
-    pen.box((wall, (top + floor) / 2), 0.14, top - floor + 0.14, "base", LINK, **look)
-    pen.box((wall / 2, floor), -wall, 0.14, "base", LINK, **look)
-    pen.axle((wall, plan.r1), (0, plan.r1), CHAIN)
-    pen.box(motor, 0.9, 0.5, "motor 1", CHAIN)
-    pen.say(motor, "motor 1", "white", ha="center", weight="bold")
-    pen.say((motor[0], plan.r1 + 0.42), r"$u_1 = \dot\varphi_1$", ha="center")
-    pen.axle((0, floor), (0, plan.link), MOTOR_2)
-    pen.box((0, floor), 0.9, 0.42, "motor 2", MOTOR_2)
-    pen.say((0, floor), "motor 2", "white", ha="center", weight="bold")
-    pen.say((0.55, floor), r"$u_2 = \dot\theta_1$: turns link 1 and all that it carries")
+    pen.box((wall, (top + floor) / 2), 0.14, top - floor + 0.14, "base", LINK_COLOUR, **look)
+    pen.box((wall / 2, floor), -wall, 0.14, "base", LINK_COLOUR, **look)
+    pen.axle((wall, plan.r1), (0, plan.r1), CHAIN_COLOUR)
+    pen.box(motor, 0.9, 0.5, "motor 1", CHAIN_COLOUR)
+    pen.write(motor, "motor 1", "white", ha="center", weight="bold")
+    pen.write((motor[0], plan.r1 + 0.42), r"$u_1 = \dot\varphi_1$", ha="center")
+    pen.axle((0, floor), (0, plan.link), MOTOR_2_COLOUR)
+    pen.box((0, floor), 0.9, 0.42, "motor 2", MOTOR_2_COLOUR)
+    pen.write((0, floor), "motor 2", "white", ha="center", weight="bold")
+    pen.write((0.55, floor), r"$u_2 = \dot\theta_1$: turns link 1 and all that it carries")
 
 
-def _stage(pen: _Pen, plan: MechanismLayout, i: int) -> None:
+def _stage(pen: _Drawing, plan: MechanismLayout, i: int) -> None:
     """The stack of joint i, and what leads from it to joint i + 1."""
-    gear, (x, after) = plan.gears[i - 1], plan.joints[i - 1 : i + 1].tolist()
-    held, r1 = -THICK - plan.r2, gear.r1
-    pen.axle((x - 0.5, held), (x, held), BRANCH)
-    pen.box((x - 0.5, held), 0.12, 0.26, f"bearing of B'{i}", LINK)
-    pen.box((x, r1), THICK, 2 * r1, f"B{i}", CHAIN)
-    pen.box((x, held), THICK, 2 * plan.r2, f"B'{i}", BRANCH)
+    gear, (x, next_x) = plan.gears[i - 1], plan.joints[i - 1 : i + 1].tolist()
+    wheel_z, r1 = -THICKNESS - plan.r2, gear.r1
+    pen.axle((x - 0.5, wheel_z), (x, wheel_z), BRANCH_COLOUR)
+    pen.box((x - 0.5, wheel_z), 0.12, 0.26, f"bearing of B'{i}", LINK_COLOUR)
+    pen.box((x, r1), THICKNESS, 2 * r1, f"B{i}", CHAIN_COLOUR)
+    pen.box((x, wheel_z), THICKNESS, 2 * plan.r2, f"B'{i}", BRANCH_COLOUR)
     axle, lower = x + gear.R, x + gear.r3
-    pen.box((axle, -THICK / 2), 2 * RIM * gear.R, THICK, f"A{i}", CHAIN)
-    pen.box((lower, plan.p3 - THICK / 2), 2 * RIM * gear.r3, THICK, f"A'{i}", BRANCH)
-    for name, z in (("P1", 0.0), ("P2", -THICK), ("P3", plan.p3)):
+    pen.box((axle, -THICKNESS / 2), 2 * RIM_RATIO * gear.R, THICKNESS, f"A{i}", CHAIN_COLOUR)
+    height, width = plan.p3 - THICKNESS / 2, 2 * RIM_RATIO * gear.r3
+    pen.box((lower, height), width, THICKNESS, f"A'{i}", BRANCH_COLOUR)
+    for name, z in (("P1", 0.0), ("P2", -THICKNESS), ("P3", plan.p3)):
         pen.contact((x, z), f"{name} of joint {i}")
     if i == len(plan.gears):  # this disk drives no other
-        pen.axle((axle, 0), (axle, 0.3 * r1), CHAIN)
-        pen.box((axle, 0.3 * r1), 0.26, 0.12, f"bearing of A{i}", LINK)
+        pen.axle((axle, 0), (axle, 0.3 * r1), CHAIN_COLOUR)
+        pen.box((axle, 0.3 * r1), 0.26, 0.12, f"bearing of A{i}", LINK_COLOUR)
     else:  # bevel gears of ratio λ: pitch cones whose common apex is where the axles meet
         wide = 0.34 * min(gear.R, r1 / gear.lam)
         cone, apex = np.array([wide, wide * gear.lam]), np.array([axle, r1])
         upright = np.array([(-1, -1), (1, -1), (0.55, -0.55), (-0.55, -0.55)])
-        pen.polygon(apex + upright * cone, f"bevel gear of A{i}", CHAIN)
-        pen.polygon(apex - upright[:, ::-1] * cone, f"bevel gear of B{i + 1}", CHAIN)
-        pen.axle((axle, 0), (axle, r1 - cone[1]), CHAIN)
-        pen.axle((axle + cone[0], r1), (after, r1), CHAIN)
+        pen.polygon(apex + upright * cone, f"bevel gear of A{i}", CHAIN_COLOUR)
+        pen.polygon(apex - upright[:, ::-1] * cone, f"bevel gear of B{i + 1}", CHAIN_COLOUR)
+        pen.axle((axle, 0), (axle, r1 - cone[1]), CHAIN_COLOUR)
+        pen.axle((axle + cone[0], r1), (next_x, r1), CHAIN_COLOUR)
     pulley = 0.24 / max(1.0, gear.eta)  # a belt of ratio η
-    ends = lower - pulley, after + pulley * gear.eta
-    pen.axle((lower, plan.p3 - THICK), (lower, plan.belt), BRANCH)
-    pen.axle((after, plan.belt), (after, plan.link), BRANCH)
-    pen.box((lower, plan.belt), 2 * pulley, 0.16, f"pulley of A'{i}", BRANCH)
-    pen.box((after, plan.belt), 2 * pulley * gear.eta, 0.16, f"pulley of joint {i + 1}", BRANCH)
-    pen.box((sum(ends) / 2, plan.belt), ends[1] - ends[0], 0.07, f"belt {i}", INK, zorder=5)
+    ends = lower - pulley, next_x + pulley * gear.eta
+    pen.axle((lower, plan.p3 - THICKNESS), (lower, plan.belt), BRANCH_COLOUR)
+    pen.axle((next_x, plan.belt), (next_x, plan.link), BRANCH_COLOUR)
+    pen.box((lower, plan.belt), 2 * pulley, 0.16, f"pulley of A'{i}", BRANCH_COLOUR)
+    pen.box(
+        (next_x, plan.belt), 2 * pulley * gear.eta, 0.16, f"pulley of joint {i + 1}", BRANCH_COLOUR
+    )
+    pen.box((sum(ends) / 2, plan.belt), ends[1] - ends[0], 0.07, f"belt {i}", INK_COLOUR, zorder=5)
 
 
-def _names(pen: _Pen, plan: MechanismLayout, i: int) -> None:
+def _write_names(pen: _Drawing, plan: MechanismLayout, i: int) -> None:
     """Names of the parts of stage i and what it hands on; with the first one distances too."""
-    gear, (x, after) = plan.gears[i - 1], plan.joints[i - 1 : i + 1].tolist()
-    first, held = i == 1, -THICK - plan.r2
-    pen.say((x + 0.1, 2 * gear.r1), f"$B_{i}$" + (", a wheel" if first else ""))
-    pen.say((x + 0.1, held - 0.5 * plan.r2), f"$B'_{i}$")
-    pen.say((x + (1 + RIM) * gear.R + 0.05, -THICK / 2), f"$A_{i}$" + (", a disk" if first else ""))
-    pen.say((x + (1 + RIM) * gear.r3 + 0.05, plan.p3 - THICK / 2), f"$A'_{i}$")
-    for name, z in (("$P_1$", 0.1), ("$P_2$", -THICK - 0.1), ("$P_3$", plan.p3 + 0.1)):
-        pen.say((x - 0.1, z), name, CONTACT, ha="right")
+    gear, (x, next_x) = plan.gears[i - 1], plan.joints[i - 1 : i + 1].tolist()
+    first, wheel_z = i == 1, -THICKNESS - plan.r2
+    pen.write((x + 0.1, 2 * gear.r1), f"$B_{i}$" + (", a wheel" if first else ""))
+    pen.write((x + 0.1, wheel_z - 0.5 * plan.r2), f"$B'_{i}$")
+    pen.write(
+        (x + (1 + RIM_RATIO) * gear.R + 0.05, -THICKNESS / 2),
+        f"$A_{i}$" + (", a disk" if first else ""),
+    )
+    pen.write((x + (1 + RIM_RATIO) * gear.r3 + 0.05, plan.p3 - THICKNESS / 2), f"$A'_{i}$")
+    for name, z in (("$P_1$", 0.1), ("$P_2$", -THICKNESS - 0.1), ("$P_3$", plan.p3 + 0.1)):
+        pen.write((x - 0.1, z), name, CONTACT_COLOUR, ha="right")
     holder = "held by the base" if first else f"held by link {i - 1}"
-    pen.say((x - 0.6, held), holder, QUIET, 8, ha="right")
+    pen.write((x - 0.6, wheel_z), holder, NOTE_COLOUR, 8, ha="right")
     before = rf"{{{i}}}\;\dot\varphi_{{{i}}}$"
     joint = rf"$\dot\theta_{{{i + 1}}} = \frac{{r_1}}{{\eta\,r_3}}\,\cos^3\theta_{before}"
-    middle = (x + gear.r3 + after) / 2
-    pen.say((middle, plan.belt + 0.22), joint, size=11, ha="center")
+    middle = (x + gear.r3 + next_x) / 2
+    pen.write((middle, plan.belt + 0.22), joint, size=11, ha="center")
     if i < len(plan.gears):
         disk = rf"$\dot\varphi_{{{i + 1}}} = \frac{{r_1}}{{\lambda R}}\,\cos\theta_{before}"
-        pen.say(((x + 1.34 * gear.R + after) / 2, gear.r1 + 0.3), disk, size=11, ha="center")
+        pen.write(((x + 1.34 * gear.R + next_x) / 2, gear.r1 + 0.3), disk, size=11, ha="center")
         if first:
             gears = r"bevel gears ($\lambda$), long shaft"
-            pen.say((x + 1.5 * gear.R, gear.r1 - 0.15), gears, QUIET, 8)
+            pen.write((x + 1.5 * gear.R, gear.r1 - 0.15), gears, NOTE_COLOUR, 8)
     if first:
-        pen.say((middle, plan.belt - 0.16), r"belt ($\eta$)", QUIET, 8, ha="center")
+        pen.write((middle, plan.belt - 0.16), r"belt ($\eta$)", NOTE_COLOUR, 8, ha="center")
         pen.distance((x, 0.22), (x + gear.R, 0.22), "$R$")
         pen.distance((x - 0.42, 0), (x - 0.42, gear.r1), "$r_1$")
-        low = plan.p3 - THICK - 0.14
+        low = plan.p3 - THICKNESS - 0.14
         pen.distance((x, low), (x + gear.r3, low), "$r_3$")
 
 
-def _link(pen: _Pen, plan: MechanismLayout, i: int) -> None:
+def _link(pen: _Drawing, plan: MechanismLayout, i: int) -> None:
     """The bar of link i, the axis of its joint, and the angle's name."""
     x = float(plan.joints[i - 1])
     end = float(plan.joints[i]) if i < len(plan.joints) else x + 1.5
     low, top = plan.link - 0.14 * (i % 2), 2 * plan.r1
-    pen.box(((x + end) / 2, low), end - x, 0.1, f"link {i}", LINK, zorder=2.5)
-    pen.line((x, plan.link - 0.3), (x, top + 0.2), AXIS)
-    colour, name = MOTOR_2 if i == 1 else BRANCH, rf"joint {i}, $\theta_{i}$"
-    pen.say((x, top + 0.36), name, colour, ha="center", weight="bold")
-    pen.say(((x + end) / 2, low - 0.15), f"link {i}", ha="center")
+    pen.box(((x + end) / 2, low), end - x, 0.1, f"link {i}", LINK_COLOUR, zorder=2.5)
+    pen.line((x, plan.link - 0.3), (x, top + 0.2), AXIS_DASHES)
+    colour, name = MOTOR_2_COLOUR if i == 1 else BRANCH_COLOUR, rf"joint {i}, $\theta_{i}$"
+    pen.write((x, top + 0.36), name, colour, ha="center", weight="bold")
+    pen.write(((x + end) / 2, low - 0.15), f"link {i}", ha="center")
 
 
-def _from_above(pen: _Pen, plan: MechanismLayout) -> None:
+def _top_view(pen: _Drawing, plan: MechanismLayout) -> None:
     """Contact P₁ of joint 1 from above, to the same scale, with the joint bent."""
     from matplotlib.patches import Arc
 
     gear, here = plan.gears[0], plan.contact
-    along, tangent = np.array([[np.cos(BENT), np.sin(BENT)], [-np.sin(BENT), np.cos(BENT)]])
+    cos, sin = np.cos(BEND_ANGLE), np.sin(BEND_ANGLE)
+    along, tangent = np.array([[cos, sin], [-sin, cos]])
     axle, far = here + gear.R * along, here + 2.35 * along
     rim = here + np.array([0.0, 1.25])
-    taken = here + 1.25 * np.cos(BENT) * tangent
-    pen.circle(axle, RIM * gear.R, "A1 from above", facecolor=CHAIN, alpha=0.25)
+    label_place = here + 1.25 * cos * tangent
+    pen.circle(axle, RIM_RATIO * gear.R, "A1 from above", facecolor=CHAIN_COLOUR, alpha=0.25)
     pen.circle(axle, gear.R, "track of P1", fill=False, linestyle=":")
-    pen.axle((plan.left + 0.3, here[1]), here, CHAIN)
-    pen.box(here, THICK, 2 * gear.r1, "B1 from above", CHAIN, alpha=0.6)
-    pen.line(here, far, AXIS)
+    pen.axle((plan.left + 0.3, here[1]), here, CHAIN_COLOUR)
+    pen.box(here, THICKNESS, 2 * gear.r1, "B1 from above", CHAIN_COLOUR, alpha=0.6)
+    pen.line(here, far, AXIS_DASHES)
     pen.line(here, here + np.array([1.5, 0.0]), ":")
-    pen.ax.add_patch(Arc((here[0], here[1]), 2, 2, theta1=0, theta2=np.rad2deg(BENT)))
-    half = np.array([np.cos(BENT / 2), np.sin(BENT / 2)])
-    pen.say(here + 1.12 * half, r"$\theta_1$", ha="center")
+    pen.ax.add_patch(Arc((here[0], here[1]), 2, 2, theta1=0, theta2=np.rad2deg(BEND_ANGLE)))
+    half = np.array([np.cos(BEND_ANGLE / 2), np.sin(BEND_ANGLE / 2)])
+    pen.write(here + 1.12 * half, r"$\theta_1$", ha="center")
     speed = {"arrowstyle": "-|>", "linewidth": 2.2}
-    pen.arrow(here, rim, "speed of B1", color=CHAIN, **speed)
-    pen.arrow(here, taken, "speed of A1", color=CONTACT, **speed)
-    pen.line(rim, taken, "--")
+    pen.arrow(here, rim, "speed of B1", color=CHAIN_COLOUR, **speed)
+    pen.arrow(here, label_place, "speed of A1", color=CONTACT_COLOUR, **speed)
+    pen.line(rim, label_place, "--")
     pen.contact(here, "P1 from above")
-    title = f"From above: joint 1 bent by {np.rad2deg(BENT):.0f} degrees"
-    pen.say((plan.left + 0.2, plan.below), title, size=9.5, weight="bold")
+    title = f"From above: joint 1 bent by {np.rad2deg(BEND_ANGLE):.0f} degrees"
+    pen.write((plan.left + 0.2, plan.top_view_z), title, size=9.5, weight="bold")
     name = r"rim of $B_1$: $r_1\dot\varphi_1$"
-    pen.say(rim + np.array([-0.05, 0.1]), name, CHAIN, ha="right")
+    pen.write(rim + np.array([-0.05, 0.1]), name, CHAIN_COLOUR, ha="right")
     name = "taken by $A_1$:\n" + r"$r_1\dot\varphi_1\cos\theta_1$"
-    pen.say(taken - np.array([0.1, 0.0]), name, CONTACT, ha="right")
-    pen.say((plan.left + 0.3, here[1] + 0.15), "shaft of motor 1")
-    pen.say((here[0] + 0.1, here[1] - 0.8 * gear.r1), "wheel $B_1$, on the base")
-    pen.say(here - np.array([0.12, 0.14]), "$P_1$", CONTACT, ha="right")
-    pen.say(axle + 0.5 * gear.R * tangent, "disk $A_1$,\non link 1", ha="center")
-    pen.say(far + np.array([0.05, 0.0]), "link 1")
+    pen.write(label_place - np.array([0.1, 0.0]), name, CONTACT_COLOUR, ha="right")
+    pen.write((plan.left + 0.3, here[1] + 0.15), "shaft of motor 1")
+    pen.write((here[0] + 0.1, here[1] - 0.8 * gear.r1), "wheel $B_1$, on the base")
+    pen.write(here - np.array([0.12, 0.14]), "$P_1$", CONTACT_COLOUR, ha="right")
+    pen.write(axle + 0.5 * gear.R * tangent, "disk $A_1$,\non link 1", ha="center")
+    pen.write(far + np.array([0.05, 0.0]), "link 1")
 
 
-WHY = r"""The axis of joint 1 goes through the contact $P_1$. Bending the
+COSINE_NOTE = r"""The axis of joint 1 goes through the contact $P_1$. Bending the
 arm by $\theta_1$ turns disk $A_1$ under wheel $B_1$ about this very point.
 The rim of $B_1$ moves at $r_1\dot\varphi_1$. $A_1$ can only turn about its own
 axle; so of it $A_1$ takes $R\,\dot\alpha_1=r_1\dot\varphi_1\cos\theta_1$.
@@ -309,29 +319,35 @@ $B'_1$ drives $A'_1$. So cos$\theta_1$ comes once on the way to the next
 disk, and three times on the way to the next joint: cos$^3\theta_1$."""
 
 
-def _words(pen: _Pen, plan: MechanismLayout) -> None:
+def _write_notes(pen: _Drawing, plan: MechanismLayout) -> None:
     """Why cosθ appears, what the colours mean, and what the picture is drawn from."""
     gear, unit = plan.gears[0], plan.unit
     lengths = {"$r_1$": gear.r1 * unit, "$R$": gear.R * unit, "$r_3$": gear.r3 * unit}
     values = lengths | {r"$\lambda$": gear.lam, r"$\eta$": gear.eta}
-    given = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
+    geometry = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
     if len({round(g.r3, 9) for g in plan.gears}) > 1:
-        given = given.replace("$r_3$", "$r_3$ of joint 1")
+        geometry = geometry.replace("$r_3$", "$r_3$ of joint 1")
     lines = [
-        (r"Why cos$\theta$", INK, "bold"),
-        *((text, INK, "normal") for text in WHY.split("\n")),
+        (r"Why cos$\theta$", INK_COLOUR, "bold"),
+        *((text, INK_COLOUR, "normal") for text in COSINE_NOTE.split("\n")),
     ]
     lines += [
-        ("", INK, "normal"),
-        ("orange: the drive of motor 1, transmitted from disk to disk", CHAIN, "bold"),
-        ("green: the branch to the next joint, through a belt", BRANCH, "bold"),
-        ("blue: motor 2, which turns joint 1", MOTOR_2, "bold"),
-        ("red: friction contacts", CONTACT, "bold"),
-        ("", INK, "normal"),
-        ("Drawn to scale from", INK, "bold"),
-        (given + ("," if plan.inferred else "."), INK, "normal"),
-        *((text, INK, "normal") for text in textwrap.wrap(plan.inferred, LETTERS)),
-        ("$r_2$ cancels out. The link lengths are not to scale.", INK, "normal"),
+        ("", INK_COLOUR, "normal"),
+        ("orange: the drive of motor 1, transmitted from disk to disk", CHAIN_COLOUR, "bold"),
+        ("green: the branch to the next joint, through a belt", BRANCH_COLOUR, "bold"),
+        ("blue: motor 2, which turns joint 1", MOTOR_2_COLOUR, "bold"),
+        ("red: friction contacts", CONTACT_COLOUR, "bold"),
+        ("", INK_COLOUR, "normal"),
+        ("Drawn to scale from", INK_COLOUR, "bold"),
+        (geometry + ("," if plan.inferred else "."), INK_COLOUR, "normal"),
+        *((text, INK_COLOUR, "normal") for text in textwrap.wrap(plan.inferred, NOTE_LETTERS)),
+        ("$r_2$ cancels out. The link lengths are not to scale.", INK_COLOUR, "normal"),
     ]
     for k, (text, colour, weight) in enumerate(lines):
-        pen.say((plan.words, plan.below - 0.2 * k * INCH), text, colour, 9.5, weight=weight)
+        pen.write(
+            (plan.notes_x, plan.top_view_z - 0.2 * k * RADII_PER_INCH),
+            text,
+            colour,
+            9.5,
+            weight=weight,
+        )

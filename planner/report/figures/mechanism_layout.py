@@ -10,19 +10,19 @@ import numpy as np
 from planner.support.arrays import Array
 from planner.systems.manipulator import Gear, Manipulator, stage_gears
 
-INCH = 1 / 1.3
+RADII_PER_INCH = 1 / 1.3
 """Of paper, in largest radii: labels of 9 points then stand clear of each other."""
 
-LETTERS = 62
+NOTE_LETTERS = 62
 """Of a line of the words beside the view from above, 5 inches wide."""
 
-RIM = 1.12
+RIM_RATIO = 1.12
 """Radius of a drawn disk over the distance of its contact: the contact lies inside the rim."""
 
-THICK = 0.07
+THICKNESS = 0.07
 """Of disks and wheels."""
 
-BENT = np.deg2rad(35.0)
+BEND_ANGLE = np.deg2rad(35.0)
 """Angle of joint 1 in the view from above."""
 
 
@@ -55,12 +55,12 @@ class MechanismLayout:
     @property
     def p3(self) -> float:
         """Height of the contact P₃. P₁ is at zero, P₂ on the other face of A."""
-        return -THICK - 2 * self.r2
+        return -THICKNESS - 2 * self.r2
 
     @property
     def belt(self) -> float:
         """Height of the belts."""
-        return self.p3 - THICK - 0.42
+        return self.p3 - THICKNESS - 0.42
 
     @property
     def link(self) -> float:
@@ -68,17 +68,17 @@ class MechanismLayout:
         return self.belt - 0.3
 
     @property
-    def below(self) -> float:
+    def top_view_z(self) -> float:
         """Where the view from above and the words begin."""
         return self.link - 1.05
 
     @property
     def contact(self) -> Array:
         """P₁ of joint 1 in the view from above."""
-        over = max(1.25 + 0.25 * INCH, (RIM + np.sin(BENT)) * self.gears[0].R)
-        return np.array([-0.2, self.below - 0.25 * INCH - over])
+        over = max(1.25 + 0.25 * RADII_PER_INCH, (RIM_RATIO + np.sin(BEND_ANGLE)) * self.gears[0].R)
+        return np.array([-0.2, self.top_view_z - 0.25 * RADII_PER_INCH - over])
 
-    words = 2.7
+    notes_x = 2.7
     """Where the words begin, right of disk and link in the view from above."""
 
     left = -2.6
@@ -86,7 +86,7 @@ class MechanismLayout:
     @property
     def right(self) -> float:
         """End of the picture."""
-        return max(float(self.joints[-1]) + 2.0, self.words + 5.2 * INCH)
+        return max(float(self.joints[-1]) + 2.0, self.notes_x + 5.2 * RADII_PER_INCH)
 
     @property
     def top(self) -> float:
@@ -96,15 +96,16 @@ class MechanismLayout:
     @property
     def bottom(self) -> float:
         """Lower end of the picture."""
-        lines = 17 + len(textwrap.wrap(self.inferred, LETTERS))
-        drawn = float(self.contact[1]) - max(self.r1, 0.6 * self.gears[0].R)
-        return min(drawn, self.below - 0.2 * lines * INCH) - 0.15 * INCH
+        lines = 17 + len(textwrap.wrap(self.inferred, NOTE_LETTERS))
+        disk_bottom = float(self.contact[1]) - max(self.r1, 0.6 * self.gears[0].R)
+        note_bottom = self.top_view_z - 0.2 * lines * RADII_PER_INCH
+        return min(disk_bottom, note_bottom) - 0.15 * RADII_PER_INCH
 
 
 def layout(system: Manipulator) -> MechanismLayout:
     """The geometry of a manipulator, given or inferred, and the places of its stages."""
-    given, inferred = stage_gears(system)
-    unit = max(max(g.r1, g.R, g.r3) for g in given)
-    gears = tuple(Gear(g.r1 / unit, g.R / unit, g.r3 / unit, g.lam, g.eta) for g in given)
-    spans = [(1 + RIM) * max(g.R, g.r3) + 1 for g in gears]
+    stages, inferred = stage_gears(system)
+    unit = max(max(g.r1, g.R, g.r3) for g in stages)
+    gears = tuple(Gear(g.r1 / unit, g.R / unit, g.r3 / unit, g.lam, g.eta) for g in stages)
+    spans = [(1 + RIM_RATIO) * max(g.R, g.r3) + 1 for g in gears]
     return MechanismLayout(gears, unit, inferred, np.concatenate([[0.0], np.cumsum(spans)]))

@@ -18,14 +18,14 @@ from planner.comparison.rows import FEEDBACK, Row
 from planner.errors import InputError, expect
 from planner.machine.replay import Replay
 from planner.report.figures.style import (
-    REFUSED,
+    REFUSED_SUFFIX,
     Curve,
     axis_label,
     colours,
     grid,
     heading,
     legend,
-    logarithmic,
+    make_logarithmic,
     time_label,
 )
 from planner.support.arrays import Array
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-A_REPLAY = "planner.replay(plan) makes one; several are given by label"
+REPLAY_HINT = "planner.replay(plan) makes one; several are given by label"
 
 
 def plot_replays(
@@ -57,12 +57,12 @@ def plot_replays(
         InputError: If there is nothing to draw or `axes` do not fit.
     """
     if not isinstance(replays, Mapping):
-        expect(Replay, replays, A_REPLAY)
+        expect(Replay, replays, REPLAY_HINT)
         replays = {replays.plan.method: replays}
     colour = colours(list(replays))
     runs = {label: run for label, run in replays.items() if run is not None}
     for run in runs.values():
-        expect(Replay, run, A_REPLAY)
+        expect(Replay, run, REPLAY_HINT)
     first = next(iter(runs.values()), None)
     if first is None or not first.angles:
         raise InputError("no plan with angles was replayed, so there is nothing to draw")
@@ -102,7 +102,7 @@ def _draw_replay(axes: Any, run: Replay, colour: str) -> None:
         ax.set_ylabel(axis_label(plan.problem.system.coordinates[i]))
 
 
-CLOSED = "the same plan with feedback"
+FEEDBACK_LABEL = "the same plan with feedback"
 
 
 def plot_efforts(comparison: Comparison, *, axes: Any = None) -> tuple[Figure, Any]:
@@ -135,17 +135,19 @@ def plot_efforts(comparison: Comparison, *, axes: Any = None) -> tuple[Figure, A
     unit = effort_unit(comparison.problem.system)
     ax.set_xlabel(f"effort: integral of u1^2 + u2^2 dt ({unit})")
     ax.set_ylabel("error index E (deg), median to 95 %")
-    _scale(ax.xaxis, far_apart([row.effort for row in rows]))
-    _scale(ax.yaxis, far_apart([row.E_median_deg for row in rows]))
+    _scale(ax.xaxis, needs_log_axis([row.effort for row in rows]))
+    _scale(ax.yaxis, needs_log_axis([row.E_median_deg for row in rows]))
     ax.set_title(f"Effort against error on {comparison.samples} emulated machines", fontsize=11)
     handles = ax.get_legend_handles_labels()[0]
     if any(row.feedback for row in rows):
-        handles += ax.plot([], [], "o", color="#444444", markerfacecolor="white", label=CLOSED)
+        handles += ax.plot(
+            [], [], "o", color="#444444", markerfacecolor="white", label=FEEDBACK_LABEL
+        )
     legend(figure, ax, handles, ours=ours, abreast=2)
     return figure, ax
 
 
-def far_apart(values: ArrayLike) -> bool:
+def needs_log_axis(values: ArrayLike) -> bool:
     """Whether values get a logarithmic axis, in a picture and on the page: over ten times apart."""
     every = np.asarray(values, dtype=float)
     return bool(np.min(every) > 0 and np.max(every) > 10 * np.min(every))
@@ -156,7 +158,7 @@ def _scale(axis: Any, log: bool) -> None:
     if not log:
         axis.axes.set(**{f"{axis.axis_name}lim": (0, None)})
         return
-    logarithmic(axis)
+    make_logarithmic(axis)
     axis.set_label_text(f"{axis.get_label_text()}, log scale")
 
 
@@ -170,7 +172,7 @@ def _draw_row(ax: Any, row: Row, colour: str) -> None:
         "o",
         color=colour,
         markerfacecolor="white" if row.feedback else colour,
-        label=None if row.feedback else row.label if row.solved else f"{row.label}{REFUSED}",
+        label=None if row.feedback else row.label if row.solved else f"{row.label}{REFUSED_SUFFIX}",
         linestyle="none",
     )
     if not row.solved:
@@ -222,7 +224,7 @@ def plot_errors(
         _distribution(ax, label, np.sort(error), colour[label], label in refused)
     ax.set_ylim(0, 1.02)
     ax.set_xlabel("error index E (deg): largest joint error during the motion, eq. (29)")
-    _scale(ax.xaxis, far_apart(spread(list(known.values()))))
+    _scale(ax.xaxis, needs_log_axis(error_range(list(known.values()))))
     ax.set_ylabel("share of machines with a smaller error")
     count = max(len(e) for e in known.values())
     ax.set_title(f"Error on {count} emulated machines", fontsize=11)
@@ -233,14 +235,14 @@ def plot_errors(
 def _distribution(ax: Any, label: str, error: Array, colour: str, refused: bool) -> None:
     share = np.arange(1, len(error) + 1) / len(error)
     median, high = np.percentile(error, [50, 95])
-    text = f"{label}{REFUSED * refused}: median {median:.3g}, 95 % {high:.3g} deg"
+    text = f"{label}{REFUSED_SUFFIX * refused}: median {median:.3g}, 95 % {high:.3g} deg"
     closed = label.endswith(FEEDBACK)
     style, fill = (":", "white") if closed else ("--" if refused else "-", colour)
     ax.step(error, share, style, where="post", color=colour, linewidth=1.8, label=text)
     ax.plot([median, high], [0.5, 0.95], "o", color=colour, markerfacecolor=fill, markersize=5)
 
 
-def spread(errors: list[Array]) -> tuple[float, float]:
+def error_range(errors: list[Array]) -> tuple[float, float]:
     """Least error but for one machine in a hundred, and the largest."""
     every = np.concatenate(errors)
     return float(np.percentile(every, 1)), float(np.max(every))

@@ -15,15 +15,15 @@ import numpy as np
 from planner.errors import InputError
 from planner.report import panels
 from planner.report.figures.style import (
-    DOMAIN,
-    LIMIT,
-    OUTSIDE,
-    TAG,
+    DOMAIN_COLOUR,
+    LABEL_BOX,
+    LIMIT_COLOUR,
+    OUTSIDE_COLOUR,
     Curve,
     Plans,
     Sharing,
-    as_text,
     curves,
+    escape_math,
     grid,
     heading,
     legend,
@@ -38,9 +38,9 @@ from planner.support.arrays import Array
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-EXIT = {"marker": "x", "color": "#B00020", "markersize": 8, "linestyle": "none"}
-DOTS = {"marker": "o", "color": "black", "markersize": 4, "linestyle": "none"}
-SIZES = {"inputs": (4.8, 3.4), "map": (6.4, 4.6)}
+EXIT_STYLE = {"marker": "x", "color": "#B00020", "markersize": 8, "linestyle": "none"}
+DOT_STYLE = {"marker": "o", "color": "black", "markersize": 4, "linestyle": "none"}
+PANEL_SIZES = {"inputs": (4.8, 3.4), "map": (6.4, 4.6)}
 """Width and height of one panel, inches, where it is not the usual."""
 
 
@@ -125,7 +125,7 @@ def plot(name: str, plans: Plans, axes: Any = None) -> tuple[Figure, Any]:
     """Draw a figure of `FIGURES`: all plans in each panel, or a column a plan.
 
     Args:
-        name: Its name.
+        name: Name of the figure.
         plans: One plan, several, or several by label; those it cannot show are left out.
         axes: Axes to draw into, one per panel.
 
@@ -151,17 +151,20 @@ def plot(name: str, plans: Plans, axes: Any = None) -> tuple[Figure, Any]:
 
 def _panels(kind: panels.Figure, drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
     """All plans in each panel."""
-    found = kind.panels(_plan_curves(drawn))
-    over_time = found[0]["kind"] == "time"
+    plan_panels = kind.panels(_plan_curves(drawn))
+    over_time = plan_panels[0]["kind"] == "time"
     share: tuple[Sharing, Sharing] = ("all" if over_time else "none", "none")
-    figure, axes = grid(*shape(len(found)), axes, size=SIZES.get(kind.id, (3.4, 2.6)), share=share)
+    figure, axes = grid(
+        *grid_shape(len(plan_panels)), axes, size=PANEL_SIZES.get(kind.id, (3.4, 2.6)), share=share
+    )
     every = list(axes.flat)
-    for ax, panel in zip(every, found, strict=False):
+    for ax, panel in zip(every, plan_panels, strict=False):
         _draw(ax, panel, drawn)
-    for ax in every[len(found) :]:
+    for ax in every[len(plan_panels) :]:
         ax.set_visible(False)
     if over_time:
-        for ax in every[max(0, len(found) - axes.shape[1]) : len(found)]:  # with nothing below
+        first = max(0, len(plan_panels) - axes.shape[1])
+        for ax in every[first : len(plan_panels)]:  # with nothing below
             ax.tick_params(labelbottom=True)
             ax.set_xlabel(time_label(curve.plan for curve in drawn))
     return figure, axes
@@ -169,11 +172,11 @@ def _panels(kind: panels.Figure, drawn: Sequence[Curve], axes: Any) -> tuple[Fig
 
 def _columns(kind: panels.Figure, drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
     """A column a plan, its panels of one id on the same axes."""
-    found = [kind.panels([one]) for one in _plan_curves(drawn)]
-    columns = [[list(same) for _, same in groupby(each, key=_id)] for each in found]
+    plan_panels = [kind.panels([one]) for one in _plan_curves(drawn)]
+    columns = [[list(same) for _, same in groupby(each, key=_id)] for each in plan_panels]
     figure, axes = grid(len(columns[0]), len(drawn), axes, share=("col", "row"))
-    for k, (curve, own) in enumerate(zip(drawn, columns, strict=True)):
-        for ax, same in zip(axes[:, k], own, strict=True):
+    for k, (curve, column) in enumerate(zip(drawn, columns, strict=True)):
+        for ax, same in zip(axes[:, k], column, strict=True):
             _draw_same(ax, same, drawn)
             if k:
                 ax.set_ylabel("")
@@ -186,7 +189,7 @@ def _id(panel: Panel) -> str:
     return str(panel["id"])
 
 
-def shape(count: int) -> tuple[int, int]:
+def grid_shape(count: int) -> tuple[int, int]:
     """Rows and columns for `count` panels, at most four abreast."""
     rows = -(-count // 4)
     return rows, -(-count // rows)
@@ -238,7 +241,7 @@ def _name(ax: Any, name: str, t: Array, y: Array) -> None:
         textcoords="offset points",
         ha="right" if late else "left",
         fontsize=9,
-        bbox=TAG,
+        bbox=LABEL_BOX,
     )
 
 
@@ -249,14 +252,14 @@ def _times(curve: Curve) -> Array:
 
 def _frame(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
     """What a panel over time has besides its curves."""
-    unit = as_text(panel["unit"])
+    unit = escape_math(panel["unit"])
     ax.set_ylabel(symbol(panel["title"]) + (f" ({unit})" if unit else ""))
     first = drawn[panel["series"][0]["plan"]]
     if "band" in panel:
         low, high = panel["band"]["low"], panel["band"]["high"]
         t = _times(first)
         label = r"domain: a real $\theta_1$ exists"
-        ax.fill_between(t, low, high, color=DOMAIN, label=label, linewidth=0)
+        ax.fill_between(t, low, high, color=DOMAIN_COLOUR, label=label, linewidth=0)
         edge = np.where(np.abs(low) > np.abs(high), low, high)
         ax.plot(t, edge, color="#7FA8C4", linewidth=0.8)
     if panel["id"] == "z2":
@@ -265,18 +268,18 @@ def _frame(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
         least = min(float(np.min(series["y"])) for series in panel["series"])
         low = min(panel["floor"] - 0.02, 1.1 * least)
         label = "outside the domain"
-        ax.axhspan(low, panel["floor"], color=OUTSIDE, label=label, linewidth=0)
+        ax.axhspan(low, panel["floor"], color=OUTSIDE_COLOUR, label=label, linewidth=0)
     for value in panel.get("limits", []):
-        ax.axhline(value, color=LIMIT, linestyle=":", linewidth=1.4)
+        ax.axhline(value, color=LIMIT_COLOUR, linestyle=":", linewidth=1.4)
     if panel.get("marks"):
         t, value = np.transpose(panel["marks"])
-        ax.plot(t - first.plan.lead_s, value, **EXIT, label="leaves or re-enters the domain")
+        ax.plot(t - first.plan.lead_s, value, **EXIT_STYLE, label="leaves or re-enters the domain")
     if "ends" in panel:
         longest = max(curve.plan.duration - curve.plan.lead_s for curve in drawn)
-        ax.plot([0, longest], panel["ends"], **DOTS, clip_on=False, zorder=5)
+        ax.plot([0, longest], panel["ends"], **DOT_STYLE, clip_on=False, zorder=5)
     if panel.get("stops"):
         t, value = np.transpose(panel["stops"])
-        ax.plot(t, value, **{**DOTS, "marker": "D"}, markerfacecolor="none", zorder=5)
+        ax.plot(t, value, **{**DOT_STYLE, "marker": "D"}, markerfacecolor="none", zorder=5)
 
 
 def _view(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
@@ -284,7 +287,8 @@ def _view(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
     ax.set_ylim(*panel["view"])
     if panel["limits"]:
         ax.text(0.995, max(panel["limits"]), "limit", transform=ax.get_yaxis_transform(),
-                ha="right", va="bottom", fontsize=8, color=LIMIT, zorder=5, bbox=TAG)  # fmt: skip
+                ha="right", va="bottom", fontsize=8, color=LIMIT_COLOUR, zorder=5,
+                bbox=LABEL_BOX)  # fmt: skip
     for above, note in enumerate(panel["notes"]):
         curve, value = drawn[note["plan"]], note["value"]
         _note(ax, curve, note["t"] - curve.plan.lead_s, value, above)
@@ -312,26 +316,26 @@ def _plane(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
     """What a panel in a plane has besides its paths."""
     from matplotlib.patches import Rectangle
 
-    across, up = (f"{symbol(name)} ({as_text(panel['unit'])})" for name in panel["names"])
+    across, up = (f"{symbol(name)} ({escape_math(panel['unit'])})" for name in panel["names"])
     (left, right), (bottom, top) = panel["view"]
     ax.set(xlabel=across, ylabel=up, xlim=(left, right), ylim=(bottom, top))
     if panel["region"]:
-        ax.set_facecolor(OUTSIDE)
+        ax.set_facecolor(OUTSIDE_COLOUR)
         (west, east), (south, north) = panel["region"]
         looks: dict[str, Any] = {"facecolor": "white", "edgecolor": "#B00020", "zorder": 0.3}
         ax.add_patch(Rectangle((west, south), east - west, north - south, **looks))
     for axis, value in panel["limits"]:
         draw = ax.axhline if axis else ax.axvline
-        draw(value, color=LIMIT, linestyle=":", linewidth=1.4)
+        draw(value, color=LIMIT_COLOUR, linestyle=":", linewidth=1.4)
     for (x, y), word in zip(panel["ends"], ("start", "goal"), strict=False):
-        ax.plot([x], [y], **DOTS, zorder=5)
-        ax.annotate(word, (x, y), (6, -10), textcoords="offset points", fontsize=8, bbox=TAG)
+        ax.plot([x], [y], **DOT_STYLE, zorder=5)
+        ax.annotate(word, (x, y), (6, -10), textcoords="offset points", fontsize=8, bbox=LABEL_BOX)
 
 
 def _entries(axes: Any) -> list[Any]:
     """One legend entry for each label that any of the axes holds."""
-    found: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     for ax in axes.flat:
         handles, labels = ax.get_legend_handles_labels()
-        found |= dict(zip(labels, handles, strict=True))
-    return list(found.values())
+        entries |= dict(zip(labels, handles, strict=True))
+    return list(entries.values())

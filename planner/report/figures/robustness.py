@@ -28,7 +28,7 @@ from planner.verification.summary import effort_unit
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MAP = "Blues"
+COLOUR_MAP = "Blues"
 """Light for no response, dark for the largest."""
 
 
@@ -50,16 +50,17 @@ def plot_sensitivity(
     expect(Sensitivity, found, "planner.sensitivity(plan) makes one")
     names = [found.plan.problem.system.coordinates[i].name for i in found.angles]
     first = found.plan.problem.system.coordinates[0].name
-    kept = [p for p, name in enumerate(found.parameters) if name != f"start {first}"]
+    columns = [p for p, name in enumerate(found.parameters) if name != f"start {first}"]
     labels = [
-        f"{_named(found.parameters[p])}\n{size_of(found.reference(spread)[p], found.units[p])}"
-        for p in kept
+        f"{_parameter_symbol(found.parameters[p])}\n"
+        + size_of(found.reference(spread)[p], found.units[p])
+        for p in columns
     ]
-    values = found.contribution_deg(spread)[:, kept]
-    figure, ax, ours = _heat(values, [symbol(n) for n in names], labels, axes)
-    for row, column in np.argwhere(found.irreducible[np.ix_(found.angles, kept)]):
+    values = found.contribution_deg(spread)[:, columns]
+    figure, ax, ours = _heat_map(values, [symbol(n) for n in names], labels, axes)
+    for row, column in np.argwhere(found.irreducible[np.ix_(found.angles, columns)]):
         ax.plot(column - 0.38, row - 0.34, "o", color=COLOURS[1], markersize=4)
-    _box_passive(ax, found, kept)
+    _box_passive(ax, found, columns)
     total, floor = found.total_deg(spread), found.floor_deg(spread)
     text = (
         f"{found.plan.method}: total {total:.4g} deg, of it irreducible (dots) {floor:.4g};"
@@ -87,7 +88,7 @@ def plot_machine_sensitivity(
     labels = [f"{entry_name(e)}: {e.reference:.3g} {e.unit}".strip() for e in loud]
     values = np.stack([e.contribution for e in loud], axis=0)
     angles = [symbol(n) for n in found.angles]
-    figure, ax, ours = _heat(values, labels, angles, axes, tall=True)
+    figure, ax, ours = _heat_map(values, labels, angles, axes, tall=True)
     nominal = ", ".join(f"{e:.2g}" for e in found.nominal_error_deg)
     text = f"{found.plan.method} on the machine; nominal errors {nominal} deg"
     heading(figure, text, ours=ours)
@@ -122,7 +123,7 @@ def plot_responses(
     return figure, ax
 
 
-def _heat(
+def _heat_map(
     values: Array, rows: Sequence[str], columns: Sequence[str], axes: Any, *, tall: bool = False
 ) -> tuple[Figure, Any, bool]:
     ours = axes is None
@@ -131,7 +132,8 @@ def _heat(
     ax = axes[0, 0]
     ax.grid(False)
     shade = np.abs(values) ** 0.5  # small responses stay visible beside large ones
-    ax.imshow(shade, cmap=MAP, aspect="auto", vmin=0, vmax=max(float(np.max(shade)), 1e-12) * 1.3)
+    most = max(float(np.max(shade)), 1e-12)
+    ax.imshow(shade, cmap=COLOUR_MAP, aspect="auto", vmin=0, vmax=1.3 * most)
     for (i, j), value in np.ndenumerate(values):
         if abs(value) >= 5e-4:
             ax.text(j, i, f"{value:.2g}", ha="center", va="center", fontsize=8)
@@ -141,13 +143,13 @@ def _heat(
     return figure, ax, ours
 
 
-def _box_passive(ax: Any, found: Sensitivity, kept: Sequence[int]) -> None:
+def _box_passive(ax: Any, responses: Sensitivity, columns: Sequence[int]) -> None:
     from matplotlib.patches import Rectangle
 
-    system = found.plan.problem.system
-    passive = [k for k, i in enumerate(found.angles) if i >= 2]
+    system = responses.plan.problem.system
+    passive = [k for k, i in enumerate(responses.angles) if i >= 2]
     for name in (f"start {system.coordinates[1].name}", f"gain {system.inputs[1].name}"):
-        column = kept.index(found.parameters.index(name))
+        column = columns.index(responses.parameters.index(name))
         for row in passive:
             ax.add_patch(
                 Rectangle(
@@ -167,7 +169,7 @@ def _effect_name(effect: str) -> str:
     return re.sub(unit, "", effect).replace("_nm", "_torque").replace("_", " ")
 
 
-def _named(parameter: str) -> str:
+def _parameter_symbol(parameter: str) -> str:
     word, _, which = parameter.partition(" ")
     return f"{word} {symbol(which)}" if which else symbol(f"k{word[1:]}").replace("k", "K")
 
@@ -230,12 +232,12 @@ def _reach(costs: tuple[Cost, ...], kind: str) -> Any:
     return np.nan_to_num(np.maximum([middle - ends[:, 0], ends[:, 1] - middle], 0.0))
 
 
-AXES = {
+AXIS_LABELS = {
     "effort": "effort: integral of u1^2 + u2^2 dt ({unit})",
     "duration": "duration (s)",
     "peak": "largest input, share of its limit",
 }
-KNEE = {"marker": "o", "markersize": 11, "fillstyle": "none", "markeredgewidth": 1.8}
+KNEE_STYLE = {"marker": "o", "markersize": 11, "fillstyle": "none", "markeredgewidth": 1.8}
 
 
 def plot_trade_off(curve: TradeOff, *, axes: Any = None) -> tuple[Figure, Any]:
@@ -257,30 +259,30 @@ def plot_trade_off(curve: TradeOff, *, axes: Any = None) -> tuple[Figure, Any]:
     _responses(axes[0, 0], curve)
     _machines(axes[0, 1], curve)
     _paths(axes[0, 2], curve)
-    heading(figure, f"{curve.problem.name}: {bought(curve)} (rings: the knee)", ours=ours)
+    heading(figure, f"{curve.problem.name}: {knee_sentence(curve)} (rings: the knee)", ours=ours)
     return figure, axes
 
 
-TELLING = 0.99
+PASSIVE_SHARE = 0.99
 """The passive block at the knee tells what was bought if it is below this part of the first
 point's: less does not show on the curve, and the total tells it."""
 
 
-def bought(curve: TradeOff) -> str:
+def knee_sentence(curve: TradeOff) -> str:
     """What the knee of a curve has for its cost, in one sentence without its full stop."""
-    first, k = curve.points[0], curve.knee
+    first, knee = curve.points[0], curve.knee
     unit = {"effort": f" {effort_unit(curve.problem.system)}", "duration": " s", "peak": ""}
-    cost = f"{curve.kind} {number(_cost(curve, k))}{unit[curve.kind]}"
-    if k is first:
+    cost = f"{curve.kind} {number(_cost(curve, knee))}{unit[curve.kind]}"
+    if knee is first:
         return f"the first point, {cost}, is the knee: more buys little"
-    what, before, after = "a total", first.total_deg, k.total_deg
-    if k.passive_deg < TELLING * first.passive_deg:
-        what, before, after = "a passive block", first.passive_deg, k.passive_deg
-    now, then = apart(after, before)
-    return f"at the knee {cost} buys {what} of {now} instead of {then}"
+    what, before, after = "a total", first.total_deg, knee.total_deg
+    if knee.passive_deg < PASSIVE_SHARE * first.passive_deg:
+        what, before, after = "a passive block", first.passive_deg, knee.passive_deg
+    reached, start = distinct_texts(after, before)
+    return f"at the knee {cost} buys {what} of {reached} instead of {start}"
 
 
-def apart(*angles: float) -> list[str]:
+def distinct_texts(*angles: float) -> list[str]:
     """Angles in degrees with the fewest digits, two at least, that tell different ones apart."""
     for digits in range(2, 8):
         texts = [_degrees(angle, digits) for angle in angles]
@@ -291,13 +293,13 @@ def apart(*angles: float) -> list[str]:
 
 def _degrees(angle: float, digits: int) -> str:
     """Never 0: what is less than the last digit that an encoder could tell is said to be less."""
-    if abs(angle) < LEAST_DEG:
-        return f"less than {LEAST_DEG:g} deg"
+    if abs(angle) < ENCODER_DEG:
+        return f"less than {ENCODER_DEG:g} deg"
     places = max(digits - 1 - int(np.floor(np.log10(abs(angle)))), 0)
     return f"{angle:.{places}f} deg"
 
 
-LEAST_DEG = 0.001
+ENCODER_DEG = 0.001
 
 
 def _responses(ax: Any, curve: TradeOff) -> None:
@@ -307,33 +309,33 @@ def _responses(ax: Any, curve: TradeOff) -> None:
         (COLOURS[1], "passive block", [p.passive_deg for p in curve.points]),
     ):
         ax.plot(cost, values, ".-", color=colour, label=label)
-        ax.plot(cost[curve.knee_index], values[curve.knee_index], color=colour, **KNEE)
+        ax.plot(cost[curve.knee_index], values[curve.knee_index], color=colour, **KNEE_STYLE)
     floor = curve.points[0].floor_deg
     ax.axhline(floor, color="#555555", linestyle=":", label="irreducible")
     ax.set_ylim(bottom=0)
-    ax.set_xlabel(_across(curve))
+    ax.set_xlabel(_cost_label(curve))
     ax.set_ylabel("response at the end (deg, one standard deviation)")
     ax.legend(fontsize=8)
 
 
 def _machines(ax: Any, curve: TradeOff) -> None:
-    cost, at = curve.cost, curve.knee_index
+    cost, knee = curve.cost, curve.knee_index
     rows = (
         (colour_of("collocation"), "machine, plan as it is", "machine"),
         (colour_of("compensated"), "machine, compensated", "compensated"),
         (COLOURS[0], "design errors alone", "errors_alone"),
     )
     for colour, label, which in rows:
-        found = [getattr(p, which) or {} for p in curve.points]
-        values = [f.get("terminal_p95_deg", np.nan) for f in found]
-        none = sum("refused" in f for f in found)
-        if none == len(found):
+        replays = [getattr(p, which) or {} for p in curve.points]
+        values = [f.get("terminal_p95_deg", np.nan) for f in replays]
+        none = sum("refused" in f for f in replays)
+        if none == len(replays):
             continue
-        label += f" ({none} of {len(found)} cannot be)" if none else ""
+        label += f" ({none} of {len(replays)} cannot be)" if none else ""
         ax.plot(cost, values, ".-", color=colour, label=label)
-        ax.plot(cost[at], values[at], color=colour, **KNEE)
+        ax.plot(cost[knee], values[knee], color=colour, **KNEE_STYLE)
     ax.set_ylim(0, 1.35 * ax.get_ylim()[1])  # room for the legend above every curve
-    ax.set_xlabel(_across(curve))
+    ax.set_xlabel(_cost_label(curve))
     ax.set_ylabel("largest joint error at the end (deg, 95 %)")
     ax.legend(fontsize=8, loc="upper right")
 
@@ -357,8 +359,8 @@ def reversals(count: int) -> str:
     return {0: "one way", 1: "1 reversal"}.get(count, f"{count} reversals")
 
 
-def _across(curve: TradeOff) -> str:
-    return AXES[curve.kind].format(unit=effort_unit(curve.problem.system))
+def _cost_label(curve: TradeOff) -> str:
+    return AXIS_LABELS[curve.kind].format(unit=effort_unit(curve.problem.system))
 
 
 def _cost(curve: TradeOff, point: TradeOffPoint) -> float:

@@ -42,7 +42,7 @@ Distinct in every common kind of colour vision (M. Okabe, K. Ito, 2008; P. Tol, 
 
 COLOURS = tuple(picture for picture, _, _ in PALETTE)
 
-METHODS = {
+METHOD_COLOURS = {
     "polynomial": 0,
     "sinusoid": 2,
     "collocation": 3,
@@ -55,15 +55,15 @@ METHODS = {
 """The colour that a method has wherever its plans are drawn. A second plan of a method in the same
 picture, and what is none of these, takes one that no method there has."""
 
-DOMAIN = "#DCEBF5"
-OUTSIDE = "#F3D9D0"
-LIMIT = "#555555"
-TAG = {"boxstyle": "square,pad=0.1", "color": "white", "alpha": 0.7}
+DOMAIN_COLOUR = "#DCEBF5"
+OUTSIDE_COLOUR = "#F3D9D0"
+LIMIT_COLOUR = "#555555"
+LABEL_BOX = {"boxstyle": "square,pad=0.1", "color": "white", "alpha": 0.7}
 """Behind words that stand on curves."""
 
-GRID = {"color": "#DDDDDD", "linewidth": 0.6}
+GRID_STYLE = {"color": "#DDDDDD", "linewidth": 0.6}
 
-REFUSED = " (refused)"
+REFUSED_SUFFIX = " (refused)"
 """Behind the label of a refused plan, in legends and titles."""
 
 Sharing = Literal["none", "all", "row", "col"]
@@ -99,7 +99,7 @@ class Curve:
     @property
     def name(self) -> str:
         """The label, with a word on a refusal."""
-        return f"{self.label}{REFUSED}" if self.refused else self.label
+        return f"{self.label}{REFUSED_SUFFIX}" if self.refused else self.label
 
     @property
     def title(self) -> str:
@@ -121,19 +121,21 @@ def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
     if isinstance(plans, str) or not isinstance(plans, Iterable):
         expect_plan(plans)
         plans = {plans.method: plans}
-    given: list[Any] = list(plans.values() if isinstance(plans, Mapping) else plans)
-    for plan in given:
+    listed: list[Any] = list(plans.values() if isinstance(plans, Mapping) else plans)
+    for plan in listed:
         if plan is not None or not isinstance(plans, Mapping):
             expect_plan(plan)
     if not isinstance(plans, Mapping):
-        plans = {f"{k + 1}: {plan.method}": plan for k, plan in enumerate(given)}
+        plans = {f"{k + 1}: {plan.method}": plan for k, plan in enumerate(listed)}
     colour = colours(list(plans))
-    found = [Curve(label, plan, colour[label]) for label, plan in plans.items() if plan is not None]
-    found = [c for c in found if c.plan.executable or not executable]
-    if not found:
+    drawn_curves = [
+        Curve(label, plan, colour[label]) for label, plan in plans.items() if plan is not None
+    ]
+    drawn_curves = [c for c in drawn_curves if c.plan.executable or not executable]
+    if not drawn_curves:
         kind = "executable plan" if executable else "plan"
         raise InputError(f"there is no {kind} to draw")
-    return found
+    return drawn_curves
 
 
 def colours(labels: Sequence[str]) -> dict[str, str]:
@@ -144,7 +146,7 @@ def colours(labels: Sequence[str]) -> dict[str, str]:
 def colour_numbers(labels: Sequence[str]) -> dict[str, int]:
     """The place in `PALETTE` of each plan's colour: its method's, as far as its label names one."""
     plans = list(dict.fromkeys(label.removesuffix(FEEDBACK) for label in labels))
-    usual = {plan: METHODS.get(_method(plan)) for plan in plans}
+    usual = {plan: METHOD_COLOURS.get(_method(plan)) for plan in plans}
     spare = [k for k in range(len(PALETTE)) if k not in usual.values()]
     number: dict[str, int] = {}
     for k, (plan, one) in enumerate(usual.items()):
@@ -156,7 +158,7 @@ def colour_numbers(labels: Sequence[str]) -> dict[str, int]:
 
 def colour_of(method: str) -> str:
     """The colour of a method's plans in pictures."""
-    return COLOURS[METHODS[method]]
+    return COLOURS[METHOD_COLOURS[method]]
 
 
 def _method(label: str) -> str:
@@ -196,28 +198,28 @@ def grid(
         InputError: If `axes` are not as many as needed.
     """
     if axes is not None:
-        given = np.array(axes, dtype=object, ndmin=1)
-        if given.size != rows * columns:
+        array = np.array(axes, dtype=object, ndmin=1)
+        if array.size != rows * columns:
             raise InputError(
-                f"this figure needs {rows * columns} axes ({rows} x {columns}), not {given.size}"
+                f"this figure needs {rows * columns} axes ({rows} x {columns}), not {array.size}"
             )
-        given = given.reshape(rows, columns)
-        return given[0, 0].figure, given
+        array = array.reshape(rows, columns)
+        return array[0, 0].figure, array
 
-    from planner.report.figures.shown import ShownFigure  # slow to import
+    from planner.report.figures.notebook_figure import NotebookFigure  # slow to import
 
-    figure = ShownFigure(
+    figure = NotebookFigure(
         figsize=(max(size[0] * columns, 4.8), size[1] * rows + 0.5), dpi=100, layout="constrained"
     )
-    made = figure.subplots(rows, columns, squeeze=False, sharex=share[0], sharey=share[1])
-    for ax in made.flat:
-        ax.grid(**GRID)
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=share[0], sharey=share[1])
+    for ax in panels.flat:
+        ax.grid(**GRID_STYLE)
         ax.set_axisbelow(True)
         ax.spines[["top", "right"]].set_visible(False)
-    return figure, made
+    return figure, panels
 
 
-def logarithmic(axis: Any) -> None:
+def make_logarithmic(axis: Any) -> None:
     """Make an axis logarithmic, with plain numbers on it."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -229,10 +231,10 @@ def logarithmic(axis: Any) -> None:
 
 def symbol(name: str) -> str:
     """A coordinate's name as mathematics where it has a number: theta1 becomes θ₁."""
-    found = re.fullmatch(r"(theta|phi|alpha|beta|[a-z])(\d+)", name)
-    if not found:
-        return as_text(name.replace("_", " "))
-    letter, number = found.groups()
+    match = re.fullmatch(r"(theta|phi|alpha|beta|[a-z])(\d+)", name)
+    if not match:
+        return escape_math(name.replace("_", " "))
+    letter, number = match.groups()
     return f"${letter if len(letter) == 1 else chr(92) + letter}_{{{number}}}$"
 
 
@@ -240,23 +242,23 @@ _LETTERS = {"theta": "θ", "phi": "φ", "alpha": "α", "beta": "β"}
 _DIGITS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
 
-def as_words(name: str) -> str:
+def readable_name(name: str) -> str:
     """theta1 becomes θ₁, u2 u₂; other names lose their underscores."""
-    found = re.fullmatch(r"(theta|phi|alpha|beta|[a-z])(\d+)", name)
-    if not found:
+    match = re.fullmatch(r"(theta|phi|alpha|beta|[a-z])(\d+)", name)
+    if not match:
         return name.replace("_", " ")
-    letter, digits = found.groups()
+    letter, digits = match.groups()
     return _LETTERS.get(letter, letter) + digits.translate(_DIGITS)
 
 
-def as_text(text: str) -> str:
+def escape_math(text: str) -> str:
     """Foreign text as Matplotlib draws it letter by letter; between two $ it reads mathematics."""
     return clean_text(text).replace("$", r"\$")
 
 
 def axis_label(coordinate: Coordinate) -> str:
     """Name and unit; angles are drawn in degrees."""
-    return f"{symbol(coordinate.name)} ({as_text(unit_of(coordinate))})"
+    return f"{symbol(coordinate.name)} ({escape_math(unit_of(coordinate))})"
 
 
 def unit_of(coordinate: Coordinate) -> str:
@@ -264,7 +266,7 @@ def unit_of(coordinate: Coordinate) -> str:
     return "deg" if coordinate.unit == "rad" else coordinate.unit
 
 
-def shown(values: Array, unit: str) -> Array:
+def to_display(values: Array, unit: str) -> Array:
     """Values in the unit they are drawn in: degrees for angles."""
     return np.rad2deg(values) if unit == "rad" else values
 
@@ -293,4 +295,4 @@ def heading(figure: Figure, text: str, *, ours: bool) -> None:
     """Set a title above a figure that we made."""
     if ours:
         letters = int(11 * figure.get_figwidth())
-        figure.suptitle(as_text(textwrap.fill(text, letters)), fontsize=11)
+        figure.suptitle(escape_math(textwrap.fill(text, letters)), fontsize=11)

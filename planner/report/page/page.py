@@ -13,17 +13,17 @@ from typing import Any
 import numpy as np
 
 from planner.comparison.comparison import Comparison
-from planner.comparison.rows import CLOSED, Row
+from planner.comparison.rows import FEEDBACK_NOTE, Row
 from planner.errors import InputError
 from planner.report.charts.scripts import script, source, stylesheet
 from planner.report.figures.mechanism import mechanism_svg
-from planner.report.figures.style import as_words
+from planner.report.figures.style import readable_name
 from planner.report.page.series import page_data
 from planner.report.page.words import (
     answers,
-    asked_for,
-    places,
+    colour_places,
     question,
+    task_facts,
     verdict_html,
 )
 from planner.report.panels import FIGURES
@@ -31,7 +31,7 @@ from planner.report.saved import load_comparison, load_replays
 from planner.support.files import expect_path, read_json, write_text
 from planner.support.tables import Column, Markup, R, html_table, number
 
-ROOM = "planner.report.page"
+PACKAGE = "planner.report.page"
 
 SCRIPTS = ("machines.js", "motion.js", "main.js")
 """Read in this order, after those of the charts, into one script."""
@@ -53,45 +53,45 @@ def write_report(folder: str | Path, out: str | Path | None = None) -> Path:
     """
     place = expect_path(folder)
     comparison, replays = load_comparison(place, strict=True), load_replays(place)
-    made = read_json(place / "comparison.json")
+    data = read_json(place / "comparison.json")
     target = place / "report.html" if out is None else Path(out)
     try:
-        page = report_page(comparison, replays, made)
+        page = report_page(comparison, replays, data)
     except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"{folder} is damaged, its files do not fit: {error!r:.200}") from None
     return write_text(target, page)
 
 
-def report_page(comparison: Comparison, replays: Mapping[str, Any], made: Mapping[str, Any]) -> str:
+def report_page(comparison: Comparison, replays: Mapping[str, Any], data: Mapping[str, Any]) -> str:
     """The page.
 
     Args:
         comparison: With its plans.
         replays: What `load_replays` gives.
-        made: `command` and `versions`, as in comparison.json.
+        data: `command` and `versions`, as in comparison.json.
     """
-    data = json.dumps(page_data(comparison, replays), separators=(",", ":"), ensure_ascii=False)
-    return Template(source(ROOM, "page.html")).substitute(
+    page = json.dumps(page_data(comparison, replays), separators=(",", ":"), ensure_ascii=False)
+    return Template(source(PACKAGE, "page.html")).substitute(
         title=html.escape(comparison.problem.name),
-        style=stylesheet(ROOM, "page.css"),
+        style=stylesheet(PACKAGE, "page.css"),
         question=question(comparison.problem),
         verdict=verdict_html(comparison),
         answers=_answers(comparison),
-        facts=_definitions(asked_for(comparison)),
+        facts=_definitions(task_facts(comparison)),
         partial="" if comparison.complete else _PARTIAL,
         table=_table(comparison),
-        differences=_differences(made.get("differences") or []),
-        worst=_worst(made.get("rows") or []),
+        differences=_differences(data.get("differences") or []),
+        worst=_worst(data.get("rows") or []),
         mechanism=_mechanism(comparison),
         figures=_figures(),
         samples=str(comparison.samples),
-        closed=CLOSED if any(row.feedback for row in comparison.rows) else "",
-        command=html.escape(made.get("command") or "made from Python"),
-        versions=_definitions(list(dict(made.get("versions") or {}).items())),
+        closed=FEEDBACK_NOTE if any(row.feedback for row in comparison.rows) else "",
+        command=html.escape(data.get("command") or "made from Python"),
+        versions=_definitions(list(dict(data.get("versions") or {}).items())),
         machine=html.escape(json.dumps(comparison.machine.to_dict(), indent=1)),
         problem=html.escape(json.dumps(comparison.problem.to_dict(), indent=1)),
-        data=data.replace("<", "\\u003c"),
-        script=script(ROOM, SCRIPTS),
+        data=page.replace("<", "\\u003c"),
+        script=script(PACKAGE, SCRIPTS),
     )
 
 
@@ -121,7 +121,7 @@ _PARTIAL = "<p><b>Partial: interrupted before all methods were finished.</b></p>
 
 
 def _answers(comparison: Comparison) -> str:
-    place = places(comparison)
+    place = colour_places(comparison)
     return "\n".join(
         f"<li>{_swatch(place[row.label], row)} <b>{html.escape(row.label)}</b> {text}</li>"
         for row, text in zip(comparison.rows, answers(comparison), strict=True)
@@ -145,7 +145,7 @@ def _figures() -> str:
 
 
 def _table(comparison: Comparison) -> str:
-    place, tries = places(comparison), comparison.advice
+    place, tries = colour_places(comparison), comparison.advice
     name = Column[Row]("plan", "", lambda row: _name(place[row.label], row, tries.get(row.label)))
     numbers = [
         _typeset(c, _symbols(c.title))
@@ -164,14 +164,14 @@ def _typeset(column: Column[R], title: str) -> Column[R]:
 
 def _symbols(title: str) -> str:
     """|u1| becomes |u₁|; a percent sign stays with its number."""
-    text = "|".join(as_words(part) for part in title.split("|"))
+    text = "|".join(readable_name(part) for part in title.split("|"))
     return text.replace(" %", "\N{NO-BREAK SPACE}%")
 
 
 Pair = Mapping[str, Any]
 
 
-def _pair(pair: Pair) -> Markup:
+def _pair_cell(pair: Pair) -> Markup:
     first, second = html.escape(pair["first"]), html.escape(pair["second"])
     return Markup(f"{first} <span class=why>against {second}</span>")
 
@@ -181,7 +181,7 @@ def _interval(pair: Pair) -> str:
     return f"{low}° to {high}°"
 
 
-def _holm(p: float) -> str:
+def _p_text(p: float) -> str:
     return "< 0.001" if p < 1e-3 else f"{p:.2g}"
 
 
@@ -191,12 +191,12 @@ def _verdict(pair: Pair) -> str:
     return "differ" if pair.get("matters", True) else "no difference that matters"
 
 
-PAIRS: list[Column[Pair]] = [
-    Column("plan", "", _pair),
+PAIR_COLUMNS: list[Column[Pair]] = [
+    Column("plan", "", _pair_cell),
     Column("difference of E", "", lambda p: p["median_deg"], lambda x: f"{number(x)}°"),
     Column("95 % interval", "", _interval),
     Column("less on", "", lambda p: f"{100 * p['first_better']:.0f} %"),
-    Column("p (Holm)", "", lambda p: p["p_corrected"], _holm),
+    Column("p (Holm)", "", lambda p: p["p_corrected"], _p_text),
     Column("verdict", "", _verdict),
 ]
 
@@ -205,7 +205,7 @@ def _differences(pairs: Sequence[Pair]) -> str:
     """Every two plans on the same machines, as a table in a fold; nothing for less than two."""
     if not pairs:
         return ""
-    name, *numbers = PAIRS
+    name, *numbers = PAIR_COLUMNS
     table = html_table(
         [name, *(_typeset(c, c.title) for c in numbers)], pairs, kind=lambda pair: ""
     )

@@ -10,18 +10,18 @@ import numpy as np
 from planner.comparison.comparison import Comparison
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
-from planner.report.figures.arm import body, drawable, tips_to_pass
-from planner.report.figures.on_the_machine import far_apart, spread
-from planner.report.figures.style import Curve, as_words, curves, shown, times, unit_of
-from planner.report.page.words import places
+from planner.report.figures.arm import body_points, can_draw, tips_to_pass
+from planner.report.figures.on_the_machine import error_range, needs_log_axis
+from planner.report.figures.style import Curve, curves, readable_name, times, to_display, unit_of
+from planner.report.page.words import colour_places
 from planner.report.panels import FIGURES, Panel, PlanCurves, screen_data, to_screen_digits
 from planner.support.arrays import Array, jsonable
 from planner.verification.summary import effort_unit
 
-POINTS = 500
+CURVE_POINTS = 500
 """About how many times a curve is drawn at."""
 
-PICTURES = 240
+MOTION_PICTURES = 240
 """Pictures of a motion; the page moves evenly between them."""
 
 
@@ -32,12 +32,12 @@ def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, A
         comparison: With its plans.
         replays: What `load_replays` gives.
     """
-    found = {row.label: row.plan for row in comparison.rows if row.plan is not None}
-    if not found:
+    plans = {row.label: row.plan for row in comparison.rows if row.plan is not None}
+    if not plans:
         return {"plans": [], "figures": []}
-    drawn, place = curves(found), places(comparison)
+    drawn, place = curves(plans), colour_places(comparison)
     closed = {row.label for row in comparison.rows if row.feedback}
-    plans = [
+    entries = [
         {**_plan(c, replays.get(c.label)), "colour": place[c.label], "closed": c.label in closed}
         for c in drawn
     ]
@@ -47,12 +47,12 @@ def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, A
     length = "link lengths" if hasattr(problem.system, "arm_points") else "m"
     space = {
         "discs": [[*disc.centre, disc.radius] for disc in problem.obstacles],
-        "tips": tips_to_pass(problem) if drawable(problem.system) else [],
+        "tips": tips_to_pass(problem) if can_draw(problem.system) else [],
     }
-    return dict(jsonable({"plans": plans, "figures": figures, "length": length, "space": space}))
+    return dict(jsonable({"plans": entries, "figures": figures, "length": length, "space": space}))
 
 
-def _plan(drawn: Curve, kept: Mapping[str, Any] | None) -> dict[str, Any]:
+def _plan(drawn: Curve, replay: Mapping[str, Any] | None) -> dict[str, Any]:
     plan = drawn.plan
     out = {
         "label": drawn.label,
@@ -60,13 +60,13 @@ def _plan(drawn: Curve, kept: Mapping[str, Any] | None) -> dict[str, Any]:
         "duration": plan.duration,
         "t": to_screen_digits(_times(plan)),
     }
-    if plan.executable and drawable(plan.problem.system):
-        even = np.linspace(0, plan.duration, PICTURES)
+    if plan.executable and can_draw(plan.problem.system):
+        even = np.linspace(0, plan.duration, MOTION_PICTURES)
         out["motion"] = _motion(plan.problem, even, plan.q(even))
-        path = body(plan.problem, plan.q(_times(plan)))[:, -1]
+        path = body_points(plan.problem, plan.q(_times(plan)))[:, -1]
         out["path"] = to_screen_digits(path)
-        if kept is not None:
-            run = kept["median"]
+        if replay is not None:
+            run = replay["median"]
             out["machine"] = _motion(plan.problem, np.array(run["t"]), np.array(run["q"]))
     return out
 
@@ -74,12 +74,12 @@ def _plan(drawn: Curve, kept: Mapping[str, Any] | None) -> dict[str, Any]:
 def _motion(problem: Problem, t: Array, q: Array) -> dict[str, Any]:
     """Points of the body, and each angle in words' units, over time."""
     tail = problem.system.coordinates[1:]
-    values = np.column_stack([shown(q[:, i + 1], c.unit) for i, c in enumerate(tail)])
+    values = np.column_stack([to_display(q[:, i + 1], c.unit) for i, c in enumerate(tail)])
     return {
         "t": to_screen_digits(t),
-        "points": np.round(body(problem, q), 4),
+        "points": np.round(body_points(problem, q), 4),
         "values": np.round(values, 3),
-        "names": [as_words(c.name) for c in tail],
+        "names": [readable_name(c.name) for c in tail],
         "units": [unit_of(c) for c in tail],
     }
 
@@ -104,11 +104,11 @@ def _figures(
         panels = figure.panels(fit)
         if figure.id == "joints":
             for i, panel in enumerate(panels, start=1):
-                panel["series"] += _on_the_machine(drawn, replays, i)
+                panel["series"] += _median_machine(drawn, replays, i)
         yield {"id": figure.id, "panels": [screen_data(panel) for panel in panels]}
 
 
-def _on_the_machine(
+def _median_machine(
     drawn: Sequence[Curve], replays: Mapping[str, Any], i: int
 ) -> Iterator[dict[str, Any]]:
     """Coordinate i of the machine of median error, a series a plan that was replayed."""
@@ -116,7 +116,7 @@ def _on_the_machine(
         if one.label in replays:
             q = np.asarray(replays[one.label]["median"]["q"], dtype=float)
             unit = one.plan.problem.system.coordinates[i].unit
-            yield {"plan": k, "y": shown(q[:, i], unit), "machine": True}
+            yield {"plan": k, "y": to_display(q[:, i], unit), "machine": True}
 
 
 # -- figures over machines ----------------------------------------------------------------------
@@ -129,7 +129,7 @@ def _spreads(
     if not known:
         return []
     errors = {k: np.sort(np.asarray(replays[label]["E_deg"], dtype=float)) for k, label in known}
-    low, high = spread(list(errors.values()))
+    low, high = error_range(list(errors.values()))
     series = [{"plan": k, "values": to_screen_digits(values)} for k, values in errors.items()]
     rows = {k: comparison[label] for k, label in known if np.isfinite(comparison[label].effort)}
     points = [
@@ -137,18 +137,18 @@ def _spreads(
         for k, row in rows.items()
     ]
     shares: Panel = {"kind": "share", "title": "Share of machines", "unit": "", "series": series}
-    shares |= {"across": "E (deg)", "span": [low, high], "log": far_apart([low, high])}
+    shares |= {"across": "E (deg)", "span": [low, high], "log": needs_log_axis([low, high])}
     unit = effort_unit(comparison.problem.system)
     trade: Panel = {"kind": "points", "title": "E", "unit": "deg", "points": points}
     trade |= {"across": f"effort ({unit})", "effort_unit": unit}
-    trade["log"] = [far_apart([p[axis] for p in points] or [1.0]) for axis in ("x", "y")]
+    trade["log"] = [needs_log_axis([p[axis] for p in points] or [1.0]) for axis in ("x", "y")]
     return [{"id": "trade", "panels": [trade]}, {"id": "errors", "panels": [shares]}]
 
 
 def _times(plan: Plan) -> Array:
     """Times that show a plan: many where it has corners, and not too many in all."""
-    every = times(plan, POINTS)
-    if len(every) <= 2 * POINTS:
+    every = times(plan, CURVE_POINTS)
+    if len(every) <= 2 * CURVE_POINTS:
         return every
-    some = np.linspace(0, len(every) - 1, 2 * POINTS).round().astype(int)
+    some = np.linspace(0, len(every) - 1, 2 * CURVE_POINTS).round().astype(int)
     return np.asarray(every[some])

@@ -11,13 +11,13 @@ from planner.comparison.comparison import Comparison
 from planner.comparison.rows import Row
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Part
-from planner.report.figures.style import as_words, colour_numbers, shown
+from planner.report.figures.style import colour_numbers, readable_name, to_display
 from planner.support.tables import number
 from planner.systems.triangular_system import Coordinate
 from planner.verification.summary import effort_unit
 
 
-def places(comparison: Comparison) -> dict[str, int]:
+def colour_places(comparison: Comparison) -> dict[str, int]:
     """Number of each row's colour; a row with feedback has that of the plan it follows."""
     return colour_numbers([row.label for row in comparison.rows])
 
@@ -56,7 +56,7 @@ def verdict_html(comparison: Comparison) -> str:
     return f"{text} The plan of {name} has the least effort."
 
 
-def asked_for(comparison: Comparison) -> list[tuple[str, str]]:
+def task_facts(comparison: Comparison) -> list[tuple[str, str]]:
     """Names and values (plain text) of what was asked for."""
     problem = comparison.problem
     system, limits = problem.system, problem.limits
@@ -64,11 +64,11 @@ def asked_for(comparison: Comparison) -> list[tuple[str, str]]:
     travel = "free" if problem.travel is None else f"{problem.travel:g} {first.unit}"
     out = [
         ("System", _constants(problem)),
-        ("Travel", f"{as_words(first.name)}: {travel}"),
+        ("Travel", f"{readable_name(first.name)}: {travel}"),
         ("Duration", "free" if problem.duration is None else f"{problem.duration:g} s"),
     ]
     for c, most, rate in zip(system.inputs, limits.input, limits.input_rate, strict=True):
-        name = as_words(c.name)
+        name = readable_name(c.name)
         if np.isfinite(most):
             out.append((f"Limit of {name}", f"|{name}| ≤ {most:g} {c.unit}"))
         if np.isfinite(rate):
@@ -79,12 +79,12 @@ def asked_for(comparison: Comparison) -> list[tuple[str, str]]:
     if problem.self_collision is not None:
         clearance = problem.self_collision.clearance
         out.append(("Distance of links from each other", f"at least {clearance:g} m"))
-    out += [_between(part) for each in problem.further for part in each.parts]
+    out += [_limit_fact(part) for each in problem.further for part in each.parts]
     machines = f"{comparison.samples} drawn from “{comparison.machine.preset}”"
     return [*out, ("Machines", machines), ("Seed", str(comparison.seed))]
 
 
-def _between(part: Part) -> tuple[str, str]:
+def _limit_fact(part: Part) -> tuple[str, str]:
     sides = ("at least", part.low), ("at most", part.high)
     ends = [f"{word} {side:g} {part.unit}".rstrip() for word, side in sides if np.isfinite(side)]
     return f"Limit: {part.label}", ", ".join(ends)
@@ -96,7 +96,7 @@ def _joint_limits(problem: Problem) -> list[tuple[str, str]]:
         most, c = float(problem.limits.joint[i]), problem.system.coordinates[i]
         if np.isfinite(most):
             value = _amount(c, most, "g")
-            by_value.setdefault(value, []).append(f"|{as_words(c.name)}|")
+            by_value.setdefault(value, []).append(f"|{readable_name(c.name)}|")
     return [("Limits of angles", f"{', '.join(who)} ≤ {most}") for most, who in by_value.items()]
 
 
@@ -159,11 +159,11 @@ def _places(problem: Problem, q: np.ndarray) -> str:
                 continue
             value = problem.start[0] + problem.travel
         amount = _amount(c, float(value), ".4g")
-        parts.append(f"{html.escape(as_words(c.name))} = {html.escape(amount)}")
+        parts.append(f"{html.escape(readable_name(c.name))} = {html.escape(amount)}")
     return ", ".join(parts)
 
 
 def _amount(coordinate: Coordinate, value: float, style: str) -> str:
     """A value with its unit, angles in degrees."""
     unit = "°" if coordinate.unit == "rad" else f" {coordinate.unit}"
-    return f"{float(shown(np.array([value]), coordinate.unit)[0]):{style}}{unit}"
+    return f"{float(to_display(np.array([value]), coordinate.unit)[0]):{style}}{unit}"

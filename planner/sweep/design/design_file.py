@@ -24,11 +24,11 @@ from planner.support.user_tables import Positive, Table, allowed_hint, parse
 from planner.sweep.description import base_problem
 from planner.sweep.design.figures import Figure, figures_of
 from planner.sweep.design.geometry import Design, design, gear_of, gear_table
-from planner.sweep.sweep_file import Point, Range, SweepFile, Whole, points, varied
+from planner.sweep.sweep_file import Point, Range, SweepFile, Whole, points, varied_keys
 from planner.systems.manipulator import Gear, Manipulator, stage_gears
 
-MOST_TASKS = 1000
-Box = Annotated[list[AngleDeg], Field(min_length=2, max_length=2)]
+MAX_TASKS = 1000
+AngleRange = Annotated[list[AngleDeg], Field(min_length=2, max_length=2)]
 
 
 class VariablesTable(Table):
@@ -47,7 +47,7 @@ class VariablesTable(Table):
     )
 
     @model_validator(mode="after")
-    def _one_way(self) -> VariablesTable:
+    def _check_ratios(self) -> VariablesTable:
         for ratio, radius in (("rho", "r1"), ("kappa", "r3")):
             if getattr(self, ratio) is not None and getattr(self, radius) is not None:
                 raise ValueError(f"{ratio} gives {radius}; give one of the two")
@@ -68,19 +68,21 @@ class TasksTable(Table):
     """Pairs of start and goal, given or drawn."""
 
     pairs: list[PairTable] = Field(
-        default_factory=list, max_length=MOST_TASKS, description="Given pairs."
+        default_factory=list, max_length=MAX_TASKS, description="Given pairs."
     )
-    count: Annotated[int, Field(ge=1, le=MOST_TASKS)] | None = Field(
+    count: Annotated[int, Field(ge=1, le=MAX_TASKS)] | None = Field(
         None, description="Number of pairs to draw; a larger number starts with the same pairs."
     )
     seed: Whole = Field(0, description="Seed of the draws.")
-    start_deg: Box | None = Field(
+    start_deg: AngleRange | None = Field(
         None, description="[low, high]: start of every joint, degrees, uniform."
     )
-    goal_deg: Box | None = Field(None, description="[low, high]: goal of every joint, likewise.")
+    goal_deg: AngleRange | None = Field(
+        None, description="[low, high]: goal of every joint, likewise."
+    )
 
     @model_validator(mode="after")
-    def _either(self) -> TasksTable:
+    def _check_source(self) -> TasksTable:
         drawn = self.count is not None
         if drawn == bool(self.pairs):
             raise ValueError("give either pairs, or count with start_deg and goal_deg")
@@ -217,7 +219,7 @@ class StudyInput:
             out["machine.friction_capacity_nm"] = {"value": torque, "spread": spread * torque}
         return out
 
-    def posed(self, design: Design, task: Task) -> Problem:
+    def problem_of(self, design: Design, task: Task) -> Problem:
         """The problem of one task on one design.
 
         Raises:
@@ -230,7 +232,7 @@ class StudyInput:
         """The tables of the sweep that plans all `pairs`."""
         return {
             "title": self.title,
-            "problem": self.posed(*self.pairs[0]),
+            "problem": self.problem_of(*self.pairs[0]),
             "methods": list(self.methods),
             "cases": [self.changes(*pair) for pair in self.pairs],
             "replay": self.table.replay.model_dump(),
@@ -244,19 +246,19 @@ def read_design(source: Mapping[str, Any] | str | Path) -> StudyInput:
         InputError: If a key or value is wrong, nothing varies, a variable or figure does not exist,
             a variable has an impossible value, or no design can be built.
     """
-    named = "design" if isinstance(source, Mapping) else str(source)
+    origin = "design" if isinstance(source, Mapping) else str(source)
     data = dict(source if isinstance(source, Mapping) else read_toml(source, "a design file"))
     problem = data.get("problem")
-    given = problem if isinstance(problem, Problem) else None
-    if given is not None:
-        data["problem"] = given.to_dict()
-    table = parse(DesignFile, plain(data), named)
-    base = base_problem(table.problem, table.changes, named, given)
-    system = _arm(base, named)
+    known = problem if isinstance(problem, Problem) else None
+    if known is not None:
+        data["problem"] = known.to_dict()
+    table = parse(DesignFile, plain(data), origin)
+    base = base_problem(table.problem, table.changes, origin, known)
+    system = _check_arm(base, origin)
     specs = parse_specs(base, table.methods)
     if any(spec.compensated for spec in specs):
         raise InputError(
-            f"{named}: name methods without '{COMPENSATED}'; compensated = true asks for it"
+            f"{origin}: name methods without '{COMPENSATED}'; compensated = true asks for it"
         )
     methods = [spec.label for spec in specs]
     if table.compensated:
@@ -266,29 +268,29 @@ def read_design(source: Mapping[str, Any] | str | Path) -> StudyInput:
     for key in table.front:
         if key not in figures:
             raise InputError(
-                f"{named}: front: unknown figure '{key}'; {allowed_hint(key, [*figures])}"
+                f"{origin}: front: unknown figure '{key}'; {allowed_hint(key, [*figures])}"
             )
         if table.front.count(key) > 1:
-            raise InputError(f"{named}: front names '{key}' twice")
-    designs = _designs(table, base, system, named)
+            raise InputError(f"{origin}: front names '{key}' twice")
+    designs = _designs(table, base, system, origin)
     if all(each.refused for each in designs):
         why = designs[0]
-        raise InputError(f"{named}: no design can be built; {why.name}: {why.refused}")
+        raise InputError(f"{origin}: no design can be built; {why.name}: {why.refused}")
     joints = sorted({each.joints for each in designs})
     return StudyInput(
-        title=line(table.title) or line(Path(named).stem),
-        source=named,
+        title=line(table.title) or line(Path(origin).stem),
+        source=origin,
         table=table,
         base=base,
         designs=designs,
-        tasks={n: _tasks(table.tasks, base, n, named) for n in joints},
+        tasks={n: _tasks(table.tasks, base, n, origin) for n in joints},
         methods=tuple(methods),
         figures=tuple(figures.values()),
         front_by=tuple(figures[key] for key in table.front),
     )
 
 
-def _arm(base: Problem, source: str) -> Manipulator:
+def _check_arm(base: Problem, source: str) -> Manipulator:
     """The arm, where the problem leaves its mechanism open."""
     if not isinstance(base.system, Manipulator):
         raise InputError(
@@ -312,30 +314,30 @@ def _designs(
     table: DesignFile, base: Problem, system: Manipulator, source: str
 ) -> tuple[Design, ...]:
     rows = SweepFile.model_construct(problem="", methods=[], cases=table.cases, grid=table.grid)
-    if not varied(rows):
+    if not varied_keys(rows):
         raise InputError(
             f"{source}: the file names no design; give [grid] or [[cases]], as in [grid]"
             " rho = [0.8, 1.0]"
         )
-    gear, links = _present(table, base, system, source)
+    gear, links = _present_mechanism(table, base, system, source)
 
-    def made(name: str, values: Point) -> Design:
+    def make(name: str, values: Point) -> Design:
         n = values.get("joints", system.n)
-        own = values.get("link_lengths", links if n == system.n else None)
-        if own is not None and len(own) != n:
+        lengths = values.get("link_lengths", links if n == system.n else None)
+        if lengths is not None and len(lengths) != n:
             raise InputError(
-                f"{source}: design {name}: link_lengths has {len(own)} values for {n} joints"
+                f"{source}: design {name}: link_lengths has {len(lengths)} values for {n} joints"
             )
         bends = base.limits.joint[1:]  # infinite where there is no limit
         bends = bends if len(bends) == n else np.full(n, float(np.max(bends)))
-        return design(name, values, gear_of(values, gear), bends, own, table.clearance)
+        return design(name, values, gear_of(values, gear), bends, lengths, table.clearance)
 
     out = []
     for point in points(rows, source):
-        name = ", ".join(f"{key} = {_shown(value)}" for key, value in point.items())
+        name = ", ".join(f"{key} = {_value_text(value)}" for key, value in point.items())
         parse(VariablesTable, point, f"{source}: design {name}")
-        out.append(made(name, point))
-    present = made("as it is", {})
+        out.append(make(name, point))
+    present = make("as it is", {})
     if table.present and not any(
         each.joints == system.n and np.allclose(astuple(each.gear), astuple(gear), rtol=1e-9)
         for each in out
@@ -344,7 +346,7 @@ def _designs(
     return tuple(out)
 
 
-def _present(
+def _present_mechanism(
     table: DesignFile, base: Problem, system: Manipulator, source: str
 ) -> tuple[Gear, Any]:
     """The mechanism as it is: its gear, and its links where they share the gear's unit."""
@@ -353,7 +355,7 @@ def _present(
         return Gear(g.r1, g.R, g.r3, g.lam, g.eta), None
     (gear, *others), _ = stage_gears(system)
     radii = [g.r3 for g in (gear, *others)]
-    if max(radii) > min(radii) * (1 + UNEVEN):
+    if max(radii) > min(radii) * (1 + STAGE_TOLERANCE):
         raise InputError(
             f"{source}: the problem's K belong to stages of different radii; give the table [gear]"
             " of the mechanism that designs are to differ from"
@@ -368,33 +370,33 @@ def _present(
     return gear, None
 
 
-UNEVEN = 1e-4
+STAGE_TOLERANCE = 1e-4
 """Ratios in problem files have six digits; stages that differ by more are meant to."""
 
 
-def _shown(value: Any) -> str:
+def _value_text(value: Any) -> str:
     if isinstance(value, list):
-        return "[" + ", ".join(map(_shown, value)) + "]"
+        return "[" + ", ".join(map(_value_text, value)) + "]"
     return number(float(value), 4) if isinstance(value, int | float) else str(value)
 
 
 def _tasks(table: TasksTable | None, base: Problem, joints: int, source: str) -> tuple[Task, ...]:
     if table is None:
         tables = base.to_dict()
-        given = [(tables["start"]["theta_deg"], tables["goal"]["theta_deg"])]
+        pairs = [(tables["start"]["theta_deg"], tables["goal"]["theta_deg"])]
     elif table.count is not None:
         boxes: Any = [[table.start_deg], [table.goal_deg]]
         low, high = np.moveaxis(np.array(boxes), -1, 0)
         rng = np.random.default_rng([table.seed, joints])
         ends = np.round(rng.uniform(low, high, (table.count, 2, joints)), 2)
-        given = [(start, goal) for start, goal in ends.tolist()]
+        pairs = [(start, goal) for start, goal in ends.tolist()]
     else:
-        given = [(pair.start_deg, pair.goal_deg) for pair in table.pairs]
-    for k, task in enumerate(given):
+        pairs = [(pair.start_deg, pair.goal_deg) for pair in table.pairs]
+    for k, task in enumerate(pairs):
         for name, angles in zip(("start_deg", "goal_deg"), task, strict=True):
             if len(angles) != joints:
                 raise InputError(
                     f"{source}: task {k + 1}: {name} has {len(angles)} angles, and a design has"
                     f" {joints} joints; draw tasks with count, or give each number its own study"
                 )
-    return tuple(given)
+    return tuple(pairs)

@@ -17,7 +17,7 @@ from planner.errors import InputError
 from planner.problem.feasibility import TravelWindow
 from planner.support.tables import number
 from planner.support.user_tables import allowed_hint
-from planner.sweep.case import CARRIED
+from planner.sweep.case import CONTACT_PERCENTILE
 from planner.sweep.design.geometry import Design
 
 Outcome = Mapping[str, Any]
@@ -32,48 +32,48 @@ class Figure:
         key: Its name in files and in `front`.
         title: What it is, in few words.
         unit: Its unit, or "".
-        better: −1 where less is better, 1 where more is.
+        sign: −1 where less is better, 1 where more is.
         share: Whether differences of it are compared (parts of a whole, margins), and not ratios.
         column: Its name in an `Outcome`; the key where it is empty.
-        over: How it is taken over the tasks; "part": the part of them that have it.
+        reduction: Its value over the tasks; "part": the part of them that have it.
     """
 
     key: str
     title: str
     unit: str = ""
-    better: int = -1
+    sign: int = -1
     share: bool = False
     column: str = ""
-    over: Literal["median", "largest", "part"] = "median"
+    reduction: Literal["median", "largest", "part"] = "median"
 
     def value(self, outcomes: Sequence[Outcome]) -> float:
         """Its value over the tasks; NaN where it is not defined."""
         column = self.column or self.key
-        found = np.array([outcome.get(column) for outcome in outcomes], float)
-        if self.over == "part":
-            return float(np.mean(found))
-        if self.over == "largest":
-            return float(np.fmax.reduce(found))
-        middle = float(np.median(np.where(np.isnan(found), -self.better * np.inf, found)))
+        values = np.array([outcome.get(column) for outcome in outcomes], float)
+        if self.reduction == "part":
+            return float(np.mean(values))
+        if self.reduction == "largest":
+            return float(np.fmax.reduce(values))
+        middle = float(np.median(np.where(np.isnan(values), -self.sign * np.inf, values)))
         return middle if np.isfinite(middle) else np.nan
 
     def merit(self, row: DesignRow) -> float:
         """Its value of a design; more is better."""
-        return row[self.key] * self.better
+        return row[self.key] * self.sign
 
 
-LOAD = "contact_load"
+CONTACT_LOAD = "contact_load"
 
 FIGURES = (
     Figure("effort", "effort", "rad^2/s"),
     Figure("duration_s", "duration", "s"),
-    Figure("one_way", "one-way", "", 1, share=True, over="part"),
+    Figure("one_way", "one-way", "", 1, share=True, reduction="part"),
     Figure("window", "window", "", 1, share=True),
     Figure("margin", "chart margin", "", 1, share=True, column="domain_margin"),
-    Figure("peak_u1_rad_s", "peak |u1|", "rad/s", over="largest"),
-    Figure("peak_u2_rad_s", "peak |u2|", "rad/s", over="largest"),
-    Figure("contact_torque_nm", "torque", "N m", over="largest"),
-    Figure(LOAD, "contacts", over="largest"),
+    Figure("peak_u1_rad_s", "peak |u1|", "rad/s", reduction="largest"),
+    Figure("peak_u2_rad_s", "peak |u2|", "rad/s", reduction="largest"),
+    Figure("contact_torque_nm", "torque", "N m", reduction="largest"),
+    Figure(CONTACT_LOAD, "contacts", reduction="largest"),
     Figure("E_deg", "E", "deg", column="E_median_deg"),
     Figure("end_deg", "error at the end", "deg", column="end_p95_deg"),
     Figure("spread_deg", "spread", "deg", column="end_spread_deg"),
@@ -92,12 +92,12 @@ FIGURES = (
 
 def figures_of(methods: Sequence[str], compensated: bool) -> tuple[Figure, ...]:
     """The figures of a study by these methods, as written."""
-    own = [f for f in FIGURES if compensated or not f.key.startswith("compensated_")]
+    figures = [f for f in FIGURES if compensated or not f.key.startswith("compensated_")]
     solved = [
-        Figure(f"solved {method}", f"solved, {method}", "", 1, share=True, over="part")
+        Figure(f"solved {method}", f"solved, {method}", "", 1, share=True, reduction="part")
         for method in methods
     ]
-    return (*own, *solved, Figure("least_link", "least link"))
+    return (*figures, *solved, Figure("least_link", "least link"))
 
 
 def outcome(
@@ -115,8 +115,8 @@ def outcome(
         Results of cases with a plan, and `one_way`, `window`, `least_link`, "solved METHOD".
     """
     out: dict[str, Any] = {f"solved {method}": case["solved"] for method, case in cases.items()}
-    own = [*cases.values()]
-    for before, case in (("", own[0]), ("compensated_", own[-1])):
+    results = [*cases.values()]
+    for before, case in (("", results[0]), ("compensated_", results[-1])):
         if case["solved"]:
             out |= {f"{before}{name}": value for name, value in case.items()}
     if window is not None:
@@ -156,8 +156,8 @@ class DesignRow:
     def __repr__(self) -> str:
         if self.design.refused:
             return f"DesignRow({self.design.name}: {self.design.refused})"
-        shown = ", ".join(f"{key} {number(v)}" for key, v in list(self.figures.items())[:3])
-        return f"DesignRow({self.design.name}: {shown}{', on the front' * self.on_front})"
+        values = ", ".join(f"{key} {number(v)}" for key, v in list(self.figures.items())[:3])
+        return f"DesignRow({self.design.name}: {values}{', on the front' * self.on_front})"
 
     def __getitem__(self, key: str) -> float:
         if key not in self.figures:
@@ -166,12 +166,12 @@ class DesignRow:
 
     @property
     def holds(self) -> bool:
-        """Whether its contacts transmit the torque of its plans, on `CARRIED` % of the machines."""
-        return not self.figures[LOAD] > 1
+        """Whether its contacts hold, on `CONTACT_PERCENTILE` % of the machines."""
+        return not self.figures[CONTACT_LOAD] > 1
 
 
 def recommend(
-    rows: Sequence[DesignRow], traded: Sequence[Figure], methods: Sequence[str], tasks: int
+    rows: Sequence[DesignRow], front_by: Sequence[Figure], methods: Sequence[str], tasks: int
 ) -> tuple[tuple[DesignRow, ...], DesignRow | None, str]:
     """The rows with the front marked, the one to take, and why in sentences.
 
@@ -184,83 +184,85 @@ def recommend(
     worst designs lie, and what hardly differs hardly counts. It lies on the front.
     """
     solved = np.array([row.figures.get(f"solved {methods[0]}", 0.0) for row in rows])
-    values = [[row.figures.get(figure.key, np.nan) for figure in traded] for row in rows]
-    cost = np.array(values) * [-figure.better for figure in traded]
+    values = [[row.figures.get(figure.key, np.nan) for figure in front_by] for row in rows]
+    cost = np.array(values) * [-figure.sign for figure in front_by]
     able = (solved > 0) & ~np.isnan(cost).any(axis=1)
     able &= solved == np.max(solved, where=able, initial=0.0)
     holding = able & [bool(row.figures) and row.holds for row in rows]
     able = holding if holding.any() else able
     if not able.any():
-        return tuple(rows), None, _refusal(rows, traded, methods[0])
+        return tuple(rows), None, _refusal(rows, front_by, methods[0])
     best = cost[able].min(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(cost == best, 0.0, np.abs(np.log(cost / best)))
-    lost = np.where([figure.share for figure in traded], cost - best, ratio).sum(axis=1)
+    losses = np.where([figure.share for figure in front_by], cost - best, ratio).sum(axis=1)
     beaten = [((cost[able] <= c).all(axis=1) & (cost[able] < c).any(axis=1)).any() for c in cost]
     front = able & ~np.array(beaten)
     marked = tuple(replace(row, on_front=bool(on)) for row, on in zip(rows, front, strict=True))
-    taken = marked[int(np.argmin(np.where(able, lost, np.inf)))]
-    kept = [row for row, possible in zip(marked, able, strict=True) if possible]
-    return marked, taken, _reason(marked, kept, taken, traded, methods[0], tasks)
+    choice = marked[int(np.argmin(np.where(able, losses, np.inf)))]
+    candidates = [row for row, possible in zip(marked, able, strict=True) if possible]
+    return marked, choice, _reason(marked, candidates, choice, front_by, methods[0], tasks)
 
 
-def _refusal(rows: Sequence[DesignRow], traded: Sequence[Figure], method: str) -> str:
+def _refusal(rows: Sequence[DesignRow], front_by: Sequence[Figure], method: str) -> str:
     whys = Counter(row.why for row in rows if row.why).most_common(1)
     most = f": {whys[0][0]}" if whys else ""
     if not any(row.figures.get(f"solved {method}", 0.0) > 0 for row in rows):
         return f"No design solves a task by {method}{most}."
-    half = f"No design solves half of the tasks by {method} or has {_listed(traded)} otherwise"
+    half = (
+        f"No design solves half of the tasks by {method} or has {_join_titles(front_by)} otherwise"
+    )
     return f"{half}{most}."
 
 
 def _reason(
     rows: Sequence[DesignRow],
-    kept: Sequence[DesignRow],
-    taken: DesignRow,
-    traded: Sequence[Figure],
+    candidates: Sequence[DesignRow],
+    choice: DesignRow,
+    front_by: Sequence[Figure],
     method: str,
     tasks: int,
 ) -> str:
     built = [row for row in rows if row.figures]
-    solved = f"{taken[f'solved {method}'] * tasks:.0f} of {tasks} tasks by {method}"
-    count = f"as {len(kept)} of {len(built)} designs do"
-    if taken.holds:
-        said = [
-            f"Take {taken.design.name}. It solves {solved}, {count} whose contacts do not slip."
+    solved = f"{choice[f'solved {method}'] * tasks:.0f} of {tasks} tasks by {method}"
+    count = f"as {len(candidates)} of {len(built)} designs do"
+    if choice.holds:
+        sentences = [
+            f"Take {choice.design.name}. It solves {solved}, {count} whose contacts do not slip."
         ]
     else:
-        said = [
-            f"Take {taken.design.name}, with larger contact forces. It solves {solved}, {count};"
+        sentences = [
+            f"Take {choice.design.name}, with larger contact forces. It solves {solved}, {count};"
             " all load their contacts beyond capacity."
         ]
-    best = "least total loss, with equal weight for a percent of" if len(traded) > 1 else "best"
-    said += [
-        f"Of these it has the {best} {_listed(traded)}: {_values(taken, traded)}.",
-        f"Its contacts are loaded to {number(taken[LOAD])} of their capacity on {CARRIED} % of the"
-        " machines.",
+    best = "least total loss, with equal weight for a percent of" if len(front_by) > 1 else "best"
+    sentences += [
+        f"Of these it has the {best} {_join_titles(front_by)}: {_values(choice, front_by)}.",
+        f"Its contacts are loaded to {number(choice[CONTACT_LOAD])} of their capacity on"
+        f" {CONTACT_PERCENTILE} % of the machines.",
     ]
-    present = next((row for row in built if not row.design.values), taken)
-    if present is not taken:
-        said.append(f"The mechanism as it is: {_values(present, traded)}.")
-    for figure in traded:
-        others = [r for r in built if r not in kept and not np.isnan(r[figure.key])]
-        better = max(others, key=figure.merit, default=taken)
-        if figure.merit(better) > figure.merit(taken):
-            slips = f"its contacts would slip (loaded to {number(better[LOAD])})"
+    present = next((row for row in built if not row.design.values), choice)
+    if present is not choice:
+        sentences.append(f"The mechanism as it is: {_values(present, front_by)}.")
+    for figure in front_by:
+        others = [r for r in built if r not in candidates and not np.isnan(r[figure.key])]
+        better = max(others, key=figure.merit, default=choice)
+        if figure.merit(better) > figure.merit(choice):
+            slips = f"its contacts would slip (loaded to {number(better[CONTACT_LOAD])})"
             why = "it solves fewer tasks" if better.holds else slips
-            said.append(f"{better.design.name} has {_values(better, [figure])}, but {why}.")
-    if taken["one_way"] < 1:
-        said.append(
-            f"For {tasks - taken['one_way'] * tasks:.0f} of the {tasks} tasks no one-way motion"
+            sentences.append(f"{better.design.name} has {_values(better, [figure])}, but {why}.")
+    if choice["one_way"] < 1:
+        sentences.append(
+            f"For {tasks - choice['one_way'] * tasks:.0f} of the {tasks} tasks no one-way motion"
             " exists with it, so methods whose disk never reverses cannot solve them."
         )
-    return " ".join(said)
+    return " ".join(sentences)
 
 
 def _values(row: DesignRow, figures: Sequence[Figure]) -> str:
     return ", ".join(f"{f.title} {number(row[f.key])} {f.unit}".rstrip() for f in figures)
 
 
-def _listed(figures: Sequence[Figure]) -> str:
+def _join_titles(figures: Sequence[Figure]) -> str:
     *others, last = (figure.title for figure in figures)
     return f"{', '.join(others)} and {last}" if others else last

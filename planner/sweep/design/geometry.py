@@ -95,7 +95,7 @@ def design(
     """
     bends = np.minimum(bends, np.pi / 2)
     links = None if link_lengths is None else tuple(map(float, link_lengths))
-    needs = _needs(gear, bends, clearance)
+    needs = _link_needs(gear, bends, clearance)
     short = (
         f"{what} = {number(least, 4)} does not hold: l{j} = {number(links[j - 1], 4)}"
         for j, least, what in needs
@@ -119,7 +119,7 @@ def _hidden_axle(gear: Gear, bends: Array, clearance: float) -> str:
     return ""
 
 
-def _needs(gear: Gear, bends: Array, c: float) -> list[tuple[int, float, str]]:
+def _link_needs(gear: Gear, bends: Array, c: float) -> list[tuple[int, float, str]]:
     """What each link needs: its number, its least length, and the inequality in words."""
     out = []
     stages = len(bends) - 1
@@ -129,16 +129,16 @@ def _needs(gear: Gear, bends: Array, c: float) -> list[tuple[int, float, str]]:
             beyond = f"contact {point} of joint {j} cannot meet disk {disk}, whose axle would stand"
             out.append((j, radius, f"{beyond} beyond link {j}: l{j} > {name}"))
     for j in range(1, stages):
-        own, after = float(bends[j - 1]), float(bends[j])
-        shown = f"{np.rad2deg(own):.3g} deg"
-        wheels = f"wheels B of joints {j} and {j + 1} collide: l{j} > r1 sin {shown}{plus}"
-        out.append((j, gear.r1 * float(np.sin(own)) + c, wheels))
-        shown = f"{np.rad2deg(after):.3g} deg"
+        bend, next_bend = float(bends[j - 1]), float(bends[j])
+        bend_text = f"{np.rad2deg(bend):.3g} deg"
+        wheels = f"wheels B of joints {j} and {j + 1} collide: l{j} > r1 sin {bend_text}{plus}"
+        out.append((j, gear.r1 * float(np.sin(bend)) + c, wheels))
+        bend_text = f"{np.rad2deg(next_bend):.3g} deg"
         for radius, name, disk in ((gear.R, "R", "A"), (gear.r3, "r3", "A'")):
-            across = 4 * (radius + c) ** 2 - (radius * np.sin(after)) ** 2
-            least = radius * (1 - float(np.cos(after))) + float(np.sqrt(across))
+            across = 4 * (radius + c) ** 2 - (radius * np.sin(next_bend)) ** 2
+            least = radius * (1 - float(np.cos(next_bend))) + float(np.sqrt(across))
             rim = f"({name}{plus})" if c else name
             formula = f"{name} (1 - cos b) + sqrt(4 {rim}^2 - ({name} sin b)^2)"
-            words = f"disks {disk} of joints {j} and {j + 1} collide, bent by b = {shown}"
+            words = f"disks {disk} of joints {j} and {j + 1} collide, bent by b = {bend_text}"
             out.append((j, least, f"{words}: l{j} > {formula}"))
     return out

@@ -61,10 +61,10 @@ class DesignStudy:
     bugs: int = 0
 
     def __repr__(self) -> str:
-        taken = self.recommended
-        said = "no design solves a task" if taken is None else f"take {taken.design.name}"
+        choice = self.recommended
+        answer = "no design solves a task" if choice is None else f"take {choice.design.name}"
         tasks = f"{self.tasks} task{'s' if self.tasks > 1 else ''}"
-        return f"DesignStudy({self.asked.title!r}, {len(self.rows)} designs, {tasks}: {said})"
+        return f"DesignStudy({self.asked.title!r}, {len(self.rows)} designs, {tasks}: {answer})"
 
     def __getitem__(self, name: str) -> DesignRow:
         by_name = {row.design.name: row for row in self.rows}
@@ -109,7 +109,7 @@ class DesignStudy:
             "recommended": None if self.recommended is None else self.recommended.design.name,
             "reason": self.reason,
             "designs": [
-                {k: v for k, v in _flat(row).items() if k not in row.figures}
+                {k: v for k, v in _record(row).items() if k not in row.figures}
                 | {"values": row.design.values, "figures": row.figures, "why": row.why}
                 for row in self.rows
             ],
@@ -126,18 +126,18 @@ class DesignStudy:
         Raises:
             InputError: If pandas is not installed.
         """
-        frame = import_library("pandas").DataFrame.from_records([_flat(row) for row in self.rows])
+        frame = import_library("pandas").DataFrame.from_records([_record(row) for row in self.rows])
         frame.attrs = {"title": self.title, "tasks": self.tasks}
         return frame.set_index("design")
 
     def table(self) -> Table:
         """For a terminal: `rich.print(study.table())`."""
-        narrow = {"design", "front", *(figure.title for figure in self.front_by), *TERMINAL}
+        narrow = {"design", "front", *(figure.title for figure in self.front_by), *TERMINAL_COLUMNS}
         narrow |= {f"solved, {method}" for method in self.asked.methods[:2]}
         return terminal_table(
             [column for column in self.columns if column.title in narrow],
             self.rows,
-            caption=self._explained,
+            caption=self._caption,
             ruled=True,
             gap=1,
             dim=lambda row: bool(row.design.refused),
@@ -152,15 +152,15 @@ class DesignStudy:
             lines += ["", "Cannot be built:", ""]
         for each in (row.design for row in self.rows if row.design.refused):
             lines.append(f"- {markdown(each.name)}: {markdown(each.refused)}")
-        return "\n".join([*lines, "", self._explained]) + "\n"
+        return "\n".join([*lines, "", self._caption]) + "\n"
 
     def _repr_html_(self) -> str:
         """The table, as a notebook shows it."""
         table = html_table(self.columns, self.rows, self.title)
-        return f"{table}<p>{escape(self.reason)}</p><p><small>{escape(self._explained)}</small></p>"
+        return f"{table}<p>{escape(self.reason)}</p><p><small>{escape(self._caption)}</small></p>"
 
     @property
-    def _explained(self) -> str:
+    def _caption(self) -> str:
         replay = self.asked.table.replay
         return (
             f"{self.tasks} tasks; figures are of the plans by {self.asked.methods[0]}: effort,"
@@ -197,34 +197,34 @@ class DesignStudy:
         return place
 
 
-TERMINAL = ("effort", "one-way", "contacts", "error at the end")
+TERMINAL_COLUMNS = ("effort", "one-way", "contacts", "error at the end")
 """Columns of a terminal, beside those of the figures traded."""
 
 
 def _columns(study: DesignStudy) -> list[Column[DesignRow]]:
-    def column(key: str, title: str = "", unit: str = "", shown: Any = None) -> Column[DesignRow]:
+    def column(key: str, title: str = "", unit: str = "", format: Any = None) -> Column[DesignRow]:
         name = key.replace(" ", "_")
-        return Column(title or key, unit, lambda r: _flat(r).get(key, np.nan), shown, key=name)
+        return Column(title or key, unit, lambda r: _record(r).get(key, np.nan), format, key=name)
 
-    def counted(value: float) -> str:
+    def count_tasks(value: float) -> str:
         return f"{value * study.tasks:.0f} of {study.tasks}" if np.isfinite(value) else "-"
 
     out = [
         Column("design", "", lambda row: row.design.name, left=True),
         Column("front", "", lambda row: "take" if row is study.recommended else "*" * row.on_front),
-        column("rho", shown=short_number),
-        column("kappa", shown=short_number),
+        column("rho", format=short_number),
+        column("kappa", format=short_number),
         *map(column, ("r1", "R", "r3", "lambda", "eta", "joints")),
     ]
     for figure in sorted(study.figures, key=lambda f: not f.key.startswith("solved")):
-        unit, shown = figure.unit, counted if figure.over == "part" else number
+        unit, format = figure.unit, count_tasks if figure.reduction == "part" else number
         if figure.key == "window":
-            unit, shown = "%", lambda value: number(100 * value)
-        out.append(column(figure.key, figure.title, unit, shown))
+            unit, format = "%", lambda value: number(100 * value)
+        out.append(column(figure.key, figure.title, unit, format))
     return [*out, column("refused")]
 
 
-def _flat(row: DesignRow) -> dict[str, Any]:
+def _record(row: DesignRow) -> dict[str, Any]:
     each = row.design
     return {
         "design": each.name,

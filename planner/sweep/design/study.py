@@ -18,7 +18,7 @@ from planner.sweep.design.result import DesignStudy
 from planner.sweep.results import read
 from planner.sweep.run import Progress, run_sweep
 
-CASES = "cases.sqlite"
+CASES_FILE = "cases.sqlite"
 """The database of finished cases in a study's folder."""
 
 
@@ -56,26 +56,26 @@ def design_study(
     expect_listener(progress)
     tell = progress or (lambda _, __: None)
     tell("reading", 0.0)
-    asked = read_design(design)
+    study = read_design(design)
     # An impossible task is refused before anything is planned.
-    windows = iter([travel_window(asked.posed(*pair)) for pair in asked.pairs])
+    windows = iter([travel_window(study.problem_of(*pair)) for pair in study.pairs])
     place = tempfile.TemporaryDirectory() if folder is None else nullcontext(make_folder(folder))
-    with place as made:
-        db = Path(made) / CASES
-        run = run_sweep(asked.sweep(), db, workers=workers, cluster=cluster, progress=progress)
+    with place as kept_folder:
+        db = Path(kept_folder) / CASES_FILE
+        run = run_sweep(study.sweep(), db, workers=workers, cluster=cluster, progress=progress)
         tell("comparing", 1.0)
         cases = iter(read(db)[1])
     rows = []
-    for each in asked.designs:
+    for each in study.designs:
         if each.refused:
             rows.append(DesignRow(each, {}))
             continue
-        of_tasks = [{m: next(cases) for m in asked.methods} for _ in asked.tasks[each.joints]]
+        of_tasks = [{m: next(cases) for m in study.methods} for _ in study.tasks[each.joints]]
         outcomes = [outcome(each, next(windows), of_methods) for of_methods in of_tasks]
-        first = [of_methods[asked.methods[0]] for of_methods in of_tasks]
+        first = [of_methods[study.methods[0]] for of_methods in of_tasks]
         whys = Counter(case["why"] for case in first if not case["solved"]).most_common(1)
-        values = {figure.key: figure.value(outcomes) for figure in asked.figures}
+        values = {figure.key: figure.value(outcomes) for figure in study.figures}
         rows.append(DesignRow(each, values, why=whys[0][0] if whys else ""))
-    tasks = len(next(iter(asked.tasks.values())))
-    marked, taken, reason = recommend(rows, asked.front_by, asked.methods, tasks)
-    return DesignStudy(asked, marked, asked.figures, asked.front_by, taken, reason, run.bugs)
+    tasks = len(next(iter(study.tasks.values())))
+    marked, choice, reason = recommend(rows, study.front_by, study.methods, tasks)
+    return DesignStudy(study, marked, study.figures, study.front_by, choice, reason, run.bugs)

@@ -14,9 +14,9 @@ from planner.methods.collocation.long_arms.bridges import (
     ChainEnds,
     PieceChain,
     _programme,
-    closed,
-    exact,
-    finer,
+    close_gaps,
+    cut_finer,
+    make_exact,
 )
 from planner.methods.collocation.long_arms.bridges import ends_of as ends
 
@@ -88,7 +88,7 @@ def test_a_gap_is_closed_within_the_limits() -> None:
     goal = q[-1].copy()
     goal[0] = np.nan
     limit = np.array([np.inf, *np.full(3, np.deg2rad(LIMIT_DEG))])
-    found, share = closed(HARD.system, whole, ChainEnds(HARD.start, goal, limit))
+    found, share = close_gaps(HARD.system, whole, ChainEnds(HARD.start, goal, limit))
     assert found is not None
     assert share == 1
     assert found.q[1:] == pytest.approx(ends(HARD.system, found.q[:-1], found.u), abs=2e-6)
@@ -100,14 +100,14 @@ def test_what_one_piece_cannot_do_is_not_found() -> None:
     goal = HARD.start + np.array([0.0, 0.0, 0.0, 0.5])
     chain = PieceChain(np.stack([HARD.start, goal]), np.zeros((1, 2)), (goal - HARD.start)[None])
     limit = np.array([np.inf, *np.full(3, np.deg2rad(LIMIT_DEG))])
-    found, share = closed(HARD.system, chain, ChainEnds(HARD.start, goal, limit))
+    found, share = close_gaps(HARD.system, chain, ChainEnds(HARD.start, goal, limit))
     assert found is None
     assert share == 0
 
 
 def test_finer_chains_say_what_the_coarse_ones_got_wrong() -> None:
     chain = _walk(6, seed=5, longest=1.0)
-    fine = finer(HARD.system, chain, [1, 2, 3], 0.2)
+    fine = cut_finer(HARD.system, chain, [1, 2, 3], 0.2)
     assert len(fine.u) > 6
     assert np.sum(fine.u, axis=0) == pytest.approx(np.sum(chain.u, axis=0))
     assert fine.q[1:] - ends(HARD.system, fine.q[:-1], fine.u) == pytest.approx(fine.gap)
@@ -128,7 +128,7 @@ def test_an_exact_chain_is_a_motion_to_many_digits() -> None:
     rough = _walk(20, seed=7)
     problem = replace(HARD, goal=rough.q[-1], travel=float(rough.q[-1, 0] - HARD.start[0]))
     places = ChainEnds(problem.start, problem.target, HARD.limits.joint)
-    short = finer(HARD.system, rough, [1, 2, 3], 0.2)
-    chain = exact(HARD.system, short, places)
+    short = cut_finer(HARD.system, rough, [1, 2, 3], 0.2)
+    chain = make_exact(HARD.system, short, places)
     assert chain is not None
     _check_way(problem, chain, tolerance=1e-6)

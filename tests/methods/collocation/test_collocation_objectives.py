@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.methods.collocation.transcription.interval import NEAR
+from planner.methods.collocation.transcription.interval import EDGE_MARGIN
 
 TIMES = np.linspace(0, 10, 20001)
 
@@ -22,7 +22,9 @@ def smoothness(plan: planner.Plan) -> float:
 def closeness(plan: planner.Plan) -> float:
     """Mean over time of the sum over θ₁, θ₂ of exp(−sin²/0.05) + exp(−cos²/0.05)."""
     theta = plan.q(TIMES)[:, 1:3]
-    terms = np.exp(-(np.sin(theta) ** 2) / NEAR) + np.exp(-(np.cos(theta) ** 2) / NEAR)
+    terms = np.exp(-(np.sin(theta) ** 2) / EDGE_MARGIN) + np.exp(
+        -(np.cos(theta) ** 2) / EDGE_MARGIN
+    )
     return float(np.trapezoid(np.sum(terms, axis=1), TIMES) / 10)
 
 
@@ -80,9 +82,12 @@ def test_smoothness_refuses_inputs_that_jump(paper: planner.Problem) -> None:
 
 
 @pytest.mark.parametrize("start", ["polynomial", "convex"])
-def test_first_guesses_of_before_are_taken_as_auto(
+def test_options_of_earlier_versions_load_and_change_nothing(
     paper: planner.Problem, plans: dict[str, planner.Plan], start: str
 ) -> None:
-    plan = planner.solve(paper, "collocation", start=start, variations=12)
+    former = {"method.collocation": {"start": start, "variations": 12}}
+    plan = planner.solve(paper.changed(former), "collocation")
+    assert plan.options["start"] == "auto"
+    assert "variations" not in plan.options
     assert plan.notes["start"] == "straight"
     assert plan.objective == plans["effort"].objective

@@ -13,14 +13,14 @@ from scipy.integrate import solve_ivp
 import planner
 from planner.errors import NotConvergedError
 from planner.methods.collocation import pipeline
-from planner.methods.collocation.between_nodes import look
+from planner.methods.collocation.between_nodes import inspect
 from planner.methods.collocation.long_arms import ladder
 from planner.methods.collocation.long_arms.bridges import ChainEnds, PieceChain
 from planner.methods.collocation.long_arms.bridges import ends_of as ends
-from planner.methods.collocation.long_arms.held import can_hold, held
-from planner.methods.collocation.long_arms.ladder import Climbed, climbed
+from planner.methods.collocation.long_arms.exact_motion import exact_motion, has_only_limits
+from planner.methods.collocation.long_arms.ladder import find_arm_path, time_arm_path
 from planner.methods.collocation.method import collocation_task
-from planner.methods.collocation.refine import Polished, polish
+from planner.methods.collocation.refine import PolishedMotion, polish
 from planner.methods.collocation.task import Solution, Task
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.tables.method_options import CollocationOptions
@@ -44,15 +44,18 @@ def no_guesses(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(scope="module")
 def chain() -> PieceChain:
     """A path of the arm."""
-    found = ladder._by_shorter(collocation_task(PROBLEM, CollocationOptions(), 40))
+    found = ladder._lift_shorter_path(collocation_task(PROBLEM, CollocationOptions(), 40))
     assert found is not None
     return found[0]
 
 
 def test_what_is_climbed_is_a_motion_within_the_limits() -> None:
-    found = climbed(collocation_task(PROBLEM, CollocationOptions(), 40), 5e-6)
+    job = collocation_task(PROBLEM, CollocationOptions(), 40)
+    path = find_arm_path(job)
+    assert path is not None
+    found = time_arm_path(job, path[0], 5e-6)
     assert found is not None
-    solution = found.solution
+    solution = found[1]
     assert solution.ok
     assert solution.residual < 1e-7
     assert np.max(np.abs(solution.iterate.inputs)) <= 0.5 + 1e-9
@@ -72,15 +75,15 @@ def test_a_motion_that_turns_out_to_be_none_gives_way_to_a_path(
 ) -> None:
     climbs: list[Task] = []
 
-    def climbing(job: Task, accuracy: float) -> Climbed | None:
+    def climbing(job: Task) -> tuple[PieceChain, int] | None:
         climbs.append(job)
-        return climbed(job, accuracy)
+        return find_arm_path(job)
 
-    def doubted(*given: Any) -> Polished:
+    def doubted(*given: Any) -> PolishedMotion:
         done = polish(*given)
         return done if climbs else replace(done, error=1.0)
 
-    monkeypatch.setattr(pipeline, "climbed", climbing)
+    monkeypatch.setattr(pipeline, "find_arm_path", climbing)
     monkeypatch.setattr(pipeline, "polish", doubted)
     plan = planner.solve(PROBLEM, "collocation", attempts=4)
     assert plan.notes["start"] == "lifted from 2 joints"
@@ -93,7 +96,7 @@ def test_a_motion_that_turns_out_to_be_none_gives_way_to_a_path(
 def test_a_kept_path_errs_less_than_its_own_steps_show(chain: PieceChain) -> None:
     """Were it made exact in the very steps by which it is judged, any error would pass for none."""
     job = collocation_task(PROBLEM, CollocationOptions(), 40)
-    found = held(job, chain, 5e-6)
+    found = exact_motion(job, chain, 5e-6)
     assert found is not None
     own, solution = found
     times, q = own.mesh.edges * solution.iterate.duration, PROBLEM.start
@@ -102,14 +105,14 @@ def test_a_kept_path_errs_less_than_its_own_steps_show(chain: PieceChain) -> Non
         span = times[k], times[k + 1]
         q = solve_ivp(lambda _, y, u=u: PROBLEM.system.rates(y, u), span, q, **fine).y[:, -1]
     true = np.max(np.abs(q - solution.iterate.nodes[-1]))
-    assert true < look(own, solution).end_error < 5e-6
+    assert true < inspect(own, solution).end_error < 5e-6
 
 
 @pytest.mark.usefixtures("no_guesses")
 def test_the_fastest_of_a_kept_path_is_told_where_the_duration_is_too_short(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(ladder, "MOST_SOLVED", 10)
+    monkeypatch.setattr(ladder, "MOST_SOLVED_INTERVALS", 10)
     with pytest.raises(NotConvergedError, match="fastest motion found takes"):
         planner.solve(PROBLEM.changed({"goal.duration": 8.0}), "collocation")
 
@@ -118,7 +121,7 @@ def test_long_arms_climb_by_several_joints() -> None:
     arm = {"kind": "manipulator", "joints": 5, "K": [0.87, 0.71, 0.58, 0.48], "k_g": 0.67}
     start, goal = [30.0, -40.0, 20.0, -30.0, 10.0], [-40.0, 50.0, -20.0, 30.0, -15.0]
     problem = PROBLEM.changed({"system": arm, "start.theta_deg": start, "goal.theta_deg": goal})
-    found = ladder._by_shorter(collocation_task(problem, CollocationOptions(), 40))
+    found = ladder._lift_shorter_path(collocation_task(problem, CollocationOptions(), 40))
     assert found is not None
     assert found[1] in (3, 4)
     q, u = found[0].q, found[0].u
@@ -134,7 +137,7 @@ def test_an_arm_climbs_within_narrow_limits() -> None:
     narrow = {"start.theta_deg": start, "goal.theta_deg": goal, "limits.joint_deg": 40.0}
     free = {"goal.travel": "free", "goal.duration": "free"}
     problem = PROBLEM.changed({"system": arm, **narrow, **free})
-    found = ladder._by_shorter(collocation_task(problem, CollocationOptions(), 40))
+    found = ladder._lift_shorter_path(collocation_task(problem, CollocationOptions(), 40))
     assert found is not None
     assert np.max(np.abs(found[0].q[:, 1:])) <= np.deg2rad(40.0) + 1e-9
     q, u = found[0].q, found[0].u
@@ -143,12 +146,12 @@ def test_an_arm_climbs_within_narrow_limits() -> None:
 
 def test_what_is_no_arm_has_no_shorter_one() -> None:
     car = planner.load_problem(Path(__file__).parents[3] / "problems" / "car.toml")
-    assert climbed(collocation_task(car, CollocationOptions(), 40), 5e-6) is None
+    assert find_arm_path(collocation_task(car, CollocationOptions(), 40)) is None
 
 
 @pytest.mark.usefixtures("no_guesses")
 def test_a_path_too_long_for_the_solver_is_kept_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ladder, "MOST_SOLVED", 10)
+    monkeypatch.setattr(ladder, "MOST_SOLVED_INTERVALS", 10)
     plan = planner.solve(PROBLEM, "collocation")
     assert plan.notes["tried"][-1]["status"] == "a motion, not the best"
     assert planner.verify(plan).ok
@@ -171,30 +174,30 @@ def test_a_mesh_too_fine_for_the_solver_leaves_the_path_as_it_is(
 
 def test_a_path_is_not_kept_where_more_is_asked_than_limits() -> None:
     job = collocation_task(PROBLEM, CollocationOptions(), 40)
-    assert can_hold(job)
-    assert not can_hold(collocation_task(PROBLEM, CollocationOptions(rest=True), 40))
+    assert has_only_limits(job)
+    assert not has_only_limits(collocation_task(PROBLEM, CollocationOptions(rest=True), 40))
     for limit in ({"z2_margin": 0.01}, {"input_rate": np.ones(2)}):
         asked = replace(PROBLEM, limits=replace(PROBLEM.limits, **limit))
-        assert not can_hold(collocation_task(asked, CollocationOptions(), 40))
+        assert not has_only_limits(collocation_task(asked, CollocationOptions(), 40))
 
 
 def test_a_path_too_slow_for_the_duration_is_not_kept(chain: PieceChain) -> None:
     job = collocation_task(PROBLEM, CollocationOptions(), 40)
-    found = held(job, chain, 5e-6)
+    found = exact_motion(job, chain, 5e-6)
     assert found is not None
     shortest = found[1].iterate.duration
     for wanted, fits in ((0.9 * shortest, False), (1.5 * shortest, True)):
         timed = collocation_task(
             PROBLEM.changed({"goal.duration": wanted}), CollocationOptions(), 40
         )
-        assert (held(timed, chain, 5e-6) is not None) == fits
+        assert (exact_motion(timed, chain, 5e-6) is not None) == fits
 
 
-@pytest.mark.parametrize(("share", "asked"), [(0.0, 1), (0.4, len(ladder.GAPS))])
+@pytest.mark.parametrize(("share", "asked"), [(0.0, 1), (0.4, len(ladder.LARGEST_GAPS))])
 def test_smaller_gaps_are_asked_for_only_where_some_of_them_are_closed(
     share: float, asked: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    gaps, inner = [], ladder.closed
+    gaps, inner = [], ladder.close_gaps
 
     def closed(
         system: TriangularSystem, path: PieceChain, ends: ChainEnds
@@ -205,8 +208,8 @@ def test_smaller_gaps_are_asked_for_only_where_some_of_them_are_closed(
         gaps.append(given[-1])
         return inner_lift(*given)
 
-    inner_lift = ladder.lifted
-    monkeypatch.setattr(ladder, "closed", closed)
-    monkeypatch.setattr(ladder, "lifted", lifted)
-    assert ladder._by_shorter(collocation_task(PROBLEM, CollocationOptions(), 40)) is None
+    inner_lift = ladder.lift
+    monkeypatch.setattr(ladder, "close_gaps", closed)
+    monkeypatch.setattr(ladder, "lift", lifted)
+    assert ladder._lift_shorter_path(collocation_task(PROBLEM, CollocationOptions(), 40)) is None
     assert len(gaps) == asked

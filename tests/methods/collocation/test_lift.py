@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from planner.errors import InputError
-from planner.methods.collocation.long_arms.bridges import ChainEnds, PieceChain, closed, ends_of
-from planner.methods.collocation.long_arms.ladder import lifted
+from planner.methods.collocation.long_arms.bridges import ChainEnds, PieceChain, close_gaps, ends_of
+from planner.methods.collocation.long_arms.ladder import lift
 from planner.systems.manipulator import Manipulator
 
 ARM = Manipulator([0.87, 0.71, 0.58], 0.67)
@@ -42,7 +42,7 @@ def test_an_arm_of_two_joints_has_no_shorter_one() -> None:
 
 
 def test_gaps_are_as_small_as_asked_for() -> None:
-    chains = [lifted(ARM, _path(), _ends(), gap) for gap in (0.2, 0.05, 0.01)]
+    chains = [lift(ARM, _path(), _ends(), gap) for gap in (0.2, 0.05, 0.01)]
     assert all(
         np.max(np.abs(c.gap)) <= gap for c, gap in zip(chains, (0.2, 0.05, 0.01), strict=True)
     )
@@ -52,7 +52,7 @@ def test_gaps_are_as_small_as_asked_for() -> None:
 
 
 def test_the_shorter_path_is_followed() -> None:
-    chain, path = lifted(ARM, _path(), _ends(), 0.005), _path()
+    chain, path = lift(ARM, _path(), _ends(), 0.005), _path()
     q = chain.q[0]
     for u in chain.u:
         q = solve_ivp(lambda _, y, u=u: ARM.rates(y, u), (0, 1), q, rtol=1e-9).y[:, -1]
@@ -63,7 +63,7 @@ def test_the_shorter_path_is_followed() -> None:
 @pytest.mark.parametrize("first", [1.4, 0.7])
 def test_gaps_can_be_closed_within_the_limits(first: float) -> None:
     ends = _ends(first)
-    chain, _ = closed(ARM, lifted(ARM, _path(), ends, 0.2), ends)
+    chain, _ = close_gaps(ARM, lift(ARM, _path(), ends, 0.2), ends)
     assert chain is not None
     assert chain.q[[0, -1]] == pytest.approx(np.stack([ends.start, ends.goal]))
     assert np.all(np.abs(chain.q) <= ends.limit + 1e-9)
@@ -71,7 +71,7 @@ def test_gaps_can_be_closed_within_the_limits(first: float) -> None:
 
 
 def test_joint_1_stays_on_its_side_and_turns_to_the_goal_last() -> None:
-    chain = lifted(ARM, _path(), _ends(), 0.2)
+    chain = lift(ARM, _path(), _ends(), 0.2)
     assert np.min(chain.q[:-1, 1]) >= 0.0
     assert chain.u[-1] == pytest.approx([0.0, -0.6 - chain.q[-2, 1]])
 
@@ -86,7 +86,7 @@ def test_limits_are_hardly_broken_on_the_way() -> None:
     fine = ends_of(ARM.shorter(), np.repeat(path.q[:-1], 20, axis=0), _shares(path.u, 20))
     limit = np.array([np.inf, 1.2, *np.max(np.abs(fine[:, 1:]), axis=0) + 0.01])
     ends = ChainEnds(_ends().start, _ends().goal, limit)
-    chains = [lifted(ARM, _path(), ends, gap) for gap in (2.0, 0.1)]
+    chains = [lift(ARM, _path(), ends, gap) for gap in (2.0, 0.1)]
     over = [np.max(np.abs(c.q[1:] - c.gap) - ends.limit) for c in chains]
     assert over[0] > 0.05
     assert over[1] <= 0.1 / 4

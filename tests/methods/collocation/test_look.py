@@ -11,7 +11,7 @@ import pytest
 import planner
 from planner.methods.collocation import pipeline, refine
 from planner.methods.collocation.between_nodes import _over, peaks
-from planner.methods.collocation.refine import Polished
+from planner.methods.collocation.refine import PolishedMotion
 
 TAU = np.linspace(0, 1, 13)
 
@@ -56,7 +56,7 @@ def test_a_motion_that_leaves_its_limits_between_the_nodes_is_no_answer(
     first = planner.solve(problem, "collocation")
     seen = list[float]()
 
-    def polish(*given: Any) -> Polished:
+    def polish(*given: Any) -> PolishedMotion:
         done = refine.polish(*given)
         seen.append(done.solution.objective)
         return replace(done, inside=len(seen) > 1)

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 import planner
 from planner.methods.collocation.candidates import routes
 from planner.methods.collocation.transcription.form import through
-from planner.methods.refusal import in_other_time, on_other_paths
+from planner.methods.refusal import duration_changes, path_changes
 from planner.problem.requirements.places import Obstacle
 from planner.problem.requirements.requirement import MotionPoint
 
@@ -239,7 +239,7 @@ def test_what_is_tried_leaves_the_duration_alone_where_a_waypoint_depends_on_it(
 ) -> None:
     place = {"theta_deg": [60, -60, 0], "time": 1.0}
     timed = paper.changed({"waypoints": [place]})
-    assert [dict(change.keys) for change in in_other_time(timed)] == []
-    assert {"waypoints": []} in [change.keys for change in on_other_paths(timed)]
+    assert [dict(change.keys) for change in duration_changes(timed)] == []
+    assert {"waypoints": []} in [change.keys for change in path_changes(timed)]
     free = paper.changed({"waypoints": [{"theta_deg": [60, -60, 0]}]})
-    assert {"goal.duration": "free"} in [change.keys for change in in_other_time(free)]
+    assert {"goal.duration": "free"} in [change.keys for change in duration_changes(free)]

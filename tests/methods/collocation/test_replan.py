@@ -78,7 +78,7 @@ def test_a_plan_of_another_method_will_do(paper: Problem, found: Plan) -> None:
 def test_a_start_that_leads_nowhere_is_given_up(
     paper: Problem, found: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(replan, "_next_to", lambda *_: [])
+    monkeypatch.setattr(replan, "_near_motions", lambda *_: [])
     again = planner.solve(paper, "collocation", warm=found)
     assert again.notes["start"] == "straight"
     assert again.objective == pytest.approx(found.objective, rel=1e-9)

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 import planner
-from planner.methods.collocation import route_paths
-from planner.methods.collocation.between_nodes import excess, look
+from planner.methods.collocation import pipeline, route_paths
+from planner.methods.collocation.between_nodes import inspect
 from planner.methods.collocation.candidates import seeds
-from planner.methods.collocation.long_arms.bridges import PieceChain, ends_of, finer
+from planner.methods.collocation.long_arms.bridges import PieceChain, cut_finer, ends_of
 from planner.methods.collocation.method import collocation_task
 from planner.methods.collocation.path import clock, path_task, refine_path, search
 from planner.problem.tables.method_options import CollocationOptions
+from planner.support import deadline
 
 OPTIONS = CollocationOptions()
 ARM = planner.Problem.from_dict(
@@ -33,7 +34,7 @@ def fastest() -> planner.Plan:
 def test_the_same_guesses_find_the_same_paths_whatever_the_duration_is() -> None:
     problems = [ARM, *(ARM.changed({"goal.duration": T}) for T in (20.0, 200.0))]
     jobs = [collocation_task(problem, OPTIONS, 40) for problem in problems]
-    logs = [search(job, seeds("auto", 3), 3).log for job in jobs]
+    logs = [[*search(job, seeds("auto", 3), 3)][-1].log for job in jobs]
     assert logs[0] == logs[1] == logs[2]
 
 
@@ -59,31 +60,33 @@ def test_a_plan_is_held_as_slowly_as_is_asked_for(fastest: planner.Plan) -> None
 
 def test_a_refined_path_keeps_between_its_nodes_what_a_coarse_one_leaves() -> None:
     job = collocation_task(ARM, OPTIONS, 40)
-    free, found = path_task(job), search(job, seeds("auto", 6), 6).found
-    coarse = [look(free, path.solution) for path in found]
-    left = [float(excess(free, seen.iterate, seen.curves).max()) for seen in coarse]
+    free, found = path_task(job), [*search(job, seeds("auto", 6), 6)][-1].distinct
+    coarse = [inspect(free, path.solution) for path in found]
+    left = [float(inspection.excess.max()) for inspection in coarse]
     worst = int(np.argmax(left))
     refined = refine_path(free, found[worst].solution)
     assert refined is not None
-    seen = look(*refined)
+    inspection = inspect(*refined)
     assert left[worst] > 0.05  # rad, of 0.7
-    assert excess(refined[0], seen.iterate, seen.curves).max() < left[worst] / 5
+    assert inspection.excess.max() < left[worst] / 5
 
 
 def test_long_paths_that_cannot_be_refined_are_given_up_soon(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     job, tries = collocation_task(ARM, OPTIONS, 40), []
-    found = search(job, seeds("auto", 6), 6)
+    *_, found = search(job, seeds("auto", 6), 6)
     monkeypatch.setattr(route_paths, "path_intervals", lambda *_: 150)
     monkeypatch.setattr(route_paths, "refine_path", lambda *path: tries.append(path))
     assert route_paths.RoutePaths.of(job, found, mesh_given=False).refined == []
-    assert len(found.found) > 1 == len(tries)
+    assert len(found.distinct) > 1 == len(tries)
 
 
 def test_by_its_clock_an_input_of_a_path_is_at_its_limit_all_the_time() -> None:
     job = collocation_task(ARM, OPTIONS, 40)
-    refined = refine_path(path_task(job), search(job, seeds("auto", 3), 3).found[0].solution)
+    refined = refine_path(
+        path_task(job), [*search(job, seeds("auto", 3), 3)][-1].distinct[0].solution
+    )
     assert refined is not None
     free, solution = refined
     own, motion = clock(job, free, solution.iterate)
@@ -102,7 +105,20 @@ def test_all_pieces_of_a_path_are_halved_where_little_turns_in_them() -> None:
     q[0] = ARM.start
     for k in range(4):
         q[k + 1] = ends_of(system, q[k][None], u[k][None])[0]
-    halved = finer(system, PieceChain(q, u, np.zeros((4, system.size))), [1, 2, 3], 0.4, least=2)
+    halved = cut_finer(
+        system, PieceChain(q, u, np.zeros((4, system.size))), [1, 2, 3], 0.4, least=2
+    )
     assert len(halved.u) == 8
     assert halved.u.sum(axis=0) == pytest.approx(u.sum(axis=0))
     assert np.abs(halved.gap).max() < 1e-7
+
+
+def test_the_fastest_motion_is_no_answer_where_time_is_up_before_it_is_slowed_down(
+    paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def ended(*_: object) -> None:
+        raise deadline.time_up()
+
+    monkeypatch.setattr(pipeline, "polish", ended)
+    with pytest.raises(planner.TimeLimitError, match="before it had found a motion"):
+        planner.solve(paper.changed({"goal.duration": 2.5}), time_limit_s=600)

@@ -13,7 +13,14 @@ import pytest
 import planner
 from planner.methods.collocation import task as module
 from planner.methods.collocation.method import plan_collocation
-from planner.methods.collocation.solvers import SHORT, WAYS, Settings, SolverAnswer, names, way
+from planner.methods.collocation.solvers import (
+    SHORT_CHAIN,
+    STRATEGIES,
+    Settings,
+    SolverAnswer,
+    names,
+    strategy,
+)
 from planner.methods.collocation.transcription.form import Form
 from planner.methods.collocation.transcription.transcription import transcription
 from planner.problem.problem import Problem
@@ -66,17 +73,17 @@ def test_who_is_first(paper: Problem) -> None:
 def test_long_chains_have_rows_of_their_own() -> None:
     """Fatrop is of no use for them, and their paths are looked for with a longer reference."""
     long = transcription(planner.Manipulator([0.9, 0.8, 0.7, 0.6], 1.0), Form(3))
-    assert long.system.size == SHORT + 1
+    assert long.system.size == SHORT_CHAIN + 1
     for settings in (Settings(near=True), Settings(direct=True), Settings()):
         assert names(long, settings) == ("ipopt",)
-    assert way(long, Settings()) is WAYS["far, long chain"]
+    assert strategy(long, Settings()) is STRATEGIES["far, long chain"]
     short = transcription(planner.Manipulator([0.9, 0.8, 0.7], 1.0), Form(3))
-    assert way(short, Settings()).reference_s < WAYS["far, long chain"].reference_s
+    assert strategy(short, Settings()).reference_s < STRATEGIES["far, long chain"].reference_s
 
 
 def test_far_from_the_answer_fatrop_is_not_asked() -> None:
     """There it may never return."""
-    far = [row for kind, row in WAYS.items() if kind.startswith("far")]
+    far = [row for kind, row in STRATEGIES.items() if kind.startswith("far")]
     assert len(far) > 1
     assert all(row.order == ("ipopt",) for row in far)
 

@@ -16,7 +16,13 @@ from scipy.optimize import linprog
 
 import planner
 from planner.methods.convex.band import Band, band_of
-from planner.methods.convex.global_optimum import Above, ClassOptimum, Impossible, band_rows, cut
+from planner.methods.convex.global_optimum import (
+    BoundAboveCeiling,
+    ClassOptimum,
+    EmptyClass,
+    band_rows,
+    optimum_by_cuts,
+)
 from planner.methods.convex.paths import Frame
 from planner.methods.convex.programme import Programme, StalledError
 
@@ -74,7 +80,7 @@ def test_figures_of_the_example(
 ) -> None:
     """v₂ piecewise constant on 60 pieces gives them to the last printed digit; continuous not."""
     frame = frame_at(travel, degree=degree)
-    best = cut(frame, band_at(printed, frame), SMOOTH)
+    best = optimum_by_cuts(frame, band_at(printed, frame), SMOOTH)
     assert isinstance(best, ClassOptimum)
     assert best.value == pytest.approx(value, abs=5.1e-7)
     effort = np.sum(best.frame.x(best.y) ** 2) / 2 / best.frame.travel
@@ -93,8 +99,8 @@ def test_certificate_checked_independently(
     assert travel in planner.travel_window(printed)
     frame = frame_at(travel, pieces=30, degree=degree)
     band = band_at(printed, frame)
-    answer = cut(frame, band, programme)
-    assert isinstance(answer, Impossible)
+    answer = optimum_by_cuts(frame, band, programme)
+    assert isinstance(answer, EmptyClass)
     u, proof = answer.proof.multipliers, answer.proof
     assert np.all(u >= 0)
     # Nothing a path inside the band can do makes up for it: |y| is bounded by the cap's top.
@@ -102,7 +108,7 @@ def test_certificate_checked_independently(
     assert linprog(np.zeros(frame.size), answer.A, answer.b, bounds=(None, None)).status == 2
     # The rows say what they claim: every band path that exists at a feasible travel keeps them.
     other = frame_at(0.82, pieces=30, degree=degree)
-    best = cut(other, band, SMOOTH)
+    best = optimum_by_cuts(other, band, SMOOTH)
     assert isinstance(best, ClassOptimum)
     A, b = band_rows(other, band, answer.touch)
     assert np.max(A @ best.y - b) <= 1e-9
@@ -127,7 +133,7 @@ def test_optimum_agrees_with_ipopt(
 ) -> None:
     frame = frame_at(travel, pieces=20)
     band = band_at(printed, frame)
-    best = cut(frame, band, SMOOTH if kind == "smooth" else PEAK)
+    best = optimum_by_cuts(frame, band, SMOOTH if kind == "smooth" else PEAK)
     assert isinstance(best, ClassOptimum)
     assert 0 <= best.gap < 1e-6
     expected = reference(frame, band, kind)
@@ -142,7 +148,7 @@ def test_domain_and_floor_bite(printed: planner.Problem, frame_at: Frames) -> No
     frame = frame_at(0.79)
     band = band_at(printed, frame)
     bands = (band, replace(band, K=np.zeros(0)), replace(band, floor=0), replace(band, floor=0.02))
-    kept, free, low, high = (cut(frame, each, SMOOTH) for each in bands)
+    kept, free, low, high = (optimum_by_cuts(frame, each, SMOOTH) for each in bands)
     for found in (kept, free, low, high):
         assert isinstance(found, ClassOptimum)
     _, z2, z3, _ = frame.bernstein(free.y)
@@ -175,8 +181,8 @@ def test_branches_mirror_each_other(printed: planner.Problem, flip: list[int]) -
 def test_where_it_stops_early(printed: planner.Problem, frame_at: Frames) -> None:
     """At a ceiling, with a valid bound; out of rounds, which is said."""
     frame = frame_at(0.79)
-    answer = cut(frame, band_at(printed, frame), SMOOTH, ceiling=0.4)
-    assert isinstance(answer, Above)
+    answer = optimum_by_cuts(frame, band_at(printed, frame), SMOOTH, ceiling=0.4)
+    assert isinstance(answer, BoundAboveCeiling)
     assert 0.4 < answer.bound <= 0.562707
     with pytest.raises(StalledError, match="2 rounds"):
-        cut(frame, band_at(printed, frame), SMOOTH, max_rounds=2)
+        optimum_by_cuts(frame, band_at(printed, frame), SMOOTH, max_rounds=2)

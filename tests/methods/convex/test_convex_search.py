@@ -7,9 +7,9 @@ import pytest
 
 from planner.methods.convex.global_optimum import (
     NO_TOUCH,
-    Above,
+    BoundAboveCeiling,
     ClassOptimum,
-    Impossible,
+    EmptyClass,
     Touch,
     search_travels,
 )
@@ -25,15 +25,15 @@ def best(travel: float, value: float) -> ClassOptimum:
     return ClassOptimum(FRAME.at(travel), final, value, NO_TOUCH, 1, -1.0)
 
 
-def refused(travel: float, margin: float) -> Impossible:
+def refused(travel: float, margin: float) -> EmptyClass:
     proof = Farkas(NOTHING, 0.0, -margin, 1.0)
-    return Impossible(FRAME.at(travel), NO_TOUCH, np.zeros((0, 0)), NOTHING, proof)
+    return EmptyClass(FRAME.at(travel), NO_TOUCH, np.zeros((0, 0)), NOTHING, proof)
 
 
 def test_best_travel_is_refined_far_below_the_scan_step() -> None:
-    def solve(travel: float, rows: Touch, ceiling: float) -> ClassOptimum | Above:
+    def solve(travel: float, rows: Touch, ceiling: float) -> ClassOptimum | BoundAboveCeiling:
         value = 1 + (travel - 0.537) ** 2
-        return Above(value) if value > ceiling else best(travel, value)
+        return BoundAboveCeiling(value) if value > ceiling else best(travel, value)
 
     found = search_travels(solve, np.linspace(0.1, 0.9, 9))
     assert found.best is not None
@@ -55,7 +55,7 @@ def test_search_never_reaches_travel_zero() -> None:
 def test_a_range_between_two_scanned_travels_is_found() -> None:
     """Only |travel − 0.55| < 0.004 has a path; the certificates' margins lead there."""
 
-    def solve(travel: float, rows: Touch, ceiling: float) -> ClassOptimum | Impossible:
+    def solve(travel: float, rows: Touch, ceiling: float) -> ClassOptimum | EmptyClass:
         gap = abs(travel - 0.55) - 0.004
         return refused(travel, gap) if gap > 0 else best(travel, 2.0 + gap)
 

@@ -8,7 +8,7 @@ import pytest
 from perturbed import draws, motions
 
 import planner
-from planner.methods.collocation.long_arms.held import can_hold
+from planner.methods.collocation.long_arms.exact_motion import has_only_limits
 from planner.methods.collocation.method import collocation_task
 from planner.methods.desensitised.method import _task
 from planner.plan.measures import effort, turns
@@ -91,7 +91,7 @@ def test_time_that_ends_before_the_mesh_is_fine_leaves_no_plan(
     def ended(*_: object) -> None:
         raise time_up()
 
-    monkeypatch.setattr("planner.methods.collocation.refine.transferred", ended)
+    monkeypatch.setattr("planner.methods.collocation.refine.transfer", ended)
     monkeypatch.setattr("planner.methods.desensitised.method.plan_collocation", lambda *_: easy)
     easy = planner.solve(paper, "collocation")
     with pytest.raises(planner.TimeLimitError):
@@ -141,8 +141,8 @@ def test_a_coarse_mesh_is_refined(paper: planner.Problem) -> None:
 def test_no_path_kept_as_it_is_stands_for_the_least_response(paper: planner.Problem) -> None:
     free = {k: v for k, v in paper.to_dict()["limits"].items() if k != "z2_margin"}
     problem = paper.changed({"limits": free})
-    assert can_hold(collocation_task(problem, planner.METHODS["collocation"].options(), 8))
-    assert not can_hold(_task(problem, planner.METHODS["desensitised"].options(intervals=8)))
+    assert has_only_limits(collocation_task(problem, planner.METHODS["collocation"].options(), 8))
+    assert not has_only_limits(_task(problem, planner.METHODS["desensitised"].options(intervals=8)))
 
 
 def test_input_rates_rest_and_a_free_duration(paper: planner.Problem) -> None:

@@ -266,7 +266,7 @@ def test_tasks_are_drawn_alike_for_every_design_and_more_begin_with_the_same(qui
         assert {len(angles) for task in tasks for angles in task} == {n}
     more = asked(quick, grid={"joints": [2, 4]}, tasks={**drawn, "count": 5})
     assert more.tasks[4][:3] == few.tasks[4]
-    system = few.posed(few.designs[1], few.tasks[4][0]).system
+    system = few.problem_of(few.designs[1], few.tasks[4][0]).system
     # rho = 1 of two joints, kappa = k_g K2
     assert np.asarray(system.K) == pytest.approx([0.56] * 3)
 
@@ -279,7 +279,7 @@ def test_the_problems_own_task_and_mechanism_are_taken_where_nothing_else_is_sai
     assert own.tasks == {2: (([10, 10], [30, 30]),)}
     first = own.designs[0]
     assert (first.name, first.values) == ("as it is", {})
-    system = own.posed(first, own.tasks[2][0]).system
+    system = own.problem_of(first, own.tasks[2][0]).system
     assert system.k_g * system.K == pytest.approx([0.56])
     gear = {"r1": 0.03, "R": 0.04, "r3": 0.03, "lambda": 1.0, "eta": 1.0}
     arm = {"kind": "manipulator", "joints": 2, "gear": gear, "link_lengths": [0.3, 0.2]}
@@ -293,7 +293,7 @@ def test_the_problems_own_task_and_mechanism_are_taken_where_nothing_else_is_sai
 def test_a_given_force_makes_larger_wheels_transmit_more(quick: Tables) -> None:
     gear = {"r1": 0.03, "R": 0.04, "r3": 0.03, "lambda": 1.0, "eta": 1.0}
     found = asked(quick, gear=gear, contact_force_n=50.0, grid={"r1": [0.03, 0.06]})
-    problems = [found.posed(each, found.tasks[2][0]) for each in found.designs]
+    problems = [found.problem_of(each, found.tasks[2][0]) for each in found.designs]
     quantities = [
         planner.Machine.from_table(p.machine).effects["friction_capacity_nm"] for p in problems
     ]

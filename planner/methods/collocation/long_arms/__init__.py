@@ -1,1 +1,1 @@
-"""Paths for arms where no guess leads anywhere: `ladder`, `bridges`, `held`."""
+"""Paths for arms where no guess leads anywhere: `ladder`, `bridges`, `exact_motion`."""

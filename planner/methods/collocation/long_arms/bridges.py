@@ -25,7 +25,7 @@ FIRST_SHARE, LEAST_SHARE = 0.3, 4e-3
 """Shares of the gaps below which a step is given up: the first one soon, since a chain that cannot
 lose a third of its gaps at once has never been seen to lose less."""
 
-QUICK = 25
+QUICK_ITERATIONS = 25
 """Iterations after which a step counts as hard, and the next is no longer."""
 
 ITERATIONS = 40
@@ -75,7 +75,7 @@ class ChainEnds:
         return cls(problem.start, problem.target, limit)
 
 
-def finer(
+def cut_finer(
     system: TriangularSystem, chain: PieceChain, limited: list[int], turn: float, least: int = 1
 ) -> PieceChain:
     """The chain cut so that no limited coordinate turns by more than `turn` in a piece.
@@ -101,7 +101,7 @@ def cuts(q: Array, limited: list[int], turn: float, least: int = 1) -> tuple[Ind
     return parts, np.repeat(np.arange(len(parts)), parts), share
 
 
-def closed(
+def close_gaps(
     system: TriangularSystem, chain: PieceChain, ends: ChainEnds
 ) -> tuple[PieceChain | None, float]:
     """The chain without its gaps, or None where the continuation is stuck; and the share closed.
@@ -126,14 +126,14 @@ def closed(
         chain, share = found, aim
         if share == 1.0:
             return chain, share
-        step *= 2.0 if made < QUICK else 1.0
+        step *= 2.0 if made < QUICK_ITERATIONS else 1.0
     return None, share
 
 
-def exact(system: TriangularSystem, chain: PieceChain, ends: ChainEnds) -> PieceChain | None:
+def make_exact(system: TriangularSystem, chain: PieceChain, ends: ChainEnds) -> PieceChain | None:
     """The nearest chain that is a motion to more digits than one piece's Runge-Kutta steps have."""
     for _ in range(CORRECTIONS):
-        error = _finely(system, chain) - ends_of(system, chain.q[:-1], chain.u)
+        error = _fine_ends(system, chain) - ends_of(system, chain.q[:-1], chain.u)
         found, _ = _nearest(system, len(chain.u))(chain, error, ends)
         if found is None:
             return None
@@ -141,7 +141,7 @@ def exact(system: TriangularSystem, chain: PieceChain, ends: ChainEnds) -> Piece
     return chain
 
 
-def _finely(system: TriangularSystem, chain: PieceChain) -> Array:
+def _fine_ends(system: TriangularSystem, chain: PieceChain) -> Array:
     """Where the pieces lead, shape (K, N), in steps as short as parts of them."""
     q = chain.q[:-1]
     for _ in range(PARTS):
@@ -282,7 +282,7 @@ _QUIET: dict[str, Any] = {
 
 
 STEPS = 3
-"""Runge-Kutta steps a piece; `finer` and `exact` see to what they leave over."""
+"""Runge-Kutta steps a piece; `cut_finer` and `make_exact` see to what they leave over."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,128 +18,115 @@ geometric approach to motion planning (Nonholonomic Motion Planning, Kluwer 1993
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from planner.methods.collocation.candidates import seeds
-from planner.methods.collocation.long_arms.bridges import ChainEnds, Index, PieceChain, closed
+from planner.methods.collocation.long_arms.bridges import ChainEnds, Index, PieceChain, close_gaps
 from planner.methods.collocation.long_arms.bridges import ends_of as ends_of
-from planner.methods.collocation.long_arms.held import can_hold, chain_of, follow, held
-from planner.methods.collocation.path import path_task, search, timed
-from planner.methods.collocation.solvers import RUNGS, way
+from planner.methods.collocation.long_arms.exact_motion import (
+    chain_of,
+    exact_motion,
+    follow,
+    has_only_limits,
+)
+from planner.methods.collocation.path import path_task, search, solve_timing
+from planner.methods.collocation.solvers import LADDER_ITERATIONS, strategy
 from planner.methods.collocation.task import (
     ACCEPTED_RESIDUAL,
     Solution,
     Task,
-    offer_chain,
-    stretched,
+    stretch_to,
     task,
 )
-from planner.methods.collocation.transcription.bounds import Asked
+from planner.methods.collocation.transcription.bounds import InputDemands
 from planner.methods.collocation.transcription.form import Form
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.support import progress
 from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
-ENOUGH = 6
+ENOUGH_PATHS = 6
 """Paths of the arm of the last joints that are enough."""
 
-GAPS = (0.12, 0.05, 0.02)
+LARGEST_GAPS = (0.12, 0.05, 0.02)
 """Largest gaps, rad, that a joint in front may leave; smaller where only a part of them closes."""
 
 MOST_SHORTENED = 5000
 """Most pieces of a path that is shortened."""
 
-DRAWN_IN = 0.1
+FREE_LIMIT_SHARE = 0.1
 """Share of the joint limits that is kept free a rung, for what the rungs above add. The best path
 runs along its limits; with 0.02 what joint 1 adds broke them by 0.2 to 0.5 rad where joints have
 40 degrees, and no nearest chain was left."""
 
-MOST_SOLVED = 300
+MOST_SOLVED_INTERVALS = 300
 """Intervals beyond which a path is kept as it is."""
 
 
-@dataclass(frozen=True, eq=False)
-class Climbed:
-    """A motion by way of shorter arms.
+def find_arm_path(job: Task) -> tuple[PieceChain, int] | None:
+    """A path within the joint limits, and the number of joints of the arm that it began with.
 
-    Attributes:
-        name: For reports.
-        task: The job on the path's own mesh.
-        solution: The motion.
-    """
-
-    name: str
-    task: Task
-    solution: Solution
-
-
-def climbed(job: Task, accuracy: float) -> Climbed | None:
-    """A motion within all limits, its duration free; None where the system is no arm, or there is
-    none.
-
-    z2, discs and waypoints are not looked at.
+    z2, discs and waypoints are not looked at. None where the system is no arm, or there is none.
     """
     system = job.problem.system
-    if not isinstance(system, Manipulator) or system.n < 3 or not can_hold(job):
+    if not isinstance(system, Manipulator) or system.n < 3 or not has_only_limits(job):
         return None
     progress.tell("looking for a path by way of shorter arms")
-    found = _by_shorter(job)
-    if found is None:
-        return None
-    chain, joints = found
-    offer_chain(job, chain)
+    return _lift_shorter_path(job)
+
+
+def time_arm_path(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, Solution] | None:
+    """The motion along a path, its duration free, on the path's own mesh; None if there is none."""
     progress.tell("timing that path")
     own, path = follow(job, chain)
-    solution = _timed(own, path) if len(own.mesh.widths) <= MOST_SOLVED else None
+    solution = _solve_timing(own, path) if len(own.mesh.widths) <= MOST_SOLVED_INTERVALS else None
     if solution is None or not solution.ok:
-        kept = held(job, chain, accuracy)
-        if kept is None:
-            return None
-        own, solution = kept
-    return Climbed(f"lifted from {joints} joints", own, solution)
+        return exact_motion(job, chain, accuracy)
+    return own, solution
 
 
-def _timed(own: Task, path: Iterate) -> Solution:
+def _solve_timing(own: Task, path: Iterate) -> Solution:
     """The path's timing; a last iterate that is a motion is one, if not the best."""
     settings = own.settings
-    patient = replace(settings, max_iterations=max(settings.max_iterations, RUNGS["timing"]))
-    last = timed(replace(own, settings=patient), path)
+    patient = replace(
+        settings, max_iterations=max(settings.max_iterations, LADDER_ITERATIONS["timing"])
+    )
+    last = solve_timing(replace(own, settings=patient), path)
     if last.ok or last.residual > ACCEPTED_RESIDUAL:
         return last
     return replace(last, ok=True, status=f"{last.status} (a motion, not the best)")
 
 
-def _by_shorter(job: Task) -> tuple[PieceChain, int] | None:
+def _lift_shorter_path(job: Task) -> tuple[PieceChain, int] | None:
     """The path, and the number of joints of the arm it began with."""
     problem = job.problem
-    below = _path(_below(job))
+    below = _path(_shorter_arm_task(job))
     if below is None:
         return None
     path, joints = below
     assert isinstance(problem.system, Manipulator)
     ends = ChainEnds.of(problem)
-    for gap in GAPS:
-        whole, share = closed(problem.system, lifted(problem.system, path, ends, gap), ends)
+    for gap in LARGEST_GAPS:
+        whole, share = close_gaps(problem.system, lift(problem.system, path, ends, gap), ends)
         if whole is not None:
-            return _shortened(job, whole, ends), joints
+            return _shorten(job, whole, ends), joints
         if share == 0:
             break
     return None
 
 
-def _shortened(job: Task, path: PieceChain, ends: ChainEnds) -> PieceChain:
+def _shorten(job: Task, path: PieceChain, ends: ChainEnds) -> PieceChain:
     """The path, or the one of least effort next to it if that takes less driving and turning."""
     own, iterate = follow(job, path)
     if len(own.mesh.widths) > MOST_SHORTENED:
         return path
-    settings = replace(own.settings, max_iterations=RUNGS["shortening"])
+    settings = replace(own.settings, max_iterations=LADDER_ITERATIONS["shortening"])
     effort = path_task(replace(own, settings=settings))
     assert effort.problem.duration is not None
-    found = effort.solve(stretched(iterate, effort.problem.duration))
-    shorter, _ = closed(job.problem.system, chain_of(effort, found), ends)
+    found = effort.solve(stretch_to(iterate, effort.problem.duration))
+    shorter, _ = close_gaps(job.problem.system, chain_of(effort, found), ends)
     return shorter if shorter is not None and _length(shorter) < _length(path) else path
 
 
@@ -148,51 +135,51 @@ def _length(path: PieceChain) -> float:
 
 
 def _path(job: Task) -> tuple[PieceChain, int] | None:
-    found = _searched(job)
+    found = _search_path(job)
     if found is not None:
         return found
-    return _by_shorter(job) if job.problem.system.size > 3 else None
+    return _lift_shorter_path(job) if job.problem.system.size > 3 else None
 
 
-def _searched(job: Task) -> tuple[PieceChain, int] | None:
-    """The shortest path that a few guesses lead to, as `_by_shorter`.
+def _search_path(job: Task) -> tuple[PieceChain, int] | None:
+    """The shortest path that a few guesses lead to, as `_lift_shorter_path`.
 
     None too where it is a path on its coarse mesh only.
     """
-    guesses = way(job.made, job.settings).guesses
-    settings = replace(job.settings, max_iterations=RUNGS["guess"])
+    guesses = strategy(job.made, job.settings).guesses
+    settings = replace(job.settings, max_iterations=LADDER_ITERATIONS["guess"])
     job = path_task(replace(job, settings=settings))
-    paths = search(job, seeds("auto", guesses), ENOUGH, simple=True)
-    if not paths.found:
+    *_, paths = search(job, seeds("auto", guesses), ENOUGH_PATHS, simple=True)
+    if not paths.solved:
         return None
-    system, coarse = job.problem.system, chain_of(job, paths.found[0].solution)
-    chain, _ = closed(system, coarse, ChainEnds.of(job.problem))
+    system, coarse = job.problem.system, chain_of(job, paths.distinct[0].solution)
+    chain, _ = close_gaps(system, coarse, ChainEnds.of(job.problem))
     return None if chain is None else (chain, system.size - 1)
 
 
-def _below(job: Task) -> Task:
+def _shorter_arm_task(job: Task) -> Task:
     """The job of the arm without its first joint."""
     problem, form = job.problem, job.made.form
     assert isinstance(problem.system, Manipulator)
     start, goal = (np.delete(q, 1) for q in (problem.start, problem.goal))
-    joint = np.delete(ChainEnds.of(problem, 1 - DRAWN_IN).limit, 1)
+    joint = np.delete(ChainEnds.of(problem, 1 - FREE_LIMIT_SHARE).limit, 1)
     limits = replace(problem.limits, joint=joint)
     short = replace(problem, system=problem.system.shorter(), start=start, goal=goal, limits=limits)
     plain = Form(form.intervals, form.scheme_kind, form.degree)
-    return task(short, job.objective, plain, job.mesh, Asked(), job.settings)
+    return task(short, job.objective, plain, job.mesh, InputDemands(), job.settings)
 
 
-SWING = np.deg2rad(60.0)
+OTHER_ANGLE = np.deg2rad(60.0)
 """The other angle of joint 1, beside zero: near it the sum of drives and turns is least."""
 
-LONGEST, HALVINGS = 0.8, 12
+LONGEST_STRETCH, HALVINGS = 0.8, 12
 """Longest stretch, turn and drive added, rad, and times that it may be halved."""
 
-STILL = 1e-9
+NEGLIGIBLE_RAD = 1e-9
 """Turns and drives, rad, that are left out."""
 
 
-def lifted(system: Manipulator, path: PieceChain, ends: ChainEnds, gap: float) -> PieceChain:
+def lift(system: Manipulator, path: PieceChain, ends: ChainEnds, gap: float) -> PieceChain:
     """The path of joints 2 … n, made by all of them; with gaps.
 
     Args:
@@ -203,9 +190,9 @@ def lifted(system: Manipulator, path: PieceChain, ends: ChainEnds, gap: float) -
             either is larger, stretches are cut in half.
     """
     known = np.append(0.0, np.cumsum(np.sum(np.abs(path.u), axis=1)))
-    edges = np.linspace(0.0, known[-1], 1 + max(1, int(np.ceil(known[-1] / LONGEST))))
+    edges = np.linspace(0.0, known[-1], 1 + max(1, int(np.ceil(known[-1] / LONGEST_STRETCH))))
     for _ in range(HALVINGS):
-        chain, stretch = _along(system, path, known, ends, edges)
+        chain, stretch = _lifted_chain(system, path, known, ends, edges)
         missed = np.max(np.abs(chain.gap), axis=1)
         over = np.max(np.abs(chain.q[1:] - chain.gap) - ends.limit, axis=1)
         wide = np.zeros(len(edges) - 1, dtype=bool)
@@ -216,7 +203,7 @@ def lifted(system: Manipulator, path: PieceChain, ends: ChainEnds, gap: float) -
     return chain
 
 
-def _along(
+def _lifted_chain(
     system: Manipulator, path: PieceChain, known: Array, ends: ChainEnds, edges: Array
 ) -> tuple[PieceChain, Index]:
     """The chain for stretches between these lengths of path, and the stretch of each piece.
@@ -249,17 +236,19 @@ def _drives(system: Manipulator, moves: Array, ends: ChainEnds) -> tuple[Array, 
     angle, out = ends.start[1], np.zeros((len(moves) + 1, 4, 2))
     before = np.empty(len(moves) + 1)
     rate = system.k_g * system.K[0]
-    other = min(SWING, 0.9 * ends.limit[1]) * (np.copysign(1.0, angle))
+    other = min(OTHER_ANGLE, 0.9 * ends.limit[1]) * (np.copysign(1.0, angle))
     for k, (drive, turn) in enumerate(moves):
         before[k] = angle
-        for part, (at, driven) in enumerate(_two(drive, turn / rate, angle, other)):
+        for part, (at, driven) in enumerate(_angles_and_drives(drive, turn / rate, angle, other)):
             out[k, 2 * part, 1], out[k, 2 * part + 1, 0] = at - angle, driven
             angle = at
     before[-1], out[-1, 0, 1] = angle, ends.goal[1] - angle
     return out, before
 
 
-def _two(drive: float, turn: float, angle: float, other: float) -> list[tuple[float, float]]:
+def _angles_and_drives(
+    drive: float, turn: float, angle: float, other: float
+) -> list[tuple[float, float]]:
     """Angles of joint 1 and drives at them, the nearer angle first.
 
     Σ xₖ cosαₖ = drive and Σ xₖ cos³αₖ = turn; one angle does where the ratio allows.
@@ -278,7 +267,7 @@ def _pieces(system: Manipulator, q: Array, u: Array, last: Array) -> tuple[Piece
     before = [q]
     for part in range(u.shape[1] - 1):
         before.append(ends_of(system, before[-1], u[:, part]))
-    kept = np.max(np.abs(u), axis=2) > STILL
+    kept = np.max(np.abs(u), axis=2) > NEGLIGIBLE_RAD
     at, moved = np.stack(before, axis=1)[kept], u[kept]
     nodes = np.vstack([at, last])
     stretch = np.minimum(np.nonzero(kept)[0], len(u) - 2)

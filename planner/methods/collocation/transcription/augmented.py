@@ -25,7 +25,7 @@ from planner.systems.triangular_system import Coordinate, TriangularSystem
 DEGREES = 180 / np.pi
 """The response is weighed in degrees (lengths in their unit over 57.3): its size is near 1."""
 
-ROUND = 1e-6 / DEGREES
+VARIANCE_ROUNDING = 1e-6 / DEGREES
 """Rounds off the square root of a variance that is zero, in its unit (rad, or that of z₂)."""
 
 CLOCK, EFFORT = "time", "effort"
@@ -93,7 +93,9 @@ class Augmented:
         out = []
         for x in places:
             here, slope = both(x[: self.system.size])
-            spread = ca.sqrt(ca.sumsqr(slope @ self._made.response.function(x)) + ROUND**2)
+            spread = ca.sqrt(
+                ca.sumsqr(slope @ self._made.response.function(x)) + VARIANCE_ROUNDING**2
+            )
             out += [here - self.backoff * spread, here + self.backoff * spread]
         return out
 
@@ -166,7 +168,7 @@ def _column(form: Linearisation, error: str) -> tuple[dict[int, Any], Any]:
     return moving, ca.vertcat(*(c + moving.get(i, 0.0) for i, c in enumerate(constant)))
 
 
-Moved = TriangularSystem | Augmented
+MovingSystem = TriangularSystem | Augmented
 """What a transcription moves."""
 
 

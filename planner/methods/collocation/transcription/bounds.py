@@ -21,25 +21,25 @@ MOST_DRAWN_IN = 0.1
 a mesh far too coarse."""
 
 
-def everywhere(drawn: Array, share: float, times: float) -> Array:
+def spread_drawing_in(drawn: Array, share: float, times: float) -> Array:
     """Each limit drawn in (K, R) so many times, and in all intervals by a share of the most."""
     return np.asarray(np.maximum(times * drawn, share * np.max(times * drawn, axis=0)))
 
 
 @dataclass(frozen=True)
-class Asked:
+class InputDemands:
     """What is asked of the inputs beside the problem's limits.
 
     Attributes:
         rest: Whether they are zero at both ends.
-        way: Sign that the first one keeps; zero where it may change.
+        first_sign: Sign that the first one keeps; zero where it may change.
         turns: Shares of the duration at which that sign changes.
         effort: Most that ∫ u₁² + u₂² dt may be, where the transcription meters it.
         timeless: Whether limits that read inputs are not asked for: a path has no timing yet.
     """
 
     rest: bool = False
-    way: float = 0.0
+    first_sign: float = 0.0
     turns: tuple[float, ...] = ()
     effort: float = np.inf
     timeless: bool = False
@@ -77,31 +77,31 @@ class Bounds:
 
 def bounds(
     problem: Problem,
-    held: list[Requirement],
+    requirements: list[Requirement],
     made: Transcription,
     mesh: Mesh,
     objective: Objective,
-    asked: Asked,
+    demands: InputDemands,
     drawn: Array,
 ) -> Bounds:
     """Fill in a problem's numbers.
 
     Args:
         problem: What is solved.
-        held: What of it is kept, see `held_by`.
+        requirements: What of it is kept, see `kept_between_nodes`.
         made: The transcription.
         mesh: Its mesh.
         objective: What is made least.
-        asked: What is asked of the inputs beside the problem's limits.
+        demands: What is asked of the inputs beside the problem's limits.
         drawn: By how much each part of what is kept is drawn in, shape (K, R), so that it holds
             between the nodes.
     """
-    low, high = (np.concatenate([[], *(each.bounds[k] for each in held)]) for k in (0, 1))
+    low, high = (np.concatenate([[], *(each.bounds[k] for each in requirements)]) for k in (0, 1))
     most = MOST_DRAWN_IN * (high - low) / 2
     inside, edges = np.minimum(drawn, most), np.minimum(_at_nodes(drawn), most)
-    lower, upper = _limits(problem, made, mesh, asked, inside, edges)
-    _fix(lower, upper, problem, made, mesh, asked)
-    reads = [required.reads for required in held for _ in required.parts]
+    lower, upper = _limits(problem, made, mesh, demands, inside, edges)
+    _fix(lower, upper, problem, made, mesh, demands)
+    reads = [required.reads for required in requirements for _ in required.parts]
     row_lower, row_upper = np.zeros((2, made.form.intervals, made.height))
     ends = [part for required in problem.final for part in required.parts]
     for rows in made.labels:
@@ -117,11 +117,11 @@ def bounds(
             edge = rows.tau == 0.0
             amounts[:, edge] = edges[:-1, [r]]
             amounts[0, edge] = -np.inf  # where the problem itself has been checked
-        elif asked.timeless:
+        elif demands.timeless:
             amounts[:] = -np.inf
         row_lower[:, where], row_upper[:, where] = low[r] + amounts, high[r] - amounts
     numbers: list[float] = []
-    for required in (*held, *problem.final):
+    for required in (*requirements, *problem.final):
         numbers += required.number_values
     known = [] if made.form.free_duration else [problem.duration]
     parameters = np.concatenate([objective.weights, numbers, known, mesh.widths])
@@ -129,7 +129,12 @@ def bounds(
 
 
 def _limits(
-    problem: Problem, made: Transcription, mesh: Mesh, asked: Asked, inside: Array, edges: Array
+    problem: Problem,
+    made: Transcription,
+    mesh: Mesh,
+    demands: InputDemands,
+    inside: Array,
+    edges: Array,
 ) -> tuple[Array, Array]:
     """Bounds of the unknowns; what is kept is drawn in by (K, R) inside and (K+1, R) at edges."""
     places = made.layout
@@ -145,7 +150,7 @@ def _limits(
         index, (low, high, _) = [part.index for part in required.parts], required.bounds
         if required.is_direct and required.reads != {"q"}:
             unknowns = places.inputs if "u" in required.reads else places.slopes
-            if not asked.timeless:
+            if not demands.timeless:
                 within(unknowns[:, index], (low, high))
             continue
         if required.is_direct:
@@ -159,17 +164,22 @@ def _limits(
         end, most = places.nodes[-1, list(problem.free)], problem.free_within
         within(end, (-most, most))
     lower[places.durations[:1]] = SHORTEST_S
-    if asked.way:
-        turned = np.searchsorted(asked.turns, made.form.input_places(mesh))
-        forward = asked.way * (-1.0) ** turned > 0
+    if demands.first_sign:
+        turned = np.searchsorted(demands.turns, made.form.input_places(mesh))
+        forward = demands.first_sign * (-1.0) ** turned > 0
         lower[places.inputs[forward, 0]] = upper[places.inputs[~forward, 0]] = 0.0
-    if np.isfinite(asked.effort):
-        upper[places.nodes[-1, -1]] = asked.effort
+    if np.isfinite(demands.effort):
+        upper[places.nodes[-1, -1]] = demands.effort
     return lower, upper
 
 
 def _fix(
-    lower: Array, upper: Array, problem: Problem, made: Transcription, mesh: Mesh, asked: Asked
+    lower: Array,
+    upper: Array,
+    problem: Problem,
+    made: Transcription,
+    mesh: Mesh,
+    demands: InputDemands,
 ) -> None:
     """Set both bounds of what is given: start, goal, duration, waypoints and rest."""
     places, N = made.layout, problem.system.size
@@ -178,7 +188,7 @@ def _fix(
     fixed += [(places.durations[:1], np.array([duration])[: len(places.durations)])]
     stops = zip(mesh.marks, problem.waypoints, strict=True)
     fixed += [(places.nodes[k, :N], point.q) for k, point in stops]
-    fixed += [(places.inputs[[0, -1]].ravel(), np.zeros(4))] if asked.rest else []
+    fixed += [(places.inputs[[0, -1]].ravel(), np.zeros(4))] if demands.rest else []
     for where, values in fixed:
         known = ~np.isnan(values)
         lower[where[known]] = upper[where[known]] = values[known]

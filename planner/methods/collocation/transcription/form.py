@@ -88,7 +88,7 @@ TERMS = 6
 """Terms of the objective: duration, effort of each input, its smoothness, closeness to edges."""
 
 
-def held_by(problem: Problem) -> list[Requirement]:
+def kept_between_nodes(problem: Problem) -> list[Requirement]:
     """What may be broken between the nodes: all but inputs and their rates as they are."""
     drives = {"u", "du"}
     return [each for each in problem.requirements if not (each.is_direct and each.reads & drives)]
@@ -104,7 +104,7 @@ class Form:
         degree: Collocation points per interval.
         input: "constant" in each interval, or "linear" and continuous.
         free_duration: Whether the duration is an unknown; else it is a parameter.
-        kept: What rows are for, without numbers, see `held_by`.
+        kept: What rows are for, without numbers, see `kept_between_nodes`.
         final: What rows at the end are for, likewise.
         edge: Whether closeness to the edge of the chart's domain is a term of the objective.
         inner: Whether what is kept holds at the collocation points too, not only at the mesh's
@@ -268,10 +268,10 @@ def objective(problem: Problem, options: CollocationOptions) -> Objective:
 
 _EFFORT, _SMOOTH = "integral of u1^2 + u2^2 dt", "integral of (du1/dt)^2 + (du2/dt)^2 dt"
 _EDGE = "mean closeness to the domain's edge"
-_SLOWER = "slower is always less"
+_SLOWNESS = "slower is always less"
 _FIXED_TIME: dict[str, tuple[str, list[float], str]] = {
-    "effort": (f"effort: {_EFFORT}", [0.0, 1.0, 1.0, 0.0, 0.0, 0.0], _SLOWER),
-    "smooth": (f"smooth: {_SMOOTH}", [0.0, 0.0, 0.0, 1.0, 1.0, 0.0], _SLOWER),
+    "effort": (f"effort: {_EFFORT}", [0.0, 1.0, 1.0, 0.0, 0.0, 0.0], _SLOWNESS),
+    "smooth": (f"smooth: {_SMOOTH}", [0.0, 0.0, 0.0, 1.0, 1.0, 0.0], _SLOWNESS),
     "edge": (
         f"edge: {_EDGE} + {EDGE_REGULARISATION:g} x {_EFFORT}",
         [0.0, EDGE_REGULARISATION, EDGE_REGULARISATION, 0.0, 0.0, 1.0],

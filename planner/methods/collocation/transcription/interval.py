@@ -17,7 +17,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from planner.methods.collocation.transcription.augmented import Augmented, Moved, backs_off
+from planner.methods.collocation.transcription.augmented import Augmented, MovingSystem, backs_off
 from planner.methods.collocation.transcription.form import TERMS, Form
 from planner.problem.requirements.requirement import MotionPoint
 from planner.support.arrays import Array
@@ -88,7 +88,7 @@ class Stage:
 class _Symbols:
     """The interval's unknowns by name; u(τ) is linear from u_left to u_right."""
 
-    def __init__(self, system: Moved, form: Form, lifted: tuple[int, ...]) -> None:
+    def __init__(self, system: MovingSystem, form: Form, lifted: tuple[int, ...]) -> None:
         self.X, self.width = ca.SX.sym("X", system.size), ca.SX.sym("h")
         self.weights = ca.SX.sym("weights", form.parameters)
         self.T = ca.SX.sym("T") if form.free_duration else self.weights[-1]
@@ -132,9 +132,9 @@ def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
     for i, residuals in defects.items():
         rows.add("defect", i, form.scheme.points, residuals)
     columns = [ca.vertcat(*column) for column in points]
-    _kept(system, form, x, columns, after, rows)
+    _limit_rows(system, form, x, columns, after, rows)
     if form.augmented and form.augmented.backoff:
-        _backed_off(form, form.augmented, [*columns, after[: moved.size]], rows)
+        _backed_off_rows(form, form.augmented, [*columns, after[: moved.size]], rows)
     cost = _cost(system, form, x, columns)
     return Stage(
         state=x.state,
@@ -153,7 +153,7 @@ def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
 
 
 def _collocation(
-    system: Moved, form: Form, order: Order, x: _Symbols
+    system: MovingSystem, form: Form, order: Order, x: _Symbols
 ) -> tuple[list[list[Any]], dict[int, list[Any]], dict[int, list[Any]], list[tuple[Any, Any]]]:
     """Values and rates at the collocation points, one coordinate after the other.
 
@@ -186,7 +186,7 @@ def _collocation(
     return points, rates, defects, inside
 
 
-def _rates(system: Moved, coordinates: tuple[int, ...]) -> list[Any]:
+def _rates(system: MovingSystem, coordinates: tuple[int, ...]) -> list[Any]:
     """Functions (q, u) to the rate of each coordinate."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     rates = system.rates_expr(q, u)
@@ -194,7 +194,7 @@ def _rates(system: Moved, coordinates: tuple[int, ...]) -> list[Any]:
 
 
 def _motion(
-    system: Moved,
+    system: MovingSystem,
     form: Form,
     x: _Symbols,
     rates: dict[int, list[Any]],
@@ -216,12 +216,12 @@ def _motion(
     return ca.vertcat(*after)
 
 
-ALONG = [0.0, 0.25, 0.5, 0.75, 1.0]
+LIMITED_PLACES = [0.0, 0.25, 0.5, 0.75, 1.0]
 """Where in an interval functions of linear inputs are limited: between three places a product on a
 mesh of 15 intervals passes its limit by a fifth, between five by a twentieth."""
 
 
-def _kept(
+def _limit_rows(
     system: TriangularSystem, form: Form, x: _Symbols, points: list[Any], after: Any, rows: _RowList
 ) -> None:
     """Rows of what is kept, where it is not a bound on an unknown.
@@ -237,7 +237,7 @@ def _kept(
         required, first = blank.with_numbers(ca.vertsplit(x.weights[first:last])), last
         places = [*[0.0] * (not blank.is_direct), *at_points]
         if "q" not in blank.reads:
-            places = ALONG if "u" in blank.reads and form.input == "linear" else [0.0]
+            places = LIMITED_PLACES if "u" in blank.reads and form.input == "linear" else [0.0]
         elif blank.reads != {"q"}:
             places = sorted({*places, 1.0})  # inputs may jump at the edge that follows
         found = [
@@ -263,7 +263,7 @@ def _kept(
             part += 1
 
 
-def _backed_off(form: Form, moved: Augmented, places: list[Any], rows: _RowList) -> None:
+def _backed_off_rows(form: Form, moved: Augmented, places: list[Any], rows: _RowList) -> None:
     """Limits on coordinates to either side by the response, at points and the right edge."""
     system, q = moved.system, ca.SX.sym("q", moved.system.size)
     tau, part = np.repeat(np.append(form.scheme.points, 1.0), 2), 0
@@ -274,16 +274,16 @@ def _backed_off(form: Form, moved: Augmented, places: list[Any], rows: _RowList)
         part += len(blank.parts)
 
 
-NEAR = 0.05
+EDGE_MARGIN = 0.05
 """Margin (sin squared of an angle, for the manipulator) at which closeness has fallen to 1/e."""
 
 
 def _cost(system: TriangularSystem, form: Form, x: _Symbols, points: list[Any]) -> Any:
     """The interval's share of the objective; `Form` and `Objective` say which terms there are.
 
-    Closeness to the edges of the chart's domain is Σ exp(−|margin|/NEAR) over its margins: a smooth
-    least margin. It grows towards an edge from either side, so that it needs no branch and is
-    defined where a motion leaves the chart, too.
+    Closeness to the edges of the chart's domain is Σ exp(−|margin|/EDGE_MARGIN) over its margins: a
+    smooth least margin. It grows towards an edge from either side, so that it needs no branch and
+    is defined where a motion leaves the chart, too.
     """
     square = x.u_left**2  # its mean over the interval, exact for either kind of input
     if form.input == "linear":
@@ -296,12 +296,12 @@ def _cost(system: TriangularSystem, form: Form, x: _Symbols, points: list[Any]) 
     if form.edge:
         ones = np.ones(system.size)
         margins = [system.chart_margins_expr(q, ones) for q in points]
-        nearness = [sum(ca.exp(-ca.fabs(m) / NEAR) for m in each) for each in margins]
+        nearness = [sum(ca.exp(-ca.fabs(m) / EDGE_MARGIN) for m in each) for each in margins]
         means = zip(form.scheme.quadrature, nearness, strict=True)
         cost += x.width * sum(w * (x.weights[5] * each) for w, each in means)
     if form.augmented:
-        way = zip(form.scheme.quadrature, map(form.augmented.path_cost_expr, points), strict=True)
-        cost += x.width * sum(w * each for w, each in way)
+        pairs = zip(form.scheme.quadrature, map(form.augmented.path_cost_expr, points), strict=True)
+        cost += x.width * sum(w * each for w, each in pairs)
     return cost
 
 
@@ -318,7 +318,7 @@ class Order:
     lifted: tuple[int, ...]
 
 
-def order(system: Moved) -> Order:
+def order(system: MovingSystem) -> Order:
     """The order for a system, with few coordinates lifted."""
     needs = _dependencies(system)
     sequence: list[int] = []
@@ -334,7 +334,7 @@ def order(system: Moved) -> Order:
     return Order(tuple(sequence), tuple(sorted(lifted)))
 
 
-def _dependencies(system: Moved) -> list[set[int]]:
+def _dependencies(system: MovingSystem) -> list[set[int]]:
     """For each coordinate, those that its rate depends on."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     rates = ca.vertcat(*system.rates_expr(q, u))

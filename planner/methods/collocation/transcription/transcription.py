@@ -26,7 +26,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from planner.methods.collocation.transcription.augmented import Moved
+from planner.methods.collocation.transcription.augmented import MovingSystem
 from planner.methods.collocation.transcription.derivatives import (
     IntervalFunctions,
     interval_functions,
@@ -184,7 +184,7 @@ class Transcription:
     """
 
     system: TriangularSystem
-    moved: Moved
+    moved: MovingSystem
     form: Form
     layout: Layout
     labels: tuple[Rows, ...]

@@ -25,7 +25,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.methods.collocation.transcription.augmented import Moved
+from planner.methods.collocation.transcription.augmented import MovingSystem
 from planner.methods.collocation.transcription.form import Form, Mesh
 from planner.plan.trajectory import StateTrajectory
 from planner.support.arrays import Array
@@ -165,7 +165,7 @@ class MotionSamples:
         return np.asarray(self.states[-1, -1])
 
 
-def resimulate(system: Moved, mesh: Mesh, iterate: Iterate, start: Array) -> MotionSamples:
+def resimulate(system: MovingSystem, mesh: Mesh, iterate: Iterate, start: Array) -> MotionSamples:
     """Integrate an iterate's input from `start` (N,)."""
     K = len(mesh.widths)
     given = start, mesh.widths * iterate.duration, *iterate.input_ends()
@@ -175,7 +175,7 @@ def resimulate(system: Moved, mesh: Mesh, iterate: Iterate, start: Array) -> Mot
     return MotionSamples(mesh.at(np.arange(STEPS + 1) / STEPS), states)
 
 
-def resimulated_apart(system: Moved, mesh: Mesh, iterate: Iterate) -> Array:
+def resimulated_apart(system: MovingSystem, mesh: Mesh, iterate: Iterate) -> Array:
     """Integrate an iterate's input in each interval from its own node, (K, STEPS + 1, N)."""
     K, nodes = len(mesh.widths), iterate.nodes[:-1]
     given = nodes, mesh.widths * iterate.duration, *iterate.input_ends()
@@ -184,7 +184,7 @@ def resimulated_apart(system: Moved, mesh: Mesh, iterate: Iterate) -> Array:
 
 
 @lru_cache(maxsize=32)
-def _runner(system: Moved, intervals: int, through: bool) -> Call:
+def _runner(system: MovingSystem, intervals: int, through: bool) -> Call:
     """From the start, or all of them, seconds and inputs at the ends of intervals to samples."""
     one = _interval(system)
     whole = one.mapaccum(intervals) if through else one.map(intervals)
@@ -193,7 +193,7 @@ def _runner(system: Moved, intervals: int, through: bool) -> Call:
 
 
 @lru_cache(maxsize=32)
-def _interval(system: Moved) -> Any:
+def _interval(system: MovingSystem) -> Any:
     """To the end of one interval, and all samples, step by step."""
     q, seconds, a, b = (
         ca.SX.sym(name, size) for name, size in zip("qsab", (system.size, 1, 2, 2), strict=True)
@@ -206,7 +206,7 @@ def _interval(system: Moved) -> Any:
 
 
 @lru_cache(maxsize=32)
-def _step(system: Moved) -> Any:
+def _step(system: MovingSystem) -> Any:
     q, h = ca.SX.sym("q", system.size), ca.SX.sym("h")
     u = [ca.SX.sym(name, 2) for name in ("first", "middle", "last")]
 

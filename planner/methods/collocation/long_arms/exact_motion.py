@@ -9,18 +9,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.methods.collocation.between_nodes import look
+from planner.methods.collocation.between_nodes import inspect
 from planner.methods.collocation.long_arms.bridges import (
     ChainEnds,
     PieceChain,
-    closed,
+    close_gaps,
+    cut_finer,
     cuts,
     ends_of,
-    exact,
-    finer,
+    make_exact,
 )
 from planner.methods.collocation.path import needed_duration
-from planner.methods.collocation.task import Solution, Task, can_jump, stretched, task
+from planner.methods.collocation.task import Solution, Task, can_jump, stretch_to, task
 from planner.methods.collocation.transcription.form import Mesh
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.support.arrays import Array
@@ -28,41 +28,41 @@ from planner.support.arrays import Array
 DEGREE = 5
 """Collocation points in an interval of a path kept: few wide intervals are exact enough."""
 
-TURN, HALVINGS = 0.4, 2
+MOST_TURN, HALVINGS = 0.4, 2
 """Most that a limited coordinate turns in an interval, rad; and times that all intervals are halved
 where that is too coarse: in most of them little turns, and many small errors add up."""
 
-COARSE = 0.3
+COARSE_TURN = 0.3
 """The same for the pieces of a solution whose mesh was too coarse."""
 
-DRAWN_IN = 1e-4
+FREE_LIMIT_SHARE = 1e-4
 """Share of the joint limits that is kept free, for what lies between the nodes."""
 
 
-def can_hold(job: Task) -> bool:
+def has_only_limits(job: Task) -> bool:
     """Whether a task asks no more of a path than limits on joints and inputs."""
     plain = all(required.is_direct for required in job.problem.requirements)
     return can_jump(job) and plain and not (job.problem.waypoints or job.made.form.augmented)
 
 
-def held(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, Solution] | None:
+def exact_motion(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, Solution] | None:
     """The task on the path's own mesh, and the path as its solution; None where it is none.
 
     Args:
-        job: What is asked for, see `can_hold`.
+        job: What is asked for, see `has_only_limits`.
         chain: The path; small gaps are mended.
         accuracy: As for `refine.polish`.
     """
     system = job.problem.system
-    places = ChainEnds.of(job.problem, 1 - DRAWN_IN)
+    places = ChainEnds.of(job.problem, 1 - FREE_LIMIT_SHARE)
     if free := list(job.problem.free):  # the path's end is a goal, and stays it
         goal = places.goal.copy()
         goal[free] = chain.q[-1, free]
         places = replace(places, goal=goal)
     for halved in range(HALVINGS + 1):
-        cut = finer(system, chain, list(system.limited), TURN, least=2 if halved else 1)
-        whole, _ = closed(system, cut, places)
-        found = exact(system, whole, places) if whole is not None else None
+        cut = cut_finer(system, chain, list(system.limited), MOST_TURN, least=2 if halved else 1)
+        whole, _ = close_gaps(system, cut, places)
+        found = make_exact(system, whole, places) if whole is not None else None
         if found is None:
             return None
         chain = found
@@ -70,8 +70,8 @@ def held(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, Solution]
         wanted = _duration(own, path)
         if wanted is None:
             return None
-        solution = own.judged(stretched(path, wanted))
-        if solution.ok and look(own, solution).fine(accuracy):
+        solution = own.judge(stretch_to(path, wanted))
+        if solution.ok and inspect(own, solution).fine(accuracy):
             return own, solution
     return None
 
@@ -87,7 +87,7 @@ def _duration(job: Task, path: Iterate) -> float | None:
 def chain_of(job: Task, solution: Solution) -> PieceChain:
     """A solution's path in pieces of constant input; what they get wrong are small gaps."""
     iterate, limited = solution.iterate, list(job.problem.system.limited)
-    parts, interval, share = cuts(iterate.nodes, limited, COARSE)
+    parts, interval, share = cuts(iterate.nodes, limited, COARSE_TURN)
     width = job.mesh.widths[interval]
     edges = np.append(job.mesh.edges[:-1][interval] + share * width, 1.0)
     left, right = (end[interval] for end in iterate.input_ends())
@@ -107,19 +107,19 @@ def follow(job: Task, chain: PieceChain, degree: int = 0) -> tuple[Task, Iterate
     seconds = seconds[kept]
     nodes = np.vstack([chain.q[:-1][kept], chain.q[-1:]])
     edges = np.append(0.0, np.cumsum(seconds))
-    own = _stepwise(job, degree).on(Mesh(edges / edges[-1]))
+    own = _with_constant_inputs(job, degree).on_mesh(Mesh(edges / edges[-1]))
     return own, _iterate(own, nodes, chain.u[kept] / seconds[:, None], float(edges[-1]))
 
 
-def _stepwise(job: Task, degree: int) -> Task:
+def _with_constant_inputs(job: Task, degree: int) -> Task:
     """The job with constant inputs in each interval, as the path has them, where they may jump."""
     form = job.made.form
     wanted = replace(form, degree=max(form.degree, degree))
-    if can_hold(job):
+    if has_only_limits(job):
         wanted = replace(wanted, input="constant")
     if wanted == form:
         return job
-    return task(job.problem, job.objective, wanted, job.mesh, job.asked, job.settings)
+    return task(job.problem, job.objective, wanted, job.mesh, job.demands, job.settings)
 
 
 def _iterate(own: Task, nodes: Array, rates: Array, duration: float) -> Iterate:

@@ -7,7 +7,7 @@ from io import BytesIO
 from matplotlib.figure import Figure
 
 
-class ShownFigure(Figure):
+class NotebookFigure(Figure):
     """A figure that is drawn as a picture where it is the last expression of a notebook's cell."""
 
     def _repr_png_(self) -> bytes:

@@ -55,7 +55,7 @@ GROUPS = {
     "judge": (
         ["verification/verify.py", "plan/quadrature.py"],
         "tests/verification/test_verify.py tests/plan/test_quadrature.py"
-        " tests/verification/test_judging.py",
+        " tests/verification/test_judging.py tests/verification/test_certificate_attacks.py",
     ),
     "certificate": (
         [

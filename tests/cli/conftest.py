@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+import planner
 from planner.cli import output
 from planner.cli.app import main
 
-PROBLEMS = Path(__file__).parents[2] / "problems"
+RAW = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 
 
 @dataclass(frozen=True)
@@ -50,17 +52,52 @@ def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
     return call
 
 
+def tree(folder: Path) -> dict[str, bytes]:
+    """Every file below the folder with what is in it; of a sparse or odd one its size."""
+    return {
+        str(p.relative_to(folder)): p.read_bytes() if p.is_file() else b""
+        for p in folder.rglob("*")
+        if not p.is_symlink()
+    }
+
+
 @pytest.fixture
-def edited(tmp_path: Path) -> Callable[[dict[str, str]], Path]:
-    """The paper's problem file with some of its text replaced."""
+def refused(run: Run, tmp_path: Path) -> Callable[..., None]:
+    """Runs a command for people and as JSON: it must say this, briefly, and change no file."""
 
-    def write(edits: dict[str, str]) -> Path:
-        text = (PROBLEMS / "paper.toml").read_text(encoding="utf-8")
-        for old, new in edits.items():
-            assert text.count(old) == 1, f"{old!r} is {text.count(old)} times in the file"
-            text = text.replace(old, new)
-        path = tmp_path / "edited.toml"
-        path.write_text(text, encoding="utf-8")
-        return path
+    def call(words: list[str | Path], *says: str, status: int = 2) -> None:
+        before = tree(tmp_path)
+        people, machine = run(*words), run(*words, "--json")
+        assert (people.status, people.out) == (status, ""), people
+        assert machine.status == machine.json["exit_status"] == status
+        if status == 2:
+            assert machine.json["status"] == "bad_input"
+        for text in (people.err, machine.json["error"]):
+            assert [say for say in says if say not in text] == [], text
+            assert "Traceback" not in text
+            assert "pydantic" not in text
+        assert len(people.err) < 3000
+        assert not RAW.search(people.err)
+        assert tree(tmp_path) == before
 
-    return write
+    return call
+
+
+@pytest.fixture
+def law(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[..., Any]], None]:
+    """Puts a function in the place of the method `polynomial`; it is handed what that does."""
+    real = planner.METHODS["polynomial"]
+
+    def put(function: Callable[[Callable[[], planner.Plan]], planner.Plan]) -> None:
+        def plan(problem: planner.Problem, options: Any) -> planner.Plan:
+            return function(lambda: real.plan(problem, options))
+
+        monkeypatch.setitem(planner.METHODS, "polynomial", replace(real, made_by=plan))
+
+    return put
+
+
+@pytest.fixture
+def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Folders of comparisons without figures, which take long."""
+    monkeypatch.setattr("planner.report.folders._write_figures", lambda *_: None)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import signal
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 import pytest
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
+STUDY = PROBLEMS / "designs/gear-ratios.toml"
 SWEEP = """
 title = "too short"
 problem = "paper.toml"
@@ -52,64 +52,36 @@ def test_a_dry_run_counts_and_writes_nothing(run: Callable[..., Any], file: Path
     assert sorted(p.name for p in file.parent.iterdir()) == ["paper.toml", "short.toml"]
 
 
-def test_its_schema_is_published(run: Callable[..., Any]) -> None:
-    assert "grid" in run("schema", "sweep").json["properties"]
-    result = run("schema", "swep")
-    assert result.status == 2
-    assert "did you mean 'sweep'" in result.err
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (["none.toml"], "cannot read none.toml"),
-        (["short.toml", "--export", "out.txt"], "must end in .csv or .parquet"),
-        (["short.toml", "--export", "none/out.csv"], "there is no folder"),
-        (["short.toml", "--db", "none/x.sqlite"], "there is no folder"),
-        (["short.toml", "--db", "short.toml"], "cannot use the database"),
-        (["short.toml", "--workers", "0"], "--workers"),
-        (["short.toml", "--workers", "1", "--cluster", "tcp://127.0.0.1:1"], "not both"),
-    ],
-)
-def test_bad_requests_end_with_2_and_write_nothing(
-    run: Callable[..., Any], file: Path, words: list[str], says: str
+@pytest.mark.parametrize("command", ["sweep short.toml", f"design {STUDY}"])
+def test_workers_and_a_cluster_exclude_each_other(
+    command: str, run: Callable[..., Any], file: Path
 ) -> None:
-    result = run("sweep", *words)
+    result = run(*command.split(), "--workers", "1", "--cluster", "tcp://127.0.0.1:1")
     assert result.status == 2
-    assert says in result.err
-    left = {p.name for p in file.parent.iterdir()} - {"paper.toml", "short.toml"}
-    assert left <= {"short.sqlite"}
-    assert file.read_text(encoding="utf-8") == SWEEP
-
-
-def press(hidden: bool) -> None:
-    try:
-        signal.raise_signal(signal.SIGINT)
-    except KeyboardInterrupt:
-        if hidden:
-            raise ImportError("initialization failed") from None
-        raise
+    assert "not both" in result.err
 
 
 @pytest.mark.parametrize("hidden", [False, True])
 def test_after_ctrl_c_it_says_where_the_finished_cases_are(
     run: Callable[..., Any], file: Path, monkeypatch: pytest.MonkeyPatch, hidden: bool
 ) -> None:
-    """Also where an error hides the signal, and after the last case."""
-    with monkeypatch.context() as patch:
-        patch.setattr(sys.modules["planner.sweep.run"], "_pool", lambda *_: press(hidden))
-        result = run("sweep", file)
-    assert result.status == 130
-    assert "finished cases are in short.sqlite; the same command runs the rest" in result.err
-    monkeypatch.setattr("planner.cli.sweep.export", lambda *_: press(hidden))
-    result = run("sweep", file, "--workers", "1", "--export", "out.csv")
-    assert result.status == 130
-    assert result.err.endswith("planner: interrupted, short.sqlite was written before\n")
+    """Before there is a database, in a case, and after the last; also where an error hides it."""
 
+    def press(*_: Any, **__: Any) -> None:
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            if hidden:
+                raise ImportError("initialization failed") from None
+            raise
 
-def test_ctrl_c_before_there_is_a_database_says_nothing_of_one(
-    run: Callable[..., Any], file: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("planner.cli.sweep.run_sweep", lambda *_, **__: press(False))
-    result = run("sweep", file)
-    assert (result.status, result.err) == (130, "planner: interrupted, nothing written\n")
+    for name, words, says in (
+        ("planner.cli.sweep.run_sweep", [], "interrupted, nothing written"),
+        ("planner.sweep.run._pool", [], "short.sqlite; the same command runs the rest"),
+        ("planner.cli.sweep.export", ["--export", "x.csv"], "short.sqlite was written before"),
+    ):
+        with monkeypatch.context() as patch:
+            patch.setattr(name, press)
+            result = run("sweep", file, *words)
+        assert result.status == 130
+        assert says in result.err

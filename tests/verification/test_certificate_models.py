@@ -10,12 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import BPoly
 
+import planner
 from planner.plan.curves import Cells
 from planner.plan.trajectory import StateTrajectory
 from planner.support.calculus.chebyshev import from_bernstein
-from planner.systems.chained_form import chained_form
-from planner.systems.manipulator import Manipulator
-from planner.systems.vehicles import Unicycle
 from planner.verification.balls import CUT, RADIUS_COLUMN, Ball, models, polynomial_balls
 from planner.verification.functions import Expression, UnboundedError, derivative, polynomials
 from planner.verification.input_models import InputSource, _feedback, resolve, root, source_of
@@ -83,7 +81,7 @@ def test_every_rounding_of_a_restriction_is_counted(degree: int, scale: float) -
 def test_cells_are_halved_until_the_motion_is_known_as_its_inputs_are() -> None:
     """Constant inputs, known at once, and eight turns round."""
     u = BPoly(np.array([[[1.0, 10.0]]]), [0.0, 5.0])
-    path = StateTrajectory(Unicycle(), BPoly(np.zeros((1, 1, 3)), [0.0, 5.0]), u)
+    path = StateTrajectory(planner.Unicycle(), BPoly(np.zeros((1, 1, 3)), [0.0, 5.0]), u)
     with np.errstate(all="ignore"):
         assert len(resolve(source_of(path)).cells.piece) == 4
         found = resolve(source_of(path), np.zeros(3))
@@ -135,8 +133,8 @@ def test_a_dip_between_all_samples_is_found() -> None:
 
 def test_the_rate_of_a_feedback_is_its_derivative_along_the_motion() -> None:
     """u of (z, v) and du/dt of (z, v, ż, v̇), by differences of the chart's NumPy code."""
-    arm = Manipulator([0.87, 0.71], 0.67)
-    form, rng = chained_form(arm), np.random.default_rng(2)
+    arm = planner.Manipulator([0.87, 0.71], 0.67)
+    form, rng = planner.chained_form(arm), np.random.default_rng(2)
     for _ in range(5):
         q = rng.uniform(0.2, 0.9, 4)
         branch, z = arm.branch(q), form.z(q)

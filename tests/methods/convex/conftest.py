@@ -9,7 +9,6 @@ import pytest
 
 import planner
 from planner.methods.convex.paths import Frame, input_shape
-from planner.systems.chained_form import chained_form
 
 
 def printed_constants() -> tuple[float, float]:
@@ -27,7 +26,7 @@ def printed(paper: planner.Problem) -> planner.Problem:
 @pytest.fixture(scope="session")
 def frame_at(printed: planner.Problem) -> Callable[..., Frame]:
     """Frames of the example: (travel, pieces, degree) → Frame."""
-    form = chained_form(printed.system)
+    form = planner.chained_form(printed.system)
     start, goal = form.z(printed.start), form.z(np.nan_to_num(printed.goal))
 
     def make(travel: float, pieces: int = 60, degree: int = 0) -> Frame:

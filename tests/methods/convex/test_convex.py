@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,8 +14,6 @@ from scipy.integrate import solve_ivp
 import planner
 from planner.plan.measures import peak_inputs, peak_rates
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
-from planner.problem.tables.method_options import ConvexOptions
-from planner.solve import solve_and_check
 
 PIECES = 20
 
@@ -65,7 +62,7 @@ def test_free_travel_is_the_best_of_fixed_ones(
 def plan_only(problem: planner.Problem, **options: object) -> planner.Plan:
     """The method's plan, without the verification that other tests make."""
     method = planner.METHODS["convex"]
-    return method.plan(problem, ConvexOptions(pieces=PIECES).model_copy(update=options))
+    return method.plan(problem, method.options(**{"pieces": PIECES, **options}))
 
 
 def test_input_limits_are_kept_by_the_clock(
@@ -126,17 +123,11 @@ def test_free_duration_is_the_least_of_the_path(paper: planner.Problem) -> None:
     np.testing.assert_allclose(u.max(axis=1), 0.5, rtol=2e-4)  # one of them is at its limit
     assert np.all(peak_inputs(plan.trajectory) <= 0.5)
     assert plan.duration < 3.5
+    certificate = planner.certify(plan)
+    assert certificate.ok, str(certificate)
     even = paper.changed({"goal.travel": 0.83, "limits": {"z2_margin": 0.01}})
     slowest = np.max(peak_inputs(plan_only(even).trajectory)) / 0.5 * 10.0
     assert slowest > 20 * plan.duration
-
-
-def test_a_motion_as_fast_as_the_limits_allow_is_proven_to_keep_them(
-    paper: planner.Problem,
-) -> None:
-    free = paper.changed({"goal.duration": "free", "goal.travel": 0.83})
-    certificate = planner.certify(plan_only(free))
-    assert certificate.ok, str(certificate)
 
 
 def test_rate_limits_make_v2_continuous_and_are_kept(paper: planner.Problem) -> None:
@@ -182,20 +173,24 @@ def test_a_path_whose_input_jumps_keeps_no_limit_on_rates(paper: planner.Problem
         paper.changed({"goal.duration": "free", "goal.travel": 0.829}), further=(RatesTogether(),)
     )
     with pytest.raises(planner.NotConvergedError, match="something else is asked of their rates"):
-        solve_and_check(free, "convex", advice=False, pieces=PIECES, input="constant")
+        planner.solve(free, "convex", pieces=PIECES, input="constant")
 
 
-@pytest.mark.parametrize(
-    ("start", "goal", "sign"), [([10, 10], [30, 40], 1), ([-10, 40], [-30, 10], -1)]
-)
-def test_two_joints_are_convex_too(start: list[float], goal: list[float], sign: int) -> None:
-    problem = planner.Problem.from_dict(
+def two_joints(start: list[float], goal: list[float]) -> planner.Problem:
+    return planner.Problem.from_dict(
         {
             "system": {"kind": "manipulator", "joints": 2, "K": [1.0], "k_g": 0.7},
             "start": {"theta_deg": start},
             "goal": {"theta_deg": goal},
         }
     )
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "sign"), [([10, 10], [30, 40], 1), ([-10, 40], [-30, 10], -1)]
+)
+def test_two_joints_are_convex_too(start: list[float], goal: list[float], sign: int) -> None:
+    problem = two_joints(start, goal)
     plan = planner.solve(problem, "convex", pieces=PIECES)
     assert optimality(plan)["kind"] == "global"
     assert np.sign(plan.travel) == sign
@@ -208,19 +203,12 @@ def test_two_joints_are_convex_too(start: list[float], goal: list[float], sign: 
 
 
 def test_two_joints_keep_a_joint_limit_globally() -> None:
-    problem = planner.Problem.from_dict(
-        {
-            "system": {"kind": "manipulator", "joints": 2, "K": [1.0], "k_g": 0.7},
-            "start": {"theta_deg": [10, 10]},
-            "goal": {"theta_deg": [30, 40], "travel": 0.85},
-        }
-    )
+    problem = two_joints([10, 10], [30, 40]).changed({"goal.travel": 0.85})
     free = plan_only(problem)
     largest = np.rad2deg(free.q(np.linspace(0, 10, 2000))[:, 1].max())
     assert largest > 37
-    kept = planner.solve(
-        problem.changed({"limits": {"joint_deg": [36, 80]}}), "convex", pieces=PIECES
-    )
+    limited = problem.changed({"limits": {"joint_deg": [36, 80]}})
+    kept = planner.solve(limited, "convex", pieces=PIECES)
     assert optimality(kept)["kind"] == "global"
     assert kept.objective > free.objective
 
@@ -312,23 +300,22 @@ def test_no_travel_at_all(wide: planner.Problem) -> None:
         planner.solve(tight, "convex", pieces=PIECES)
 
 
-def test_too_short_a_duration_names_one_that_works(paper: planner.Problem) -> None:
-    short = paper.changed({"goal.duration": 3.0, "goal.travel": 0.83})
-    with pytest.raises(planner.NotConvergedError, match=r"the best path takes 3\.3") as caught:
+@pytest.mark.parametrize(
+    ("changes", "error", "says"),
+    [
+        ({"goal.travel": 0.83, "goal.duration": 3.0}, planner.NotConvergedError, r"takes 3\.3"),
+        ({"goal.duration": 2.2}, planner.InfeasibleError, "at most"),
+    ],
+)
+def test_too_short_a_duration_names_one_that_works(
+    paper: planner.Problem, changes: dict[str, float], error: type[Exception], says: str
+) -> None:
+    short = paper.changed(changes)
+    with pytest.raises(error, match=says) as caught:
         planner.solve(short, "convex", pieces=PIECES)
-    advice = caught.value.advice
-    assert advice is not None
-    seconds = float(advice.split("goal.duration = ")[1].split()[0])
+    seconds = float(caught.value.advice.split("goal.duration = ")[1].split()[0])  # type: ignore[attr-defined]
     plan = planner.solve(short.changed({"goal.duration": seconds}), "convex", pieces=PIECES)
     assert plan.duration == pytest.approx(seconds, rel=1e-12)
-
-
-def test_drive_too_slow_for_any_one_way_motion(paper: planner.Problem) -> None:
-    with pytest.raises(planner.InfeasibleError, match="at most") as caught:
-        planner.solve(paper.changed({"goal.duration": 2.2}), "convex", pieces=PIECES)
-    assert caught.value.advice is not None
-    seconds = float(caught.value.advice.split("goal.duration = ")[1].split()[0])
-    assert planner.solve(paper.changed({"goal.duration": seconds}), "convex", pieces=PIECES)
 
 
 def test_zero_travel_and_crossings_are_sent_elsewhere(wide: planner.Problem) -> None:
@@ -359,13 +346,6 @@ def test_options_are_checked(wide: planner.Problem) -> None:
 
 
 # -- the plan as a record --------------------------------------------------------------------
-
-
-def test_round_trip(smooth_limited: planner.Plan, tmp_path: Path) -> None:
-    again = planner.load_plan(smooth_limited.save(tmp_path / "plan.json"))
-    t = np.linspace(0, 10, 101)
-    assert np.array_equal(again.u(t), smooth_limited.u(t))
-    assert again.notes == json.loads(json.dumps(smooth_limited.notes, allow_nan=False))
 
 
 def test_solvers_agree_and_say_nothing_on_standard_output(

@@ -66,13 +66,20 @@ def reference(frame: Frame, band: Band, kind: str, samples: int = 8) -> float:
 
 
 @pytest.mark.parametrize(
-    ("travel", "value"), [(0.79, 0.562706), (0.80, 0.282433), (0.82, 0.157369), (0.83, 0.222463)]
+    ("travel", "degree", "value"),
+    [
+        (0.79, 0, 0.562706),
+        (0.80, 0, 0.282433),
+        (0.82, 0, 0.157369),
+        (0.83, 0, 0.222463),
+        (0.79, 1, 0.561116),
+    ],
 )
 def test_figures_of_the_example(
-    printed: planner.Problem, frame_at: Frames, travel: float, value: float
+    printed: planner.Problem, frame_at: Frames, travel: float, degree: int, value: float
 ) -> None:
-    """v₂ piecewise constant on 60 pieces gives them to the last printed digit."""
-    frame = frame_at(travel)
+    """v₂ piecewise constant on 60 pieces gives them to the last printed digit; continuous not."""
+    frame = frame_at(travel, degree=degree)
     best = optimum_by_cuts(frame, band_at(printed, frame), SMOOTH)
     assert isinstance(best, ClassOptimum)
     assert best.value == pytest.approx(value, abs=5.1e-7)
@@ -80,16 +87,6 @@ def test_figures_of_the_example(
     assert effort == pytest.approx(best.value, rel=1e-12)
     assert 0 <= best.gap < 1e-6
     assert best.proven <= 0
-
-
-def test_continuous_v2_does_not_give_those_figures(
-    printed: planner.Problem, frame_at: Frames
-) -> None:
-    frame = frame_at(0.79, degree=1)
-    best = optimum_by_cuts(frame, band_at(printed, frame), SMOOTH)
-    assert isinstance(best, ClassOptimum)
-    assert best.value == pytest.approx(0.561116, abs=1e-6)
-    assert 0 <= best.gap < 1e-6
 
 
 @pytest.mark.parametrize("degree", [0, 1])
@@ -117,29 +114,15 @@ def test_certificate_checked_independently(
     assert np.max(A @ best.y - b) <= 1e-9
 
 
-def test_a_travel_theory_calls_infeasible_has_a_path(
-    printed: planner.Problem, frame_at: Frames
-) -> None:
-    """At 0.89 there is one, proven here by dense evaluation in the angles' own terms."""
-    frame = frame_at(0.89)
-    best = optimum_by_cuts(frame, band_at(printed, frame), SMOOTH)
-    assert isinstance(best, ClassOptimum)
-    assert best.value == pytest.approx(6.46285, abs=1e-5)
-    K2, K3 = printed.system.K  # type: ignore[attr-defined]
-    omega = frame.shape.bernstein(frame.x(best.y))[0]
-    h, D = 1 / 60, 0.89
-    z2, z3, z4 = frame.start[1:]
-    t = np.linspace(0, h, 401)
-    for w in omega:
-        p2 = z2 + w * t
-        p3 = z3 + D * (z2 * t + w * t**2 / 2)
-        p4 = z4 + D * z3 * t + D**2 * (z2 * t**2 / 2 + w * t**3 / 6)
-        theta2 = np.arccos(np.cbrt(p3 / K3))
-        cos2 = -p2 / (3 * K2 * K3 * np.cos(theta2) ** 2 * np.sin(theta2))
-        assert np.all(cos2 <= 1)
-        assert np.all(p2 <= -0.01)
-        z2, z3, z4 = p2[-1], p3[-1], p4[-1]
-    np.testing.assert_allclose([z2, z3, z4], frame.goal[1:], atol=1e-12)
+def test_a_travel_theory_calls_infeasible_has_a_path(printed: planner.Problem) -> None:
+    """At 0.89 there is one; integration finds it inside."""
+    wide = printed.changed({"limits": {"z2_margin": 0.01}, "goal.travel": 0.89})
+    plan = planner.solve(wide, "convex", pieces=60)
+    assert plan.verified
+    assert plan.domain.ok
+    assert plan.domain.z2_max <= -0.01
+    # A plan keeps a hair away from the edge, which costs a trifle.
+    assert 6.46285 < plan.notes["optimality"]["objective"] < 6.46285 * (1 + 1e-4)
 
 
 @pytest.mark.parametrize(
@@ -160,27 +143,17 @@ def test_optimum_agrees_with_ipopt(
     assert best.value >= expected * (1 - 1e-6)
 
 
-def test_domain_bites(printed: planner.Problem, frame_at: Frames) -> None:
-    """Without the cap the optimum leaves the domain; with it, it does not, and costs more."""
+def test_domain_and_floor_bite(printed: planner.Problem, frame_at: Frames) -> None:
+    """Without one of them the optimum leaves it; with it, it does not, and costs more."""
     frame = frame_at(0.79)
     band = band_at(printed, frame)
-    open_band = replace(band, K=np.zeros(0))
-    free = optimum_by_cuts(frame, open_band, SMOOTH)
-    kept = optimum_by_cuts(frame, band, SMOOTH)
-    assert isinstance(free, ClassOptimum)
-    assert isinstance(kept, ClassOptimum)
+    bands = (band, replace(band, K=np.zeros(0)), replace(band, floor=0), replace(band, floor=0.02))
+    kept, free, low, high = (optimum_by_cuts(frame, each, SMOOTH) for each in bands)
+    for found in (kept, free, low, high):
+        assert isinstance(found, ClassOptimum)
     _, z2, z3, _ = frame.bernstein(free.y)
     assert np.max(-z2[0] - band.cap(z3[0])) > 0.01
     assert free.value < kept.value * 0.99
-
-
-def test_floor_bites(printed: planner.Problem, frame_at: Frames) -> None:
-    frame = frame_at(0.79)
-    low, high = (
-        optimum_by_cuts(frame, replace(band_at(printed, frame), floor=f), SMOOTH) for f in (0, 0.02)
-    )
-    assert isinstance(low, ClassOptimum)
-    assert isinstance(high, ClassOptimum)
     assert np.max(frame.bernstein(low.y)[1]) > -0.02
     assert np.max(frame.bernstein(high.y)[1]) <= -0.02
     assert high.value > low.value
@@ -205,28 +178,11 @@ def test_branches_mirror_each_other(printed: planner.Problem, flip: list[int]) -
     assert np.sign(middle[1:3]).tolist() == flip[:2]
 
 
-def test_ceiling_stops_early_with_a_valid_bound(printed: planner.Problem, frame_at: Frames) -> None:
+def test_where_it_stops_early(printed: planner.Problem, frame_at: Frames) -> None:
+    """At a ceiling, with a valid bound; out of rounds, which is said."""
     frame = frame_at(0.79)
     answer = optimum_by_cuts(frame, band_at(printed, frame), SMOOTH, ceiling=0.4)
     assert isinstance(answer, BoundAboveCeiling)
     assert 0.4 < answer.bound <= 0.562707
-
-
-def test_running_out_of_rounds_is_said(printed: planner.Problem, frame_at: Frames) -> None:
-    frame = frame_at(0.79)
     with pytest.raises(StalledError, match="2 rounds"):
         optimum_by_cuts(frame, band_at(printed, frame), SMOOTH, max_rounds=2)
-
-
-def test_osqp_throughout_gives_the_same(printed: planner.Problem, frame_at: Frames) -> None:
-    frame = frame_at(0.83)
-    band = band_at(printed, frame)
-    ours, theirs = (
-        optimum_by_cuts(frame, band, SMOOTH),
-        optimum_by_cuts(frame, band, Programme("smooth", "osqp")),
-    )
-    assert isinstance(ours, ClassOptimum)
-    assert isinstance(theirs, ClassOptimum)
-    assert theirs.final.engine == "osqp"
-    assert ours.value == pytest.approx(theirs.value, rel=1e-8)
-    np.testing.assert_allclose(ours.y, theirs.y, atol=1e-6)

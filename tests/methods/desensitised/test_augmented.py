@@ -1,5 +1,7 @@
 """Motion and response as one system, against the sensitivities of `planner.sensitivity`."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from every_system import SYSTEMS
@@ -8,28 +10,22 @@ from scipy.interpolate import BPoly
 
 import planner
 from planner.methods.collocation.transcription.augmented import Augmented
-from planner.robustness.sensitivity import PAPER_SPREAD, sensitivity
+from planner.robustness.sensitivity import PAPER_SPREAD
 from planner.systems.linearisation import parameters
-
-PAPER_ERRORS = ("gain u1", "gain u2", "start theta1", "start theta2", "start theta3")
 
 
 def spread(names: tuple[str, ...]) -> tuple[tuple[str, float], ...]:
     return tuple(zip(names, np.linspace(0.5, 1.5, len(names)).tolist(), strict=True))
 
 
-def test_the_paper_needs_eight_states_beside_its_own() -> None:
-    made = Augmented(planner.Manipulator([0.870125, 0.711625]), spread(PAPER_ERRORS))
-    assert made.size == 4 + 8
-    assert Augmented(made.system, made.spread, metered=True).size == 4 + 9
-
-
 @pytest.mark.parametrize("n", range(2, 7))
 def test_states_grow_as_half_the_square_of_the_joints(n: int) -> None:
+    """The paper's three joints need eight beside their own, and one more for the effort."""
     system = SYSTEMS[f"manipulator-{n}"]
     errors = ("gain u1", "gain u2", *(f"start theta{i}" for i in range(1, n + 1)))
     made = Augmented(system, spread(errors))
     assert made.size - system.size == n * (n - 1) // 2 + 2 * (n - 1) + 1
+    assert Augmented(system, made.spread, metered=True).size == made.size + 1
 
 
 def _responses(system: planner.TriangularSystem) -> tuple[NDArray[np.float64], planner.Plan]:
@@ -63,8 +59,6 @@ def _responses(system: planner.TriangularSystem) -> tuple[NDArray[np.float64], p
         system, BPoly(bernstein, edges), BPoly(inputs[None].copy(), edges)
     )
     problem = planner.load_problem("problems/paper.toml")
-    from dataclasses import replace
-
     fitted = replace(problem, system=system, start=q0, goal=nodes[-1], duration=1.5)
     return W, planner.Plan(fitted, "by hand", {}, curve)
 
@@ -74,7 +68,7 @@ def _responses(system: planner.TriangularSystem) -> tuple[NDArray[np.float64], p
 )
 def test_response_is_the_sensitivity(name: str) -> None:
     W, plan = _responses(SYSTEMS[name])
-    found = sensitivity(plan, samples=3000)
+    found = planner.sensitivity(plan, samples=3000)
     # the path coordinate's row is kept only where something depends on it
     rows = slice(1, None)
     np.testing.assert_allclose(W[rows], found.terminal[rows], atol=1e-6)
@@ -82,6 +76,6 @@ def test_response_is_the_sensitivity(name: str) -> None:
 
 def test_programme_measures_what_sensitivity_measures(paper: planner.Problem) -> None:
     plan = planner.solve(paper, "desensitised", starts=1, effort=1.0)
-    found = sensitivity(plan)
+    found = planner.sensitivity(plan)
     assert plan.notes["passive_deg"] == pytest.approx(found.passive_block_deg(), abs=1e-5)
     assert plan.notes["total_deg"] == pytest.approx(found.total_deg(PAPER_SPREAD), abs=1e-5)

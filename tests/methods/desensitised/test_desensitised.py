@@ -1,6 +1,7 @@
 """Plans made against errors: better than the known optima, within limits, honest refusals."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,8 +12,6 @@ from planner.methods.collocation.long_arms.exact_motion import has_only_limits
 from planner.methods.collocation.method import collocation_task
 from planner.methods.desensitised.method import _task
 from planner.plan.measures import effort, turns
-from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions
-from planner.robustness.sensitivity import sensitivity
 from planner.support.deadline import time_up
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
@@ -35,7 +34,7 @@ def one_way(example: planner.Problem) -> planner.Plan:
 
 
 def test_reversing_plan_beats_the_known_optimum(reversing: planner.Plan) -> None:
-    found = sensitivity(reversing)
+    found = planner.sensitivity(reversing)
     assert reversing.verified
     assert found.passive_block_deg() < 0.04  # known: 0.066
     assert found.total_deg() < 1.05 * found.floor_deg()
@@ -43,7 +42,7 @@ def test_reversing_plan_beats_the_known_optimum(reversing: planner.Plan) -> None
 
 
 def test_one_way_plan_beats_the_known_optimum(one_way: planner.Plan) -> None:
-    found = sensitivity(one_way)
+    found = planner.sensitivity(one_way)
     assert one_way.verified
     assert found.passive_block_deg() < 0.26  # known: 0.315
     assert found.total_deg() < 1.04
@@ -64,12 +63,14 @@ def test_nonlinear_monte_carlo_agrees(reversing: planner.Plan, paper: planner.Pr
     for plan in (reversing, easy):
         ends = motions(plan, draws(spread, 500))[:, 0] - plan.q(plan.duration)
         seen = np.rad2deg(np.sqrt(np.sum(np.mean(ends[:, 1:] ** 2, axis=0))))
-        assert seen == pytest.approx(sensitivity(plan).total_deg(), rel=0.05)
+        assert seen == pytest.approx(planner.sensitivity(plan).total_deg(), rel=0.05)
         few = {k: v for k, v in spread.items() if k in ("start theta1", "gain u2")}
         passive = motions(plan, draws(few, 500))[:, 0] - plan.q(plan.duration)
         seen = np.rad2deg(np.sqrt(np.sum(np.mean(passive[:, 2:] ** 2, axis=0))))
         # what is left of the passive block is of second order in the errors
-        assert seen == pytest.approx(sensitivity(plan).passive_block_deg(), rel=0.08, abs=0.02)
+        assert seen == pytest.approx(
+            planner.sensitivity(plan).passive_block_deg(), rel=0.08, abs=0.02
+        )
 
 
 def test_the_effort_limit_bites(paper: planner.Problem, reversing: planner.Plan) -> None:
@@ -140,8 +141,8 @@ def test_a_coarse_mesh_is_refined(paper: planner.Problem) -> None:
 def test_no_path_kept_as_it_is_stands_for_the_least_response(paper: planner.Problem) -> None:
     free = {k: v for k, v in paper.to_dict()["limits"].items() if k != "z2_margin"}
     problem = paper.changed({"limits": free})
-    assert has_only_limits(collocation_task(problem, CollocationOptions(), 8))
-    assert not has_only_limits(_task(problem, DesensitisedOptions(intervals=8)))
+    assert has_only_limits(collocation_task(problem, planner.METHODS["collocation"].options(), 8))
+    assert not has_only_limits(_task(problem, planner.METHODS["desensitised"].options(intervals=8)))
 
 
 def test_input_rates_rest_and_a_free_duration(paper: planner.Problem) -> None:
@@ -166,7 +167,7 @@ def test_other_problems(name: str, intervals: int) -> None:
     plan = planner.solve(problem, "desensitised", starts=1, intervals=intervals)
     easy = planner.solve(problem, "collocation")
     assert plan.verified
-    assert sensitivity(plan).total_deg() <= sensitivity(easy).total_deg() + 1e-6
+    assert planner.sensitivity(plan).total_deg() <= planner.sensitivity(easy).total_deg() + 1e-6
 
 
 def test_obstacles_are_cleared() -> None:
@@ -198,7 +199,7 @@ def test_the_drive_turns_back_only_where_the_plan_of_least_effort_does(input: st
     plan = planner.solve(problem, "desensitised", **options)  # type: ignore[arg-type]
     found = [len(turns(each.trajectory)) for each in (easy, plan, free)]
     assert found == [1, 1, 3]
-    passive = [sensitivity(each).passive_block_deg() for each in (easy, plan, free)]
+    passive = [planner.sensitivity(each).passive_block_deg() for each in (easy, plan, free)]
     assert passive[0] > 1.5 * passive[1] > 3 * passive[2]
 
 
@@ -222,13 +223,16 @@ def test_a_plan_next_to_one_known_comes_from_it(one_way: planner.Plan) -> None:
         planner.solve(near, "desensitised", warm=other)
 
 
-def test_a_spread_that_does_not_fit(paper: planner.Problem) -> None:
-    with pytest.raises(planner.InputError, match=r"start_deg has 2 values; give one number, or 3"):
-        planner.solve(paper, "desensitised", start_deg=[0.5, 0.5])
-    with pytest.raises(planner.InputError, match="all standard deviations are zero"):
-        planner.solve(paper, "desensitised", start_deg=0.0, gain=0.0)
-
-
-def test_constant_input_contradicts_rest(paper: planner.Problem) -> None:
-    with pytest.raises(planner.InputError, match="contradicts rest = true"):
-        planner.solve(paper, "desensitised", rest=True, input="constant")
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"start_deg": [0.5, 0.5]}, "start_deg has 2 values; give one number, or 3"),
+        ({"start_deg": 0.0, "gain": 0.0}, "all standard deviations are zero"),
+        ({"rest": True, "input": "constant"}, "contradicts rest = true"),
+    ],
+)
+def test_options_that_do_not_fit(
+    paper: planner.Problem, options: dict[str, Any], says: str
+) -> None:
+    with pytest.raises(planner.InputError, match=says):
+        planner.solve(paper, "desensitised", **options)

@@ -87,6 +87,7 @@ def run_sweep(
         KeyboardInterrupt: If interrupted; finished cases are saved.
     """
     expect_listener(progress)
+    expect_workers(workers, cluster)
     if not isinstance(sweep, Sweep):
         sweep = Sweep.from_dict(sweep) if isinstance(sweep, Mapping) else Sweep.load(sweep)
     start = time.perf_counter()
@@ -114,13 +115,21 @@ def run_sweep(
     return Outcome(str(db), len(sweep), len(positions), len(done), run.done, statuses, elapsed)
 
 
-def _pool(workers: int | None, cluster: str | None, total: int) -> Pool:
-    if cluster is not None:
-        if workers is not None:
-            raise InputError("give workers or cluster, not both: a cluster has its own workers")
-        return ClusterPool(cluster)
+def expect_workers(workers: int | None, cluster: str | None) -> None:
+    """Refuse what no pool can be made of, before anything is written.
+
+    Raises:
+        InputError: If both are given, or the number is none.
+    """
+    if cluster is not None and workers is not None:
+        raise InputError("give workers or cluster, not both: a cluster has its own workers")
     if workers is not None and (isinstance(workers, bool) or workers < 0):
         raise InputError(f"workers = {workers}: must be a whole number, at least 0")
+
+
+def _pool(workers: int | None, cluster: str | None, total: int) -> Pool:
+    if cluster is not None:
+        return ClusterPool(cluster)
     if workers == 0:
         return SerialPool()
     if hasattr(os, "sched_getaffinity"):  # the cores that this process may use

@@ -56,9 +56,11 @@ def test_a_dry_run_counts_and_writes_nothing(run: Callable[..., Any], file: Path
 def test_workers_and_a_cluster_exclude_each_other(
     command: str, run: Callable[..., Any], file: Path
 ) -> None:
+    before = sorted(file.parent.rglob("*"))
     result = run(*command.split(), "--workers", "1", "--cluster", "tcp://127.0.0.1:1")
     assert result.status == 2
     assert "not both" in result.err
+    assert sorted(file.parent.rglob("*")) == before
 
 
 @pytest.mark.parametrize("hidden", [False, True])

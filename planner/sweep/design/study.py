@@ -16,7 +16,7 @@ from planner.sweep.design.design_file import read_design
 from planner.sweep.design.figures import DesignRow, outcome, recommend
 from planner.sweep.design.result import DesignStudy
 from planner.sweep.results import read
-from planner.sweep.run import Progress, run_sweep
+from planner.sweep.run import Progress, expect_workers, run_sweep
 
 CASES_FILE = "cases.sqlite"
 """The database of finished cases in a study's folder."""
@@ -54,6 +54,7 @@ def design_study(
         KeyboardInterrupt: If interrupted; finished cases are kept.
     """
     expect_listener(progress)
+    expect_workers(workers, cluster)
     tell = progress or (lambda _, __: None)
     tell("reading", 0.0)
     study = read_design(design)

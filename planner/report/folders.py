@@ -177,7 +177,10 @@ def save_budget(
 
 
 def figures(comparison: Comparison) -> dict[str, Figure]:
-    """Figures by name; those for which no plan has what they show are left out."""
+    """Figures by name; those for which no plan has what they show are left out.
+
+    Names of `FIGURES` must be others than those of the pictures below, such as "effort".
+    """
     plans, system = comparison.plans, comparison.problem.system
     motions = [plan for plan in plans.values() if plan is not None]
     out: dict[str, Figure] = {}

@@ -45,7 +45,7 @@ PANEL_SIZES = {"inputs": (4.8, 3.4), "map": (6.4, 4.6)}
 
 
 def plot_inputs(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
-    """Plot Plot u₁ and u₂ over time with their limits as lines, all plans in each of two panels.
+    """Plot u₁ and u₂ over time with their limits as lines, all plans in each of two panels.
 
     Peaks far beyond the limits (or, without limits, far beyond most of the motion) are cut off and
     named above the panel, so that the rest stays readable.
@@ -102,7 +102,7 @@ def plot_map(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
 
 
 def plot_z(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
-    """Plot Plot z₂ with its domain shaded, and z₃ … z_N, over time; one column per plan.
+    """Plot z₂ with its domain shaded, and z₃ … z_N, over time; one column per plan.
 
     For the manipulator the shaded band is where a real θ₁ exists, given the later angles: for n = 3
     and θ₂ > 0 it is −g(z₃) < z₂ < 0. If the domain has further conditions (n > 3, and other

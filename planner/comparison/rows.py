@@ -53,7 +53,7 @@ class Row(PlanFigures):
         E_p95_deg: Its 95th percentile.
         end_median_deg: Median over machines of the largest error of an angle at the end.
         end_p95_deg: Its 95th percentile.
-        E_median_interval_deg: 95 % confidence interval of the median; see `significance`.
+        E_median_interval_deg: 95 % confidence interval of the median; see `percentile_interval`.
         E_p95_interval_deg: That of the 95th percentile; NaN where there are too few machines.
         took_s: Seconds for planning, verification and proofs; for a refusal including the changes
             that were tried.

@@ -35,10 +35,10 @@ class SignalListener:
     """What the command line has heard of `SIGNALS`.
 
     Attributes:
-        heard: Numbers of the signals since `hear_signals` began.
-        over: Whether the outcome is decided; what is heard from then on changes nothing.
-        instead: What the first Ctrl-C does in place of raising, where it finds something to do.
-        spared: Whether it did.
+        signals: Numbers of the signals since `hear_signals` began.
+        is_over: Whether the outcome is decided; what is heard from then on changes nothing.
+        substitute: What the first Ctrl-C does in place of raising, where it finds something to do.
+        was_substituted: Whether it did.
     """
 
     def __init__(self) -> None:

@@ -47,7 +47,7 @@ class Course:
 
     Attributes:
         plan: The plan.
-        predicted: Whether the course is the predicted motion, which includes lost motion.
+        is_predicted: Whether the course is the predicted motion, which includes lost motion.
         begin: When the course begins, s, in the plan's time; at most 0.
         start: When the motion starts whose errors are measured, s.
         end: When that motion ends, s.

@@ -235,7 +235,7 @@ class Forecast:
         Args:
             pose: Before.
             travel: Of the motors.
-            lost_motion: Lost motion of each joint, (N−1, S).
+            lost: Lost motion of each joint, (N−1, S).
             rate: 1 + ε of each joint, (N−1, S).
         """
         moved = pose.side + travel[0]

@@ -244,7 +244,7 @@ class Solver:
         iterations: After how many an answer is late.
 
     Attributes:
-        solved: How many programmes it has solved.
+        solve_count: How many programmes it has solved.
     """
 
     def __init__(self, mask: NDArray[np.bool_], iterations: int) -> None:

@@ -175,7 +175,7 @@ def integral(c: Array) -> Array:
 
 
 def split(c: Array, place: Array | float) -> tuple[Array, Array]:
-    """On [0, at] and on [at, 1], by de Casteljau; at is one number, or one for each polynomial."""
+    """On [0, place] and on [place, 1], by de Casteljau; one place, or one for each polynomial."""
     left, right, row, rest = [c[0]], [c[-1]], c, 1 - place
     while len(row) > 1:
         row = rest * row[:-1] + place * row[1:]

@@ -12,7 +12,7 @@ import tomllib
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 
 def import_function(function: str) -> Callable[..., Any]:
@@ -73,7 +73,16 @@ def _checkout() -> str | None:
         return None
 
 
-__version__ = version()
+if TYPE_CHECKING:
+    __version__: str
+else:
+
+    def __getattr__(name: str) -> str:
+        """`__version__`, looked up when it is asked for: that takes a file or slow imports."""
+        if name == "__version__":
+            return version()
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 LIBRARIES = ("casadi", "numpy", "scipy", "osqp")
 

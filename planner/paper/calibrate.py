@@ -318,10 +318,6 @@ def _identification(data: Sequence[DataSet]) -> str:
     )
 
 
-def _join_numbers(numbers: Any) -> str:
-    return ", ".join(f"{x:.3g}" for x in numbers)
-
-
 def _unidentified(data: DataSet) -> Markup:
     names = [f"`{r.name}`" for r in FITTED_PARAMETERS if remaining_share(data, r) > 0.9]
     return Markup("; ".join(names) or "none")

@@ -103,18 +103,14 @@ def report_motion(best: str) -> None:
 
 def count_solve() -> None:
     """Count one call of a solver."""
-    run = _run.get()
-    while run is not None:
+    for run in _runs():
         run.solves += 1
-        run = run.outer
 
 
 def count_iterations(iterations: int) -> None:
     """Count a solver's iterations."""
-    run = _run.get()
-    while run is not None:
+    for run in _runs():
         run.iterations += iterations
-        run = run.outer
 
 
 def current_progress() -> Progress | None:
@@ -125,9 +121,15 @@ def current_progress() -> Progress | None:
 
 def _notify(doing: str = "", best: str = "") -> None:
     """Put down what is new in all runs around, and let their listeners hear."""
-    run = _run.get()
-    while run is not None:
+    for run in _runs():
         run.doing, run.best = doing or run.doing, best or run.best
         if run.listener is not None:
             run.listener(run.now)
+
+
+def _runs() -> Iterator[_Run]:
+    """The runs around, from the innermost outwards."""
+    run = _run.get()
+    while run is not None:
+        yield run
         run = run.outer

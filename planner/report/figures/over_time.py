@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import groupby
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -173,7 +174,9 @@ def _panels(kind: panels.Figure, drawn: Sequence[Curve], axes: Any) -> tuple[Fig
 def _columns(kind: panels.Figure, drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
     """A column a plan, its panels of one id on the same axes."""
     plan_panels = [kind.panels([one]) for one in _plan_curves(drawn)]
-    columns = [[list(same) for _, same in groupby(each, key=_id)] for each in plan_panels]
+    columns = [
+        [list(same) for _, same in groupby(each, key=itemgetter("id"))] for each in plan_panels
+    ]
     figure, axes = grid(len(columns[0]), len(drawn), axes, share=("col", "row"))
     for k, (curve, column) in enumerate(zip(drawn, columns, strict=True)):
         for ax, same in zip(axes[:, k], column, strict=True):
@@ -183,10 +186,6 @@ def _columns(kind: panels.Figure, drawn: Sequence[Curve], axes: Any) -> tuple[Fi
         axes[0, k].set_title(curve.title, fontsize=10)
         axes[-1, k].set_xlabel(time_label([curve.plan]))
     return figure, axes
-
-
-def _id(panel: Panel) -> str:
-    return str(panel["id"])
 
 
 def grid_shape(count: int) -> tuple[int, int]:

@@ -69,7 +69,7 @@ def calibrate(
         Column("parameter", "", lambda r: r.name, left=True),
         Column("low", "", lambda r: r.low, "{:g}".format),
         Column("high", "", lambda r: r.high, "{:g}".format),
-        Column("preset", "", lambda r: calibration.fit.parameters[r.name], "{:g}".format),
+        Column("preset", "", lambda r: calibration.fit.parameters[r.key], "{:g}".format),
         *(
             Column(d.name, "", partial(remaining_share, d), "{:.2f}".format)
             for d in calibration.data

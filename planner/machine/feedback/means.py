@@ -40,24 +40,23 @@ def lost_motion(system: TriangularSystem, machine: Machine) -> Array:
     """Mean angle that each passive axis turns before its joint follows, either way, (N−2,), rad."""
     if not isinstance(system, Manipulator):
         return np.zeros(system.size - 2)
-    play, friction = machine.mean("backlash_deg"), machine.mean("coulomb_friction_nm")
-    stiffness = machine.mean("shaft_stiffness_nm_per_rad")
+    play, friction, stiffness = (
+        machine.mean(name, system.n)
+        for name in ("backlash_deg", "coulomb_friction_nm", "shaft_stiffness_nm_per_rad")
+    )
     return np.array(np.broadcast_to(np.deg2rad(play) / 2 + friction / stiffness, system.n - 1))
 
 
-def lost_spread(machine: Machine) -> Array:
+def lost_spread(machine: Machine, joints: int) -> Array:
     """Standard deviation of an arm's lost motion, to first order, one for all joints or each."""
-    stiffness = machine.mean("shaft_stiffness_nm_per_rad")
-    twist = machine.mean("coulomb_friction_nm") / stiffness
-    play, friction, soft = (
-        np.array(machine.effects[name].spread if name in machine.effects else (0.0,))
-        for name in ("backlash_deg", "coulomb_friction_nm", "shaft_stiffness_nm_per_rad")
-    )
+    names = ("backlash_deg", "coulomb_friction_nm", "shaft_stiffness_nm_per_rad")
+    _, friction, stiffness = (machine.mean(name, joints) for name in names)
+    play, rough, soft = (machine.spread(name, joints) for name in names)
     return np.asarray(
         np.sqrt(
             (np.deg2rad(play) / 2) ** 2
-            + (friction / stiffness) ** 2
-            + (twist * soft / stiffness) ** 2
+            + (rough / stiffness) ** 2
+            + (friction / stiffness * soft / stiffness) ** 2
         )
     )
 

@@ -66,7 +66,7 @@ def calibrate(
             progress("writing", 0.95)
             write(calibration, out)
     columns: list[Column[Parameter]] = [
-        Column("parameter", "", lambda r: r.name, left=True),
+        Column("parameter", "", lambda r: r.key, left=True),
         Column("low", "", lambda r: r.low, "{:g}".format),
         Column("high", "", lambda r: r.high, "{:g}".format),
         Column("preset", "", lambda r: calibration.fit.parameters[r.key], "{:g}".format),

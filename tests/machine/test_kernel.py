@@ -45,7 +45,12 @@ PROTOTYPE: dict[str, dict[str, Any]] = {
     "no sideways": {"lateral_friction": False},
     "inclined": {"incline_deg": 15.0},
     "inclined, rigid": {"incline_deg": 15.0, "shaft_stiffness_nm_per_rad": False},
-    "inclined, slipping": {"incline_deg": 3.0, "friction_capacity_nm": 0.2},
+    # Not sideways too: at an eighth of the capacity, in steps of 4 ms, that amplifies rounding.
+    "inclined, slipping": {
+        "incline_deg": 3.0,
+        "friction_capacity_nm": 0.2,
+        "lateral_friction": False,
+    },
     "one dry joint": {"viscous_friction_nms_per_rad": [0.0, 0.05]},
     "no gearheads": {"gearhead_backlash_deg": [0.5, 0.0]},
 }

@@ -17,6 +17,7 @@ from planner.comparison.comparison import Comparison
 from planner.comparison.rows import FEEDBACK, Row
 from planner.errors import InputError, expect
 from planner.machine.replay import Replay
+from planner.plan.measures import effort_unit
 from planner.report.figures.style import (
     REFUSED_SUFFIX,
     Curve,
@@ -29,7 +30,6 @@ from planner.report.figures.style import (
     time_label,
 )
 from planner.support.arrays import Array
-from planner.verification.summary import effort_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from planner.comparison.comparison import Comparison
+from planner.plan.measures import effort_unit
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.report.figures.arm import body_points, can_draw, tips_to_pass
@@ -16,7 +17,6 @@ from planner.report.figures.style import Curve, curves, readable_name, times, to
 from planner.report.page.words import colour_places
 from planner.report.panels import FIGURES, Panel, PlanCurves, screen_data, to_screen_digits
 from planner.support.arrays import Array, jsonable
-from planner.verification.summary import effort_unit
 
 CURVE_POINTS = 500
 """About how many times a curve is drawn at."""

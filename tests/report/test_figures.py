@@ -382,3 +382,10 @@ def test_symbols() -> None:
     assert symbol("theta12") == r"$\theta_{12}$"
     assert symbol("u1") == "$u_{1}$"
     assert symbol("steering_rate") == "steering rate"
+
+
+@pytest.mark.parametrize(("file", "unit"), [("paper", "link lengths"), ("tip", "m"), ("car", "m")])
+def test_places_have_the_unit_of_the_links(file: str, unit: str) -> None:
+    plan = planner.solve(planner.load_problem(f"problems/{file}.toml"), "collocation")
+    _, axes = plot_arm(plan)
+    assert np.ravel(axes)[0].get_xlabel() == f"x ({unit})"

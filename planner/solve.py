@@ -23,12 +23,12 @@ from planner.problem.requirements.ends import Goal, TipGoal
 from planner.problem.requirements.requirement import Requirement
 from planner.problem.tables.problem_file import CompensationTable
 from planner.support.deadline import (
-    MORE_TIME_ADVICE,
     SEARCH_SHARE,
     TimeUpError,
     check_seconds,
     holds_answer,
     is_over,
+    time_advice,
     time_limit,
     time_share,
 )
@@ -140,7 +140,7 @@ def solve_and_check(
             raise TimeLimitError(
                 f"{problem.source}: {span.why} ended the method '{method}' before it had a"
                 f" plan{doing}",
-                advice=MORE_TIME_ADVICE,
+                advice=time_advice(),
             ) from None
         except NoPlanError as error:
             seconds = time.monotonic() - began
@@ -185,7 +185,7 @@ def judge_plan(plan: Plan) -> tuple[Plan, Check]:
             f"{plan.problem.source}: {why}, and there was no time to refine it: it breaks",
             plan=replace(plan, status=TimeLimitError.status),
             violations=check.violations,
-            advice=MORE_TIME_ADVICE,
+            advice=time_advice(),
         )
     others = not_promised(plan.problem, find_method(plan.method).keeps)
     said = ""

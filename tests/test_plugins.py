@@ -70,7 +70,7 @@ def problem_file(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.syspath_prepend(str(PACKAGE))
         patch.syspath_prepend(str(folder))
         patch.setenv("PYTHONPATH", f"{folder}{os.pathsep}{PACKAGE}")  # of the workers of a sweep
-        assert main(["new", str(path), "--system", "tricycle"]) == 0
+        assert main(["new", str(path), "--system", "tricycle", "--full"]) == 0
         yield path
     sys.modules.pop("planner_tricycle", None)
 
@@ -185,7 +185,7 @@ def test_its_limit_is_a_key_of_every_file(problem_file: Path) -> None:
     for table in ("CarLimits", "LimitsTable", "CustomLimits"):
         assert "Largest |u1 u2|" in schema[table]["properties"]["input_product"]["description"]
     for kind in FILES:
-        brief = problem_text(kind, brief=True)
+        brief = problem_text(kind)
         (row,) = (line for line in brief.splitlines() if "input_product" in line)
         assert row.split("# ") == ["#input_product = 0.2".ljust(29), PRODUCT_WORDS]
         limited = tomllib.loads(brief.replace("#input_product", "input_product"))["limits"]

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -34,6 +35,7 @@ from planner.cli.output import (
     is_interrupted,
     job,
     keep_best_on_interrupt,
+    manner,
     number,
     say,
     search_ended_early,
@@ -44,7 +46,7 @@ from planner.plan.plan import Plan
 from planner.problem.feasibility import End
 from planner.problem.problem import Problem
 from planner.solve import solve_and_check
-from planner.support.files import refuse_unwritable
+from planner.support.files import refuse_unwritable, toml
 from planner.support.interrupts import signal_listener
 from planner.support.tables import Column, terminal_table
 from planner.systems.triangular_system import TriangularSystem
@@ -197,11 +199,13 @@ def check(
     """Find out whether there is a plan; if not, say why not.
 
     Tries every method, then changes of the problem that may help. Ends with status 0 if
-    one method has a verified plan, else 3.
+    one method has a verified plan, else 3. --verbose adds the mathematics: chained
+    coordinates, possible travels, controllability, which limits each method keeps.
 
     \b
     Examples:
       planner check problems/paper.toml
+      planner check problems/paper.toml --verbose
       planner check problems/paper-fig5.toml --set goal.travel=0.82
       planner check problems/unreachable.toml --json
     """
@@ -212,12 +216,31 @@ def check(
     status = 0 if analysis.has_plan else NoPlanError.exit_status
     return finish(
         {"file": task.source, **analysis.to_dict()},
-        *(task.name, "", facts(_findings(analysis)), "", _methods(analysis)),
-        *_unpromised_limits(analysis),
+        analysis.verdict,
+        *_next_step(analysis, str(problem)),
+        *("", _methods(analysis)),
         *_refusals(analysis),
-        *("", analysis.verdict),
+        "",
+        *_mathematics(analysis),
         status=status,
     )
+
+
+def _mathematics(analysis: Analysis) -> list[str | Table]:
+    if not manner.verbose:
+        return ["The mathematics behind it: --verbose"]
+    return [facts(_findings(analysis)), *_unpromised_limits(analysis)]
+
+
+def _next_step(analysis: Analysis, file: str) -> Iterator[str]:
+    """The command that goes on from the verdict; none where no change helped."""
+    if analysis.has_plan:
+        yield f"Next: planner compare {shlex.quote(file)}"
+    elif analysis.remedy is not None:
+        words = ["planner", "plan", file, "--method", analysis.remedy.method]
+        for key, value in analysis.remedy.changes.items():
+            words += ["--set", f"{key}={toml(value)}"]
+        yield f"Next: {shlex.join(words)}"
 
 
 def _findings(analysis: Analysis) -> Rows:
@@ -363,11 +386,15 @@ def _unpromised_limits(analysis: Analysis) -> list[str]:
 
 
 def _refusals(analysis: Analysis) -> Iterator[str]:
+    """Why and what to try, methods with the same refusal together."""
+    refused: dict[tuple[str, ...], list[str]] = {}
     for o in analysis.outcomes:
         if o["verified"] or o["reason"] is None:
             continue
         reason = str(o["reason"]).removeprefix(f"{analysis.problem.source}: ")
         broken = [] if o["status"] == "singular" else o["violations"][:4]  # the reason says it
-        yield from ("", f"{o['method']}: {reason}", *(f"  - {v['text']}" for v in broken))
-        if o["advice"]:
-            yield f"  Try: {o['advice']}"
+        lines = [reason, *(f"  - {v['text']}" for v in broken)]
+        lines += [f"  Try: {o['advice']}"] if o["advice"] else []
+        refused.setdefault(tuple(lines), []).append(o["method"])
+    for (reason, *lines), names in refused.items():
+        yield from ("", f"{', '.join(names)}: {reason}", *lines)

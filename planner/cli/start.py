@@ -8,6 +8,7 @@ names every key there is.
 from __future__ import annotations
 
 import re
+import sys
 import textwrap
 import tomllib
 from collections.abc import Callable, Mapping
@@ -20,8 +21,6 @@ from pydantic import BaseModel
 
 from planner.cli.output import manner, note, print_json, print_text
 from planner.errors import InputError
-from planner.machine.machine import Machine
-from planner.methods.registry import all_methods
 from planner.problem.tables.arms import MOST_JOINTS, ArmFile
 from planner.problem.tables.kinds import (
     all_files,
@@ -57,28 +56,28 @@ def new(
         int | None,
         typer.Option("--joints", "-n", metavar="N", help="Number of joints of an arm. Default: 3."),
     ] = None,
-    brief: Annotated[
+    full: Annotated[
         bool,
         typer.Option(
-            "--brief",
-            help="Leave out the options of methods, feedback, compensation and the machine.",
+            "--full/--brief",
+            help="Add every option of methods, feedback, compensation and the machine.",
         ),
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace FILE if it exists.")] = False,
 ) -> int:
     """Write a commented problem file that can be solved as it is.
 
-    The file holds every key with its default, for all methods and the emulated machine; with
-    --brief only those of the problem itself.
+    The file holds every key of the problem itself; with --full also those of the methods and
+    of the emulated machine, with their defaults.
 
     \b
     Examples:
       planner new
-      planner new arm.toml --joints 4 --brief
+      planner new arm.toml --joints 4 --full
       planner new lane-change.toml --system car
     """
     refuse_unwritable(file)
-    text = problem_text(system, joints=joints, brief=brief).replace("FILE", str(file))
+    text = problem_text(system, joints=joints, full=full).replace("FILE", str(file))
     if file.exists() and not force:
         raise InputError(f"{file} exists; name another file, or replace it with --force")
     written = write_text(file, text)
@@ -91,16 +90,22 @@ def new(
 def methods() -> int:
     """List the planning methods, one per line.
 
+    Only their names where the output is no terminal.
+
     \b
     Example:
       planner methods
     """
+    from planner.methods.registry import all_methods
+
     summaries = {name: method.summary for name, method in all_methods().items()}
     return _print_list("method", summaries)
 
 
 def systems() -> int:
     """List the kinds of systems, one per line.
+
+    Only their names where the output is no terminal.
 
     \b
     Example:
@@ -160,6 +165,9 @@ def _print_list(what: str, summaries: dict[str, str]) -> int:
     if manner.as_json:
         print_json(summaries)
         return 0
+    if not sys.stdout.isatty():  # for a loop in a shell
+        print_text(*summaries)
+        return 0
     heads = (what, "what it is")
     columns = [Column(head, "", itemgetter(k), left=True) for k, head in enumerate(heads)]
     print_text(terminal_table(columns, summaries.items()))
@@ -179,14 +187,14 @@ _LEGEND = """\
 
 
 def problem_text(
-    kind: str = "manipulator", *, joints: int | None = None, brief: bool = False
+    kind: str = "manipulator", *, joints: int | None = None, full: bool = False
 ) -> str:
     """The text of a problem file (TOML) that can be solved as it is.
 
     Args:
         kind: A key of `planner.problem.tables.kinds.FILES`.
         joints: Number of joints, of an arm; as in the shipped text when left out.
-        brief: Whether to leave out the options of methods, feedback and the machine.
+        full: Whether to add the options of methods, feedback, compensation and the machine.
 
     Raises:
         InputError: If there is no such kind, or not with so many joints.
@@ -201,9 +209,13 @@ def problem_text(
     if joints is not None:
         head = _resize_arm(head, kind, file, joints)
     parts = [f"{_LEGEND}{head}"]
-    if brief:
+    if not full:
         about = "Methods, feedback and the emulated machine have keys too: planner new OTHER"
-        return f"{parts[0]}\n#   {about} --system {kind}\n"
+        return f"{parts[0]}\n#   {about} --system {kind} --full\n"
+    # What a short file can do without.
+    from planner.machine.machine import Machine
+    from planner.methods.registry import all_methods
+
     for name, method in all_methods().items():
         options = _key_comments(method.options, _defaults(method.options))
         parts.append(f"[method.{name}]\n{_comment_lines(method.summary)}{options}")

@@ -149,6 +149,8 @@ UNITS = {
     "_nms_per_rad": "N m s/rad",
     "_nm_per_rad": "N m/rad",
     "_per_nm": "1/(N m)",
+    "_kgm2": "kg m²",
+    "_kgm": "kg m",
     "_rad_s2": "rad/s²",
     "_rad_s": "rad/s",
     "_m_s2": "m/s²",

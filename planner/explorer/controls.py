@@ -229,7 +229,9 @@ def _effect(name: str, first: Machine, now: Machine, given: Any) -> Control:
 
 
 def _label(name: str, part: tuple[str, ...]) -> str:
-    return key_words(name)[0] + (" (spread)" if part == ("spread",) else "")
+    words, unit = key_words(name)
+    per = " under load" if unit == "1/(N m)" else ""  # beside the same word without a load
+    return f"{words}{per}{' (spread)' if part == ('spread',) else ''}"
 
 
 def _effect_range(effect: Effect, usual: float, *, spread: bool) -> tuple[float, float]:

@@ -20,10 +20,10 @@ from planner.problem.problem import Problem
 from planner.solve import compensate_in_time, judge_plan
 from planner.support import deadline
 from planner.support.deadline import (
-    MORE_TIME_ADVICE,
     SEARCH_SHARE,
     TimeUpError,
     holds_answer,
+    time_advice,
     time_limit,
     time_share,
 )
@@ -78,7 +78,7 @@ def path(state: State) -> ScreenOutcome:
             return ScreenOutcome(state, problem, None, error, judged=True)
         except TimeUpError:
             reason = f"{problem.source}: {span.why} ended the method '{method.name}' before it had"
-            refusal: NoPlanError = TimeLimitError(f"{reason} a plan", advice=MORE_TIME_ADVICE)
+            refusal: NoPlanError = TimeLimitError(f"{reason} a plan", advice=time_advice())
         except NoPlanError as error:
             refusal = error
         if span.ended_by:

@@ -11,7 +11,7 @@ from planner.explorer.outcome import ScreenOutcome
 from planner.machine.replay import Replay
 from planner.plan.plan import Plan
 from planner.report.figures.arm import body_points, can_draw, tips_to_pass
-from planner.report.figures.style import colour_numbers, times
+from planner.report.figures.style import colour_numbers, length_unit, times
 from planner.report.panels import (
     FIGURES,
     Panel,
@@ -128,7 +128,7 @@ def _plane(one: PlanCurves) -> Panel:
     poses = body_points(plan.problem, plan.q(np.linspace(0, plan.duration, POSES)))
     path = body_points(plan.problem, one.q)[:, -1]
     arm = hasattr(plan.problem.system, "arm_points")
-    unit = "link lengths" if arm else "m"
+    unit = length_unit(plan.problem.system)
     return {
         "id": "plane",
         "kind": "plane",

@@ -24,12 +24,12 @@ from planner.explorer.controls import (
 from planner.explorer.outcome import ScreenOutcome, errors, judge, path
 from planner.explorer.picture import error_panel, picture
 from planner.explorer.state import State, code, problem_file
+from planner.plan.measures import effort_unit
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.report.figures.mechanism import mechanism_svg
 from planner.support.user_tables import allowed_hint
 from planner.systems.manipulator import Manipulator
-from planner.verification.summary import effort_unit
 
 
 class Screen:

@@ -189,6 +189,23 @@ class Machine:
         changes = [f"{k}={v!r}" for k, v in self.to_dict().items() if v != base[k]]
         return f"Machine.{self.preset}({', '.join(changes)})"
 
+    def __str__(self) -> str:
+        """The effects that are on, one a line: mean, standard deviation, unit."""
+        rows = [f"{self.preset} machine, {self.fidelity}"]
+        for name, quantity in self.effects.items():
+            mean = ", ".join(f"{number:.4g}" for number in quantity.value)
+            spread = ", ".join(f"{number:.4g}" for number in quantity.spread)
+            varies = f" ± {spread}" if quantity.varies else ""
+            rows.append(f"  {name:26} {mean}{varies} {EFFECTS[name].unit}".rstrip())
+        return "\n".join(rows if self.effects else [*rows, "  no effect is on"])
+
+    def __getattr__(self, name: str) -> float | list[float]:
+        """Mean of an effect (`machine.backlash_deg`), in its unit; its neutral value when off."""
+        if name in EFFECTS:
+            return _as_plain(tuple(self.mean(name).tolist()))
+        hint = allowed_hint(name, list(EFFECTS))
+        raise AttributeError(f"a Machine has no '{name}'; effects: {hint}")
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Machine) and self.to_dict() == other.to_dict()
 

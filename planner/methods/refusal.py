@@ -19,9 +19,9 @@ from planner.problem.reach import Reach
 from planner.problem.requirements.ends import Duration, Goal, Start
 from planner.support import progress
 from planner.support.deadline import (
-    MORE_TIME_ADVICE,
     TimeUpError,
     remaining,
+    time_advice,
     time_limit,
     time_share,
 )
@@ -185,7 +185,7 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
             said.append(f"tried without success: {', '.join(map(str, tries.vain))}")
         if tries.left:
             said.append(f"not tried for lack of time: {', '.join(map(str, tries.left))}")
-        error.advise(MORE_TIME_ADVICE if remaining() <= 0 else None, "; ".join(said))
+        error.advise(time_advice() if remaining() <= 0 else None, "; ".join(said))
         return None
     shown = replace(tries.plan, problem=problem, verified=False, certificate=None)
     broken = verify(shown).violations

@@ -21,6 +21,7 @@ from planner.problem.requirements.requirement import MotionPoint, Requirement
 from planner.support.arrays import Array
 from planner.support.calculus.extremes import maximum, minimum, sample_times, zeros
 from planner.systems.chained_form import chained_form
+from planner.systems.triangular_system import TriangularSystem
 
 _GAUSS = np.polynomial.legendre.leggauss(4)
 
@@ -29,6 +30,18 @@ def effort(trajectory: Trajectory) -> float:
     """∫ u₁² + u₂² dt, by Gauss quadrature between samples that crowd towards the ends of pieces."""
     times, weights = _quadrature(trajectory)
     return float(np.sum(weights[..., None] * trajectory.u(times) ** 2))
+
+
+def effort_unit(system: TriangularSystem) -> str:
+    """Unit of ∫ u₁² + u₂² dt: that of an input's square times seconds, or both where they differ.
+
+    >>> from planner.systems.manipulator import Manipulator
+    >>> effort_unit(Manipulator([1.0]))
+    'rad²/s'
+    """
+    rates = [c.unit for c in system.inputs]
+    squares = [f"{r[:-2]}²/s" if r.endswith("/s") else f"{r}² s" if r else "s" for r in rates]
+    return " + ".join(dict.fromkeys(squares))
 
 
 def excess_share(trajectory: Trajectory, limit: Array) -> Array:

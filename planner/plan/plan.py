@@ -15,7 +15,13 @@ from numpy.typing import ArrayLike
 
 from planner.errors import InputError, TimeLimitError, expect, made_by
 from planner.plan.claims import Certificate
-from planner.plan.measures import DomainReport, domain_report
+from planner.plan.measures import (
+    DomainReport,
+    domain_report,
+    effort,
+    effort_unit,
+    peak_inputs,
+)
 from planner.plan.trajectory import Trajectory
 from planner.problem.problem import Problem
 from planner.support.arrays import Array, jsonable
@@ -106,6 +112,17 @@ class Plan:
         moved = f"{self.travel:.4g} {self.problem.system.coordinates[0].unit}"
         return f"Plan({name}: travel {moved} in {self.duration:.4g} s, {state})"
 
+    def __str__(self) -> str:
+        """What one wants to know of it, in four lines."""
+        lines = [repr(self)]
+        if self.executable:
+            peaks = peak_inputs(self.trajectory)
+            inputs = zip(self.problem.system.inputs, peaks, strict=True)
+            said = ", ".join(f"{i.name} {peak:.4g} {i.unit}" for i, peak in inputs)
+            spent = f"{effort(self.trajectory):.4g} {effort_unit(self.problem.system)}"
+            lines += [f"  effort {spent}", f"  peaks  {said}"]
+        return "\n".join([*lines, f"  of     {self.problem.name}"])
+
     @property
     def compensates(self) -> Plan | None:
         """The original plan of a compensated plan; None for all others."""
@@ -165,6 +182,21 @@ class Plan:
     def u(self, t: ArrayLike) -> Array:
         """Inputs, shape (…, 2), at times t (…); outside as `q`."""
         return self.trajectory.u(self._times(t))
+
+    def theta(self, t: ArrayLike) -> Array:
+        """Joint angles of an arm, radians, shape (…, n), at times t (…); outside as `q`.
+
+        Raises:
+            InputError: If the system has no joints theta1, theta2, …
+        """
+        names = [c.name for c in self.problem.system.coordinates]
+        joints = [i for i, name in enumerate(names) if name.startswith("theta")]
+        if not joints:
+            raise InputError(
+                f"a {self.problem.system.kind} has no joint angles; plan.q(t) gives its coordinates"
+                f" {', '.join(names)}"
+            )
+        return self.q(t)[..., joints]
 
     def z(self, t: ArrayLike) -> Array:
         """Chained coordinates, shape (…, N), at times t (…); outside as `q`."""

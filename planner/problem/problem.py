@@ -68,9 +68,9 @@ class Problem:
     Attributes:
         name: Title, or the file's name.
         system: The system.
-        start: q(0), shape (N,).
-        goal: q(T), shape (N,); NaN for the path coordinate, of which `travel` speaks, and for
-            joints that the goal leaves free.
+        start: q(0), shape (N,), in radians (and metres), whatever the file's unit.
+        goal: q(T), shape (N,), likewise; NaN for the path coordinate, of which `travel` speaks, and
+            for joints that the goal leaves free.
         travel: q₁(T) − q₁(0), or None if free.
         duration: Seconds, or None if free.
         limits: Limits that every plan keeps.
@@ -406,6 +406,8 @@ def load_problem(path: str | Path, changes: Mapping[str, Any] | None = None) -> 
     Raises:
         InputError: If the file is missing, not TOML, or has an invalid key or value.
     """
+    if isinstance(path, Mapping):
+        raise InputError("load_problem reads a file; planner.Problem.from_dict({...}) takes tables")
     data = read_toml(path, "a problem file")
     if not data:
         raise InputError(f"{path} is empty; a problem needs [system], [start] and [goal]")

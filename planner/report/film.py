@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.report.figures.arm import arrange, body_points, can_draw, draw_places
-from planner.report.figures.style import Curve, Plans, curves, grid, heading
+from planner.report.figures.style import Curve, Plans, curves, grid, heading, length_unit
 from planner.report.figures.style import times as fine_times
 from planner.support.arrays import Array
 from planner.support.files import refuse_unwritable, write_bytes
@@ -154,7 +154,7 @@ def _frames(drawn: Sequence[Curve], times: Array, progress: Progress | None) -> 
 def _stage(drawn: Sequence[Curve], times: Array) -> tuple[Figure, list[_Scene], Any]:
     shape, size = arrange(drawn)
     figure, axes = grid(*shape, size=size, share=("all", "all"))
-    arm = hasattr(drawn[0].plan.problem.system, "arm_points")
+    unit = length_unit(drawn[0].plan.problem.system)
     scenes = [_scene(ax, curve, times) for ax, curve in zip(axes.flat, drawn, strict=True)]
     every = np.concatenate([scene.points.reshape(-1, 2) for scene in scenes])
     low, high = every.min(axis=0), every.max(axis=0)
@@ -164,9 +164,9 @@ def _stage(drawn: Sequence[Curve], times: Array) -> tuple[Figure, list[_Scene], 
         ax.set_xlim(low[0] - margin, high[0] + margin)
         ax.set_ylim(low[1] - margin, high[1] + margin)
     for ax in axes[-1]:
-        ax.set_xlabel("x (link lengths)" if arm else "x (m)")
+        ax.set_xlabel(f"x ({unit})")
     for ax in axes[:, 0]:
-        ax.set_ylabel("y (link lengths)" if arm else "y (m)")
+        ax.set_ylabel(f"y ({unit})")
     heading(figure, drawn[0].plan.problem.name, ours=True)
     clock = figure.text(0.01, 0.01, f"t = {times[-1]:.2f} s", family="monospace", fontsize=10)
     return figure, scenes, clock

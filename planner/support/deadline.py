@@ -22,9 +22,6 @@ from planner.errors import InputError
 SEARCH_SHARE = 0.75
 """Share of the time after which a search ends; the rest is for what is made of what it found."""
 
-MORE_TIME_ADVICE = "a larger time limit (--time-limit, time_limit_s)"
-"""What a refusal advises."""
-
 LEAST_FINISH_S, FINISH_SHARE = 3.0, 0.25
 """Time for refining after Ctrl-C: this share of what the search took, or so many seconds."""
 
@@ -183,6 +180,13 @@ def is_over() -> bool:
     """Whether time is up, or somebody has ended the search: what there is must do."""
     span = _span.get()
     return remaining() <= 0 or (span is not None and bool(span.ended_by))
+
+
+def time_advice() -> str | None:
+    """What a refusal for lack of time advises; None where somebody ended the search before."""
+    span = _span.get()
+    stopped = span is not None and span.ended_by
+    return None if stopped else "a larger time limit (--time-limit, time_limit_s)"
 
 
 def holds_answer() -> bool:

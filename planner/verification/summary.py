@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import NoPlanError, Violation
-from planner.plan.measures import effort, peak_inputs
+from planner.plan.measures import effort, effort_unit, peak_inputs
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
 from planner.support.calculus.extremes import sample_times
@@ -72,18 +72,6 @@ def figures(kind: type) -> Mapping[str, Figure]:
     """The figures among the fields of a class, by name, in order."""
     found: tuple[Field[Any], ...] = fields(kind)
     return {f.name: f.metadata["figure"] for f in found if "figure" in f.metadata}
-
-
-def effort_unit(system: TriangularSystem) -> str:
-    """Unit of ∫ u₁² + u₂² dt: that of an input's square times seconds, or both where they differ.
-
-    >>> from planner.systems.manipulator import Manipulator
-    >>> effort_unit(Manipulator([1.0]))
-    'rad²/s'
-    """
-    rates = [c.unit for c in system.inputs]
-    squares = [f"{r[:-2]}²/s" if r.endswith("/s") else f"{r}² s" if r else "s" for r in rates]
-    return " + ".join(dict.fromkeys(squares))
 
 
 @dataclass(frozen=True, kw_only=True)

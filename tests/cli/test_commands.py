@@ -6,6 +6,7 @@ import errno
 import io
 import os
 import re
+import shlex
 import signal
 import sys
 import time
@@ -119,15 +120,14 @@ def test_the_direction_counts_turns(run: Callable) -> None:
 
 def test_check_for_people_and_as_json(run: Callable) -> None:
     words = ("check", *SOLVED[1:2], *SOLVED[4:], "--methods", "polynomial")
-    result = run(*words)
-    assert result.status == 0
-    assert not lacking(
-        result.out,
-        "(0, -0.0324, 0.7113, 0.01745)",
-        "0.78635 to 0.89664 rad",
-        "inside the window",
-        "There is a plan: polynomial (one way, inside the chart).",
-    )
+    brief, result = run(*words), run(*words, "--verbose")
+    assert (brief.status, result.status) == (0, 0)
+    verdict, step, *_ = brief.out.splitlines()
+    assert verdict == "There is a plan: polynomial (one way, inside the chart)."
+    assert step == f"Next: planner compare {SOLVED[1]}"
+    mathematics = "(0, -0.0324, 0.7113, 0.01745)", "0.78635 to 0.89664 rad", "inside the window"
+    assert not lacking(result.out, verdict, *mathematics)
+    assert lacking(brief.out, *mathematics) == list(mathematics)
     data = run(*words, "--json").json
     assert data["has_plan"] is True
     assert data["constants"]["K"] == [0.870125, 0.711625]
@@ -150,9 +150,19 @@ def test_check_for_people_and_as_json(run: Callable) -> None:
 )
 def test_check_of_what_has_no_plan(file: str, changes: list, says: str, run: Callable) -> None:
     sets = [word for change in changes for word in ("--set", change)]
-    result = run("check", PROBLEMS / f"{file}.toml", "--methods", "polynomial", *sets)
+    words = ("check", PROBLEMS / f"{file}.toml", "--methods", "polynomial", *sets)
+    result = run(*words, "--verbose")
     assert result.status == 3
     assert says in result.out
+
+
+def test_check_says_equal_refusals_once_and_what_to_run_next(run: Callable) -> None:
+    out = run("check", PROBLEMS / "unreachable.toml", "--methods", "polynomial,sinusoid").out
+    assert "\npolynomial, sinusoid: no plan of any kind exists" in out
+    assert out.count("goal.duration is 2 s") == 1
+    (step,) = (line for line in out.splitlines() if line.startswith("Next: "))
+    words = shlex.split(step.removeprefix("Next: planner "))
+    assert run(*words).status == 0
 
 
 def test_a_goal_of_the_tip_for_people(run: Callable) -> None:
@@ -160,7 +170,7 @@ def test_a_goal_of_the_tip_for_people(run: Callable) -> None:
     assert found.status == 0
     assert re.search(r"(?m)^joints at the goal +\(28\.\d+, 33\.\d+, 24\.\d+\) deg$", found.out)
     assert not lacking(
-        run("check", PROBLEMS / "tip.toml", "--methods", "polynomial").out,
+        run("check", PROBLEMS / "tip.toml", "--methods", "polynomial", "--verbose").out,
         "the tip at (0.4964, 0.6598) m; theta1, theta2, theta3 free",
         "0.8257 m from the base; the arm is 0.9 m long",
         "elbows can bend in 4 ways, the one nearest to the start",
@@ -168,10 +178,12 @@ def test_a_goal_of_the_tip_for_people(run: Callable) -> None:
     )
 
 
-def test_listings(run: Callable) -> None:
+def test_listings(run: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert run("methods").out.split() == list(planner.METHODS)
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
     listed = run("methods").out
     for name, method in planner.METHODS.items():
-        assert not lacking(listed, f"{name} ", method.summary)
+        assert not lacking(listed, f"{name} ", method.summary.split()[0])
     assert run("methods", "--json").json.keys() == planner.METHODS.keys()
     systems = run("systems", "--json").json
     assert {"manipulator", "unicycle", "car"} <= systems.keys()

@@ -26,11 +26,11 @@ New = Callable[..., str]
 
 @pytest.fixture
 def new(run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> New:
-    """The text of a new file."""
+    """The text of a new file with every key."""
     monkeypatch.chdir(tmp_path)
 
     def text(kind: str, *words: str | int) -> str:
-        assert run("new", "new.toml", "--system", kind, "--force", *words).status == 0
+        assert run("new", "new.toml", "--system", kind, "--full", "--force", *words).status == 0
         return Path("new.toml").read_text()
 
     return text
@@ -43,7 +43,7 @@ def keys(model: Any) -> set[str]:
 @pytest.mark.parametrize("kind", FILES)
 def test_a_new_file_solves_and_names_every_key(kind: str, run: Callable, tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
-    result = run("new", path, "--system", kind)
+    result = run("new", path, "--system", kind, "--full")
     assert result.status == 0
     assert result.out == ""
     assert result.err == f"written to {path}; next: planner check {path}\n"
@@ -114,7 +114,7 @@ def test_a_file_for_other_joints_solves(
     kind: str, joints: int, run: Callable, tmp_path: Path
 ) -> None:
     path = tmp_path / "mine.toml"
-    assert run("new", path, "--system", kind, "--joints", joints, "--brief").status == 0
+    assert run("new", path, "--system", kind, "--joints", joints).status == 0
     problem = planner.load_problem(path)
     assert problem.system.size == joints + 1
     assert problem.to_dict()["system"]["K"] == prototype_ratios(joints)
@@ -143,10 +143,13 @@ def test_the_file_of_three_joints_is_the_shipped_one(new: New) -> None:
 
 
 @pytest.mark.parametrize("kind", FILES)
-def test_a_brief_file_is_short_and_says_where_the_rest_is(kind: str, new: New) -> None:
-    text = new(kind, "--brief")
+def test_a_new_file_is_short_and_says_where_the_rest_is(
+    kind: str, run: Callable, tmp_path: Path
+) -> None:
+    run("new", tmp_path / "new.toml", "--system", kind)
+    text = (tmp_path / "new.toml").read_text()
     assert len(text.splitlines()) < 60
-    assert f"planner new OTHER --system {kind}\n" in text
+    assert f"planner new OTHER --system {kind} --full\n" in text
     assert not re.search(r"(?m)^\[(method|machine|feedback|compensation)", text)
     planner.Problem.from_dict(tomllib.loads(text))
 

@@ -92,6 +92,22 @@ def test_repr_tells_what_differs_from_the_preset() -> None:
     assert text == "Machine.prototype(creep=False, backlash_deg=0.5)"
 
 
+def test_a_machine_prints_its_effects_and_hands_out_their_means() -> None:
+    machine = Machine.ideal(
+        backlash_deg={"value": 2.0, "spread": 0.5}, coulomb_friction_nm=[1, 2, 3]
+    )
+    assert [line.split() for line in str(machine).splitlines()] == [
+        ["ideal", "machine,", "quasi-static"],
+        ["backlash_deg", "2", "±", "0.5", "deg"],
+        ["coulomb_friction_nm", "1,", "2,", "3", "N", "m"],
+    ]
+    assert machine.backlash_deg == 2.0
+    assert machine.coulomb_friction_nm == [1, 2, 3]
+    assert machine.gear_ratio_error == 0
+    with pytest.raises(AttributeError, match="did you mean 'backlash_deg'"):
+        _ = machine.baklash_deg
+
+
 @pytest.mark.filterwarnings("ignore::planner.InputWarning")  # angles of one degree
 def test_a_problem_file_overrides_its_preset() -> None:
     table = {"preset": "ideal", "backlash_deg": {"value": [1.0, 2.0], "spread": 0.1}}

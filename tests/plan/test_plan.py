@@ -78,11 +78,25 @@ def test_plans_problems_and_checks_are_short_in_a_notebook(paper: planner.Proble
     fast = paper.changed({"goal.duration": 40.0, "goal.travel": 0.8286})
     plan = planner.solve(fast, "polynomial")
     assert repr(plan) == "Plan(polynomial: travel 0.8286 rad in 40 s, verified)"
+    head, effort, peaks, name = str(plan).splitlines()
+    assert (head, name) == (repr(plan), f"  of     {paper.name}")
+    times = np.linspace(0, 40, 40_001)
+    spent, most = np.trapezoid((plan.u(times) ** 2).sum(1), times), np.abs(plan.u(times)).max(0)
+    assert effort == f"  effort {spent:.4g} rad²/s"
+    assert peaks == f"  peaks  u1 {most[0]:.4g} rad/s, u2 {most[1]:.4g} rad/s"
     assert repr(planner.verify(plan)).startswith("Check(ok, largest error at the goal ")
     with pytest.raises(planner.VerificationError) as refused:
         planner.solve(paper.changed({"goal.travel": 0.82}), "polynomial")
     assert "not verified, status verification_failed" in repr(refused.value.plan)
     assert "broken: input u2 reaches 40.32 rad/s" in repr(refused.value.check)
+
+
+def test_joint_angles_have_a_name_of_their_own() -> None:
+    plan = planner.solve(planner.load_problem("problems/paper.toml"), "sinusoid")
+    assert np.array_equal(plan.theta([0.0, 3.0]), plan.q([0.0, 3.0])[:, 1:])
+    car = planner.solve(planner.load_problem("problems/car.toml"), "polynomial")
+    with pytest.raises(planner.InputError, match=r"a car has no joint angles; plan\.q\(t\) gives"):
+        car.theta(0.0)
 
 
 @pytest.mark.parametrize("name", ["q", "u", "z", "v"])

@@ -299,14 +299,15 @@ def test_feedback_keeps_its_plans_colour() -> None:
     assert not lines(ax, COLOURS[2])
 
 
-def test_replays_show_the_sample_of_median_error() -> None:
+def test_replays_show_the_median_of_the_machines_at_each_time() -> None:
     row = quick_comparison()[MIDDLE]
     assert row.replay is not None
     k = median_sample(row.replay)
     assert row.replay.index_E_deg[k] == np.median(row.replay.index_E_deg)
     _, axes = plot_replays({"x": row.replay})
     (actual,) = lines(axes[0, 0], COLOURS[0])
-    np.testing.assert_allclose(actual.get_ydata(), np.rad2deg(row.replay.q[k, :, 1]))
+    middle = np.median(np.rad2deg(row.replay.q[:, :, 1]), axis=0)
+    np.testing.assert_allclose(actual.get_ydata(), middle, atol=1e-9)
     (planned,) = lines(axes[0, 0], "k")
     np.testing.assert_allclose(planned.get_ydata()[-1], 30, atol=1e-6)
 
@@ -382,3 +383,10 @@ def test_symbols() -> None:
     assert symbol("theta12") == r"$\theta_{12}$"
     assert symbol("u1") == "$u_{1}$"
     assert symbol("steering_rate") == "steering rate"
+
+
+@pytest.mark.parametrize(("file", "unit"), [("paper", "link lengths"), ("tip", "m"), ("car", "m")])
+def test_places_have_the_unit_of_the_links(file: str, unit: str) -> None:
+    plan = planner.solve(planner.load_problem(f"problems/{file}.toml"), "collocation")
+    _, axes = plot_arm(plan)
+    assert np.ravel(axes)[0].get_xlabel() == f"x ({unit})"

@@ -28,7 +28,7 @@ function makeSlider(c, changed) {
   if (c.integer) [input.min, input.max, input.step] = [c.low, c.high, 1];
   else [input.min, input.max, input.step] = [0, STEPS, 1];
   input.dataset.control = c.name;
-  input.setAttribute("aria-label", c.label);
+  input.setAttribute("aria-label", `${c.group}: ${c.label}`); // "θ₁" is in two groups
   const value = make("output");
   let now = c;
   let box = null;
@@ -36,7 +36,7 @@ function makeSlider(c, changed) {
     box = make("input");
     box.type = "checkbox";
     box.dataset.switch = c.name;
-    box.setAttribute("aria-label", `${c.label}: set, or ${c.off_word}`);
+    box.setAttribute("aria-label", `${c.group}: ${c.label}, set or ${c.off_word}`);
     box.onchange = () => changed(now.name, box.checked ? now.shown : null);
     label.prepend(box);
   }
@@ -75,7 +75,7 @@ function makeChoice(c, changed) {
   const input = make("select");
   for (const word of c.choices) input.append(new Option(word.replaceAll("_", " "), word));
   input.dataset.control = c.name;
-  input.setAttribute("aria-label", c.label);
+  input.setAttribute("aria-label", `${c.group}: ${c.label}`); // "θ₁" is in two groups
   input.onchange = () => changed(c.name, input.value);
   row.append(make("label", { text: c.label }), input);
   const update = (next) => {
@@ -93,6 +93,7 @@ function makeSwitch(c, changed) {
   const box = make("input");
   box.type = "checkbox";
   box.dataset.control = c.name;
+  box.setAttribute("aria-label", `${c.group}: ${c.label}`);
   box.onchange = () => changed(c.name, box.checked);
   label.prepend(box);
   row.append(label);

@@ -38,6 +38,8 @@ const DOING = { judge: "verifying", errors: "on the machines", texts: "writing",
 
 function render({ model, el }) {
   const root = make("div", { class: "px charts" });
+  // JupyterLab takes arrows and letters for its own ("x" cuts the cell) unless what has the focus says no.
+  root.addEventListener("focusin", ({ target }) => target.setAttribute("data-lm-suppress-shortcuts", "true"));
   const side = make("div", { class: "px-side" }), main = make("div", { class: "px-main" });
   const head = make("div", { class: "px-head" }), verdict = make("span", { class: "px-verdict", role: "status" });
   const stopper = make("button", { type: "button", text: "Stop", "data-button": "stop", hidden: "" });

@@ -35,7 +35,7 @@ from planner.plan.plan import Plan, mark_cut_short
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions
 from planner.support import deadline, progress
-from planner.support.deadline import MORE_TIME_ADVICE, Span, TimeUpError
+from planner.support.deadline import Span, TimeUpError, time_advice
 
 CUT_SHORT = "ended the search; this is the best motion found so far"
 
@@ -116,7 +116,7 @@ def _finish_best(
         f"{nearest}",
         plan=last,
         violations=broken,
-        advice=MORE_TIME_ADVICE,
+        advice=time_advice(),
     )
 
 

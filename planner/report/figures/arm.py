@@ -10,7 +10,16 @@ import numpy as np
 from planner.errors import InputError
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
-from planner.report.figures.style import LABEL_BOX, Curve, Plans, curves, grid, heading, times
+from planner.report.figures.style import (
+    LABEL_BOX,
+    Curve,
+    Plans,
+    curves,
+    grid,
+    heading,
+    length_unit,
+    times,
+)
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
 
@@ -46,15 +55,15 @@ def plot_arm(plans: Plans, *, axes: Any = None, poses: int = 12) -> tuple[Figure
     shape, size = arrange(drawn)
     figure, axes = grid(*shape, axes, size=size, share=("all", "all"))
     scale = _time_scale(max(curve.plan.duration for curve in drawn))
-    arm = hasattr(problem.system, "arm_points")
+    arm, unit = hasattr(problem.system, "arm_points"), length_unit(problem.system)
     for curve, ax in zip(drawn, axes.flat, strict=True):
         _draw(ax, curve, scale, poses)
         ax.set_title(curve.title, fontsize=10)
         ax.set_aspect("equal", adjustable="box")
     for ax in axes[-1]:
-        ax.set_xlabel("x (link lengths)" if arm else "x (m)")
+        ax.set_xlabel(f"x ({unit})")
     for ax in axes[:, 0]:
-        ax.set_ylabel("y (link lengths)" if arm else "y (m)")
+        ax.set_ylabel(f"y ({unit})")
     what = "The arm and the path of its tip" if arm else "Path"
     heading(figure, f"{what}, time as colour: {problem.name}", ours=ours)
     figure.colorbar(scale, ax=list(axes.flat), label="time (s)", shrink=0.8)

@@ -17,6 +17,7 @@ from planner.comparison.comparison import Comparison
 from planner.comparison.rows import FEEDBACK, Row
 from planner.errors import InputError, expect
 from planner.machine.replay import Replay
+from planner.plan.measures import effort_unit
 from planner.report.figures.style import (
     REFUSED_SUFFIX,
     Curve,
@@ -29,7 +30,6 @@ from planner.report.figures.style import (
     time_label,
 )
 from planner.support.arrays import Array
-from planner.verification.summary import effort_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,8 +43,8 @@ def plot_replays(
 ) -> tuple[Figure, Any]:
     """Plot angles on the machine and in the plan over time; one row per plan, one column per angle.
 
-    The line is the sample with the median error index E; the shaded band contains 90 % of the
-    samples whose motions are kept (by default all; of a comparison the first thousand).
+    At each time the line is the median of the samples and the shaded band contains 90 % of them,
+    of those whose motions are kept (by default all; of a comparison the first thousand).
 
     Args:
         replays: One replay, or several by label; None for a plan that was not replayed.
@@ -89,16 +89,15 @@ def median_sample(run: Replay) -> int:
 
 def _draw_replay(axes: Any, run: Replay, colour: str) -> None:
     plan = run.plan
-    t, motion = run.t - plan.lead_s, run.motion(median_sample(run))
+    t = run.t - plan.lead_s
     part = "" if len(run.q) == len(run.numbers) else f"first {len(run.q)} "
     planned = np.rad2deg(plan.trajectory.q(run.t))
     for ax, i in zip(axes, run.angles, strict=True):
-        low, high = np.rad2deg(np.percentile(run.q[:, :, i], [5, 95], axis=0))
+        low, middle, high = np.rad2deg(np.percentile(run.q[:, :, i], [5, 50, 95], axis=0))
         style = {"color": colour, "linewidth": 0}
         ax.fill_between(t, low, high, alpha=0.2, label=f"90 % of the {part}machines", **style)
         ax.plot(t, planned[:, i], "k--", linewidth=1.1, label="plan")
-        actual = np.rad2deg(motion[:, i])
-        ax.plot(t, actual, color=colour, linewidth=1.6, label="machine of median error")
+        ax.plot(t, middle, color=colour, linewidth=1.6, label="median machine")
         ax.set_ylabel(axis_label(plan.problem.system.coordinates[i]))
 
 

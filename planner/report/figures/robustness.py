@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import expect
+from planner.plan.measures import effort_unit
 from planner.report.figures.style import COLOURS, colour_of, grid, heading, legend, symbol
 from planner.robustness.budget import Budget, Cost, total
 from planner.robustness.machine_sensitivity import MachineEntry, MachineSensitivity
@@ -23,7 +24,6 @@ from planner.robustness.trade_off import TradeOff
 from planner.robustness.trade_off_points import TradeOffPoint
 from planner.support.arrays import Array
 from planner.support.tables import number
-from planner.verification.summary import effort_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -20,7 +20,7 @@ from planner.plan.plan import Plan, expect_plan
 from planner.support.arrays import Array
 from planner.support.calculus.extremes import sample_times
 from planner.support.tables import clean_text
-from planner.systems.triangular_system import Coordinate
+from planner.systems.triangular_system import Coordinate, TriangularSystem
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -264,6 +264,12 @@ def axis_label(coordinate: Coordinate) -> str:
 def unit_of(coordinate: Coordinate) -> str:
     """The unit a coordinate is shown in."""
     return "deg" if coordinate.unit == "rad" else coordinate.unit
+
+
+def length_unit(system: TriangularSystem) -> str:
+    """Of places in the plane: metres, but for an arm whose links are given no lengths."""
+    lengths = getattr(system, "link_lengths", None)
+    return "m" if lengths is None or np.any(lengths != 1) else "link lengths"
 
 
 def to_display(values: Array, unit: str) -> Array:

@@ -8,15 +8,23 @@ from typing import Any
 import numpy as np
 
 from planner.comparison.comparison import Comparison
+from planner.plan.measures import effort_unit
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.report.figures.arm import body_points, can_draw, tips_to_pass
 from planner.report.figures.on_the_machine import error_range, needs_log_axis
-from planner.report.figures.style import Curve, curves, readable_name, times, to_display, unit_of
+from planner.report.figures.style import (
+    Curve,
+    curves,
+    length_unit,
+    readable_name,
+    times,
+    to_display,
+    unit_of,
+)
 from planner.report.page.words import colour_places
 from planner.report.panels import FIGURES, Panel, PlanCurves, screen_data, to_screen_digits
 from planner.support.arrays import Array, jsonable
-from planner.verification.summary import effort_unit
 
 CURVE_POINTS = 500
 """About how many times a curve is drawn at."""
@@ -44,7 +52,7 @@ def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, A
     figures = list(_figures(drawn, closed, replays))
     figures += _spreads(comparison, drawn, replays)
     problem = comparison.problem
-    length = "link lengths" if hasattr(problem.system, "arm_points") else "m"
+    length = length_unit(problem.system)
     space = {
         "discs": [[*disc.centre, disc.radius] for disc in problem.obstacles],
         "tips": tips_to_pass(problem) if can_draw(problem.system) else [],

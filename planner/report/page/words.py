@@ -9,12 +9,12 @@ import numpy as np
 
 from planner.comparison.comparison import Comparison
 from planner.comparison.rows import Row
+from planner.plan.measures import effort_unit
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Part
 from planner.report.figures.style import colour_numbers, readable_name, to_display
 from planner.support.tables import number
 from planner.systems.triangular_system import Coordinate
-from planner.verification.summary import effort_unit
 
 
 def colour_places(comparison: Comparison) -> dict[str, int]:

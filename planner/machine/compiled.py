@@ -369,7 +369,8 @@ def _state(system: Manipulator, draws: Draws, start: Array, gap: Array) -> Array
     state = np.zeros((draws.count, place["gap"].stop))
     parts = {"first": start[:1], "theta": start[1:], "gap": gap}
     parts["slip"] = np.array([[0.0], [-1.0], [-1.0]])
-    parts["axis"] = DiskChain(system, draws, start).axes
+    chain = DiskChain(system, draws, start)
+    parts |= {"axis": chain.axes, "disk": chain.disk}
     for name, values in parts.items():
         state[:, place[name]] = values.T
     return state

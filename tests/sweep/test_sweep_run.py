@@ -351,3 +351,15 @@ def test_impossible_numbers_of_workers_are_refused(tables: Tables, db: Path, wor
         run_sweep(tables, db, workers=workers)
     with pytest.raises(planner.InputError, match="not both"):
         run_sweep(tables, db, workers=1, cluster="tcp://127.0.0.1:1")
+
+
+def test_how_the_arm_stood_before_can_be_varied(unlimited: planner.Problem, db: Path) -> None:
+    tables = {
+        "problem": unlimited,
+        "methods": ["sinusoid"],
+        "grid": {"machine.start_state": ["forward", "backward"]},
+        "replay": {"samples": 3},
+    }
+    assert run_sweep(tables, db, workers=0).statuses == {"solved": 2}
+    forward, backward = column(db, "E_median_deg")
+    assert 2 * forward < backward

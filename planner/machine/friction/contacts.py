@@ -56,11 +56,14 @@ settles."""
 HALVINGS = 40
 
 
+MOST_CAPACITY_NM = 1e5
+"""From this capacity on a contact counts as one without: what stands for infinity lies above."""
+
+
 def lateral_friction(draws: Draws) -> Array:
     """ε of each machine, (1, S or 1); 0 where no capacity says how large friction is."""
-    if not draws.has_effect("friction_capacity_nm"):
-        return np.zeros((1, 1))
-    return draws["lateral_friction"]
+    known = draws["friction_capacity_nm"] < MOST_CAPACITY_NM
+    return np.asarray(np.where(known, draws["lateral_friction"], 0.0))
 
 
 def friction_capacity(draws: Draws) -> Array:

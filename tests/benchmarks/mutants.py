@@ -79,8 +79,8 @@ GROUPS = {
     ),
     "requirements": (
         ["problem/requirements/limits.py", "problem/requirements/places.py"],
-        "tests/problem/test_requirements.py tests/verification/test_verify.py"
-        " tests/methods/collocation/test_places.py",
+        "tests/problem/test_requirements.py tests/problem/test_doubts.py"
+        " tests/verification/test_verify.py tests/methods/collocation/test_places.py",
     ),
     "chained form": (["systems/chained_form.py"], "tests/systems"),
     "systems": (
@@ -88,7 +88,8 @@ GROUPS = {
             f"systems/{name}.py"
             for name in ["manipulator", "ball_gear", "vehicles", "custom", "triangular_system"]
         ],
-        "tests/systems tests/problem/test_problem_files.py tests/problem/test_problem.py",
+        "tests/systems tests/problem/test_problem_files.py tests/problem/test_problem.py"
+        " tests/report/test_mechanism.py",
     ),
     "machine": (
         [

@@ -242,6 +242,14 @@ def _waves(rng: np.random.Generator, cells: int) -> tuple[np.ndarray, Ball]:
     return c[0], balls.exponential(polynomial_balls(c, np.zeros((1, cells)))[0])
 
 
+def test_the_reciprocal_of_a_disc_is_hardly_larger_than_it() -> None:
+    middle, width = 10.0, 0.1
+    disc = polynomial_balls(np.array([[[middle]]]), np.array([[width]]))[0]
+    found = balls.reciprocal(disc)
+    truth = 1 / (middle - width) - 1 / middle
+    assert np.max(found.reach[0, :POINTS]) < 1.001 * truth
+
+
 def test_interpolants() -> None:
     rng = np.random.default_rng(4)
     c, ball = _waves(rng, 12)

@@ -17,7 +17,8 @@ from planner.support.calculus.chebyshev import from_bernstein
 from planner.verification.balls import CUT, RADIUS_COLUMN, Ball, models, polynomial_balls
 from planner.verification.functions import Expression, UnboundedError, derivative, polynomials
 from planner.verification.input_models import InputSource, _feedback, resolve, root, source_of
-from planner.verification.models import POINTS, least_values
+from planner.verification.models import POINTS, Model, least_values
+from planner.verification.place_proofs import _lower_model
 
 x = ca.SX.sym("x")
 
@@ -169,3 +170,23 @@ def test_a_root_lies_where_slope_and_defect_allow_it_and_nowhere_else() -> None:
 def whole_ball(value: float) -> Ball:
     """A number on one cell."""
     return Ball(np.full((1, len(RADIUS_COLUMN)), value), *np.zeros((2, 1, len(RADIUS_COLUMN))))
+
+
+@pytest.mark.parametrize(
+    ("low", "high"),
+    [(0.1, 0.4), (-0.3, 0.2), (-0.5, -0.1), (-0.9, -0.5), (-2.0, -1.0), (-1.5, 1.0)],
+)
+def test_no_place_of_a_link_is_farther_than_it_is(low: float, high: float) -> None:
+    """A point on the line of a link of length 0.7, at a along it: from behind its base (a > 0)
+    to beyond its end. On one range of a the bound is the distance itself."""
+    length, middle, half = 0.7, (low + high) / 2, (high - low) / 2
+    x = np.linspace(-1, 1, 41)
+    a = middle + half * x
+    squared = [middle**2 + half**2 / 2, 2 * middle * half, half**2 / 2]
+    along, square = (Model(np.array([c]), np.zeros(1)) for c in ([middle, half], squared))
+    found = _lower_model(square, along, square, length)
+    bound = np.polynomial.chebyshev.chebval(x, found.c[0])
+    truth = np.where(a >= 0, a, np.maximum(0.0, -a - length)) ** 2
+    assert np.all(bound - found.r <= truth + 1e-12)
+    if low >= 0 or high <= -length or (high <= 0 and low >= -length):
+        assert bound == pytest.approx(truth, abs=1e-12)

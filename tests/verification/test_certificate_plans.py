@@ -190,6 +190,15 @@ def test_laws_of_a_system_whose_chart_is_solved_numerically(method: str) -> None
         assert plan.certificate[label].guaranteed == pytest.approx(limits[i] - peak[i], abs=1e-4)
 
 
+def test_a_law_in_a_chart_that_drifts() -> None:
+    """z2 reads y too, so that its rate has a part that does not come from v2."""
+    problem = planner.load_problem(PROBLEMS / "custom.toml")
+    drifting = problem.changed({"system.slopes": ["tan(heading) + 0.2*y", "y"]})
+    plan = planner.solve(drifting, "polynomial")
+    assert plan.certificate is not None
+    assert plan.certificate.ok, str(plan.certificate)
+
+
 def test_a_chart_that_is_solved_numerically_is_no_better_than_its_curves() -> None:
     """A coefficient of z moved by 1e-3: the motion ends elsewhere, and is found to."""
     plan = _solved("custom", "polynomial")

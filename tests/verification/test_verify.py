@@ -156,3 +156,28 @@ def test_the_chart_is_asked_only_of_plans_in_it(law: planner.Plan, optimal: plan
     assert check.ok
     assert check.margins["chart domain"] == law.domain.margin
     assert "chart domain" not in planner.verify(optimal).margins
+
+
+@pytest.mark.parametrize(
+    ("limit", "above"), [(0.01, 2e-8), (0.01, 5e-9), (40.0, 2e-5), (40.0, 8e-5)]
+)
+def test_what_is_allowed_above_a_limit_grows_with_it(
+    paper: planner.Problem, limit: float, above: float
+) -> None:
+    plan = _constant(paper, (0.0, limit + above), 0.01 / limit)
+    check = _with(plan, {"limits": {"input_rad_s": [1.0, limit]}})
+    broken = {v.label for v in check.violations}
+    assert ("input u2" in broken) == (above > 1e-6 * limit)
+
+
+@pytest.mark.parametrize("off", [0.01, -0.01])
+def test_a_tip_that_is_missed_is_told_on_either_side(good: planner.Plan, off: float) -> None:
+    angles = np.cumsum(good.q(10.0)[1:])
+    tip = [np.sum(np.cos(angles)) + off, np.sum(np.sin(angles))]
+    data = good.problem.to_dict()
+    data["system"]["link_lengths"] = [1.0, 1.0, 1.0]
+    data["goal"] = {"tip_m": tip, "duration": 10.0}
+    problem = planner.Problem.from_dict(data)
+    path = replace(good.trajectory, system=problem.system)
+    (broken,) = planner.verify(replace(good, problem=problem, trajectory=path)).violations
+    assert broken.value - broken.limit == pytest.approx(-off, rel=1e-6)

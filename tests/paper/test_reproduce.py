@@ -94,7 +94,8 @@ def test_the_findings_are_those_of_the_plans(made: Reproduction) -> None:
     assert "cos^2(theta1) would have to reach 1.22" in texts
     assert "-0.5225" in texts
     assert "0 at theta1 = 0 and 0 at theta2 = 0" in texts
-    assert texts.count("at pi/4, an inferred travel") == 3
+    assert texts.count("at pi/4, an inferred travel") == 4
+    assert "0.8550 rad^2/s instead of 0.8326 with z2 up to +0.085" in texts
     error = np.median(made.cases.replay.largest_error_deg, axis=0)
     assert f"theta2, which the paper does not report: {error[1]:.1f} deg" in texts
 

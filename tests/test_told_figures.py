@@ -1,4 +1,4 @@
-"""Figures that README, documentation and problem files tell: those of results/ and of the methods."""
+"""Figures that README, docs and problem files tell are those of results/ and of the methods."""
 
 from __future__ import annotations
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.machine.closed_loop import Feedback, encoder_readings
+from planner.machine.contacts import contact_name
 from planner.machine.machine import Draws, Machine, draw, machine_for, sample_numbers
 from planner.machine.simulate import Progress, simulate
 from planner.plan.plan import Plan, refuse_inexecutable
@@ -46,6 +47,11 @@ class Replay:
         peak_rates: Largest |speed| of both motors at the recorded times, shape (S, 2), rad/s.
         saturated_s: Time during which the command of each motor exceeded its limit of speed or
             torque, shape (S, 2), s.
+        slip_s: Time during which a friction contact was in gross slip, so that what is behind it
+            stood still, shape (S,), s.
+        slip_begin: When that began, shape (S,), s; NaN where there was none.
+        slip_contact: Which contact it was, shape (S,), in the order P1, P2, P3 at joint 1, at joint
+            2 and so on, from 0; −1 where there was none.
         terminal_error: True end minus planned end, shape (S, N), in the coordinates' units.
         deviation: Largest |true − plan| over time of the coordinates after the first, (S, N−1).
             For a compensated plan both errors refer to the original plan, from its start on.
@@ -63,6 +69,9 @@ class Replay:
     motor_rates: Array
     peak_rates: Array
     saturated_s: Array
+    slip_s: Array
+    slip_begin: Array
+    slip_contact: NDArray[np.int64]
     terminal_error: Array
     deviation: Array
     effort: Array | None
@@ -74,7 +83,22 @@ class Replay:
         low, high = self.percentile(50), self.percentile(95)
         return (
             f"Replay({self.plan.method} plan, {count} sample{'s' if count > 1 else ''},"
-            f" seed {self.seed}: E median {low:.3g} deg, 95 % {high:.3g} deg)"
+            f" seed {self.seed}: E median {low:.3g} deg, 95 % {high:.3g} deg"
+            f"{'; ' if self.slip_words else ''}{self.slip_words})"
+        )
+
+    @property
+    def slip_words(self) -> str:
+        """Which contact slips grossly, when, and on how many machines; "" where none does."""
+        slips, count = np.flatnonzero(self.slip_contact >= 0), len(self.numbers)
+        if not slips.size:
+            return ""
+        first = slips[np.nanargmin(self.slip_begin[slips])]
+        return (
+            f"gross slip on {len(slips)} of {count} machine{'s' if count > 1 else ''}, first of"
+            f" contact {contact_name(int(self.slip_contact[first]))} at"
+            f" {self.slip_begin[first]:.3g} s: what is behind it stands still for"
+            f" {self.slip_s[slips].max():.2g} s at most"
         )
 
     def percentile(self, percent: float) -> float:
@@ -154,8 +178,8 @@ class Replay:
         """The numbers of a comparison table, JSON-ready, in degrees and seconds.
 
         Over all samples: median and 95th percentile of E and of the terminal error, the median of
-        each angle's terminal error, the longest saturation of each motor, and the number of
-        fallback steps of the controller.
+        each angle's terminal error, the longest saturation of each motor, gross slip of friction
+        contacts, and the number of fallback steps of the controller.
         """
         end = self.terminal_E_deg
         return {
@@ -168,6 +192,9 @@ class Replay:
             "terminal_error_median_deg": np.median(self.terminal_error_deg, axis=0).tolist(),
             "largest_error_median_deg": np.median(self.largest_error_deg, axis=0).tolist(),
             "saturated_s": self.saturated_s.max(axis=0).tolist(),
+            "slip_machines": int(np.sum(self.slip_contact >= 0)),
+            "slip_s": float(self.slip_s.max()),
+            "slip": self.slip_words,
             "fallbacks": int(self.fallbacks.sum()),
         }
 
@@ -241,6 +268,9 @@ def replay(
         motor_rates=recording.speed,
         peak_rates=recording.peak,
         saturated_s=recording.saturated_s,
+        slip_s=recording.slip_s,
+        slip_begin=recording.slip_begin,
+        slip_contact=recording.slip_contact,
         terminal_error=recording.end - plan.wanted(plan.duration),
         deviation=recording.deviation,
         effort=recording.effort,

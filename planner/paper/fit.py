@@ -21,6 +21,7 @@ identifiable, 0 known.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -58,13 +59,20 @@ class Fit:
         x: Standardised parameters, (P,).
         parameters: The same in their units, rounded to the digits of the preset.
         values: What the paper's statements come to with them.
+        motor_nm: Largest torque of motor 1 in the paper's motion, N m.
         evaluations: How many times x was looked at.
     """
 
     x: Array
     parameters: dict[str, float]
     values: Array
+    motor_nm: float
     evaluations: int
+
+    @property
+    def distance(self) -> float:
+        """From the centres of the ranges, in standard deviations, all together."""
+        return float(np.linalg.norm(self.x))
 
 
 def difference_points(x: Array) -> list[dict[str, float]]:
@@ -79,18 +87,22 @@ def central_differences(values: Array) -> Array:
     return np.moveaxis((values[1 : 1 + count] - values[1 + count :]) / (2 * HALF_STEP), 0, -1)
 
 
-def statement_values(plan: Plan, points: list[dict[str, float]]) -> Array:
-    """The quantities in the paper's statements, (S, 4)."""
-    machine = nominal_machine(points[0])
+def statement_values(plan: Plan, points: list[dict[str, float]], **changes: Any) -> Array:
+    """The quantities in the paper's statements, (S, 5)."""
+    machine = nominal_machine(points[0], **changes)
     still = move(plan, machine, points).statements
     moving = move(plan, machine.with_(fidelity="dynamic"), points).statements
     return np.column_stack([still[:, :2], moving[:, 2:]])
 
 
-def fit(plan: Plan) -> Fit:
+def fit(plan: Plan, **changes: Any) -> Fit:
     """Fit `FITTED_PARAMETERS`: without the bounds, then with those that this exceeds.
 
     A bound inside the search would be a kink in it, at which least squares ends too early.
+
+    Args:
+        plan: The paper's motion.
+        changes: Of the effects that are not fitted.
     """
     from scipy.optimize import least_squares  # slow to import
 
@@ -98,7 +110,7 @@ def fit(plan: Plan) -> Fit:
     counted, x, evaluations = ~BOUNDS, np.zeros(len(FITTED_PARAMETERS)), 0
 
     def residuals(x: Array) -> Array:
-        quantities = statement_values(plan, difference_points(x))
+        quantities = statement_values(plan, difference_points(x), **changes)
         deviations = ((quantities - TARGETS) / TOLERANCES)[:, counted]
         slopes[x.tobytes()] = np.concatenate([np.eye(len(x)), central_differences(deviations)])
         return np.concatenate([x, deviations[0]])
@@ -109,9 +121,10 @@ def fit(plan: Plan) -> Fit:
         )
         x, evaluations = solution.x, evaluations + int(solution.nfev)
         parameters = {name: to_preset_digits(value) for name, value in values(x).items()}
-        quantities = statement_values(plan, [parameters])[0]
+        quantities = statement_values(plan, [parameters], **changes)[0]
         if not np.any((quantities > TARGETS) & ~counted):
-            return Fit(x, parameters, quantities, evaluations)
+            motor = quantities[-1] / 100 * parameters["torque_limit_nm"]
+            return Fit(x, parameters, quantities, float(motor), evaluations)
         counted = counted | (quantities > TARGETS)
 
 

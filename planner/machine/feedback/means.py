@@ -6,9 +6,13 @@ what the encoders read.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from planner.machine.machine import Machine
+from planner.machine.contact_load import gear_constants
+from planner.machine.contacts import chain_loads, friction_capacity, lateral_friction
+from planner.machine.machine import Machine, draw
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
@@ -40,26 +44,52 @@ def lost_motion(system: TriangularSystem, machine: Machine) -> Array:
     """Mean angle that each passive axis turns before its joint follows, either way, (N−2,), rad."""
     if not isinstance(system, Manipulator):
         return np.zeros(system.size - 2)
-    play, friction = machine.mean("backlash_deg"), machine.mean("coulomb_friction_nm")
-    stiffness = machine.mean("shaft_stiffness_nm_per_rad")
+    play, friction, stiffness = (
+        machine.mean(name, system.n)
+        for name in ("backlash_deg", "coulomb_friction_nm", "shaft_stiffness_nm_per_rad")
+    )
     return np.array(np.broadcast_to(np.deg2rad(play) / 2 + friction / stiffness, system.n - 1))
 
 
-def lost_spread(machine: Machine) -> Array:
+def lost_spread(machine: Machine, joints: int) -> Array:
     """Standard deviation of an arm's lost motion, to first order, one for all joints or each."""
-    stiffness = machine.mean("shaft_stiffness_nm_per_rad")
-    twist = machine.mean("coulomb_friction_nm") / stiffness
-    play, friction, soft = (
-        np.array(machine.effects[name].spread if name in machine.effects else (0.0,))
-        for name in ("backlash_deg", "coulomb_friction_nm", "shaft_stiffness_nm_per_rad")
-    )
+    names = ("backlash_deg", "coulomb_friction_nm", "shaft_stiffness_nm_per_rad")
+    _, friction, stiffness = (machine.mean(name, joints) for name in names)
+    play, rough, soft = (machine.spread(name, joints) for name in names)
     return np.asarray(
         np.sqrt(
             (np.deg2rad(play) / 2) ** 2
-            + (friction / stiffness) ** 2
-            + (twist * soft / stiffness) ** 2
+            + (rough / stiffness) ** 2
+            + (friction / stiffness * soft / stiffness) ** 2
         )
     )
+
+
+Passing = Callable[[Array], Array]
+"""Of coordinates (N, S): part of the ideal rate of each coordinate after the first, (N−1, S)."""
+
+
+def mean_passing(system: TriangularSystem, machine: Machine) -> Passing | None:
+    """What contacts of the mean arm pass on under its joints' friction; None for other systems.
+
+    They lose by creep, and sideways where joints turn them; see `planner.machine.contacts`.
+    """
+    if not isinstance(system, Manipulator):
+        return None
+    draws = draw(machine.nominal(), system.n, np.zeros(1, dtype=np.int64), 0)
+    k, lateral = gear_constants(system, draws), lateral_friction(draws)
+    capacity = friction_capacity(draws)
+    friction = np.broadcast_to(draws["coulomb_friction_nm"], k.shape)
+    creep, creep_per_nm = draws["creep"][0], draws["creep_per_nm"][0]
+
+    def passing(q: Array) -> Array:
+        loads, parts, _ = chain_loads(np.cos(q[1:-1]), k, friction, lateral, capacity)
+        parts *= np.maximum(1 - creep - creep_per_nm * np.abs(loads), 0.0)
+        out = np.ones_like(q[1:])
+        out[1:] = np.cumprod(parts[0], axis=0) * parts[1] * parts[2]
+        return out
+
+    return passing
 
 
 def input_limit(plan: Plan, machine: Machine) -> Array:

@@ -110,7 +110,7 @@ def run_up(plan: Plan, machine: Machine, options: FeedbackTable) -> RunUp | None
     play = gearhead_play(system, machine)
     forecast = Forecast(system, play[0], STEP_S)
     lost = np.concatenate([play[1:] / 2, lost])[:, None]
-    behind = max(np.deg2rad(BACK_DEG), BACK_SPREADS * float(lost_spread(machine).max()))
+    behind = max(np.deg2rad(BACK_DEG), BACK_SPREADS * float(lost_spread(machine, system.n).max()))
     return _Approach(plan, forecast, lost, first, speed, behind).solve()
 
 

@@ -55,7 +55,7 @@ def test_a_task_counts_as_reached_by_the_compensated_plan(
     """The second has less of everything, but one of its plans cannot be compensated."""
     del quick["front"]
     paid = {"end_p95_deg": 2.5, "motor_torque_nm": 0.4, "motor_power_w": 0.1}
-    some, less = results(1.0, 1.0, **paid), results(0.5, 0.5, 0.2, **{k: 0.1 for k in paid})
+    some, less = results(1.0, 1.0, **paid), results(0.5, 0.5, 0.2, **dict.fromkeys(paid, 0.1))
     study = known([[some] * 4, [less, less, less, None]], compensated=True, tasks=TWO_TASKS)
     assert study.front_by[0].key == "compensated_end_deg"
     assert study.rows[1]["solved polynomial"] == 1.0

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from planner.machine.bodies import Masses, StateRows
 from planner.machine.commands import CommandGrid, Steps, lengths
-from planner.machine.contact_load import gear_constants, weights
-from planner.machine.contacts import VARYING_EFFECTS, friction_capacity, lateral_friction
 from planner.machine.disk_chain import DiskChain
+from planner.machine.friction.contact_load import gear_constants, weights
+from planner.machine.friction.contacts import VARYING_EFFECTS, friction_capacity, lateral_friction
 from planner.machine.machine import Draws
 from planner.machine.march import GAMMA, begin_march
 from planner.problem.tables.machine_effects import EFFECTS

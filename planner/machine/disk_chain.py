@@ -31,8 +31,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.machine.contact_load import gear_constants, weights
-from planner.machine.contacts import Contacts
+from planner.machine.friction.contact_load import gear_constants, weights
+from planner.machine.friction.contacts import Contacts
 from planner.machine.machine import Draws
 from planner.machine.servos import integrals, to_end
 from planner.support.arrays import Array

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.machine.bodies import STICTION_SLOPE, Masses, StageLaws, StateRows, masses
-from planner.machine.contact_load import gear_constants
-from planner.machine.contacts import SLIP_SPEED_RAD_S, Grip, chain_loads
 from planner.machine.disk_chain import rest_range
+from planner.machine.friction.contact_load import gear_constants
+from planner.machine.friction.contacts import SLIP_SPEED_RAD_S, Grip, chain_loads
 from planner.machine.machine import Draws
 from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator, gravity_torques

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.machine.contact_load import largest_load
+from planner.machine.friction.contact_load import largest_load
 from planner.machine.machine import Draws, Machine, draw
 from planner.machine.simulate import simulate_draws
 from planner.paper.cases import paper_problem

@@ -23,7 +23,7 @@ from planner.errors import (
     VerificationError,
     lacks_memory,
 )
-from planner.machine.contact_load import contact_load
+from planner.machine.friction.contact_load import contact_load
 from planner.machine.machine import Machine
 from planner.machine.replay import RECORD_S, replay
 from planner.methods.registry import find_method
@@ -73,8 +73,8 @@ and the first peak are in metres and metres per second.
 `contact_torque_nm` is the largest torque at a friction contact, in the median over the machines,
 and `contact_load` that over what the contact transmits, on `CONTACT_PERCENTILE` % of them;
 `motor_torque_nm` is what all this asks of motor 1, on as many, and `motor_power_w` that times its
-largest speed, which is what a motor is bought by; see `planner.machine.contact_load`. Figures of
-the machine are there where plans are replayed."""
+largest speed, which is what a motor is bought by; see `planner.machine.friction.contact_load`.
+Figures of the machine are there where plans are replayed."""
 
 CONTACT_PERCENTILE = 99
 """Percent of the machines whose contacts are to hold: where a contact slips the motion is lost, and

@@ -15,9 +15,9 @@ from handmade import arm_problem, draws_of, inputs, plan_from
 from scipy.integrate import solve_ivp
 
 import planner
-from planner.machine.contact_load import contact_load
-from planner.machine.contacts import Grip
 from planner.machine.disk_chain import DiskChain
+from planner.machine.friction.contact_load import contact_load
+from planner.machine.friction.contacts import Grip
 
 SHARP = 1e-6
 """Speed below which a contact hardly slides."""
@@ -230,7 +230,8 @@ def test_the_prototypes_friction_goes_on_with_its_last_joint(n: int) -> None:
     friction = planner.Machine.prototype().mean("coulomb_friction_nm", n)
     listed = planner.Machine.prototype().mean("coulomb_friction_nm").tolist()
     assert friction.tolist() == [*listed, listed[-1]][: n - 1]
+    speeds = inputs(([0.3], [0.2]), breaks=[0.0, 1.0])
+    plan = plan_from(arm_problem([5.0] * 4, end=1.0), speeds, pieces=5)
+    machine = planner.Machine.prototype(coulomb_friction_nm=[0.1, 0.2])
     with pytest.raises(planner.InputError, match="has 2 values, but needs one, or 3"):
-        speeds = inputs(([0.3], [0.2]), breaks=[0.0, 1.0])
-        plan = plan_from(arm_problem([5.0] * 4, end=1.0), speeds, pieces=5)
-        planner.replay(plan, planner.Machine.prototype(coulomb_friction_nm=[0.1, 0.2]))
+        planner.replay(plan, machine)

@@ -18,7 +18,7 @@ from databases import alive, column, finished, query
 
 import planner
 from planner import run_sweep
-from planner.machine.contact_load import contact_load
+from planner.machine.friction.contact_load import contact_load
 from planner.support.interrupts import hear_signals
 from planner.sweep.results import export, load_case_plan
 

@@ -44,7 +44,9 @@ def test_the_readme_counts_the_random_problems_as_their_page_does() -> None:
     assert f"with four joints {words[good]} of {words[count]}." in told
 
 
+@pytest.mark.campaign
 def test_the_suite_shows_every_problem_and_todays_travels() -> None:
+    """Of the page as `make suite` left it: to be run after that."""
     rows = {row[0].split()[0]: row[1:] for row in table(read("results/suite/README.md"), "problem")}
     assert set(rows) == {path.stem for path in (ROOT / "problems").glob("*.toml")}
     methods = [name for name, m in planner.METHODS.items() if m.refines is None]

@@ -154,7 +154,8 @@ def test_an_unsolved_task_counts_as_worse_than_any(known: Known, quick: dict[str
     assert {k: v for k, v in more.figures.items() if k not in ("window", "least_link")} == {
         "effort": 3.0, "duration_s": 6.0, "one_way": part, "margin": 3.0,
         "peak_u1_rad_s": 12.0, "peak_u2_rad_s": 15.0, "contact_torque_nm": 18.0,
-        "contact_load": 21.0, "motor_torque_nm": 33.0, "motor_power_w": 36.0, "E_deg": 24.0, "end_deg": 27.0, "spread_deg": 30.0,
+        "contact_load": 21.0, "motor_torque_nm": 33.0, "motor_power_w": 36.0,
+        "E_deg": 24.0, "end_deg": 27.0, "spread_deg": 30.0,
         "compensated_end_deg": 45.0, "compensated_spread_deg": 50.0,
         "solved polynomial": part, "solved polynomial compensated": part,
     }  # fmt: skip

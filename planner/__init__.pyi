@@ -42,6 +42,8 @@ from .robustness.budget import Budget as Budget
 from .robustness.budget import error_budget as error_budget
 from .robustness.machine_sensitivity import MachineSensitivity as MachineSensitivity
 from .robustness.machine_sensitivity import machine_sensitivity as machine_sensitivity
+from .robustness.sensitivities import Sensitivities as Sensitivities
+from .robustness.sensitivities import sensitivities as sensitivities
 from .robustness.sensitivity import Indicators as Indicators
 from .robustness.sensitivity import Sensitivity as Sensitivity
 from .robustness.sensitivity import indicators as indicators

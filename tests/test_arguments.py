@@ -115,6 +115,7 @@ TAKE_NAMES: dict[str, Callable[[Any], Any]] = {
     "write_report": report.write_report,
 }
 TAKE_OTHERS: dict[str, tuple[Callable[[Any], Any], str]] = {
+    "sensitivities": (lambda x: planner.sensitivities({"a": x}), "is not a Plan"),
     "chained_form": (planner.chained_form, "is not a TriangularSystem; problem.system is one"),
     "controllability": (
         lambda x: planner.controllability(x, [0, 0, 0, 0]),
@@ -128,6 +129,7 @@ TAKE_OTHERS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "plot_mechanism": (report.plot_mechanism, "is not a Manipulator; problem.system of an arm"),
     "plot_replays": (report.plot_replays, "is not a Replay; planner.replay.plan. makes one"),
     "plot_responses": (report.plot_responses, "is not a Sensitivity; planner.sensitivity"),
+    "plot_sensitivities": (report.plot_sensitivities, "is not a Sensitivities; planner.sens"),
     "plot_sensitivity": (report.plot_sensitivity, "is not a Sensitivity; planner.sensitivity"),
     "plot_trade_off": (report.plot_trade_off, "is not a TradeOff; planner.trade_off"),
 }
@@ -219,7 +221,7 @@ def test_copies_are_still_made(plan: planner.Plan) -> None:
 
 def test_every_figure_is_drawn_into_axes_of_ones_own_by_the_same_word() -> None:
     figures = [name for name in report.__all__ if name.startswith("plot_")]
-    assert len(figures) == 15
+    assert len(figures) == 16
     for name in figures:
         keyword = inspect.signature(getattr(report, name)).parameters["axes"]
         assert keyword.kind is inspect.Parameter.KEYWORD_ONLY

@@ -44,6 +44,7 @@ HANDED = {
     "planner.sweep.design.result": {"planner.report.figures.design.plot_design"},
     "planner.plan.plan": {"planner.plan.samples.to_frame", "planner.plan.samples.to_xarray"},
     "planner.robustness.budget": {"planner.report.figures.robustness.plot_budget"},
+    "planner.robustness.sensitivities": {"planner.report.figures.sensitivities.plot_sensitivities"},
     "planner.robustness.trade_off": {"planner.report.figures.robustness.plot_trade_off"},
 }
 """Results that hand themselves to what reads them, by name; nothing else may."""

@@ -16,6 +16,7 @@ from rich.table import Table
 
 from planner.cli.arguments import (
     Changes,
+    PlannedMethods,
     PlanOrProblemPath,
     Seed,
     is_plan,
@@ -25,18 +26,20 @@ from planner.cli.arguments import (
     samples_option,
 )
 from planner.cli.output import explain_interruption, finish, job, number
+from planner.comparison.compare import plan_row, specs_of
 from planner.errors import InputError
 from planner.methods.desensitised.method import spreads
 from planner.methods.registry import find_method
 from planner.plan.plan import Plan
 from planner.problem.tables.method_options import DesensitisedOptions
 from planner.report.figures.robustness import entry_name, knee_sentence, size_of
-from planner.report.folders import save_sensitivity
+from planner.report.folders import save_sensitivities, save_sensitivity
 from planner.robustness.machine_sensitivity import (
     MachineEntry,
     MachineSensitivity,
     machine_sensitivity,
 )
+from planner.robustness.sensitivities import sensitivities
 from planner.robustness.sensitivity import Sensitivity
 from planner.robustness.sensitivity import sensitivity as analyse
 from planner.robustness.trade_off import TradeOff, trade_off
@@ -57,6 +60,7 @@ def sensitivity(
     method: Annotated[
         str, method_option("Method that makes the plan, if a problem is given.")
     ] = "collocation",
+    methods: PlannedMethods = None,
     machine: Annotated[
         bool, typer.Option(help="Also show the parameters of the emulated machine.")
     ] = True,
@@ -87,20 +91,26 @@ def sensitivity(
 
     The errors are those of inputs, timing, start, gears and machine. Each response belongs to an
     error of the size shown: one standard deviation from the table [method.desensitised], or a
-    typical size where that is zero. With --pareto: plans of least sensitivity along a curve. Each
+    typical size where that is zero. With --methods: several plans side by side; of a refused plan
+    too, if it is a whole motion. With --pareto: plans of least sensitivity along a curve. Each
     point is saved at once, and after Ctrl-C the same command continues.
 
     \b
     Examples:
       planner sensitivity problems/paper.toml
       planner sensitivity problems/paper.toml --method desensitised --out out/sensitivity
+      planner sensitivity problems/paper.toml --methods polynomial,sinusoid,collocation
       planner sensitivity plan.json --json
       planner sensitivity problems/paper.toml --pareto effort --out out/trade-off
     """
     if pareto is not None:
+        if methods is not None:
+            raise InputError("--pareto and --methods contradict each other; give one of them")
         return run_trade_off(source, pareto, points, (samples, seed), changes=changes, out=out)
     if out is not None:
         refuse_unwritable_folder(out)
+    if methods is not None:
+        return _side_by_side(source, methods, changes, out)
     with job("planning") as notice:
         plan = _plan(source, method, changes)
         notice("differentiating")
@@ -121,6 +131,51 @@ def sensitivity(
     ]
     if machine_responses is not None:
         parts += ["", _machine_table(machine_responses), "", _machine_text(machine_responses)]
+    return finish(data, *parts)
+
+
+def _side_by_side(source: Path, methods: str, changes: list[str] | None, out: Path | None) -> int:
+    """Plan by each method, and show what errors do to each plan.
+
+    Raises:
+        InputError: If an argument is wrong, or no method has a plan that can be executed.
+    """
+    if is_plan(source):
+        raise InputError(f"{source} is a plan; --methods needs a problem file")
+    problem = read_problem(source, changes)
+    specs = specs_of(problem, methods)
+    for spec in specs:
+        if spec.compensated:
+            raise InputError(
+                f"'{spec.label}': a compensated plan has the sensitivity of its own plan; leave out"
+                " the word compensated"
+            )
+    rows = []
+    with job() as notice:
+        for spec in specs:
+            notice(f"planning {spec.label}")
+            rows.append(plan_row(problem, spec))
+        notice("differentiating")
+        spread = spreads(problem.system, problem.methods.desensitised)
+        found = sensitivities({row.label: row.plan for row in rows}, spread)
+        written = out and save_sensitivities(found, out)
+    refused = {row.label: row.why for row in rows if not row.solved}
+    data = {"source": str(source), **found.to_dict(), "refused": refused, "written": written}
+    notes = [""] * bool(refused) + [
+        f"{label}: {'refused' if label in found.found else 'no plan'}, {why}"
+        for label, why in refused.items()
+    ]
+    table = terminal_table(found.columns(), found.found)
+    title = f"{problem.name}: one standard deviation of each of {', '.join(spread)}"
+    parts: list[str | Table] = [
+        title,
+        "",
+        table,
+        "",
+        found.sentence,
+        *([""] if notes else []),
+        *notes,
+    ]
     return finish(data, *parts)
 
 

@@ -19,6 +19,9 @@ TRAVEL = float(np.pi / 4)
 POINT = [5.0, -0.2]
 """The paper's constraint point (time in s, z₂)."""
 
+Z2_MARGIN = 0.01
+"""Distance from z₂ = 0 that problems/paper.toml and problems/z2-limit.toml keep."""
+
 DATA: dict[str, Any] = {
     "title": "the paper's example",
     "system": {"kind": "manipulator", "joints": 3, "K": [0.870125, 0.711625], "k_g": 0.668811},
@@ -36,6 +39,8 @@ class Cases:
         point: z with the constraint point (its Fig. 5); not executable.
         valid: The same method at the travel of least peak input inside the domain.
         best: The motion of least effort; its travel is free.
+        crossing: The motion of least effort at the travel of Figs. 4 and 5: z₂ changes sign.
+        kept: The same with z₂ at most −`Z2_MARGIN`.
         replay: `valid` on samples of the emulated prototype.
     """
 
@@ -43,6 +48,8 @@ class Cases:
     point: Plan
     valid: Plan
     best: Plan
+    crossing: Plan
+    kept: Plan
     replay: Replay
 
 
@@ -60,5 +67,7 @@ def cases(samples: int, seed: int) -> Cases:
         point=solve(printed, "polynomial", points=[POINT], allow_singular=True),
         valid=valid,
         best=solve(paper_problem(), "collocation"),
+        crossing=solve(printed, "collocation"),
+        kept=solve(printed.changed({"limits": {"z2_margin": Z2_MARGIN}}), "collocation"),
         replay=replay(valid, Machine.prototype(), samples=samples, seed=seed),
     )

@@ -30,11 +30,12 @@ from planner.report.page.page import write_report
 from planner.report.panels import FIGURES
 from planner.robustness.budget import Budget, budget_csv, budget_markdown
 from planner.robustness.machine_sensitivity import MachineSensitivity
+from planner.robustness.sensitivities import Sensitivities
 from planner.robustness.sensitivity import Sensitivity
 from planner.support.arrays import jsonable
 from planner.support.files import TOML_BYTES, folder, read_text, write_text
 from planner.support.package import versions
-from planner.support.tables import csv_text
+from planner.support.tables import csv_table, csv_text, markdown_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -232,6 +233,25 @@ def save_sensitivity(
         plot_responses(responses, spread)[0].savefig(place / "along.png", dpi=120)
         if machine is not None:
             plot_machine_sensitivity(machine)[0].savefig(place / "machine.png", dpi=120)
+    return Path(path)
+
+
+def save_sensitivities(found: Sensitivities, path: str | Path) -> Path:
+    """Write sensitivities.json, .md, .csv and .png, and the plans in plans/.
+
+    Raises:
+        InputError: If the folder cannot be written or holds something else; nothing is left behind.
+    """
+    with folder(path) as place:
+        text = json.dumps(jsonable(found.to_dict()), indent=1, allow_nan=False)
+        write_text(place / "sensitivities.json", text + "\n")
+        table = markdown_table(found.columns(), found.found)
+        write_text(place / "sensitivities.md", f"{table}\n\n{found.sentence}\n")
+        write_text(place / "sensitivities.csv", csv_table(found.columns(), found.found))
+        found.figure().savefig(place / "sensitivities.png", dpi=120)
+        (place / "plans").mkdir()
+        for label, each in found.found.items():
+            each.plan.save(place / "plans" / f"{_file_name(label)}.json")
     return Path(path)
 
 

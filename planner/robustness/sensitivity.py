@@ -130,7 +130,7 @@ class Sensitivity:
 
         Its standard deviation; where it has none, the usual size in `REFERENCE`.
         """
-        sigma = self._sigma(spread)
+        sigma = self.standard_deviation(spread)
         usual = [REFERENCE[p.family] for p in parameters(self.plan.problem.system)]
         return np.where(sigma > 0, sigma, usual)
 
@@ -147,7 +147,7 @@ class Sensitivity:
 
     def along_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> Array:
         """Standard deviation of each angle at the times `t`, shape (m, n), degrees."""
-        response = self.along[:, self.angles] * self._sigma(spread)
+        response = self.along[:, self.angles] * self.standard_deviation(spread)
         return np.asarray(np.rad2deg(np.sqrt(np.sum(response**2, axis=-1))))
 
     def to_dict(self, spread: Mapping[str, float] = PAPER_SPREAD) -> dict[str, Any]:
@@ -160,7 +160,7 @@ class Sensitivity:
             {
                 "parameter": name,
                 "unit": self.units[p],
-                "standard_deviation": float(self._sigma(spread)[p]),
+                "standard_deviation": float(self.standard_deviation(spread)[p]),
                 "reference": float(self.reference(spread)[p]),
                 "response_deg": dict(zip(angles, contribution[:, p].tolist(), strict=True)),
                 "irreducible": [names[i] for i in np.flatnonzero(fixed[:, p])],
@@ -194,12 +194,13 @@ class Sensitivity:
         """
         return _irreducible(self.plan.problem.system, self.parameters)
 
-    def _sigma(self, spread: Mapping[str, float]) -> Array:
+    def standard_deviation(self, spread: Mapping[str, float]) -> Array:
+        """Standard deviation of each parameter, shape (P,), in the parameters' units."""
         known = parameters(self.plan.problem.system)
         return np.array([spread.get(p.name, spread.get(p.family, 0.0)) for p in known])
 
     def _rss(self, spread: Mapping[str, float], mask: NDArray[np.bool_]) -> float:
-        response = np.where(mask, self.terminal, 0.0)[self.angles] * self._sigma(spread)
+        response = np.where(mask, self.terminal, 0.0)[self.angles] * self.standard_deviation(spread)
         return float(np.rad2deg(np.sqrt(np.sum(response**2))))
 
 

@@ -28,6 +28,7 @@ from planner.machine.machine import Machine
 from planner.machine.replay import RECORD_S, replay
 from planner.methods.registry import find_method
 from planner.methods.spec import Spec
+from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan
 from planner.problem.conditions import with_changes
 from planner.problem.problem import Problem
@@ -53,6 +54,8 @@ RESULTS: Mapping[str, str] = {
     "end_spread_deg": "REAL",
     "contact_torque_nm": "REAL",
     "contact_load": "REAL",
+    "motor_torque_nm": "REAL",
+    "motor_power_w": "REAL",
     "objective": "REAL",
     "iterations": "INTEGER",
     "solve_time_s": "REAL",
@@ -68,8 +71,10 @@ and the first peak are in metres and metres per second.
 `end_median_deg` and `end_p95_deg` are of the largest error of an angle at the end, and
 `end_spread_deg` is the largest standard deviation over the machines of an angle there.
 `contact_torque_nm` is the largest torque at a friction contact, in the median over the machines,
-and `contact_load` that over what the contact transmits, on `CONTACT_PERCENTILE` % of them; see
-`planner.machine.friction.contact_load`. Figures of the machine are there if plans are replayed."""
+and `contact_load` that over what the contact transmits, on `CONTACT_PERCENTILE` % of them;
+`motor_torque_nm` is what all this asks of motor 1, on as many, and `motor_power_w` that times its
+largest speed, which is what a motor is bought by; see `planner.machine.friction.contact_load`.
+Figures of the machine are there where plans are replayed."""
 
 CONTACT_PERCENTILE = 99
 """Percent of the machines whose contacts are to hold: where a contact slips the motion is lost, and
@@ -222,6 +227,8 @@ def _replay_figures(plan: Plan, samples: int, seed: int) -> Row:
         load = contact_load(plan, samples=CONTACT_MACHINES, seed=seed)
         row["contact_torque_nm"] = np.median(load.torque_nm)
         row["contact_load"] = np.percentile(load.share, CONTACT_PERCENTILE)
+        row["motor_torque_nm"] = torque = np.percentile(load.motor_nm, CONTACT_PERCENTILE)
+        row["motor_power_w"] = torque * peak_inputs(plan.trajectory)[0]
     return row
 
 

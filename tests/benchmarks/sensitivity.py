@@ -107,6 +107,19 @@ def loaded(name: str) -> Problem:
     return planner.load_problem(ROOT / f"problems/{name}.toml")
 
 
+METHODS = "polynomial,polynomial:points=auto,sinusoid,collocation,desensitised"
+
+
+def side_by_side(out: Path) -> str:
+    """The methods' plans by the command: its picture to `out`, its table and sentence returned."""
+    with tempfile.TemporaryDirectory() as place:
+        words = ["sensitivity", str(ROOT / "problems/paper.toml"), "--set", LIMIT]
+        if command([*words, "--methods", METHODS, "--out", place]):
+            raise SystemExit("the plans side by side failed")
+        (out / "methods.png").write_bytes((Path(place) / "sensitivities.png").read_bytes())
+        return (Path(place) / "sensitivities.md").read_text(encoding="utf-8").strip()
+
+
 def curve(out: Path) -> None:
     """The trade-off curve by the command, its picture and table to `out`."""
     with tempfile.TemporaryDirectory() as place:
@@ -138,26 +151,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
             others.append([f"{name}, {way}", *cells])
     text = (ROOT / "tests/benchmarks/sensitivity.md").read_text(encoding="utf-8")
     efforts = [effort(each.plan.trajectory) for each in found.values()]
-    text = text.format(
-        samples=options.samples,
-        seed=SEED,
-        points=POINTS,
-        machines=MACHINES,
-        set=LIMIT,
-        plans=table(
-            ["plan", "effort", *HEAD],
-            [
-                [way, f"{spent:.2f}", *each.cells()]
-                for (way, each), spent in zip(found.items(), efforts, strict=True)
-            ],
-        ),
-        others=table(["problem, plan", *HEAD], others),
-    )
     with folder(options.out) as out:
         for name, way in zip(("least-effort", "desensitised"), WAYS, strict=False):
             figure, _ = plot_sensitivity(planner.sensitivity(found[way].plan))
             figure.savefig(out / f"{name}.png", dpi=110)
         curve(out)
+        text = text.format(
+            samples=options.samples,
+            seed=SEED,
+            points=POINTS,
+            machines=MACHINES,
+            set=LIMIT,
+            methods=METHODS,
+            side_by_side=side_by_side(out),
+            plans=table(
+                ["plan", "effort", *HEAD],
+                [
+                    [way, f"{spent:.2f}", *each.cells()]
+                    for (way, each), spent in zip(found.items(), efforts, strict=True)
+                ],
+            ),
+            others=table(["problem, plan", *HEAD], others),
+        )
         (out / "README.md").write_text(text, encoding="utf-8")
     print(text)
     return 0

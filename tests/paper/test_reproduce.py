@@ -95,9 +95,23 @@ def test_the_findings_are_those_of_the_plans(made: Reproduction) -> None:
     assert "cos^2(theta1) would have to reach 1.22" in texts
     assert "-0.5225" in texts
     assert "0 at theta1 = 0 and 0 at theta2 = 0" in texts
-    assert texts.count("at pi/4, an inferred travel") == 3
+    assert texts.count("at pi/4, an inferred travel") == 4
+    assert "0.8550 rad^2/s instead of 0.8326 with z2 up to +0.085" in texts
     error = np.median(made.cases.replay.largest_error_deg, axis=0)
     assert f"theta2, which the paper does not report: {error[1]:.1f} deg" in texts
+
+
+def test_the_papers_law_is_no_more_sensitive_than_the_plan_of_least_effort(
+    made: Reproduction,
+) -> None:
+    law, best = (
+        planner.sensitivity(plan).passive_block_deg()
+        for plan in (made.cases.valid, made.cases.best)
+    )
+    assert law == pytest.approx(best, rel=0.01)
+    (closing,) = [f for f in made.findings if f.where == "5"]
+    assert f"{law:.3f} deg for the paper's law and {best:.3f}" in closing.ours
+    assert closing.verdict == "true of every plan alike"
 
 
 def test_the_papers_own_point_leads_around_at_no_travel() -> None:

@@ -40,6 +40,7 @@ EXPECTED = {
     "unicycle": (SOLVED, SOLVED, LIMIT, LIMIT, SOLVED, SOLVED),
     "unreachable": (NONE, NONE, NONE, NONE, NONE, NONE),
     "waypoint": (LIMIT, LIMIT, LIMIT, LIMIT, SOLVED, LIMIT),
+    "z2-limit": (CHART, CHART, LIMIT, LIMIT, SOLVED, NONE),
 }
 
 
@@ -54,8 +55,9 @@ PAIRS = [(name, method) for method in METHODS for name in sorted(EXPECTED)]
 # The longest searches of these two laws, which end as on problems that are left.
 # "paper" by the first of them is in tests/methods/laws/test_sinusoid.py.
 LONG = {
-    "sinusoid": "custom four-joint obstacle paper paper-fig4 trailers waypoint",
-    "sinusoid_steps": "custom four-joint obstacle paper paper-fig4 parking trailers waypoint",
+    "sinusoid": "custom four-joint obstacle paper paper-fig4 trailers waypoint z2-limit",
+    "sinusoid_steps": "custom four-joint obstacle paper paper-fig4 parking trailers waypoint"
+    " z2-limit",
 }
 # The longest searches are done once, with the same assertions: tests/methods/collocation/
 # test_places.py and test_links_apart.py.

@@ -1,9 +1,10 @@
 """Plans that errors of inputs, start and constants disturb least, against their effort.
 
 In this order: the plan; the collocation problem with its errors, which and how large; the first
-guesses, an easy plan's inputs with excursions that let the first input turn back, since the
-response has local optima by the number of reversals of the path coordinate; and the refusals:
-before the search, and after it what an iterate breaks, in words.
+guesses: an easy plan, and motions whose second coordinate leaves the straight line to either side,
+with excursions that let the first input turn back, since the response has local optima by the side
+and by the number of reversals; and the refusals: before the search, and after it what an iterate
+breaks, in words.
 """
 
 from __future__ import annotations
@@ -67,9 +68,10 @@ def plan_desensitised(
 
     Motion and response are one collocation problem
     (`planner.methods.collocation.transcription.augmented`). It is solved from the plan of least
-    effort and from excursions about it, since optima are local; the best is kept (`notes["start"]`,
-    `notes["tried"]`). Unless `reversal` is on, φ turns back only where the plan of least effort
-    does: the response knows nothing of the backlash and shaft torsion that each turn costs.
+    effort and from motions with another course of q₂, since optima are local; the best is kept
+    (`notes["start"]`, `notes["tried"]`). Unless `reversal` is on, φ turns back only where the plan
+    of least effort does: the response knows nothing of the backlash and shaft torsion that each
+    turn costs.
 
     Args:
         problem: What to solve.
@@ -225,7 +227,10 @@ def _search(
 
 
 AMPLITUDE = (0.6, 0.5)
-"""Of the excursions of q₁ and q₂, in their units (rad)."""
+"""Of the excursions of q₁ from the easy plan and of q₂ from the straight line, in their units."""
+
+EASY_PLAN = Seed("least effort", np.zeros_like, np.zeros_like)
+"""The easy plan as it is."""
 
 SLOWEST_DRIVE = 0.05
 """Least drive by which an excursion of q₁ is turned into u₁."""
@@ -235,7 +240,7 @@ FREE_DURATION_RATIO = 3.0
 
 
 def excursions(reversal: bool) -> list[Seed]:
-    """Excursions from an easy plan in the order tried; without reversal only those of q₂."""
+    """First guesses in the order tried; without reversal the excursions are those of q₂ alone."""
 
     def zero(s: Array) -> Array:
         return np.zeros_like(s)
@@ -243,7 +248,7 @@ def excursions(reversal: bool) -> list[Seed]:
     def wave(size: float, count: int) -> Excursion:
         return lambda s: size * np.sin(count * np.pi * s)
 
-    out = [Seed("least effort", zero, zero)]
+    out = [EASY_PLAN]
     shapes = [("out and back", 1), ("twice", 2), ("thrice", 3)]
     for name, count in shapes:
         for a, b in ((1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (-1.0, -1.0)):
@@ -261,11 +266,15 @@ def excursion_guess(job: Task, easy: Trajectory, seed: Seed) -> Iterate:
     """The unknowns along a seed, for a task with or without a fixed duration.
 
     They obey the kinematics, because the response along them must be that of a motion: inputs are
-    chosen, states and response follow by integration.
+    chosen, states and response follow by integration. The drive of an arm reads cos θ₁, so that the
+    easy plan's own excursion of θ₁ has a twin on the other side. An excursion of q₂ therefore
+    leaves from the straight line: added to the easy plan, it ends on that plan's side.
     """
     duration = job.problem.duration or FREE_DURATION_RATIO * easy.duration
     s = job.made.form.input_places(job.mesh)
-    u = easy.u(s * easy.duration) * easy.duration
+    u = np.array(easy.u(s * easy.duration) * easy.duration)
+    if seed is not EASY_PLAN:
+        u[:, 1] = easy.q(easy.duration)[1] - easy.q(0.0)[1]
     fine = np.linspace(0.0, 1.0, 2001)
     swing = np.stack(
         [np.interp(s, fine, np.gradient(part(fine), fine)) for part in (seed.path, seed.driven)],

@@ -101,10 +101,12 @@ def _motion(ends: Ends, offset: float, travel: float, points: Sequence[Point]) -
     try:
         return steer(ends.start, ends.goal(travel), legs, points)
     except np.linalg.LinAlgError:
+        # A travel scales rows of the conditions and changes no rank: the times alone decide.
+        times = " and ".join(f"{p.time_s:.4g} s" for p in points)
         raise SingularError(
-            f"{ends.problem.source}: travel {travel:g} with these constraint points leaves the"
-            " polynomial's coefficients undetermined",
-            advice=f"move the constraint points apart, or change {ends.problem.travel_key}",
+            f"{ends.problem.source}: constraint points at {times} leave the polynomial's"
+            " coefficients undetermined, at every travel",
+            advice="constraint points at other times",
         ) from None
 
 

@@ -86,7 +86,7 @@ def _front(ax: Any, study: DesignStudy) -> None:
     load = next(figure for figure in study.figures if figure.key == CONTACT_LOAD)
     y = rest[0] if rest else load
     built = [row for row in study.rows if row.figures]
-    solved = f"solved {study.asked.methods[0]}"
+    solved = f"solved {study.asked.reaching}"
     most = max((row[solved] for row in built), default=0.0)
     fewer = [r for r in built if r[solved] < most]
     slipping = [r for r in built if r[solved] == most and not r.holds]
@@ -149,7 +149,9 @@ def _scale_axis(axis: Any, values: Sequence[float]) -> tuple[float, float]:
 
 def _figure_title(study: DesignStudy, figure: Figure) -> str:
     words = {
-        CONTACT_LOAD: "contacts: torque over what they transmit",
+        CONTACT_LOAD: "contacts: load over that of slip",
+        "motor_torque_nm": "torque of motor 1",
+        "motor_power_w": "power of motor 1",
         "one_way": f"tasks of {study.tasks} with a one-way motion",
         "spread_deg": "spread at the end on the machine",
         "E_deg": "error E on the machine",

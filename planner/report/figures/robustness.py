@@ -52,7 +52,7 @@ def plot_sensitivity(
     first = found.plan.problem.system.coordinates[0].name
     columns = [p for p, name in enumerate(found.parameters) if name != f"start {first}"]
     labels = [
-        f"{_parameter_symbol(found.parameters[p])}\n"
+        f"{parameter_symbol(found.parameters[p])}\n"
         + size_of(found.reference(spread)[p], found.units[p])
         for p in columns
     ]
@@ -169,7 +169,8 @@ def _effect_name(effect: str) -> str:
     return re.sub(unit, "", effect).replace("_nm", "_torque").replace("_", " ")
 
 
-def _parameter_symbol(parameter: str) -> str:
+def parameter_symbol(parameter: str) -> str:
+    """An error by its name, as mathematics."""
     word, _, which = parameter.partition(" ")
     return f"{word} {symbol(which)}" if which else symbol(f"k{word[1:]}").replace("k", "K")
 

@@ -22,7 +22,7 @@ from planner.support.files import read_toml
 from planner.support.tables import line, number
 from planner.support.user_tables import Positive, Table, allowed_hint, parse
 from planner.sweep.description import base_problem
-from planner.sweep.design.figures import Figure, figures_of
+from planner.sweep.design.figures import Figure, default_front, figures_of
 from planner.sweep.design.geometry import Design, design, gear_of, gear_table
 from planner.sweep.sweep_file import Point, Range, SweepFile, Whole, points, varied_keys
 from planner.systems.manipulator import Gear, Manipulator, stage_gears
@@ -42,6 +42,9 @@ class VariablesTable(Table):
     lam: Positive | None = Field(None, alias="lambda", description="Bevel and spur gear ratio.")
     eta: Positive | None = Field(None, description="Timing belt ratio.")
     joints: Joints | None = Field(None, description="Number of joints.")
+    contact_force_n: Positive | None = Field(
+        None, description="Friction force mu N of one contact in N, with lengths in metres."
+    )
     link_lengths: list[Positive] | None = Field(
         None, description="Distances of neighbouring joints and of the tip, in the radii's unit."
     )
@@ -155,9 +158,11 @@ class DesignFile(Table):
     )
     tasks: TasksTable | None = Field(None, description="The tasks of the arm.")
     replay: MachinesTable = Field(default_factory=MachinesTable)
-    front: Annotated[list[str], Field(min_length=1, max_length=6)] = Field(
-        default_factory=lambda: ["effort", "spread_deg"],
-        description="Figures to trade off: the Pareto front and the recommendation use these.",
+    front: Annotated[list[str], Field(min_length=1, max_length=6)] | None = Field(
+        None,
+        description="Figures to trade off: the Pareto front and the recommendation use these. Left"
+        " out: the error at the end (compensated, if plans are), motor torque, motor power and"
+        " contact_load.",
     )
 
 
@@ -197,6 +202,11 @@ class StudyInput:
     front_by: tuple[Figure, ...]
 
     @property
+    def reaching(self) -> str:
+        """The method whose plans count as reaching a task: the first, compensated where asked."""
+        return self.methods[-1] if self.table.compensated else self.methods[0]
+
+    @property
     def pairs(self) -> list[tuple[Design, Task]]:
         """What is planned by each method: every task on every design that can be built."""
         built = [each for each in self.designs if not each.refused]
@@ -211,11 +221,12 @@ class StudyInput:
             "start.theta_deg": task[0],
             "goal.theta_deg": task[1],
         }
-        if self.table.contact_force_n is not None:
+        force = design.values.get("contact_force_n", self.table.contact_force_n)
+        if force is not None:
             # With the relative spread of the problem's machine.
             known = Machine.from_table(self.base.machine).effects.get("friction_capacity_nm")
             spread = known.spread[0] / known.value[0] if known is not None else 0.0
-            torque = self.table.contact_force_n * design.gear.r1
+            torque = force * design.gear.r1
             out["machine.friction_capacity_nm"] = {"value": torque, "spread": spread * torque}
         return out
 
@@ -265,12 +276,13 @@ def read_design(source: Mapping[str, Any] | str | Path) -> StudyInput:
         first, *options = methods[0].split(":", 1)
         methods.append(":".join([f"{first} {COMPENSATED}", *options]))
     figures = {figure.key: figure for figure in figures_of(methods, table.compensated)}
-    for key in table.front:
+    front = table.front or default_front(table.compensated)
+    for key in front:
         if key not in figures:
             raise InputError(
                 f"{origin}: front: unknown figure '{key}'; {allowed_hint(key, [*figures])}"
             )
-        if table.front.count(key) > 1:
+        if front.count(key) > 1:
             raise InputError(f"{origin}: front names '{key}' twice")
     designs = _designs(table, base, system, origin)
     if all(each.refused for each in designs):
@@ -286,7 +298,7 @@ def read_design(source: Mapping[str, Any] | str | Path) -> StudyInput:
         tasks={n: _tasks(table.tasks, base, n, origin) for n in joints},
         methods=tuple(methods),
         figures=tuple(figures.values()),
-        front_by=tuple(figures[key] for key in table.front),
+        front_by=tuple(figures[key] for key in front),
     )
 
 
@@ -314,12 +326,14 @@ def _designs(
     table: DesignFile, base: Problem, system: Manipulator, source: str
 ) -> tuple[Design, ...]:
     rows = SweepFile.model_construct(problem="", methods=[], cases=table.cases, grid=table.grid)
-    if not varied_keys(rows):
+    varied = varied_keys(rows)
+    if not varied:
         raise InputError(
             f"{source}: the file names no design; give [grid] or [[cases]], as in [grid]"
             " rho = [0.8, 1.0]"
         )
-    gear, links = _present_mechanism(table, base, system, source)
+    forced = table.contact_force_n is not None or "contact_force_n" in varied
+    gear, links = _present_mechanism(table, base, system, source, forced)
 
     def make(name: str, values: Point) -> Design:
         n = values.get("joints", system.n)
@@ -339,7 +353,9 @@ def _designs(
         out.append(make(name, point))
     present = make("as it is", {})
     if table.present and not any(
-        each.joints == system.n and np.allclose(astuple(each.gear), astuple(gear), rtol=1e-9)
+        each.joints == system.n
+        and "contact_force_n" not in each.values
+        and np.allclose(astuple(each.gear), astuple(gear), rtol=1e-9)
         for each in out
     ):
         out.insert(0, present)
@@ -347,7 +363,7 @@ def _designs(
 
 
 def _present_mechanism(
-    table: DesignFile, base: Problem, system: Manipulator, source: str
+    table: DesignFile, base: Problem, system: Manipulator, source: str, forced: bool
 ) -> tuple[Gear, Any]:
     """The mechanism as it is: its gear, and its links where they share the gear's unit."""
     if table.gear is not None:
@@ -362,7 +378,7 @@ def _present_mechanism(
         )
     if system.gear is not None:
         return gear, base.to_dict()["system"].get("link_lengths")
-    if table.contact_force_n is not None:
+    if forced:
         raise InputError(
             f"{source}: contact_force_n needs radii in metres; give the table [gear] of the"
             " mechanism"

@@ -74,6 +74,8 @@ FIGURES = (
     Figure("peak_u2_rad_s", "peak |u2|", "rad/s", reduction="largest"),
     Figure("contact_torque_nm", "torque", "N m", reduction="largest"),
     Figure(CONTACT_LOAD, "contacts", reduction="largest"),
+    Figure("motor_torque_nm", "motor torque", "N m", reduction="largest"),
+    Figure("motor_power_w", "motor power", "W", reduction="largest"),
     Figure("E_deg", "E", "deg", column="E_median_deg"),
     Figure("end_deg", "error at the end", "deg", column="end_p95_deg"),
     Figure("spread_deg", "spread", "deg", column="end_spread_deg"),
@@ -88,6 +90,16 @@ FIGURES = (
     ),
 )
 """All but those that `figures_of` adds."""
+
+
+def default_front(compensated: bool) -> list[str]:
+    """What a builder gets and pays: the error that is left at the end, motor and contacts.
+
+    Effort is no part of it: it is a property of rates, and any gear that lets the disks turn less
+    has less of it, whatever the motor must give.
+    """
+    end = "compensated_end_deg" if compensated else "end_deg"
+    return [end, "motor_torque_nm", "motor_power_w", CONTACT_LOAD]
 
 
 def figures_of(methods: Sequence[str], compensated: bool) -> tuple[Figure, ...]:
@@ -171,7 +183,7 @@ class DesignRow:
 
 
 def recommend(
-    rows: Sequence[DesignRow], front_by: Sequence[Figure], methods: Sequence[str], tasks: int
+    rows: Sequence[DesignRow], front_by: Sequence[Figure], method: str, tasks: int
 ) -> tuple[tuple[DesignRow, ...], DesignRow | None, str]:
     """The rows with the front marked, the one to take, and why in sentences.
 
@@ -182,8 +194,14 @@ def recommend(
     The one to take has the least sum of relative losses against the best value of each figure. One
     percent of one figure counts as one percent of another, so that nothing depends on how far the
     worst designs lie, and what hardly differs hardly counts. It lies on the front.
+
+    Args:
+        rows: The designs.
+        front_by: Figures traded.
+        method: The method, as written, whose plans reach the tasks.
+        tasks: Their number.
     """
-    solved = np.array([row.figures.get(f"solved {methods[0]}", 0.0) for row in rows])
+    solved = np.array([row.figures.get(f"solved {method}", 0.0) for row in rows])
     values = [[row.figures.get(figure.key, np.nan) for figure in front_by] for row in rows]
     cost = np.array(values) * [-figure.sign for figure in front_by]
     able = (solved > 0) & ~np.isnan(cost).any(axis=1)
@@ -191,7 +209,7 @@ def recommend(
     holding = able & [bool(row.figures) and row.holds for row in rows]
     able = holding if holding.any() else able
     if not able.any():
-        return tuple(rows), None, _refusal(rows, front_by, methods[0])
+        return tuple(rows), None, _refusal(rows, front_by, method)
     best = cost[able].min(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(cost == best, 0.0, np.abs(np.log(cost / best)))
@@ -201,7 +219,7 @@ def recommend(
     marked = tuple(replace(row, on_front=bool(on)) for row, on in zip(rows, front, strict=True))
     choice = marked[int(np.argmin(np.where(able, losses, np.inf)))]
     candidates = [row for row, possible in zip(marked, able, strict=True) if possible]
-    return marked, choice, _reason(marked, candidates, choice, front_by, methods[0], tasks)
+    return marked, choice, _reason(marked, candidates, choice, front_by, method, tasks)
 
 
 def _refusal(rows: Sequence[DesignRow], front_by: Sequence[Figure], method: str) -> str:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from html import escape
 from io import BytesIO
 from pathlib import Path
@@ -50,6 +51,8 @@ class DesignStudy:
         recommended: The row to take; None where no design solves a task.
         reason: Why that one, in sentences.
         bugs: Cases that ended in a way this program never should.
+        seconds: How long the cases of each method took, one after another, s; that of compensated
+            plans is what their figures cost.
     """
 
     asked: StudyInput
@@ -59,6 +62,7 @@ class DesignStudy:
     recommended: DesignRow | None
     reason: str
     bugs: int = 0
+    seconds: Mapping[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         choice = self.recommended
@@ -108,6 +112,7 @@ class DesignStudy:
             "front_by": [figure.key for figure in self.front_by],
             "recommended": None if self.recommended is None else self.recommended.design.name,
             "reason": self.reason,
+            "seconds": dict(self.seconds),
             "designs": [
                 {k: v for k, v in _record(row).items() if k not in row.figures}
                 | {"values": row.design.values, "figures": row.figures, "why": row.why}
@@ -133,7 +138,8 @@ class DesignStudy:
     def table(self) -> Table:
         """For a terminal: `rich.print(study.table())`."""
         narrow = {"design", "front", *(figure.title for figure in self.front_by), *TERMINAL_COLUMNS}
-        narrow |= {f"solved, {method}" for method in self.asked.methods[:2]}
+        shown = dict.fromkeys([*self.asked.methods[:2], self.asked.reaching])
+        narrow |= {f"solved, {method}" for method in shown}
         return terminal_table(
             [column for column in self.columns if column.title in narrow],
             self.rows,
@@ -165,12 +171,25 @@ class DesignStudy:
         return (
             f"{self.tasks} tasks; figures are of the plans by {self.asked.methods[0]}: effort,"
             " chart margin, errors and spread in the median over the tasks, peaks and contacts the"
-            " largest. Contacts: torque over capacity, on 99 % of the machines. E:"
+            " largest. Contacts: load over that at which one slips, and motor torque: that of motor"
+            " 1, on 99 % of the machines; motor power: that times the largest speed. E:"
             " largest joint error at any time, in the median; error at the end: of 95 % of them"
             "; spread: largest standard deviation of a joint at the end"
             f" ({replay.samples} machines, seed {replay.seed}). Least link: the length that the"
             " parts need to clear each other. Front: no other design beats it in"
-            f" {' and '.join(figure.title for figure in self.front_by)}."
+            f" {' and '.join(figure.title for figure in self.front_by)}.{self._price}"
+        )
+
+    @property
+    def _price(self) -> str:
+        """What the compensated figures cost, in words; empty where there are none."""
+        if not self.asked.table.compensated:
+            return ""
+        most = sum(self.seconds.values())
+        own = self.seconds.get(self.asked.reaching, 0.0)
+        return (
+            f" Planning and replays took {number(most)} s of one processor, {number(own)} s of them"
+            " for the compensated plans."
         )
 
     def plot(self, *, axes: Any = None) -> tuple[Picture, Any]:
@@ -214,7 +233,7 @@ def _columns(study: DesignStudy) -> list[Column[DesignRow]]:
         Column("front", "", lambda row: "take" if row is study.recommended else "*" * row.on_front),
         column("rho", format=short_number),
         column("kappa", format=short_number),
-        *map(column, ("r1", "R", "r3", "lambda", "eta", "joints")),
+        *map(column, ("r1", "R", "r3", "lambda", "eta", "joints", "contact_force_n")),
     ]
     for figure in sorted(study.figures, key=lambda f: not f.key.startswith("solved")):
         unit, format = figure.unit, count_tasks if figure.reduction == "part" else number
@@ -232,6 +251,7 @@ def _record(row: DesignRow) -> dict[str, Any]:
         "rho": each.gear.rho,
         "kappa": each.gear.k(1),
         **gear_table(each.gear),
+        "contact_force_n": each.values.get("contact_force_n"),
         "link_lengths": None if each.link_lengths is None else list(each.link_lengths),
         **row.figures,
         "on_front": row.on_front,

@@ -6,6 +6,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Mapping
 from contextlib import nullcontext
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -66,17 +67,21 @@ def design_study(
         run = run_sweep(study.sweep(), db, workers=workers, cluster=cluster, progress=progress)
         tell("comparing", 1.0)
         cases = iter(read(db)[1])
-    rows = []
+    rows, seconds = [], dict.fromkeys(study.methods, 0.0)
     for each in study.designs:
         if each.refused:
             rows.append(DesignRow(each, {}))
             continue
         of_tasks = [{m: next(cases) for m in study.methods} for _ in study.tasks[each.joints]]
         outcomes = [outcome(each, next(windows), of_methods) for of_methods in of_tasks]
-        first = [of_methods[study.methods[0]] for of_methods in of_tasks]
+        for method, case in chain.from_iterable(found.items() for found in of_tasks):
+            seconds[method] += case["case_time_s"] or 0.0
+        first = [of_methods[study.reaching] for of_methods in of_tasks]
         whys = Counter(case["why"] for case in first if not case["solved"]).most_common(1)
         values = {figure.key: figure.value(outcomes) for figure in study.figures}
         rows.append(DesignRow(each, values, why=whys[0][0] if whys else ""))
     tasks = len(next(iter(study.tasks.values())))
-    marked, choice, reason = recommend(rows, study.front_by, study.methods, tasks)
-    return DesignStudy(study, marked, study.figures, study.front_by, choice, reason, run.bugs)
+    marked, choice, reason = recommend(rows, study.front_by, study.reaching, tasks)
+    return DesignStudy(
+        study, marked, study.figures, study.front_by, choice, reason, run.bugs, seconds
+    )

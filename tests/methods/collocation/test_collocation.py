@@ -177,6 +177,38 @@ def test_z2_margin_between_the_nodes_too(paper: Problem, input_kind: str, solver
         assert kept.notes["limits_drawn_in"]["rounds"] >= 1  # nodes alone would have let it slip
 
 
+@pytest.mark.parametrize(
+    ("changes", "efforts", "travels", "passed"),
+    [
+        ({}, (0.83258, 0.85499), (0.78540, 0.78540), 0.0847),
+        (
+            {"start.theta_deg": [20, 5, 5], "goal": {"theta_deg": [20, 5, 25], "duration": 10.0}},
+            (1.12892, 1.15165),
+            (0.49338, 0.50019),
+            0.0898,
+        ),
+    ],
+)
+def test_where_the_z2_margin_acts_it_costs_effort(
+    changes: dict[str, Any],
+    efforts: tuple[float, float],
+    travels: tuple[float, float],
+    passed: float,
+) -> None:
+    """The shipped problem, and a pair whose travel is free and grows."""
+    kept = planner.load_problem(PROBLEMS / "z2-limit.toml").changed(changes)
+    limits = {k: v for k, v in kept.to_dict()["limits"].items() if k != "z2_margin"}
+    found = [
+        planner.solve(problem, "collocation")
+        for problem in (kept.changed({"limits": limits}), kept)
+    ]
+    assert [each.objective for each in found] == pytest.approx(efforts, abs=1e-4)
+    assert [each.travel for each in found] == pytest.approx(travels, abs=1e-4)
+    assert [each.domain.z2_max for each in found] == pytest.approx([passed, -0.01], abs=2e-4)
+    lowest = [np.rad2deg(np.min(each.q(np.linspace(0, 10, 801))[:, 2])) for each in found]
+    assert lowest[0] < -2.9 < 0.3 < lowest[1]
+
+
 # -- durations -------------------------------------------------------------------------------------
 
 

@@ -79,6 +79,13 @@ def test_the_effort_limit_bites(paper: planner.Problem, reversing: planner.Plan)
     assert effort(plan.trajectory) == pytest.approx(0.6, abs=1e-6)
 
 
+def test_under_an_effort_limit_joint_1_may_take_the_other_side(example: planner.Problem) -> None:
+    """The drive reads cos theta1; the easy plan's theta1 is positive, the best one's is not."""
+    plan = planner.solve(example, "desensitised", effort_limit=0.808)
+    assert planner.sensitivity(plan).passive_block_deg() < 0.33  # its neighbours: 0.369, 0.428
+    assert np.min(plan.q(np.linspace(0, 10, 201))[:, 1]) < -0.6
+
+
 def test_an_effort_limit_below_the_least_is_named(paper: planner.Problem) -> None:
     with pytest.raises(planner.NotConvergedError, match="effort reaches") as refusal:
         planner.solve(paper, "desensitised", starts=1, intervals=12, effort_limit=0.2)

@@ -233,3 +233,21 @@ def test_points_need_a_duration(unlimited: planner.Problem) -> None:
     problem = unlimited.changed({"goal.duration": "free", "limits.input_rad_s": 1.0})
     with pytest.raises(planner.InputError, match=r"goal\.duration"):
         planner.solve(problem, "polynomial", points=[[5.0, -0.2]])
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("travel", [0.6, 0.85])
+def test_a_constraint_time_that_leaves_the_coefficients_open_is_named(
+    unlimited: planner.Problem, sign: int, travel: float
+) -> None:
+    """M is singular there whatever the travel, so that another travel is no advice."""
+    time = 5 * (1 + sign / np.sqrt(5))
+    with pytest.raises(planner.SingularError, match="at every travel") as refusal:
+        planner.solve(
+            unlimited.changed({"goal.travel": travel}),
+            "polynomial",
+            points=[[time, -0.2]],
+            allow_singular=True,
+        )
+    assert f"{time:.4g} s" in str(refusal.value)
+    assert refusal.value.advice == "constraint points at other times"

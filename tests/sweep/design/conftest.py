@@ -31,6 +31,7 @@ def quick() -> Tables:
         "compensated": False,
         "present": False,
         "replay": {"samples": 2},
+        "front": ["effort", "spread_deg"],
     }
 
 

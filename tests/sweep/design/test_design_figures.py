@@ -29,6 +29,47 @@ DESIGNS: list[Tasks] = [
 ]
 
 
+def test_left_alone_it_ranks_by_what_a_builder_gets_and_pays(
+    known: Known, quick: dict[str, Any]
+) -> None:
+    """Effort would take the second, whose motor gives twice the power for a worse end."""
+
+    def task(effort: float, end: float, torque: float, power: float, load: float) -> Any:
+        paid = {"motor_torque_nm": torque, "motor_power_w": power}
+        return results(effort, 1.0, load, end_p95_deg=end, **paid)
+
+    plain, geared = task(0.4, 2.5, 0.4, 0.10, 0.3), task(0.06, 2.8, 1.0, 0.20, 0.7)
+    del quick["front"]
+    study = known([[plain], [geared]])
+    keys = ["end_deg", "motor_torque_nm", "motor_power_w", "contact_load"]
+    assert [figure.key for figure in study.front_by] == keys
+    assert study.recommended is study.rows[0]
+    assert known([[plain], [geared]], front=["effort"]).recommended is not None
+    by_effort = known([[plain], [geared]], front=["effort"])
+    assert by_effort.recommended is by_effort.rows[1]
+
+
+def test_a_task_counts_as_reached_by_the_compensated_plan(
+    known: Known, quick: dict[str, Any]
+) -> None:
+    """The second has less of everything, but one of its plans cannot be compensated."""
+    del quick["front"]
+    paid = {"end_p95_deg": 2.5, "motor_torque_nm": 0.4, "motor_power_w": 0.1}
+    some, less = results(1.0, 1.0, **paid), results(0.5, 0.5, 0.2, **dict.fromkeys(paid, 0.1))
+    study = known([[some] * 4, [less, less, less, None]], compensated=True, tasks=TWO_TASKS)
+    assert study.front_by[0].key == "compensated_end_deg"
+    assert study.rows[1]["solved polynomial"] == 1.0
+    assert study.recommended is study.rows[0]
+    assert "solves 2 of 2 tasks by polynomial compensated" in study.reason
+    assert "s of them for the compensated plans" in study.markdown()
+    assert set(study.seconds) == {"polynomial", "polynomial compensated"}
+
+
+TWO_TASKS = {
+    "pairs": [{"start_deg": [10, 10], "goal_deg": goal} for goal in ([30, 30], [30, 29])],
+}
+
+
 def test_the_front_is_what_no_other_beats(known: Known) -> None:
     draws = np.random.default_rng(1).random((40, 3))
     draws[1] = draws[0]
@@ -94,6 +135,7 @@ def test_where_few_tasks_are_solved_it_says_so(known: Known) -> None:
 def test_an_unsolved_task_counts_as_worse_than_any(known: Known, quick: dict[str, Any]) -> None:
     names = ("effort", "duration_s", "domain_margin", "peak_u1_rad_s", "peak_u2_rad_s")
     names += ("contact_torque_nm", "contact_load", "E_median_deg", "end_p95_deg", "end_spread_deg")
+    names += ("motor_torque_nm", "motor_power_w")
     one, three, five = ({n: k * (i + 1) for i, n in enumerate(names)} for k in (1.0, 3.0, 5.0))
     problem = {
         **quick["problem"],
@@ -112,7 +154,8 @@ def test_an_unsolved_task_counts_as_worse_than_any(known: Known, quick: dict[str
     assert {k: v for k, v in more.figures.items() if k not in ("window", "least_link")} == {
         "effort": 3.0, "duration_s": 6.0, "one_way": part, "margin": 3.0,
         "peak_u1_rad_s": 12.0, "peak_u2_rad_s": 15.0, "contact_torque_nm": 18.0,
-        "contact_load": 21.0, "E_deg": 24.0, "end_deg": 27.0, "spread_deg": 30.0,
+        "contact_load": 21.0, "motor_torque_nm": 33.0, "motor_power_w": 36.0,
+        "E_deg": 24.0, "end_deg": 27.0, "spread_deg": 30.0,
         "compensated_end_deg": 45.0, "compensated_spread_deg": 50.0,
         "solved polynomial": part, "solved polynomial compensated": part,
     }  # fmt: skip

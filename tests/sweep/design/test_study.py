@@ -217,6 +217,7 @@ BOX = {"start_deg": [5, 15], "goal_deg": [20, 45]}
         (changed(tasks={"count": 2, **BOX, "goal_deg": [45, 20]}), "the first must be the lower"),
         (changed(tasks={"pairs": TASKS, **BOX}), "start_deg is for drawn pairs"),
         (changed(contact_force_n=10.0), "contact_force_n needs radii in metres; give the table"),
+        (changed(grid={"contact_force_n": [9.0]}), "contact_force_n needs radii in metres; give"),
         (changed(problem="nowhere.toml"), "there is no file nowhere.toml"),
         (changed(problem="problems/unicycle.toml"), "a design study needs a 'manipulator'"),
         (changed(set={"goal.travel": 0.5}), "goal.travel = 0.5 of the problem is for one"),
@@ -299,3 +300,21 @@ def test_a_given_force_makes_larger_wheels_transmit_more(quick: Tables) -> None:
     ]
     assert [q.value[0] for q in quantities] == pytest.approx([1.5, 3.0])
     assert [q.spread[0] for q in quantities] == pytest.approx([0.15, 0.3])  # 10 % as before
+
+
+def test_the_contact_force_is_a_design_variable(quick: Tables) -> None:
+    """A contact pressed harder slips less, and drags more on motor 1 where a joint turns it."""
+    gear = {"r1": 0.04, "R": 0.05, "r3": 0.05, "lambda": 1.0, "eta": 1.0}
+    problem = {**PROBLEM, "goal": {"theta_deg": [30, 30], "duration": 6.0}}
+    problem["machine"] = {**PROBLEM["machine"], "lateral_friction": 0.2}  # type: ignore[dict-item]
+    tables = {**STUDY, "problem": problem, "gear": gear, "tasks": {"pairs": TASKS[:1]}}
+    study = planner.design_study(
+        {**tables, "grid": {"contact_force_n": [10.0, 80.0]}, "present": True}, workers=0
+    )
+    present, light, hard = study.rows
+    assert present.design.values == {}
+    assert light["contact_load"] > 2 * hard["contact_load"]  # its own drag loads it, too
+    assert light["motor_torque_nm"] < hard["motor_torque_nm"]
+    powers = [row["motor_power_w"] / row["motor_torque_nm"] for row in (light, hard)]
+    assert powers == pytest.approx([light["peak_u1_rad_s"]] * 2)
+    assert study.to_dict()["designs"][1]["contact_force_n"] == 10.0

@@ -1,0 +1,53 @@
+"""Sensitivities of several plans side by side: each plan's own, one sentence, one picture."""
+
+import numpy as np
+import pytest
+
+import planner
+from planner import report
+
+
+@pytest.fixture(scope="module")
+def plans(unlimited: planner.Problem) -> dict[str, planner.Plan]:
+    return {name: planner.solve(unlimited, name) for name in ("polynomial", "sinusoid")}
+
+
+def test_each_plan_has_its_own_and_the_sentence_names_the_least(
+    plans: dict[str, planner.Plan],
+) -> None:
+    found = planner.sensitivities({**plans, "none": None})
+    for label, plan in plans.items():
+        assert found.passive_block_deg[label] == planner.sensitivity(plan).passive_block_deg()
+    assert "least for sinusoid (0.468 deg)" in found.sentence
+    assert "0.958 deg of each total is irreducible" in found.sentence
+    one = planner.sensitivities({"a": plans["polynomial"], "b": plans["polynomial"]})
+    assert "0.561 deg for every plan" in one.sentence
+
+
+def test_errors_add_up_to_the_total(plans: dict[str, planner.Plan]) -> None:
+    found = planner.sensitivities(plans, {"gain": 0.02, "start theta1": 0.01})
+    names, responses = found.responses
+    assert names == ["gain u1", "gain u2", "start theta1"]
+    assert found.sizes == [(0.02, "1"), (0.02, "1"), (0.01, "rad")]
+    for label, each in found.found.items():
+        assert np.linalg.norm(responses[label]) == pytest.approx(each.total_deg(found.spread))
+
+
+def test_the_picture_shows_the_numbers(plans: dict[str, planner.Plan]) -> None:
+    found = planner.sensitivities(plans)
+    _, axes = report.plot_sensitivities(found)
+    widths = [bar.get_width() for bar in axes[0, 0].patches]
+    assert widths[2:] == pytest.approx(list(found.passive_block_deg.values()))
+    assert len(axes[0, 1].patches) == 2 * len(found.sizes)
+
+
+def test_plans_of_two_systems_are_refused(plans: dict[str, planner.Plan]) -> None:
+    arm = planner.Problem.from_dict(
+        {
+            "system": {"kind": "manipulator", "joints": 2, "K": [0.8], "k_g": 0.7},
+            "start": {"theta_deg": [10, 10]},
+            "goal": {"theta_deg": [30, 30], "duration": 3.0},
+        }
+    )
+    with pytest.raises(planner.InputError, match="several systems"):
+        planner.sensitivities({**plans, "other": planner.solve(arm)})

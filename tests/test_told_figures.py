@@ -1,0 +1,89 @@
+"""Figures that README, docs and problem files tell are those of results/ and of the methods."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import planner
+from planner.paper.reproduce import MISPRINTS
+from planner.plan.measures import peak_inputs
+
+ROOT = Path(__file__).parents[1]
+
+
+def read(name: str) -> str:
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def table(page: str, head: str) -> list[list[str]]:
+    """The rows of the Markdown table whose head begins so."""
+    text = page[page.index(f"| {head}") :].split("\n\n")[0]
+    return [
+        [cell.strip() for cell in line.strip("| ").split("|")] for line in text.splitlines()[2:]
+    ]
+
+
+def test_the_readme_counts_the_random_problems_as_their_page_does() -> None:
+    page, told = read("results/stress/README.md"), read("README.md").replace(",", "")
+    done = re.search(r"^(\d+) of \d+ problems", page, flags=re.M)
+    verified = re.search(r"\*\*(\d+) verified", page)
+    assert done
+    assert verified
+    assert f"{verified[1]} of {done[1]} random problems" in told
+    best = re.search(r"^(\d+) of (\d+) no worse than 2 %", page, flags=re.M)
+    assert best
+    assert f"Of {best[2]} planned again from 50 random starts {best[1]} were" in told
+    rows = table(page[page.index("## Against the best") :], "system")
+    four = [(int(row[2]), int(row[3])) for row in rows if row[0] == "n4"]
+    count, good = (sum(column) for column in zip(*four, strict=True))
+    words = ["none", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine"]
+    assert f"with four joints {words[good]} of {words[count]}." in told
+
+
+@pytest.mark.campaign
+def test_the_suite_shows_every_problem_and_todays_travels() -> None:
+    """Of the page as `make suite` left it: to be run after that."""
+    rows = {row[0].split()[0]: row[1:] for row in table(read("results/suite/README.md"), "problem")}
+    assert set(rows) == {path.stem for path in (ROOT / "problems").glob("*.toml")}
+    methods = [name for name, m in planner.METHODS.items() if m.refines is None]
+    problem = planner.load_problem(ROOT / "problems/paper.toml")
+    for name in ("collocation", "convex"):
+        plan = planner.solve(problem, name)
+        assert rows["paper"][methods.index(name)] == f"travel {plan.travel:.4g}"
+
+
+def test_the_mean_offset_is_as_poor_as_it_is_said_to_be() -> None:
+    """Step 4 of the paper, on a unicycle that is to move one metre sideways."""
+    problem = planner.Problem.from_dict(
+        {
+            "system": {"kind": "unicycle"},
+            "start": {"x_m": 0.0, "y_m": 0.0, "heading_deg": 10},
+            "goal": {"x_m": 0.0, "y_m": 1.0, "heading_deg": 10, "duration": 10.0},
+        }
+    )
+    mean, ours = (
+        np.max(peak_inputs(planner.solve(problem, "polynomial", offset=rule).trajectory))
+        for rule in ("mean", "auto")
+    )
+    (step,) = (ours for where, _, ours in MISPRINTS if where == "step 4")
+    for text in (step, read("docs/theory.md")):
+        assert f"{mean:.1f} rad/s" in text
+        assert f"{ours:.3f}" in text
+
+
+@pytest.mark.parametrize("name", ["paper", "z2-limit", "unreachable"])
+def test_k_g_is_the_printed_square_and_no_path_depends_on_it(name: str) -> None:
+    problem = planner.load_problem(ROOT / f"problems/{name}.toml")
+    system = problem.system
+    assert isinstance(system, planner.Manipulator)
+    square = (system.K[1] / system.K[0]) ** 2
+    assert system.k_g == 0.668811
+    assert f"{square:.6f}" in read("problems/paper.toml")
+    assert system.k_g == pytest.approx(square, rel=1e-4)
+    other = planner.Manipulator(system.K, float(np.sqrt(square)))
+    q = np.array([0.0, 0.2, 0.3, 0.4])
+    np.testing.assert_array_equal(system.slopes(q), other.slopes(q))

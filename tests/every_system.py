@@ -6,7 +6,16 @@ import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st
 
-from planner import BallGear, Car, CustomSystem, Manipulator, Trailers, TriangularSystem, Unicycle
+from planner import (
+    BallGear,
+    Car,
+    Coin,
+    CustomSystem,
+    Manipulator,
+    Trailers,
+    TriangularSystem,
+    Unicycle,
+)
 
 _K = [0.870125, 0.711625, 0.9, 0.6, 1.2]
 
@@ -25,6 +34,7 @@ SYSTEMS: dict[str, TriangularSystem] = {
     **{f"ball-gear-{n}": BallGear(_K[: n - 1], 0.8) for n in range(2, 6)},
     "unicycle": Unicycle(),
     "car": Car(2.7),
+    "coin": Coin(0.3),
     **{f"trailers-{n}": Trailers([2.0, 1.2, 1.6][:n], 1.5) for n in range(1, 4)},
     "custom-manipulator-3": _copy(Manipulator(_K[:2])),
     "custom-trailers-1": _copy(Trailers([2.0], 1.5)),

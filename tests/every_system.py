@@ -27,6 +27,30 @@ def _copy(system: TriangularSystem) -> CustomSystem:
     )
 
 
+def _coin_in_texts(r: float) -> CustomSystem:
+    """The coin with the map to its user's coordinates as texts."""
+    coin, ahead = Coin(r), f"(sigma + {r} * roll)"
+    user = {
+        "coordinates": [c.name for c in coin.user_coordinates],
+        "units": [c.unit for c in coin.user_coordinates],
+        "expressions": [
+            f"{ahead} * cos(heading) + eta * sin(heading)",
+            f"{ahead} * sin(heading) - eta * cos(heading)",
+            "heading",
+            "roll",
+        ],
+        "inverse": [
+            "heading",
+            "roll",
+            "x * sin(heading) - y * cos(heading)",
+            f"x * cos(heading) + y * sin(heading) - {r} * roll",
+        ],
+    }
+    wide = {"roll": (-50.0, 50.0), "eta": (-50.0, 50.0)}
+    slopes = [ahead, "-eta"]
+    return CustomSystem("coin", coin.coordinates, slopes, intervals=wide, user=user)
+
+
 MANIPULATORS = {f"manipulator-{n}": Manipulator(_K[: n - 1], 0.668811) for n in range(2, 7)}
 
 SYSTEMS: dict[str, TriangularSystem] = {
@@ -36,6 +60,7 @@ SYSTEMS: dict[str, TriangularSystem] = {
     "car": Car(2.7),
     "coin": Coin(0.3),
     **{f"trailers-{n}": Trailers([2.0, 1.2, 1.6][:n], 1.5) for n in range(1, 4)},
+    "custom-coin": _coin_in_texts(0.3),
     "custom-manipulator-3": _copy(Manipulator(_K[:2])),
     "custom-trailers-1": _copy(Trailers([2.0], 1.5)),
 }

@@ -1,5 +1,6 @@
 """Coordinates of the user's own: both maps, and the coin against its plain rolling kinematics."""
 
+import tomllib
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -14,6 +15,7 @@ from scipy.integrate import solve_ivp
 
 import planner
 from planner import Coin
+from planner.methods.refusal import travel_changes
 
 PROBLEM = Path(__file__).parents[2] / "problems/coin.toml"
 places = st.lists(st.floats(-5, 5), min_size=4, max_size=4).map(np.array)
@@ -193,3 +195,104 @@ def test_a_waypoint_that_gives_all_is_one_of_q(time: float | None) -> None:
 def test_what_a_file_says_wrong_is_named_in_user_coordinates(changes: dict, says: str) -> None:
     with pytest.raises(planner.InputError, match=says):
         planner.load_problem(PROBLEM, changes)
+
+
+# -- given as texts ----------------------------------------------------------------------------
+
+
+FRONT = """
+[system]
+kind = "custom"
+name = "car by its front axle"
+coordinates = ["x", "steering", "heading", "y"]
+units = ["m", "rad", "rad", "m"]
+slopes = ["tan(steering) / (2 * cos(heading))", "tan(heading)"]
+drive = "cos(heading)"
+inputs = ["speed", "steering_rate"]
+input_units = ["m/s", "rad/s"]
+[system.user]
+coordinates = ["front_x", "front_y", "heading", "steering"]
+units = ["m", "m", "rad", "rad"]
+expressions = ["x + 2 * cos(heading)", "y + 2 * sin(heading)", "heading", "steering"]
+inverse = ["front_x - 2 * cos(heading)", "steering", "heading", "front_y - 2 * sin(heading)"]
+[start]
+q = { front_x = 0.0, front_y = 0.0, heading = 0.0, steering = 0.0 }
+[goal]
+q = { front_x = 6.0, front_y = 1.0, heading = 0.3, steering = 0.0 }
+[limits]
+input = [2.0, 1.0]
+q = { front_y = 1.1, steering = 0.9 }
+"""
+"""The path coordinate, x of the rear axle, is none of the user's."""
+
+
+@pytest.fixture
+def front() -> dict:
+    return tomllib.loads(FRONT)
+
+
+def changed(data: dict, changes: dict) -> dict:
+    return planner.Problem.from_dict(data).changed(changes).to_dict()
+
+
+def test_a_car_is_steered_by_the_place_of_its_front_axle(front: dict) -> None:
+    problem = planner.Problem.from_dict(front)
+    assert problem.travel == pytest.approx(6 - 2 * np.cos(0.3) + 2)
+    assert problem == planner.Problem.from_dict(problem.to_dict())
+    for method in ("collocation", "convex"):
+        plan = planner.solve(problem, method)
+        t = np.linspace(0.0, plan.duration, 1001)
+        x, steering, heading, y = plan.q(t).T
+        place = np.stack([x + 2 * np.cos(heading), y + 2 * np.sin(heading)])
+        np.testing.assert_allclose(place[:, -1], [6.0, 1.0], atol=1e-4)
+        np.testing.assert_allclose(plan.user(t), np.stack([*place, heading, steering], axis=-1))
+        assert np.max(np.abs(place[1])) < 1.1 * (1 + 2e-6)
+        assert {c.status for c in planner.certify(plan).claims if c.required} == {"proven"}
+
+
+def test_a_travel_that_follows_from_the_goal_is_not_given(front: dict) -> None:
+    with pytest.raises(planner.InputError, match=r"goal\.travel: leave it out; goal\.q gives it"):
+        changed(front, {"goal.travel": 6.0})
+    assert travel_changes(planner.Problem.from_dict(front)) == []  # no advice that says so
+    assert travel_changes(planner.load_problem(PROBLEM)) != []
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "says"),
+    [
+        ("units", ["m", "m", "rad"], "user.units has 3 entries for 4 coordinates"),
+        ("coordinates", ["a", "a", "heading", "steering"], "'front_x' in .* is not understood"),
+        (
+            "expressions",
+            ["x + cos(heading)", "y + 2 * sin(heading)", "heading", "steering"],
+            "user.inverse does not undo user.expressions: at x = .* it gives x = ",
+        ),
+        (
+            "expressions",
+            ["x + 2 * cos(heading)", "y + 2 * sin(heading)", "2 * heading", "steering"],
+            "'heading', which is a triangular coordinate too: give it the same unit",
+        ),
+        ("inverse", ["sqrt(-1 - front_x**2)", "steering", "heading", "front_y"], "no real values"),
+    ],
+)
+def test_maps_that_do_not_belong_together_are_refused(
+    front: dict, key: str, value: list[str], says: str
+) -> None:
+    front["system"]["user"][key] = value
+    with pytest.raises(planner.InputError, match=says):
+        planner.Problem.from_dict(front)
+
+
+def test_a_start_off_the_map_is_refused(front: dict) -> None:
+    """On (0, π) the cosine has an inverse; a start beyond it leads elsewhere."""
+    front["system"]["user"] |= {
+        "coordinates": ["front_x", "front_y", "side", "steering"],
+        "units": ["m", "m", "", "rad"],
+        "expressions": ["x", "y", "sin(heading)", "steering"],
+        "inverse": ["front_x", "steering", "asin(side)", "front_y"],
+    }
+    front["goal"]["q"] = {"front_x": 6.0, "front_y": 1.0, "side": 0.3, "steering": 0.0}
+    front["start"]["q"] = {"front_x": 0.0, "front_y": 0.0, "side": 1.5, "steering": 0.0}
+    front["limits"] = {}
+    with pytest.raises(planner.InputError, match=r"start\.q: the map .* leads elsewhere"):
+        planner.Problem.from_dict(front)

@@ -10,7 +10,7 @@ for the coin.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -32,9 +32,23 @@ from planner.support.user_tables import Positive, Table, allowed_hint
 from planner.systems.coin import Coin
 from planner.systems.custom import CustomSystem
 from planner.systems.triangular_system import Coordinate, TriangularSystem
+from planner.systems.user_map import ROUND_TRIP, pairs_of
 
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 Names = Annotated[list[str], Field(min_length=2, max_length=2)]
+
+
+class UserTable(Table):
+    """Coordinates of the user's own, in which the file is written, with the map each way."""
+
+    coordinates: list[str] = Field(description="Their names, as many as triangular ones.")
+    units: list[str] = Field(description="Their units; 'rad' is shown in degrees.")
+    expressions: list[str] = Field(
+        description="Each of them as an expression of the triangular coordinates."
+    )
+    inverse: list[str] = Field(
+        description="Each triangular coordinate as an expression of them, in triangular order."
+    )
 
 
 class CustomTable(Table):
@@ -58,6 +72,12 @@ class CustomTable(Table):
     inputs: Names = Field(default_factory=lambda: ["u1", "u2"], description="Names of the inputs.")
     input_units: Names = Field(default_factory=lambda: ["", ""], description="Their units.")
 
+    user: UserTable | None = Field(
+        None,
+        description="Coordinates of your own, if you write the file in others than the triangular"
+        " ones.",
+    )
+
     @model_validator(mode="after")
     def _check_expressions(self) -> CustomTable:
         if len(self.units) != len(self.coordinates):
@@ -79,6 +99,7 @@ class CustomTable(Table):
             self.drive,
             intervals=self.intervals,
             inputs=(Coordinate(*first), Coordinate(*second)),
+            user=None if self.user is None else self.user.model_dump(),
         )
 
 
@@ -188,11 +209,13 @@ class OwnFile(NamedFile):
         if len(free) == len(self.goal.q) and self.built.has_user_coordinates:
             raise ValueError("goal.q leaves every coordinate free; give at least one")
         for key, w in (("start.q", self._user_start()), ("goal.q", self.user_goal())):
-            if not returns(self.built, w):
-                raise ValueError(
-                    f"{key}: the map to triangular coordinates and back leads elsewhere, to"
-                    f" {_pairs(self.names, self.built.user(self.built.from_user(w)))}"
-                )
+            if np.all(np.isfinite(w)):
+                again = self.built.user(self.built.from_user(w))
+                if not np.all(np.abs(again - w) <= ROUND_TRIP * (1 + np.abs(w))):
+                    raise ValueError(
+                        f"{key}: the map to triangular coordinates and back leads elsewhere, to"
+                        f" {pairs_of(self.built.user_coordinates, again)}"
+                    )
 
     def _user_start(self) -> Array:
         return np.array([self.start.q[name] for name in self.names])
@@ -234,22 +257,6 @@ class OwnFile(NamedFile):
     def user_limits(self) -> Array:
         """Largest |user coordinate|, shape (N,); infinite where there is none."""
         return np.array([self.limits.q.get(name, np.inf) for name in self.names])
-
-
-ROUND_TRIP = 1e-9
-"""Largest difference after both maps, in the coordinates' units and parts of their size: hundreds
-of roundings."""
-
-
-def returns(system: TriangularSystem, w: Array) -> bool:
-    """Whether both maps lead back to user coordinates w (N,); what has NaN in it has no map."""
-    if not system.has_user_coordinates or np.any(np.isnan(w)):
-        return True
-    return bool(np.all(np.abs(system.user(system.from_user(w)) - w) <= ROUND_TRIP * (1 + abs(w))))
-
-
-def _pairs(names: Sequence[str], values: Array) -> str:
-    return ", ".join(f"{name} = {x:.6g}" for name, x in zip(names, values, strict=True))
 
 
 class CustomFile(OwnFile):

@@ -281,6 +281,11 @@ class Problem:
         return parse_file(self.to_dict(), self.source).travel_change(travel)
 
     @property
+    def has_travel_key(self) -> bool:
+        """Whether the travel is stated by itself; else it follows from the goal's coordinates."""
+        return 0 in self.system.shared.values()
+
+    @property
     def travel_key(self) -> str:
         """The dotted key of the travel."""
         return next(iter(self.travel_change(None)))

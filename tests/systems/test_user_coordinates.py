@@ -200,35 +200,10 @@ def test_what_a_file_says_wrong_is_named_in_user_coordinates(changes: dict, says
 # -- given as texts ----------------------------------------------------------------------------
 
 
-FRONT = """
-[system]
-kind = "custom"
-name = "car by its front axle"
-coordinates = ["x", "steering", "heading", "y"]
-units = ["m", "rad", "rad", "m"]
-slopes = ["tan(steering) / (2 * cos(heading))", "tan(heading)"]
-drive = "cos(heading)"
-inputs = ["speed", "steering_rate"]
-input_units = ["m/s", "rad/s"]
-[system.user]
-coordinates = ["front_x", "front_y", "heading", "steering"]
-units = ["m", "m", "rad", "rad"]
-expressions = ["x + 2 * cos(heading)", "y + 2 * sin(heading)", "heading", "steering"]
-inverse = ["front_x - 2 * cos(heading)", "steering", "heading", "front_y - 2 * sin(heading)"]
-[start]
-q = { front_x = 0.0, front_y = 0.0, heading = 0.0, steering = 0.0 }
-[goal]
-q = { front_x = 6.0, front_y = 1.0, heading = 0.3, steering = 0.0 }
-[limits]
-input = [2.0, 1.0]
-q = { front_y = 1.1, steering = 0.9 }
-"""
-"""The path coordinate, x of the rear axle, is none of the user's."""
-
-
 @pytest.fixture
 def front() -> dict:
-    return tomllib.loads(FRONT)
+    """Its path coordinate, x of the rear axle, is none of the user's."""
+    return tomllib.loads((PROBLEM.parent / "front-axle.toml").read_text("utf-8"))
 
 
 def changed(data: dict, changes: dict) -> dict:

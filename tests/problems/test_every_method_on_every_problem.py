@@ -57,7 +57,8 @@ PAIRS = [(name, method) for method in METHODS for name in sorted(EXPECTED)]
 # "paper" by the first of them is in tests/methods/laws/test_sinusoid.py.
 LONG = {
     "sinusoid": "custom four-joint front-axle obstacle paper paper-fig4 trailers waypoint",
-    "sinusoid_steps": "custom four-joint front-axle obstacle paper paper-fig4 parking trailers waypoint",
+    "sinusoid_steps": "custom four-joint front-axle obstacle paper paper-fig4 parking trailers"
+    " waypoint",
 }
 # The longest searches are done once, with the same assertions: tests/methods/collocation/
 # test_places.py and test_links_apart.py.

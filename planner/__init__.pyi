@@ -61,6 +61,7 @@ from .sweep.run import run_sweep as run_sweep
 from .systems.ball_gear import BallGear as BallGear
 from .systems.chained_form import ChainedForm as ChainedForm
 from .systems.chained_form import chained_form as chained_form
+from .systems.coin import Coin as Coin
 from .systems.controllability import Controllability as Controllability
 from .systems.controllability import controllability as controllability
 from .systems.custom import CustomSystem as CustomSystem

@@ -13,13 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import InputError, NoPlanError, TimeLimitError, VerificationError
-from planner.methods.keeping import not_promised, refuse_unkept
+from planner.methods.keeping import GOALS, not_promised, refuse_unkept
 from planner.methods.refusal import BY_COLLOCATION, Change, advise, changed_words, duration_change
 from planner.methods.registry import METHODS, Method, find_method, merged_options, typed
 from planner.plan.plan import Plan, expect_plan, mark_cut_short
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
-from planner.problem.requirements.ends import Goal, TipGoal
 from planner.problem.requirements.requirement import Requirement
 from planner.problem.tables.problem_file import CompensationTable
 from planner.support.deadline import (
@@ -207,7 +206,7 @@ def _remedies(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
         if factor < float("inf"):
             slower = duration_change(plan.duration * factor * 1.0001)
             return [slower, BY_COLLOCATION], None
-    if len(broken) < len(violated) or any(isinstance(each, Goal | TipGoal) for each in broken):
+    if len(broken) < len(violated) or any(isinstance(each, GOALS) for each in broken):
         return [], "a finer mesh: more method.collocation.intervals or a higher degree"
     other = [BY_COLLOCATION] if plan.method != BY_COLLOCATION.method else []
     instead = changed_words(plan, [v for v in check.violations if np.isfinite(v.value)])

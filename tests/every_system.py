@@ -6,7 +6,16 @@ import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st
 
-from planner import BallGear, Car, CustomSystem, Manipulator, Trailers, TriangularSystem, Unicycle
+from planner import (
+    BallGear,
+    Car,
+    Coin,
+    CustomSystem,
+    Manipulator,
+    Trailers,
+    TriangularSystem,
+    Unicycle,
+)
 
 _K = [0.870125, 0.711625, 0.9, 0.6, 1.2]
 
@@ -18,6 +27,30 @@ def _copy(system: TriangularSystem) -> CustomSystem:
     )
 
 
+def _coin_in_texts(r: float) -> CustomSystem:
+    """The coin with the map to its user's coordinates as texts."""
+    coin, ahead = Coin(r), f"(sigma + {r} * roll)"
+    user = {
+        "coordinates": [c.name for c in coin.user_coordinates],
+        "units": [c.unit for c in coin.user_coordinates],
+        "expressions": [
+            f"{ahead} * cos(heading) + eta * sin(heading)",
+            f"{ahead} * sin(heading) - eta * cos(heading)",
+            "heading",
+            "roll",
+        ],
+        "inverse": [
+            "heading",
+            "roll",
+            "x * sin(heading) - y * cos(heading)",
+            f"x * cos(heading) + y * sin(heading) - {r} * roll",
+        ],
+    }
+    wide = {"roll": (-50.0, 50.0), "eta": (-50.0, 50.0)}
+    slopes = [ahead, "-eta"]
+    return CustomSystem("coin", coin.coordinates, slopes, intervals=wide, user=user)
+
+
 MANIPULATORS = {f"manipulator-{n}": Manipulator(_K[: n - 1], 0.668811) for n in range(2, 7)}
 
 SYSTEMS: dict[str, TriangularSystem] = {
@@ -25,7 +58,9 @@ SYSTEMS: dict[str, TriangularSystem] = {
     **{f"ball-gear-{n}": BallGear(_K[: n - 1], 0.8) for n in range(2, 6)},
     "unicycle": Unicycle(),
     "car": Car(2.7),
+    "coin": Coin(0.3),
     **{f"trailers-{n}": Trailers([2.0, 1.2, 1.6][:n], 1.5) for n in range(1, 4)},
+    "custom-coin": _coin_in_texts(0.3),
     "custom-manipulator-3": _copy(Manipulator(_K[:2])),
     "custom-trailers-1": _copy(Trailers([2.0], 1.5)),
 }

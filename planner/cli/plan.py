@@ -180,7 +180,8 @@ def _worst_error(problem: Problem, errors: dict[str, float]) -> str:
     if any(np.isnan(e) for e in errors.values()):
         return "undefined"
     name, unit = max(
-        ((c.name, c.unit) for c in problem.system.coordinates), key=lambda c: abs(errors[c[0]])
+        ((c.name, c.unit) for c in problem.system.user_coordinates),
+        key=lambda c: abs(errors[c[0]]),
     )
     value = np.rad2deg(errors[name]) if unit == "rad" else errors[name]
     return f"{abs(value):.1e} {'deg' if unit == 'rad' else unit} ({name})"

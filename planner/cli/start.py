@@ -203,7 +203,7 @@ def problem_text(
     if kind not in kinds:
         raise InputError(f"no system '{kind}'; {allowed_hint(kind, list(kinds))}")
     file = kinds[kind]
-    last = system_of(parse_file(tomllib.loads(example_of(kind)), kind)).coordinates[-1]
+    last = system_of(parse_file(tomllib.loads(example_of(kind)), kind)).user_coordinates[-1]
     head = _add_limits(f"{example_of(kind)}\n", limits_of(file))
     head += file.places.replace("COORDINATE", last.name)
     if joints is not None:

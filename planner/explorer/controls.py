@@ -42,7 +42,9 @@ POINTS_KEY = "method.polynomial.points"
 
 def motion_controls(state: State, problem: Problem, plan: Plan | None) -> list[Control]:
     """Travel and duration, the method, and for the polynomial its constraint points."""
-    controls = [_travel(state, problem, plan), _duration(state, plan), _method(state)]
+    controls = [_duration(state, plan), _method(state)]
+    if problem.has_travel_key:
+        controls.insert(0, _travel(state, problem, plan))
     return controls + (_points(state, problem, plan) if state.method == "polynomial" else [])
 
 

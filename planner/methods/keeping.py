@@ -11,6 +11,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Literal
 
+import numpy as np
+
 from planner.errors import NoPlanError
 from planner.methods.refusal import BY_COLLOCATION
 from planner.problem.problem import Problem
@@ -18,9 +20,13 @@ from planner.problem.requirements.ends import Goal, TipGoal
 from planner.problem.requirements.limits import JointLimit, Z2Margin
 from planner.problem.requirements.places import Waypoint
 from planner.problem.requirements.requirement import Demand, Part, Requirement
+from planner.problem.requirements.user_places import UserGoal
 from planner.systems.manipulator import Manipulator
 
 Keeping = Literal["kept", "judged", "never"]
+
+GOALS = Goal | TipGoal | UserGoal
+"""What says where a motion ends."""
 
 Keeps = Callable[[Problem, Demand, Part], Keeping]
 """A method's answer for one part of one demand of a problem."""
@@ -48,7 +54,7 @@ def in_chart(problem: Problem, demand: Demand) -> Keeping:
     """
     if isinstance(demand, Waypoint):
         return "judged"
-    return "never" if isinstance(demand, Goal | TipGoal) and problem.free else "kept"
+    return "never" if isinstance(demand, GOALS) and problem.free else "kept"
 
 
 def convex(problem: Problem, demand: Demand, part: Part) -> Keeping:
@@ -125,8 +131,16 @@ def refuse_unkept(problem: Problem, name: str, keeps: Keeps) -> None:
     Raises:
         NoPlanError: If there is one.
     """
-    goals = [each for each in problem.demands if isinstance(each, Goal | TipGoal)]
+    goals = [each for each in problem.demands if isinstance(each, GOALS)]
     if any(keeps(problem, each, part) == "never" for each in goals for part in each.parts):
+        if problem.system.has_user_coordinates:
+            every = problem.system.user_coordinates
+            names = ", ".join(every[i].name for i in np.flatnonzero(np.isnan(problem.user_goal)))
+            raise NoPlanError(
+                f"{problem.source}: methods in the chart need every coordinate at the goal, and"
+                f" [goal] leaves {names} free",
+                changes=[BY_COLLOCATION],
+            )
         names = ", ".join(problem.system.coordinates[i].name for i in problem.free)
         words = ", which finds them; then give all, its plan's end, as goal.theta_deg"
         raise NoPlanError(

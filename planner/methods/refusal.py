@@ -62,8 +62,9 @@ def duration_change(seconds: float) -> Change:
 
 
 def travel_changes(problem: Problem, without: str = "") -> list[Change]:
-    """The travel left free, where it is given."""
-    return [Change(problem.travel_change(None), without=without)][: problem.travel is not None]
+    """The travel left free, where it is given and does not follow from the rest of the goal."""
+    given = problem.travel is not None and problem.has_travel_key
+    return [Change(problem.travel_change(None), without=without)][:given]
 
 
 def reach_changes(problem: Problem, reach: Reach) -> list[Change]:

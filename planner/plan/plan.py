@@ -179,6 +179,10 @@ class Plan:
         """Coordinates, shape (…, N), at times t (…); RuntimeWarning outside [0, duration]."""
         return self.trajectory.q(self._times(t))
 
+    def user(self, t: ArrayLike) -> Array:
+        """The system's user coordinates, shape (…, N), at times t (…); `q` if it has no others."""
+        return self.problem.system.user(self.trajectory.q(self._times(t)))
+
     def u(self, t: ArrayLike) -> Array:
         """Inputs, shape (…, 2), at times t (…); outside as `q`."""
         return self.trajectory.u(self._times(t))

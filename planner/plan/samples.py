@@ -37,10 +37,11 @@ class Samples:
     """A motion sampled at R times.
 
     Attributes:
-        coordinates: Names of the columns of `q`, with units, for example "theta1_rad".
+        coordinates: Names of the columns of `q`, with units, for example "theta1_rad": the system's
+            user coordinates.
         inputs: Names of the columns of `u`, for example "u1_rad_s".
         t: Times, shape (R,), s; the first is 0, the last the duration.
-        q: Coordinates, shape (R, N); NaN where no real ones exist.
+        q: User coordinates, shape (R, N); NaN where no real ones exist.
         u: Inputs, shape (R, 2); at a jump the value after it. NaN where undefined.
         z: Chained coordinates, shape (R, N).
         v: Chained inputs, shape (R, 2).
@@ -109,10 +110,10 @@ def sample(plan: Plan, rate_hz: float = RATE_HZ) -> Samples:
     system = plan.problem.system
     first, second = system.inputs
     return Samples(
-        coordinates=tuple(_column_name(c) for c in system.coordinates),
+        coordinates=tuple(_column_name(c) for c in system.user_coordinates),
         inputs=(_column_name(first), _column_name(second)),
         t=t,
-        q=plan.q(t),
+        q=plan.user(t),
         u=plan.u(t),
         z=plan.z(t),
         v=plan.v(t),
@@ -203,11 +204,11 @@ def to_xarray(plan: Plan, rate_hz: float = RATE_HZ) -> xarray.Dataset:
         },
         coords={
             "time": ("time", samples.t, {"units": "s"}),
-            "coordinate": [c.name for c in system.coordinates],
+            "coordinate": [c.name for c in system.user_coordinates],
             "input": [c.name for c in system.inputs],
             "chained": chained,
             "chained_input": ["v1", "v2"],
-            "unit_of_q": ("coordinate", [c.unit for c in system.coordinates]),
+            "unit_of_q": ("coordinate", [c.unit for c in system.user_coordinates]),
             "unit_of_u": ("input", [c.unit for c in system.inputs]),
         },
         attrs=plan_facts(plan),

@@ -48,12 +48,14 @@ class Limits:
         input: Largest |u|, shape (2,), in the inputs' units (rad/s).
         input_rate: Largest |du/dt|, shape (2,) (rad/s²).
         joint: Largest |q|, shape (N,), in the coordinates' units (rad).
+        user: Largest |user coordinate|, shape (N,), in their units; `joint` where there are none.
         z2_margin: Least |z₂|; z₂ keeps the sign it has at the start. None: no limit of z₂.
     """
 
     input: Array
     input_rate: Array
     joint: Array
+    user: Array
     z2_margin: float | None
 
     @property
@@ -70,7 +72,8 @@ class Limits:
 def bare_limits(tables: ProblemFile) -> Limits:
     """The bare numbers of a problem file."""
     given = tables.limits
-    return Limits(given.inputs(), given.input_rates(), tables.joint_limits(), given.least_z2())
+    coordinates = tables.joint_limits(), tables.user_limits()
+    return Limits(given.inputs(), given.input_rates(), *coordinates, given.least_z2())
 
 
 def waypoints_of(tables: ProblemFile, system: TriangularSystem, source: str) -> list[Waypoint]:
@@ -80,13 +83,15 @@ def waypoints_of(tables: ProblemFile, system: TriangularSystem, source: str) -> 
         InputError: If one names a coordinate that there is not.
     """
     try:
-        states = tables.waypoint_states([c.name for c in system.coordinates])
+        states = tables.waypoint_states([c.name for c in system.user_coordinates])
     except ValueError as error:
         raise InputError(f"{source}: {error}") from None
     out = []
-    for k, (table, q) in enumerate(zip(tables.waypoints, states, strict=True), 1):
-        units = {c.unit for c, known in zip(system.coordinates, ~np.isnan(q), strict=True) if known}
-        out.append(Waypoint(k, q, table.time, units.pop() if len(units) == 1 else ""))
+    for k, (table, w) in enumerate(zip(tables.waypoints, states, strict=True), 1):
+        given = zip(system.user_coordinates, ~np.isnan(w), strict=True)
+        units = {c.unit for c, known in given if known}
+        unit = units.pop() if len(units) == 1 else ""
+        out.append(Waypoint(k, w, table.time, unit, system))
     return out
 
 

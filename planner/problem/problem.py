@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -38,6 +38,7 @@ from planner.problem.requirements.limits import (
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import Demand, Part, Requirement
 from planner.problem.requirements.self_collision import SelfCollision
+from planner.problem.requirements.user_places import UserGoal, UserLimit
 from planner.problem.tables.kinds import parse_file, system_of
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.method_options import MethodsTable
@@ -71,6 +72,8 @@ class Problem:
         start: q(0), shape (N,), in radians (and metres), whatever the file's unit.
         goal: q(T), shape (N,), likewise; NaN for the path coordinate, of which `travel` speaks, and
             for joints that the goal leaves free.
+        user_goal: The goal in user coordinates, shape (N,), NaN where free; `goal` where the
+            system has no others.
         travel: q₁(T) − q₁(0), or None if free.
         duration: Seconds, or None if free.
         limits: Limits that every plan keeps.
@@ -90,6 +93,7 @@ class Problem:
     system: TriangularSystem
     start: Array
     goal: Array
+    user_goal: Array
     travel: float | None
     duration: float | None
     limits: Limits
@@ -127,6 +131,7 @@ class Problem:
             system=system,
             start=tables.start_state(),
             goal=tables.goal_state(),
+            user_goal=tables.user_goal(),
             travel=tables.path_travel(),
             duration=None if tables.goal.duration == "free" else float(tables.goal.duration),
             limits=bare_limits(tables),
@@ -145,6 +150,11 @@ class Problem:
         states = {"start": problem.start, "goal": problem.goal}
         states |= {f"waypoint {point.number}": point.q for point in problem.waypoints}
         why = contradiction(states, problem.requirements, system)
+        if system.has_user_coordinates and not why:  # what is given of them, by itself
+            states = {"start": system.user(problem.start), "goal": problem.user_goal}
+            states |= {f"waypoint {point.number}": point.user for point in problem.waypoints}
+            limit = JointLimit(system.user_coordinates, tuple(problem.limits.user.tolist()))
+            why = contradiction(states, [limit], system)
         if why := why or clash_of_times(problem.waypoints, problem.duration):
             raise InputError(f"{source}: {why}")
         if doubt := likely_slip(system, problem.start, problem.goal):
@@ -271,6 +281,11 @@ class Problem:
         return parse_file(self.to_dict(), self.source).travel_change(travel)
 
     @property
+    def has_travel_key(self) -> bool:
+        """Whether the travel is stated by itself; else it follows from the goal's coordinates."""
+        return 0 in self.system.shared.values()
+
+    @property
     def travel_key(self) -> str:
         """The dotted key of the travel."""
         return next(iter(self.travel_change(None)))
@@ -287,7 +302,14 @@ class Problem:
         What is `in_chart` is asked only of plans in chained coordinates.
         """
         limits, system = self.limits, self.system
-        demands: list[Demand] = [Start(), Goal(system.coordinates, self.free)]
+        beside = limits.user.copy()
+        beside[list(system.shared)] = np.inf  # which are limits of q
+        inner = set(range(system.size)) - set(system.shared.values())
+        demands: list[Demand] = [
+            Start(),
+            Goal(system.coordinates, tuple(sorted({*self.free, *inner}))),
+            self._goal_beside(np.flatnonzero(~np.isnan(self.user_goal)).tolist()),
+        ]
         if self.tip is not None:
             demands.append(self.tip)
         if self.duration is not None:
@@ -297,6 +319,7 @@ class Problem:
             InputLimit(system.inputs, tuple(limits.input.tolist())),
             RateLimit(system.inputs, tuple(limits.input_rate.tolist())),
             JointLimit(system.coordinates, tuple(limits.joint.tolist())),
+            UserLimit(system.user_coordinates, tuple(beside.tolist())),
         ]
         if limits.z2_margin is not None:
             demands.append(Z2Margin(limits.z2_margin, int(self.z2_sign)))
@@ -313,7 +336,21 @@ class Problem:
     @cached_property
     def final(self) -> tuple[Requirement, ...]:
         """Those that hold at the end alone, beside coordinates that the goal gives."""
-        return tuple(d for d in self.demands if isinstance(d, Requirement) and d.final)
+        every = (d for d in self.demands if isinstance(d, Requirement) and d.final)
+        whole = not np.any(np.isnan(self.user_goal))  # then all of q is given
+        return tuple(d for d in every if not (whole and isinstance(d, UserGoal)))
+
+    @cached_property
+    def on_the_way(self) -> UserGoal:
+        """User coordinates that waypoints give and that q does not hold by itself: their rows."""
+        return self._goal_beside(sorted({i for point in self.waypoints for i in point.beside_q}))
+
+    def _goal_beside(self, which: Iterable[int]) -> UserGoal:
+        """The goal's values of these user coordinates, without the triangular ones."""
+        indices = tuple(i for i in which if i not in self.system.shared)
+        every = self.system.user_coordinates
+        targets = tuple(float(self.user_goal[i]) for i in indices)
+        return UserGoal(tuple(every[i] for i in indices), indices, targets)
 
     @cached_property
     def free(self) -> tuple[int, ...]:
@@ -322,7 +359,9 @@ class Problem:
 
     @property
     def free_within(self) -> Array:
-        """Largest |θ| at the goal of each of those, radians."""
+        """Largest |q| at the goal of each of those: of an arm |θ|, radians."""
+        if self.system.has_user_coordinates:
+            return self.limits.joint[list(self.free)]
         return np.minimum(self.limits.joint[list(self.free)], WIDEST_FREE_JOINT_RAD)
 
     def asking(self, label: str) -> tuple[Demand, Part] | None:
@@ -357,7 +396,9 @@ class Problem:
         """The problem whose goal is the one expected; itself where the goal gives all joints."""
         if self._hint is None:
             return self
-        return replace(self, goal=self._hint, tip=None, _hint=None)
+        travel = self.travel if np.isnan(self._hint[0]) else float(self._hint[0] - self.start[0])
+        goal, user = np.append(np.nan, self._hint[1:]), self.system.user(self._hint)
+        return replace(self, goal=goal, user_goal=user, travel=travel, tip=None, _hint=None)
 
     def settled(self, end: Array) -> Problem:
         """The problem whose goal gives all joints: those of q(T) (N,); itself where it does so.

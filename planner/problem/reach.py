@@ -66,14 +66,26 @@ class Reach:
         }
 
 
+def expected_goals(problem: Problem) -> list[Array]:
+    """Where a motion to a goal that leaves coordinates free may end: q(T) (N,), the nearest first.
+
+    With user coordinates the free ones stay as they are at the start.
+    """
+    reach, system = goal_reach(problem), problem.system
+    if reach is not None:
+        return [*reach.branches]
+    wanted = problem.user_goal
+    return [system.from_user(np.where(np.isnan(wanted), system.user(problem.start), wanted))]
+
+
 def goal_reach(problem: Problem) -> Reach | None:
-    """The configurations in which a motion to the goal may end.
+    """The configurations in which a motion of an arm to the goal may end.
 
     Returns:
-        Them; None where the goal gives every joint.
+        Them; None where the goal gives every joint, or the system is no arm.
     """
     expect_problem(problem)
-    if not problem.free:
+    if not problem.free or problem.system.has_user_coordinates:
         return None
     theta = _goal_angles(problem)
     errors = _tip_errors(problem, theta)

@@ -38,7 +38,7 @@ from planner.report.figures.style import readable_name, to_display, unit_of
 from planner.support.arrays import Array, jsonable
 from planner.systems.chained_form import chained_form
 from planner.systems.manipulator import Manipulator
-from planner.systems.triangular_system import TriangularSystem
+from planner.systems.triangular_system import Coordinate, TriangularSystem
 
 Panel = dict[str, Any]
 
@@ -70,6 +70,11 @@ class PlanCurves:
     def q(self) -> Array:
         """Coordinates, shape (m, N)."""
         return self.plan.q(self.t)
+
+    @cached_property
+    def user(self) -> Array:
+        """User coordinates, shape (m, N)."""
+        return self.plan.user(self.t)
 
     @cached_property
     def z(self) -> Array:
@@ -173,22 +178,31 @@ def _domain(one: PlanCurves) -> Mapping[str, Any]:
 # -- coordinates and inputs ---------------------------------------------------------------------
 
 
+def shown_coordinates(system: TriangularSystem) -> list[tuple[int, Coordinate]]:
+    """The user coordinates that are drawn, with their indices.
+
+    All; where they are the triangular ones, those after the first, which is the path coordinate.
+    """
+    every = list(enumerate(system.user_coordinates))
+    return every if system.has_user_coordinates else every[1:]
+
+
 def joint_panels(drawn: DrawnPlans) -> list[Panel]:
-    """Each coordinate after the first, with start, goal, waypoints, and limits that are near."""
+    """The user coordinates, with start, goal, waypoints, and limits that are near."""
     problem = drawn[0].plan.problem
-    panels = []
-    for i, coordinate in enumerate(problem.system.coordinates[1:], start=1):
+    panels, start = [], problem.system.user(problem.start)
+    for i, coordinate in shown_coordinates(problem.system):
         unit = coordinate.unit
-        series = [one.curve(to_display(one.q[:, i], unit)) for one in drawn]
-        (limit,) = to_display(problem.limits.joint[i : i + 1], unit).tolist()
+        series = [one.curve(to_display(one.user[:, i], unit)) for one in drawn]
+        (limit,) = to_display(problem.limits.user[i : i + 1], unit).tolist()
         stops = [
-            [point.time_s, float(to_display(point.q[i : i + 1], unit)[0])]
+            [point.time_s, float(to_display(point.user[i : i + 1], unit)[0])]
             for point in problem.waypoints
-            if point.time_s is not None and np.isfinite(point.q[i])
+            if point.time_s is not None and np.isfinite(point.user[i])
         ]
         panel = time_panel("joints", coordinate.name, unit_of(coordinate), series)
         panel["limits"] = near_limits(np.concatenate([s["y"] for s in series]), limit)
-        panel["ends"] = to_display(np.array([problem.start[i], problem.goal[i]]), unit).tolist()
+        panel["ends"] = to_display(np.array([start[i], problem.user_goal[i]]), unit).tolist()
         panels.append({**panel, "stops": stops})
     return panels
 

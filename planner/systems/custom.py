@@ -20,6 +20,7 @@ from planner.support.calculus.inverse import Preimage, inverse
 from planner.support.compiled_calls import Pointwise
 from planner.systems.expressions import FUNCTIONS, parse_expression, write_expression
 from planner.systems.triangular_system import Coordinate, TriangularSystem
+from planner.systems.user_map import UserMap
 
 Slopes = Callable[[Any], Sequence[Any]] | Sequence[str]
 Drive = Callable[[Any], Any] | str
@@ -44,10 +45,15 @@ class CustomSystem(TriangularSystem):
         intervals: Open interval of each coordinate q₂ … q_{N−1}, by name, in its unit. The default
             for angles (unit "rad") is (−π/2, π/2).
         inputs: Names and units of u₁ and u₂.
+        user: Coordinates of your own, in which you state problems and read plans, if the triangular
+            ones are others: a table with `coordinates` (N names), `units`, `expressions` (N texts
+            in the names of the triangular ones) and `inverse` (N texts in your names, one for each
+            triangular coordinate).
 
     Raises:
         InputError: If names or counts do not match, fᵢ depends on a coordinate before qᵢ₋₁ or not
-            on qᵢ₋₁, an interval is missing or empty, or fᵢ has more than one extremum in it.
+            on qᵢ₋₁, an interval is missing or empty, fᵢ has more than one extremum in it, or the
+            maps to your coordinates and back do not belong together.
     """
 
     kind: ClassVar[str] = "custom"
@@ -61,6 +67,7 @@ class CustomSystem(TriangularSystem):
         *,
         intervals: Mapping[str, Sequence[float]] | None = None,
         inputs: tuple[Coordinate, Coordinate] = _INPUTS,
+        user: Mapping[str, Sequence[str]] | None = None,
     ) -> None:
         self.name = name
         self._coordinates = check_names(name, coordinates)
@@ -68,6 +75,7 @@ class CustomSystem(TriangularSystem):
         self._intervals = check_intervals(name, self._coordinates, intervals or {})
         self._slopes_text = self._expression_texts("slopes", slopes)
         self._drive_text = self._expression_texts("drive", drive)[0]
+        self._user = None if user is None else UserMap(name, self._coordinates, user)
         self._build()
 
     # -- names ---------------------------------------------------------------------------------
@@ -83,6 +91,11 @@ class CustomSystem(TriangularSystem):
         return self._inputs
 
     @property
+    def user_coordinates(self) -> tuple[Coordinate, ...]:
+        """As given."""
+        return self._coordinates if self._user is None else self._user.coordinates
+
+    @property
     def intervals(self) -> dict[str, tuple[float, float]]:
         """Interval of each coordinate that a link is solved for."""
         return {self._coordinates[i].name: pair for i, pair in self._intervals.items()}
@@ -96,6 +109,14 @@ class CustomSystem(TriangularSystem):
     def drive_expr(self, q: Any) -> Any:
         """γ."""
         return self._parse("drive", self._drive_text, q)
+
+    def user_expr(self, q: Any) -> list[Any]:
+        """As given."""
+        return super().user_expr(q) if self._user is None else self._user.there(q)
+
+    def from_user_expr(self, w: Any) -> list[Any]:
+        """As given."""
+        return super().from_user_expr(w) if self._user is None else self._user.back(w)
 
     # -- the chart -----------------------------------------------------------------------------
 
@@ -200,11 +221,15 @@ class CustomSystem(TriangularSystem):
         }
         check_structure(self.name, self._coordinates, slopes, q)
         check_turns(self.name, self._coordinates, self._intervals, self._links)
+        if self._user is not None:
+            check_names(self.name, self._user.coordinates)
+            self._user.check_inverse(self._intervals)
 
     # -- identity ------------------------------------------------------------------------------
 
     def to_dict(self) -> dict[str, Any]:
         """The `[system]` table."""
+        user = {} if self._user is None else {"user": self._user.texts}
         return {
             "kind": self.kind,
             "name": self.name,
@@ -215,6 +240,7 @@ class CustomSystem(TriangularSystem):
             "intervals": {name: list(pair) for name, pair in self.intervals.items()},
             "inputs": [c.name for c in self._inputs],
             "input_units": [c.unit for c in self._inputs],
+            **user,
         }
 
 

@@ -82,6 +82,62 @@ class TriangularSystem(ABC):
         """Indices of the coordinates to which joint limits apply (by default all but the first)."""
         return tuple(range(1, self.size))
 
+    # -- user coordinates ----------------------------------------------------------------------
+
+    @property
+    def user_coordinates(self) -> tuple[Coordinate, ...]:
+        """The N coordinates that problem files, figures and exports use; by default `coordinates`.
+
+        One with the name of a triangular coordinate is that coordinate. A system with others gives
+        both maps, `user_expr` and `from_user_expr`, and should give them as NumPy code too.
+        """
+        return self.coordinates
+
+    def user_expr(self, q: Any) -> list[Any]:
+        """CasADi expressions of the user coordinates (a list of N) in q (N)."""
+        return [q[i] for i in range(self.size)]
+
+    def from_user_expr(self, w: Any) -> list[Any]:
+        """CasADi expressions of q (a list of N) in the user coordinates w (N)."""
+        return [w[i] for i in range(self.size)]
+
+    def user(self, q: Array) -> Array:
+        """User coordinates, shape (…, N), at q (…, N)."""
+        return self._user_functions[0](q) if self.has_user_coordinates else q
+
+    def from_user(self, w: Array) -> Array:
+        """q, shape (…, N), at user coordinates w (…, N)."""
+        return self._user_functions[1](w) if self.has_user_coordinates else w
+
+    @cached_property
+    def _user_functions(self) -> tuple[Pointwise, Pointwise]:
+        x = ca.SX.sym("x", self.size)
+        there, back = (ca.vertcat(*f(x)) for f in (self.user_expr, self.from_user_expr))
+        return Pointwise("user", [x], there), Pointwise("from_user", [x], back)
+
+    @property
+    def has_user_coordinates(self) -> bool:
+        """Whether they are others than the triangular ones, or in another order."""
+        return self.user_coordinates != self.coordinates
+
+    @cached_property
+    def shared(self) -> dict[int, int]:
+        """Index of each user coordinate that is a triangular one, to the index of the latter."""
+        names = [c.name for c in self.coordinates]
+        pairs = enumerate(c.name for c in self.user_coordinates)
+        return {i: names.index(name) for i, name in pairs if name in names}
+
+    def fixed_by(self, w: Array) -> Array:
+        """What user coordinates w (N,), NaN where free, fix of q: shape (N,), NaN where free.
+
+        All of it where w is complete; else those coordinates that are in both.
+        """
+        if not np.any(np.isnan(w)):
+            return self.from_user(w)
+        q = np.full(self.size, np.nan)
+        q[list(self.shared.values())] = w[list(self.shared)]
+        return q
+
     # -- symbolic form -------------------------------------------------------------------------
 
     @abstractmethod

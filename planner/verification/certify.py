@@ -37,6 +37,7 @@ from planner.verification.place_proofs import (
     joints,
     nearest_time,
     path_time,
+    user_models,
 )
 from planner.verification.verify import GOAL_TOLERANCE, INTERPOLANT_TOLERANCE, LIMIT_TOLERANCE
 
@@ -201,11 +202,13 @@ def _row_models(
         for part, value in zip(required.parts, models, strict=True):
             open_ = (value.low < part.low) | (value.high > part.high)
             hidden |= open_ & (value.r > LIMIT_TOLERANCE * part.scale)
+        if required.final:
+            hidden[:-1] = False
         read = [ball for name in names for ball in getattr(enclosure, name)]
         return np.asarray(hidden & np.all([np.isfinite(ball.range[0]) for ball in read], axis=0))
 
     models = models_of(motion.enclosure)
-    if not required.final and np.any(coarse_cells(motion.enclosure, models)):
+    if np.any(coarse_cells(motion.enclosure, models)):
         motion = evidence.refine(
             motion, lambda enclosure: coarse_cells(enclosure, models_of(enclosure))
         )
@@ -326,13 +329,18 @@ def _clearance_claims(
 def _(point: Waypoint, evidence: Evidence) -> Iterable[Proof]:
     """It is passed, within `verify`'s tolerance: at its time, or at some time."""
     (part,), time_s = point.parts, point.time_s
+    motion = evidence.path.enclosure
+    try:
+        states = user_models(point.system, motion)
+    except UnboundedError as error:
+        return [undecided_claim(part.label, "", f"nothing bounds {error}")]
     if time_s is None:
-        (when, nowhere), doubt = nearest_time(evidence.path.enclosure, point, GOAL_TOLERANCE), 0.0
+        (when, nowhere), doubt = nearest_time(motion.cells, states, point, GOAL_TOLERANCE), 0.0
     else:
         (when, doubt), nowhere = path_time(evidence.plan.trajectory, time_s), True
     if not np.isfinite(doubt):
         why = f"where the motion is at t = {time_s:.6g} s is not known"
         return [undecided_claim(part.label, "", why)]
-    low, high = distance_bounds(evidence.path.enclosure, point, when, doubt)
+    low, high = distance_bounds(motion.cells, states, point, when, doubt)
     best = GOAL_TOLERANCE - low if nowhere else np.nan
     return [evidence.path.claim(part, GOAL_TOLERANCE, GOAL_TOLERANCE - high, best, when)]

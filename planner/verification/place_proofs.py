@@ -146,13 +146,35 @@ def _least_quadratic(a: Array, length: float) -> Array:
     return np.asarray(2 * a * t + t**2)
 
 
-def nearest_time(motion: Enclosure, point: Waypoint, tolerance: float) -> tuple[float, bool]:
+def user_models(system: TriangularSystem, motion: Enclosure) -> list[Model]:
+    """Models of the user coordinates.
+
+    Raises:
+        UnboundedError: If the map to them uses an operation that balls do not know.
+    """
+    if not system.has_user_coordinates:
+        return motion.states
+    return motion.models(*_user(system)(motion.q))
+
+
+@lru_cache(maxsize=32)
+def _user(system: TriangularSystem) -> Expression:
+    """The user coordinates, of q."""
+    q = ca.SX.sym("q", system.size)
+    return Expression([q], ca.vertcat(*system.user_expr(q)))
+
+
+def nearest_time(
+    cells: Cells, states: Sequence[Model], point: Waypoint, tolerance: float
+) -> tuple[float, bool]:
     """The time at which the motion is next to a waypoint, and whether it provably never is near.
+
+    `states` are models of the user coordinates on the cells.
 
     Nothing is proven of that time, so the dips between samples are narrowed as they are.
     """
-    places, fixed = np.array([-1.0, *nodes(), 1.0]), np.flatnonzero(~np.isnan(point.q))
-    coordinates = [(motion.states[i], float(point.q[i])) for i in fixed]
+    places, fixed = np.array([-1.0, *nodes(), 1.0]), np.flatnonzero(~np.isnan(point.user)).tolist()
+    coordinates = [(states[i], float(point.user[i])) for i in fixed]
 
     def distances(cell: Index, x: Array) -> Array:
         """Distance at places x (R, M) of cells (R,)."""
@@ -162,9 +184,7 @@ def nearest_time(motion: Enclosure, point: Waypoint, tolerance: float) -> tuple[
         doubts = [p.r[cell, None] for p, _ in coordinates]
         return np.asarray(np.max(np.abs(values) + np.array(doubts), axis=0))
 
-    sampled = distances(
-        np.arange(len(motion.cells.piece)), np.tile(places, (len(motion.cells.piece), 1))
-    )
+    sampled = distances(np.arange(len(cells.piece)), np.tile(places, (len(cells.piece), 1)))
     side = np.pad(sampled, ((0, 0), (1, 1)), constant_values=np.inf)
     cell, place = np.nonzero((sampled <= side[:, :-2]) & (sampled <= side[:, 2:]))
     low, high = places[np.maximum(place - 1, 0)], places[np.minimum(place + 1, len(places) - 1)]
@@ -175,24 +195,24 @@ def nearest_time(motion: Enclosure, point: Waypoint, tolerance: float) -> tuple[
         k = np.argmin(distances_there, axis=1)
         low, high = x[row, np.maximum(k - 1, 0)], x[row, np.minimum(k + 1, 16)]
     best = int(np.argmin(distances_there[row, k]))
-    time = float(motion.cells.time(cell[best], x[best, k[best]]))
+    time = float(cells.time(cell[best], x[best, k[best]]))
     off = [p - value for p, value in coordinates]
     far = np.max([np.maximum(p.low, -p.high) for p in off], axis=0)
     return time, bool(np.all(far > tolerance))
 
 
 def distance_bounds(
-    motion: Enclosure, point: Waypoint, time: float, slip: float
+    cells: Cells, states: Sequence[Model], point: Waypoint, time: float, slip: float
 ) -> tuple[float, float]:
     """Bounds of the distance at a time that is known to within `slip`."""
-    ends = motion.cells.times(np.array([-1.0, 1.0]))
+    ends = cells.times(np.array([-1.0, 1.0]))
     k = int(np.clip(np.searchsorted(ends[:, 0], time, side="right") - 1, 0, len(ends) - 1))
     tau = 2 * (time - ends[k, 0]) / (ends[k, 1] - ends[k, 0]) - 1
     low, high = 0.0, 0.0
-    for i in np.flatnonzero(~np.isnan(point.q)):
-        c = motion.states[i].c[k]
-        value = abs(chebval(tau, c) - point.q[i])
-        doubt = float(motion.states[i].r[k]) + 1e-14 * len(c) ** 2 * float(np.sum(np.abs(c)))
+    for i in np.flatnonzero(~np.isnan(point.user)).tolist():
+        c = states[i].c[k]
+        value = abs(chebval(tau, c) - point.user[i])
+        doubt = float(states[i].r[k]) + 1e-14 * len(c) ** 2 * float(np.sum(np.abs(c)))
         steepest = float(np.arange(len(c)) ** 2 @ np.abs(c))  # |Tₖ'| ≤ k²
         doubt += 2 * slip / (ends[k, 1] - ends[k, 0]) * steepest
         low, high = max(low, value - doubt), max(high, value + doubt)

@@ -164,7 +164,7 @@ def plan_summary(plan: Plan, check: Check | None = None) -> dict[str, Any]:
         A value for each of `SUMMARY_KEYS`: number, text, list or dictionary; NaN where undefined.
     """
     check = verify(plan) if check is None else check
-    names = [c.name for c in plan.problem.system.coordinates]
+    names = [c.name for c in plan.problem.system.user_coordinates]
     out = dict.fromkeys(SUMMARY_KEYS)
     out |= {
         "method": plan.method,

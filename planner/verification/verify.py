@@ -54,9 +54,10 @@ class Check:
 
     Attributes:
         ok: Whether the motion reaches the goal and keeps every limit.
-        terminal_error: Integrated end minus goal, shape (N,), in the coordinates' units; zero for
-            joints and a travel that the goal leaves free.
-        terminal_error_deg: The same for the coordinates after the first that are angles, degrees.
+        terminal_error: Integrated end minus goal, in user coordinates, shape (N,), in their units;
+            zero for what the goal leaves free.
+        terminal_error_deg: The same for those that are angles, degrees; where they are the
+            triangular ones, without the first.
         margins: Margin of each requirement (negative: broken), in its own unit.
         violations: Broken requirements, the worst first.
         interpolant_error: Largest |plan.q(t) − integrated q(t)|, in the coordinates' units.
@@ -164,6 +165,9 @@ def verify(plan: Plan) -> Check:
         (v for f in findings if (v := f.violation())),
         key=lambda v: np.nan_to_num(-v.scaled, nan=-np.inf),
     )
+    if problem.system.has_user_coordinates:
+        reached, wanted = problem.system.user(end), problem.user_goal
+        error = np.asarray(reached - np.where(np.isnan(wanted), reached, wanted))
     return Check(
         ok=not broken,
         terminal_error=error,
@@ -205,7 +209,8 @@ def _motion_on_machine(plan: Plan) -> tuple[Motion, Array]:
 
 def _angular(plan: Plan) -> list[int]:
     system = plan.problem.system
-    return [i for i in system.limited if system.coordinates[i].unit == "rad"]
+    which = range(system.size) if system.has_user_coordinates else system.limited
+    return [i for i in which if system.user_coordinates[i].unit == "rad"]
 
 
 def _motion_findings(

@@ -221,7 +221,8 @@ def test_joint_limits_are_left_out_as_far_as_their_keys_allow() -> None:
 
 
 def test_a_waypoint_is_as_far_as_its_worst_coordinate() -> None:
-    point = Waypoint(2, np.array([np.nan, 1.0, np.nan, -2.0]), None, "rad")
+    arm = planner.Manipulator([0.9, 0.7])
+    point = Waypoint(2, np.array([np.nan, 1.0, np.nan, -2.0]), None, "rad", arm)
     q = np.array([[9.0, 1.5, 9.0, -2.25], [0.0, 1.0, 0.0, -2.0], [0.0, 0.5, 9.0, -1.25]])
     np.testing.assert_array_equal(point.distance(q), [0.5, 0.0, 0.75])
     (part,) = point.parts

@@ -26,9 +26,11 @@ SOLVED, LIMIT, CHART, NONE, OPEN, UNABLE = (
 EXPECTED = {
     "ball-gear": (SOLVED, SOLVED, SOLVED, LIMIT, SOLVED, SOLVED),
     "car": (SOLVED, SOLVED, SOLVED, LIMIT, SOLVED, SOLVED),
+    "coin": (SOLVED, LIMIT, SOLVED, LIMIT, SOLVED, SOLVED),
     "crossing": (CHART, CHART, CHART, CHART, SOLVED, CHART),
     "custom": (SOLVED, SOLVED, LIMIT, LIMIT, SOLVED, SOLVED),
     "four-joint": (CHART, CHART, CHART, CHART, SOLVED, OPEN),
+    "front-axle": (SOLVED, SOLVED, SOLVED, SOLVED, SOLVED, SOLVED),
     "obstacle": (LIMIT, LIMIT, LIMIT, LIMIT, SOLVED, LIMIT),
     "paper": (LIMIT, LIMIT, SOLVED, LIMIT, SOLVED, SOLVED),
     "paper-fig4": (CHART, CHART, LIMIT, LIMIT, SOLVED, NONE),
@@ -55,9 +57,9 @@ PAIRS = [(name, method) for method in METHODS for name in sorted(EXPECTED)]
 # The longest searches of these two laws, which end as on problems that are left.
 # "paper" by the first of them is in tests/methods/laws/test_sinusoid.py.
 LONG = {
-    "sinusoid": "custom four-joint obstacle paper paper-fig4 trailers waypoint z2-limit",
-    "sinusoid_steps": "custom four-joint obstacle paper paper-fig4 parking trailers waypoint"
-    " z2-limit",
+    "sinusoid": "custom four-joint front-axle obstacle paper paper-fig4 trailers waypoint z2-limit",
+    "sinusoid_steps": "custom four-joint front-axle obstacle paper paper-fig4 parking trailers"
+    " waypoint z2-limit",
 }
 # The longest searches are done once, with the same assertions: tests/methods/collocation/
 # test_places.py and test_links_apart.py.

@@ -178,6 +178,8 @@ def test_coordinates_have_names_and_units(name: str) -> None:
     assert {c.unit for c in system.coordinates} <= {"m", "rad"}
     assert 0 not in system.limited
     assert all(system.coordinates[i].unit == "rad" for i in system.limited) or name[:3] == "cus"
+    assert {c.unit for c in system.user_coordinates} <= {"m", "rad"}
+    assert len({c.name for c in system.user_coordinates}) == system.size
 
 
 def test_equal_systems_are_equal() -> None:

@@ -247,9 +247,10 @@ def test_a_stop_ends_it_and_a_time_limit_does_not(judged: Any, optimal: planner.
 def test_the_distance_at_a_time_holds_wherever_the_time_may_be(optimal: planner.Plan) -> None:
     """A time known to within a slip: the bounds hold at all times so near, and are not vague."""
     _, motion, _ = enclose_trajectory(optimal.trajectory, optimal.problem.start)
-    point, slip = Waypoint(1, np.array([np.nan, 0.3, np.nan, np.nan]), 4.0, "rad"), 0.01
+    given, slip = np.array([np.nan, 0.3, np.nan, np.nan]), 0.01
+    point = Waypoint(1, given, 4.0, "rad", optimal.problem.system)
     for time in np.linspace(0.5, 9.5, 19):
-        low, high = distance_bounds(motion, point, float(time), slip)
+        low, high = distance_bounds(motion.cells, motion.states, point, float(time), slip)
         near = abs(optimal.q(time + slip * np.linspace(-1, 1, 11))[:, 1] - 0.3)
         assert low <= near.min() + 1e-5  # the plan's own curve is not quite the motion
         assert near.max() <= high + 1e-5

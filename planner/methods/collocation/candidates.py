@@ -29,7 +29,7 @@ from planner.methods.collocation.transcription.form import Mesh, through, unifor
 from planner.methods.collocation.transcription.transcription import Transcription
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.problem import Problem
-from planner.problem.reach import goal_reach
+from planner.problem.reach import expected_goals
 from planner.problem.requirements.places import Waypoint
 from planner.support.arrays import Array
 
@@ -197,8 +197,8 @@ def routes(problem: Problem) -> list[Problem]:
         InputError: If there are too many orders.
     """
     expected = [problem]
-    if problem.free and (reach := goal_reach(problem)):
-        expected = [problem.expecting(q) for q in reach.branches[:MOST_BRANCHES]]
+    if problem.free:
+        expected = [problem.expecting(q) for q in expected_goals(problem)[:MOST_BRANCHES]]
     count = len(problem.waypoints)
     if count < 2 or not expected:
         return expected

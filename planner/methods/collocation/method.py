@@ -160,9 +160,16 @@ def _plan(
 
 
 def chosen_goal(problem: Problem, iterate: Iterate) -> dict[str, Any]:
-    """For a plan's notes: all joints at its end, in degrees, where the goal leaves some free."""
+    """For a plan's notes: where it ends, if the goal leaves that free.
+
+    All joints, in degrees; user coordinates by name, in their units.
+    """
     if not problem.free:
         return {}
+    system = problem.system
+    if system.has_user_coordinates:
+        end = system.user(iterate.nodes[-1, : system.size]).tolist()
+        return {"goal": {c.name: x for c, x in zip(system.user_coordinates, end, strict=True)}}
     return {"goal_theta_deg": np.rad2deg(iterate.nodes[-1, 1 : problem.system.size]).tolist()}
 
 

@@ -366,6 +366,8 @@ def _goal_words(problem: Problem) -> str:
     """Of a goal that leaves joints free, which one the search expects, in words."""
     if not problem.free:
         return ""
+    if problem.system.has_user_coordinates:
+        return ""  # one goal is expected
     angles = ", ".join(f"{angle:.3g}" for angle in np.rad2deg(problem.likely.goal[1:]))
     return f" towards ({angles}) deg"
 

@@ -169,7 +169,8 @@ def task(
     Whether the duration is an unknown of the form, and what it keeps, is for the problem to say.
     """
     requirements = kept_between_nodes(problem)
-    kept, final = (tuple(each.template for each in of) for of in (requirements, problem.final))
+    at_edges = [each for each in (*problem.final, problem.on_the_way) if each.parts]
+    kept, final = (tuple(each.template for each in of) for of in (requirements, at_edges))
     form = replace(form, free_duration=problem.duration is None, kept=kept, final=final)
     built, began = transcription.cache_info().misses, time.perf_counter()
     made = transcription(problem.system, form)

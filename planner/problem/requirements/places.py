@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -21,15 +22,17 @@ class Waypoint(Demand):
 
     Attributes:
         number: From 1, in the order of the problem file.
-        q: Coordinates, shape (N,), NaN where free.
+        user: User coordinates, shape (N,), NaN where free.
         time_s: When, in seconds; None at any time.
-        unit: Unit of the coordinates that it fixes; empty where there are several.
+        unit: Unit of the coordinates that it gives; empty where there are several.
+        system: The system.
     """
 
     number: int
-    q: Array
+    user: Array
     time_s: float | None
     unit: str
+    system: TriangularSystem
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -45,9 +48,21 @@ class Waypoint(Demand):
         """Without any."""
         return {"waypoints": []}, "", "the waypoints"
 
+    @cached_property
+    def q(self) -> Array:
+        """What it fixes of q, shape (N,), NaN where free."""
+        return self.system.fixed_by(self.user)
+
+    @cached_property
+    def beside_q(self) -> tuple[int, ...]:
+        """Indices of the user coordinates that it gives and that q does not hold by itself."""
+        given = np.flatnonzero(~np.isnan(self.user)).tolist()
+        some = len(given) < len(self.user)
+        return tuple(i for i in given if some and i not in self.system.shared)
+
     def distance(self, q: Array) -> Array:
-        """Largest difference of a coordinate that it fixes, shape (…,), at q (…, N)."""
-        return np.asarray(np.nanmax(np.abs(q - self.q), axis=-1))
+        """Largest difference of a user coordinate that it gives, shape (…,), at q (…, N)."""
+        return np.asarray(np.nanmax(np.abs(self.system.user(q) - self.user), axis=-1))
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,17 @@
 """Problem files whose start, goal and limits name coordinates, for systems of users' own classes.
 
-The tables of a problem file for `system.kind = "custom"`: the user's own system by expressions.
+These are the user coordinates. Here, and only here, they become triangular ones: where all are
+given q is; else what they have in common with the triangular ones is, and the rest is a requirement
+on the map (`planner.problem.requirements.user_places`).
+
+The tables of a problem file for `system.kind = "custom"`, the user's own system by expressions, and
+for the coin.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -22,11 +29,26 @@ from planner.problem.tables.problem_file import (
 from planner.support.arrays import Array
 from planner.support.tables import line
 from planner.support.user_tables import Positive, Table, allowed_hint
+from planner.systems.coin import Coin
 from planner.systems.custom import CustomSystem
-from planner.systems.triangular_system import Coordinate
+from planner.systems.triangular_system import Coordinate, TriangularSystem
+from planner.systems.user_map import ROUND_TRIP, pairs_of
 
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 Names = Annotated[list[str], Field(min_length=2, max_length=2)]
+
+
+class UserTable(Table):
+    """Coordinates of the user's own, in which the file is written, with the map each way."""
+
+    coordinates: list[str] = Field(description="Their names, as many as triangular ones.")
+    units: list[str] = Field(description="Their units; 'rad' is shown in degrees.")
+    expressions: list[str] = Field(
+        description="Each of them as an expression of the triangular coordinates."
+    )
+    inverse: list[str] = Field(
+        description="Each triangular coordinate as an expression of them, in triangular order."
+    )
 
 
 class CustomTable(Table):
@@ -50,16 +72,23 @@ class CustomTable(Table):
     inputs: Names = Field(default_factory=lambda: ["u1", "u2"], description="Names of the inputs.")
     input_units: Names = Field(default_factory=lambda: ["", ""], description="Their units.")
 
+    user: UserTable | None = Field(
+        None,
+        description="Coordinates of your own, if you write the file in others than the triangular"
+        " ones.",
+    )
+
     @model_validator(mode="after")
     def _check_expressions(self) -> CustomTable:
         if len(self.units) != len(self.coordinates):
             raise ValueError(
                 f"units has {len(self.units)} entries for {len(self.coordinates)} coordinates"
             )
-        self.build()
+        assert self.built
         return self
 
-    def build(self) -> CustomSystem:
+    @cached_property
+    def built(self) -> CustomSystem:
         """The system described."""
         named = zip(self.coordinates, map(line, self.units), strict=True)
         first, second = zip(map(line, self.inputs), map(line, self.input_units), strict=True)
@@ -70,6 +99,7 @@ class CustomTable(Table):
             self.drive,
             intervals=self.intervals,
             inputs=(Coordinate(*first), Coordinate(*second)),
+            user=None if self.user is None else self.user.model_dump(),
         )
 
 
@@ -82,8 +112,13 @@ class CustomStart(Table):
 class CustomGoal(GoalTable):
     """Where the system ends."""
 
-    q: dict[str, float] = Field(description="Each coordinate but the first by name, in its unit.")
-    travel: Free | float = Field("free", description="Change of the first coordinate, or 'free'.")
+    q: dict[str, Free | float] = Field(
+        description="Each coordinate but the first by name, in its unit; of user coordinates one"
+        " may be 'free'."
+    )
+    travel: Free | float = Field(
+        "free", description="Change of the first triangular coordinate, or 'free'."
+    )
 
 
 class CustomLimits(BaseLimits):
@@ -125,16 +160,31 @@ class OwnFile(NamedFile):
     goal: CustomGoal
     limits: CustomLimits = Field(default_factory=CustomLimits)
 
+    @cached_property
+    def built(self) -> TriangularSystem:
+        """The system."""
+        return self.build_system()
+
     @property
     def names(self) -> list[str]:
-        """Names of the coordinates."""
-        return [c.name for c in self.build_system().coordinates]
+        """Names of the coordinates: the user's."""
+        return [c.name for c in self.built.user_coordinates]
+
+    @property
+    def path_index(self) -> int | None:
+        """Which user coordinate is the path coordinate q₁; None if none of them is."""
+        return next((i for i, j in self.built.shared.items() if j == 0), None)
 
     @model_validator(mode="after")
     def _check_names(self) -> OwnFile:
-        every, tail = self.names, self.names[1:]
-        wanted = {"start.q": (self.start.q, every), "goal.q": (self.goal.q, tail)}
-        for key, (given, names) in {**wanted, "limits.q": (self.limits.q, tail)}.items():
+        every, path = self.names, self.path_index
+        rest = [name for i, name in enumerate(every) if i != path]
+        limited = rest if not self.built.has_user_coordinates else every
+        wanted: dict[str, tuple[Mapping[str, Any], list[str]]] = {
+            "start.q": (self.start.q, every),
+            "goal.q": (self.goal.q, rest),
+        }
+        for key, (given, names) in {**wanted, "limits.q": (self.limits.q, limited)}.items():
             for name in given:
                 if name not in names:
                     raise ValueError(
@@ -144,19 +194,54 @@ class OwnFile(NamedFile):
             missing = [name for name in names if name not in given]
             if missing:
                 raise ValueError(f"{key} lacks {', '.join(missing)}")
+        self._check_goal(path)
         return self
+
+    def _check_goal(self, path: int | None) -> None:
+        free = [name for name, value in self.goal.q.items() if value == "free"]
+        if free and not self.built.has_user_coordinates:
+            raise ValueError(f"goal.q.{free[0]} = 'free': give it a number")
+        if path is None and self.goal.travel != "free":
+            raise ValueError(
+                "goal.travel: leave it out; goal.q gives it, since"
+                f" {self.built.coordinates[0].name} is no user coordinate"
+            )
+        if len(free) == len(self.goal.q) and self.built.has_user_coordinates:
+            raise ValueError("goal.q leaves every coordinate free; give at least one")
+        for key, w in (("start.q", self._user_start()), ("goal.q", self.user_goal())):
+            if np.all(np.isfinite(w)):
+                again = self.built.user(self.built.from_user(w))
+                if not np.all(np.abs(again - w) <= ROUND_TRIP * (1 + np.abs(w))):
+                    raise ValueError(
+                        f"{key}: the map to triangular coordinates and back leads elsewhere, to"
+                        f" {pairs_of(self.built.user_coordinates, again)}"
+                    )
+
+    def _user_start(self) -> Array:
+        return np.array([self.start.q[name] for name in self.names])
 
     def start_state(self) -> Array:
         """q(0), shape (N,)."""
-        return np.array([self.start.q[name] for name in self.names])
+        return self.built.from_user(self._user_start())
 
     def goal_state(self) -> Array:
-        """q(T), shape (N,); NaN first, since `travel` speaks of that coordinate."""
-        return np.array([np.nan, *(self.goal.q[name] for name in self.names[1:])])
+        """q(T), shape (N,); NaN first, since the travel speaks of that coordinate."""
+        return np.append(np.nan, self.built.fixed_by(self.user_goal())[1:])
+
+    def user_goal(self) -> Array:
+        """The goal in user coordinates, shape (N,), NaN where free."""
+        given = {name: value for name, value in self.goal.q.items() if value != "free"}
+        w = np.array([given.get(name, np.nan) for name in self.names], dtype=float)
+        if (path := self.path_index) is not None and self.goal.travel != "free":
+            w[path] = self.start.q[self.names[path]] + self.goal.travel
+        return w
 
     def path_travel(self) -> float | None:
         """Change of the first coordinate, or None when free."""
-        return None if self.goal.travel == "free" else float(self.goal.travel)
+        if self.path_index is not None:
+            return None if self.goal.travel == "free" else float(self.goal.travel)
+        end = self.built.fixed_by(self.user_goal())[0]
+        return None if np.isnan(end) else float(end - self.start_state()[0])
 
     def travel_change(self, travel: float | None) -> dict[str, Any]:
         """The key that sets the travel, and its value."""
@@ -164,6 +249,13 @@ class OwnFile(NamedFile):
 
     def joint_limits(self) -> Array:
         """Largest |q|, shape (N,); infinite where there is none."""
+        most = np.full(len(self.names), np.inf)
+        shared = self.built.shared
+        most[list(shared.values())] = self.user_limits()[list(shared)]
+        return most
+
+    def user_limits(self) -> Array:
+        """Largest |user coordinate|, shape (N,); infinite where there is none."""
         return np.array([self.limits.q.get(name, np.inf) for name in self.names])
 
 
@@ -174,15 +266,29 @@ class CustomFile(OwnFile):
 
     system: CustomTable
 
-    @property
-    def names(self) -> list[str]:
-        """As in the table, before the system is built."""
-        return self.system.coordinates
-
     def build_system(self) -> CustomSystem:
         """The system described."""
-        return self.system.build()
+        return self.system.built
 
 
-FILES: dict[str, type[ProblemFile]] = {"custom": CustomFile}
+class CoinTable(Table):
+    """The coin."""
+
+    kind: Literal["coin"]
+    radius_m: Positive = Field(description="Radius of the coin in m.")
+
+
+class CoinFile(OwnFile):
+    """A problem file for the coin, in x, y, heading and roll."""
+
+    summary: ClassVar[str] = "coin that rolls upright, in the position of its contact"
+
+    system: CoinTable
+
+    def build_system(self) -> Coin:
+        """The system described."""
+        return Coin(self.system.radius_m)
+
+
+FILES: dict[str, type[ProblemFile]] = {"custom": CustomFile, "coin": CoinFile}
 """By `system.kind`."""

@@ -272,9 +272,20 @@ class ProblemFile(Table):
     def joint_limits(self) -> Array:
         """Largest |q|, shape (N,), infinite where there is none."""
 
+    def user_goal(self) -> Array:
+        """The goal in user coordinates, shape (N,), NaN where free.
+
+        By default the goal's q, of a system that has no others.
+        """
+        return self.goal_state()
+
+    def user_limits(self) -> Array:
+        """Largest |user coordinate|, shape (N,), infinite where there is none."""
+        return self.joint_limits()
+
     @abstractmethod
     def waypoint_states(self, coordinates: list[str]) -> list[Array]:
-        """q of each waypoint, shape (N,), NaN where free.
+        """User coordinates of each waypoint, shape (N,), NaN where free.
 
         Raises:
             ValueError: If one names a coordinate that there is not.
@@ -307,7 +318,7 @@ class NamedFile(ProblemFile):
     )
 
     def waypoint_states(self, coordinates: list[str]) -> list[Array]:
-        """q of each waypoint, shape (N,), NaN where free."""
+        """User coordinates of each waypoint, shape (N,), NaN where free."""
         for number, point in enumerate(self.waypoints):
             for name in point.q:
                 if name not in coordinates:

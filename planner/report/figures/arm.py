@@ -10,6 +10,7 @@ import numpy as np
 from planner.errors import InputError
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
+from planner.problem.requirements.places import Waypoint
 from planner.report.figures.style import (
     LABEL_BOX,
     Curve,
@@ -72,7 +73,7 @@ def plot_arm(plans: Plans, *, axes: Any = None, poses: int = 12) -> tuple[Figure
 
 def can_draw(system: TriangularSystem) -> bool:
     """Whether `plot_arm` can draw the system."""
-    names = {c.name for c in system.coordinates}
+    names = {c.name for c in system.user_coordinates}
     return hasattr(system, "arm_points") or {"x", "y"} <= names
 
 
@@ -83,22 +84,28 @@ def body_points(problem: Problem, q: Array) -> Array:
         return np.asarray(system.arm_points(q[..., 1:]))
     if hasattr(system, "axle_points"):
         return np.asarray(system.axle_points(q))
-    names = [c.name for c in system.coordinates]
-    place = np.stack([q[..., names.index("x")], q[..., names.index("y")]], axis=-1)
-    return np.asarray(place[..., None, :])
+    return _position(system, system.user(q))[..., None, :]
+
+
+def _position(system: TriangularSystem, w: Array) -> Array:
+    """x and y of user coordinates w (…, N), shape (…, 2)."""
+    names = [c.name for c in system.user_coordinates]
+    return np.stack([w[..., names.index("x")], w[..., names.index("y")]], axis=-1)
 
 
 def draw_places(ax: Any, problem: Problem) -> None:
-    """Obstacles as discs, waypoints as dotted poses where every joint is given, the tip's goal."""
+    """Obstacles as discs, waypoints as dotted poses where every joint is given, the tip's goal.
+
+    A waypoint that gives x and y alone is a point.
+    """
     from matplotlib.patches import Circle
 
     for disc in problem.obstacles:
         ax.add_patch(Circle(tuple(disc.centre), disc.radius, color="0.55", alpha=0.6, zorder=1))
         ax.annotate(f"obstacle {disc.number}", disc.centre, fontsize=8, ha="center", va="center")
     for point in problem.waypoints:
-        q = np.where(np.isnan(point.q), [0.0, *[np.nan] * (len(point.q) - 1)], point.q)
-        if np.all(np.isfinite(q)):
-            points = body_points(problem, q)
+        points = _pose_to_pass(problem, point)
+        if np.all(np.isfinite(points)):
             ax.plot(*points.T, "o:", color="black", linewidth=1, markersize=3, zorder=4)
             name = f"waypoint {point.number}"
             ax.annotate(
@@ -108,9 +115,17 @@ def draw_places(ax: Any, problem: Problem) -> None:
         ax.plot(*problem.tip.place, "x", color="black", markersize=9, zorder=6)
 
 
+def _pose_to_pass(problem: Problem, point: Waypoint) -> Array:
+    """Points of the body at a waypoint, shape (P, 2); NaN where it does not fix them."""
+    system = problem.system
+    if system.has_user_coordinates and np.any(np.isnan(point.q)):
+        return _position(system, point.user)[None]
+    return body_points(problem, point.q)
+
+
 def tips_to_pass(problem: Problem) -> Array:
-    """Where the tip is at waypoints that fix the whole pose, and is to end, shape (m, 2)."""
-    tips = [body_points(problem, point.q)[-1] for point in problem.waypoints]
+    """Where the tip is at waypoints that fix it, and is to end, shape (m, 2)."""
+    tips = [_pose_to_pass(problem, point)[-1] for point in problem.waypoints]
     if problem.tip is not None and problem.tip.place is not None:
         tips.append(problem.tip.place)
     return np.array([tip for tip in tips if np.all(np.isfinite(tip))]).reshape(-1, 2)

@@ -23,7 +23,14 @@ from planner.report.figures.style import (
     unit_of,
 )
 from planner.report.page.words import colour_places
-from planner.report.panels import FIGURES, Panel, PlanCurves, screen_data, to_screen_digits
+from planner.report.panels import (
+    FIGURES,
+    Panel,
+    PlanCurves,
+    screen_data,
+    shown_coordinates,
+    to_screen_digits,
+)
 from planner.support.arrays import Array, jsonable
 
 CURVE_POINTS = 500
@@ -81,14 +88,14 @@ def _plan(drawn: Curve, replay: Mapping[str, Any] | None) -> dict[str, Any]:
 
 def _motion(problem: Problem, t: Array, q: Array) -> dict[str, Any]:
     """Points of the body, and each angle in words' units, over time."""
-    tail = problem.system.coordinates[1:]
-    values = np.column_stack([to_display(q[:, i + 1], c.unit) for i, c in enumerate(tail)])
+    shown, w = shown_coordinates(problem.system), problem.system.user(q)
+    values = np.column_stack([to_display(w[:, i], c.unit) for i, c in shown])
     return {
         "t": to_screen_digits(t),
         "points": np.round(body_points(problem, q), 4),
         "values": np.round(values, 3),
-        "names": [readable_name(c.name) for c in tail],
-        "units": [unit_of(c) for c in tail],
+        "names": [readable_name(c.name) for _, c in shown],
+        "units": [unit_of(c) for _, c in shown],
     }
 
 
@@ -111,7 +118,7 @@ def _figures(
             continue
         panels = figure.panels(fit)
         if figure.id == "joints":
-            for i, panel in enumerate(panels, start=1):
+            for (i, _), panel in zip(shown_coordinates(system), panels, strict=True):
                 panel["series"] += _median_machine(drawn, replays, i)
         yield {"id": figure.id, "panels": [screen_data(panel) for panel in panels]}
 
@@ -119,12 +126,13 @@ def _figures(
 def _median_machine(
     drawn: Sequence[Curve], replays: Mapping[str, Any], i: int
 ) -> Iterator[dict[str, Any]]:
-    """Coordinate i of the machine of median error, a series a plan that was replayed."""
+    """User coordinate i of the machine of median error, a series a plan that was replayed."""
     for k, one in enumerate(drawn):
         if one.label in replays:
             q = np.asarray(replays[one.label]["median"]["q"], dtype=float)
-            unit = one.plan.problem.system.coordinates[i].unit
-            yield {"plan": k, "y": to_display(q[:, i], unit), "machine": True}
+            system = one.plan.problem.system
+            unit = system.user_coordinates[i].unit
+            yield {"plan": k, "y": to_display(system.user(q)[:, i], unit), "machine": True}
 
 
 # -- figures over machines ----------------------------------------------------------------------

@@ -29,8 +29,9 @@ def question(problem: Problem) -> str:
     if arm:
         what = f"the arm from θ = {_angles(problem.start[1:])} to {_arm_goal(problem)}"
     else:
-        what = f"the {html.escape(problem.system.kind)} from {_places(problem, problem.start)}"
-        what += f" to {_places(problem, problem.goal)}"
+        start = _places(problem, problem.system.user(problem.start))
+        what = f"the {html.escape(problem.system.kind)} from {start}"
+        what += f" to {_places(problem, problem.user_goal)}"
     return (
         f"Which plan moves {what} in {duration} within the limits, with what effort, and how far"
         " does the emulated machine deviate from its path?"
@@ -92,12 +93,15 @@ def _limit_fact(part: Part) -> tuple[str, str]:
 
 def _joint_limits(problem: Problem) -> list[tuple[str, str]]:
     by_value: dict[str, list[str]] = {}
-    for i in problem.system.limited:
-        most, c = float(problem.limits.joint[i]), problem.system.coordinates[i]
+    system = problem.system
+    limited = range(system.size) if system.has_user_coordinates else system.limited
+    for i in limited:
+        most, c = float(problem.limits.user[i]), system.user_coordinates[i]
         if np.isfinite(most):
             value = _amount(c, most, "g")
             by_value.setdefault(value, []).append(f"|{readable_name(c.name)}|")
-    return [("Limits of angles", f"{', '.join(who)} ≤ {most}") for most, who in by_value.items()]
+    what = "coordinates" if system.has_user_coordinates else "angles"
+    return [(f"Limits of {what}", f"{', '.join(who)} ≤ {most}") for most, who in by_value.items()]
 
 
 def _answer(comparison: Comparison, row: Row) -> str:
@@ -151,11 +155,12 @@ def _angles(radians: Sequence[float] | np.ndarray) -> str:
     return "(" + ", ".join(words) + ")°"
 
 
-def _places(problem: Problem, q: np.ndarray) -> str:
-    parts = []
-    for c, value in zip(problem.system.coordinates, q, strict=True):
+def _places(problem: Problem, w: np.ndarray) -> str:
+    """Values of the user coordinates; the first, if it is the path coordinate, from the travel."""
+    parts, no_travel = [], problem.travel is None or problem.system.has_user_coordinates
+    for c, value in zip(problem.system.user_coordinates, w, strict=True):
         if not np.isfinite(value):
-            if problem.travel is None:
+            if no_travel:
                 continue
             value = problem.start[0] + problem.travel
         amount = _amount(c, float(value), ".4g")

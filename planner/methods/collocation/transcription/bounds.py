@@ -106,9 +106,16 @@ def bounds(
     ends = [part for required in problem.final for part in required.parts]
     for rows in made.labels:
         if rows.kind == "final":
-            row_lower[:-1, rows.positions], row_upper[:-1, rows.positions] = -np.inf, np.inf
-            row_lower[-1, rows.positions] = ends[rows.index].low
-            row_upper[-1, rows.positions] = ends[rows.index].high
+            row_lower[:, rows.positions], row_upper[:, rows.positions] = -np.inf, np.inf
+            if rows.index < len(ends):
+                row_lower[-1, rows.positions] = ends[rows.index].low
+                row_upper[-1, rows.positions] = ends[rows.index].high
+                continue
+            i = problem.on_the_way.indices[rows.index - len(ends)]
+            for k, point in zip(mesh.marks, problem.waypoints, strict=True):
+                if i in point.beside_q:
+                    row_lower[k - 1, rows.positions] = point.user[i]
+                    row_upper[k - 1, rows.positions] = point.user[i]
         if rows.kind != "kept":
             continue
         r, where = rows.index, rows.positions

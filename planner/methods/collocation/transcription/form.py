@@ -105,7 +105,7 @@ class Form:
         input: "constant" in each interval, or "linear" and continuous.
         free_duration: Whether the duration is an unknown; else it is a parameter.
         kept: What rows are for, without numbers, see `kept_between_nodes`.
-        final: What rows at the end are for, likewise.
+        final: What rows at right edges are for, likewise: at the end, and at waypoints.
         edge: Whether closeness to the edge of the chart's domain is a term of the objective.
         inner: Whether what is kept holds at the collocation points too, not only at the mesh's
             edges.

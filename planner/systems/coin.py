@@ -1,0 +1,147 @@
+"""A coin that rolls upright: a system that is triangular in other coordinates than its user's.
+
+The user's coordinates are the point of contact (x, y), the heading θ and the roll φ. With the
+radius r it rolls without slipping:
+
+    ẋ = r φ̇ cosθ,   ẏ = r φ̇ sinθ
+
+In the frame that turns with the heading the contact lies at ξ = x cosθ + y sinθ ahead and
+η = x sinθ − y cosθ to the right. There η̇ = ξ θ̇ and ξ̇ = r φ̇ − η θ̇, so that with σ = ξ − rφ
+
+    dη/dθ = σ + rφ,   dσ/dθ = −η
+
+and (θ, φ, η, σ) is triangular.
+
+Source: R. M. Murray, Z. Li, S. S. Sastry, A Mathematical Introduction to Robotic Manipulation,
+1994, chapter 7, for the coin (the rolling disk). The triangular coordinates follow by
+differentiation.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import casadi as ca
+import numpy as np
+
+from planner.support.arrays import Array
+from planner.systems.triangular_system import Coordinate, TriangularSystem, positive
+
+_CONTACT = (Coordinate("x", "m"), Coordinate("y", "m"))
+_ANGLES = (Coordinate("heading", "rad"), Coordinate("roll", "rad"))
+_IN_ITS_FRAME = (Coordinate("eta", "m"), Coordinate("sigma", "m"))
+
+
+class Coin(TriangularSystem):
+    """A coin, or an upright wheel, with state q = (heading, roll, eta, sigma).
+
+    Inputs are the turn rate and the roll rate, both in rad/s. The user's coordinates are (x, y,
+    heading, roll). The chart has no edge.
+
+    Args:
+        radius_m: Radius r, m.
+
+    Raises:
+        InputError: If the radius is not positive and finite.
+    """
+
+    kind: ClassVar[str] = "coin"
+
+    def __init__(self, radius_m: float = 1.0) -> None:
+        self.radius_m = float(positive("radius_m", [radius_m])[0])
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """(heading, roll, eta, sigma) in rad and m."""
+        return (*_ANGLES, *_IN_ITS_FRAME)
+
+    @property
+    def user_coordinates(self) -> tuple[Coordinate, ...]:
+        """(x, y, heading, roll) in m and rad."""
+        return (*_CONTACT, *_ANGLES)
+
+    @property
+    def inputs(self) -> tuple[Coordinate, Coordinate]:
+        """Turn rate and roll rate."""
+        return Coordinate("turn_rate", "rad/s"), Coordinate("roll_rate", "rad/s")
+
+    @property
+    def limited(self) -> tuple[int, ...]:
+        """The roll."""
+        return (1,)
+
+    # -- symbolic form -------------------------------------------------------------------------
+
+    def slopes_expr(self, q: Any) -> list[Any]:
+        """dη/dθ and dσ/dθ."""
+        return [q[3] + self.radius_m * q[1], -q[2]]
+
+    def user_expr(self, q: Any) -> list[Any]:
+        """The contact, by turning (ξ, η) back."""
+        ahead, c, s = q[3] + self.radius_m * q[1], ca.cos(q[0]), ca.sin(q[0])
+        return [ahead * c + q[2] * s, ahead * s - q[2] * c, q[0], q[1]]
+
+    def from_user_expr(self, w: Any) -> list[Any]:
+        """η and σ of the contact."""
+        c, s = ca.cos(w[2]), ca.sin(w[2])
+        sigma = w[0] * c + w[1] * s - self.radius_m * w[3]
+        return [w[2], w[3], w[0] * s - w[1] * c, sigma]
+
+    # -- numeric form --------------------------------------------------------------------------
+
+    def slopes(self, q: Array) -> Array:
+        """dη/dθ and dσ/dθ, shape (…, 2)."""
+        return np.stack([self.radius_m * q[..., 1] + q[..., 3], -q[..., 2]], axis=-1)
+
+    def drive(self, q: Array) -> Array:
+        """γ = 1, shape (…,)."""
+        return np.ones(q.shape[:-1])
+
+    def user(self, q: Array) -> Array:
+        """Shape (…, 4), with the contact as the complex number (ξ − iη) exp(iθ)."""
+        contact = (self.radius_m * q[..., 1] + q[..., 3] - 1j * q[..., 2]) * np.exp(1j * q[..., 0])
+        return np.stack([contact.real, contact.imag, q[..., 0], q[..., 1]], axis=-1)
+
+    def from_user(self, w: Array) -> Array:
+        """Shape (…, 4), by the same number."""
+        frame = (w[..., 0] + 1j * w[..., 1]) * np.exp(-1j * w[..., 2])
+        sigma = frame.real - self.radius_m * w[..., 3]
+        return np.stack([w[..., 2], w[..., 3], -frame.imag, sigma], axis=-1)
+
+    def axle_points(self, q: Array) -> Array:
+        """Front and rear end of the coin seen from above, and its contact, shape (…, 3, 2), m."""
+        contact = self.user(q)[..., :2]
+        ahead = np.stack([np.cos(q[..., 0]), np.sin(q[..., 0])], axis=-1)
+        ends = [contact + side * self.radius_m * ahead for side in (1, -1)]
+        return np.stack([*ends, contact], axis=-2)
+
+    # -- the chart -----------------------------------------------------------------------------
+
+    def branch(self, q: Array) -> Array:
+        """Ones: there is one branch."""
+        return np.ones(self.size)
+
+    def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
+        """φ from dη/dθ, η from dσ/dθ; each for every slope."""
+        return np.asarray((slope - q[..., 3]) / self.radius_m if i == 1 else -slope)
+
+    def link_expr(self, i: int, slope: Any, q: list[Any], branch: Any) -> Any:
+        """The same."""
+        return (slope - q[3]) / self.radius_m if i == 1 else -slope
+
+    def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
+        """One for the whole chart, 1 everywhere."""
+        return [np.where(np.isnan(slope), np.nan, 1.0)] if i == 1 else []
+
+    def chart_margins(self, q: Array, branch: Array) -> Array:
+        """Ones, shape (…, 1)."""
+        return np.ones((*q.shape[:-1], 1))
+
+    def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
+        """The same."""
+        return [ca.SX(1)]
+
+    @property
+    def margin_labels(self) -> tuple[tuple[int, str], ...]:
+        """One margin."""
+        return ((1, "1: the chart has no edge"),)

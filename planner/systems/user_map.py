@@ -1,0 +1,121 @@
+"""Coordinates of a user's own for a system given by expressions: the map each way, as texts.
+
+Checks that both maps belong together, with messages that say where they do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from planner.errors import InputError
+from planner.support.arrays import Array
+from planner.support.compiled_calls import Pointwise
+from planner.systems.expressions import parse_expression
+from planner.systems.triangular_system import Coordinate
+
+KEYS = ("coordinates", "units", "expressions", "inverse")
+
+ROUND_TRIP = 1e-9
+"""Largest difference after both maps, in the coordinates' units and parts of their size: hundreds
+of roundings."""
+
+
+class UserMap:
+    """The user coordinates w of a system with coordinates q, and both maps.
+
+    Args:
+        system: The system's name, for messages.
+        own: Its N coordinates.
+        given: `coordinates` (N names), `units`, `expressions` (N texts in the names of q) and
+            `inverse` (N texts in the user's names, one for each of q).
+
+    Raises:
+        InputError: If one is missing or has another length, a text is no expression, or a name that
+            both have stands for two quantities.
+    """
+
+    def __init__(self, system: str, own: Sequence[Coordinate], given: Mapping[str, Any]) -> None:
+        self.name, self.own = system, tuple(own)
+        if missing := [key for key in KEYS if key not in given]:
+            raise InputError(f"{system}: user lacks {', '.join(missing)}")
+        self.texts = {key: [str(text) for text in given[key]] for key in KEYS}
+        for key, texts in self.texts.items():
+            if len(texts) != len(own):
+                raise InputError(
+                    f"{system}: user.{key} has {len(texts)} entries for {len(own)} coordinates"
+                )
+        pairs = zip(self.texts["coordinates"], self.texts["units"], strict=True)
+        self.coordinates = tuple(Coordinate(*pair) for pair in pairs)
+        self._check_shared()
+
+    def there(self, q: Any) -> list[Any]:
+        """w as CasADi expressions in q."""
+        return self._parse("expressions", self.own, q)
+
+    def back(self, w: Any) -> list[Any]:
+        """q as CasADi expressions in w."""
+        return self._parse("inverse", self.coordinates, w)
+
+    def _parse(self, key: str, names: Sequence[Coordinate], x: Any) -> list[Any]:
+        symbols = {c.name: x[i] for i, c in enumerate(names)}
+        where = f"{self.name}: user.{key}"
+        return [
+            ca.SX(parse_expression(text, symbols, f"{where}[{k}]"))
+            for k, text in enumerate(self.texts[key])
+        ]
+
+    def _check_shared(self) -> None:
+        """A name in both lists is one quantity, in one unit."""
+        x = ca.SX.sym("x", len(self.own))
+        there, back = self.there(x), self.back(x)
+        mine = {c.name: i for i, c in enumerate(self.own)}
+        for i, c in enumerate(self.coordinates):
+            j = mine.get(c.name)
+            if j is None:
+                continue
+            same = ca.is_equal(there[i], x[j]) and ca.is_equal(back[j], x[i])
+            if not same or c.unit != self.own[j].unit:
+                raise InputError(
+                    f"{self.name}: user.coordinates has '{c.name}', which is a triangular"
+                    " coordinate too: give it the same unit and the expression"
+                    f" '{c.name}' both ways, or another name"
+                )
+
+    def check_inverse(self, intervals: Mapping[int, tuple[float, float]]) -> None:
+        """Refuse maps that do not lead back.
+
+        Sampled: at a few seeded places inside the intervals, where they have real values.
+
+        Raises:
+            InputError: Names the coordinate and the place.
+        """
+        x = ca.SX.sym("x", len(self.own))
+        rng = np.random.default_rng(0)
+        q = rng.uniform(-1, 1, (20, len(self.own)))
+        for i, (low, high) in intervals.items():
+            q[:, i] = rng.uniform(low, high, len(q))
+        w = Pointwise("there", [x], ca.vertcat(*self.there(x)))(q)
+        again = Pointwise("back", [x], ca.vertcat(*self.back(x)))(w)
+        real = np.all(np.isfinite(again), axis=1)
+        if not np.any(real):
+            raise InputError(
+                f"{self.name}: user.expressions and user.inverse have no real values together at"
+                " any of 20 places inside the intervals"
+            )
+        off = np.where(real[:, None], np.abs(again - q) / (1 + np.abs(q)), 0.0)
+        row, column = np.unravel_index(int(np.argmax(off)), off.shape)
+        if off[row, column] > ROUND_TRIP:
+            raise InputError(
+                f"{self.name}: user.inverse does not undo user.expressions:"
+                f" at {pairs_of(self.own, q[row])} it gives"
+                f" {self.own[column].name} = {again[row, column]:.6g}"
+            )
+
+
+def pairs_of(coordinates: Sequence[Coordinate], values: Array) -> str:
+    """Coordinates with their values, in words."""
+    return ", ".join(f"{c.name} = {x:.6g}" for c, x in zip(coordinates, values, strict=True))

@@ -4,5 +4,6 @@ In this order: `machine` (which effects, drawn how), then along the signal: `com
 `disk_chain` (contacts, backlash, shafts), `bodies` and `march` (with inertia); `stepwise` and
 `compiled` step through them in NumPy and in C; `simulate`, `closed_loop` with `feedback` (the
 tracker), and `replay`, which is what others call. `feedforward` shapes commands for a machine;
-`contact_load` says what a plan asks of the friction contacts.
+`contact_load` says what a plan asks of the friction contacts; `identification` finds a machine
+from recorded runs.
 """

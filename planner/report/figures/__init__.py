@@ -2,5 +2,6 @@
 
 In this order: `style`, `notebook_figure` (shown by itself); `over_time` (inputs, joints, z), `arm`
 (in the plane), `mechanism_layout` and `mechanism` (motors, disks, gears and belts),
-`on_the_machine` (replays, errors), `robustness`, `design` (studies of mechanisms).
+`on_the_machine` (replays, errors), `recorded` (runs of an arm), `robustness`, `design` (studies of
+mechanisms).
 """
